@@ -1,0 +1,1 @@
+"""The drivers that ship with piezod, one folder each; they never import each other."""

@@ -1,0 +1,170 @@
+"""The interface that every driver implements.
+
+A device lives through these steps, in this order::
+
+    construct ──► open ──► activate ──► read, write, read_back … ──► deactivate ──► close
+    no I/O                              once per cycle, in the loop
+
+- Constructing a device only stores its options. The first byte on a wire is sent by `open`.
+- Between `open` and `activate`, and after `deactivate`, the outputs rest: `write` is refused and
+  changes nothing. `capabilities` and `read_back` answer as long as the device is open.
+- `deactivate` and `close` may be called at any time, any number of times, and always leave the
+  outputs safe; `close` deactivates first. If they cannot be graceful, they are safe nevertheless.
+- Nothing here reads a clock. `now_ns` is an instant on the caller's monotonic clock; from call to
+  call it never goes back.
+- Only `read`, `write` and `read_back` are called in the loop. They do not allocate more than their
+  answer, do not wait longer than one exchange with the device takes, and report a fault as a value:
+  an invalid sample or a refused write. They raise `DeviceError` only where the caller broke the
+  order above, which is a mistake in the program and not a fault of the device.
+- A device is used by one thread at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+OptionsT = TypeVar("OptionsT", bound="BaseModel")
+
+
+class Identity(NamedTuple):
+    """Who a device says it is; texts as the device gives them, none of them empty."""
+
+    maker: str
+    model: str
+    serial: str
+    firmware: str
+
+
+class Capabilities(NamedTuple):
+    """What an open device can do.
+
+    Attributes:
+        axes: Names of the axes it serves, in the order of every sequence it takes or gives.
+        read_back: Whether `read_back` asks the device. Where it does not, `read_back` gives the
+            voltage written last.
+        max_rate_hz: The fastest loop that the device can follow.
+    """
+
+    axes: tuple[str, ...]
+    read_back: bool
+    max_rate_hz: float
+
+
+class Sample(NamedTuple):
+    """One measured displacement.
+
+    Attributes:
+        t_ns: The instant the sample was taken, never later than the call that read it.
+        position_um: Displacement in µm after calibration; not to be used unless `valid`.
+        valid: False where the device reports a fault, saturation, or nothing at all.
+    """
+
+    t_ns: int
+    position_um: float
+    valid: bool
+
+
+@runtime_checkable
+class Device(Protocol):
+    """What sensors and amplifiers have in common: the life-cycle at the top of this file."""
+
+    def open(self) -> Identity:
+        """Connect to the device and ask who it is; its outputs stay as they are or become safe.
+
+        Raises:
+            DeviceUnavailableError: If it is absent, held by somebody else, or does not answer.
+            DeviceError: If it is already open, or answers something its protocol does not allow.
+        """
+        ...
+
+    def capabilities(self) -> Capabilities:
+        """Tell what the device can do; the answer stays the same until it is closed.
+
+        Raises:
+            DeviceError: If the device is not open.
+        """
+        ...
+
+    def activate(self, now_ns: int) -> None:
+        """Make the device ready for cyclic calls, its outputs at rest.
+
+        Raises:
+            DeviceError: If the device is not open.
+        """
+        ...
+
+    def deactivate(self, now_ns: int) -> None:
+        """Bring the outputs to rest and refuse writes from now on. Never raises."""
+        ...
+
+    def close(self) -> None:
+        """Make the outputs safe and let go of the device. Never raises."""
+        ...
+
+
+@runtime_checkable
+class Sensor(Device, Protocol):
+    """A device that measures displacement."""
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Take one sample of each axis, in the order of `Capabilities.axes`.
+
+        May be called in the loop.
+
+        Raises:
+            DeviceError: If the device is not active.
+        """
+        ...
+
+
+@runtime_checkable
+class Amplifier(Device, Protocol):
+    """A device that drives the actuators."""
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Set the voltage of every axis, in V and in the order of `Capabilities.axes`.
+
+        May be called in the loop. A value that is not finite or beyond what the device can drive, a
+        wrong number of values, or a device that is not active: the write is refused as a whole and
+        the outputs stay as they are.
+
+        Returns:
+            True if the device took the values, False if they were refused.
+        """
+        ...
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Tell the voltage now in force, in V, one per axis in the order of `Capabilities.axes`.
+
+        May be called in the loop.
+
+        Raises:
+            DeviceError: If the device is not open.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class DriverPlugin(Generic[OptionsT]):
+    """What a driver's module exports as `PLUGIN` to be found by `piezod.devices.registry`.
+
+    Attributes:
+        name: The name under which configurations ask for it; the same as its entry point's.
+        summary: One line for lists: which devices it drives.
+        options_model: The model that validates `options:` of a device in a configuration. Options
+            left out have defaults wherever a default makes sense.
+        create: Constructs a device, without I/O, from its options, the names of its axes, and a
+            seed for whatever is random in it.
+        confirmed_on_hardware: Whether somebody has seen it drive the real device.
+    """
+
+    name: str
+    summary: str
+    options_model: type[OptionsT]
+    create: Callable[[OptionsT, tuple[str, ...], int], Device]
+    confirmed_on_hardware: bool

@@ -1,0 +1,82 @@
+"""The errors that piezod raises on purpose.
+
+::
+
+    PiezodError
+    ├── ConfigError               a file that a person wrote cannot be used
+    ├── DataError                 recorded data cannot be used
+    ├── ModelError                a hysteresis model violates a condition it must meet
+    ├── RegistryError             a driver's name does not lead to one working plug-in
+    └── DeviceError               a device was used out of order or answered wrongly
+        └── DeviceUnavailableError    a device is absent, busy or does not answer
+
+Errors are for configuration, opening and mistakes of the caller. Inside a control cycle a fault is
+a value, never an exception. Which exit code an error leads to is decided in `piezod.cli` alone.
+"""
+
+from typing import NamedTuple
+
+
+class PiezodError(Exception):
+    """Base of every error that piezod raises on purpose; never raised itself."""
+
+
+class Problem(NamedTuple):
+    """One thing that is wrong in a file, and where.
+
+    Attributes:
+        file: Path of the file as the user gave it.
+        line: Line, counted from 1; 0 when the problem concerns the whole file.
+        column: Column, counted from 1; 0 when the problem concerns the whole file.
+        path: Where in the document, as in `axes.x.limits.drive_max_v`; empty for the whole file.
+        what: What is wrong, what was found, the allowed range with its unit, and the remedy.
+    """
+
+    file: str
+    line: int
+    column: int
+    path: str
+    what: str
+
+    def __str__(self) -> str:
+        """Give the problem as one line that an editor can jump to."""
+        place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+        return ": ".join(part for part in (place, self.path, self.what) if part)
+
+
+class ConfigError(PiezodError):
+    """Raised when a configuration, experiment or model file cannot be read or breaks a rule.
+
+    All that is wrong with a file is reported at once; the text has one line for each problem.
+
+    Args:
+        *problems: What is wrong, at least one, in the order in which it shall be read.
+    """
+
+    def __init__(self, *problems: Problem) -> None:
+        super().__init__(*problems)
+        self.problems = problems
+
+    def __str__(self) -> str:
+        """Give one line for each problem."""
+        return "\n".join(map(str, self.problems))
+
+
+class DataError(PiezodError):
+    """Raised when recorded data has gaps, NaN, unsorted time, wrong columns, or is too short."""
+
+
+class ModelError(PiezodError):
+    """Raised when a model would violate the condition for its inverse to exist."""
+
+
+class RegistryError(PiezodError):
+    """Raised when a driver's name is unknown or taken twice, or its plug-in cannot be loaded."""
+
+
+class DeviceError(PiezodError):
+    """Raised when a device is used out of order, or answers against its protocol."""
+
+
+class DeviceUnavailableError(DeviceError):
+    """Raised when a device cannot be opened: absent, held by somebody else, or silent."""

@@ -1,0 +1,1 @@
+"""Public helpers for testing drivers; never imported at run time."""
