@@ -1,0 +1,48 @@
+# Every target sets up .venv by itself and needs nothing but Python 3.11 to 3.13, git and make.
+
+BIN := .venv/bin
+STAMP := .venv/.installed
+DEMO := build/demo
+STARTED := $(shell date +%s)
+
+.PHONY: help demo test stress check lint bench lock clean
+
+help: ## show this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-7s %s\n", $$1, $$2 }' Makefile
+
+demo: $(STAMP) ## run the paper's experiment on the simulated rig and write a report
+	@ready=$$(date +%s); \
+	$(BIN)/piezod experiment config/experiments/qiu.yaml --out $(DEMO) && \
+	echo "make demo: $$((ready - $(STARTED))) s to set up, $$(($$(date +%s) - ready)) s to run"
+
+test: $(STAMP) ## run the tests
+	$(BIN)/python -m pytest --cov
+
+stress: $(STAMP) ## run the tests that take longer
+	$(BIN)/python -m pytest -m stress --timeout 1800
+
+# The tests come last, so that their verdict is the last line.
+check: lint $(STAMP) ## run everything that continuous integration runs
+	.ci/check-package
+	$(MAKE) --no-print-directory test
+
+lint: $(STAMP) ## check style, types and import directions
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(STAMP) ## measure what a sample and a start cost
+	@for file in benchmarks/bench_*.py; do $(BIN)/python "$$file" || exit; done
+
+lock: ## pin the newest versions of all dependencies (needs uv)
+	uv pip compile --quiet --universal --upgrade --generate-hashes --python-version 3.11 \
+		--extra dev --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
+
+clean: ## remove .venv, builds and caches
+	rm -rf .venv build dist .coverage .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +
+
+$(STAMP): requirements.lock pyproject.toml .ci/setup
+	@.ci/setup
+	@touch $@
