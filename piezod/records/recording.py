@@ -1,0 +1,219 @@
+"""What runs leave behind, as plain frozen data: columns, parameters, metrics, and where from."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from piezod.errors import DataError
+from piezod.records.frozen import (
+    Comparable,
+    FloatArray,
+    freeze,
+    freeze_columns,
+    freeze_mapping,
+    frozen_array,
+)
+
+COLUMN_NAMES: Final = ("t_s", "drive_v", "position_um", "command_um", "uncompensated_v")
+FIT_COLUMN_NAMES: Final = ("t_s", "drive_v", "position_um", "predicted_v")
+
+
+@dataclass(frozen=True, eq=False)
+class Recording(Comparable):
+    """One axis in one case and one mode, sample by sample.
+
+    Attributes:
+        axis: Name of the axis.
+        case: Name of the case.
+        mode: Name of the control mode.
+        title: What the case is, for people.
+        t_s: Time in s, shape (n_samples,).
+        drive_v: Voltage applied, in V, same shape.
+        position_um: Measured displacement in µm, same shape; NaN where a sample was invalid.
+        command_um: Commanded displacement in µm, same shape.
+        uncompensated_v: Voltage without compensation, proportional to the command, in V.
+        weights: Parameters of the compensator, shape (n_snapshots, 2M), the M of the right
+            operators first; (0, 0) where there is none.
+        weights_t_s: Instants of the snapshots in s, shape (n_snapshots,).
+        metrics: Error figures by name; the name ends in the unit.
+        first_metric_index: Samples before this one are left out of the metrics.
+    """
+
+    axis: str
+    case: str
+    mode: str
+    title: str
+    t_s: FloatArray
+    drive_v: FloatArray
+    position_um: FloatArray
+    command_um: FloatArray
+    uncompensated_v: FloatArray
+    weights: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    weights_t_s: FloatArray = field(default_factory=lambda: np.empty(0))
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    first_metric_index: int = 0
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays and check their shapes.
+
+        Raises:
+            DataError: If it is empty, shapes do not go together, or the first index is outside.
+        """
+        where = f"recording {self.axis}/{self.case}/{self.mode}"
+        freeze_columns(self, COLUMN_NAMES, where)
+        freeze(self, "weights", 2, where)
+        freeze(self, "weights_t_s", 1, where)
+        freeze_mapping(self, "metrics")
+        if not self.t_s.size:
+            raise DataError(f"{where}: there are no samples; allowed is one or more")
+        n_snapshots, n_weights = self.weights.shape
+        if n_snapshots != self.weights_t_s.size or n_weights % 2:
+            raise DataError(
+                f"{where}: weights have shape {self.weights.shape}; allowed is "
+                f"({self.weights_t_s.size}, 2M), a row for each of weights_t_s"
+            )
+        if not 0 <= self.first_metric_index < self.t_s.size:
+            raise DataError(
+                f"{where}: first_metric_index is {self.first_metric_index}; allowed is 0 to "
+                f"{self.t_s.size - 1}, the index of a sample"
+            )
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Axis, case and mode, which together name a recording within an experiment."""
+        return self.axis, self.case, self.mode
+
+    @property
+    def error_um(self) -> FloatArray:
+        """Measured minus commanded displacement in µm, shape (n_samples,)."""
+        return self.position_um - self.command_um
+
+    @property
+    def position_range_um(self) -> float:
+        """Displacement range, max - min in µm, of the samples that count for the metrics."""
+        return _range(self.position_um[self.first_metric_index :])
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Return the columns by name, in the order of a data file."""
+        return {name: getattr(self, name) for name in COLUMN_NAMES}
+
+
+@dataclass(frozen=True, eq=False)
+class Identification(Comparable):
+    """How the model of one axis was made, and how well it predicts the drive voltage.
+
+    Attributes:
+        axis: Name of the axis.
+        title: What the record is, for people.
+        method: The method that made the model, or the file that it was read from.
+        t_s: Time in s, shape (n_samples,); empty where the model was not fitted to a record.
+        drive_v: Voltage applied, in V, same shape.
+        position_um: Measured displacement in µm, same shape.
+        predicted_v: Voltage that the model predicts from the displacement, in V, same shape.
+        fit_errors: Errors of the prediction by name; the name ends in the unit.
+        parameters: The model's parameters by name, each of any shape.
+    """
+
+    axis: str
+    title: str
+    method: str
+    t_s: FloatArray
+    drive_v: FloatArray
+    position_um: FloatArray
+    predicted_v: FloatArray
+    fit_errors: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays and check their shapes.
+
+        Raises:
+            DataError: If the columns are not of one length.
+        """
+        freeze_columns(self, FIT_COLUMN_NAMES, f"identification of {self.axis}")
+        freeze_mapping(self, "fit_errors")
+        frozen = {name: frozen_array(values) for name, values in self.parameters.items()}
+        object.__setattr__(self, "parameters", MappingProxyType(frozen))
+
+    @property
+    def residual_v(self) -> FloatArray:
+        """Predicted minus applied voltage in V, shape (n_samples,)."""
+        return self.predicted_v - self.drive_v
+
+    @property
+    def drive_range_v(self) -> float:
+        """Range of the applied voltage, max - min in V."""
+        return _range(self.drive_v)
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Return the columns by name, in the order of a data file."""
+        return {name: getattr(self, name) for name in FIT_COLUMN_NAMES}
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentResult(Comparable):
+    """Everything that one experiment left behind.
+
+    Attributes:
+        title: What the experiment is, for people.
+        recordings: One per axis, case and mode, in the order they were run.
+        identifications: One per axis, in the order of the axes.
+        configuration: Text of the configuration as it was read.
+        versions: Versions of the programs by name.
+        seed: Seed of everything random in the run.
+        rate_hz: Rate of the loop in Hz, above 0.
+    """
+
+    title: str
+    recordings: tuple[Recording, ...]
+    identifications: tuple[Identification, ...]
+    configuration: str
+    versions: Mapping[str, str]
+    seed: int
+    rate_hz: float
+
+    def __post_init__(self) -> None:
+        """Check that no recording is there twice.
+
+        Raises:
+            DataError: If two recordings have axis, case and mode in common.
+        """
+        freeze_mapping(self, "versions")
+        keys = [recording.key for recording in self.recordings]
+        for axis, case, mode in sorted({key for key in keys if keys.count(key) > 1}):
+            raise DataError(
+                f"recording {axis}/{case}/{mode} is there {keys.count((axis, case, mode))} times; "
+                "axis, case and mode name a recording, rename one of the cases"
+            )
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the recorded axes, in the order of their first appearance."""
+        return _unique(recording.axis for recording in self.recordings)
+
+    @property
+    def cases(self) -> tuple[str, ...]:
+        """Names of the cases, in the order of their first appearance."""
+        return _unique(recording.case for recording in self.recordings)
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Names of the modes, in the order of their first appearance."""
+        return _unique(recording.mode for recording in self.recordings)
+
+    @property
+    def metric_names(self) -> tuple[str, ...]:
+        """Names of the metrics of any recording, in the order of their first appearance."""
+        return _unique(name for recording in self.recordings for name in recording.metrics)
+
+
+def _unique(names: Iterable[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(names))
+
+
+def _range(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if known.size else 0.0
