@@ -1,0 +1,185 @@
+"""CSV in and out: named columns of numbers over time, `t_s, drive_v, position_um, command_um`."""
+
+from collections.abc import Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Final, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from piezod.records.atomic import replacing
+from piezod.records.csv_checks import (
+    FIRST_DATA_LINE,
+    check_finite,
+    check_time,
+    check_varies,
+    fail,
+)
+from piezod.records.frozen import FloatArray
+
+MIN_SAMPLES: Final = 100
+"""Fewest samples of a useful record; a model with 38 parameters needs several times as many."""
+
+_MUST_VARY: Final = ("drive_v", "position_um")
+_HEADER_LINE: Final = 1
+
+
+def read_csv(
+    path: Path,
+    required: Sequence[str] = ("t_s", "drive_v", "position_um"),
+    min_samples: int = MIN_SAMPLES,
+) -> dict[str, FloatArray]:
+    """Read recorded columns and refuse what could not be worked with.
+
+    The file is UTF-8 text, comma separated, a header of column names and then one row for each
+    sample, evenly in time but for jitter. A byte order mark and any line ends are accepted; columns
+    that are not required are neither read nor checked.
+
+    Args:
+        path: The file.
+        required: Names of the columns to read.
+        min_samples: Fewest samples that will do.
+
+    Returns:
+        The required columns by name, each of shape (n_samples,), exactly as written.
+
+    Raises:
+        DataError: If the file breaks a rule; the text says `file:line: what, allowed, remedy`.
+        OSError: If the file cannot be read.
+    """
+    lines = _lines(path)
+    header = [name.strip() for name in lines[0].split(",")]
+    _check_header(path, header, required)
+    rows = lines[1:]
+    _check_widths(path, rows, len(header))
+    table = _parse(path, rows, header, required)
+    if len(table) < min_samples:
+        fail(
+            path,
+            len(lines),
+            f"the file ends after {len(table)} samples",
+            f"allowed are {min_samples} or more",
+            "record for longer",
+        )
+    columns = dict(zip(required, np.ascontiguousarray(table.T), strict=True))
+    if "t_s" in columns:
+        check_time(path, columns["t_s"])
+    for name in _MUST_VARY:
+        if name in columns:
+            check_varies(path, name, columns[name])
+    return columns
+
+
+def write_csv(path: Path, columns: Mapping[str, npt.ArrayLike]) -> None:
+    """Write columns so that reading them gives the same numbers to the last bit.
+
+    Args:
+        path: The file; it appears whole or not at all.
+        columns: Columns by name, each of shape (n_samples,).
+
+    Raises:
+        ValueError: If the columns differ in length.
+        OSError: If the file cannot be written.
+    """
+    # repr is the shortest text that reads back as the same double.
+    texts = [
+        map(repr, np.asarray(values, dtype=np.float64).tolist()) for values in columns.values()
+    ]
+    rows = map(",".join, zip(*texts, strict=True))
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
+        file.writelines(f"{row}\n" for row in chain([",".join(columns)], rows))
+
+
+def _lines(path: Path) -> list[str]:
+    raw = path.read_bytes()
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        fail(path, line, "this is not UTF-8 text", "allowed is CSV in UTF-8", "save it as such")
+    # splitlines would also split at form feeds and the like, and count other lines than an editor.
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    while lines and not lines[-1].strip():
+        lines.pop()
+    if not lines:
+        remedy = "begin with a line such as t_s,drive_v,position_um"
+        fail(path, _HEADER_LINE, "the file is empty", "allowed is a header and samples", remedy)
+    return lines
+
+
+def _check_header(path: Path, header: list[str], required: Sequence[str]) -> None:
+    found = "found " + ", ".join(repr(name) for name in header)
+    repeated = sorted({name for name in header if header.count(name) > 1})
+    if repeated:
+        what = f"column {repeated[0]!r} is there {header.count(repeated[0])} times"
+        fail(path, _HEADER_LINE, what, f"{found}; allowed is once", "delete or rename one")
+    missing = [name for name in required if name not in header]
+    if not missing:
+        return
+    what = "no column " + ", ".join(repr(name) for name in missing)
+    other = next((name for name in (";", "\t") if name in "".join(header)), None)
+    if other:
+        remedy = f"separate columns by commas, not by {other!r}, and write decimals with a point"
+    else:
+        remedy = "name the columns so in the first line, with the units that the names say"
+    fail(path, _HEADER_LINE, what, f"{found}; needed are {', '.join(required)}", remedy)
+
+
+def _check_widths(path: Path, rows: list[str], width: int) -> None:
+    for number, row in enumerate(rows, FIRST_DATA_LINE):
+        if row.count(",") != width - 1 or not row.strip():
+            n_fields = row.count(",") + 1 if row.strip() else 0
+            what = f"the row has {n_fields} fields"
+            remedy = "complete or delete the row; decimals have a point, not a comma"
+            fail(path, number, what, f"allowed are {width} as in the header", remedy)
+
+
+def _parse(path: Path, rows: list[str], header: list[str], required: Sequence[str]) -> FloatArray:
+    indices = [header.index(name) for name in required]
+    if not rows:
+        return np.empty((0, len(required)))
+    try:
+        table = _numbers(rows, indices)
+    except ValueError:
+        first_bad = _first_not_numeric(rows, indices)
+        if first_bad:
+            check_finite(path, _numbers(rows[:first_bad], indices), required)
+        _fail_not_numeric(path, first_bad, rows[first_bad], header, required)
+    check_finite(path, table, required)
+    return table
+
+
+def _numbers(rows: list[str], indices: list[int]) -> FloatArray:
+    return np.loadtxt(rows, delimiter=",", comments=None, usecols=indices, ndmin=2)
+
+
+def _first_not_numeric(rows: list[str], indices: list[int]) -> int:
+    # Halving asks the very parser that refused, and costs no more than reading the file again.
+    low, high = 0, len(rows)
+    while high - low > 1:
+        middle = (low + high) // 2
+        try:
+            _numbers(rows[low:middle], indices)
+            low = middle
+        except ValueError:
+            high = middle
+    return low
+
+
+def _fail_not_numeric(
+    path: Path, index: int, row: str, header: list[str], required: Sequence[str]
+) -> NoReturn:
+    name = next(name for name in required if not _is_number(row, header.index(name)))
+    text = row.split(",")[header.index(name)].strip()
+    what = f"{name} is {text!r}" if text else f"{name} is empty"
+    remedy = "correct or delete the row"
+    fail(path, index + FIRST_DATA_LINE, what, "allowed is a number such as -1.25e-3", remedy)
+
+
+def _is_number(row: str, index: int) -> bool:
+    try:
+        _numbers([row], [index])
+    except ValueError:
+        return False
+    return True
