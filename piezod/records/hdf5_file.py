@@ -1,0 +1,211 @@
+"""HDF5 out and in, laid out after NeXus, so that its viewers open a useful plot by themselves.
+
+::
+
+    /                             NXroot   @default
+      experiment/                 NXentry  @default
+        title, seed, rate_hz
+        configuration/data        NXnote: the text as it was read
+        versions/                 NXcollection of attributes
+        identification_<axis>/    NXdata   @signal=drive_v @axes=t_s @axis @method
+          t_s, drive_v, position_um, predicted_v     each with @units
+          parameters/             NXcollection of arrays
+          fit_errors/             NXcollection of attributes
+        <axis>_<case>_<mode>/     NXdata   @signal=position_um @axes=t_s @axis @case @mode
+          t_s, drive_v, position_um, command_um, uncompensated_v     each with @units
+          weights, weights_t_s
+          metrics/                NXcollection of attributes
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+
+from piezod.errors import DataError
+from piezod.records.atomic import replacing
+from piezod.records.frozen import FloatArray
+from piezod.records.recording import (
+    COLUMN_NAMES,
+    FIT_COLUMN_NAMES,
+    ExperimentResult,
+    Identification,
+    Recording,
+)
+
+_ENTRY: Final = "experiment"
+_UNITS: Final = {"s": "s", "v": "V", "um": "um"}
+
+
+def write_hdf5(path: Path, result: ExperimentResult) -> None:
+    """Write everything that an experiment left behind.
+
+    Args:
+        path: The file; it appears whole or not at all.
+        result: The experiment.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    with replacing(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
+        file.attrs["NX_class"] = "NXroot"
+        file.attrs["default"] = _ENTRY
+        entry = _group(file, _ENTRY, "NXentry")
+        entry["title"] = result.title
+        entry["seed"] = result.seed
+        entry["rate_hz"] = result.rate_hz
+        entry["rate_hz"].attrs["units"] = "Hz"
+        note = _group(entry, "configuration", "NXnote")
+        note["type"] = "application/yaml"
+        note["data"] = result.configuration
+        _write_attributes(entry, "versions", result.versions)
+        written = [_write_identification(entry, each) for each in result.identifications]
+        written += [_write_recording(entry, each) for each in result.recordings]
+        if written:
+            entry.attrs["default"] = written[-1]
+
+
+def read_hdf5(path: Path) -> ExperimentResult:
+    """Read back what `write_hdf5` wrote.
+
+    Args:
+        path: The file.
+
+    Returns:
+        An experiment equal to the one written.
+
+    Raises:
+        DataError: If the file is not one of ours.
+        OSError: If the file cannot be opened, or is not HDF5.
+    """
+    with h5py.File(path, "r") as file:
+        try:
+            return _read_entry(file[_ENTRY])
+        except KeyError as error:
+            raise DataError(
+                f"{path}: this is not the record of an experiment: {error.args[0]}; allowed are "
+                "files written by write_hdf5; look at others with any HDF5 viewer"
+            ) from error
+
+
+def _write_identification(entry: h5py.Group, identification: Identification) -> str:
+    name = f"identification_{identification.axis}"
+    group = _data_group(entry, name, "drive_v", identification.columns())
+    group["title"] = identification.title
+    group.attrs["auxiliary_signals"] = ["predicted_v", "position_um"]
+    group.attrs["axis"] = identification.axis
+    group.attrs["method"] = identification.method
+    parameters = _group(group, "parameters", "NXcollection")
+    for parameter, values in identification.parameters.items():
+        parameters.create_dataset(parameter, data=values)
+    _write_attributes(group, "fit_errors", identification.fit_errors)
+    return _base_name(group)
+
+
+def _write_recording(entry: h5py.Group, recording: Recording) -> str:
+    group = _data_group(entry, "_".join(recording.key), "position_um", recording.columns())
+    group["title"] = recording.title
+    group.attrs["auxiliary_signals"] = ["command_um", "drive_v", "uncompensated_v"]
+    group.attrs["axis"] = recording.axis
+    group.attrs["case"] = recording.case
+    group.attrs["mode"] = recording.mode
+    group.attrs["first_metric_index"] = recording.first_metric_index
+    _write_array(group, "weights", recording.weights, "")
+    _write_array(group, "weights_t_s", recording.weights_t_s, "s")
+    _write_attributes(group, "metrics", recording.metrics)
+    return _base_name(group)
+
+
+def _data_group(
+    entry: h5py.Group, name: str, signal: str, columns: Mapping[str, FloatArray]
+) -> h5py.Group:
+    group = _group(entry, _free_name(entry, name), "NXdata")
+    group.attrs["signal"] = signal
+    group.attrs["axes"] = "t_s"
+    for column, values in columns.items():
+        _write_array(group, column, values, _UNITS[column.rsplit("_", 1)[-1]])
+    return group
+
+
+def _free_name(entry: h5py.Group, name: str) -> str:
+    """Return a name of the letters that NeXus allows, which is not taken yet."""
+    plain = re.sub(r"[^A-Za-z0-9_]+", "_", name)
+    number = 1
+    while (free := plain if number == 1 else f"{plain}_{number}") in entry:
+        number += 1
+    return free
+
+
+def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
+    # Order is part of what we keep: recordings and metrics come back as they were given.
+    group = parent.create_group(name, track_order=True)
+    group.attrs["NX_class"] = nexus_class
+    return group
+
+
+def _base_name(group: h5py.Group) -> str:
+    return str(group.name).rsplit("/", maxsplit=1)[-1]
+
+
+def _write_array(group: h5py.Group, name: str, values: FloatArray, units: str) -> None:
+    dataset = group.create_dataset(name, data=values, compression="gzip", shuffle=True)
+    dataset.attrs["units"] = units
+
+
+def _write_attributes(group: h5py.Group, name: str, values: Mapping[str, float | str]) -> None:
+    collection = _group(group, name, "NXcollection")
+    for key, value in values.items():
+        collection.attrs[key] = value
+
+
+def _read_entry(entry: h5py.Group) -> ExperimentResult:
+    return ExperimentResult(
+        title=_text(entry["title"]),
+        recordings=tuple(map(_read_recording, _data_groups(entry, "mode"))),
+        identifications=tuple(map(_read_identification, _data_groups(entry, "method"))),
+        configuration=_text(entry["configuration/data"]),
+        versions=_read_attributes(entry["versions"]),
+        seed=int(entry["seed"][()]),
+        rate_hz=float(entry["rate_hz"][()]),
+    )
+
+
+def _data_groups(entry: h5py.Group, attribute: str) -> Iterator[h5py.Group]:
+    return (entry[name] for name in entry if attribute in entry[name].attrs)
+
+
+def _read_identification(group: h5py.Group) -> Identification:
+    return Identification(
+        axis=group.attrs["axis"],
+        title=_text(group["title"]),
+        method=group.attrs["method"],
+        fit_errors=_read_attributes(group["fit_errors"]),
+        parameters={name: values[()] for name, values in group["parameters"].items()},
+        **{name: group[name][()] for name in FIT_COLUMN_NAMES},
+    )
+
+
+def _read_recording(group: h5py.Group) -> Recording:
+    return Recording(
+        axis=group.attrs["axis"],
+        case=group.attrs["case"],
+        mode=group.attrs["mode"],
+        title=_text(group["title"]),
+        weights=group["weights"][()],
+        weights_t_s=group["weights_t_s"][()],
+        metrics=_read_attributes(group["metrics"]),
+        first_metric_index=int(group.attrs["first_metric_index"]),
+        **{name: group[name][()] for name in COLUMN_NAMES},
+    )
+
+
+def _read_attributes(collection: h5py.Group) -> dict[str, Any]:
+    values = {name: value for name, value in collection.attrs.items() if name != "NX_class"}
+    return {name: float(v) if isinstance(v, np.floating) else v for name, v in values.items()}
+
+
+def _text(dataset: h5py.Dataset) -> str:
+    return str(dataset.asstr()[()])
