@@ -1,0 +1,228 @@
+"""The modified Prandtl-Ishlinskii model in closed form: one scalar per loop, two table look-ups.
+
+With fixed weights the memory of all operators collapses. Let φ^a be the rising major branch (set by
+the right weights) and φ^d the falling one measured down from the top (set by the left weights), both
+piecewise linear with knots at the thresholds. A loop from (v_m, x_m) to (v_M, x_M) of width Δ keeps
+one scalar S_l at its minimum, and S_r = 1 / (S_l Δ) at its maximum:
+
+    rising:  x = x_m + φ^a(S_l u) / S_l + u (S_l φ^d(1 / S_l) - 1),   u = v - v_m
+    falling: x = x_M - φ^d(S_r u) / S_r - u (S_r φ^a(1 / S_r) - 1),   u = v_M - v
+
+A new minimum multiplies S_l by Δ_old / Δ_new, a new maximum S_r. The cost does not depend on the
+number of operators, and between reversals x is piecewise linear in v: the exact inverse is one
+search among the same knots, on the same memory with x as its key.
+"""
+
+import numpy as np
+
+from piezod.hysteresis.memory import (
+    DEFAULT_CAPACITY,
+    MAXIMUM,
+    MINIMUM,
+    RISING,
+    FloatArray,
+    IntArray,
+    Loop,
+    Memory,
+    backlash,
+    clamp,
+    commit,
+    locate,
+    new_memory,
+    relax,
+)
+from piezod.jit import compiled
+
+OUTPUT, SCALE, CHORD = 0, 1, 2
+"""Columns kept at each extremum: output there, S, and S φ(1 / S) of the opposite branch."""
+KNOTS, HEIGHTS, SLOPES = 0, 1, 2
+"""Rows of a branch, shape (3, M + 2): knots from 0 to 1, φ there, slope from there on."""
+
+_SMALLEST_WIDTH = 1e-18  # keeps S finite where rounding closes a loop of a few ulp
+
+
+def branch(thresholds: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return a major branch φ as a (3, M + 2) table of knots, heights and slopes.
+
+    φ'_J = 1 - Σ_{j≥J} q_j + Σ_{j<J} q_j r_j / (1 - r_j) between r_{J-1} and r_J (eq 22, corrected).
+
+    Args:
+        thresholds: (M,) strictly increasing in (0, 1).
+        weights: (M,) weights q of the plays on this branch.
+    """
+    knots = np.concatenate(([0.0], thresholds, [1.0]))
+    passed = np.concatenate(([0.0], np.cumsum(weights * thresholds / (1.0 - thresholds))))
+    ahead = np.concatenate((np.cumsum(weights[::-1])[::-1], [0.0]))
+    slopes = 1.0 - ahead + passed
+    heights = np.concatenate(([0.0], np.cumsum(slopes * np.diff(knots))))
+    return np.stack((knots, heights, np.append(slopes, slopes[-1])))
+
+
+def new_loop_memory(capacity: int = DEFAULT_CAPACITY) -> Memory:
+    """Return a relaxed memory for the closed form."""
+    memory = new_memory(width=3, capacity=capacity)
+    relax_loops(memory)
+    return memory
+
+
+def relax_loops(memory: Memory) -> None:
+    """Put a memory of the closed form back into its relaxed state."""
+    relax(memory)
+    memory.values[:, 0, SCALE:] = 1.0
+
+
+@compiled
+def _height(table: FloatArray, knot: float) -> float:
+    """Return φ at a point of [0, 1] (outside, the outermost cell goes on)."""
+    low, high = 0, table.shape[1] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table[KNOTS, middle] <= knot:
+            low = middle
+        else:
+            high = middle
+    return table[HEIGHTS, low] + table[SLOPES, low] * (knot - table[KNOTS, low])
+
+
+@compiled
+def _knot(table: FloatArray, chord: float, height: float) -> float:
+    """Return the point t at which φ(t) + chord t reaches a height; the slopes are positive."""
+    low, high = 0, table.shape[1] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table[HEIGHTS, middle] + chord * table[KNOTS, middle] <= height:
+            low = middle
+        else:
+            high = middle
+    start = table[HEIGHTS, low] + chord * table[KNOTS, low]
+    return table[KNOTS, low] + (height - start) / (table[SLOPES, low] + chord)
+
+
+@compiled
+def _prepare_turn(
+    memory: Memory, up: FloatArray, down: FloatArray, value: float, output_is_drive: bool
+) -> None:
+    """Fill the scale and chord of the extremum that `locate` is about to remember, if any."""
+    last, now = memory.last[0], memory.now
+    rising = memory.counts[RISING] == 1
+    if (value > last) == rising or value == last:
+        return
+    top, bottom = memory.counts[MAXIMUM] - 1, memory.counts[MINIMUM] - 1
+    if output_is_drive:
+        v_max = memory.values[MAXIMUM, top, OUTPUT]
+        v_min = memory.values[MINIMUM, bottom, OUTPUT]
+        v = now[OUTPUT]
+    else:
+        v_max, v_min, v = memory.levels[MAXIMUM, top], memory.levels[MINIMUM, bottom], last
+    if rising:
+        shrunk = (v_max - v_min) / max(v - v_min, _SMALLEST_WIDTH)
+        scale, opposite = memory.values[MAXIMUM, top, SCALE] * shrunk, up
+    else:
+        shrunk = (v_max - v_min) / max(v_max - v, _SMALLEST_WIDTH)
+        scale, opposite = memory.values[MINIMUM, bottom, SCALE] * shrunk, down
+    now[SCALE] = scale
+    now[CHORD] = scale * _height(opposite, 1.0 / scale)
+
+
+@compiled
+def _output(memory: Memory, up: FloatArray, down: FloatArray, loop: Loop, value: float) -> float:
+    """Return x for an input v in its loop."""
+    levels, values = memory.levels, memory.values
+    if loop.rising:
+        m = loop.minima - 1
+        u, scale = value - levels[MINIMUM, m], values[MINIMUM, m, SCALE]
+        rise = _height(up, scale * u) / scale + u * (values[MINIMUM, m, CHORD] - 1.0)
+        return values[MINIMUM, m, OUTPUT] + rise
+    m = loop.maxima - 1
+    u, scale = levels[MAXIMUM, m] - value, values[MAXIMUM, m, SCALE]
+    fall = _height(down, scale * u) / scale + u * (values[MAXIMUM, m, CHORD] - 1.0)
+    return values[MAXIMUM, m, OUTPUT] - fall
+
+
+@compiled
+def _solution(memory: Memory, up: FloatArray, down: FloatArray, loop: Loop, value: float) -> float:
+    """Return v for an output x in its loop."""
+    levels, values = memory.levels, memory.values
+    if loop.rising:
+        m = loop.minima - 1
+        scale = values[MINIMUM, m, SCALE]
+        rise = scale * (value - levels[MINIMUM, m])
+        u = _knot(up, values[MINIMUM, m, CHORD] - 1.0, rise) / scale
+        return values[MINIMUM, m, OUTPUT] + u
+    m = loop.maxima - 1
+    scale = values[MAXIMUM, m, SCALE]
+    fall = scale * (levels[MAXIMUM, m] - value)
+    u = _knot(down, values[MAXIMUM, m, CHORD] - 1.0, fall) / scale
+    return values[MAXIMUM, m, OUTPUT] - u
+
+
+@compiled
+def _advance(
+    memory: Memory, up: FloatArray, down: FloatArray, solve: bool, deadband: float, value: float
+) -> float:
+    """Advance by one input: v to x, or, to solve, x to v; return the output.
+
+    Behind a dead-band the output follows the raw input with the slope just after a reversal.
+    """
+    value = clamp(value, memory.last[0])
+    seen = backlash(memory, value, deadband)
+    _prepare_turn(memory, up, down, seen, solve)
+    loop = locate(memory, seen)
+    if solve:
+        memory.now[OUTPUT] = _solution(memory, up, down, loop, seen)
+    else:
+        memory.now[OUTPUT] = _output(memory, up, down, loop, seen)
+    commit(memory, loop, seen)
+    slope = up[SLOPES, 0] + down[SLOPES, 0] - 1.0
+    return memory.now[OUTPUT] + (value - seen) * (1.0 / slope if solve else slope)
+
+
+@compiled
+def step(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
+    up: FloatArray,
+    down: FloatArray,
+    solve: bool,
+    deadband: float,
+    value: float,
+) -> float:
+    """Advance by one input; called from Python, where separate arrays cost least."""
+    memory = Memory(levels, values, now, last, counts)
+    return _advance(memory, up, down, solve, deadband, value)
+
+
+@compiled
+def run(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
+    up: FloatArray,
+    down: FloatArray,
+    solve: bool,
+    deadband: float,
+    inputs: FloatArray,
+    outputs: FloatArray,
+) -> None:
+    """Advance by many inputs; write the outputs."""
+    memory = Memory(levels, values, now, last, counts)
+    for k in range(inputs.size):
+        outputs[k] = _advance(memory, up, down, solve, deadband, inputs[k])
+
+
+def smallest_slope(up: FloatArray, down: FloatArray) -> float:
+    """Return the smallest slope that x(v) has anywhere, on the major loop or inside it.
+
+    The model is invertible from every reachable state if and only if this is positive; on the major
+    loop alone, positive slopes of both branches are enough.
+    """
+    chord_up = float(np.min(up[HEIGHTS, 1:] / up[KNOTS, 1:]))
+    chord_down = float(np.min(down[HEIGHTS, 1:] / down[KNOTS, 1:]))
+    rising = float(np.min(up[SLOPES])) + chord_down
+    falling = float(np.min(down[SLOPES])) + chord_up
+    return min(rising, falling) - 1.0

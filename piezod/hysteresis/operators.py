@@ -1,0 +1,84 @@
+"""The paper's four operators one by one, to study them and to check models against.
+
+Models evaluate many at once (`bank`), or none at all (`closed_form`).
+"""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+import numpy.typing as npt
+
+from piezod.hysteresis.bank import advance_plays, new_bank, new_bank_memory
+from piezod.hysteresis.memory import FloatArray, IntArray, Memory, relax
+from piezod.jit import compiled
+
+
+@compiled
+def _step_plays(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
+    bank: FloatArray,
+    value: float,
+) -> float:
+    return advance_plays(Memory(levels, values, now, last, counts), bank, 0.0, value)
+
+
+class _Operator(ABC):
+    """An operator with one threshold 0 < r < 1 and a memory of its own.
+
+    Raises:
+        ModelError: If the threshold is outside (0, 1).
+    """
+
+    def __init__(self, threshold: float) -> None:
+        self.threshold = threshold
+        self._bank = new_bank(threshold, threshold)
+        self._memory = new_bank_memory(self._bank)
+
+    def reset(self) -> None:
+        """Return to the relaxed state: input 0, output 0."""
+        relax(self._memory)
+
+    def step(self, value: float) -> float:
+        """Return the output for the next input in [0, 1]; inputs outside are clamped."""
+        clamped = _step_plays(*self._memory, self._bank, value)
+        right_play, left_play = self._memory.now
+        return self._output(clamped, float(right_play), float(left_play))
+
+    def run(self, values: npt.ArrayLike) -> FloatArray:
+        """Return the outputs, shape (n,), for inputs of shape (n,), going on from the state."""
+        return np.array([self.step(value) for value in np.asarray(values, dtype=np.float64)])
+
+    @abstractmethod
+    def _output(self, value: float, right_play: float, left_play: float) -> float: ...
+
+
+class RSPO(_Operator):
+    """Right-side play operator F^r (eq 2)."""
+
+    def _output(self, value: float, right_play: float, left_play: float) -> float:
+        return right_play
+
+
+class LSPO(_Operator):
+    """Left-side play operator F^l (eq 5, with max and min put right)."""
+
+    def _output(self, value: float, right_play: float, left_play: float) -> float:
+        return left_play
+
+
+class RSSO(_Operator):
+    """Right-side stop operator E^r = (v - (1 - r) F^l) / r (eq 10)."""
+
+    def _output(self, value: float, right_play: float, left_play: float) -> float:
+        return (value - (1.0 - self.threshold) * left_play) / self.threshold
+
+
+class LSSO(_Operator):
+    """Left-side stop operator E^l = (v - (1 - r) F^r) / r (eq 11)."""
+
+    def _output(self, value: float, right_play: float, left_play: float) -> float:
+        return (value - (1.0 - self.threshold) * right_play) / self.threshold
