@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     __version__: str
+else:
 
+    def __getattr__(name: str) -> str:
+        """Look the version up when asked: that costs more than importing the package."""
+        if name != "__version__":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from importlib.metadata import version  # noqa: PLC0415 - see above
 
-def __getattr__(name: str) -> str:
-    """Look the version up when asked: that costs more than importing the package."""
-    if name != "__version__":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib.metadata import version  # noqa: PLC0415 - see above
-
-    return version("piezod")
+        return version("piezod")

@@ -1,0 +1,77 @@
+"""The part of the driver contract that every device keeps."""
+
+from typing import Final
+
+from piezod.devices.interface import Device
+from piezod.testing.check_support import T0_NS, Check, DeviceFactory, active, assert_refused, opened
+from piezod.testing.no_io import watch_io
+
+
+def constructing_does_no_io(factory: DeviceFactory) -> None:
+    """Constructing a device opens no file, no port and no process."""
+    factory()  # the first one imports what it needs, which reads files
+    with watch_io() as events:
+        factory()
+
+    assert events == [], f"constructing the device did input or output: {events}"
+
+
+def opening_tells_the_identity(factory: DeviceFactory) -> None:
+    """Every part of the identity is a text that says something."""
+    device = factory()
+    try:
+        identity = device.open()
+    finally:
+        device.close()
+
+    assert all(part.strip() for part in identity), f"an empty part in {identity}"
+
+
+def capabilities_make_sense(factory: DeviceFactory) -> None:
+    """An open device has axes, each named once, and a rate."""
+    with opened(factory) as device:
+        axes, _, max_rate_hz = device.capabilities()
+
+    assert axes, "there are no axes"
+    assert len(set(axes)) == len(axes), f"an axis is named twice in {axes}"
+    assert max_rate_hz > 0, f"max_rate_hz is {max_rate_hz}"
+
+
+def order_of_calls_is_enforced(factory: DeviceFactory) -> None:
+    """A device is asked and activated only while it is open, and opened only while it is not."""
+    device = factory()
+    assert_refused("capabilities before open", device.capabilities)
+    assert_refused("activate before open", lambda: device.activate(T0_NS))
+    try:
+        device.open()
+        assert_refused("open of an open device", device.open)
+    finally:
+        device.close()
+    assert_refused("capabilities after close", device.capabilities)
+    assert_refused("activate after close", lambda: device.activate(T0_NS))
+
+
+def ending_succeeds_at_any_time(factory: DeviceFactory) -> None:
+    """Deactivate and close may be called before open, before activate, and twice."""
+    _end_twice(factory())
+    with opened(factory) as device:
+        _end_twice(device)
+    with active(factory) as device:
+        _end_twice(device)
+
+
+def _end_twice(device: Device) -> None:
+    device.deactivate(T0_NS)
+    device.deactivate(T0_NS)
+    device.close()
+    device.close()
+    device.deactivate(T0_NS)
+
+
+DEVICE_CHECKS: Final[tuple[Check, ...]] = (
+    constructing_does_no_io,
+    opening_tells_the_identity,
+    capabilities_make_sense,
+    order_of_calls_is_enforced,
+    ending_succeeds_at_any_time,
+)

@@ -1,0 +1,41 @@
+"""Every installed driver keeps the driver contract, with its default options."""
+
+from functools import partial
+
+import pytest
+
+from piezod.devices import registry
+from piezod.devices.interface import Device
+from piezod.testing.driver_contract import checks_for
+
+
+def construct(driver: str, axes: tuple[str, ...]) -> Device:
+    """Construct a device with default options."""
+    plugin = registry.load(driver)
+    return plugin.create(plugin.options_model(), axes, 1)
+
+
+# The driver is loaded inside the tests: one that cannot be loaded fails here, and only here.
+@pytest.mark.parametrize("axes", [("x",), ("x", "y")])
+@pytest.mark.parametrize("driver", registry.names())
+def test_driver_keeps_the_contract(
+    driver: str, axes: tuple[str, ...], subtests: pytest.Subtests
+) -> None:
+    """The driver passes every check of the roles it plays."""
+    factory = partial(construct, driver, axes)
+    for check in checks_for(factory):
+        with subtests.test(check.__name__):
+            check(factory)
+
+
+@pytest.mark.parametrize("driver", registry.names())
+def test_driver_serves_the_axes_it_was_given(driver: str) -> None:
+    """Capabilities list the axes asked for, in that order."""
+    device = construct(driver, ("y", "x"))
+    try:
+        device.open()
+        axes = device.capabilities().axes
+    finally:
+        device.close()
+
+    assert axes == ("y", "x")

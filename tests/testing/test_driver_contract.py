@@ -1,0 +1,271 @@
+"""The driver contract: a device that keeps it passes, and each breach is found by its check."""
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from piezod.devices.interface import Capabilities, Device, Identity, Sample
+from piezod.errors import DeviceError
+from piezod.testing import amplifier_checks, device_checks, sensor_checks
+from piezod.testing.check_support import Check
+from piezod.testing.driver_contract import checks_for
+
+
+class PlainRig:
+    """A sensor and amplifier of two axes whose displacement in µm equals the drive in V."""
+
+    def __init__(self) -> None:
+        self.drive_v = [0.0, 0.0]
+        self.is_open = False
+        self.is_active = False
+
+    def open(self) -> Identity:
+        """Open the rig."""
+        self.require(not self.is_open, "already open")
+        self.is_open = True
+        return Identity("piezod", "plain rig", "1", "none")
+
+    def capabilities(self) -> Capabilities:
+        """Tell the two axes."""
+        self.require(self.is_open, "not open")
+        return Capabilities(("x", "y"), read_back=True, max_rate_hz=1000.0)
+
+    def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface gives the time
+        """Take writes from now on."""
+        self.require(self.is_open, "not open")
+        self.is_active = True
+
+    def deactivate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface gives the time
+        """Go to rest."""
+        self.is_active = False
+        self.drive_v = [0.0, 0.0]
+
+    def close(self) -> None:
+        """Go to rest and close."""
+        self.deactivate(0)
+        self.is_open = False
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Measure both axes."""
+        self.require(self.is_active, "not active")
+        return [Sample(now_ns, axis_v, valid=True) for axis_v in self.drive_v]
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - as above
+        """Drive both axes, or refuse."""
+        if not self.is_active or len(drive_v) != 2 or not all(map(self.in_range, drive_v)):
+            return False
+        self.drive_v = list(drive_v)
+        return True
+
+    def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - as above
+        """Tell the drive of both axes."""
+        self.require(self.is_open, "not open")
+        return self.drive_v
+
+    def in_range(self, axis_v: float) -> bool:
+        """Tell whether one axis can be driven so."""
+        return math.isfinite(axis_v) and 0 <= axis_v <= 150
+
+    def require(self, condition: bool, text: str) -> None:
+        """Refuse a call out of order."""
+        if not condition:
+            raise DeviceError(text)
+
+
+class ReadsFileWhenConstructed(PlainRig):
+    """Does input before it is opened."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        Path(os.devnull).read_bytes()
+
+
+class Nameless(PlainRig):
+    """Has a blank serial number."""
+
+    def open(self) -> Identity:
+        """Leave the serial number out."""
+        return super().open()._replace(serial=" ")
+
+
+class WithoutAxes(PlainRig):
+    """Serves nothing."""
+
+    def capabilities(self) -> Capabilities:
+        """Tell no axes."""
+        return super().capabilities()._replace(axes=())
+
+
+class WithTwinAxes(PlainRig):
+    """Names its axes alike."""
+
+    def capabilities(self) -> Capabilities:
+        """Tell the same axis twice."""
+        return super().capabilities()._replace(axes=("x", "x"))
+
+
+class WithoutRate(PlainRig):
+    """Can follow no loop."""
+
+    def capabilities(self) -> Capabilities:
+        """Tell a rate of zero."""
+        return super().capabilities()._replace(max_rate_hz=0.0)
+
+
+class NeverRefuses(PlainRig):
+    """Does not mind in which order it is called."""
+
+    def require(self, condition: bool, text: str) -> None:
+        """Accept everything."""
+
+
+class ClosesOnce(PlainRig):
+    """Cannot be closed a second time."""
+
+    def close(self) -> None:
+        """Refuse unless open."""
+        self.require(self.is_open, "not open")
+        super().close()
+
+
+class OneSampleShort(PlainRig):
+    """Forgets its last axis."""
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Measure the first axis only."""
+        return super().read(now_ns)[:-1]
+
+
+class ValidNan(PlainRig):
+    """Passes off as valid what is no number."""
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Measure NaN."""
+        return [sample._replace(position_um=math.nan) for sample in super().read(now_ns)]
+
+
+class FromTheFuture(PlainRig):
+    """Dates its samples after the call."""
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Measure a nanosecond from now."""
+        return super().read(now_ns + 1)
+
+
+class BackInTime(PlainRig):
+    """Gives ever older samples."""
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Measure the sooner the later it is asked."""
+        return super().read(2_000_000_000 - now_ns)
+
+
+class WritesWhileInactive(PlainRig):
+    """Drives whenever it is asked to."""
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Drive without having been activated."""
+        self.is_active = True
+        return super().write(drive_v, now_ns)
+
+
+class JumpsWhenActivated(PlainRig):
+    """Drives before it was told to."""
+
+    def activate(self, now_ns: int) -> None:
+        """Drive a volt."""
+        super().activate(now_ns)
+        self.drive_v = [1.0, 1.0]
+
+
+class IgnoresWrites(PlainRig):
+    """Says that it took a write that it did not take."""
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Forget the write at once."""
+        taken = super().write(drive_v, now_ns)
+        self.drive_v = [0.0, 0.0]
+        return taken
+
+
+class WritesGoodHalf(PlainRig):
+    """Drives the axes whose values are good, and refuses the others only."""
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Take the first axis before looking at the second."""
+        taken = super().write(drive_v, now_ns)
+        if self.is_active and drive_v and self.in_range(drive_v[0]):
+            self.drive_v[0] = drive_v[0]
+        return taken
+
+
+class AcceptsNan(PlainRig):
+    """Drives what is no number."""
+
+    def in_range(self, axis_v: float) -> bool:
+        """Accept all that is not out of range."""
+        return not (axis_v < 0 or axis_v > 150)
+
+
+class HoldsWhenDeactivated(PlainRig):
+    """Stays where it was driven."""
+
+    def deactivate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface gives the time
+        """Refuse writes from now on, and do nothing else."""
+        self.is_active = False
+
+
+BREACHES = [
+    (ReadsFileWhenConstructed, device_checks.constructing_does_no_io),
+    (Nameless, device_checks.opening_tells_the_identity),
+    (WithoutAxes, device_checks.capabilities_make_sense),
+    (WithTwinAxes, device_checks.capabilities_make_sense),
+    (WithoutRate, device_checks.capabilities_make_sense),
+    (NeverRefuses, device_checks.order_of_calls_is_enforced),
+    (NeverRefuses, sensor_checks.reading_needs_an_active_sensor),
+    (NeverRefuses, amplifier_checks.reading_back_needs_an_open_amplifier),
+    (OneSampleShort, sensor_checks.every_axis_gives_one_sample),
+    (ValidNan, sensor_checks.every_axis_gives_one_sample),
+    (FromTheFuture, sensor_checks.samples_carry_their_time),
+    (BackInTime, sensor_checks.samples_carry_their_time),
+    (WritesWhileInactive, amplifier_checks.writing_needs_an_active_amplifier),
+    (JumpsWhenActivated, amplifier_checks.activating_leaves_the_output_at_rest),
+    (IgnoresWrites, amplifier_checks.a_write_comes_into_force),
+    (WritesGoodHalf, amplifier_checks.a_bad_write_is_refused_as_a_whole),
+    (AcceptsNan, amplifier_checks.a_bad_write_is_refused_as_a_whole),
+    (HoldsWhenDeactivated, amplifier_checks.deactivating_brings_the_output_to_rest),
+]
+
+
+@pytest.mark.parametrize("check", checks_for(PlainRig), ids=lambda check: check.__name__)
+def test_device_that_keeps_the_contract_passes(check: Check) -> None:
+    """A plain rig passes every check."""
+    check(PlainRig)
+
+
+@pytest.mark.parametrize(("breach", "check"), BREACHES)
+def test_breach_is_found(breach: type[PlainRig], check: Check) -> None:
+    """A device that breaks one rule fails the check of that rule."""
+    assert check in checks_for(PlainRig)
+
+    with pytest.raises(AssertionError):
+        check(breach)
+
+
+def test_error_while_ending_is_a_breach() -> None:
+    """A device that cannot be closed twice lets its error out of the check."""
+    with pytest.raises(DeviceError, match="not open"):
+        device_checks.ending_succeeds_at_any_time(ClosesOnce)
+
+
+def test_device_without_a_role_has_no_contract() -> None:
+    """What neither measures nor drives is not a device of ours."""
+
+    def factory() -> Device:
+        return object()  # type: ignore[return-value]  # the mistake under test
+
+    with pytest.raises(TypeError, match="object is neither a Sensor nor an Amplifier"):
+        checks_for(factory)
