@@ -1,0 +1,194 @@
+"""The two records that the compiled kernel works on: what is constant, and what changes.
+
+One record costs one argument when the kernel is called, however many fields it has; its fields are
+reached by name inside.
+"""
+
+from math import exp, expm1, inf, pi, sqrt
+from typing import Any, Final
+
+import numpy as np
+
+from piezod.plant.discretise import creep, mode, receiver
+from piezod.plant.fibre import BEST_GAP, peak_gap_um
+from piezod.plant.kernel import everett, fibre_v
+from piezod.plant.parameters import AmplifierParameters, PlantParameters, SensorParameters
+
+TURNS: Final = 512
+"""Turning points that the stage remembers; what goes beyond drops the innermost pair."""
+PAST: Final = 256
+"""Sub-steps of filtered light that are kept for the delay."""
+DRAWN: Final = 128
+"""Sub-steps for which noise is drawn at once."""
+BEYOND: Final = 0.2
+"""How far beyond the nominal drive, either way, the stage still moves, in nominal drives."""
+
+CONSTANTS: Final = np.dtype(
+    [
+        ("dac_step_v", "f8"),  # 0: none
+        ("dac_limit_v", "f8"),
+        ("nominal_gain", "f8"),
+        ("gain", "f8"),
+        ("output_min_v", "f8"),
+        ("output_max_v", "f8"),
+        ("follows_at_once", "i8"),
+        ("half_step_s", "f8"),
+        ("slew_v_per_s", "f8"),
+        ("slew_ends_v", "f8"),  # distance to the target at which the slew limit lets go
+        ("lag_s", "f8"),
+        ("half_decay", "f8"),
+        ("noise_decay", "f8"),
+        ("noise_kick_v", "f8"),
+        ("drive_v", "f8"),
+        ("lowest", "f8"),
+        ("highest", "f8"),
+        ("reversible", "f8"),
+        ("irreversible", "f8"),
+        ("exponent", "f8"),
+        ("skew", "f8"),
+        ("travel_um", "f8"),
+        ("creep_weights", "f8", (13,)),
+        ("creep_gains", "f8", (13,)),
+        ("creep_at_reference", "f8"),
+        ("drift", "f8"),
+        ("drift_gain", "f8"),
+        ("drift_keep", "f8"),
+        ("mode", "f8", (3, 5)),
+        ("slope_v_per_um", "f8"),
+        ("peak_gap_um", "f8"),
+        ("rest_gap_um", "f8"),
+        ("light_noise_v", "f8"),
+        ("receiver", "f8", (3, 8)),
+        ("adc_step_v", "f8"),  # 0: none
+        ("saturation_v", "f8"),
+    ]
+)
+
+STATE: Final = np.dtype(
+    [
+        ("output_v", "f8"),  # of the amplifier, without its noise
+        ("noise_v", "f8"),
+        ("drive_v", "f8"),  # across the actuator
+        ("unit", "f8"),  # the same, in nominal drives
+        ("hysteretic", "f8"),  # displacement of the Preisach model, in travels
+        ("depth", "i8"),
+        ("dropped", "i8"),
+        ("turn_at", "f8", (TURNS,)),
+        ("turn_value", "f8", (TURNS,)),
+        ("lags", "f8", (13,)),
+        ("swing", "f8"),  # leaky peak of the drive
+        ("drifted", "f8"),
+        ("slow", "f8"),  # creep and drift together, in travels
+        ("static_um", "f8"),
+        ("displacement_um", "f8"),
+        ("slope_um", "f8"),  # per sub-step, as all slopes here
+        ("start_slope_um", "f8"),  # of the sub-step just made
+        ("detector_v", "f8"),
+        ("filter_v", "f8"),
+        ("filter_slope_v", "f8"),
+        ("newest", "i8"),
+        ("past_v", "f8", (PAST,)),
+        ("past_slope_v", "f8", (PAST,)),
+        ("taken", "i8"),  # sub-steps whose noise has been used
+        ("noise", "f8", (DRAWN, 2)),
+    ]
+)
+
+
+def constants(parameters: PlantParameters, step_s: float) -> Any:
+    """Work out all that does not change while the plant runs.
+
+    Args:
+        parameters: The plant.
+        step_s: Sub-step in s.
+
+    Returns:
+        (1,) record of `CONSTANTS`.
+    """
+    record = np.zeros(1, CONSTANTS)
+    stage = parameters.stage
+    lags = creep(stage.creep_per_decade, step_s)
+    values = {
+        **_amplifier(parameters.amplifier, step_s),
+        **_sensor(parameters.sensor, stage.travel_um, step_s),
+        "drive_v": stage.drive_v,
+        "lowest": -BEYOND,
+        "highest": 1 + BEYOND,
+        "reversible": stage.reversible_um / stage.travel_um,
+        "irreversible": stage.irreversible_um / stage.travel_um,
+        "exponent": stage.exponent,
+        "skew": stage.skew,
+        "travel_um": stage.travel_um,
+        "creep_weights": lags.weights,
+        "creep_gains": lags.gains,
+        "creep_at_reference": lags.at_reference,
+        "drift": stage.drift,
+        "drift_gain": -expm1(-step_s / stage.drift_time_s),
+        "drift_keep": exp(-step_s / stage.drift_memory_s),
+        "mode": mode(stage.mode_hz, stage.mode_damping, step_s),
+    }
+    for name, value in values.items():
+        record[name] = value
+    return record
+
+
+def _amplifier(parameters: AmplifierParameters, step_s: float) -> dict[str, Any]:
+    lag_s = 1 / (2 * pi * parameters.bandwidth_hz)
+    current_slew = parameters.current_limit_a / (parameters.capacitance_uf * 1e-6)
+    slew = min(parameters.slew_v_per_s, current_slew)
+    decay = exp(-step_s / lag_s) if lag_s else 0.0
+    bits = parameters.dac_bits
+    return {
+        "dac_step_v": 0.0 if bits == inf else 2 * parameters.dac_range_v / 2**bits,
+        "dac_limit_v": parameters.dac_range_v,
+        "nominal_gain": parameters.gain,
+        "gain": parameters.gain * (1 + parameters.gain_error),
+        "output_min_v": parameters.output_min_v,
+        "output_max_v": parameters.output_max_v,
+        "follows_at_once": slew == inf and not lag_s,
+        "half_step_s": step_s / 2,
+        "slew_v_per_s": slew,
+        "slew_ends_v": inf if slew == inf else slew * lag_s,
+        "lag_s": lag_s,
+        "half_decay": sqrt(decay),
+        "noise_decay": decay,
+        "noise_kick_v": parameters.noise_v * sqrt(1 - decay**2),
+    }
+
+
+def _sensor(parameters: SensorParameters, travel_um: float, step_s: float) -> dict[str, Any]:
+    density_v = parameters.noise_nm_per_rthz * 1e-3 * parameters.slope_v_per_um
+    bits = parameters.adc_bits
+    return {
+        "slope_v_per_um": parameters.slope_v_per_um * parameters.light_level,
+        "peak_gap_um": peak_gap_um(parameters.nonlinearity, travel_um),
+        "rest_gap_um": BEST_GAP * travel_um + parameters.setback_um,
+        "light_noise_v": density_v / sqrt(2 * step_s),  # white up to half the rate of sub-steps
+        "receiver": receiver(parameters.bandwidth_hz, parameters.antialias_hz, step_s),
+        "adc_step_v": 0.0 if bits == inf else 2 * parameters.adc_range_v / 2**bits,
+        "saturation_v": parameters.saturation_v,
+    }
+
+
+def at_rest(record: Any) -> Any:
+    """Give the state of a stage that came down from its highest drive to 0 V long ago.
+
+    Its memory is thereby known: the next rise follows the outer branch of the loop.
+
+    Args:
+        record: (1,) record of `CONSTANTS`.
+
+    Returns:
+        (1,) record of `STATE`.
+    """
+    state = np.zeros(1, STATE)
+    c = record[0]
+    top = everett(c["highest"], 0.0, record)
+    bottom = top - everett(c["highest"], c["lowest"], record)
+    state["depth"] = 3
+    state["turn_at"][0, :3] = c["lowest"], c["highest"], 0.0
+    state["turn_value"][0, :3] = bottom, top, 0.0
+    light_v = fibre_v(0.0, record)
+    for name in ("detector_v", "filter_v", "past_v"):
+        state[name] = light_v
+    return state

@@ -1,0 +1,65 @@
+"""The stages that ship, by name."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+from piezod.plant.parameters import (
+    AmplifierParameters,
+    PlantParameters,
+    SensorParameters,
+    StageParameters,
+)
+
+
+class Variant(NamedTuple):
+    """A named stage.
+
+    Attributes:
+        summary: One line that tells it from the others.
+        parameters: Nominal parameters, before the seed varies them.
+        calibrated: Whether the sensor's curve was measured when the stage was commissioned. If not,
+            only a straight line is known for it.
+    """
+
+    summary: str
+    parameters: PlantParameters
+    calibrated: bool = True
+
+
+_STACK = PlantParameters()
+
+_FLEXURE = PlantParameters(
+    stage=StageParameters(
+        drive_v=180.0,
+        reversible_um=12.92,
+        irreversible_um=21.08,
+        skew=0.21,
+        drift=0.037,
+        mode_damping=0.015,
+    ),
+    amplifier=AmplifierParameters(output_max_v=190.0),
+    sensor=SensorParameters(slope_v_per_um=0.097, noise_nm_per_rthz=0.86),
+)
+
+_AFM = PlantParameters(
+    stage=replace(
+        _STACK.stage,
+        reversible_um=34.2,
+        irreversible_um=55.8,
+        skew=0.66,
+        mode_hz=358.0,
+    ),
+    sensor=SensorParameters(slope_v_per_um=0.0367, noise_nm_per_rthz=2.28),
+)
+
+VARIANTS: Final[Mapping[str, Variant]] = {
+    "stack": Variant("30 µm stack stage, 0 to 150 V", _STACK),
+    "stack-uncalibrated": Variant(
+        "the stack stage, of whose sensor only a straight line is known", _STACK, calibrated=False
+    ),
+    "flexure": Variant(
+        "34 µm flexure stage, 0 to 180 V, whose return point drifts by 3.7 % of travel", _FLEXURE
+    ),
+    "afm": Variant("90 µm AFM scanner, 0 to 150 V, with loops of 14 % asymmetry", _AFM),
+}
