@@ -1,0 +1,57 @@
+"""What the import contracts of the project file cannot express."""
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+# Anything outside the standard library that a room may import; what is ours, import-linter checks.
+OUTSIDE_WORLD = {
+    "piezod/hysteresis": {"numpy"},
+    "piezod/plant": {"numpy"},
+    "piezod/control": {"numpy"},
+    "piezod/devices": {"pydantic"},
+    "piezod/testing": set(),
+}
+MAX_LINES = 400
+
+
+def imported(folder: Path) -> Iterator[str]:
+    """Name the top-level package of every import in a folder."""
+    for file in folder.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Import):
+                yield from (alias.name.partition(".")[0] for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                yield (node.module or "").partition(".")[0]
+
+
+@pytest.mark.parametrize("room", OUTSIDE_WORLD)
+def test_room_imports_only_the_libraries_it_may(room: str) -> None:
+    """A library that is not on the room's list is a dependency nobody decided on."""
+    foreign = set(imported(ROOT / room)) - sys.stdlib_module_names - {"piezod"}
+
+    assert foreign <= OUTSIDE_WORLD[room]
+
+
+@pytest.mark.parametrize("module", ["time", "datetime"])
+@pytest.mark.parametrize(
+    "folder", ["piezod/hysteresis", "piezod/plant", "piezod/control", "piezod/devices", "drivers"]
+)
+def test_nothing_in_the_loop_reads_a_clock(folder: str, module: str) -> None:
+    """Time is an argument everywhere below the code that paces the loop."""
+    assert module not in set(imported(ROOT / folder))
+
+
+def test_no_file_is_too_long_to_read() -> None:
+    """A file fits into a reader's head."""
+    files = [
+        file for folder in ("piezod", "drivers", "tests") for file in ROOT.glob(f"{folder}/**/*.py")
+    ]
+    lengths = {str(file.relative_to(ROOT)): len(file.read_text().splitlines()) for file in files}
+
+    assert {name: n for name, n in lengths.items() if n > MAX_LINES} == {}
