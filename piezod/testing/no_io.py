@@ -34,7 +34,7 @@ def _install_hook() -> None:
     sys.addaudithook(_hook)
 
 
-def _hook(event: str, _arguments: tuple[object, ...]) -> None:
+def _hook(event: str, _arguments: tuple[object, ...]) -> None:  # pragma: no cover - never traced
     seen = _seen_by_thread.get(threading.get_ident())
     if seen is not None and event.startswith(_IO_EVENTS):
         seen.append(event)
