@@ -1,8 +1,8 @@
 """All operators of a model at once, on one memory: what identification and adaptation run on.
 
-Two facts carry this module. On a branch, a right play that rises is flat from the loop's minimum
-until it meets the line (v - r) / (1 - r), and falls along the chord of the loop; a left play mirrors
-that (eq 2, eq 5 corrected). And by `r E^r + (1 - r) F^l = x`, `r E^l + (1 - r) F^r = x` (eqs 12, 13
+Two facts carry this module. A right play that rises is flat from the loop's minimum until it meets
+the line (v - r) / (1 - r), and it falls along the chord of the loop; a left play mirrors that
+(eq 2, eq 5 corrected). And by `r E^r + (1 - r) F^l = x`, `r E^l + (1 - r) F^r = x` (eqs 12, 13
 corrected) each stop is a gain times (x minus a play), so that the inverse model is
 
     z = x + Σ a_j (E_j - x) = x + Σ a_j g_j (x - F_j),   g_j = (1 - r_j) / r_j   (eq 16).

@@ -27,7 +27,9 @@ def _fill(
             regressors[k, j] = bank[GAINS, j] * (position - now[j])
 
 
-def stop_regressors(bank: FloatArray, positions: npt.ArrayLike, deadband: float = 0.0) -> FloatArray:
+def stop_regressors(
+    bank: FloatArray, positions: npt.ArrayLike, deadband: float = 0.0
+) -> FloatArray:
     """Return E - x of every stop for a record of displacements, shape (n, 2 M)."""
     x = np.ascontiguousarray(positions, dtype=np.float64)
     regressors = np.empty((x.size, bank.shape[1]))
@@ -58,4 +60,5 @@ def identify_least_squares(
     gram = regressors.T @ regressors
     penalty = ridge * float(np.mean(np.diag(gram)))
     right_side = regressors.T @ (np.asarray(drives, dtype=np.float64) - x)
-    return np.linalg.solve(gram + penalty * np.eye(bank.shape[1]), right_side)
+    weights: FloatArray = np.linalg.solve(gram + penalty * np.eye(bank.shape[1]), right_side)
+    return weights

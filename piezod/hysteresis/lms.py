@@ -1,7 +1,7 @@
 """The paper's identification: least mean squares on the stops of the measured displacement.
 
-The paper calls it recursive least squares; eq 29 is LMS. It needs no model to start from and follows
-a stage that changes, but a constant gain forgets: what it leaves fits the last loops seen.
+The paper calls it recursive least squares; eq 29 is LMS. It needs no model to start from and
+follows a stage that changes, but a constant gain forgets: what it leaves fits the last loops seen.
 """
 
 from dataclasses import dataclass

@@ -1,11 +1,10 @@
 """Madelung's memory: which past extrema of an input still matter.
 
-All operators of a model see one input, so one memory serves them all (`model.md`'s and the paper's
-κ, λ of eq 3). It holds two stacks of dominant extrema, maxima and minima; the pair on top bounds
+All operators of a model see one input, so one memory serves them all (κ and λ of the paper's eq 3). It holds two stacks of dominant extrema, maxima and minima; the pair on top bounds
 the loop in which the input moves. Both the operators and the closed form keep what they need at
 each extremum as a row of numbers, so the same three kernels serve both:
 
-* `locate` finds the loop in which a new input lies, deleting what it wipes out, and changes nothing;
+* `locate` finds the loop in which a new input lies and what it wipes out, and changes nothing;
 * the caller evaluates its operators in that loop;
 * `commit` makes it so.
 
@@ -86,7 +85,8 @@ def relax(memory: Memory) -> None:
 
 def copy_memory(memory: Memory) -> Memory:
     """Return an independent copy."""
-    return Memory(*(array.copy() for array in memory))
+    levels, values, now, last, counts = memory
+    return Memory(levels.copy(), values.copy(), now.copy(), last.copy(), counts.copy())
 
 
 def assign_memory(target: Memory, source: Memory) -> None:
@@ -174,7 +174,7 @@ def _merge(memory: Memory) -> None:
     """Delete the pair of neighbouring extrema whose loss changes the memory least.
 
     From the outside in, the extrema are maximum 1, minimum 1, maximum 2, ... Without a pair of
-    neighbours the staircase of the Preisach plane loses one rectangle; its area is what is compared.
+    neighbours the staircase of the Preisach plane loses a rectangle; areas are compared.
     The loop on top, in which the input moves, stays: the output does not jump now.
     """
     levels, counts = memory.levels, memory.counts

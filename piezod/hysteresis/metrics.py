@@ -1,4 +1,4 @@
-"""How good a tracked displacement is, and how bad a loop: all as shares of the displacement's range.
+"""How good a tracked displacement is, and how bad a loop: shares of the displacement's range.
 
 The three errors are taken over the samples given; the caller leaves out the first period.
 """

@@ -1,4 +1,4 @@
-"""The forward model, its analytic inverse (the paper's) and its exact inverse, ready to step or run."""
+"""The forward model, its analytic inverse (the paper's) and its exact inverse."""
 
 from typing import Self
 

@@ -1,4 +1,4 @@
-"""The map between a physical range and the [0, 1] in which the mathematics lives (eqs 27, 28, 31, 32)."""
+"""The map between a physical range and the [0, 1] of the mathematics (eqs 27, 28, 31, 32)."""
 
 from typing import NamedTuple, overload
 
@@ -42,5 +42,5 @@ class AffineRange(NamedTuple):
     @overload
     def from_unit(self, value: FloatArray) -> FloatArray: ...
     def from_unit(self, value: float | FloatArray) -> float | FloatArray:
-        """Return the physical value of a number in units of the range; may be called in the loop."""
+        """Return the physical value for one in units of the range; may be called in the loop."""
         return self.low + value * (self.high - self.low)

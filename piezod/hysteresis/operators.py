@@ -37,48 +37,57 @@ class _Operator(ABC):
         self.threshold = threshold
         self._bank = new_bank(threshold, threshold)
         self._memory = new_bank_memory(self._bank)
+        self._value = 0.0
 
     def reset(self) -> None:
         """Return to the relaxed state: input 0, output 0."""
         relax(self._memory)
+        self._value = 0.0
 
     def step(self, value: float) -> float:
         """Return the output for the next input in [0, 1]; inputs outside are clamped."""
-        clamped = _step_plays(*self._memory, self._bank, value)
-        right_play, left_play = self._memory.now
-        return self._output(clamped, float(right_play), float(left_play))
+        self._value = _step_plays(*self._memory, self._bank, value)
+        return self._output()
 
     def run(self, values: npt.ArrayLike) -> FloatArray:
         """Return the outputs, shape (n,), for inputs of shape (n,), going on from the state."""
         return np.array([self.step(value) for value in np.asarray(values, dtype=np.float64)])
 
+    @property
+    def _right_play(self) -> float:
+        return float(self._memory.now[0])
+
+    @property
+    def _left_play(self) -> float:
+        return float(self._memory.now[1])
+
     @abstractmethod
-    def _output(self, value: float, right_play: float, left_play: float) -> float: ...
+    def _output(self) -> float: ...
 
 
 class RSPO(_Operator):
     """Right-side play operator F^r (eq 2)."""
 
-    def _output(self, value: float, right_play: float, left_play: float) -> float:
-        return right_play
+    def _output(self) -> float:
+        return self._right_play
 
 
 class LSPO(_Operator):
     """Left-side play operator F^l (eq 5, with max and min put right)."""
 
-    def _output(self, value: float, right_play: float, left_play: float) -> float:
-        return left_play
+    def _output(self) -> float:
+        return self._left_play
 
 
 class RSSO(_Operator):
     """Right-side stop operator E^r = (v - (1 - r) F^l) / r (eq 10)."""
 
-    def _output(self, value: float, right_play: float, left_play: float) -> float:
-        return (value - (1.0 - self.threshold) * left_play) / self.threshold
+    def _output(self) -> float:
+        return (self._value - (1.0 - self.threshold) * self._left_play) / self.threshold
 
 
 class LSSO(_Operator):
     """Left-side stop operator E^l = (v - (1 - r) F^r) / r (eq 11)."""
 
-    def _output(self, value: float, right_play: float, left_play: float) -> float:
-        return (value - (1.0 - self.threshold) * right_play) / self.threshold
+    def _output(self) -> float:
+        return (self._value - (1.0 - self.threshold) * self._right_play) / self.threshold

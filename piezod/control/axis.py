@@ -1,0 +1,141 @@
+"""What happens to one axis in one cycle; two ways to drive it."""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from piezod.control.compensator import Compensator
+from piezod.control.drive_history import DriveHistory
+from piezod.control.identifier import Identifier
+from piezod.control.limits import Limits
+from piezod.devices.interface import Sample
+from piezod.hysteresis.normalisation import AffineRange
+from piezod.units import NS_PER_S
+
+Waveform = Callable[[float], float]
+"""A reference over time: seconds since its start to µm or V."""
+
+
+class AxisOutput(NamedTuple):
+    """What an axis asks for in one cycle.
+
+    Attributes:
+        drive_v: Voltage to write, within the limits.
+        command_um: Displacement asked for at the instant of the sample, NaN for an open-loop drive.
+        uncompensated_v: Voltage in proportion to that command.
+        in_force_v: Voltage that was in force when the sample was taken.
+    """
+
+    drive_v: float
+    command_um: float
+    uncompensated_v: float
+    in_force_v: float
+
+
+class Axis(Protocol):
+    """One axis of the cycle."""
+
+    def update(self, t_ns: int, sample: Sample) -> AxisOutput:
+        """Take the sample of this cycle; return what to write; may be called in the loop."""
+        ...
+
+    def applied(self, drive_v: float) -> None:
+        """Learn what is in force from now on; may be called in the loop."""
+        ...
+
+
+class OpenLoopAxis:
+    """Drives a voltage waveform, for identification; the displacement is recorded, not used.
+
+    Args:
+        waveform_v: Voltage over time since the start, in V.
+        limits: What the drive may do.
+        rest_v: Voltage in force at the start.
+        start_ns: Instant at which the waveform starts.
+        period_ns: Period of the loop.
+    """
+
+    def __init__(
+        self, waveform_v: Waveform, limits: Limits, rest_v: float, start_ns: int, period_ns: int
+    ) -> None:
+        self._waveform_v, self._limits = waveform_v, limits
+        self._in_force_v = rest_v
+        self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
+
+    def update(self, t_ns: int, sample: Sample) -> AxisOutput:  # noqa: ARG002 - open loop
+        """Return the voltage for this cycle; may be called in the loop."""
+        wished_v = self._waveform_v((t_ns - self._start_ns) / NS_PER_S)
+        drive_v = self._limits.admit(wished_v, self._in_force_v, self._period_s)
+        return AxisOutput(drive_v, float("nan"), wished_v, self._in_force_v)
+
+    def applied(self, drive_v: float) -> None:
+        """Learn what is in force from now on; may be called in the loop."""
+        self._in_force_v = drive_v
+
+
+class CompensatedAxis:
+    """Follows a displacement: reference → normalise → compensate within the limits.
+
+    What is written in a cycle answers in the next one, after the delay: the reference is read that
+    much ahead.
+
+    Args:
+        reference_um: Displacement over time since the start, in µm.
+        drive_v: Range of the drive that is [0, 1] for the model, in V.
+        position_um: Range of the displacement that is [0, 1] for the model, in µm.
+        compensator: Command to drive, normalised.
+        identifier: Samples to weights.
+        history: Voltages in force, shared with the identifier.
+        limits: What the drive may do.
+        rest_v: Voltage in force at the start.
+        start_ns: Instant at which the reference starts.
+        period_ns: Period of the loop.
+        delay_ns: How long the displacement lags behind the voltage.
+    """
+
+    def __init__(
+        self,
+        *,
+        reference_um: Waveform,
+        drive_v: AffineRange,
+        position_um: AffineRange,
+        compensator: Compensator,
+        identifier: Identifier,
+        history: DriveHistory,
+        limits: Limits,
+        rest_v: float,
+        start_ns: int,
+        period_ns: int,
+        delay_ns: int,
+    ) -> None:
+        self._reference_um = reference_um
+        self._drive_v, self._position_um = drive_v, position_um
+        self.compensator, self.identifier = compensator, identifier
+        self._history, self._limits = history, limits
+        self._in_force_v = rest_v
+        self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
+        self._ahead_s = (period_ns + delay_ns) / NS_PER_S
+
+    def update(self, t_ns: int, sample: Sample) -> AxisOutput:
+        """Identify from the sample, compensate the reference; may be called in the loop."""
+        self._history.append(t_ns, self._in_force_v)
+        self.identifier.learn(sample)
+        if self.identifier.converged:
+            self.compensator.adopt_first(self.identifier.weights)
+        t_s = (t_ns - self._start_ns) / NS_PER_S
+        command_um = self._reference_um(t_s)
+        ahead = self._position_um.to_unit(self._reference_um(t_s + self._ahead_s))
+        window = self._limits.window(self._in_force_v, self._period_s)
+        drive = self.compensator.step(
+            ahead,
+            self._drive_v.to_unit(window.low_v),
+            self._drive_v.to_unit(window.high_v),
+            self.identifier.weights,
+        )
+        wished_v = self._drive_v.from_unit(drive)
+        drive_v = self._limits.admit(wished_v, self._in_force_v, self._period_s)
+        uncompensated_v = self._drive_v.from_unit(self._position_um.to_unit(command_um))
+        return AxisOutput(drive_v, command_um, uncompensated_v, self._in_force_v)
+
+    def applied(self, drive_v: float) -> None:
+        """Learn what is in force from now on; may be called in the loop."""
+        self._in_force_v = drive_v

@@ -1,0 +1,157 @@
+"""The inverse compensator with the paper's switch (its section 3), in normalised units.
+
+One memory, that of the inverse model's operators, serves every mode, so that switching loses
+nothing. The modes differ in two numbers only: `strength`, from 0 (the drive is proportional to the
+command) to 1 (compensated), and `share`, how far the weights move towards the identifier's in a
+cycle. Both are faded over a number of cycles, which makes a switch bumpless in either direction.
+
+The drive never leaves the window that the limits leave open, and the memory advances with the
+voltage that is applied, not with the one that was wished: where the two differ, the displacement is
+found at which the model gives the applied voltage.
+"""
+
+import numpy as np
+
+from piezod.config.modes import Mode
+from piezod.hysteresis.bank import (
+    advance_plays,
+    evaluate_plays,
+    new_bank_memory,
+    weighted_sum,
+)
+from piezod.hysteresis.memory import (
+    MERGED,
+    FloatArray,
+    IntArray,
+    Memory,
+    clamp,
+    locate,
+)
+from piezod.jit import compiled
+
+_BISECTIONS = 50  # from the whole range down to 1e-15 of it
+_SAME_DRIVE = 1e-13  # a voltage that differs by rounding only is no move
+
+
+@compiled
+def _model(
+    memory: Memory, bank: FloatArray, plays: FloatArray, weights: FloatArray, position: float
+) -> float:
+    """Return the model's drive for a displacement; the memory stays as it is."""
+    evaluate_plays(memory, bank, locate(memory, position), position, plays)
+    return weighted_sum(plays, bank, weights, position)
+
+
+@compiled
+def _position(
+    memory: Memory, bank: FloatArray, plays: FloatArray, weights: FloatArray, drive: float
+) -> float:
+    """Return the displacement for which the model gives a drive."""
+    last = memory.last[0]
+    if abs(drive - weighted_sum(memory.now, bank, weights, last)) < _SAME_DRIVE:
+        return last
+    below, above = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (below + above)
+        if _model(memory, bank, plays, weights, middle) < drive:
+            below = middle
+        else:
+            above = middle
+    return above
+
+
+@compiled
+def _step(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
+    bank: FloatArray,
+    plays: FloatArray,
+    weights: FloatArray,
+    target: FloatArray,
+    share: float,
+    strength: float,
+    command: float,
+    low: float,
+    high: float,
+) -> float:
+    memory = Memory(levels, values, now, last, counts)
+    for j in range(weights.size):
+        weights[j] += share * (target[j] - weights[j])
+    position = clamp(command, last[0])
+    model = _model(memory, bank, plays, weights, position)
+    drive = min(max(position + strength * (model - position), low), high)
+    if drive != model:
+        position = _position(memory, bank, plays, weights, drive)
+    advance_plays(memory, bank, 0.0, position)
+    return drive
+
+
+class Compensator:
+    """Turns a normalised command into a normalised drive, by a mode that may change while it runs.
+
+    Args:
+        bank: Thresholds and gains of the inverse model's stops, from `new_bank`.
+        weights: (2 M,) weights [a^l, a^r] to start from; all zero for a stage not yet identified.
+        fade_cycles: Cycles over which a switch of mode or of weights is spread; at least 1.
+    """
+
+    def __init__(self, bank: FloatArray, weights: FloatArray, *, fade_cycles: int) -> None:
+        self.weights: FloatArray = weights.copy()
+        """Weights in use, shape (2 M,); they change while the identifier is followed."""
+        self._target = self.weights.copy()
+        self._fade_cycles = fade_cycles
+        self._mode = Mode.UNCOMPENSATED
+        self._strength, self._strength_aim = 0.0, 0.0
+        self._fading, self._following = 0, False
+        self._has_model = bool(np.any(weights))
+        self._memory = new_bank_memory(bank)
+        self._arguments = (*self._memory, bank, np.empty(bank.shape[1]), self.weights, self._target)
+
+    @property
+    def mode(self) -> Mode:
+        """The mode that was asked for last."""
+        return self._mode
+
+    @property
+    def merged_pairs(self) -> int:
+        """Number of pairs of extrema that a full memory had to give up."""
+        return int(self._memory.counts[MERGED])
+
+    def switch(self, mode: Mode) -> None:
+        """Change the mode; the drive goes over without a jump; may be called in the loop."""
+        self._mode = mode
+        self._strength_aim = 0.0 if mode is Mode.UNCOMPENSATED else 1.0
+        self._following = mode is Mode.ADAPTIVE
+        self._target[:] = self.weights
+        self._fading = self._fade_cycles
+
+    def adopt(self, weights: FloatArray) -> None:
+        """Go over to other weights, shape (2 M,), without a jump; may be called in the loop."""
+        self._target[:] = weights
+        self._fading = self._fade_cycles
+        self._has_model = True
+
+    def adopt_first(self, weights: FloatArray) -> None:
+        """Adopt weights that have converged if there are none yet; may be called in the loop."""
+        if not self._has_model:
+            self.adopt(weights)
+
+    def step(self, command: float, low: float, high: float, identified: FloatArray) -> float:
+        """Return the drive for the next command; may be called in the loop.
+
+        Args:
+            command: Displacement asked for, in [0, 1]; clamped; not a number means no move.
+            low: Lowest drive that the limits allow in this cycle.
+            high: Highest drive that the limits allow in this cycle.
+            identified: (2 M,) the identifier's weights, followed in mode `adaptive`.
+        """
+        if self._following:
+            self._target[:] = identified
+        share = 1.0 / self._fading if self._fading else float(self._following)
+        if self._fading:
+            self._strength += (self._strength_aim - self._strength) * share
+            self._fading -= 1
+        return _step(*self._arguments, share, self._strength, command, low, high)

@@ -1,0 +1,41 @@
+"""What the drive of an axis may do: stay in its range and not move faster than its slew rate."""
+
+from typing import NamedTuple
+
+
+class Window(NamedTuple):
+    """The drive that the limits leave open in one cycle, in V."""
+
+    low_v: float
+    high_v: float
+
+
+class Limits(NamedTuple):
+    """Limits of one axis.
+
+    Attributes:
+        drive_min_v: Lowest voltage, in V.
+        drive_max_v: Highest voltage, in V.
+        slew_v_per_s: Fastest change, in V/s.
+    """
+
+    drive_min_v: float
+    drive_max_v: float
+    slew_v_per_s: float
+
+    def window(self, previous_v: float, elapsed_s: float) -> Window:
+        """Return what may follow a voltage after a time; may be called in the loop.
+
+        A previous voltage outside the range (a stage taken over) is brought back at the slew rate.
+        """
+        reach_v = self.slew_v_per_s * elapsed_s
+        low_v = min(max(previous_v - reach_v, self.drive_min_v), previous_v + reach_v)
+        high_v = max(min(previous_v + reach_v, self.drive_max_v), previous_v - reach_v)
+        return Window(low_v, high_v)
+
+    def admit(self, drive_v: float, previous_v: float, elapsed_s: float) -> float:
+        """Return the nearest voltage that is allowed; one that is not finite moves nothing."""
+        if drive_v - drive_v != 0.0:  # infinite or not a number; clamps would make full scale of it
+            return previous_v
+        low_v, high_v = self.window(previous_v, elapsed_s)
+        return min(max(drive_v, low_v), high_v)
