@@ -241,9 +241,9 @@ def reading_v(ago: float, state: Record, constants: Record) -> float:
     light_v = u * u * (
         (1.0 + 2.0 * t) * s.past_v[earlier] + t * s.past_slope_v[earlier]
     ) + t * t * ((1.0 + 2.0 * u) * s.past_v[later] - u * s.past_slope_v[later])
-    light_v = min(max(light_v, -c.saturation_v), c.saturation_v)
     if c.adc_step_v > 0.0:
         light_v = round(light_v / c.adc_step_v) * c.adc_step_v
+    light_v = min(max(light_v, -c.saturation_v), c.saturation_v)
     return float(light_v)
 
 

@@ -63,7 +63,7 @@ class StageParameters:
     ] = 2.5
     drift_memory_s: Annotated[
         float, Quantity("s", 0.1, 1e5, "time constant with which a past swing is forgotten")
-    ] = 20.0
+    ] = 60.0
     mode_hz: Annotated[float, Quantity("Hz", 10, 5000, "first mechanical mode")] = 734.0
     mode_damping: Annotated[float, Quantity("", 0.001, 0.9, "damping ratio of the mode")] = 0.03
 

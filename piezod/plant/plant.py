@@ -28,6 +28,7 @@ class Plant:
 
     Attributes:
         parameters: As given.
+        now_ns: Time since the plant began, in ns.
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class Plant:
         self._noise = self._state["noise"][0]
         self._left = 0
         self._command_v = 0.0
-        self._now_ns = 0
+        self.now_ns = 0
         self._grid_ns = 0
         self._reading_v = advance(0, 0.0, delay, self._state, self._constants)
 
@@ -61,9 +62,9 @@ class Plant:
         Raises:
             DeviceError: If that is in the past.
         """
-        if t_ns < self._now_ns:
-            raise DeviceError(f"time went back from {self._now_ns} ns to {t_ns} ns")
-        self._now_ns = t_ns
+        if t_ns < self.now_ns:
+            raise DeviceError(f"time went back from {self.now_ns} ns to {t_ns} ns")
+        self.now_ns = t_ns
         sub_steps = -((self._grid_ns - t_ns) // self._sub_step_ns)
         self._grid_ns += sub_steps * self._sub_step_ns
         while sub_steps > self._left:
