@@ -1,12 +1,19 @@
 """The one way piezod compiles its numeric kernels."""
 
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
+
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "error_model": "numpy",
+    "forceinline": True,
+    "_nrt": False,
+}
 
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -18,5 +25,4 @@ def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
     sample by sample or over an array. The first call of each kernel loads or compiles it: make it
     before a loop turns real-time.
     """
-    kernel = numba.njit(cache=True, error_model="numpy", forceinline=True, _nrt=False)(function)
-    return cast("Callable[_P, _R]", kernel)
+    return cast("Callable[_P, _R]", numba.njit(**_OPTIONS)(function))

@@ -1,9 +1,9 @@
 """The modified Prandtl-Ishlinskii model in closed form: one scalar per loop, two table look-ups.
 
-With fixed weights the memory of all operators collapses. Let φ^a be the rising major branch (set
-by the right weights) and φ^d the falling one measured down from the top (set by the left weights),
-both piecewise linear with knots at the thresholds. A loop from (v_m, x_m) to (v_M, x_M) of width Δ keeps
-one scalar S_l at its minimum, and S_r = 1 / (S_l Δ) at its maximum:
+With fixed weights the memory of all operators collapses. Let φ^a be the rising major branch, set by
+the right weights, and φ^d the falling one measured down from the top, set by the left weights; both
+are piecewise linear with knots at the thresholds. A loop from (v_m, x_m) to (v_M, x_M) of width Δ
+keeps one scalar S_l at its minimum, and S_r = 1 / (S_l Δ) at its maximum:
 
     rising:  x = x_m + φ^a(S_l u) / S_l + u (S_l φ^d(1 / S_l) - 1),   u = v - v_m
     falling: x = x_M - φ^d(S_r u) / S_r - u (S_r φ^a(1 / S_r) - 1),   u = v_M - v

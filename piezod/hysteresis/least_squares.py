@@ -60,5 +60,4 @@ def identify_least_squares(
     gram = regressors.T @ regressors
     penalty = ridge * float(np.mean(np.diag(gram)))
     right_side = regressors.T @ (np.asarray(drives, dtype=np.float64) - x)
-    weights: FloatArray = np.linalg.solve(gram + penalty * np.eye(bank.shape[1]), right_side)
-    return weights
+    return np.linalg.solve(gram + penalty * np.eye(bank.shape[1]), right_side).astype(np.float64)

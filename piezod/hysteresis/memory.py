@@ -1,8 +1,9 @@
 """Madelung's memory: which past extrema of an input still matter.
 
-All operators of a model see one input, so one memory serves them all (κ and λ of the paper's eq 3). It holds two stacks of dominant extrema, maxima and minima; the pair on top bounds
-the loop in which the input moves. Both the operators and the closed form keep what they need at
-each extremum as a row of numbers, so the same three kernels serve both:
+All operators of a model see one input, so one memory serves them all (κ and λ of the paper's eq 3).
+It holds two stacks of dominant extrema, maxima and minima; the pair on top bounds the loop in which
+the input moves. Both the operators and the closed form keep what they need at each extremum as a
+row of numbers, so the same three kernels serve both:
 
 * `locate` finds the loop in which a new input lies and what it wipes out, and changes nothing;
 * the caller evaluates its operators in that loop;
