@@ -1,0 +1,83 @@
+"""Axes: which devices serve an axis, what it may be driven to, how it is compensated."""
+
+from typing import Annotated, Literal, Self, TypeAlias
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from piezod.config.fields import ConfigModel, Quantity, raise_rules
+from piezod.config.files import ExistingFile
+from piezod.config.quantities import DriveV, Name, PositionUm
+
+
+def _auto_or_number(value: object) -> str:
+    return "auto" if isinstance(value, str) else "number"
+
+
+# "auto": to be found in the recorded data. The tag keeps errors about one of the two to one line.
+DelayS: TypeAlias = Annotated[
+    Annotated[Literal["auto"], Tag("auto")] | Annotated[float, Quantity(0, 1, "s"), Tag("number")],
+    Discriminator(_auto_or_number),
+]
+
+
+class LimitsConfig(ConfigModel):
+    """What an axis may be driven to."""
+
+    drive_min_v: DriveV = Field(description="Lowest drive voltage, V.")
+    drive_max_v: DriveV = Field(description="Highest drive voltage, V.")
+    slew_v_per_s: Annotated[float, Quantity(1, 1e9, "V/s")] = Field(
+        description="Fastest change of the drive voltage, V/s."
+    )
+    rest_v: DriveV = Field(description="Drive voltage at rest, V.")
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        low, high = self.drive_min_v, self.drive_max_v
+        if not low < high:
+            what = f"must be above drive_min_v (got {high:g} V, drive_min_v is {low:g} V)"
+            raise_rules([(("drive_max_v",), what)])
+        if not low <= self.rest_v <= high:
+            what = f"out of range (got {self.rest_v:g} V), allowed range {low:g} to {high:g} V"
+            raise_rules([(("rest_v",), what)])
+        return self
+
+
+class CompensatorConfig(ConfigModel):
+    """The inverse model of an axis, and how it is identified."""
+
+    operators: Annotated[int, Quantity(1, 200)] = Field(
+        default=19, description="Stop operators on each side."
+    )
+    lms_gain: Annotated[float, Quantity(0, 1)] = Field(
+        default=0.1, description="Gain of the LMS identifier, γ of the paper."
+    )
+    deadband_pct: Annotated[float, Quantity(0, 5, "%")] = Field(
+        default=0.2,
+        description="Reversals smaller than this part of the range do not enter the memory, %.",
+    )
+    delay_s: DelayS = Field(
+        default="auto", description="Delay from drive to sensor, s; auto: from the recorded data."
+    )
+
+
+class AxisConfig(ConfigModel):
+    """An axis of the stage."""
+
+    amplifier: Name = Field(description="Name of the device that drives the axis.")
+    sensor: Name = Field(description="Name of the device that measures the axis.")
+    limits: LimitsConfig = Field(description="What the axis may be driven to.")
+    command_range_um: tuple[PositionUm, PositionUm] | None = Field(
+        default=None, description="Lowest and highest position that may be commanded, µm."
+    )
+    compensator: CompensatorConfig = Field(
+        default=CompensatorConfig(), description="The inverse model."
+    )
+    model: ExistingFile | None = Field(
+        default=None, description="Model file to start from instead of identifying."
+    )
+
+    @model_validator(mode="after")
+    def _check_range(self) -> Self:
+        if self.command_range_um and not self.command_range_um[0] < self.command_range_um[1]:
+            raise_rules([(("command_range_um", 1), "must be above the first of the two")])
+        return self

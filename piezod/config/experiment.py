@@ -1,0 +1,129 @@
+"""Experiments: devices, axes, how the model is identified, and the cases that are run."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, TypeAlias
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from piezod.config.axes import AxisConfig
+from piezod.config.combined_waveforms import WaveformConfig
+from piezod.config.devices import DeviceConfig
+from piezod.config.fields import ConfigModel, Context, Drivers, raise_rules
+from piezod.config.modes import Mode
+from piezod.config.quantities import DurationS, Name, PauseS, RateHz, Seed
+from piezod.config.rules import broken_rules
+from piezod.config.validate import validate
+from piezod.config.yaml_loader import load_yaml
+
+# A file has a mode's name; strict validation would ask for the enumeration's member itself.
+ModeName: TypeAlias = Annotated[Mode, Field(strict=False)]
+Metric: TypeAlias = Literal["tracking_max_pct", "tracking_rms_pct", "nonlinearity_pct"]
+Method: TypeAlias = Literal["lms", "least-squares"]
+
+
+class IdentificationConfig(ConfigModel):
+    """How the model of the axes that have none is identified."""
+
+    method: Method = Field(description="Fit of the recorded run.")
+    settle_s: PauseS = Field(description="Rest before the run, s.")
+    duration_s: DurationS = Field(description="Length of the run, s.")
+    drive_v: WaveformConfig = Field(description="Open-loop drive of all these axes, V.")
+
+
+class CommandPerAxis(ConfigModel):
+    """A command of its own for each axis."""
+
+    axes: dict[Name, WaveformConfig] = Field(min_length=1, description="Axis: command, µm.")
+
+
+def _one_or_per_axis(value: object) -> str:
+    per_axis = isinstance(value, CommandPerAxis) or (isinstance(value, dict) and "axes" in value)
+    return "per axis" if per_axis else "one"
+
+
+Command: TypeAlias = Annotated[
+    Annotated[WaveformConfig, Tag("one")] | Annotated[CommandPerAxis, Tag("per axis")],
+    Discriminator(_one_or_per_axis),
+]
+
+
+class CaseConfig(ConfigModel):
+    """One command, run in every mode."""
+
+    name: Annotated[str, Field(min_length=1, max_length=40)] = Field(description="Its name.")
+    title: str = Field(default="", max_length=80, description="What it shows.")
+    period_s: DurationS = Field(
+        description="First period of the command, excluded from the metrics, s."
+    )
+    duration_s: DurationS = Field(description="Length, s.")
+    command_um: Command = Field(
+        description="Commanded position, µm: one for all axes, or `axes:` with one for each."
+    )
+
+    @model_validator(mode="after")
+    def _check_duration(self) -> Self:
+        if not self.duration_s > self.period_s:
+            what = f"must be longer than period_s, {self.period_s:g} s (got {self.duration_s:g} s)"
+            raise_rules([(("duration_s",), what)])
+        return self
+
+    def commands(self, axes: Iterable[str]) -> dict[str, WaveformConfig]:
+        """Give the command of each axis.
+
+        Args:
+            axes: Names of the experiment's axes.
+        """
+        if isinstance(self.command_um, CommandPerAxis):
+            return self.command_um.axes
+        return dict.fromkeys(axes, self.command_um)
+
+
+class ExperimentConfig(ConfigModel):
+    """An experiment."""
+
+    rate_hz: RateHz = Field(description="Cycles of the loop per second, Hz.")
+    seed: Seed = Field(default=1, description="Decides about everything random in the devices.")
+    devices: dict[Name, DeviceConfig] = Field(min_length=1, description="Name: device.")
+    axes: dict[Name, AxisConfig] = Field(min_length=1, description="Name: axis.")
+    identification: IdentificationConfig | None = Field(
+        default=None, description="Left out if every axis starts from a model file."
+    )
+    modes: tuple[ModeName, ...] = Field(
+        default=(Mode.UNCOMPENSATED, Mode.FEEDFORWARD, Mode.ADAPTIVE),
+        min_length=1,
+        description="How each case is run.",
+    )
+    metrics: tuple[Metric, ...] = Field(
+        default=("tracking_max_pct", "tracking_rms_pct", "nonlinearity_pct"),
+        min_length=1,
+        description="What is reported of each run.",
+    )
+    settle_s: PauseS = Field(
+        default=2.0, description="Rest before each run, s; the sensor is zeroed at its end."
+    )
+    cases: tuple[CaseConfig, ...] = Field(min_length=1, description="The cases.")
+
+    @model_validator(mode="after")
+    def _check_rules(self) -> Self:
+        raise_rules(broken_rules(self))
+        return self
+
+
+def load_experiment(path: Path, drivers: Drivers) -> ExperimentConfig:
+    """Read an experiment.
+
+    Args:
+        path: The YAML file; paths in it are relative to its folder.
+        drivers: The drivers there are, `piezod.devices.registry`; only those that the file names
+            are loaded.
+
+    Raises:
+        ConfigError: If it is no valid experiment; the text lists every problem with its place.
+    """
+    return validate(load_yaml(path), ExperimentConfig, Context(path.parent, drivers))
+
+
+def experiment_json_schema() -> dict[str, Any]:
+    """Give the JSON schema of an experiment, for editors."""
+    return ExperimentConfig.model_json_schema()

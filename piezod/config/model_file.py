@@ -1,0 +1,115 @@
+"""Model files: an identified inverse model with its ranges, its delay and where it came from."""
+
+import json
+import textwrap
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, TypeAlias
+
+import yaml
+from pydantic import Field, StringConstraints, model_validator
+
+from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity, raise_rules
+from piezod.config.quantities import DriveV, PositionUm
+from piezod.config.validate import validate
+from piezod.config.yaml_loader import load_yaml
+
+Text: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=255)]
+PercentOfRange: TypeAlias = Annotated[float, Quantity(0, 1e6, "%")]
+Threshold: TypeAlias = Annotated[float, Quantity(1e-9, 1 - 1e-9)]
+Weight: TypeAlias = Annotated[float, Quantity(-1e6, 1e6)]
+Thresholds: TypeAlias = Annotated[tuple[Threshold, ...], Field(min_length=1, max_length=1000)]
+Weights: TypeAlias = Annotated[tuple[Weight, ...], Field(min_length=1, max_length=1000)]
+
+
+class SourceConfig(ConfigModel):
+    """The data that a model was fitted to."""
+
+    file: Text = Field(description="Name of the file.")
+    sha256: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")] = Field(
+        description="SHA-256 of the file, in hexadecimal."
+    )
+
+
+class FitConfig(ConfigModel):
+    """How well the model predicts the drive voltage of the data, in % of the drive range."""
+
+    voltage_error_max_pct: PercentOfRange = Field(description="Worst error, %.")
+    voltage_error_rms_pct: PercentOfRange = Field(description="Root mean square error, %.")
+
+
+class ModelFile(ConfigModel):
+    """An inverse model of stop operators over normalised displacement, 0 to 1."""
+
+    format: Literal["piezod-model"] = "piezod-model"
+    version: Literal[1] = 1
+    created_at: Text = Field(description="When it was made, ISO 8601 with the offset from UTC.")
+    created_by: Text = Field(description="Program and version that made it.")
+    method: Literal["lms", "least-squares"] = Field(description="How it was fitted.")
+    source: SourceConfig = Field(description="What it was fitted to.")
+    fit: FitConfig = Field(description="How well it fits.")
+    drive_low_v: DriveV = Field(description="Drive voltage that is 0 in the model, V.")
+    drive_high_v: DriveV = Field(description="Drive voltage that is 1 in the model, V.")
+    position_low_um: PositionUm = Field(description="Position that is 0 in the model, µm.")
+    position_high_um: PositionUm = Field(description="Position that is 1 in the model, µm.")
+    delay_s: Annotated[float, Quantity(0, 1, "s")] = Field(
+        description="Delay from drive to sensor in the data, s."
+    )
+    right_stop_thresholds: Thresholds = Field(description="Increasing, between 0 and 1.")
+    right_stop_weights: Weights = Field(description="One for each right threshold.")
+    left_stop_thresholds: Thresholds = Field(description="Increasing, between 0 and 1.")
+    left_stop_weights: Weights = Field(description="One for each left threshold.")
+
+    @model_validator(mode="after")
+    def _check_rules(self) -> Self:
+        raise_rules(self._broken_rules())
+        return self
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        if not self.drive_low_v < self.drive_high_v:
+            yield ("drive_high_v",), "must be above drive_low_v"
+        if not self.position_low_um < self.position_high_um:
+            yield ("position_high_um",), "must be above position_low_um"
+        yield from _broken_side("right", self.right_stop_thresholds, self.right_stop_weights)
+        yield from _broken_side("left", self.left_stop_thresholds, self.left_stop_weights)
+
+
+def _broken_side(
+    side: str, thresholds: tuple[float, ...], weights: tuple[float, ...]
+) -> Iterator[BrokenRule]:
+    for index in range(1, len(thresholds)):
+        if not thresholds[index - 1] < thresholds[index]:
+            yield (f"{side}_stop_thresholds", index), "must be above the threshold before it"
+    if len(weights) != len(thresholds):
+        what = f"as many as thresholds are needed (got {len(weights)}, not {len(thresholds)})"
+        yield (f"{side}_stop_weights",), what
+
+
+def load_model(path: Path) -> ModelFile:
+    """Read a model file.
+
+    Raises:
+        ConfigError: If it is no valid model file; the text lists every problem with its place.
+    """
+    return validate(load_yaml(path), ModelFile, Context(path.parent))
+
+
+def dump_model(model: ModelFile) -> str:
+    """Write a model as the text of a model file; `load_model` gives back the same model."""
+    return "# Model of a stage for piezod.\n" + _block(model.model_dump(), "")
+
+
+def _block(mapping: Mapping[str, Any], indent: str) -> str:
+    return "".join(f"{indent}{key}:{_value(value, indent)}" for key, value in mapping.items())
+
+
+def _value(value: object, indent: str) -> str:
+    if isinstance(value, dict):
+        return "\n" + _block(value, indent + "  ")
+    if isinstance(value, tuple):
+        lines = textwrap.wrap(f"[{', '.join(map(json.dumps, value))}]", 90, break_on_hyphens=False)
+        return "".join(f"\n{indent}  {line}" for line in lines) + "\n"
+    if isinstance(value, str):
+        # Always quoted: no text can turn into a number or a bool on the way.
+        return " " + yaml.safe_dump(value, default_style='"', allow_unicode=True, width=10_000)
+    return f" {json.dumps(value)}\n"

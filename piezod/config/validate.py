@@ -1,0 +1,75 @@
+"""Validate a document against a model, and place every error in the file."""
+
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from piezod.config.document import Document, KeyPath, config_error
+from piezod.config.fields import Context
+from piezod.config.messages import describe
+from piezod.errors import Problem
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+def validate(document: Document, model: type[ModelT], context: Context) -> ModelT:
+    """Make a model from a document.
+
+    Raises:
+        ConfigError: If the document breaks the schema or a rule; it lists every problem.
+    """
+    try:
+        return model.model_validate(document.data, context=context)
+    except ValidationError as failure:
+        errors = failure.errors()
+        problems = [
+            _place(document, error, context)
+            for error in errors
+            if not _is_consequence(error, errors)
+        ]
+        raise config_error(problems) from failure
+
+
+def _is_consequence(error: "ErrorDetails", errors: "list[ErrorDetails]") -> bool:
+    """Tell whether a list is too short only because pydantic leaves out what is wrong in it."""
+    loc = error["loc"]
+    return error["type"] == "too_short" and any(
+        other is not error and other["loc"][: len(loc)] == loc for other in errors
+    )
+
+
+def _place(document: Document, error: "ErrorDetails", context: Context) -> Problem:
+    kind, loc = error["type"], error["loc"]
+    if kind in ("missing", "extra_forbidden"):
+        path, owner = _find(document.data, loc[:-1])
+        path = (*path, loc[-1])
+        what = describe(error, context.known_keys.get(id(owner), ()))
+        return document.problem(path, what, at_key=True)
+    path, _ = _find(document.data, loc)
+    if kind == "union_tag_invalid":
+        path = (*path, error["ctx"]["discriminator"].strip("'"))
+    # pydantic ends the path with "[key]" where the key of a mapping is wrong, not its value.
+    return document.problem(path, describe(error, ()), at_key=loc[-1:] == ("[key]",))
+
+
+def _find(data: object, loc: tuple[int | str, ...]) -> tuple[KeyPath, object]:
+    """Follow pydantic's path as far as it is in the file.
+
+    It also names the members of unions on the way, which are not in the file and are left out.
+    """
+    path: KeyPath = ()
+    node: Any = data
+    for part in loc:
+        if _has(node, part):
+            path = (*path, part)
+            node = node[part]
+    return path, node
+
+
+def _has(node: object, part: int | str) -> bool:
+    if isinstance(node, tuple):
+        return isinstance(part, int) and part < len(node)
+    return isinstance(node, dict) and part in node

@@ -1,0 +1,176 @@
+"""Waveforms: what a command or a drive does over time, and the range it never leaves.
+
+Values are in the unit that the enclosing key names: µm under `command_um`, V under `drive_v`.
+A waveform starts at t = 0. One that swings starts at its lowest value and rises, so that with
+`low: 0` it leaves the rest position without a step.
+"""
+
+from typing import Annotated, Final, Literal, Self, TypeAlias
+
+from pydantic import Field, PrivateAttr, model_validator
+
+from piezod.config.envelopes import ConstantEnvelope, Envelope
+from piezod.config.fields import ConfigModel, Quantity, raise_rules
+from piezod.config.files import ExistingFile, Point, read_points
+from piezod.config.quantities import DurationS, FrequencyHz, Level, Seed, Size
+
+Bounds: TypeAlias = tuple[float, float]
+
+# More turning points than this in a second are noise, not a path.
+MAX_TURNS_PER_S: Final = 200
+
+
+class Setpoint(ConfigModel):
+    """One value that stays."""
+
+    kind: Literal["setpoint"]
+    level: Level = Field(description="The value.")
+
+    def bounds(self) -> Bounds:
+        """Give the lowest and the highest value there can be."""
+        return self.level, self.level
+
+
+class Swinging(ConfigModel):
+    """What sine, triangle and reversals have in common."""
+
+    low: Level = Field(description="Lowest value; the waveform starts here.")
+    high: Level = Field(description="Highest value.")
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        if not self.low < self.high:
+            what = f"must be above low (got {self.high:g}, low is {self.low:g})"
+            raise_rules([(("high",), what)])
+        return self
+
+    def bounds(self) -> Bounds:
+        """Give the lowest and the highest value there can be."""
+        return self.low, self.high
+
+
+class Periodic(Swinging):
+    """What sine and triangle have in common."""
+
+    frequency_hz: FrequencyHz = Field(description="Frequency, Hz.")
+    envelope: Envelope = Field(
+        default=ConstantEnvelope(), description="How the swing changes over time."
+    )
+    anchor: Literal["low", "middle"] = Field(
+        default="low", description="What stays in place while the swing changes."
+    )
+
+
+class Sine(Periodic):
+    """A sinusoid between two values."""
+
+    kind: Literal["sine"]
+
+
+class Triangle(Periodic):
+    """A symmetric triangle between two values."""
+
+    kind: Literal["triangle"]
+
+
+class Component(ConfigModel):
+    """One sinusoid of a multisine."""
+
+    amplitude: Size = Field(description="Half of the distance from its lowest to its highest.")
+    frequency_hz: FrequencyHz = Field(description="Frequency, Hz.")
+    phase_deg: Annotated[float, Quantity(-360, 360, "°")] = Field(
+        default=0.0, description="Phase at t = 0, counted from the lowest point, °."
+    )
+
+
+class Multisine(ConfigModel):
+    """Sinusoids added up, each lifted by its amplitude so that the sum stays above `low`."""
+
+    kind: Literal["multisine"]
+    low: Level = Field(description="The value while all sinusoids are at their lowest.")
+    components: tuple[Component, ...] = Field(
+        min_length=1, max_length=64, description="The sinusoids."
+    )
+
+    def bounds(self) -> Bounds:
+        """Give the lowest and the highest value there can be."""
+        high = self.low
+        for component in self.components:
+            high += 2 * component.amplitude
+        return self.low, high
+
+
+class Staircase(ConfigModel):
+    """Levels one after the other; the last one stays."""
+
+    kind: Literal["staircase"]
+    levels: tuple[Level, ...] = Field(min_length=1, max_length=10_000, description="The levels.")
+    dwell_s: DurationS = Field(description="How long each level lasts, s.")
+
+    def bounds(self) -> Bounds:
+        """Give the lowest and the highest value there can be."""
+        return min(self.levels), max(self.levels)
+
+
+class Reversals(Swinging):
+    """Straight lines between random turning points, the same ones for the same seed."""
+
+    kind: Literal["reversals"]
+    min_swing: Size = Field(description="Shortest way between two turning points.")
+    min_speed: Size = Field(description="Speed on the slowest line, per s.")
+    max_speed: Size = Field(description="Speed on the fastest line, per s.")
+    seed: Seed = Field(description="Decides about turning points and speeds.")
+
+    @model_validator(mode="after")
+    def _check_sizes(self) -> Self:
+        span = self.high - self.low
+        fastest = self.min_swing * MAX_TURNS_PER_S
+        rules = (
+            (self.min_swing <= span, "min_swing", self.min_swing, f"at most high - low, {span:g}"),
+            (self.max_speed >= self.min_speed, "max_speed", self.max_speed, "at least min_speed"),
+            (
+                self.max_speed <= fastest,
+                "max_speed",
+                self.max_speed,
+                f"at most {MAX_TURNS_PER_S} times min_swing per s, {fastest:g}",
+            ),
+        )
+        raise_rules(
+            ((key,), f"out of range (got {found:g}), allowed: {allowed}")
+            for holds, key, found, allowed in rules
+            if not holds
+        )
+        return self
+
+
+class Csv(ConfigModel):
+    """Points from a file, joined by straight lines; the first and the last value are held."""
+
+    kind: Literal["csv"]
+    path: ExistingFile = Field(description="CSV file with a header, relative to this file.")
+    column: str = Field(description="Column with the values; the times are in the column t_s.")
+    _points: tuple[Point, ...] = PrivateAttr(default=())
+
+    @model_validator(mode="after")
+    def _read(self) -> Self:
+        try:
+            self._points = read_points(self.path, self.column)
+        except ValueError as error:
+            raise_rules([(("path",), str(error))])
+        return self
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """Times in s, increasing, each with its value; as read when the model was made."""
+        return self._points
+
+    def bounds(self) -> Bounds:
+        """Give the lowest and the highest value there can be."""
+        values = [value for _, value in self._points]
+        return min(values), max(values)
+
+
+SingleWaveform: TypeAlias = Annotated[
+    Setpoint | Sine | Triangle | Multisine | Staircase | Reversals | Csv,
+    Field(discriminator="kind"),
+]

@@ -1,0 +1,84 @@
+"""Read a file and parse it into YAML events, with every failure told as file, line and column."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import yaml
+
+from piezod.config.document import Place
+from piezod.errors import ConfigError, Problem
+
+MAX_BYTES: Final = 256 * 1024
+
+_REMEDIES: Final = {
+    "mapping values are not allowed here": "check the indentation, quote a text with ': ' in it",
+    "could not find expected ':'": "a key needs ': ' after it",
+    "found character '\\t' that cannot start any token": "indent with spaces, not with tabs",
+}
+
+
+def read_text(path: Path) -> str:
+    """Read a text file of bounded size.
+
+    Raises:
+        ConfigError: If it cannot be read, is too large, or is not UTF-8.
+    """
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigError(Problem(str(path), 0, 0, "", f"cannot be read: {reason}")) from error
+    if len(raw) > MAX_BYTES:
+        what = f"the file is too large, allowed: at most {MAX_BYTES} bytes"
+        raise ConfigError(Problem(str(path), 0, 0, "", what))
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = error.object[: error.start].decode("utf-8-sig")
+        what = f"not UTF-8 (got byte 0x{error.object[error.start]:02x}), save the file as UTF-8"
+        raise ConfigError(Problem(str(path), *_place_after(before), "", what)) from error
+
+
+def parse_events(text: str, file: str) -> Iterator[yaml.Event]:
+    """Yield the events of a text.
+
+    Raises:
+        ConfigError: Where the text stops being YAML; `file` is the name it gives.
+    """
+    place = Place(1, 1)
+    try:
+        for event in yaml.parse(text, Loader=yaml.SafeLoader):
+            place = start_of(event)
+            yield event
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        if mark is not None:
+            place = Place(mark.line + 1, mark.column + 1)
+        raise ConfigError(Problem(file, *place, "", _explain(error))) from error
+    except yaml.reader.ReaderError as error:
+        what = f"character {chr(error.character)!a} is not allowed in YAML"
+        place = _place_after(text[: error.position])
+        raise ConfigError(Problem(file, *place, "", what)) from error
+    except (ValueError, OverflowError) as error:
+        # PyYAML converts the digits of escapes and of directives without checking their size.
+        what = "an escape or directive near here has a number that is too large"
+        raise ConfigError(Problem(file, *place, "", what)) from error
+
+
+def start_of(event: yaml.Event) -> Place:
+    """Tell where an event starts."""
+    mark = event.start_mark
+    return Place(mark.line + 1, mark.column + 1) if mark else Place(1, 1)
+
+
+def _place_after(text: str) -> Place:
+    lines = text.split("\n")
+    return Place(len(lines), len(lines[-1]) + 1)
+
+
+def _explain(error: yaml.MarkedYAMLError) -> str:
+    problem = error.problem or "not YAML"
+    parts = [error.context, problem, _REMEDIES.get(problem)]
+    return ", ".join(part for part in parts if part)

@@ -1,0 +1,148 @@
+"""Read a YAML file that a person wrote, strictly, and keep the place of everything in it.
+
+What would let a file mean something else than it seems to is refused: duplicate keys, anchors and
+aliases, merge keys, tags, a second document. What is left is read by the rules of YAML 1.2. A file
+is bounded in size and depth, so that a hostile one is an error and not a burden.
+"""
+
+import re
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from piezod.config.document import Document, KeyPath, Place, config_error
+from piezod.config.scalars import Scalar, resolve
+from piezod.config.yaml_events import parse_events, read_text, start_of
+from piezod.errors import ConfigError, Problem
+
+MAX_DEPTH: Final = 20
+
+_SURROGATE: Final = re.compile("[\ud800-\udfff]")
+
+
+def load_yaml(path: Path) -> Document:
+    """Read a file whose top level is a mapping.
+
+    Raises:
+        ConfigError: If the file cannot be read or is not such a document; it lists every problem
+            that could be found.
+    """
+    return parse_yaml(read_text(path), str(path))
+
+
+def parse_yaml(text: str, file: str) -> Document:
+    """Parse a text whose top level is a mapping.
+
+    Args:
+        text: The document.
+        file: The name under which problems are reported.
+
+    Raises:
+        ConfigError: As `load_yaml`.
+    """
+    builder = _Builder(text, file)
+    try:
+        data = builder.build()
+    except ConfigError as error:
+        raise config_error((*builder.problems, *error.problems)) from error
+    if builder.problems:
+        raise config_error(builder.problems)
+    return Document(file, data, builder.values, builder.keys)
+
+
+class _Builder:
+    """Turns the events of a text into plain data, and collects what is wrong on the way."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self.problems: list[Problem] = []
+        self.values: dict[KeyPath, Place] = {}
+        self.keys: dict[KeyPath, Place] = {}
+        self._file = file
+        self._events = parse_events(text, file)
+
+    def build(self) -> dict[str, Any]:
+        """Give the one document's top level.
+
+        Raises:
+            ConfigError: If building cannot go on; `problems` holds what was found before.
+        """
+        data: Any = None
+        for event in self._events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                if self.values:
+                    raise self._error(event, "a second document starts, allowed: one in a file")
+                data = self._node(next(self._events), ())
+        if not self.values:
+            raise ConfigError(Problem(self._file, 1, 1, "", "the file is empty"))
+        if not isinstance(data, dict):
+            what = "the top level must be a mapping, lines of `key: value`"
+            raise ConfigError(Problem(self._file, *self.values[()], "", what))
+        return data
+
+    def _node(self, event: yaml.Event, path: KeyPath) -> object:
+        self.values[path] = start_of(event)
+        if isinstance(event, yaml.AliasEvent):
+            self._add(event, f"alias *{event.anchor} is not allowed, write the value out")
+            return None
+        self._refuse_decoration(event)
+        if isinstance(event, yaml.ScalarEvent):
+            return self._scalar(event)
+        if len(path) >= MAX_DEPTH:
+            raise self._error(event, f"nested too deeply, allowed: {MAX_DEPTH} levels")
+        if isinstance(event, yaml.SequenceStartEvent):
+            return self._sequence(path)
+        return self._mapping(path)
+
+    def _sequence(self, path: KeyPath) -> tuple[object, ...]:
+        items: list[object] = []
+        while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
+            items.append(self._node(event, (*path, len(items))))
+        return tuple(items)
+
+    def _mapping(self, path: KeyPath) -> dict[str, object]:
+        mapping: dict[str, object] = {}
+        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
+            key = self._key(event)
+            if key in mapping:
+                first = self.keys[*path, key].line
+                self._add(event, f"duplicate key {key!r}, it stands already in line {first}")
+            else:
+                self.keys[*path, key] = start_of(event)
+            mapping[key] = self._node(next(self._events), (*path, key))
+        return mapping
+
+    def _key(self, event: yaml.Event) -> str:
+        if not isinstance(event, yaml.ScalarEvent):
+            raise self._error(event, "a key must be a text")
+        self._refuse_decoration(event)
+        if event.value == "<<" and event.implicit[0]:
+            self._add(event, "merge key << is not allowed, write the keys out")
+        elif not isinstance(self._scalar(event), str):
+            self._add(event, f"a key must be a text (got {event.value}), put quotes round it")
+        return str(event.value)
+
+    def _scalar(self, event: yaml.ScalarEvent) -> Scalar:
+        if _SURROGATE.search(event.value):
+            self._add(event, "half a surrogate pair is no character")
+        if not event.implicit[0]:
+            return str(event.value)
+        try:
+            return resolve(event.value)
+        except ValueError as error:
+            self._add(event, str(error))
+            return None
+
+    def _refuse_decoration(self, event: yaml.Event) -> None:
+        anchor, tag = getattr(event, "anchor", None), getattr(event, "tag", None)
+        if anchor is not None:
+            self._add(event, f"anchor &{anchor} is not allowed")
+        if tag is not None:
+            tag = tag.replace("tag:yaml.org,2002:", "!!")
+            self._add(event, f"tag {tag} is not allowed, the form of a value tells its type")
+
+    def _add(self, event: yaml.Event, what: str) -> None:
+        self.problems.append(Problem(self._file, *start_of(event), "", what))
+
+    def _error(self, event: yaml.Event, what: str) -> ConfigError:
+        return ConfigError(Problem(self._file, *start_of(event), "", what))
