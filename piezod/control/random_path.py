@@ -1,0 +1,34 @@
+"""A path between random turning points."""
+
+import random
+
+from piezod.config.waveforms import Reversals
+
+
+def random_path(config: Reversals, duration_s: float) -> tuple[tuple[float, float], ...]:
+    """Draw the turning points of a path that starts at its lowest level and rises.
+
+    A longer path continues a shorter one of the same seed.
+
+    Args:
+        config: Range, shortest way, speeds and seed.
+        duration_s: The path ends at the first turning point at or after this time, in s.
+
+    Returns:
+        Times in s, increasing, each with its level.
+    """
+    # The draws are the same on every machine and in every version of Python; numpy promises less.
+    draws = random.Random(config.seed)  # noqa: S311 - reproducible, not secret
+    t_s, level, rising = 0.0, config.low, True
+    points = [(t_s, level)]
+    while t_s < duration_s:
+        # After a way of at least min_swing in one direction there is room for one in the other.
+        room = config.high - level if rising else level - config.low
+        way = config.min_swing + (room - config.min_swing) * draws.random()
+        speed = config.min_speed + (config.max_speed - config.min_speed) * draws.random()
+        level += way if rising else -way
+        level = min(max(level, config.low), config.high)
+        t_s += way / speed
+        rising = not rising
+        points.append((t_s, level))
+    return tuple(points)
