@@ -1,18 +1,20 @@
 """Every installed driver keeps the driver contract, with its default options."""
 
+from collections.abc import Callable
 from functools import partial
 
 import pytest
 
 from piezod.devices import registry
 from piezod.devices.interface import Device
+from piezod.testing.check_support import opened
 from piezod.testing.driver_contract import checks_for
 
 
-def construct(driver: str, axes: tuple[str, ...]) -> Device:
-    """Construct a device with default options."""
+def factory_of(driver: str, axes: tuple[str, ...]) -> Callable[[], Device]:
+    """Return what constructs devices of this driver with default options."""
     plugin = registry.load(driver)
-    return plugin.create(plugin.options_model(), axes, 1)
+    return partial(plugin.create, plugin.options_model(), axes, 1)
 
 
 # The driver is loaded inside the tests: one that cannot be loaded fails here, and only here.
@@ -22,7 +24,7 @@ def test_driver_keeps_the_contract(
     driver: str, axes: tuple[str, ...], subtests: pytest.Subtests
 ) -> None:
     """The driver passes every check of the roles it plays."""
-    factory = partial(construct, driver, axes)
+    factory = factory_of(driver, axes)
     for check in checks_for(factory):
         with subtests.test(check.__name__):
             check(factory)
@@ -31,11 +33,5 @@ def test_driver_keeps_the_contract(
 @pytest.mark.parametrize("driver", registry.names())
 def test_driver_serves_the_axes_it_was_given(driver: str) -> None:
     """Capabilities list the axes asked for, in that order."""
-    device = construct(driver, ("y", "x"))
-    try:
-        device.open()
-        axes = device.capabilities().axes
-    finally:
-        device.close()
-
-    assert axes == ("y", "x")
+    with opened(factory_of(driver, ("y", "x"))) as device:
+        assert device.capabilities().axes == ("y", "x")
