@@ -1,4 +1,42 @@
 """The mathematics of hysteresis: operators, forward and inverse models, identification, metrics.
 
-Knows nothing of volts, time, devices and files: everything here is normalised.
+Knows nothing of volts, time, devices and files: everything here is normalised. From the inside out:
+`memory` (which past extrema matter), `bank` (all operators on it), `closed_form` (what fixed
+weights make of them), and on these `operators`, `model`, `lms`, `least_squares`; `metrics` judges.
 """
+
+from piezod.hysteresis.bank import even_thresholds, new_bank
+from piezod.hysteresis.least_squares import identify_least_squares, stop_regressors
+from piezod.hysteresis.lms import Convergence, LMSIdentifier
+from piezod.hysteresis.metrics import (
+    asymmetry,
+    loop_width,
+    nonlinearity,
+    tracking_max,
+    tracking_rms,
+)
+from piezod.hysteresis.model import ExactInverse, InverseMPI, MPIModel
+from piezod.hysteresis.normalisation import AffineRange
+from piezod.hysteresis.operators import LSPO, LSSO, RSPO, RSSO
+
+__all__ = [
+    "LSPO",
+    "LSSO",
+    "RSPO",
+    "RSSO",
+    "AffineRange",
+    "Convergence",
+    "ExactInverse",
+    "InverseMPI",
+    "LMSIdentifier",
+    "MPIModel",
+    "asymmetry",
+    "even_thresholds",
+    "identify_least_squares",
+    "loop_width",
+    "new_bank",
+    "nonlinearity",
+    "stop_regressors",
+    "tracking_max",
+    "tracking_rms",
+]
