@@ -16,7 +16,7 @@ demo: $(STAMP) ## run the paper's experiment on the simulated rig and write a re
 	echo "make demo: $$((ready - $(STARTED))) s to set up, $$(($$(date +%s) - ready)) s to run"
 
 test: $(STAMP) ## run the tests
-	$(BIN)/python -m pytest --cov
+	$(BIN)/python -m pytest --cov --numprocesses auto --maxprocesses 4
 
 stress: $(STAMP) ## run the tests that take longer
 	$(BIN)/python -m pytest -m stress --timeout 1800
