@@ -209,6 +209,14 @@ class ExperimentResult(Comparable):
         """Names of the metrics of any recording, in the order of their first appearance."""
         return _unique(name for recording in self.recordings for name in recording.metrics)
 
+    def by_case(self) -> dict[tuple[str, str], tuple[Recording, ...]]:
+        """Return the recordings by (axis, case), in the order of their first appearance."""
+        keys = dict.fromkeys(recording.key[:2] for recording in self.recordings)
+        return {
+            key: tuple(recording for recording in self.recordings if recording.key[:2] == key)
+            for key in keys
+        }
+
 
 def _unique(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))

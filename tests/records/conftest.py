@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from piezod.records.recording import ExperimentResult, Identification, Recording
+from piezod.records.reference import Reference
 
 MODES = ("uncompensated", "feedforward", "adaptive")
 LOOP_WIDTH = {"uncompensated": 0.12, "feedforward": 0.015, "adaptive": 0.005}
@@ -89,3 +90,10 @@ def two_axes(result: ExperimentResult) -> ExperimentResult:
     """Return the made-up experiment with a second axis."""
     others = tuple(replace(each, axis="y") for each in result.recordings)
     return replace(result, recordings=result.recordings + others)
+
+
+@pytest.fixture(scope="session")
+def reference() -> Reference:
+    """Return figures to compare with: case 1 feedforward is missed, case 1 adaptive is not."""
+    values = {("case 1", "feedforward"): 0.7, ("case 1", "adaptive"): 0.4}
+    return Reference("paper", values, ("tracking_max_pct", "nonlinearity_pct"))

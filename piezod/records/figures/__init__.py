@@ -1,0 +1,14 @@
+"""Figures of records, drawn on canvases of their own: no window, no global plot."""
+
+from piezod.records.figures.fit import identification_figure
+from piezod.records.figures.overview import overview_figure
+from piezod.records.figures.run import mode_figure
+from piezod.records.figures.style import png_bytes, save_png
+
+__all__ = [
+    "identification_figure",
+    "mode_figure",
+    "overview_figure",
+    "png_bytes",
+    "save_png",
+]

@@ -1,0 +1,141 @@
+"""The figure of one case in one mode, laid out as figures 6 to 11 of the paper."""
+
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+
+from piezod.records.figures.style import (
+    BLUE,
+    DRIVE,
+    ERROR,
+    EXCLUDED,
+    LOOP,
+    POSITION,
+    VERMILLION,
+    WISHED,
+    add_percent_axis,
+    house_style,
+    legend_above,
+    new_figure,
+    round_time_ticks,
+)
+from piezod.records.figures.traces import draw_trace
+from piezod.records.frozen import FloatArray
+from piezod.records.labels import metric_text
+from piezod.records.recording import Recording
+
+_RIGHT_SHADES: Final = LinearSegmentedColormap.from_list("right", ["#B3D6EA", BLUE, "#00273D"])
+_LEFT_SHADES: Final = LinearSegmentedColormap.from_list("left", ["#F7CDB0", VERMILLION, "#451E00"])
+
+
+@house_style()
+def mode_figure(recording: Recording) -> Figure:
+    """Draw one case in one mode.
+
+    Panels: (a) uncompensated and applied voltage, (b) commanded and measured displacement, (c)
+    measured displacement over uncompensated voltage, (d) error, (e) parameters where there are any.
+
+    Args:
+        recording: What to draw.
+    """
+    title = f"{recording.case} · {recording.mode} · axis {recording.axis}: {recording.title}"
+    metrics = ", ".join(metric_text(name, value) for name, value in recording.metrics.items())
+    figure = new_figure(13.0, 8.0, title, metrics)
+    columns = figure.add_gridspec(1, 2, width_ratios=(1.35, 1.0))
+    left = columns[0].subgridspec(3, 1)
+    voltage = figure.add_subplot(left[0])
+    position = figure.add_subplot(left[1], sharex=voltage)
+    error = figure.add_subplot(left[2], sharex=voltage)
+    _draw_voltage(voltage, recording)
+    _draw_position(position, recording)
+    _draw_error(error, recording)
+    for axes in (voltage, position):
+        axes.tick_params(labelbottom=False)
+    if not recording.weights.size:
+        _draw_loop(figure.add_subplot(columns[1].subgridspec(1, 1)[0]), recording)
+        return figure
+    right = columns[1].subgridspec(2, 1, height_ratios=(2, 1))
+    _draw_loop(figure.add_subplot(right[0]), recording)
+    _draw_weights(figure.add_subplot(right[1]), recording)
+    return figure
+
+
+def _draw_voltage(axes: Axes, recording: Recording) -> None:
+    draw_trace(axes, recording.t_s, recording.drive_v, label="applied to the stage", **DRIVE)
+    draw_trace(axes, recording.t_s, recording.uncompensated_v, label="uncompensated", **WISHED)
+    _shade_excluded(axes, recording)
+    axes.set(title="(a) Voltage", ylabel="voltage (V)")
+    legend_above(axes)
+
+
+def _draw_position(axes: Axes, recording: Recording) -> None:
+    draw_trace(axes, recording.t_s, recording.position_um, label="measured", **POSITION)
+    draw_trace(axes, recording.t_s, recording.command_um, label="command", **WISHED)
+    _shade_excluded(axes, recording)
+    axes.set(title="(b) Displacement", ylabel="displacement (µm)")
+    legend_above(axes)
+
+
+def _draw_loop(axes: Axes, recording: Recording) -> None:
+    first = recording.first_metric_index
+    drive_v, position_um = recording.uncompensated_v, recording.position_um
+    if first:
+        start = slice(first + 1)
+        draw_trace(axes, drive_v[start], position_um[start], label="excluded", **EXCLUDED)
+    draw_trace(axes, drive_v[first:], position_um[first:], label="measured", **LOOP)
+    # Command and uncompensated voltage are proportional: two points, and the dashes stay dashes.
+    ends = [drive_v.argmin(), drive_v.argmax()]
+    axes.plot(drive_v[ends], recording.command_um[ends], label="command", **WISHED)
+    axes.set(
+        title="(c) Loop",
+        xlabel="uncompensated voltage (V)",
+        ylabel="measured displacement (µm)",
+    )
+    legend_above(axes)
+
+
+def _draw_error(axes: Axes, recording: Recording) -> None:
+    draw_trace(axes, recording.t_s, recording.error_um, **ERROR)
+    axes.axhline(0.0, color="black", linewidth=0.6)
+    axes.set(title="(d) Error: measured minus command", ylabel="error (µm)")
+    round_time_ticks(axes)
+    add_percent_axis(axes, recording.position_range_um, "% of range")
+    if recording.first_metric_index:
+        _shade_excluded(axes, recording).set_label("excluded from the metrics")
+        legend_above(axes)
+
+
+def _shade_excluded(axes: Axes, recording: Recording) -> Rectangle:
+    end_s = recording.t_s[recording.first_metric_index]
+    return axes.axvspan(recording.t_s[0], end_s, color="#ECECEC", zorder=0, linewidth=0)
+
+
+def _draw_weights(axes: Axes, recording: Recording) -> None:
+    # A parameter holds until the next snapshot, the last one until the end of the record.
+    t_s = np.append(recording.weights_t_s, max(recording.t_s[-1], recording.weights_t_s[-1]))
+    weights = np.vstack((recording.weights, recording.weights[-1:]))
+    right, left = np.hsplit(weights, 2)
+    sides = {
+        f"right 1 to {right.shape[1]}": _draw_side(axes, t_s, right, _RIGHT_SHADES),
+        f"left 1 to {left.shape[1]}": _draw_side(axes, t_s, left, _LEFT_SHADES),
+    }
+    axes.set(title="(e) Parameters", ylabel="weight")
+    round_time_ticks(axes)
+    legend_above(axes, sides)
+
+
+def _draw_side(
+    axes: Axes, t_s: FloatArray, weights: FloatArray, shades: LinearSegmentedColormap
+) -> tuple[Line2D, ...]:
+    """Draw the weights of one side and return a few of the lines, from the first to the last."""
+    colours = shades(np.linspace(0, 1, weights.shape[1]))
+    lines = [
+        draw_trace(axes, t_s, column, color=colour, drawstyle="steps-post", linewidth=1.0)
+        for column, colour in zip(weights.T, colours, strict=True)
+    ]
+    return tuple(lines[index] for index in np.linspace(0, len(lines) - 1, 4).astype(int))

@@ -1,0 +1,169 @@
+"""How all figures look: colours, sizes, and the bytes of a PNG."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Final
+
+import matplotlib as mpl
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerTuple
+from matplotlib.ticker import MaxNLocator
+
+from piezod.records.atomic import replacing
+
+# The colours of Okabe and Ito, which most colour-blind people tell apart.
+BLACK: Final = "#000000"
+BLUE: Final = "#0072B2"
+SKY_BLUE: Final = "#56B4E9"
+GREEN: Final = "#009E73"
+VERMILLION: Final = "#D55E00"
+PURPLE: Final = "#CC79A7"
+ORANGE: Final = "#E69F00"
+GREY: Final = "#767676"
+
+# What is wished is black and dashed; what is measured or applied is solid, in its own colour.
+WISHED: Final[dict[str, Any]] = {"color": BLACK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
+DRIVE: Final[dict[str, Any]] = {"color": VERMILLION, "linewidth": 1.5}
+POSITION: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.5}
+LOOP: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.0}
+ERROR: Final[dict[str, Any]] = {"color": PURPLE, "linewidth": 0.7}
+ERROR_DOTS: Final[dict[str, Any]] = {
+    "color": PURPLE, "linestyle": "", "marker": ".", "markersize": 2.0, "markeredgewidth": 0.0,
+}  # fmt: skip
+EXCLUDED: Final[dict[str, Any]] = {"color": "#B0B0B0", "linewidth": 0.9}
+# A thin line upon a broad one: both stay visible where they agree.
+BROAD_DRIVE: Final[dict[str, Any]] = {"color": ORANGE, "linewidth": 2.6}
+PREDICTED: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 0.7}
+
+_DOTS_PER_INCH: Final = 125
+_SETTINGS: Final[dict[Any, Any]] = {
+    "font.size": 10.0,
+    "axes.titlesize": 10.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 10.0,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.xmargin": 0.01,
+    "grid.color": "#E4E4E4",
+    "grid.linewidth": 0.7,
+    "legend.frameon": False,
+    "legend.fontsize": 9.5,
+    "legend.handlelength": 2.2,
+    "lines.solid_joinstyle": "round",
+    "figure.constrained_layout.w_pad": 0.07,
+    "figure.constrained_layout.h_pad": 0.05,
+    "figure.dpi": _DOTS_PER_INCH,
+    "savefig.dpi": _DOTS_PER_INCH,
+}
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Draw with our settings on top of matplotlib's own, whatever the user's matplotlibrc says."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_SETTINGS)
+        yield
+
+
+def new_figure(width_in: float, height_in: float, title: str, subtitle: str) -> Figure:
+    """Return an empty figure with a headline at its upper left.
+
+    Args:
+        width_in: Width in inches.
+        height_in: Height in inches.
+        title: First line of the headline.
+        subtitle: Second line; empty for none.
+    """
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    FigureCanvasAgg(figure)
+    heading = "\n".join(filter(None, (title, subtitle)))
+    figure.suptitle(heading, x=0.008, ha="left", fontsize=12, linespacing=1.5)
+    return figure
+
+
+def round_time_ticks(axes: Axes) -> None:
+    """Label the abscissa, a time in s, at round values.
+
+    Args:
+        axes: The panel.
+    """
+    axes.set_xlabel("time (s)")
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=10, steps=[1, 2, 5, 10]))
+
+
+def legend_above(axes: Axes, entries: Mapping[str, tuple[Artist, ...]] | None = None) -> None:
+    """Put the legend beside the panel's title, where it covers no data.
+
+    Args:
+        axes: A panel whose title stands at the left and leaves room.
+        entries: What to explain, artists side by side; by default whatever has a label.
+    """
+    if entries is None:
+        handles, labels = axes.get_legend_handles_labels()
+        entries = {label: (handle,) for handle, label in zip(handles, labels, strict=True)}
+    axes.legend(
+        handles=list(entries.values()),
+        labels=list(entries),
+        handler_map={tuple: HandlerTuple(ndivide=None, pad=0)},
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=len(entries),
+        borderaxespad=0.1,
+        columnspacing=1.3,
+    )
+
+
+def add_percent_axis(axes: Axes, full_range: float, label: str) -> None:
+    """Show at the right what the ordinate is in percent of a range; nothing for a range of 0.
+
+    Args:
+        axes: The panel.
+        full_range: What is 100 %, in the unit of the ordinate.
+        label: What to write beside it.
+    """
+    if full_range <= 0:
+        return
+
+    def to_percent(values: Any) -> Any:
+        return 100.0 * values / full_range
+
+    def from_percent(percents: Any) -> Any:
+        return percents * full_range / 100.0
+
+    axes.secondary_yaxis("right", functions=(to_percent, from_percent)).set_ylabel(label)
+
+
+@house_style()
+def png_bytes(figure: Figure) -> bytes:
+    """Return a figure as PNG, the same bytes for the same figure.
+
+    Args:
+        figure: The figure.
+    """
+    buffer = BytesIO()
+    # Without this, the version of matplotlib is written into the file.
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def save_png(path: Path, figure: Figure) -> None:
+    """Write a figure as PNG.
+
+    Args:
+        path: The file; it appears whole or not at all.
+        figure: The figure.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    with replacing(path) as temporary:
+        temporary.write_bytes(png_bytes(figure))

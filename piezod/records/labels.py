@@ -1,0 +1,51 @@
+"""Words for people in place of the names that data carries."""
+
+from typing import Final
+
+_METRICS: Final = {
+    "tracking_max_pct": "worst tracking error",
+    "tracking_rms_pct": "rms tracking error",
+    "nonlinearity_pct": "nonlinearity",
+    "voltage_error_max_pct": "worst voltage error",
+    "voltage_error_rms_pct": "rms voltage error",
+}
+_UNITS: Final = {"pct": "%", "um": "µm", "v": "V", "s": "s", "hz": "Hz"}
+
+
+def metric_label(name: str) -> str:
+    """Return what a metric is called, without its unit.
+
+    Args:
+        name: Name of the metric; an unknown one is read out without its unit.
+    """
+    stem, _, suffix = name.rpartition("_")
+    return _METRICS.get(name, (stem if suffix in _UNITS else name).replace("_", " "))
+
+
+def metric_unit(name: str) -> str:
+    """Return the unit at the end of a metric's name, empty where there is none.
+
+    Args:
+        name: Name of the metric.
+    """
+    return _UNITS.get(name.rpartition("_")[2], "")
+
+
+def metric_number(name: str, value: float) -> str:
+    """Return the value of a metric as it is shown everywhere: percent with two decimals.
+
+    Args:
+        name: Name of the metric.
+        value: Its value, in the unit of the name.
+    """
+    return f"{value:.2f}" if metric_unit(name) == "%" else f"{value:.3g}"
+
+
+def metric_text(name: str, value: float) -> str:
+    """Return a metric in words with value and unit, as in "nonlinearity 1.52 %".
+
+    Args:
+        name: Name of the metric.
+        value: Its value, in the unit of the name.
+    """
+    return f"{metric_label(name)} {metric_number(name, value)} {metric_unit(name)}".rstrip()

@@ -1,0 +1,41 @@
+import pytest
+
+from piezod.records.labels import metric_label, metric_number, metric_text, metric_unit
+
+
+@pytest.mark.parametrize(
+    ("name", "label", "unit"),
+    [
+        ("tracking_max_pct", "worst tracking error", "%"),
+        ("voltage_error_rms_pct", "rms voltage error", "%"),
+        ("loop_width_um", "loop width", "µm"),
+        ("settling_time_s", "settling time", "s"),
+        ("drive_max_v", "drive max", "V"),
+        ("n_merged", "n merged", ""),
+        ("depth", "depth", ""),
+    ],
+)
+def test_names_become_words_and_units(name: str, label: str, unit: str) -> None:
+    """Known metrics have a phrase of their own, others are read out; the unit is the suffix."""
+    assert metric_label(name) == label
+    assert metric_unit(name) == unit
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("nonlinearity_pct", 1.5, "1.50"),
+        ("nonlinearity_pct", float("nan"), "nan"),
+        ("loop_width_um", 0.012345, "0.0123"),
+        ("n_merged", 12.0, "12"),
+    ],
+)
+def test_numbers_are_shown_by_unit(name: str, value: float, text: str) -> None:
+    """Percentages have two decimals, everything else three digits."""
+    assert metric_number(name, value) == text
+
+
+def test_metric_in_words() -> None:
+    """A metric in words has its unit behind, and no blank where there is none."""
+    assert metric_text("nonlinearity_pct", 1.519) == "nonlinearity 1.52 %"
+    assert metric_text("n_merged", 3.0) == "n merged 3"
