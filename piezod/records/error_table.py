@@ -1,0 +1,71 @@
+"""The table of errors: which are best, and which miss their reference."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from piezod.records.recording import ExperimentResult, Recording
+from piezod.records.reference import Reference, is_missed
+
+
+class Cell(NamedTuple):
+    """One error.
+
+    Attributes:
+        metric: Name of the metric.
+        value: The error in the unit of the name; NaN where the recording has no such metric.
+        limit: What it should not exceed, None where nothing is said.
+        best: Whether no other mode of the case does better.
+        missed: Whether it exceeds its limit, or is no number.
+    """
+
+    metric: str
+    value: float
+    limit: float | None
+    best: bool
+    missed: bool
+
+
+class Row(NamedTuple):
+    """The errors of one recording.
+
+    Attributes:
+        mode: Name of the mode.
+        cells: One for each metric of the experiment.
+        reference: The reference's error for this case and mode, None where there is none.
+    """
+
+    mode: str
+    cells: tuple[Cell, ...]
+    reference: float | None
+
+
+def error_table(
+    result: ExperimentResult, reference: Reference | None = None
+) -> dict[tuple[str, str], tuple[Row, ...]]:
+    """Return the errors of an experiment, rows of modes by (axis, case).
+
+    Args:
+        result: The experiment.
+        reference: Errors to compare with, where there are any.
+    """
+    return {
+        key: tuple(_row(each, recordings, result.metric_names, reference) for each in recordings)
+        for key, recordings in result.by_case().items()
+    }
+
+
+def _row(
+    recording: Recording,
+    rivals: Sequence[Recording],
+    metrics: Sequence[str],
+    reference: Reference | None,
+) -> Row:
+    cells = []
+    for metric in metrics:
+        value = recording.metrics.get(metric, math.nan)
+        limit = reference.limit(recording, metric) if reference else None
+        others = [rival.metrics.get(metric, math.inf) for rival in rivals if rival is not recording]
+        best = bool(others) and all(value <= other for other in others)
+        cells.append(Cell(metric, value, limit, best, is_missed(value, limit)))
+    return Row(recording.mode, tuple(cells), reference.value(recording) if reference else None)

@@ -1,0 +1,78 @@
+"""The report of an experiment: one HTML page that needs nothing else, and its figures as PNG."""
+
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from itertools import chain
+from pathlib import Path
+from typing import Any, Final
+
+from jinja2 import Environment, StrictUndefined
+
+from piezod.records.atomic import replacing
+from piezod.records.error_table import Row, error_table
+from piezod.records.labels import metric_label, metric_number, metric_unit
+from piezod.records.recording import ExperimentResult
+from piezod.records.reference import Reference
+from piezod.records.report_figures import draw_gallery
+
+REPORT_NAME: Final = "report.html"
+_TEMPLATE: Final = "templates/report.html.jinja"
+
+
+def write_report(
+    folder: Path, result: ExperimentResult, reference: Reference | None = None
+) -> Path:
+    """Write the page, and beside it each of its figures.
+
+    Args:
+        folder: Where to write; created where absent.
+        result: The experiment.
+        reference: Errors to compare with, where there are any.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        OSError: If the files cannot be written.
+    """
+    gallery = draw_gallery(result, reference)
+    table = error_table(result, reference)
+    for figure in gallery.all():
+        with replacing(folder / f"{figure.name}.png") as temporary:
+            temporary.write_bytes(figure.png)
+    page = _render(
+        result=result,
+        reference=reference,
+        table=table,
+        verdict=_verdict(table, reference),
+        gallery=gallery,
+    )
+    path = folder / REPORT_NAME
+    with replacing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return path
+
+
+def _render(**context: Any) -> str:
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters |= {
+        "label": metric_label,
+        "number": metric_number,
+        "unit": metric_unit,
+    }
+    source = files("piezod.records").joinpath(_TEMPLATE).read_text(encoding="utf-8")
+    return environment.from_string(source).render(context)
+
+
+def _verdict(table: Mapping[tuple[str, str], Sequence[Row]], reference: Reference | None) -> str:
+    """Say in one sentence how the errors compare with the reference; empty without one."""
+    rows = chain.from_iterable(table.values())
+    compared = [cell for row in rows for cell in row.cells if cell.limit is not None]
+    if reference is None or not compared:
+        return ""
+    n_missed = sum(cell.missed for cell in compared)
+    if n_missed:
+        return f"{n_missed} of {len(compared)} errors exceed the figure of the {reference.label}."
+    return f"All {len(compared)} errors are at or below the figures of the {reference.label}."

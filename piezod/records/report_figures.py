@@ -1,0 +1,129 @@
+"""The figures of a report, drawn, named and described."""
+
+import re
+import struct
+from base64 import b64encode
+from dataclasses import dataclass
+from itertools import chain, count
+from typing import NamedTuple
+
+from piezod.records.figures import (
+    identification_figure,
+    mode_figure,
+    overview_figure,
+    png_bytes,
+)
+from piezod.records.labels import metric_text
+from piezod.records.recording import ExperimentResult, Identification, Recording
+from piezod.records.reference import Reference
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """A drawn figure.
+
+    Attributes:
+        name: Name of its file, without the suffix; also its anchor in the page.
+        title: What to write above it.
+        alt: What it shows, for those who cannot see it.
+        png: The picture.
+    """
+
+    name: str
+    title: str
+    alt: str
+    png: bytes
+
+    @property
+    def base64(self) -> str:
+        """The picture as text for a data address."""
+        return b64encode(self.png).decode("ascii")
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height in pixels, as the picture's own header says."""
+        width, height = struct.unpack(">II", self.png[16:24])
+        return width, height
+
+
+class Gallery(NamedTuple):
+    """All figures of a report.
+
+    Attributes:
+        overview: The comparison of all modes; None where there is no metric to compare.
+        models: Models beside the records they were fitted to; those read from files have none.
+        runs: Figures of the modes by (axis, case).
+    """
+
+    overview: ReportFigure | None
+    models: tuple[ReportFigure, ...]
+    runs: dict[tuple[str, str], tuple[ReportFigure, ...]]
+
+    def all(self) -> tuple[ReportFigure, ...]:
+        """Return every figure, in the order of the page."""
+        first = () if self.overview is None else (self.overview,)
+        return (*first, *self.models, *chain.from_iterable(self.runs.values()))
+
+
+def draw_gallery(result: ExperimentResult, reference: Reference | None = None) -> Gallery:
+    """Draw all figures of an experiment.
+
+    Args:
+        result: The experiment.
+        reference: Errors to compare with, where there are any.
+    """
+    number = count(1)
+    fitted = [each for each in result.identifications if each.t_s.size]
+    return Gallery(
+        _overview(result, reference) if result.metric_names else None,
+        tuple(_model(index, each) for index, each in enumerate(fitted, 1)),
+        {
+            key: tuple(_run(next(number), each) for each in recordings)
+            for key, recordings in result.by_case().items()
+        },
+    )
+
+
+def _overview(result: ExperimentResult, reference: Reference | None) -> ReportFigure:
+    alt = (
+        f"The errors of {len(result.recordings)} runs as dots, a panel for each metric; "
+        "the table of errors holds the same figures."
+    )
+    return ReportFigure("overview", "", alt, png_bytes(overview_figure(result, reference)))
+
+
+def _model(number: int, identification: Identification) -> ReportFigure:
+    name = _file_name(f"model_{number}", identification.axis)
+    title = f"Axis {identification.axis}: {identification.title}"
+    png = png_bytes(identification_figure(identification))
+    return ReportFigure(name, title, _fit_alt(identification), png)
+
+
+def _run(number: int, recording: Recording) -> ReportFigure:
+    name = _file_name(f"run_{number:02d}", *recording.key)
+    return ReportFigure(
+        name, recording.mode, _run_alt(recording), png_bytes(mode_figure(recording))
+    )
+
+
+def _file_name(*parts: str) -> str:
+    # The number in front keeps apart what is spelt alike once odd signs are gone.
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", "_".join(parts))
+
+
+def _fit_alt(identification: Identification) -> str:
+    errors = [metric_text(*item) for item in identification.fit_errors.items()]
+    shown = "Measured and predicted drive voltage over time and as a loop, and their difference"
+    return _sentence(shown, errors)
+
+
+def _run_alt(recording: Recording) -> str:
+    panels = "Voltage, displacement, loop and error"
+    if recording.weights.size:
+        panels = "Voltage, displacement, loop, error and parameters"
+    errors = [metric_text(*item) for item in recording.metrics.items()]
+    return _sentence(f"{panels} of {recording.case}, mode {recording.mode}", errors)
+
+
+def _sentence(shown: str, errors: list[str]) -> str:
+    return f"{shown}: {', '.join(errors)}." if errors else f"{shown}."

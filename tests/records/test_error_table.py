@@ -1,0 +1,79 @@
+from dataclasses import replace
+
+import pytest
+
+from piezod.records.error_table import error_table
+from piezod.records.recording import ExperimentResult
+from piezod.records.reference import Reference, is_missed
+
+
+@pytest.mark.parametrize(
+    ("value", "limit", "missed"),
+    [
+        (1.0, None, False),
+        (1.87, 1.87, False),
+        (1.8700001, 1.87, True),
+        (float("nan"), None, True),
+        (float("nan"), 1.87, True),
+        (float("inf"), None, True),
+    ],
+)
+def test_missed_is_above_the_limit_or_no_number(
+    value: float, limit: float | None, missed: bool
+) -> None:
+    """Reaching the limit is enough, exceeding it is not, and NaN never is."""
+    assert is_missed(value, limit) == missed
+
+
+def test_reference_holds_for_its_metrics_only(
+    result: ExperimentResult, reference: Reference
+) -> None:
+    """A limit exists where both the metric and the pair of case and mode are known."""
+    by_key = {recording.key: recording for recording in result.recordings}
+    known, unknown = by_key["x", "case 1", "adaptive"], by_key["x", "b", "adaptive"]
+
+    assert reference.limit(known, "nonlinearity_pct") == 0.4
+    assert reference.limit(known, "tracking_rms_pct") is None
+    assert reference.limit(unknown, "nonlinearity_pct") is None
+
+
+def test_rows_follow_the_recordings(result: ExperimentResult, reference: Reference) -> None:
+    """There is a row for each mode of each case, with every metric as it was recorded."""
+    table = error_table(result, reference)
+
+    assert list(table) == [("x", "case 1"), ("x", "b")]
+    rows = [row for group in table.values() for row in group]
+    assert [row.mode for row in rows] == [each.mode for each in result.recordings]
+    assert [{cell.metric: cell.value for cell in row.cells} for row in rows] == [
+        dict(each.metrics) for each in result.recordings
+    ]
+    assert [row.reference for row in rows] == [None, 0.7, 0.4, None, None, None]
+
+
+def test_best_is_the_smallest_of_its_case(result: ExperimentResult) -> None:
+    """In each case and metric the mode with the smallest error is the best, and no other."""
+    for rows in error_table(result).values():
+        assert [[cell.best for cell in row.cells] for row in rows] == [
+            [False] * 3,
+            [False] * 3,
+            [True] * 3,
+        ]
+
+
+def test_a_mode_without_rivals_is_not_called_best(result: ExperimentResult) -> None:
+    """Where a case ran in one mode only there is nothing to be best of."""
+    table = error_table(replace(result, recordings=result.recordings[:1]))
+
+    assert not any(cell.best for cell in table["x", "case 1"][0].cells)
+
+
+def test_a_metric_that_one_recording_lacks_is_missed_there(result: ExperimentResult) -> None:
+    """A recording without one of the metrics gets NaN for it, and the others stay comparable."""
+    first, second, *_ = result.recordings
+    bare = replace(first, metrics={"nonlinearity_pct": 5.0})
+    rows = error_table(replace(result, recordings=(bare, second)))["x", "case 1"]
+    cells = {(row.mode, cell.metric): cell for row in rows for cell in row.cells}
+
+    assert cells["uncompensated", "tracking_max_pct"].missed
+    assert not cells["uncompensated", "tracking_max_pct"].best
+    assert cells["feedforward", "tracking_max_pct"].best
