@@ -58,6 +58,13 @@ def test_model_without_a_record_comes_back(file: Path, result: ExperimentResult)
     assert _written(file, bare) == bare
 
 
+def test_experiment_without_any_data_comes_back(file: Path, result: ExperimentResult) -> None:
+    """An experiment that left no data behind survives, too."""
+    bare = replace(result, recordings=(), identifications=())
+
+    assert _written(file, bare) == bare
+
+
 def test_names_that_differ_in_signs_only_are_kept_apart(
     file: Path, result: ExperimentResult, recording: Recording
 ) -> None:
