@@ -1,0 +1,204 @@
+"""The plant as a whole: time, seeds, and every effect's switch."""
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.errors import DeviceError
+from piezod.plant.effects import EFFECTS, without
+from piezod.plant.parameters import PlantParameters, quantities, specimen
+from piezod.plant.plant import Plant
+from piezod.plant.variants import VARIANTS
+
+SWEEP_V = 75 - 75 * np.cos(2 * np.pi * 5 * np.arange(400) * 1e-3)
+# Steps beyond every limit, holds for what is slow, and returns for what remembers.
+STIMULUS_V = np.concatenate([[175.0, -25.0, 0.0], np.full(300, 90.0), [20.0, 90.0], SWEEP_V])
+# One command per sub-step, for what is over within a millisecond.
+FAST_STIMULUS_V = np.array([90.0, 90.0, 10.0, 90.0])
+PARTS = ("stage", "amplifier", "sensor")
+
+
+def bright(parameters: PlantParameters) -> PlantParameters:
+    """Give the plant so much light that its sensor could saturate."""
+    return replace(parameters, sensor=replace(parameters.sensor, light_level=3.0))
+
+
+def readings(run: Callable[..., Any], parameters: PlantParameters) -> Any:
+    """Give what the sensor of a plant reports during the stimulus."""
+    plant = Plant(bright(parameters), np.random.SeedSequence(1))
+    slow, fast = run(plant, STIMULUS_V), run(plant, FAST_STIMULUS_V, 50_000)
+    return np.concatenate([slow.sensor_v, fast.sensor_v])
+
+
+def test_plant_without_effects_is_a_straight_line(
+    nominal: Callable[..., PlantParameters], run: Callable[..., Any]
+) -> None:
+    """With every effect off the reading is the drive, scaled and offset, at once."""
+    drive_v = np.concatenate([STIMULUS_V, FAST_STIMULUS_V])
+    expected_v = 3 * 0.11 * (10 + 30 * drive_v / 150)
+
+    assert readings(run, nominal(only=())) == pytest.approx(expected_v, rel=1e-12)
+
+
+@pytest.mark.parametrize("effect", sorted(set(EFFECTS) - {"asymmetry"}))
+def test_switch_of_an_effect_works_both_ways(
+    nominal: Callable[..., PlantParameters], run: Callable[..., Any], effect: str
+) -> None:
+    """An effect alone shows in the reading, and nothing else is left when it is off as well."""
+    ideal, alone = readings(run, nominal(only=())), readings(run, nominal(only=(effect,)))
+    off_again = readings(run, without(nominal(only=(effect,)), [effect]))
+
+    assert np.max(np.abs(alone - ideal)) > 1e-4
+    assert np.array_equal(off_again, ideal)
+
+
+def test_switch_of_the_asymmetry_works(
+    make_plant: Callable[..., Plant], run: Callable[..., Any]
+) -> None:
+    """Without asymmetry the falling branch is the rising one, turned round."""
+    drive_v = np.concatenate([np.arange(0, 151), np.arange(149, -1, -1)])
+    even, skewed = (
+        run(make_plant(only=only), drive_v).position_um
+        for only in (["hysteresis"], ["hysteresis", "asymmetry"])
+    )
+
+    assert even[:151] == pytest.approx(30 - even[150:], abs=1e-9)
+    assert np.max(np.abs(skewed[:151] - (30 - skewed[150:]))) > 0.03 * 30
+
+
+def test_effect_that_does_not_exist_is_refused() -> None:
+    """A misspelt effect is an error, not silence."""
+    with pytest.raises(KeyError, match="gravity"):
+        without(PlantParameters(), ["gravity"])
+
+
+def test_same_seed_does_the_same_to_the_bit(
+    make_plant: Callable[..., Plant], run: Callable[..., Any]
+) -> None:
+    """Two plants of one seed agree in every value; another seed has other noise."""
+    one, same, other = (run(make_plant(seed=seed), SWEEP_V) for seed in (1, 1, 2))
+
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one.sensor_v, other.sensor_v)
+
+
+def test_dividing_the_time_differently_changes_nothing(
+    make_plant: Callable[..., Plant], run: Callable[..., Any]
+) -> None:
+    """Whether a millisecond passes in one call or in five, the plant does the same to the bit."""
+    one = run(make_plant(), SWEEP_V)
+    five = run(make_plant(), np.repeat(SWEEP_V, 5), 200_000)
+
+    assert np.array_equal(one.sensor_v, five.sensor_v[4::5])
+    assert np.array_equal(one.position_um, five.position_um[4::5])
+
+
+def test_long_wait_is_the_same_as_many_short_ones(make_plant: Callable[..., Plant]) -> None:
+    """A second in one call equals a second in milliseconds."""
+    one, many = make_plant(), make_plant()
+    for plant in (one, many):
+        plant.command(60.0)
+    one.advance_to(1_000_000_000)
+    for t_ns in range(0, 1_000_000_001, 1_000_000):
+        many.advance_to(t_ns)
+
+    assert one.sample() == many.sample()
+
+
+def test_time_does_not_go_back(make_plant: Callable[..., Plant]) -> None:
+    """Going back is an error and changes nothing; staying is none."""
+    plant = make_plant()
+    plant.advance_to(1_000_000)
+    with pytest.raises(DeviceError, match="time went back from 1000000 ns to 999999 ns"):
+        plant.advance_to(999_999)
+    plant.advance_to(1_000_000)
+
+    assert plant.now_ns == 1_000_000
+
+
+def test_command_acts_from_the_next_sub_step_on(make_plant: Callable[..., Plant]) -> None:
+    """A command between two sub-steps waits for the next, so that nothing comes too early."""
+    plant = make_plant(only=())
+    plant.advance_to(60_000)
+    plant.command(100.0)
+    plant.advance_to(100_000)
+    before_v = plant.drive_v
+    plant.advance_to(100_001)
+
+    assert (before_v, plant.drive_v) == (0.0, 100.0)
+
+
+def test_plant_begins_at_rest(make_plant: Callable[..., Plant]) -> None:
+    """Before the first command displacement and output are zero, and the sensor sees its gap."""
+    plant = make_plant(off=("sensor_noise", "amplifier_noise"))
+    plant.advance_to(10_000_000)
+
+    assert (plant.true_displacement_um, plant.drive_v, plant.dropped_turns) == (0.0, 0.0, 0)
+    assert plant.sample() == pytest.approx(plant.ideal_reading_v(0.0), abs=20 / 2**17)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_specimens_vary_by_ten_percent(part: str) -> None:
+    """Over 300 seeds each parameter that varies fills 0.9 to 1.1 of its value; others stay."""
+    nominal = getattr(VARIANTS["stack"].parameters, part)
+    drawn = [
+        getattr(specimen(VARIANTS["stack"].parameters, np.random.SeedSequence(seed)), part)
+        for seed in range(300)
+    ]
+    for name, quantity in quantities(type(nominal)).items():
+        value = getattr(nominal, name)
+        factors = [getattr(each, name) / value for each in drawn] if value else [1.0]
+        if quantity.varies and value:
+            assert 0.9 <= min(factors) < 0.91, name
+            assert 1.09 < max(factors) <= 1.1, name
+        else:
+            assert set(factors) == {1.0}, name
+
+
+def test_specimen_is_determined_by_its_seed() -> None:
+    """The same seed draws the same specimen."""
+    one, same, other = (
+        specimen(PlantParameters(), np.random.SeedSequence(seed)) for seed in (7, 7, 8)
+    )
+
+    assert one == same
+    assert one != other
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("part", PARTS)
+def test_parameters_of_variants_are_within_their_bounds(variant: str, part: str) -> None:
+    """What a configuration may not say, no variant says."""
+    nominal = getattr(VARIANTS[variant].parameters, part)
+    for name, quantity in quantities(type(nominal)).items():
+        assert quantity.low <= getattr(nominal, name) <= quantity.high, name
+        assert quantity.about, name
+
+
+def test_every_parameter_is_described() -> None:
+    """Each field of each part has a quantity."""
+    for part in PARTS:
+        kind = type(getattr(PlantParameters(), part))
+        assert list(quantities(kind)) == [item.name for item in fields(kind)]
+
+
+@given(
+    drive_v=st.lists(st.floats(-200, 200), min_size=1, max_size=20),
+    variant=st.sampled_from(sorted(VARIANTS)),
+)
+def test_no_drive_breaks_the_plant(
+    make_plant: Callable[..., Plant], drive_v: list[float], variant: str
+) -> None:
+    """Whatever is commanded, displacement, output and reading stay finite."""
+    plant = make_plant(variant)
+    for k, command_v in enumerate(drive_v):
+        plant.command(command_v)
+        plant.advance_to((k + 1) * 777_777)
+
+    assert all(map(isfinite, (plant.true_displacement_um, plant.drive_v, plant.sample())))
