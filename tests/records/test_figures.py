@@ -168,8 +168,7 @@ def test_legends_cover_no_data(recording: Recording, identification: Identificat
 
 
 def _texts(axes: Axes, words: str) -> list[Text]:
-    found = [each for each in axes.findobj(Text) if isinstance(each, Text)]
-    return [text for text in found if text.get_text() == words]
+    return [text for text in axes.findobj(Text) if text.get_text() == words]
 
 
 def test_model_and_data_are_shown(identification: Identification) -> None:

@@ -33,7 +33,7 @@ POSITION: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.5}
 LOOP: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.0}
 ERROR: Final[dict[str, Any]] = {"color": PURPLE, "linewidth": 0.7}
 ERROR_DOTS: Final[dict[str, Any]] = {
-    "color": PURPLE, "linestyle": "", "marker": ".", "markersize": 2.0, "markeredgewidth": 0.0,
+    "color": PURPLE, "linestyle": "", "marker": ".", "markersize": 3.0, "markeredgewidth": 0.0,
 }  # fmt: skip
 EXCLUDED: Final[dict[str, Any]] = {"color": "#B0B0B0", "linewidth": 0.9}
 # A thin line upon a broad one: both stay visible where they agree.
