@@ -120,7 +120,7 @@ class SensorParameters:
     ] = 0.0
     noise_nm_per_rthz: Annotated[
         float, Quantity("nm/√Hz", 0, 1000, "noise density at nominal light on the near side")
-    ] = 0.76
+    ] = 0.745
     bandwidth_hz: Annotated[float, Quantity("Hz", 100, 1e6, "-3 dB bandwidth")] = 1e4
     antialias_hz: Annotated[
         float, Quantity("Hz", 10, 1e5, "-3 dB frequency of the second-order low-pass filter")

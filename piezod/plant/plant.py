@@ -64,6 +64,8 @@ class Plant:
         """
         if t_ns < self.now_ns:
             raise DeviceError(f"time went back from {self.now_ns} ns to {t_ns} ns")
+        if t_ns == self.now_ns:
+            return
         self.now_ns = t_ns
         sub_steps = -((self._grid_ns - t_ns) // self._sub_step_ns)
         self._grid_ns += sub_steps * self._sub_step_ns

@@ -32,25 +32,25 @@ _STACK = PlantParameters()
 _FLEXURE = PlantParameters(
     stage=StageParameters(
         drive_v=180.0,
-        reversible_um=12.92,
-        irreversible_um=21.08,
+        reversible_um=13.06,
+        irreversible_um=20.94,
         skew=0.21,
         drift=0.037,
         mode_damping=0.015,
     ),
     amplifier=AmplifierParameters(output_max_v=190.0),
-    sensor=SensorParameters(slope_v_per_um=0.097, noise_nm_per_rthz=0.86),
+    sensor=SensorParameters(slope_v_per_um=0.097, noise_nm_per_rthz=0.845),
 )
 
 _AFM = PlantParameters(
     stage=replace(
         _STACK.stage,
-        reversible_um=34.2,
-        irreversible_um=55.8,
+        reversible_um=34.9,
+        irreversible_um=55.1,
         skew=0.66,
         mode_hz=358.0,
     ),
-    sensor=SensorParameters(slope_v_per_um=0.0367, noise_nm_per_rthz=2.28),
+    sensor=SensorParameters(slope_v_per_um=0.0367, noise_nm_per_rthz=2.235),
 )
 
 VARIANTS: Final[Mapping[str, Variant]] = {

@@ -103,12 +103,18 @@ def test_full_loop_is_13_to_16_pct_wide_for_every_seed(variant: str) -> None:
     assert max(widths_pct) <= 16
 
 
-def test_full_loop_stays_13_to_16_pct_wide_with_every_effect(run: Callable[..., Any]) -> None:
-    """At 0.5 Hz creep and delay widen the loop of no specimen beyond that range."""
+@pytest.mark.parametrize("variant", ["stack", "afm"])
+def test_full_loop_stays_13_to_16_pct_wide_with_every_effect(
+    run: Callable[..., Any], variant: str
+) -> None:
+    """At 0.5 Hz creep and lag widen the loop of no specimen beyond that range.
+
+    (The flexure stage is left out: while its return point drifts, its loop does not close.)
+    """
     drive_v = 75 - 75 * np.cos(2 * np.pi * 0.5 * np.arange(1, 4001) * 1e-3)
     for seed in range(100):
         of_specimen, of_noise = np.random.SeedSequence(seed).spawn(2)
-        plant = Plant(specimen(VARIANTS["stack"].parameters, of_specimen), of_noise)
+        plant = Plant(specimen(VARIANTS[variant].parameters, of_specimen), of_noise)
         position_um = run(plant, drive_v).position_um[2000:]
         rising = np.interp(np.linspace(1, 149), drive_v[2000:3000], position_um[:1000])
         falling = np.interp(np.linspace(1, 149), drive_v[:2999:-1], position_um[:999:-1])
