@@ -95,19 +95,21 @@ class Compensator:
     Args:
         bank: Thresholds and gains of the inverse model's stops, from `new_bank`.
         weights: (2 M,) weights [a^l, a^r] to start from; all zero for a stage not yet identified.
+        mode: The mode to start in.
         fade_cycles: Cycles over which a switch of mode or of weights is spread; at least 1.
     """
 
-    def __init__(self, bank: FloatArray, weights: FloatArray, *, fade_cycles: int) -> None:
+    def __init__(
+        self, bank: FloatArray, weights: FloatArray, *, mode: Mode, fade_cycles: int
+    ) -> None:
         self.weights: FloatArray = weights.copy()
         """Weights in use, shape (2 M,); they change while the identifier is followed."""
         self._target = self.weights.copy()
         self._fade_cycles = fade_cycles
-        self._mode = Mode.UNCOMPENSATED
-        self._strength, self._strength_aim = 0.0, 0.0
-        self._fading, self._following = 0, False
         self._has_model = bool(np.any(weights))
         self._memory = new_bank_memory(bank)
+        self.switch(mode)
+        self._fading, self._strength = 0, self._strength_aim
         self._arguments = (*self._memory, bank, np.empty(bank.shape[1]), self.weights, self._target)
 
     @property

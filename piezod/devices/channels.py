@@ -1,0 +1,126 @@
+"""The channels of all axes as one sensor and one amplifier, a transaction per device and cycle."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from piezod.devices.interface import Amplifier, Capabilities, Device, Identity, Sample, Sensor
+from piezod.errors import DeviceError
+
+
+class ChannelPair(NamedTuple):
+    """Which devices serve an axis.
+
+    Attributes:
+        sensor: Name of the device that measures it.
+        amplifier: Name of the device that drives it.
+    """
+
+    sensor: str
+    amplifier: str
+
+
+def served_axes(device: str, axes: Mapping[str, ChannelPair]) -> tuple[str, ...]:
+    """Return the axes that a device serves in either role, in the order of the axes."""
+    return tuple(axis for axis, pair in axes.items() if device in pair)
+
+
+class Channels:
+    """Implements `Sensor` and `Amplifier` for all axes, over the devices that serve them.
+
+    Args:
+        devices: Constructed devices by name, each for its `served_axes`.
+        axes: The devices of each axis; their order is that of every sequence.
+
+    Raises:
+        DeviceError: If a device cannot play a role that an axis gives it.
+    """
+
+    def __init__(self, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair]) -> None:
+        self._devices = devices
+        self._axes = tuple(axes)
+        place = {axis: index for index, axis in enumerate(axes)}
+        self._sensors: list[tuple[Sensor, list[tuple[int, int]]]] = []
+        self._amplifiers: list[tuple[Amplifier, list[int]]] = []
+        for name, device in devices.items():
+            served = served_axes(name, axes)
+            measured = [(i, place[a]) for i, a in enumerate(served) if axes[a].sensor == name]
+            driven = [place[a] for a in served if axes[a].amplifier == name]
+            if measured:
+                if not isinstance(device, Sensor):
+                    raise _wrong_role(name, "sensor")
+                self._sensors.append((device, measured))
+            if driven:
+                if not isinstance(device, Amplifier):
+                    raise _wrong_role(name, "amplifier")
+                self._amplifiers.append((device, driven))
+        self._zero_um = [0.0] * len(axes)
+
+    def open(self) -> Identity:
+        """Open every device; if one cannot be, those before it are closed again."""
+        identities = []
+        try:
+            for device in self._devices.values():
+                identities.append(device.open())
+        except DeviceError:
+            self.close()
+            raise
+        return Identity(*(" + ".join(parts) for parts in zip(*identities, strict=True)))
+
+    def capabilities(self) -> Capabilities:
+        """Tell what all devices can do together."""
+        each = [device.capabilities() for device in self._devices.values()]
+        return Capabilities(
+            self._axes, all(one.read_back for one in each), min(one.max_rate_hz for one in each)
+        )
+
+    def activate(self, now_ns: int) -> None:
+        """Make every device ready for cyclic calls."""
+        for device in self._devices.values():
+            device.activate(now_ns)
+
+    def deactivate(self, now_ns: int) -> None:
+        """Bring the outputs of every device to rest."""
+        for device in self._devices.values():
+            device.deactivate(now_ns)
+
+    def close(self) -> None:
+        """Make the outputs of every device safe and let go of it."""
+        for device in self._devices.values():
+            device.close()
+
+    def zero(self, zero_um: Sequence[float]) -> None:
+        """Call these displacements zero from now on, in µm as the devices give them, per axis."""
+        self._zero_um = list(zero_um)
+
+    def read(self, now_ns: int) -> list[Sample]:
+        """Take one sample of each axis, from its zero on; may be called in the loop."""
+        samples = [Sample(now_ns, 0.0, False)] * len(self._axes)
+        for sensor, measured in self._sensors:
+            taken = sensor.read(now_ns)
+            for channel, axis in measured:
+                t_ns, position_um, valid = taken[channel]
+                samples[axis] = Sample(t_ns, position_um - self._zero_um[axis], valid)
+        return samples
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Set the voltage of every axis, in V; may be called in the loop.
+
+        Returns:
+            Whether every device took its values.
+        """
+        taken = True
+        for amplifier, driven in self._amplifiers:
+            taken &= amplifier.write([drive_v[axis] for axis in driven], now_ns)
+        return taken
+
+    def read_back(self, now_ns: int) -> list[float]:
+        """Tell the voltage now in force, in V, per axis; may be called in the loop."""
+        drive_v = [float("nan")] * len(self._axes)
+        for amplifier, driven in self._amplifiers:
+            for axis, value in zip(driven, amplifier.read_back(now_ns), strict=True):
+                drive_v[axis] = value
+        return drive_v
+
+
+def _wrong_role(name: str, role: str) -> DeviceError:
+    return DeviceError(f"device {name} is no {role}; name another for this axis")

@@ -1,0 +1,141 @@
+"""The first phase of an experiment: a model for every axis, recorded and fitted, or from a file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from piezod.config.axes import AxisConfig
+from piezod.config.experiment import ExperimentConfig, IdentificationConfig
+from piezod.config.model_file import load_model
+from piezod.control.axis import Waveform
+from piezod.control.waveforms import build_waveform
+from piezod.errors import DataError
+from piezod.experiment.fit import Fit, Method, StageModel, fit_model
+from piezod.experiment.model_io import from_model_file
+from piezod.experiment.record import Record
+from piezod.experiment.stage import IN_FORCE_V, POSITION_UM, Stage
+from piezod.hysteresis.memory import FloatArray
+from piezod.records.recording import Identification
+from piezod.units import NS_PER_S
+
+
+@dataclass(frozen=True)
+class IdentifiedAxis:
+    """A model and the account of how it was made."""
+
+    model: StageModel
+    account: Identification
+
+
+def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, IdentifiedAxis]:
+    """Return the model of every axis, in their order; those without a file are driven for it.
+
+    Raises:
+        ConfigError: If a model file cannot be used.
+        DataError: If the record cannot be used.
+        DeviceError: If a device refuses.
+    """
+    traces: Mapping[str, FloatArray] = {}
+    if config.identification is not None:
+        stage.rest(config.identification.settle_s)
+        traces = _drive(stage, config.axes, config.identification)
+    return {
+        name: _from_file(name, axis)
+        if config.identification is None or axis.model is not None
+        else _from_record(name, axis, _record(name, stage, traces[name]), config.identification)
+        for name, axis in config.axes.items()
+    }
+
+
+def _drive(
+    stage: Stage, axes: Mapping[str, AxisConfig], settings: IdentificationConfig
+) -> Mapping[str, FloatArray]:
+    """Drive the axes that have no model, the others resting; return the trace of each axis."""
+    drive = build_waveform(settings.drive_v, settings.duration_s).value
+    waveforms = [
+        drive if axis.model is None else _held(axis.limits.rest_v) for axis in axes.values()
+    ]
+    traces = stage.open_loop(waveforms, settings.duration_s)
+    return dict(zip(axes, traces, strict=True))
+
+
+def _held(drive_v: float) -> Waveform:
+    return lambda _t_s: drive_v
+
+
+def _record(name: str, stage: Stage, trace: FloatArray) -> Record:
+    position_um = trace[:, POSITION_UM]
+    invalid = np.flatnonzero(~np.isfinite(position_um))
+    t_s = np.arange(trace.shape[0]) * (stage.period_ns / NS_PER_S)
+    if invalid.size:
+        message = (
+            f"axis {name}: {invalid.size} of {t_s.size} samples of the identification were "
+            f"invalid, the first at {t_s[invalid[0]]:.3f} s; "
+            "is the sensor in its range over the whole drive?"
+        )
+        raise DataError(message)
+    return Record(t_s, trace[:, IN_FORCE_V].copy(), position_um.copy())
+
+
+def _from_record(
+    name: str, axis: AxisConfig, record: Record, settings: IdentificationConfig
+) -> IdentifiedAxis:
+    compensator = axis.compensator
+    deadband = compensator.deadband_pct / 100.0
+    fit = fit_model(
+        record,
+        method=Method(settings.method),
+        order=compensator.operators,
+        lms_gain=compensator.lms_gain,
+        deadband=deadband,
+        delay_s=None if compensator.delay_s == "auto" else compensator.delay_s,
+    )
+    return IdentifiedAxis(fit.model, _account(name, fit, record, deadband))
+
+
+def _account(name: str, fit: Fit, record: Record, deadband: float) -> Identification:
+    aligned = record.aligned(fit.model.delay_s)
+    return Identification(
+        axis=name,
+        title="recorded run of the identification",
+        method=fit.method.value,
+        t_s=aligned.t_s,
+        drive_v=aligned.drive_v,
+        position_um=aligned.position_um,
+        predicted_v=fit.model.predicted_v(aligned, deadband),
+        fit_errors=fit.model.errors_pct(record, deadband),
+        parameters=_parameters(fit.model),
+    )
+
+
+def _from_file(name: str, axis: AxisConfig) -> IdentifiedAxis:
+    assert axis.model is not None  # noqa: S101 - the configuration's rules see to it
+    file = load_model(axis.model)
+    model = from_model_file(file)
+    nothing = np.empty(0)
+    account = Identification(
+        axis=name,
+        title=f"model file {axis.model.name}",
+        method=file.method,
+        t_s=nothing,
+        drive_v=nothing,
+        position_um=nothing,
+        predicted_v=nothing,
+        fit_errors=file.fit.model_dump(),
+        parameters=_parameters(model),
+    )
+    return IdentifiedAxis(model, account)
+
+
+def _parameters(model: StageModel) -> dict[str, FloatArray]:
+    inverse = model.inverse()
+    return {
+        "right_stop_thresholds": inverse.right_stop_thresholds,
+        "right_stop_weights": inverse.right_stop_weights,
+        "left_stop_thresholds": inverse.left_stop_thresholds,
+        "left_stop_weights": inverse.left_stop_weights,
+        "drive_range_v": np.array(model.drive_v),
+        "position_range_um": np.array(model.position_um),
+        "delay_s": np.array(model.delay_s),
+    }

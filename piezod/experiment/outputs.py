@@ -1,0 +1,26 @@
+"""What an experiment leaves in a folder: data and report."""
+
+from pathlib import Path
+
+from piezod.records.hdf5_file import write_hdf5
+from piezod.records.recording import ExperimentResult
+from piezod.records.reference import Reference
+from piezod.records.report import write_report
+
+DATA_NAME = "experiment.h5"
+
+
+def write_outputs(folder: Path, result: ExperimentResult, reference: Reference | None) -> Path:
+    """Write the data file and the report with its figures; return the report's path.
+
+    Args:
+        folder: Where to write; created where absent.
+        result: The experiment.
+        reference: Errors to compare with.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    write_hdf5(folder / DATA_NAME, result)
+    return write_report(folder, result, reference)

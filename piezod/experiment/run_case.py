@@ -1,0 +1,113 @@
+"""One case of an experiment in one mode: from rest through the whole command."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from piezod.config.experiment import CaseConfig, ExperimentConfig
+from piezod.config.modes import Mode
+from piezod.control.axis import CompensatedAxis
+from piezod.control.waveforms import Waveform, build_waveform
+from piezod.errors import DataError
+from piezod.experiment.compensated import compensated_axis
+from piezod.experiment.error_rows import errors_pct
+from piezod.experiment.fit import StageModel
+from piezod.experiment.stage import (
+    COMMAND_UM,
+    IN_FORCE_V,
+    POSITION_UM,
+    UNCOMPENSATED_V,
+    Stage,
+)
+from piezod.hysteresis.memory import FloatArray
+from piezod.records.recording import Recording
+from piezod.units import NS_PER_S, s_to_ns
+
+SNAPSHOT_S = 0.05
+"""The parameters are recorded this often."""
+BEYOND = 0.01
+"""A command may leave the identified range by this part of it: both ends carry noise and drift."""
+
+
+def run_case(
+    stage: Stage,
+    config: ExperimentConfig,
+    models: Mapping[str, StageModel],
+    case: CaseConfig,
+    mode: Mode,
+) -> list[Recording]:
+    """Rest, run a case, and return one recording per axis.
+
+    Raises:
+        DataError: If a command leaves the range in which the axis was identified.
+        DeviceError: If a device refuses.
+    """
+    references = {
+        name: build_waveform(command, case.duration_s)
+        for name, command in case.commands(config.axes).items()
+    }
+    for name, reference in references.items():
+        _check_range(case, name, reference, models[name])
+    stage.rest(config.settle_s)
+    axes = [
+        compensated_axis(
+            axis,
+            models[name],
+            mode,
+            references[name].value,
+            in_force_v=in_force_v,
+            start_ns=stage.now_ns,
+            period_ns=stage.period_ns,
+        )
+        for (name, axis), in_force_v in zip(config.axes.items(), stage.in_force_v, strict=True)
+    ]
+    snapshots = _Snapshots(axes, every=max(1, s_to_ns(SNAPSHOT_S) // stage.period_ns))
+    traces = stage.run(axes, case.duration_s, before=snapshots.take)
+    t_s = np.arange(traces.shape[1]) * (stage.period_ns / NS_PER_S)
+    first = int(np.searchsorted(t_s, case.period_s))
+    return [
+        Recording(
+            axis=name,
+            case=case.name,
+            mode=mode.value,
+            title=case.title,
+            t_s=t_s,
+            drive_v=trace[:, IN_FORCE_V],
+            position_um=trace[:, POSITION_UM],
+            command_um=trace[:, COMMAND_UM],
+            uncompensated_v=trace[:, UNCOMPENSATED_V],
+            weights=np.array(weights),
+            weights_t_s=t_s[:: snapshots.every],
+            metrics=errors_pct(
+                config.metrics, trace[first:, COMMAND_UM], trace[first:, POSITION_UM]
+            ),
+            first_metric_index=first,
+        )
+        for name, trace, weights in zip(config.axes, traces, snapshots.weights, strict=True)
+    ]
+
+
+class _Snapshots:
+    """The parameters in use, right operators first, taken now and then."""
+
+    def __init__(self, axes: list[CompensatedAxis], every: int) -> None:
+        self._axes, self.every = axes, every
+        self.weights: list[list[FloatArray]] = [[] for _ in axes]
+
+    def take(self, cycle: int) -> None:
+        if cycle % self.every == 0:
+            for axis, taken in zip(self._axes, self.weights, strict=True):
+                left, right = np.split(axis.compensator.weights, 2)
+                taken.append(np.concatenate((right, left)))
+
+
+def _check_range(case: CaseConfig, name: str, reference: Waveform, model: StageModel) -> None:
+    identified = model.position_um
+    margin = BEYOND * identified.width
+    if reference.low < identified.low - margin or reference.high > identified.high + margin:
+        message = (
+            f"{case.name} commands {reference.low:g} to {reference.high:g} µm, but axis {name} was "
+            f"identified from {identified.low:.3g} to {identified.high:.3g} µm; keep the command "
+            "inside, or identify with a larger drive"
+        )
+        raise DataError(message)

@@ -1,0 +1,139 @@
+"""The stage of an experiment: its devices in virtual time, run phase by phase."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from piezod.config.experiment import ExperimentConfig
+from piezod.control.axis import Axis, OpenLoopAxis, Waveform
+from piezod.control.cycle import Cycle, CycleRecord
+from piezod.devices import registry
+from piezod.devices.channels import ChannelPair, Channels, served_axes
+from piezod.errors import DeviceError
+from piezod.experiment.compensated import limits_of
+from piezod.hysteresis.memory import FloatArray
+from piezod.units import NS_PER_S, s_to_ns
+
+ZERO_OVER_S = 0.2
+"""The sensor is zeroed to its mean over the last part of a rest, this long."""
+RAMP_SHARE = 0.5
+"""Part of a rest in which the voltage goes to its rest value; the remainder it is held."""
+
+IN_FORCE_V, POSITION_UM, COMMAND_UM, UNCOMPENSATED_V = range(4)
+"""Columns of a trace."""
+
+Progress = Callable[[int], None]
+"""Told how many further cycles have run."""
+
+
+@contextmanager
+def opened(config: ExperimentConfig, progress: Progress) -> Iterator["Stage"]:
+    """Open and activate the devices of an experiment; whatever happens, leave them safe.
+
+    Raises:
+        DeviceError: If a device cannot be opened, or cannot play the role it is given.
+    """
+    axes = {name: ChannelPair(axis.sensor, axis.amplifier) for name, axis in config.axes.items()}
+    devices = {}
+    for name, device in config.devices.items():
+        plugin = registry.load(device.driver)
+        devices[name] = plugin.create(device.options, served_axes(name, axes), config.seed)
+    channels = Channels(devices, axes)
+    channels.open()
+    stage = Stage(channels, config, progress)
+    try:
+        channels.activate(stage.now_ns)
+        yield stage
+        channels.deactivate(stage.now_ns)
+    finally:
+        channels.close()
+
+
+class Stage:
+    """All axes of an experiment; time goes on from phase to phase.
+
+    Args:
+        channels: The devices, open.
+        config: The experiment.
+        progress: Told as cycles run.
+    """
+
+    def __init__(self, channels: Channels, config: ExperimentConfig, progress: Progress) -> None:
+        self._channels, self._progress = channels, progress
+        self._axes = tuple(config.axes.values())
+        self.period_ns = round(NS_PER_S / config.rate_hz)
+        self.now_ns = 0
+        self.in_force_v = [axis.limits.rest_v for axis in self._axes]
+        """Voltage in force on each axis, in V."""
+        self._zero_um = np.zeros(len(self._axes))
+
+    def run(
+        self, axes: Sequence[Axis], duration_s: float, before: Callable[[int], None] | None = None
+    ) -> FloatArray:
+        """Run cycles for a duration; return the trace, shape (axes, cycles, 4).
+
+        Args:
+            axes: What each axis does, in the order of the configuration.
+            duration_s: How long, in s.
+            before: Called before each cycle with its number.
+
+        Raises:
+            DeviceError: If the amplifier refuses a voltage.
+        """
+        cycles = s_to_ns(duration_s) // self.period_ns
+        cycle = Cycle(self._channels, self._channels, axes)
+        trace = np.full((len(axes), cycles, 4), np.nan)
+        for k in range(cycles):
+            if before is not None:
+                before(k)
+            record = cycle.run(self.now_ns)
+            self._note(record, trace[:, k])
+            self.now_ns += self.period_ns
+            self._progress(1)
+        return trace
+
+    def open_loop(self, waveforms_v: Sequence[Waveform], duration_s: float) -> FloatArray:
+        """Drive voltage waveforms, one per axis; return the trace, shape (axes, cycles, 4)."""
+        axes = [
+            OpenLoopAxis(waveform, limits_of(axis), in_force_v, self.now_ns, self.period_ns)
+            for waveform, axis, in_force_v in zip(
+                waveforms_v, self._axes, self.in_force_v, strict=True
+            )
+        ]
+        return self.run(axes, duration_s)
+
+    def rest(self, duration_s: float) -> None:
+        """Go to the rest voltage and hold it, then call the displacement reached zero."""
+        ramps = [
+            _ramp(in_force_v, axis.limits.rest_v, RAMP_SHARE * duration_s)
+            for axis, in_force_v in zip(self._axes, self.in_force_v, strict=True)
+        ]
+        trace = self.open_loop(ramps, duration_s)
+        last = s_to_ns(ZERO_OVER_S) // self.period_ns
+        positions_um = trace[:, -last:, POSITION_UM]
+        if positions_um.shape[1] == last and np.all(np.isfinite(positions_um)):
+            self._zero_um += positions_um.mean(axis=1)
+            self._channels.zero(self._zero_um.tolist())
+
+    def _note(self, record: CycleRecord, row: FloatArray) -> None:
+        if not record.written:
+            asked = ", ".join(f"{output.drive_v:g} V" for output in record.outputs)
+            message = f"the amplifier refused {asked} at {record.t_ns / NS_PER_S:.3f} s"
+            raise DeviceError(message)
+        for i, (sample, output) in enumerate(zip(record.samples, record.outputs, strict=True)):
+            row[i, IN_FORCE_V] = output.in_force_v
+            row[i, COMMAND_UM] = output.command_um
+            row[i, UNCOMPENSATED_V] = output.uncompensated_v
+            if sample.valid:
+                row[i, POSITION_UM] = sample.position_um
+            self.in_force_v[i] = output.drive_v
+
+
+def _ramp(from_v: float, to_v: float, over_s: float) -> Waveform:
+    def value(t_s: float) -> float:
+        if t_s >= over_s:
+            return to_v
+        return from_v + (to_v - from_v) * t_s / over_s
+
+    return value

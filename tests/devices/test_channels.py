@@ -1,0 +1,152 @@
+"""Tests of the channels that make one sensor and one amplifier of all devices."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from piezod.devices.channels import ChannelPair, Channels, served_axes
+from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.errors import DeviceError, DeviceUnavailableError
+
+
+class FakeDevice:
+    """What the fakes have in common; it notes what is done to it."""
+
+    def __init__(self, axes: tuple[str, ...], *, absent: bool = False) -> None:
+        self.axes, self.absent = axes, absent
+        self.done: list[str] = []
+
+    def open(self) -> Identity:
+        if self.absent:
+            raise DeviceUnavailableError("nothing answers")
+        self.done.append("open")
+        return Identity("maker", "model", "serial", "firmware")
+
+    def capabilities(self) -> Capabilities:
+        return Capabilities(self.axes, read_back=True, max_rate_hz=1000.0 * len(self.axes))
+
+    def activate(self, now_ns: int) -> None:
+        self.done.append(f"activate {now_ns}")
+
+    def deactivate(self, now_ns: int) -> None:
+        self.done.append(f"deactivate {now_ns}")
+
+    def close(self) -> None:
+        self.done.append("close")
+
+
+class FakeSensor(FakeDevice):
+    """Measures 1 µm on its first axis, 2 µm on its second."""
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        return [Sample(now_ns - 5, 1.0 + i, valid=True) for i in range(len(self.axes))]
+
+
+class FakeAmplifier(FakeDevice):
+    """Takes what it is given, unless told not to."""
+
+    def __init__(self, axes: tuple[str, ...], *, refusing: bool = False) -> None:
+        super().__init__(axes)
+        self.refusing = refusing
+        self.drive_v: Sequence[float] = [0.0] * len(axes)
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - protocol
+        if not self.refusing:
+            self.drive_v = drive_v
+        return not self.refusing
+
+    def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - protocol
+        return self.drive_v
+
+
+class FakeBoth(FakeSensor, FakeAmplifier):
+    """A sensor and amplifier in one."""
+
+
+TWO_AXES = {"x": ChannelPair("fibre", "left"), "y": ChannelPair("fibre", "right")}
+
+
+def two_axes(*, refusing: bool = False) -> tuple[Channels, dict[str, FakeDevice]]:
+    """Two axes on one sensor and two amplifiers."""
+    devices: dict[str, FakeDevice] = {
+        "fibre": FakeSensor(served_axes("fibre", TWO_AXES)),
+        "left": FakeAmplifier(served_axes("left", TWO_AXES)),
+        "right": FakeAmplifier(served_axes("right", TWO_AXES), refusing=refusing),
+    }
+    return Channels(devices, TWO_AXES), devices
+
+
+def test_a_device_serves_the_axes_that_name_it_in_either_role() -> None:
+    """The order is that of the axes, not of the devices."""
+    served = [served_axes(name, TWO_AXES) for name in ("fibre", "left", "right", "other")]
+
+    assert served == [("x", "y"), ("x",), ("y",), ()]
+
+
+def test_samples_come_in_the_order_of_the_axes_from_their_zero_on() -> None:
+    """Zeroing shifts the displacement of its axis, and not the instant."""
+    channels, _ = two_axes()
+    channels.zero([0.25, 0.5])
+
+    assert [Sample(95, 0.75, True), Sample(95, 1.5, True)] == channels.read(100)
+
+
+def test_voltages_go_to_the_amplifier_of_their_axis() -> None:
+    """Each device gets the values of its own axes only, and reads them back."""
+    channels, devices = two_axes()
+
+    assert channels.write([3.0, 4.0], 100)
+    assert devices["left"].drive_v == [3.0]  # type: ignore[attr-defined] # a FakeAmplifier
+    assert channels.read_back(100) == [3.0, 4.0]
+
+
+def test_a_write_that_one_device_refuses_is_refused() -> None:
+    """The caller learns of it whichever device it was."""
+    channels, _ = two_axes(refusing=True)
+
+    assert not channels.write([3.0, 4.0], 100)
+
+
+def test_one_device_may_play_both_roles() -> None:
+    """Its two channels are one axis each."""
+    axes = {"x": ChannelPair("rig", "rig"), "y": ChannelPair("rig", "rig")}
+    channels = Channels({"rig": FakeBoth(("x", "y"))}, axes)
+    channels.write([1.0, 2.0], 0)
+
+    assert channels.read_back(0) == [1.0, 2.0]
+    assert [sample.position_um for sample in channels.read(0)] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("role", ["sensor", "amplifier"])
+def test_a_device_that_cannot_play_its_role_is_refused(role: str) -> None:
+    """The error names the device and the role."""
+    with pytest.raises(DeviceError, match=f"device plain is no {role}"):
+        Channels(
+            {"plain": FakeDevice(("x",)), "both": FakeBoth(("x",))},
+            {"x": ChannelPair("both", "both")._replace(**{role: "plain"})},
+        )
+
+
+def test_the_life_cycle_reaches_every_device() -> None:
+    """In the order of the devices."""
+    channels, devices = two_axes()
+    identity = channels.open()
+    channels.activate(1)
+    channels.deactivate(2)
+    channels.close()
+
+    assert identity.maker == "maker + maker + maker"
+    assert channels.capabilities() == Capabilities(("x", "y"), read_back=True, max_rate_hz=1000.0)
+    for device in devices.values():
+        assert device.done == ["open", "activate 1", "deactivate 2", "close"]
+
+
+def test_a_device_that_is_absent_leaves_none_open() -> None:
+    """Those opened before it are closed again."""
+    fibre, absent = FakeSensor(("x",)), FakeBoth(("x",))
+    absent.absent = True
+    channels = Channels({"fibre": fibre, "rig": absent}, {"x": ChannelPair("fibre", "rig")})
+    with pytest.raises(DeviceUnavailableError, match="nothing answers"):
+        channels.open()
+
+    assert fibre.done == ["open", "close"]
