@@ -1,0 +1,57 @@
+"""Experiments for tests: short, on the simulated rig."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from piezod.config.experiment import ExperimentConfig, load_experiment
+from piezod.devices import registry
+
+SHORT = """\
+rate_hz: 1000
+seed: 3
+devices:
+  rig: {driver: simulated, options: {variant: stack}}
+axes:
+  x:
+    amplifier: rig
+    sensor: rig
+    limits: {drive_min_v: 0, drive_max_v: 150, slew_v_per_s: 20000, rest_v: 0}
+identification:
+  method: least-squares
+  settle_s: 0.5
+  duration_s: 4
+  drive_v:
+    kind: sine
+    low: 0
+    high: 140
+    frequency_hz: 1
+    envelope: {kind: decaying, time_constant_s: 4}
+settle_s: 0.5
+cases:
+  - name: slow
+    period_s: 1
+    duration_s: 3
+    command_um: {kind: sine, low: 0, high: 20, frequency_hz: 1}
+"""
+
+Load = Callable[[str], ExperimentConfig]
+
+
+@pytest.fixture
+def short() -> str:
+    """Text of an experiment that takes a second."""
+    return SHORT
+
+
+@pytest.fixture
+def load(tmp_path: Path) -> Load:
+    """Load an experiment from text."""
+
+    def from_text(text: str) -> ExperimentConfig:
+        path = tmp_path / "experiment.yaml"
+        path.write_text(text, encoding="utf-8")
+        return load_experiment(path, registry)
+
+    return from_text

@@ -1,0 +1,169 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from piezod.config.modes import Mode
+from piezod.errors import DataError, DeviceError
+from piezod.experiment.error_rows import error_rows, errors_pct
+from piezod.experiment.outputs import write_outputs
+from piezod.experiment.run import run_experiment
+from piezod.experiment.stage import opened
+from piezod.records.hdf5_file import read_hdf5
+from piezod.records.recording import ExperimentResult
+from tests.experiment.conftest import Load
+
+
+def run(load: Load, text: str) -> ExperimentResult:
+    """Run an experiment given as text."""
+    return run_experiment(load(text), text, "a test", lambda _label, _share: None)
+
+
+def test_every_case_runs_in_every_mode(load: Load, short: str) -> None:
+    """There is one row for each, in the order they were run."""
+    rows = error_rows(run(load, short))
+
+    assert [(row["case"], row["mode"]) for row in rows] == [("slow", mode) for mode in Mode]
+    assert set(rows[0]) == {
+        "axis",
+        "case",
+        "mode",
+        "tracking_max_pct",
+        "tracking_rms_pct",
+        "nonlinearity_pct",
+    }
+
+
+def test_compensation_takes_most_of_the_hysteresis_away(load: Load, short: str) -> None:
+    """Both compensated modes leave less than a third of the error without."""
+    without, feedforward, adaptive = (r.metrics for r in run(load, short).recordings)
+
+    assert without["nonlinearity_pct"] > 6.0
+    assert feedforward["nonlinearity_pct"] < without["nonlinearity_pct"] / 3
+    assert adaptive["nonlinearity_pct"] < without["nonlinearity_pct"] / 3
+
+
+def test_the_same_seed_gives_the_same_experiment_to_the_bit(load: Load, short: str) -> None:
+    """All data, errors and parameters are equal."""
+    assert run(load, short) == run(load, short)
+
+
+def test_another_seed_is_another_stage(load: Load, short: str) -> None:
+    """The displacement differs by more than noise."""
+    one = run(load, short).recordings[0]
+    other = run(load, short.replace("seed: 3", "seed: 4")).recordings[0]
+
+    assert np.max(np.abs(one.position_um - other.position_um)) > 0.1
+
+
+def test_the_command_starts_at_rest_and_the_drive_stays_within_its_limits(
+    load: Load, short: str
+) -> None:
+    """Range and slew hold from sample to sample, in every mode."""
+    for recording in run(load, short).recordings:
+        assert recording.drive_v[0] == pytest.approx(0.0, abs=1.0)
+        assert recording.command_um[0] == 0.0
+        assert 0.0 <= recording.drive_v.min() <= recording.drive_v.max() <= 150.0
+        assert np.max(np.abs(np.diff(recording.drive_v))) <= 20.0 + 1e-9
+
+
+def test_a_slow_amplifier_never_exceeds_its_slew(load: Load, short: str) -> None:
+    """With a limit below what the command needs, the drive runs along the limit."""
+    slow = short.replace("slew_v_per_s: 20000", "slew_v_per_s: 600")
+    hurried = slow.replace("high: 20, frequency_hz: 1", "high: 20, frequency_hz: 3")
+    recording = run(load, hurried).recordings[1]
+
+    assert np.max(np.abs(np.diff(recording.drive_v))) == pytest.approx(0.6)
+
+
+def test_parameters_move_in_adaptive_mode_only(load: Load, short: str) -> None:
+    """Each run has its snapshots of the 38 parameters."""
+    recordings = {recording.mode: recording for recording in run(load, short).recordings}
+
+    assert recordings["feedforward"].weights.shape == (60, 38)
+    assert np.ptp(recordings["feedforward"].weights, axis=0).max() == 0.0
+    assert np.ptp(recordings["adaptive"].weights, axis=0).max() > 0.0
+
+
+def test_two_axes_follow_two_commands(load: Load, short: str) -> None:
+    """Each has its own model, recording and errors."""
+    axis = short[short.index("  x:") : short.index("identification:")]
+    text = short.replace(axis, axis + axis.replace("  x:", "  y:"))
+    text = text.replace(
+        "command_um: {kind: sine, low: 0, high: 20, frequency_hz: 1}",
+        "command_um: {axes: {x: {kind: sine, low: 0, high: 20, frequency_hz: 1},"
+        " y: {kind: triangle, low: 0, high: 18, frequency_hz: 1}}}",
+    )
+    result = run(load, text)
+    x, y = (r for r in result.recordings if r.mode == "adaptive")
+
+    assert (x.axis, y.axis) == ("x", "y")
+    assert [i.axis for i in result.identifications] == ["x", "y"]
+    assert y.command_um.max() == pytest.approx(18.0, abs=0.1)
+    assert y.metrics["tracking_rms_pct"] < 1.0
+
+
+def test_lms_makes_a_model_too(load: Load, short: str) -> None:
+    """The account of the identification names the method and its errors."""
+    (account,) = run(load, short.replace("least-squares", "lms")).identifications
+
+    assert account.method == "lms"
+    assert account.fit_errors["voltage_error_rms_pct"] < 2.0
+
+
+def test_a_command_beyond_the_identified_range_is_refused(load: Load, short: str) -> None:
+    """The error names the case, both ranges and the remedy."""
+    with pytest.raises(DataError, match=r"slow commands 0 to 90 µm.*identified from.*larger drive"):
+        run(load, short.replace("high: 20", "high: 90"))
+
+
+def test_a_saturated_sensor_spoils_the_identification(load: Load, short: str) -> None:
+    """The error says how many samples were invalid, since when, and what to look for."""
+    saturating = "{variant: stack, sensor: {slope_v_per_um: 1.0}}"
+    with pytest.raises(DataError, match=r"samples of the identification were invalid.*range"):
+        run(load, short.replace("{variant: stack}", saturating))
+
+
+def test_whatever_happens_the_devices_are_left_safe(load: Load, short: str) -> None:
+    """An error in the middle of a phase closes the devices."""
+    config = load(short)
+    with pytest.raises(RuntimeError, match="cable"), opened(config, lambda _cycles: None) as stage:
+        channels = stage._channels  # noqa: SLF001 - what is asked is whether they are closed
+        raise RuntimeError("cable")
+
+    with pytest.raises(DeviceError, match="not open"):
+        channels.capabilities()
+
+
+def test_resting_brings_the_stage_to_rest_and_zeroes_the_sensor(load: Load, short: str) -> None:
+    """From half the range down to rest, without a step."""
+    with opened(load(short), lambda _cycles: None) as stage:
+        trace = stage.open_loop([lambda _t_s: 75.0], 0.5)
+        assert trace[0, -1, 1] > 5.0
+        stage.rest(1.0)
+        after = stage.open_loop([lambda _t_s: 0.0], 0.1)
+
+    assert stage.in_force_v == [0.0]
+    assert np.abs(after[0, :, 1]).max() < 0.2
+
+
+def test_errors_leave_out_invalid_samples() -> None:
+    """Where nothing was measured there is no error, not a zero."""
+    command = np.linspace(0.0, 1.0, 5)
+    position = np.array([0.0, np.nan, 0.5, 0.75, 1.1])
+
+    assert errors_pct(("tracking_max_pct",), command, position)["tracking_max_pct"] == (
+        pytest.approx(100 * 0.1 / 1.1)
+    )
+    assert np.isnan(
+        errors_pct(("nonlinearity_pct",), command, np.full(5, np.nan))["nonlinearity_pct"]
+    )
+
+
+def test_what_is_written_can_be_read_again(load: Load, short: str, tmp_path: Path) -> None:
+    """The data file holds the whole result, and the report stands beside it."""
+    result = run(load, short)
+    report = write_outputs(tmp_path / "new" / "folder", result, None)
+
+    assert read_hdf5(report.parent / "experiment.h5") == result
+    assert report.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
