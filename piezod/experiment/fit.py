@@ -1,12 +1,12 @@
 """From a record of drive and displacement to an inverse model of the stage, with its delay."""
 
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
 from piezod.errors import DataError, ModelError
 from piezod.experiment.delay import DelayEstimate, estimate_delay
+from piezod.experiment.method import Method
 from piezod.experiment.record import Record
 from piezod.hysteresis import (
     AffineRange,
@@ -18,16 +18,6 @@ from piezod.hysteresis import (
     stop_regressors,
 )
 from piezod.hysteresis.memory import FloatArray
-
-
-class Method(StrEnum):
-    """How the weights are found."""
-
-    LMS = "lms"
-    """The paper's update, sample by sample, over the record several times."""
-    LEAST_SQUARES = "least-squares"
-    """All weights at once, over the whole record."""
-
 
 SAMPLES_PER_WEIGHT = 5
 """With fewer samples for each weight, a fit would follow the noise."""
@@ -176,7 +166,7 @@ def _lms_weights(
         identifier.run(x, v)
     if not np.all(np.isfinite(identifier.weights)):
         raise ModelError(
-            f"LMS with {bank.shape[1] // 2} operators on each side and a gain of {gain:g} diverged; "
+            f"LMS with {bank.shape[1] // 2} operators on each side and gain {gain:g} diverged; "
             "fit fewer operators, lower the gain, or use least squares"
         )
     return identifier.weights

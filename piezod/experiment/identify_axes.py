@@ -11,7 +11,9 @@ from piezod.config.model_file import load_model
 from piezod.control.axis import Waveform
 from piezod.control.waveforms import build_waveform
 from piezod.errors import DataError
-from piezod.experiment.fit import Fit, Method, StageModel, fit_model
+from piezod.experiment.account import account_of, parameters_of
+from piezod.experiment.fit import StageModel, fit_model
+from piezod.experiment.method import Method
 from piezod.experiment.model_io import from_model_file
 from piezod.experiment.record import Record
 from piezod.experiment.stage import IN_FORCE_V, POSITION_UM, Stage
@@ -67,7 +69,7 @@ def _held(drive_v: float) -> Waveform:
 def _record(name: str, stage: Stage, trace: FloatArray) -> Record:
     position_um = trace[:, POSITION_UM]
     invalid = np.flatnonzero(~np.isfinite(position_um))
-    t_s = np.arange(trace.shape[0]) * (stage.period_ns / NS_PER_S)
+    t_s = np.arange(trace.shape[0], dtype=np.float64) * (stage.period_ns / NS_PER_S)
     if invalid.size:
         message = (
             f"axis {name}: {invalid.size} of {t_s.size} samples of the identification were "
@@ -91,22 +93,9 @@ def _from_record(
         deadband=deadband,
         delay_s=None if compensator.delay_s == "auto" else compensator.delay_s,
     )
-    return IdentifiedAxis(fit.model, _account(name, fit, record, deadband))
-
-
-def _account(name: str, fit: Fit, record: Record, deadband: float) -> Identification:
-    aligned = record.aligned(fit.model.delay_s)
-    return Identification(
-        axis=name,
-        title="recorded run of the identification",
-        method=fit.method.value,
-        t_s=aligned.t_s,
-        drive_v=aligned.drive_v,
-        position_um=aligned.position_um,
-        predicted_v=fit.model.predicted_v(aligned, deadband),
-        fit_errors=fit.model.errors_pct(record, deadband),
-        parameters=_parameters(fit.model),
-    )
+    title = "recorded run of the identification"
+    account = account_of(fit, record, axis=name, title=title, deadband=deadband)
+    return IdentifiedAxis(fit.model, account)
 
 
 def _from_file(name: str, axis: AxisConfig) -> IdentifiedAxis:
@@ -123,19 +112,6 @@ def _from_file(name: str, axis: AxisConfig) -> IdentifiedAxis:
         position_um=nothing,
         predicted_v=nothing,
         fit_errors=file.fit.model_dump(),
-        parameters=_parameters(model),
+        parameters=parameters_of(model),
     )
     return IdentifiedAxis(model, account)
-
-
-def _parameters(model: StageModel) -> dict[str, FloatArray]:
-    inverse = model.inverse()
-    return {
-        "right_stop_thresholds": inverse.right_stop_thresholds,
-        "right_stop_weights": inverse.right_stop_weights,
-        "left_stop_thresholds": inverse.left_stop_thresholds,
-        "left_stop_weights": inverse.left_stop_weights,
-        "drive_range_v": np.array(model.drive_v),
-        "position_range_um": np.array(model.position_um),
-        "delay_s": np.array(model.delay_s),
-    }

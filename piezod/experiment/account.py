@@ -1,0 +1,48 @@
+"""The account of a fit that records and figures show."""
+
+import numpy as np
+
+from piezod.experiment.fit import Fit, StageModel
+from piezod.experiment.record import Record
+from piezod.hysteresis.memory import FloatArray
+from piezod.records.recording import Identification
+
+
+def account_of(
+    fit: Fit, record: Record, *, axis: str, title: str, deadband: float = 0.0
+) -> Identification:
+    """Return the record beside what the model predicts from it.
+
+    Args:
+        fit: The model.
+        record: What it was fitted to.
+        axis: Name of the axis.
+        title: What the record is, for people.
+        deadband: Width of the backlash before the memory, in units of the range.
+    """
+    aligned = record.aligned(fit.model.delay_s)
+    return Identification(
+        axis=axis,
+        title=title,
+        method=fit.method.value,
+        t_s=aligned.t_s,
+        drive_v=aligned.drive_v,
+        position_um=aligned.position_um,
+        predicted_v=fit.model.predicted_v(aligned, deadband),
+        fit_errors=fit.model.errors_pct(record, deadband),
+        parameters=parameters_of(fit.model),
+    )
+
+
+def parameters_of(model: StageModel) -> dict[str, FloatArray]:
+    """Return everything that makes a model, by name."""
+    inverse = model.inverse()
+    return {
+        "right_stop_thresholds": inverse.right_stop_thresholds,
+        "right_stop_weights": inverse.right_stop_weights,
+        "left_stop_thresholds": inverse.left_stop_thresholds,
+        "left_stop_weights": inverse.left_stop_weights,
+        "drive_range_v": np.array(model.drive_v),
+        "position_range_um": np.array(model.position_um),
+        "delay_s": np.array(model.delay_s),
+    }
