@@ -1,0 +1,127 @@
+"""From a recorded file to a model: read, fit, judge on this file and on another one."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from piezod.errors import DataError
+from piezod.experiment.delay import DelayEstimate
+from piezod.experiment.fit import Fit, fit_model
+from piezod.experiment.method import Method
+from piezod.experiment.record import Record
+from piezod.hysteresis import AffineRange
+from piezod.records.csv_file import read_csv
+
+
+@dataclass(frozen=True)
+class FileFit:
+    """A model fitted to a file, and how good it is.
+
+    Attributes:
+        data: The file.
+        record: What was read from it, without the seconds that were skipped.
+        fit: The model, and how it came about.
+        train: Errors of the predicted voltage on the record, by name, in % of the model's range.
+        test: The same on another file, None without one.
+        warnings: What a person should know before using the model, a sentence each.
+    """
+
+    data: Path
+    record: Record
+    fit: Fit
+    train: Mapping[str, float]
+    test: Mapping[str, float] | None
+    warnings: tuple[str, ...]
+
+
+def identify_file(
+    data: Path,
+    *,
+    test: Path | None,
+    skip_s: float,
+    delay_s: float | None,
+    method: Method,
+    order: int,
+) -> FileFit:
+    """Fit a model to a recorded file.
+
+    Args:
+        data: CSV with the columns t_s, drive_v, position_um.
+        test: Another such file, on which the model is judged too.
+        skip_s: The first seconds of each file to leave out.
+        delay_s: The delay in s; estimated from the data if None.
+        method: How to find the weights.
+        order: Operators on each side.
+
+    Raises:
+        DataError: If a file cannot be used; the text begins with its name.
+        ModelError: If LMS diverges.
+        OSError: If a file cannot be read.
+    """
+    record = read_record(data, skip_s)
+    test_record = read_record(test, skip_s) if test else None
+    try:
+        fit = fit_model(record, method=method, order=order, delay_s=delay_s)
+    except DataError as error:
+        raise DataError(f"{data}: {error}") from error
+    return FileFit(
+        data=data,
+        record=record,
+        fit=fit,
+        train=fit.model.errors_pct(record),
+        test=fit.model.errors_pct(test_record) if test_record else None,
+        warnings=tuple(_warnings(fit, record.period_s, test_record)),
+    )
+
+
+def read_record(path: Path, skip_s: float) -> Record:
+    """Read a recorded file without its first seconds.
+
+    Raises:
+        DataError: If the file cannot be used; the text begins with its name.
+        OSError: If the file cannot be read.
+    """
+    record = Record(**read_csv(path))
+    try:
+        return record.after(skip_s)
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from error
+
+
+def _warnings(fit: Fit, period_s: float, test: Record | None) -> Iterator[str]:
+    if fit.delay is not None:
+        yield from _delay_warnings(fit.delay, period_s)
+    if fit.smallest_slope <= 0.0:
+        yield (
+            f"The inverse is not monotone: its smallest slope is {fit.smallest_slope:.2g}, so that "
+            "the drive would at times go against the command. Do not compensate with it; fit fewer "
+            "operators, or record loops of more sizes."
+        )
+    if test is not None:
+        yield from _range_warnings(fit.model.position_um, test)
+
+
+def _delay_warnings(delay: DelayEstimate, period_s: float) -> Iterator[str]:
+    if delay.one_frequency:
+        yield (
+            "The drive has one frequency. Such a record determines the delay only to about a "
+            f"sample, {1e3 * period_s:.3g} ms: a delay looks like a wider loop, and the model "
+            "takes up part of it."
+        )
+    if delay.delay_s == delay.candidates_s[-1]:
+        yield (
+            f"The delay is the longest that was tried, {1e3 * delay.delay_s:.3g} ms; the true one "
+            "may be longer. Measure it in another way, and give it."
+        )
+
+
+def _range_warnings(position_um: AffineRange, test: Record) -> Iterator[str]:
+    x = position_um.to_unit(test.position_um)
+    share = float(np.mean((x < 0.0) | (x > 1.0)))
+    if share:
+        yield (
+            f"{100.0 * share:.2g} % of the test's displacements are outside of what the model was "
+            f"fitted to, {position_um.low:.6g} to {position_um.high:.6g} µm, and count as its ends."
+        )

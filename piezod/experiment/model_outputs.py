@@ -1,0 +1,32 @@
+"""What an identification leaves: a model file, and beside it a figure of data and model."""
+
+from datetime import datetime
+from pathlib import Path
+
+from piezod.config.model_file import dump_model
+from piezod.experiment.account import account_of
+from piezod.experiment.identify_file import FileFit
+from piezod.experiment.model_io import to_model_file
+from piezod.records.atomic import replacing
+from piezod.records.figures import identification_figure, save_png
+
+
+def write_model(path: Path, fitted: FileFit, created_at: datetime) -> Path:
+    """Write the model file and the figure; return the figure's path.
+
+    Args:
+        path: The model file; the figure has its name with the suffix .png.
+        fitted: What to write.
+        created_at: When the model was made, with a time zone.
+
+    Raises:
+        ModelError: If a number is beyond what a model file may hold.
+        OSError: If a file cannot be written.
+    """
+    text = dump_model(to_model_file(fitted.fit, fitted.data, fitted.train, created_at))
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    account = account_of(fitted.fit, fitted.record, axis="x", title=fitted.data.name)
+    plot = path.with_suffix(".png")
+    save_png(plot, identification_figure(account))
+    return plot
