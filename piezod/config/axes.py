@@ -6,7 +6,9 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from piezod.config.fields import ConfigModel, Quantity, raise_rules
 from piezod.config.files import ExistingFile
+from piezod.config.model_file import load_model
 from piezod.config.quantities import DriveV, Name, PositionUm
+from piezod.errors import ConfigError
 
 
 def _auto_or_number(value: object) -> str:
@@ -77,7 +79,12 @@ class AxisConfig(ConfigModel):
     )
 
     @model_validator(mode="after")
-    def _check_range(self) -> Self:
+    def _check_model_and_range(self) -> Self:
+        if self.model is not None:
+            try:
+                load_model(self.model)
+            except ConfigError as error:
+                raise_rules([(("model",), str(error.problems[0]))])
         if self.command_range_um and not self.command_range_um[0] < self.command_range_um[1]:
             raise_rules([(("command_range_um", 1), "must be above the first of the two")])
         return self

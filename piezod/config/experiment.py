@@ -4,10 +4,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
 from piezod.config.axes import AxisConfig
 from piezod.config.combined_waveforms import WaveformConfig
+from piezod.config.commands import Command, CommandPerAxis
 from piezod.config.devices import DeviceConfig
 from piezod.config.fields import ConfigModel, Context, Drivers, raise_rules
 from piezod.config.modes import Mode
@@ -29,23 +30,6 @@ class IdentificationConfig(ConfigModel):
     settle_s: PauseS = Field(description="Rest before the run, s.")
     duration_s: DurationS = Field(description="Length of the run, s.")
     drive_v: WaveformConfig = Field(description="Open-loop drive of all these axes, V.")
-
-
-class CommandPerAxis(ConfigModel):
-    """A command of its own for each axis."""
-
-    axes: dict[Name, WaveformConfig] = Field(min_length=1, description="Axis: command, µm.")
-
-
-def _one_or_per_axis(value: object) -> str:
-    per_axis = isinstance(value, CommandPerAxis) or (isinstance(value, dict) and "axes" in value)
-    return "per axis" if per_axis else "one"
-
-
-Command: TypeAlias = Annotated[
-    Annotated[WaveformConfig, Tag("one")] | Annotated[CommandPerAxis, Tag("per axis")],
-    Discriminator(_one_or_per_axis),
-]
 
 
 class CaseConfig(ConfigModel):

@@ -8,7 +8,7 @@ from typing import Annotated, Final, TypeAlias
 
 from pydantic import BeforeValidator, ValidationInfo
 
-from piezod.config.fields import broken_rule, context_of
+from piezod.config.fields import Quantity, broken_rule, context_of
 from piezod.config.messages import show, suggest
 
 TIME_COLUMN: Final = "t_s"
@@ -21,8 +21,10 @@ Point: TypeAlias = tuple[float, float]
 
 
 def _existing_file(value: object, info: ValidationInfo) -> object:
-    if not isinstance(value, str):
+    if isinstance(value, Path):
         return value
+    if not isinstance(value, str):
+        raise broken_rule(f"must be the path of a file (got {show(value)})")
     folder = context_of(info).folder
     try:
         exists = (folder / value).is_file()
@@ -89,7 +91,6 @@ def _number(row: list[str], index: int, line: int) -> float:
     except ValueError:
         number = math.nan
     if not abs(number) <= MAX_VALUE:
-        raise ValueError(
-            f"{line}: must be a number (got {text!r}), allowed range ±{MAX_VALUE:.12g}"
-        )
+        what = f"must be a number (got {text!r}), {Quantity(-MAX_VALUE, MAX_VALUE)}"
+        raise ValueError(f"{line}: {what}")
     return number

@@ -77,7 +77,7 @@ def describe(error: "ErrorDetails", known_keys: Sequence[str]) -> str:
 def suggest(word: str, known: Sequence[str], title: str) -> str:
     """Give the known word that was probably meant, or else all of them under a title."""
     close = difflib.get_close_matches(word, known, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"{title}: {', '.join(known)}"
+    return f"did you mean {close[0]!r}?" if close else f"{title}: {', '.join(known) or 'none'}"
 
 
 def show(value: object) -> str:

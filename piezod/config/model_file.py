@@ -3,6 +3,7 @@
 import json
 import textwrap
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
@@ -66,22 +67,28 @@ class ModelFile(ConfigModel):
         return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
-        if not self.drive_low_v < self.drive_high_v:
-            yield ("drive_high_v",), "must be above drive_low_v"
-        if not self.position_low_um < self.position_high_um:
-            yield ("position_high_um",), "must be above position_low_um"
+        yield from _broken_order("drive_high_v", self.drive_high_v, "drive_low_v", self.drive_low_v)
+        yield from _broken_order(
+            "position_high_um", self.position_high_um, "position_low_um", self.position_low_um
+        )
         yield from _broken_side("right", self.right_stop_thresholds, self.right_stop_weights)
         yield from _broken_side("left", self.left_stop_thresholds, self.left_stop_weights)
+
+
+def _broken_order(high_key: str, high: float, low_key: str, low: float) -> Iterator[BrokenRule]:
+    if not low < high:
+        yield (high_key,), f"must be above {low_key}, {low:g} (got {high:g})"
 
 
 def _broken_side(
     side: str, thresholds: tuple[float, ...], weights: tuple[float, ...]
 ) -> Iterator[BrokenRule]:
-    for index in range(1, len(thresholds)):
-        if not thresholds[index - 1] < thresholds[index]:
-            yield (f"{side}_stop_thresholds", index), "must be above the threshold before it"
+    for index, (before, threshold) in enumerate(pairwise(thresholds), start=1):
+        if not before < threshold:
+            what = f"must be above the threshold before it (got {threshold:g})"
+            yield (f"{side}_stop_thresholds", index), what
     if len(weights) != len(thresholds):
-        what = f"as many as thresholds are needed (got {len(weights)}, not {len(thresholds)})"
+        what = f"one for each threshold is needed (got {len(weights)} for {len(thresholds)})"
         yield (f"{side}_stop_weights",), what
 
 

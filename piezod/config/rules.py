@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING
 
+from piezod.config.commands import CommandPerAxis
 from piezod.config.document import KeyPath
 from piezod.config.fields import BrokenRule
 from piezod.config.messages import show, suggest
@@ -64,7 +65,8 @@ def _commands(
         if name not in commands:
             yield (*path, "axes"), f"no command for axis {name}"
         elif axis.command_range_um is not None:
-            yield from _outside(path, commands[name], name, axis.command_range_um, "µm")
+            place = (*path, "axes", name) if isinstance(case.command_um, CommandPerAxis) else path
+            yield from _outside(place, commands[name], name, axis.command_range_um, "µm")
 
 
 def _outside(

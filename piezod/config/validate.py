@@ -48,11 +48,14 @@ def _place(document: Document, error: "ErrorDetails", context: Context) -> Probl
         path = (*path, loc[-1])
         what = describe(error, context.known_keys.get(id(owner), ()))
         return document.problem(path, what, at_key=True)
-    path, _ = _find(document.data, loc)
+    path, found = _find(document.data, loc)
     if kind == "union_tag_invalid":
         path = (*path, error["ctx"]["discriminator"].strip("'"))
-    # pydantic ends the path with "[key]" where the key of a mapping is wrong, not its value.
-    return document.problem(path, describe(error, ()), at_key=loc[-1:] == ("[key]",))
+        return document.problem(path, describe(error, ()))
+    # What is wrong with a mapping as a whole is told at its key. pydantic ends the path with
+    # "[key]" where the key itself is wrong.
+    at_key = isinstance(found, dict) or loc[-1:] == ("[key]",)
+    return document.problem(path, describe(error, ()), at_key=at_key)
 
 
 def _find(data: object, loc: tuple[int | str, ...]) -> tuple[KeyPath, object]:

@@ -5,12 +5,13 @@ A waveform starts at t = 0. One that swings starts at its lowest value and rises
 `low: 0` it leaves the rest position without a step.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, Final, Literal, Self, TypeAlias
 
 from pydantic import Field, PrivateAttr, model_validator
 
 from piezod.config.envelopes import ConstantEnvelope, Envelope
-from piezod.config.fields import ConfigModel, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.config.files import ExistingFile, Point, read_points
 from piezod.config.quantities import DurationS, FrequencyHz, Level, Seed, Size
 
@@ -123,24 +124,20 @@ class Reversals(Swinging):
 
     @model_validator(mode="after")
     def _check_sizes(self) -> Self:
-        span = self.high - self.low
-        fastest = self.min_swing * MAX_TURNS_PER_S
-        rules = (
-            (self.min_swing <= span, "min_swing", self.min_swing, f"at most high - low, {span:g}"),
-            (self.max_speed >= self.min_speed, "max_speed", self.max_speed, "at least min_speed"),
-            (
-                self.max_speed <= fastest,
-                "max_speed",
-                self.max_speed,
-                f"at most {MAX_TURNS_PER_S} times min_swing per s, {fastest:g}",
-            ),
-        )
-        raise_rules(
-            ((key,), f"out of range (got {found:g}), allowed: {allowed}")
-            for holds, key, found, allowed in rules
-            if not holds
-        )
+        raise_rules(self._broken_sizes())
         return self
+
+    def _broken_sizes(self) -> Iterator[BrokenRule]:
+        span, fastest = self.high - self.low, self.min_swing * MAX_TURNS_PER_S
+        if self.min_swing > span:
+            what = f"longer than the range (got {self.min_swing:g}), allowed: at most {span:g}"
+            yield ("min_swing",), what
+        if self.max_speed < self.min_speed:
+            what = f"below min_speed (got {self.max_speed:g}), allowed: at least {self.min_speed:g}"
+            yield ("max_speed",), what
+        if self.max_speed > fastest:
+            what = f"more than {MAX_TURNS_PER_S} times min_swing per s (got {self.max_speed:g})"
+            yield ("max_speed",), f"{what}, allowed: at most {fastest:g}"
 
 
 class Csv(ConfigModel):

@@ -53,9 +53,8 @@ def parse_events(text: str, file: str) -> Iterator[yaml.Event]:
             place = start_of(event)
             yield event
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        if mark is not None:
-            place = Place(mark.line + 1, mark.column + 1)
+        mark = error.problem_mark
+        place = Place(mark.line + 1, mark.column + 1) if mark else place
         raise ConfigError(Problem(file, *place, "", _explain(error))) from error
     except yaml.reader.ReaderError as error:
         what = f"character {chr(error.character)!a} is not allowed in YAML"

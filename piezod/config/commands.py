@@ -1,0 +1,26 @@
+"""Commands: one waveform for all axes, or one for each."""
+
+from typing import Annotated, TypeAlias
+
+from pydantic import Discriminator, Field, Tag
+
+from piezod.config.combined_waveforms import WaveformConfig
+from piezod.config.fields import ConfigModel
+from piezod.config.quantities import Name
+
+
+class CommandPerAxis(ConfigModel):
+    """A command of its own for each axis."""
+
+    axes: dict[Name, WaveformConfig] = Field(min_length=1, description="Axis: command, µm.")
+
+
+def _one_or_per_axis(value: object) -> str:
+    per_axis = isinstance(value, CommandPerAxis) or (isinstance(value, dict) and "axes" in value)
+    return "per axis" if per_axis else "one"
+
+
+Command: TypeAlias = Annotated[
+    Annotated[WaveformConfig, Tag("one")] | Annotated[CommandPerAxis, Tag("per axis")],
+    Discriminator(_one_or_per_axis),
+]

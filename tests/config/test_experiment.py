@@ -1,0 +1,216 @@
+"""Experiment files: what is read, and the exact text of what is refused."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from piezod.config.axes import LimitsConfig
+from piezod.config.devices import DeviceConfig
+from piezod.config.experiment import ExperimentConfig, experiment_json_schema, load_experiment
+from piezod.config.modes import Mode
+from piezod.devices import registry
+from piezod.errors import ConfigError
+
+Load = Callable[..., ExperimentConfig]
+ProblemsOf = Callable[..., list[str]]
+
+SHIPPED = sorted((Path(__file__).parents[2] / "config" / "experiments").glob("*.yaml"))
+AXIS_Y = """\
+axes:
+  y:
+    amplifier: rig
+    sensor: rig
+    limits: {drive_min_v: 0, drive_max_v: 150, slew_v_per_s: 20000, rest_v: 0}
+"""
+
+
+def test_values_are_as_written(load: Load) -> None:
+    """An experiment holds what its file says."""
+    experiment = load()
+
+    assert experiment.rate_hz == 1000.0
+    assert LimitsConfig(drive_min_v=0, drive_max_v=150, slew_v_per_s=20000, rest_v=0) == (
+        experiment.axes["x"].limits
+    )
+    assert experiment.modes == (Mode.FEEDFORWARD, Mode.ADAPTIVE)
+    assert experiment.devices["rig"].options.model_dump() == {"variant": "stack", "gain": 2.5}
+
+
+def test_defaults_are_filled_in(load: Load) -> None:
+    """What a file leaves out has the documented default."""
+    experiment = load(("    options: {variant: stack, gain: 2.5}\n", ""))
+
+    assert (experiment.seed, experiment.settle_s) == (1, 2.0)
+    assert (
+        experiment.axes["x"].compensator.delay_s,
+        experiment.axes["x"].compensator.deadband_pct,
+    ) == ("auto", 0.2)
+    assert experiment.devices["rig"].options.model_dump() == {"variant": "stack", "gain": 1.0}
+
+
+def test_nothing_can_be_changed(load: Load) -> None:
+    """A configuration is frozen."""
+    with pytest.raises(ValidationError, match="frozen"):
+        load().axes["x"].limits.rest_v = 1.0  # type: ignore[misc] # what the test is about
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
+def test_shipped_experiments_load(path: Path) -> None:
+    """Every experiment that ships is valid, its drivers' options included."""
+    assert load_experiment(path, registry).cases
+
+
+def test_experiments_ship() -> None:
+    """The paper's experiment is among what ships."""
+    assert "qiu.yaml" in [path.name for path in SHIPPED]
+
+
+def test_mistakes_in_options_of_a_foreign_kind(problems_of: ProblemsOf) -> None:
+    """Options whose model does not build on piezod's get the same treatment."""
+    options = "{prot: COM1, baud_rate: 2.5, verbose: 1}"
+    changes = (("driver: bench", "driver: port"), ("{variant: stack, gain: 2.5}", options))
+
+    assert problems_of(*changes) == [
+        "test.yaml:5:5: devices.rig.options.port: required key is missing",
+        "test.yaml:5:15: devices.rig.options.prot: unknown key, did you mean 'port'?",
+        "test.yaml:5:38: devices.rig.options.baud_rate: must be a whole number (got 2.5)",
+        "test.yaml:5:52: devices.rig.options.verbose: must be true or false (got 1)",
+    ]
+
+
+def test_all_mistakes_at_once(problems_of: ProblemsOf) -> None:
+    """All problems of a file are reported together, in the order of its lines."""
+    places = [
+        line.split(": ")[0]
+        for line in problems_of(
+            ("rate_hz: 1000", "rate_hz: 0"),
+            ("driver: bench", "driver: benhc"),
+            ("sensor: rig", "sensor: 7"),
+            ("lms_gain: 0.1", "lms_gain: 2"),
+            ("low: 0, high: 25", "low: 30, high: 25"),
+        )
+    ]
+
+    assert places[:4] == ["test.yaml:1:10", "test.yaml:4:13", "test.yaml:9:13", "test.yaml:12:44"]
+    assert places[4:] == ["test.yaml:23:49"]
+
+
+def test_axes_are_mandatory(problems_of: ProblemsOf) -> None:
+    """A file without `axes:` is refused, and so is one without any axis in it."""
+    assert "test.yaml:1:1: axes: required key is missing" in problems_of(("\naxes:", "\naxis:"))
+
+    start = "axes:\n  x:\n    amplifier: rig\n    sensor: rig\n"
+    empty = ("axes: {}\nz:\n  x:\n    amplifier: rig\n    sensor: rig\n",)
+    assert "test.yaml:6:1: axes: too few entries (got 0), allowed: at least 1" in problems_of(
+        (start, *empty)
+    )
+
+
+def test_case_names_are_unique(problems_of: ProblemsOf) -> None:
+    """Two cases of one name could not be told apart."""
+    cases = """\
+cases:
+  - {name: case 1, period_s: 1, duration_s: 2, command_um: {kind: setpoint, level: 0}}
+"""
+
+    assert problems_of(("cases:\n", cases)) == [
+        "test.yaml:21:11: cases[1].name: stands there twice (got 'case 1')"
+    ]
+
+
+def test_identification_or_model(problems_of: ProblemsOf) -> None:
+    """An axis without a model file needs the identification."""
+    text = """\
+identification:
+  method: least-squares
+  settle_s: 5
+  duration_s: 30
+  drive_v: {kind: sine, low: 0, high: 148, frequency_hz: 0.4}
+"""
+
+    assert problems_of((text, "")) == [
+        "test.yaml:7:3: axes.x: needs a model file, or `identification:` to make the model"
+    ]
+
+
+def test_one_command_for_all_axes(load: Load) -> None:
+    """A waveform under `command_um` is the command of every axis."""
+    experiment = load(("axes:\n", AXIS_Y))
+
+    commands = experiment.cases[0].commands(experiment.axes)
+    assert list(commands) == ["y", "x"]
+    assert commands["x"] == commands["y"]
+
+
+def test_a_command_for_each_axis(load: Load) -> None:
+    """`axes:` under `command_um` gives each axis a command of its own."""
+    experiment = load(
+        ("axes:\n", AXIS_Y),
+        (
+            "{kind: triangle, low: 0, high: 25, frequency_hz: 0.5}",
+            "{axes: {x: {kind: setpoint, level: 3}, y: {kind: setpoint, level: 4}}}",
+        ),
+    )
+
+    commands = experiment.cases[0].commands(experiment.axes)
+    assert {name: waveform.bounds() for name, waveform in commands.items()} == {
+        "x": (3.0, 3.0),
+        "y": (4.0, 4.0),
+    }
+
+
+def test_commands_must_fit_the_axes(problems_of: ProblemsOf) -> None:
+    """Every axis has a command, and no command is for an axis that is not there."""
+    changes = (
+        ("axes:\n", AXIS_Y),
+        (
+            "{kind: triangle, low: 0, high: 25, frequency_hz: 0.5}",
+            "{axes: {x: {kind: setpoint, level: 27}, z: {kind: setpoint, level: 4}}}",
+        ),
+    )
+
+    assert problems_of(*changes) == [
+        "test.yaml:27:18: cases[0].command_um.axes: no command for axis y",
+        "test.yaml:27:25: cases[0].command_um.axes.x: may go beyond what axis x allows "
+        "(got 27 to 27 µm), allowed range 0 to 26 µm",
+        "test.yaml:27:57: cases[0].command_um.axes.z: no such axis, known: y, x",
+    ]
+
+
+def test_bounds_off_by_rounding_are_allowed(load: Load) -> None:
+    """A sum that reaches its limit but for the last digit of a double is within it."""
+    levels = (2.6, 10.4, 13.0, 1e-14)
+    parts = ", ".join(f"{{kind: setpoint, level: {level}}}" for level in levels)
+    command = f"{{kind: sum, parts: [{parts}]}}"
+
+    assert load(("{kind: triangle, low: 0, high: 25, frequency_hz: 0.5}", command)).cases
+
+
+def test_json_schema() -> None:
+    """The JSON schema for editors states ranges and what is required."""
+    schema = experiment_json_schema()
+
+    assert tuple(schema["properties"]["rate_hz"][key] for key in ("minimum", "maximum")) == (
+        10,
+        20_000,
+    )
+    assert schema["required"] == ["rate_hz", "devices", "axes", "cases"]
+    assert json.dumps(schema)
+
+
+def test_devices_made_in_python() -> None:
+    """In Python, options are an instance of the driver's model; a mapping cannot be checked."""
+    options = LimitsConfig(drive_min_v=0, drive_max_v=1, slew_v_per_s=1, rest_v=0)
+
+    assert options is DeviceConfig(driver="any", options=options).options
+    with pytest.raises(ValidationError, match="instance of the driver's own model"):
+        DeviceConfig.model_validate({"driver": "any", "options": {}})
+
+
+def test_missing_file_names_the_file(tmp_path: Path) -> None:
+    """A file that is not there is a configuration error as well."""
+    with pytest.raises(ConfigError, match=r"none\.yaml: cannot be read: No such file"):
+        load_experiment(tmp_path / "none.yaml", registry)

@@ -1,0 +1,188 @@
+"""Model files: written and read back without loss, and refused where they are wrong."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from piezod.config.experiment import ExperimentConfig
+from piezod.config.model_file import FitConfig, ModelFile, SourceConfig, dump_model, load_model
+from piezod.config.yaml_loader import parse_yaml
+from piezod.errors import ConfigError
+
+MODEL = ModelFile(
+    created_at="2024-05-01T12:00:00+00:00",
+    created_by="piezod 0.1.0",
+    method="least-squares",
+    source=SourceConfig(file="identification.csv", sha256="1e3" + "0" * 61),
+    fit=FitConfig(voltage_error_max_pct=1.5, voltage_error_rms_pct=1e-7),
+    drive_low_v=0,
+    drive_high_v=150,
+    position_low_um=-0.1,
+    position_high_um=26.123456789012345,
+    delay_s=1.1e-4,
+    right_stop_thresholds=(0.25, 0.5, 0.75),
+    right_stop_weights=(0.1, -0.2, 1 / 3),
+    left_stop_thresholds=(0.5,),
+    left_stop_weights=(-1e-9,),
+)
+TEXT = dump_model(MODEL)
+
+
+def problems_of(path: Path, old: str, new: str) -> list[str]:
+    """Give the problems of the model file after replacing a part of its text."""
+    assert TEXT.count(old) == 1
+    path.write_text(TEXT.replace(old, new), encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        load_model(path)
+    return [str(problem).replace(problem.file, "m.yaml") for problem in caught.value.problems]
+
+
+def test_text_of_a_model_file() -> None:
+    """A model file can be read by a person: one fact per line, long lists folded."""
+    assert TEXT.splitlines()[:8] == [
+        "# Model of a stage for piezod.",
+        'format: "piezod-model"',
+        "version: 1",
+        'created_at: "2024-05-01T12:00:00+00:00"',
+        'created_by: "piezod 0.1.0"',
+        'method: "least-squares"',
+        "source:",
+        '  file: "identification.csv"',
+    ]
+    assert TEXT.splitlines()[-4:] == [
+        "left_stop_thresholds:",
+        "  [0.5]",
+        "left_stop_weights:",
+        "  [-1e-09]",
+    ]
+    assert max(map(len, TEXT.splitlines())) <= 100
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    """What was written is read back, to the last bit."""
+    path = tmp_path / "m.yaml"
+    path.write_text(TEXT, encoding="utf-8")
+
+    assert load_model(path) == MODEL
+
+
+WEIGHTS = st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3).map(tuple)
+NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=255)
+
+
+@given(weights=WEIGHTS, name=NAMES, delay_s=st.floats(0, 1))
+def test_any_model_round_trips(weights: tuple[float, ...], name: str, delay_s: float) -> None:
+    """Any weights and any name of a source survive, also one that looks like a number."""
+    model = ModelFile.model_validate(
+        MODEL.model_dump()
+        | {
+            "right_stop_weights": weights,
+            "delay_s": delay_s,
+            "source": {"file": name, "sha256": "0" * 64},
+        }
+    )
+
+    assert ModelFile.model_validate(parse_yaml(dump_model(model), "m").data) == model
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            '"piezod-model"',
+            '"model"',
+            "2:9: format: unknown value (got 'model'), allowed: piezod-model",
+        ),
+        ("version: 1", "version: 2", "3:10: version: unknown value (got 2), allowed: 1"),
+        (
+            '"least-squares"',
+            "guess",
+            "6:9: method: unknown value (got 'guess'), allowed: lms, least-squares",
+        ),
+        (
+            "1e30",
+            "1E30",
+            "9:11: source.sha256: not well formed (got '1E3000000000000000000000000000000000000…), "
+            "allowed pattern ^[0-9a-f]{64}$",
+        ),
+        ("_max_pct: 1.5", "_max_pct: -1", "11:26: fit.voltage_error_max_pct: out of range "
+         "(got -1), allowed range 0 to 1000000 %"),
+        ("drive_high_v: 150.0", "drive_high_v: 0", "14:15: drive_high_v: must be above "
+         "drive_low_v, 0 (got 0)"),
+        ("position_high_um: 26.123456789012344", "position_high_um: -1", "16:19: "
+         "position_high_um: must be above position_low_um, -0.1 (got -1)"),
+        ("[0.25, 0.5, 0.75]", "[0.25, 0.75, 0.5]", "19:16: right_stop_thresholds[2]: "
+         "must be above the threshold before it (got 0.5)"),
+        ("[0.5]", "[0.5, 0.5]", "23:9: left_stop_thresholds[1]: must be above the threshold "
+         "before it (got 0.5)"),
+        ("[0.5]", "[1]", "23:4: left_stop_thresholds[0]: out of range (got 1), "
+         "allowed range 1e-09 to 0.999999999"),
+        ("[-1e-09]", "[]", "25:3: left_stop_weights: too few entries (got 0), "
+         "allowed: at least 1"),
+        ("[-1e-09]", "[0, 0]", "25:3: left_stop_weights: one for each threshold is needed "
+         "(got 2 for 1)"),
+        ("[-1e-09]", "[.nan]", "25:4: left_stop_weights[0]: must be a finite number (got .nan), "
+         "allowed range -1000000 to 1000000"),
+    ],
+)  # fmt: skip
+def test_one_mistake(tmp_path: Path, old: str, new: str, expected: str) -> None:
+    """Each mistake is one line that says where it is and what would be right."""
+    problem, *others = problems_of(tmp_path / "m.yaml", old, new)
+
+    assert problem == f"m.yaml:{expected}"
+    assert [line for line in others if "one for each" not in line] == []
+
+
+def test_model_made_in_python_obeys_the_rules() -> None:
+    """The rules hold for a model that never was a file."""
+    with pytest.raises(ValidationError, match="must be above drive_low_v"):
+        ModelFile.model_validate(MODEL.model_dump() | {"drive_low_v": 150.0})
+
+
+def test_experiment_starts_from_a_model(
+    load: Callable[..., ExperimentConfig], tmp_path: Path
+) -> None:
+    """An axis may name a model file beside the experiment; then nothing is identified."""
+    (tmp_path / "m.yaml").write_text(TEXT, encoding="utf-8")
+    experiment = load(
+        ("    sensor: rig\n", "    sensor: rig\n    model: m.yaml\n"), (IDENTIFICATION, "")
+    )
+
+    assert experiment.axes["x"].model == tmp_path / "m.yaml"
+    assert experiment.identification is None
+
+
+def test_identification_that_is_not_used(
+    problems_of: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    """Where every axis has a model file, an identification would be ignored: it is refused."""
+    (tmp_path / "m.yaml").write_text(TEXT, encoding="utf-8")
+
+    assert problems_of(("    sensor: rig\n", "    sensor: rig\n    model: m.yaml\n")) == [
+        "test.yaml:14:1: identification: not used, every axis starts from a model file"
+    ]
+
+
+def test_broken_model_is_told_with_its_place(
+    problems_of: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    """An experiment is checked together with the model files that it names."""
+    path = tmp_path / "m.yaml"
+    path.write_text(TEXT.replace("version: 1", "version: 2"), encoding="utf-8")
+
+    assert problems_of(
+        ("    sensor: rig\n", "    sensor: rig\n    model: m.yaml\n"), (IDENTIFICATION, "")
+    ) == [f"test.yaml:10:12: axes.x.model: {path}:3:10: version: unknown value (got 2), allowed: 1"]
+
+
+IDENTIFICATION = """\
+identification:
+  method: least-squares
+  settle_s: 5
+  duration_s: 30
+  drive_v: {kind: sine, low: 0, high: 148, frequency_hz: 0.4}
+"""

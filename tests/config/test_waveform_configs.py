@@ -1,0 +1,206 @@
+"""Waveforms in a configuration: their rules, their bounds, and points from files."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from piezod.config.combined_waveforms import Sequence, Sum
+from piezod.config.experiment import ExperimentConfig
+from piezod.config.files import MAX_POINTS, read_points
+from piezod.config.waveforms import Csv, Multisine, Reversals, Setpoint, Sine, Staircase
+
+ProblemsOf = Callable[..., list[str]]
+
+COMMAND = "{kind: triangle, low: 0, high: 25, frequency_hz: 0.5}"
+
+
+@pytest.mark.parametrize(
+    ("command", "expected"),
+    [
+        (
+            "{kind: sine, low: 3, high: 3, frequency_hz: 1}",
+            "23:44: cases[0].command_um.high: must be above low (got 3, low is 3)",
+        ),
+        (
+            "{kind: sine, low: 0, high: 3, frequency_hz: 0}",
+            "23:61: cases[0].command_um.frequency_hz: out of range (got 0), "
+            "allowed range 0.0001 to 10000 Hz",
+        ),
+        (
+            "{kind: sine, low: 0, high: 3, frequency_hz: 1, envelope: {kind: modulated, depth: 2,"
+            " frequency_hz: 1}}",
+            "23:99: cases[0].command_um.envelope.depth: out of range (got 2), allowed range 0 to 1",
+        ),
+        (
+            "{kind: sine, low: 0, high: 3, frequency_hz: 1, anchor: high}",
+            "23:72: cases[0].command_um.anchor: unknown value (got 'high'), allowed: low, middle",
+        ),
+        (
+            "{kind: reversals, low: 0, high: 3, min_swing: 4, min_speed: 1, max_speed: 2, seed: 1}",
+            "23:63: cases[0].command_um.min_swing: longer than the range (got 4), "
+            "allowed: at most 3",
+        ),
+        (
+            "{kind: reversals, low: 0, high: 3, min_swing: 1, min_speed: 3, max_speed: 2, seed: 1}",
+            "23:91: cases[0].command_um.max_speed: below min_speed (got 2), allowed: at least 3",
+        ),
+        (
+            "{kind: reversals, low: 0, high: 3, min_swing: 1, min_speed: 3, max_speed: 201,"
+            " seed: 1}",
+            "23:91: cases[0].command_um.max_speed: more than 200 times min_swing per s "
+            "(got 201), allowed: at most 200",
+        ),
+        (
+            "{kind: sum, parts: [{kind: setpoint, level: 1}]}",
+            "23:36: cases[0].command_um.parts: too few entries (got 1), allowed: at least 2",
+        ),
+        (
+            "{kind: sum, parts: [{kind: setpoint, level: 1}, {kind: sum, parts: []}]}",
+            "23:72: cases[0].command_um.parts[1].kind: unknown value (got 'sum'), allowed: "
+            "setpoint, sine, triangle, multisine, staircase, reversals, csv",
+        ),
+        (
+            "{kind: csv, path: none.csv, column: command_um}",
+            "23:35: cases[0].command_um.path: no such file in {folder} (got 'none.csv')",
+        ),
+        (
+            "{kind: csv, path: " + "a" * 300 + ", column: command_um}",
+            "23:35: cases[0].command_um.path: no such file in {folder} (got '" + "a" * 39 + "…)",
+        ),
+        (
+            "{kind: csv, path: 7, column: command_um}",
+            "23:35: cases[0].command_um.path: must be the path of a file (got 7)",
+        ),
+    ],
+)
+def test_rules(problems_of: ProblemsOf, tmp_path: Path, command: str, expected: str) -> None:
+    """A waveform that makes no sense is refused where it does not."""
+    expected = expected.replace("{folder}", str(tmp_path))
+
+    assert [f"test.yaml:{expected}"] == problems_of((COMMAND, command))
+
+
+@pytest.mark.parametrize(
+    ("waveform", "expected"),
+    [
+        (Setpoint(kind="setpoint", level=3), (3.0, 3.0)),
+        (Sine(kind="sine", low=-1, high=2, frequency_hz=1), (-1.0, 2.0)),
+        (Staircase(kind="staircase", levels=(2.0, 5.0, -1.0), dwell_s=1), (-1.0, 5.0)),
+    ],
+)
+def test_bounds_of_single_waveforms(
+    waveform: Setpoint | Sine | Staircase, expected: tuple[float, float]
+) -> None:
+    """Bounds are the lowest and the highest value."""
+    assert expected == waveform.bounds()
+
+
+def test_bounds_of_combinations() -> None:
+    """Bounds of a sum add up; those of a sequence enclose its parts."""
+    sines = Multisine.model_validate(
+        {
+            "kind": "multisine",
+            "low": 1,
+            "components": (
+                {"amplitude": 2, "frequency_hz": 1},
+                {"amplitude": 3, "frequency_hz": 2},
+            ),
+        }
+    )
+    path = Reversals(
+        kind="reversals", low=-4, high=4, min_swing=1, min_speed=1, max_speed=2, seed=1
+    )
+    total = Sum(kind="sum", parts=(sines, path))
+    sequence = Sequence.model_validate(
+        {
+            "kind": "sequence",
+            "parts": (
+                {"duration_s": 1, "waveform": sines},
+                {"duration_s": 1, "waveform": path},
+            ),
+        }
+    )
+
+    assert (
+        sines.bounds(),
+        total.bounds(),
+        sequence.bounds(),
+    ) == ((1.0, 11.0), (-3.0, 15.0), (-4.0, 11.0))
+
+
+def test_points_come_from_a_file_beside_the_experiment(
+    load: Callable[..., ExperimentConfig], tmp_path: Path
+) -> None:
+    """A CSV path is relative to the experiment file, its columns are found by name."""
+    (tmp_path / "w.csv").write_text("t_s,drive_v, command_um\n0,9,1.5\n\n0.5,9,3e0\n")
+    experiment = load((COMMAND, "{kind: csv, path: w.csv, column: command_um}"))
+
+    (waveform,) = experiment.cases[0].commands(["x"]).values()
+    assert isinstance(waveform, Csv)
+    assert waveform.points == ((0.0, 1.5), (0.5, 3.0))
+    assert waveform.bounds() == (1.5, 3.0)
+
+
+def test_problems_of_a_file_are_told_at_its_path(problems_of: ProblemsOf, tmp_path: Path) -> None:
+    """What is wrong in the CSV file is told with its line, at the place that names the file."""
+    path = tmp_path / "w.csv"
+    path.write_text("t_s,command_um\n0,1\n1,x\n")
+
+    assert [
+        f"test.yaml:23:35: cases[0].command_um.path: {path}:3: must be a number (got 'x'), "
+        "allowed range -1000000 to 1000000"
+    ] == problems_of((COMMAND, "{kind: csv, path: w.csv, column: command_um}"))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", ":1: no column 't_s', columns: none"),
+        ("t,u\n0,1\n", ":1: no column 't_s', columns: t, u"),
+        ("t_s,command\n0,1\n", ":1: no column 'command_um', did you mean 'command'?"),
+        ("t_s,command_um\n", ":2: no points"),
+        (
+            "t_s,command_um\n0\n",
+            ":2: must be a number (got ''), allowed range -1000000 to 1000000",
+        ),
+        (
+            "t_s,command_um\n0,nan\n",
+            ":2: must be a number (got 'nan'), allowed range -1000000 to 1000000",
+        ),
+        (
+            "t_s,command_um\n0,-1e7\n",
+            ":2: must be a number (got '-1e7'), allowed range -1000000 to 1000000",
+        ),
+        ("t_s,command_um\n0,1\n0,2\n", ":3: time must grow by at least 1e-06 s (got '0')"),
+        ("t_s,command_um\n1,1\n0,2\n", ":3: time must grow by at least 1e-06 s (got '0')"),
+    ],
+)
+def test_csv_refusals(tmp_path: Path, text: str, expected: str) -> None:
+    """A file that is no waveform is refused with the line where it stops being one."""
+    path = tmp_path / "w.csv"
+    path.write_text(text)
+
+    with pytest.raises(ValueError, match=r"w\.csv") as caught:
+        read_points(path, "command_um")
+    assert f"{path}{expected}" == str(caught.value)
+
+
+def test_csv_that_cannot_be_read(tmp_path: Path) -> None:
+    """Bytes that are no text are refused."""
+    path = tmp_path / "w.csv"
+    path.write_bytes(b"t_s,command_um\n\xff\n")
+
+    with pytest.raises(ValueError, match=r"w\.csv cannot be read"):
+        read_points(path, "command_um")
+
+
+def test_csv_of_endless_length(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The number of points is bounded."""
+    monkeypatch.setattr("piezod.config.files.MAX_POINTS", 2)
+    path = tmp_path / "w.csv"
+    path.write_text("t_s,command_um\n0,1\n1,2\n2,3\n")
+
+    with pytest.raises(ValueError, match=r"w\.csv:4: too many points, allowed: at most 2"):
+        read_points(path, "command_um")
+    assert MAX_POINTS >= 1_000_000
