@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Final, TypeAlias
 
-from piezod.config.envelopes import ConstantEnvelope, DecayingEnvelope, Envelope, ModulatedEnvelope
+from piezod.config.envelopes import ConstantEnvelope, Envelope, ModulatedEnvelope
 from piezod.config.waveforms import Multisine, Periodic, Staircase
 
 Value: TypeAlias = Callable[[float], float]
@@ -107,5 +107,6 @@ def _scale(envelope: Envelope) -> Value:
             return lambda _: 1.0
         case ModulatedEnvelope(depth=depth, frequency_hz=frequency_hz):
             return lambda t_s: 1.0 - depth * (1.0 - raised_cosine(frequency_hz * t_s % 1.0))
-        case DecayingEnvelope(time_constant_s=time_constant_s, final_fraction=final):
+        case _:
+            time_constant_s, final = envelope.time_constant_s, envelope.final_fraction
             return lambda t_s: final + (1.0 - final) * math.exp(-t_s / time_constant_s)

@@ -9,7 +9,7 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import TypeAlias, assert_never
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -78,10 +78,8 @@ def _value(config: WaveformConfig, duration_s: float) -> Value:
             value = shapes.polyline(points)
         case Sum():
             value = _sum([_value(part, duration_s) for part in config.parts])
-        case Sequence():
-            value = _sequence(config)
         case _:
-            assert_never(config)
+            value = _sequence(config)
     return value
 
 
