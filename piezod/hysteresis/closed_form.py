@@ -8,7 +8,7 @@ keeps one scalar S_l at its minimum, and S_r = 1 / (S_l Δ) at its maximum:
     rising:  x = x_m + φ^a(S_l u) / S_l + u (S_l φ^d(1 / S_l) - 1),   u = v - v_m
     falling: x = x_M - φ^d(S_r u) / S_r - u (S_r φ^a(1 / S_r) - 1),   u = v_M - v
 
-A new minimum multiplies S_l by Δ_old / Δ_new, a new maximum S_r. The cost does not depend on the
+A new maximum has S_r from the S_l of the minimum below it, a new minimum conversely. The cost does not depend on the
 number of operators, and between reversals x is piecewise linear in v: the exact inverse is one
 search among the same knots, on the same memory with x as its key.
 """
@@ -38,7 +38,7 @@ OUTPUT, SCALE, CHORD = 0, 1, 2
 KNOTS, HEIGHTS, SLOPES = 0, 1, 2
 """Rows of a branch, shape (3, M + 2): knots from 0 to 1, φ there, slope from there on."""
 
-_SMALLEST_WIDTH = 1e-18  # keeps S finite where rounding closes a loop of a few ulp
+_SMALLEST_PART = 1e-18  # keeps S finite where rounding closes a loop of a few ulp
 
 
 def branch(thresholds: FloatArray, weights: FloatArray) -> FloatArray:
@@ -99,29 +99,55 @@ def _knot(table: FloatArray, chord: float, height: float) -> float:
 
 
 @compiled
+def _set_scale(extremum: FloatArray, part: float, opposite: FloatArray) -> None:
+    """Fill the scale and chord of an extremum, where 1 / S = part."""
+    part = max(part, _SMALLEST_PART)
+    extremum[SCALE] = 1.0 / part
+    extremum[CHORD] = _height(opposite, part) / part
+
+
+@compiled
+def _drive(memory: Memory, side: int, place: int, output_is_drive: bool) -> float:
+    """Return the input v of the model at an extremum."""
+    if output_is_drive:
+        return memory.values[side, place, OUTPUT]
+    return memory.levels[side, place]
+
+
+@compiled
 def _prepare_turn(
     memory: Memory, up: FloatArray, down: FloatArray, value: float, output_is_drive: bool
 ) -> None:
     """Fill the scale and chord of the extremum that `locate` is about to remember, if any."""
-    last, now = memory.last[0], memory.now
     rising = memory.counts[RISING] == 1
-    if (value > last) == rising or value == last:
+    if (value > memory.last[0]) == rising or value == memory.last[0]:
         return
-    top, bottom = memory.counts[MAXIMUM] - 1, memory.counts[MINIMUM] - 1
-    if output_is_drive:
-        v_max = memory.values[MAXIMUM, top, OUTPUT]
-        v_min = memory.values[MINIMUM, bottom, OUTPUT]
-        v = now[OUTPUT]
-    else:
-        v_max, v_min, v = memory.levels[MAXIMUM, top], memory.levels[MINIMUM, bottom], last
+    now, drive = memory.now, memory.now[OUTPUT] if output_is_drive else memory.last[0]
     if rising:
-        shrunk = (v_max - v_min) / max(v - v_min, _SMALLEST_WIDTH)
-        scale, opposite = memory.values[MAXIMUM, top, SCALE] * shrunk, up
+        m = memory.counts[MINIMUM] - 1
+        width = drive - _drive(memory, MINIMUM, m, output_is_drive)
+        _set_scale(now, memory.values[MINIMUM, m, SCALE] * width, up)
     else:
-        shrunk = (v_max - v_min) / max(v_max - v, _SMALLEST_WIDTH)
-        scale, opposite = memory.values[MINIMUM, bottom, SCALE] * shrunk, down
-    now[SCALE] = scale
-    now[CHORD] = scale * _height(opposite, 1.0 / scale)
+        m = memory.counts[MAXIMUM] - 1
+        width = _drive(memory, MAXIMUM, m, output_is_drive) - drive
+        _set_scale(now, memory.values[MAXIMUM, m, SCALE] * width, down)
+
+
+@compiled
+def _rescale(memory: Memory, up: FloatArray, down: FloatArray, output_is_drive: bool) -> None:
+    """Give every extremum the scale that it has without the pair that was given up.
+
+    The outputs stay, so that nothing jumps now; with the old scales a loop that takes the place of
+    a narrower one would miss its end by several per cent of the range.
+    """
+    values = memory.values
+    for i in range(1, memory.counts[MAXIMUM]):
+        v_max = _drive(memory, MAXIMUM, i, output_is_drive)
+        width = v_max - _drive(memory, MINIMUM, i - 1, output_is_drive)
+        _set_scale(values[MAXIMUM, i], values[MINIMUM, i - 1, SCALE] * width, up)
+        if i < memory.counts[MINIMUM]:
+            width = v_max - _drive(memory, MINIMUM, i, output_is_drive)
+            _set_scale(values[MINIMUM, i], values[MAXIMUM, i, SCALE] * width, down)
 
 
 @compiled
@@ -172,7 +198,8 @@ def _advance(
         memory.now[OUTPUT] = _solution(memory, up, down, loop, seen)
     else:
         memory.now[OUTPUT] = _output(memory, up, down, loop, seen)
-    commit(memory, loop, seen)
+    if commit(memory, loop, seen):
+        _rescale(memory, up, down, solve)
     slope = up[SLOPES, 0] + down[SLOPES, 0] - 1.0
     return memory.now[OUTPUT] + (value - seen) * (1.0 / slope if solve else slope)
 

@@ -159,15 +159,20 @@ def locate(memory: Memory, value: float) -> Loop:
 
 
 @compiled
-def commit(memory: Memory, loop: Loop, value: float) -> None:
-    """Make an input that was located, and evaluated into `now`, the last one."""
+def commit(memory: Memory, loop: Loop, value: float) -> bool:
+    """Make an input that was located, and evaluated into `now`, the last one.
+
+    Return whether the stacks were full, so that a pair of extrema was given up.
+    """
     counts = memory.counts
     counts[MAXIMUM] = loop.maxima
     counts[MINIMUM] = loop.minima
     counts[RISING] = 1 if loop.rising else 0
     memory.last[0] = value
-    if max(loop.maxima, loop.minima) == memory.levels.shape[1]:
+    full = max(loop.maxima, loop.minima) == memory.levels.shape[1]
+    if full:
         _merge(memory)
+    return full
 
 
 @compiled
@@ -175,25 +180,20 @@ def _merge(memory: Memory) -> None:
     """Delete the pair of neighbouring extrema whose loss changes the memory least.
 
     From the outside in, the extrema are maximum 1, minimum 1, maximum 2, ... Without a pair of
-    neighbours the staircase of the Preisach plane loses a rectangle; areas are compared.
+    neighbours the staircase of the Preisach plane loses a rectangle between these two and those
+    around them; the longer sides are compared, so that what is left stays evenly spaced.
     The loop on top, in which the input moves, stays: the output does not jump now.
     """
     levels, counts = memory.levels, memory.counts
-    maxima, minima = counts[MAXIMUM], counts[MINIMUM]
     smallest, at_maximum, at_minimum = np.inf, 0, 0
-    for i in range(1, minima - 1):
-        if i < maxima - 1:  # maximum i and minimum i
-            area = (levels[MAXIMUM, i] - levels[MAXIMUM, i + 1]) * (
-                levels[MINIMUM, i] - levels[MINIMUM, i - 1]
-            )
-            if area < smallest:
-                smallest, at_maximum, at_minimum = area, i, i
-        if i < maxima - 2:  # minimum i and maximum i + 1
-            area = (levels[MAXIMUM, i] - levels[MAXIMUM, i + 1]) * (
-                levels[MINIMUM, i + 1] - levels[MINIMUM, i]
-            )
-            if area < smallest:
-                smallest, at_maximum, at_minimum = area, i + 1, i
+    for i in range(1, counts[MINIMUM] - 1):
+        drop = levels[MAXIMUM, i] - levels[MAXIMUM, i + 1]
+        side = max(drop, levels[MINIMUM, i] - levels[MINIMUM, i - 1])  # maximum i, minimum i
+        if side < smallest:
+            smallest, at_maximum, at_minimum = side, i, i
+        side = max(drop, levels[MINIMUM, i + 1] - levels[MINIMUM, i])  # minimum i, maximum i + 1
+        if side < smallest:
+            smallest, at_maximum, at_minimum = side, i + 1, i
     _drop(memory, MAXIMUM, at_maximum)
     _drop(memory, MINIMUM, at_minimum)
     counts[MERGED] += 1
