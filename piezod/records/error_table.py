@@ -1,7 +1,8 @@
 """The table of errors: which are best, and which miss their reference."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 from piezod.records.recording import ExperimentResult, Recording
@@ -53,6 +54,25 @@ def error_table(
         key: tuple(_row(each, recordings, result.metric_names, reference) for each in recordings)
         for key, recordings in result.by_case().items()
     }
+
+
+def verdict(
+    table: Mapping[tuple[str, str], Sequence[Row]], reference: Reference | None = None
+) -> str:
+    """Say in one sentence how the errors compare with the reference; empty without one.
+
+    Args:
+        table: From `error_table`, with the same reference.
+        reference: What the errors are compared with.
+    """
+    rows = chain.from_iterable(table.values())
+    compared = [cell for row in rows for cell in row.cells if cell.limit is not None]
+    if reference is None or not compared:
+        return ""
+    n_missed = sum(cell.missed for cell in compared)
+    if n_missed:
+        return f"{n_missed} of {len(compared)} errors exceed the figure of the {reference.label}."
+    return f"All {len(compared)} errors are at or below the figures of the {reference.label}."
 
 
 def _row(

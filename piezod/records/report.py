@@ -1,15 +1,13 @@
 """The report of an experiment: one HTML page that needs nothing else, and its figures as PNG."""
 
-from collections.abc import Mapping, Sequence
 from importlib.resources import files
-from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
 from jinja2 import Environment, StrictUndefined
 
 from piezod.records.atomic import replacing
-from piezod.records.error_table import Row, error_table
+from piezod.records.error_table import error_table, verdict
 from piezod.records.labels import metric_label, metric_number, metric_unit
 from piezod.records.recording import ExperimentResult
 from piezod.records.reference import Reference
@@ -44,7 +42,7 @@ def write_report(
         result=result,
         reference=reference,
         table=table,
-        verdict=_verdict(table, reference),
+        verdict=verdict(table, reference),
         gallery=gallery,
     )
     path = folder / REPORT_NAME
@@ -64,15 +62,3 @@ def _render(**context: Any) -> str:
     }
     source = files("piezod.records").joinpath(_TEMPLATE).read_text(encoding="utf-8")
     return environment.from_string(source).render(context)
-
-
-def _verdict(table: Mapping[tuple[str, str], Sequence[Row]], reference: Reference | None) -> str:
-    """Say in one sentence how the errors compare with the reference; empty without one."""
-    rows = chain.from_iterable(table.values())
-    compared = [cell for row in rows for cell in row.cells if cell.limit is not None]
-    if reference is None or not compared:
-        return ""
-    n_missed = sum(cell.missed for cell in compared)
-    if n_missed:
-        return f"{n_missed} of {len(compared)} errors exceed the figure of the {reference.label}."
-    return f"All {len(compared)} errors are at or below the figures of the {reference.label}."
