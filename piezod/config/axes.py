@@ -54,7 +54,7 @@ class CompensatorConfig(ConfigModel):
         default=0.1, description="Gain of the LMS identifier, γ of the paper."
     )
     deadband_pct: Annotated[float, Quantity(0, 5, "%")] = Field(
-        default=0.2,
+        default=0.1,
         description="Reversals smaller than this part of the range do not enter the memory, %.",
     )
     delay_s: DelayS = Field(

@@ -15,11 +15,11 @@ class ConstantEnvelope(ConfigModel):
 
 
 class ModulatedEnvelope(ConfigModel):
-    """The swing grows from the smallest to the full one and shrinks again, over and over."""
+    """The swing shrinks from the full one to the smallest and grows again, over and over."""
 
     kind: Literal["modulated"]
     depth: Fraction = Field(description="1 - smallest swing / full swing, 0 to 1.")
-    frequency_hz: FrequencyHz = Field(description="How often the swing grows and shrinks, Hz.")
+    frequency_hz: FrequencyHz = Field(description="How often the swing shrinks and grows, Hz.")
 
 
 class DecayingEnvelope(ConfigModel):

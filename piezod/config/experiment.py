@@ -12,7 +12,14 @@ from piezod.config.commands import Command, CommandPerAxis
 from piezod.config.devices import DeviceConfig
 from piezod.config.fields import ConfigModel, Context, Drivers, raise_rules
 from piezod.config.modes import Mode
-from piezod.config.quantities import DurationS, Name, PauseS, RateHz, Seed
+from piezod.config.quantities import (
+    DurationS,
+    Name,
+    PauseS,
+    PercentOfRange,
+    RateHz,
+    Seed,
+)
 from piezod.config.rules import broken_rules
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
@@ -43,6 +50,10 @@ class CaseConfig(ConfigModel):
     duration_s: DurationS = Field(description="Length, s.")
     command_um: Command = Field(
         description="Commanded position, µm: one for all axes, or `axes:` with one for each."
+    )
+    reference_pct: dict[ModeName, PercentOfRange] = Field(
+        default_factory=dict,
+        description="Mode: error to compare tracking and nonlinearity with, %.",
     )
 
     @model_validator(mode="after")
@@ -85,6 +96,9 @@ class ExperimentConfig(ConfigModel):
     )
     settle_s: PauseS = Field(
         default=2.0, description="Rest before each run, s; the sensor is zeroed at its end."
+    )
+    reference: Annotated[str, Field(min_length=1, max_length=40)] = Field(
+        default="reference", description="Whose errors `reference_pct` of the cases are."
     )
     cases: tuple[CaseConfig, ...] = Field(min_length=1, description="The cases.")
 

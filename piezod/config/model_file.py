@@ -11,12 +11,11 @@ import yaml
 from pydantic import Field, StringConstraints, model_validator
 
 from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity, raise_rules
-from piezod.config.quantities import DriveV, PositionUm
+from piezod.config.quantities import DriveV, PercentOfRange, PositionUm
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
 
 Text: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=255)]
-PercentOfRange: TypeAlias = Annotated[float, Quantity(0, 1e6, "%")]
 Threshold: TypeAlias = Annotated[float, Quantity(1e-9, 1 - 1e-9)]
 Weight: TypeAlias = Annotated[float, Quantity(-1e6, 1e6)]
 Thresholds: TypeAlias = Annotated[tuple[Threshold, ...], Field(min_length=1, max_length=1000)]

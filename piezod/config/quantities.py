@@ -16,6 +16,7 @@ PauseS: TypeAlias = Annotated[float, Quantity(0, 3600, "s")]
 DriveV: TypeAlias = Annotated[float, Quantity(-2000, 2000, "V")]
 PositionUm: TypeAlias = Annotated[float, Quantity(-100_000, 100_000, "µm")]
 Percent: TypeAlias = Annotated[float, Quantity(0, 100, "%")]
+PercentOfRange: TypeAlias = Annotated[float, Quantity(0, 1e6, "%")]
 Fraction: TypeAlias = Annotated[float, Quantity(0, 1)]
 Seed: TypeAlias = Annotated[int, Quantity(0, 2**32 - 1)]
 # Values of a waveform: in the unit that the key around the waveform names.

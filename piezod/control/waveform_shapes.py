@@ -106,7 +106,7 @@ def _scale(envelope: Envelope) -> Value:
         case ConstantEnvelope():
             return lambda _: 1.0
         case ModulatedEnvelope(depth=depth, frequency_hz=frequency_hz):
-            return lambda t_s: 1.0 - depth * (1.0 - raised_cosine(frequency_hz * t_s % 1.0))
+            return lambda t_s: 1.0 - depth * raised_cosine(frequency_hz * t_s % 1.0)
         case _:
             time_constant_s, final = envelope.time_constant_s, envelope.final_fraction
             return lambda t_s: final + (1.0 - final) * math.exp(-t_s / time_constant_s)

@@ -49,7 +49,7 @@ def test_defaults_are_filled_in(load: Load) -> None:
     assert (
         experiment.axes["x"].compensator.delay_s,
         experiment.axes["x"].compensator.deadband_pct,
-    ) == ("auto", 0.2)
+    ) == ("auto", 0.1)
     assert experiment.devices["rig"].options.model_dump() == {"variant": "stack", "gain": 1.0}
 
 

@@ -43,7 +43,7 @@ def test_triangle() -> None:
 
 
 def test_modulated_envelope() -> None:
-    """The swing starts at its smallest, is full after half a period, and repeats."""
+    """The swing starts full, is smallest after half a period, and repeats."""
     sine = waveform_of(
         "sine",
         low=1,
@@ -52,8 +52,8 @@ def test_modulated_envelope() -> None:
         envelope={"kind": "modulated", "depth": 0.8, "frequency_hz": 0.5},
     )
 
-    # The crest of the sine is where the envelope is full, its foot where it is smallest.
-    assert [sine.value(t_s) for t_s in (0.0, 1.0, 2.0, 3.0)] == [1.0, 11.0, 1.0, 11.0]
+    # The crest of the sine is where the envelope is smallest, its foot where it is full.
+    assert [sine.value(t_s) for t_s in (0.0, 1.0, 2.0, 3.0)] == pytest.approx([1.0, 3.0, 1.0, 3.0])
     assert sine.value(0.5) == pytest.approx(1 + 5 * 0.6)
 
 
@@ -69,7 +69,7 @@ def test_modulated_crests() -> None:
     crests = [triangle.value(0.5 + turn) for turn in range(20)]
 
     assert crests == pytest.approx(
-        [10 - 2.5 * (1 + math.cos(math.tau * 0.05 * (0.5 + turn))) for turn in range(20)]
+        [10 - 2.5 * (1 - math.cos(math.tau * 0.05 * (0.5 + turn))) for turn in range(20)]
     )
 
 
