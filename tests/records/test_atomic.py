@@ -29,3 +29,17 @@ def test_older_file_survives_a_failure(tmp_path: Path) -> None:
 
     assert [each.name for each in tmp_path.iterdir()] == ["file.txt"]
     assert path.read_text(encoding="utf-8") == "old"
+
+
+def test_failure_names_the_file_that_was_asked_for(tmp_path: Path) -> None:
+    """A person who reads the error knows the file's own name, not the temporary one."""
+    path = tmp_path / "file.txt"
+
+    with pytest.raises(IsADirectoryError) as caught, replacing(path) as temporary:
+        temporary.mkdir()
+        try:
+            temporary.write_text("", encoding="utf-8")
+        finally:
+            temporary.rmdir()
+
+    assert caught.value.filename == str(path)
