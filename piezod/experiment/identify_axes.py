@@ -7,14 +7,13 @@ import numpy as np
 
 from piezod.config.axes import AxisConfig
 from piezod.config.experiment import ExperimentConfig, IdentificationConfig
-from piezod.config.model_file import load_model
 from piezod.control.axis import Waveform
 from piezod.control.waveforms import build_waveform
 from piezod.errors import DataError
 from piezod.experiment.account import account_of, parameters_of
 from piezod.experiment.fit import StageModel, fit_model
 from piezod.experiment.method import Method
-from piezod.experiment.model_io import from_model_file
+from piezod.experiment.model_io import read_model
 from piezod.experiment.record import Record
 from piezod.experiment.stage import IN_FORCE_V, POSITION_UM, Stage
 from piezod.hysteresis.memory import FloatArray
@@ -100,8 +99,7 @@ def _from_record(
 
 def _from_file(name: str, axis: AxisConfig) -> IdentifiedAxis:
     assert axis.model is not None  # noqa: S101 - the configuration's rules see to it
-    file = load_model(axis.model)
-    model = from_model_file(file)
+    model, file = read_model(axis.model)
     nothing = np.empty(0)
     account = Identification(
         axis=name,

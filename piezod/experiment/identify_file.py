@@ -21,14 +21,16 @@ class FileFit:
 
     Attributes:
         data: The file.
+        test_data: The other file on which the model was judged, None without one.
         record: What was read from it, without the seconds that were skipped.
         fit: The model, and how it came about.
         train: Errors of the predicted voltage on the record, by name, in % of the model's range.
-        test: The same on another file, None without one.
+        test: The same on the other file.
         warnings: What a person should know before using the model, a sentence each.
     """
 
     data: Path
+    test_data: Path | None
     record: Record
     fit: Fit
     train: Mapping[str, float]
@@ -68,6 +70,7 @@ def identify_file(
         raise DataError(f"{data}: {error}") from error
     return FileFit(
         data=data,
+        test_data=test,
         record=record,
         fit=fit,
         train=fit.model.errors_pct(record),

@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import ValidationError
 
 import piezod
-from piezod.config.model_file import FitConfig, ModelFile, SourceConfig
-from piezod.errors import ModelError
+from piezod.config.model_file import FitConfig, ModelFile, SourceConfig, load_model
+from piezod.errors import ConfigError, ModelError, Problem
 from piezod.experiment.fit import Fit, StageModel
 from piezod.hysteresis import AffineRange, new_bank
 from piezod.hysteresis.memory import FloatArray
@@ -71,6 +71,19 @@ def from_model_file(file: ModelFile) -> StageModel:
         position_um=AffineRange.checked(file.position_low_um, file.position_high_um),
         delay_s=file.delay_s,
     )
+
+
+def read_model(path: Path) -> tuple[StageModel, ModelFile]:
+    """Return the model in a file, and everything that the file says of it.
+
+    Raises:
+        ConfigError: If it is no model file, or holds a model that cannot be used.
+    """
+    file = load_model(path)
+    try:
+        return from_model_file(file), file
+    except ModelError as error:
+        raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
 
 
 def _sides(both: FloatArray) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -63,7 +63,7 @@ def run_case(
     ]
     snapshots = _Snapshots(axes, every=max(1, s_to_ns(SNAPSHOT_S) // stage.period_ns))
     traces = stage.run(axes, case.duration_s, before=snapshots.take)
-    t_s = np.arange(traces.shape[1]) * (stage.period_ns / NS_PER_S)
+    t_s = np.arange(traces.shape[1], dtype=np.float64) * (stage.period_ns / NS_PER_S)
     first = int(np.searchsorted(t_s, case.period_s))
     return [
         Recording(
