@@ -1,0 +1,64 @@
+"""`piezod drivers`: what is installed."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from piezod.cli.options import JsonOption
+
+
+def drivers(json: JsonOption = False) -> None:
+    """List the installed drivers.
+
+    A driver that cannot be loaded is listed with the reason.
+    """
+    from piezod.cli.output import print_json
+    from piezod.devices import registry
+
+    found = [_look_up(name) for name in registry.names()]
+    if json:
+        print_json({"drivers": [each._asdict() for each in found]})
+    else:
+        _print_table(found)
+
+
+class _Driver(NamedTuple):
+    name: str
+    distribution: str
+    summary: str | None = None
+    confirmed_on_hardware: bool | None = None
+    error: str | None = None
+
+
+def _look_up(name: str) -> _Driver:
+    from importlib.metadata import entry_points
+
+    from piezod.devices import registry
+    from piezod.errors import RegistryError
+
+    points = entry_points(group=registry.GROUP, name=name)
+    made_by = sorted(f"{point.dist.name} {point.dist.version}" for point in points if point.dist)
+    found = _Driver(name, ", ".join(made_by))
+    try:
+        plugin = registry.load(name)
+    except RegistryError as error:
+        return found._replace(error=str(error))
+    confirmed = plugin.confirmed_on_hardware
+    return found._replace(summary=plugin.summary, confirmed_on_hardware=confirmed)
+
+
+def _print_table(found: Sequence[_Driver]) -> None:
+    from rich import box
+    from rich.table import Table
+
+    from piezod.cli.output import new_console
+
+    table = Table(box=box.SIMPLE_HEAD)
+    table.add_column("driver", no_wrap=True)
+    table.add_column("what it drives")
+    table.add_column("confirmed\non hardware")
+    table.add_column("installed by")
+    for each in found:
+        confirmed = {True: "yes", False: "no", None: "?"}[each.confirmed_on_hardware]
+        what = each.error or each.summary
+        table.add_row(each.name, what, confirmed, each.distribution)
+    new_console().print(table if found else "No driver is installed.")

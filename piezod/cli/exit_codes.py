@@ -1,0 +1,30 @@
+"""What an error is to the shell: an exit code, and a text without a traceback."""
+
+import os
+
+from piezod.errors import ConfigError, DeviceUnavailableError, PiezodError
+
+FAILED = 1
+DEVICE_UNAVAILABLE = 69
+NO_PERMISSION = 77
+CONFIGURATION = 78
+"""As in sysexits.h; 2 for wrong usage and 130 for Ctrl-C come from typer."""
+
+
+def exit_code(error: PiezodError | OSError) -> int:
+    """Return the exit code that an error leads to."""
+    # A file that may not be read is a matter of permission, whoever tried to read it.
+    if isinstance(error, PermissionError) or isinstance(error.__cause__, PermissionError):
+        return NO_PERMISSION
+    if isinstance(error, ConfigError):
+        return CONFIGURATION
+    if isinstance(error, DeviceUnavailableError):
+        return DEVICE_UNAVAILABLE
+    return FAILED
+
+
+def text_of(error: PiezodError | OSError) -> str:
+    """Return what to tell a person."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{os.fsdecode(error.filename)}: {error.strerror}"
+    return str(error)

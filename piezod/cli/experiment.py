@@ -1,0 +1,55 @@
+"""`piezod experiment`: an experiment file becomes a table of errors, figures and data."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from piezod.cli.options import JsonOption
+
+
+def experiment(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Experiment, YAML.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder for report, figures and data; FILE's name with -results, in the current "
+            "folder, if not given. Files of an earlier run in it are replaced.",
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, max=2**32 - 1, help="Use this seed and not the file's."),
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Run an experiment in virtual time and write a report.
+
+    Prints the errors of each case in each mode, in % of the displacement's range, which method made
+    the model, and where the report is.
+    """
+    from piezod.cli.experiment_view import as_document, print_result
+    from piezod.cli.output import new_console, print_json
+    from piezod.cli.progress import progress_bar
+    from piezod.config.experiment import load_experiment
+    from piezod.devices import registry
+    from piezod.experiment.outputs import write_outputs
+    from piezod.experiment.reference import reference_of
+    from piezod.experiment.run import run_experiment
+
+    config = load_experiment(file, registry)
+    if seed is not None:
+        config = config.model_copy(update={"seed": seed})
+    folder = out or Path(f"{file.stem}-results")
+    folder.mkdir(parents=True, exist_ok=True)  # before the run: to learn it after would be a pity
+    with progress_bar() as progress:
+        text = file.read_text(encoding="utf-8-sig")
+        result = run_experiment(config, text, file.stem, progress)
+        progress("writing the report", 1.0)
+        reference = reference_of(config)
+        report = write_outputs(folder, result, reference)
+    if json:
+        print_json(as_document(result, report))
+    else:
+        print_result(new_console(), result, reference, report)

@@ -1,0 +1,66 @@
+"""The `piezod` command: its verbs, and what becomes of an error.
+
+Each verb has a module of its own, which imports what it works with only when it runs: `--help` has
+to be quick.
+"""
+
+import sys
+from io import TextIOWrapper
+from typing import Annotated
+
+import typer
+
+import piezod
+from piezod.cli.check import check
+from piezod.cli.drivers import drivers
+from piezod.cli.exit_codes import exit_code, text_of
+from piezod.cli.experiment import experiment
+from piezod.cli.identify import identify
+from piezod.errors import PiezodError
+
+# Plain help and plain tracebacks: drawing them with rich costs twice the start of the command.
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    epilog="Exit codes: 0 ok, 2 usage, 69 device unavailable, 77 permission, 78 configuration, "
+    "130 interrupted, 1 anything else. Errors go to stderr; so does progress, on a terminal.",
+)
+for verb in (experiment, identify, check, drivers):
+    app.command()(verb)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"piezod {piezod.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _piezod(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Drive a piezo stage along its command, hysteresis compensated."""
+
+
+def run() -> None:
+    """Run the command of this process's arguments and exit; what `piezod` starts."""
+    # A path may hold bytes that no encoding has letters for; better a ? than no output.
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    try:
+        app()
+    except (PiezodError, OSError) as error:
+        typer.echo(text_of(error), err=True)
+        sys.exit(exit_code(error))
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,31 @@
+"""How verbs write: one JSON document, or text for people on a console."""
+
+import json
+import math
+import sys
+from collections.abc import Mapping
+
+from rich.console import Console
+
+
+def print_json(document: Mapping[str, object]) -> None:
+    """Print a document; numbers that JSON does not have, NaN and infinities, become null."""
+    json.dump(_finite(document), sys.stdout, indent=2, allow_nan=False)
+    sys.stdout.write("\n")
+    sys.stdout.flush()  # here a full disk is still an error with an exit code
+
+
+def new_console() -> Console:
+    """Return a console for people, on stdout."""
+    # Numbers are not to be coloured; brackets and colons in paths mean nothing.
+    return Console(highlight=False, markup=False, emoji=False)
+
+
+def _finite(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
