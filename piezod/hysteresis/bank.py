@@ -22,10 +22,10 @@ from piezod.hysteresis.memory import (
     Loop,
     Memory,
     backlash,
-    clamp,
     commit,
     locate,
     new_memory,
+    take,
 )
 from piezod.jit import compiled
 
@@ -111,7 +111,7 @@ def evaluate_plays(
 @compiled
 def advance_plays(memory: Memory, bank: FloatArray, deadband: float, value: float) -> float:
     """Advance all plays by one input, into `memory.now`; return the input clamped to [0, 1]."""
-    value = clamp(value, memory.last[0])
+    value = take(memory, value)
     seen = backlash(memory, value, deadband)
     loop = locate(memory, seen)
     evaluate_plays(memory, bank, loop, seen, memory.now)

@@ -8,9 +8,9 @@ keeps one scalar S_l at its minimum, and S_r = 1 / (S_l Δ) at its maximum:
     rising:  x = x_m + φ^a(S_l u) / S_l + u (S_l φ^d(1 / S_l) - 1),   u = v - v_m
     falling: x = x_M - φ^d(S_r u) / S_r - u (S_r φ^a(1 / S_r) - 1),   u = v_M - v
 
-A new maximum has S_r from the S_l of the minimum below it, a new minimum conversely. The cost does not depend on the
-number of operators, and between reversals x is piecewise linear in v: the exact inverse is one
-search among the same knots, on the same memory with x as its key.
+A new maximum has its S_r from the S_l of the minimum below it, a new minimum conversely. The cost
+does not depend on the number of operators, and between reversals x is piecewise linear in v: the
+exact inverse is one search among the same knots, on the same memory with x as its key.
 """
 
 import numpy as np
@@ -20,16 +20,17 @@ from piezod.hysteresis.memory import (
     MAXIMUM,
     MINIMUM,
     RISING,
+    SEEN,
     FloatArray,
     IntArray,
     Loop,
     Memory,
     backlash,
-    clamp,
     commit,
     locate,
     new_memory,
     relax,
+    take,
 )
 from piezod.jit import compiled
 
@@ -120,9 +121,9 @@ def _prepare_turn(
 ) -> None:
     """Fill the scale and chord of the extremum that `locate` is about to remember, if any."""
     rising = memory.counts[RISING] == 1
-    if (value > memory.last[0]) == rising or value == memory.last[0]:
+    if (value > memory.last[SEEN]) == rising or value == memory.last[SEEN]:
         return
-    now, drive = memory.now, memory.now[OUTPUT] if output_is_drive else memory.last[0]
+    now, drive = memory.now, memory.now[OUTPUT] if output_is_drive else memory.last[SEEN]
     if rising:
         m = memory.counts[MINIMUM] - 1
         width = drive - _drive(memory, MINIMUM, m, output_is_drive)
@@ -190,7 +191,7 @@ def _advance(
 
     Behind a dead-band the output follows the raw input with the slope just after a reversal.
     """
-    value = clamp(value, memory.last[0])
+    value = take(memory, value)
     seen = backlash(memory, value, deadband)
     _prepare_turn(memory, up, down, seen, solve)
     loop = locate(memory, seen)

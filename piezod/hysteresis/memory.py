@@ -18,6 +18,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from piezod.errors import ModelError
 from piezod.jit import compiled
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
@@ -27,6 +28,8 @@ MAXIMUM, MINIMUM = 0, 1
 """Rows of `Memory.levels` and `Memory.values`, and places of their depths in `Memory.counts`."""
 RISING, MERGED = 2, 3
 """Further places in `Memory.counts`: the direction of the last move (1 or 0), pairs given up."""
+SEEN, RAW = 0, 1
+"""Places in `Memory.last`: the last input behind the dead-band, and before it."""
 
 DEFAULT_CAPACITY = 32
 
@@ -38,7 +41,7 @@ class Memory(NamedTuple):
         levels: (2, capacity + 1) inputs at the extrema, outermost first; the last place is spare.
         values: (2, capacity + 1, width) what the operators held at each extremum.
         now: (width,) what the operators hold at the last input.
-        last: (1,) the last input, after the dead-band.
+        last: (2,) the last input, behind the dead-band and before it.
         counts: (4,) number of maxima, number of minima, rising, merged pairs.
     """
 
@@ -63,12 +66,18 @@ def new_memory(width: int, capacity: int = DEFAULT_CAPACITY) -> Memory:
     Args:
         width: numbers kept at each extremum; 0 at the minimum, 1 at the maximum.
         capacity: extrema kept on each side, the outermost included; at least 4.
+
+    Raises:
+        ModelError: If the capacity is too small to give up a pair of extrema.
     """
+    if capacity < 4:
+        message = f"a memory keeps at least 4 extrema on each side, got a capacity of {capacity}"
+        raise ModelError(message)
     memory = Memory(
         levels=np.zeros((2, capacity + 1)),
         values=np.zeros((2, capacity + 1, width)),
         now=np.zeros(width),
-        last=np.zeros(1),
+        last=np.zeros(2),
         counts=np.zeros(4, dtype=np.int64),
     )
     relax(memory)
@@ -91,7 +100,14 @@ def copy_memory(memory: Memory) -> Memory:
 
 
 def assign_memory(target: Memory, source: Memory) -> None:
-    """Copy a state into another memory of the same shape."""
+    """Copy a state into another memory.
+
+    Raises:
+        ModelError: If it is the state of a memory of another shape.
+    """
+    if target.values.shape != source.values.shape:
+        message = "a state of another capacity, or of another kind of model, cannot be restored"
+        raise ModelError(message)
     for to, value in zip(target, source, strict=True):
         to[...] = value
 
@@ -114,16 +130,23 @@ def clamp(value: float, otherwise: float) -> float:
 
 
 @compiled
+def take(memory: Memory, value: float) -> float:
+    """Return the next input within [0, 1]; what is not a number is no move."""
+    memory.last[RAW] = clamp(value, memory.last[RAW])
+    return memory.last[RAW]
+
+
+@compiled
 def backlash(memory: Memory, value: float, width: float) -> float:
     """Return the input that the memory sees behind a dead-band, so that noise makes no extrema."""
     half = 0.5 * width
-    return min(max(memory.last[0], value - half), value + half)
+    return min(max(memory.last[SEEN], value - half), value + half)
 
 
 @compiled
 def _remember(memory: Memory, side: int, place: int) -> None:
     """Write the last input and what the operators hold there into a place of a stack."""
-    memory.levels[side, place] = memory.last[0]
+    memory.levels[side, place] = memory.last[SEEN]
     for j in range(memory.now.size):
         memory.values[side, place, j] = memory.now[j]
 
@@ -136,7 +159,7 @@ def locate(memory: Memory, value: float) -> Loop:
     counts only from `commit` on. Deletion comes before evaluation, and equality deletes.
     """
     levels, counts = memory.levels, memory.counts
-    last = memory.last[0]
+    last = memory.last[SEEN]
     maxima, minima = counts[MAXIMUM], counts[MINIMUM]
     rising = counts[RISING] == 1
     if value > last:
@@ -168,7 +191,7 @@ def commit(memory: Memory, loop: Loop, value: float) -> bool:
     counts[MAXIMUM] = loop.maxima
     counts[MINIMUM] = loop.minima
     counts[RISING] = 1 if loop.rising else 0
-    memory.last[0] = value
+    memory.last[SEEN] = value
     full = max(loop.maxima, loop.minima) == memory.levels.shape[1]
     if full:
         _merge(memory)

@@ -55,7 +55,11 @@ class _LoopModel:
         return copy_memory(self._memory)
 
     def restore(self, state: Memory) -> None:
-        """Go on from a state that was saved."""
+        """Go on from a state that was saved.
+
+        Raises:
+            ModelError: If it was saved by a model of another capacity.
+        """
         assign_memory(self._memory, state)
 
     def copy(self) -> Self:
