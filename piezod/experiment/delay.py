@@ -27,7 +27,8 @@ class DelayEstimate:
         one_frequency: Whether the drive has a single frequency; a delay then looks like a wider
             loop, and the model takes up part of it.
         uncertainty_s: Half the width of the interval in which the criterion is within 2 % of its
-            least value, and no less than one sample period where the drive has one frequency.
+            least value; no less than half a step between candidates, and no less than one sample
+            period where the drive has one frequency.
     """
 
     delay_s: float
@@ -66,13 +67,13 @@ def estimate_delay(
     criterion_pct = 100.0 * np.sqrt(np.maximum(residual, 0.0) / targets.shape[0])
     alone = _has_one_frequency(record.drive_v)
     near = candidates_s[criterion_pct <= 1.02 * criterion_pct.min()]
-    uncertainty_s = 0.5 * float(near[-1] - near[0])
+    least_s = (1.0 if alone else 0.5 * STEP_PERIODS) * record.period_s
     return DelayEstimate(
         delay_s=_lowest(candidates_s, criterion_pct),
         candidates_s=candidates_s,
         criterion_pct=criterion_pct,
         one_frequency=alone,
-        uncertainty_s=max(uncertainty_s, record.period_s) if alone else uncertainty_s,
+        uncertainty_s=max(0.5 * float(near[-1] - near[0]), least_s),
     )
 
 

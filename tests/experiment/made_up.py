@@ -1,0 +1,63 @@
+"""Records of a stage that is made of stops, so that a fit can find it exactly."""
+
+from pathlib import Path
+
+import numpy as np
+
+from piezod.experiment.record import Record
+from piezod.hysteresis import InverseMPI, even_thresholds
+from piezod.hysteresis.memory import FloatArray
+from piezod.records.csv_file import write_csv
+
+ORDER = 6
+RATE_HZ = 100.0
+DRIVE_V = 150.0
+POSITION_UM = 30.0
+FINER = 50
+"""The stage is simulated with this many steps in a sample period, to delay it by parts of one."""
+
+LEFT_WEIGHTS = np.array([0.12, 0.05, 0.04, 0.03, 0.03, 0.02])
+RIGHT_WEIGHTS = np.array([0.10, 0.06, 0.03, 0.04, 0.02, 0.03])
+
+
+def made_up_inverse() -> InverseMPI:
+    """Return the inverse model that the made-up stage has."""
+    thresholds = even_thresholds(ORDER)
+    return InverseMPI(thresholds, thresholds, RIGHT_WEIGHTS, LEFT_WEIGHTS)
+
+
+def loops(t_s: FloatArray) -> FloatArray:
+    """Return a displacement in [0, 1] with loops of many sizes, from rest; (n,) for (n,) in s."""
+    shrinking = 0.5 * np.exp(-t_s / 12.0) * (1.0 - np.cos(2.0 * np.pi * 0.8 * t_s))
+    small = 0.2 * (1.0 - np.cos(2.0 * np.pi * 0.31 * t_s)) * (1.0 - np.exp(-t_s / 12.0))
+    return shrinking + small
+
+
+def sine(t_s: FloatArray) -> FloatArray:
+    """Return a displacement in [0, 1] of one frequency, from rest; (n,) for (n,) in s."""
+    return 0.5 * (1.0 - np.cos(2.0 * np.pi * 0.8 * t_s))
+
+
+def record_of(
+    *, delay_periods: float = 0.0, duration_s: float = 25.0, one_frequency: bool = False
+) -> Record:
+    """Return what is recorded of the made-up stage, without noise.
+
+    Args:
+        delay_periods: How long the displacement lags behind the drive, in sample periods; rounded
+            to 1 / FINER.
+        duration_s: Length, in s.
+        one_frequency: Whether all loops are equal.
+    """
+    t_s = np.arange(round(duration_s * RATE_HZ) * FINER) / (RATE_HZ * FINER)
+    x = (sine if one_frequency else loops)(t_s)
+    x /= x.max()
+    v = made_up_inverse().run(x)
+    late = np.concatenate((np.zeros(round(delay_periods * FINER)), x))
+    return Record(t_s[::FINER], DRIVE_V * v[::FINER], POSITION_UM * late[: t_s.size : FINER])
+
+
+def write_record(path: Path, record: Record) -> None:
+    """Write a record as a data file."""
+    columns = {"t_s": record.t_s, "drive_v": record.drive_v, "position_um": record.position_um}
+    write_csv(path, columns)

@@ -1,0 +1,53 @@
+"""What a file is, told from its content."""
+
+from pathlib import Path
+
+import pytest
+
+from piezod.experiment.check_file import Kind, check_file
+
+
+def check(tmp_path: Path, text: str) -> tuple[Kind | None, str, list[str]]:
+    """Check a text; give kind, contents and problems without the folder."""
+    path = tmp_path / "file.yaml"
+    path.write_text(text, encoding="utf-8")
+    kind, contents, error = check_file(path)
+    problems = str(error).replace(str(path), "file.yaml").splitlines() if error else []
+    return kind, contents, problems
+
+
+def test_experiment_is_described(tmp_path: Path, short: str) -> None:
+    """A person reads what the file holds."""
+    assert check(tmp_path, short) == (
+        Kind.EXPERIMENT,
+        "an experiment: 1 case in 3 modes on 1 axis",
+        [],
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "problem"),
+    [
+        ("modes: [adaptive]\n", Kind.EXPERIMENT, "file.yaml:1:1: rate_hz: required key is missing"),
+        ("format: old\n", Kind.MODEL, "file.yaml:1:1: created_at: required key is missing"),
+        ("delay_s: 0\n", Kind.MODEL, "file.yaml:1:1: created_at: required key is missing"),
+        ("a: 1\na: 2\n", None, "file.yaml:2:1: duplicate key 'a', it stands already in line 1"),
+        ("- 1\n", None, "file.yaml:1:1: the top level must be a mapping, lines of `key: value`"),
+    ],
+)  # fmt: skip
+def test_kind_follows_from_the_keys(
+    tmp_path: Path, text: str, kind: Kind | None, problem: str
+) -> None:
+    """A file with mistakes is still taken for what most of its keys say."""
+    found, contents, problems = check(tmp_path, text)
+
+    assert (found, contents, problems[0]) == (kind, "", problem)
+
+
+@pytest.mark.parametrize("text", ["a: 1\n", "delay_s: 0\nseed: 1\n"])
+def test_file_of_neither_kind(tmp_path: Path, text: str) -> None:
+    """A file that could be anything is refused with what each kind looks like."""
+    kind, _, (problem,) = check(tmp_path, text)
+
+    assert kind is None
+    assert problem.startswith("file.yaml: neither an experiment nor a model; allowed are")

@@ -1,0 +1,178 @@
+"""Fits of models to records, made up and measured."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from piezod.errors import DataError, ModelError
+from piezod.experiment.fit import StageModel, fit_model
+from piezod.experiment.method import Method
+from piezod.experiment.record import Record
+from piezod.records.csv_file import read_csv
+from tests.experiment.made_up import (
+    DRIVE_V,
+    LEFT_WEIGHTS,
+    ORDER,
+    POSITION_UM,
+    RATE_HZ,
+    RIGHT_WEIGHTS,
+    made_up_inverse,
+    record_of,
+)
+
+
+def test_least_squares_finds_the_weights() -> None:
+    """A stage made of stops at the thresholds of the fit is found again."""
+    fit = fit_model(record_of(), method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0)
+
+    inverse = fit.model.inverse()
+    assert inverse.left_stop_weights == pytest.approx(LEFT_WEIGHTS, abs=5e-4)
+    assert inverse.right_stop_weights == pytest.approx(RIGHT_WEIGHTS, abs=5e-4)
+    assert fit.smallest_slope == pytest.approx(made_up_inverse().smallest_slope, abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("method", "max_pct", "rms_pct"), [(Method.LEAST_SQUARES, 0.05, 0.01), (Method.LMS, 0.5, 0.1)]
+)
+def test_voltage_is_predicted(method: Method, max_pct: float, rms_pct: float) -> None:
+    """Both methods predict the drive of a stage made of stops, least squares better."""
+    record = record_of()
+
+    errors = fit_model(record, method=method, order=ORDER, delay_s=0.0).model.errors_pct(record)
+
+    assert 0.0 < errors["voltage_error_rms_pct"] < errors["voltage_error_max_pct"]
+    assert errors["voltage_error_max_pct"] < max_pct
+    assert errors["voltage_error_rms_pct"] < rms_pct
+
+
+def test_ranges_of_the_record_become_the_model_s() -> None:
+    """What is 0 and 1 in the model are the lowest and highest values that were recorded."""
+    record = record_of()
+
+    model = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0).model
+
+    assert tuple(model.drive_v) == pytest.approx((0.0, DRIVE_V), rel=1e-4)
+    assert tuple(model.position_um) == pytest.approx((0.0, POSITION_UM), rel=1e-4)
+
+
+def test_delay_is_estimated_only_when_none_is_given() -> None:
+    """The fit says how it came by its delay."""
+    record = record_of(delay_periods=2.0)
+
+    given = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.02)
+    found = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER)
+
+    assert (given.delay, given.model.delay_s) == (None, 0.02)
+    assert found.delay is not None
+    assert found.delay.delay_s == found.model.delay_s == pytest.approx(0.02, abs=0.1 / RATE_HZ)
+
+
+def test_neglected_delay_costs_accuracy() -> None:
+    """A model that is fitted to unaligned data predicts worse, and knows it."""
+    record = record_of(delay_periods=3.0)
+
+    def rms_pct(delay_s: float) -> float:
+        fit = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=delay_s)
+        return fit.model.errors_pct(record)["voltage_error_rms_pct"]
+
+    assert rms_pct(0.0) > 10.0 * rms_pct(0.03)
+
+
+def test_prediction_is_the_inverse_model_s_output() -> None:
+    """The voltage predicted by regressors is what the inverse itself gives."""
+    record = record_of(duration_s=10.0)
+    model = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0).model
+
+    x = np.clip(model.position_um.to_unit(record.position_um), 0.0, 1.0)
+
+    expected_v = model.drive_v.from_unit(model.inverse().run(x))
+    assert model.predicted_v(record) == pytest.approx(expected_v, abs=1e-9)
+
+
+def constant(record: Record) -> Record:
+    """Return a record whose displacement does not move."""
+    return replace(record, position_um=np.full_like(record.position_um, 3.5))
+
+
+def inverted(record: Record) -> Record:
+    """Return a record whose sensor has the wrong sign."""
+    return replace(record, position_um=-record.position_um)
+
+
+def undriven(record: Record) -> Record:
+    """Return a record of an amplifier that was off."""
+    return replace(record, drive_v=np.zeros_like(record.drive_v))
+
+
+def short(record: Record) -> Record:
+    """Return the first 59 samples of a record."""
+    return Record(record.t_s[:59], record.drive_v[:59], record.position_um[:59])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "text"),
+    [
+        (constant, "position_um is 3.5 throughout; allowed is a signal that varies"),
+        (undriven, "drive_v is 0 throughout; allowed is a signal that varies"),
+        (inverted, "position_um falls where drive_v rises; allowed is a displacement that grows"),
+        (short, "59 samples are left for 12 weights; allowed are 60 or more"),
+    ],
+    ids=["constant", "undriven", "inverted", "short"],
+)
+def test_record_that_no_model_fits_is_refused(spoil: object, text: str) -> None:
+    """The error says what is wrong with the record, and what would be right."""
+    assert callable(spoil)
+    record = spoil(record_of(duration_s=5.0))
+
+    with pytest.raises(DataError) as caught:
+        fit_model(record, method=Method.LEAST_SQUARES, order=ORDER)
+
+    assert str(caught.value).startswith(text)
+
+
+def test_delay_beyond_the_record_is_refused() -> None:
+    """Nothing is left to fit where no voltage is known."""
+    with pytest.raises(DataError, match="0 samples are left for 12 weights"):
+        fit_model(record_of(duration_s=5.0), method=Method.LMS, order=ORDER, delay_s=10.0)
+
+
+def test_diverging_update_is_an_error() -> None:
+    """With too many operators the paper's gain is too large, and there is no model."""
+    with pytest.raises(ModelError, match="LMS with 100 operators on each side"):
+        fit_model(record_of(), method=Method.LMS, order=100, delay_s=0.0)
+
+
+def measured(shared_data: Path, name: str) -> Record:
+    """Return a record of the measured flexure stage, without the run-in of the first second."""
+    return Record(**read_csv(shared_data / "data" / "ntu_p885" / name)).after(1.0)
+
+
+@pytest.mark.parametrize(
+    ("method", "max_pct", "rms_pct"), [(Method.LEAST_SQUARES, 1.6, 0.35), (Method.LMS, 1.7, 0.5)]
+)
+def test_measured_stage_is_predicted(
+    shared_data: Path, method: Method, max_pct: float, rms_pct: float
+) -> None:
+    """The drive voltage of a measured stage follows from its displacement, by either method."""
+    record = measured(shared_data, "identification.csv")
+
+    fit = fit_model(record, method=method)
+
+    errors = fit.model.errors_pct(record)
+    assert errors["voltage_error_max_pct"] < max_pct
+    assert errors["voltage_error_rms_pct"] < rms_pct
+    assert fit.smallest_slope > 0.2
+
+
+def test_model_of_a_measured_stage_carries_over(shared_data: Path) -> None:
+    """On a record with other amplitudes the error grows, but stays far below the loop's width."""
+    model: StageModel = fit_model(
+        measured(shared_data, "identification.csv"), method=Method.LEAST_SQUARES
+    ).model
+
+    errors = model.errors_pct(measured(shared_data, "test.csv"))
+
+    assert errors["voltage_error_max_pct"] < 4.5
+    assert errors["voltage_error_rms_pct"] < 2.0
