@@ -21,6 +21,7 @@ from piezod.hysteresis.bank import (
 )
 from piezod.hysteresis.memory import (
     MERGED,
+    SEEN,
     FloatArray,
     IntArray,
     Memory,
@@ -29,7 +30,11 @@ from piezod.hysteresis.memory import (
 )
 from piezod.jit import compiled
 
-_BISECTIONS = 50  # from the whole range down to 1e-15 of it
+FOLLOWED_SHARE = 0.3
+"""Part of the way to the identifier's weights that mode `adaptive` goes in each cycle. All of it, as
+in the paper, would hand the sensor's noise on to the drive."""
+
+_MOST_STEPS = 50  # of the search for a displacement; about ten are needed
 _SAME_DRIVE = 1e-13  # a voltage that differs by rounding only is no move
 
 
@@ -46,18 +51,30 @@ def _model(
 def _position(
     memory: Memory, bank: FloatArray, plays: FloatArray, weights: FloatArray, drive: float
 ) -> float:
-    """Return the displacement for which the model gives a drive."""
-    last = memory.last[0]
-    if abs(drive - weighted_sum(memory.now, bank, weights, last)) < _SAME_DRIVE:
-        return last
-    below, above = 0.0, 1.0
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (below + above)
-        if _model(memory, bank, plays, weights, middle) < drive:
-            below = middle
+    """Return the displacement for which the model gives a drive, by the Illinois method.
+
+    The model is monotone, 0 at 0 and 1 at 1. Where one end of the bracket stays twice in a row, its
+    miss is halved, so that both ends close in.
+    """
+    drive = clamp(drive, 0.0)
+    low, high = 0.0, 1.0
+    low_miss, high_miss = -drive, 1.0 - drive
+    middle, stayed = memory.last[SEEN], 0
+    miss = weighted_sum(memory.now, bank, weights, middle) - drive
+    for _ in range(_MOST_STEPS):
+        if abs(miss) < _SAME_DRIVE:
+            break
+        if miss < 0.0:
+            low, low_miss = middle, miss
+            high_miss *= 0.5 if stayed > 0 else 1.0
+            stayed = 1
         else:
-            above = middle
-    return above
+            high, high_miss = middle, miss
+            low_miss *= 0.5 if stayed < 0 else 1.0
+            stayed = -1
+        middle = high - high_miss * (high - low) / (high_miss - low_miss)
+        miss = _model(memory, bank, plays, weights, middle) - drive
+    return middle
 
 
 @compiled
@@ -80,10 +97,10 @@ def _step(
     memory = Memory(levels, values, now, last, counts)
     for j in range(weights.size):
         weights[j] += share * (target[j] - weights[j])
-    position = clamp(command, last[0])
+    position = clamp(command, last[SEEN])
     model = _model(memory, bank, plays, weights, position)
-    drive = min(max(position + strength * (model - position), low), high)
-    if drive != model:
+    drive = min(max(model + (1.0 - strength) * (position - model), low), high)
+    if drive != model:  # at full strength and within the window it is, to the bit
         position = _position(memory, bank, plays, weights, drive)
     advance_plays(memory, bank, 0.0, position)
     return drive
@@ -126,8 +143,9 @@ class Compensator:
         """Change the mode; the drive goes over without a jump; may be called in the loop."""
         self._mode = mode
         self._strength_aim = 0.0 if mode is Mode.UNCOMPENSATED else 1.0
+        if self._following:
+            self._target[:] = self.weights
         self._following = mode is Mode.ADAPTIVE
-        self._target[:] = self.weights
         self._fading = self._fade_cycles
 
     def adopt(self, weights: FloatArray) -> None:
@@ -152,7 +170,7 @@ class Compensator:
         """
         if self._following:
             self._target[:] = identified
-        share = 1.0 / self._fading if self._fading else float(self._following)
+        share = 1.0 / self._fading if self._fading else self._following * FOLLOWED_SHARE
         if self._fading:
             self._strength += (self._strength_aim - self._strength) * share
             self._fading -= 1
