@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from piezod.experiment.error_rows import error_rows
+from piezod.experiment.outputs import DATA_NAME
 from piezod.records.error_table import Cell, Row, error_table, verdict
 from piezod.records.labels import metric_label, metric_number, metric_text
 from piezod.records.recording import ExperimentResult, Identification
@@ -39,6 +40,7 @@ def as_document(result: ExperimentResult, report: Path) -> dict[str, object]:
             },
         },
         "report": str(report),
+        "data": str(report.with_name(DATA_NAME)),
     }
 
 

@@ -1,0 +1,69 @@
+"""The command, run within this process and as a process of its own."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from piezod.cli import main
+from tests.experiment.conftest import SHORT
+
+
+class Outcome(NamedTuple):
+    """What a command left behind."""
+
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Outcome]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the empty folder in which commands run, on a console of 100 columns."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+    return tmp_path
+
+
+@pytest.fixture
+def piezod(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Command:
+    """Return a function that runs the command within this process, which is quick."""
+
+    def call(*arguments: object) -> Outcome:
+        assert Path.cwd() == folder
+        monkeypatch.setattr(sys, "argv", ["piezod", *map(str, arguments)])
+        monkeypatch.setattr(sys, "excepthook", sys.excepthook)  # typer puts its own there
+        with pytest.raises(SystemExit) as ended:
+            main.run()
+        return Outcome(int(ended.value.code or 0), *capsys.readouterr())
+
+    return call
+
+
+@pytest.fixture
+def process(folder: Path) -> Command:
+    """Return a function that runs the command as a process of its own."""
+
+    def call(*arguments: object) -> Outcome:
+        command = [sys.executable, "-m", "piezod.cli.main", *map(str, arguments)]
+        ended = subprocess.run(
+            command, cwd=folder, capture_output=True, encoding="utf-8", check=False
+        )
+        return Outcome(ended.returncode, ended.stdout, ended.stderr)
+
+    return call
+
+
+@pytest.fixture
+def experiment_file(folder: Path) -> Path:
+    """Return the path of an experiment that takes a second, relative to the folder."""
+    (folder / "short.yaml").write_text(SHORT, encoding="utf-8")
+    return Path("short.yaml")

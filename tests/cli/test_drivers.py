@@ -1,0 +1,62 @@
+"""`piezod drivers`."""
+
+import json
+
+import pytest
+
+import piezod as package
+from piezod.errors import RegistryError
+from tests.cli.conftest import Command
+
+
+def test_list_for_people(process: Command) -> None:
+    """The simulated rig is installed, and nobody claims to have seen it on a bench."""
+    code, out, err = process("drivers")
+
+    assert (code, err) == (0, "")
+    (line,) = [line for line in out.splitlines() if line.split()[:1] == ["simulated"]]
+    assert " no " in line
+    assert "piezod" in line
+
+
+def test_list_for_programs(process: Command) -> None:
+    """The document has a row for each driver."""
+    code, out, err = process("drivers", "--json")
+
+    assert (code, err) == (0, "")
+    rows = {row["name"]: row for row in json.loads(out)["drivers"]}
+    assert rows["simulated"] == {
+        "name": "simulated",
+        "distribution": f"piezod {package.__version__}",
+        "summary": "a stage with amplifier and sensor that exists only in numbers",
+        "confirmed_on_hardware": False,
+        "error": None,
+    }
+
+
+def test_broken_driver_is_listed_with_the_reason(
+    piezod: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One driver that cannot be imported does not hide the others."""
+
+    def fail(name: str) -> None:
+        raise RegistryError(f"driver {name!r} cannot be imported: no module named 'acme'")
+
+    monkeypatch.setattr("piezod.devices.registry.load", fail)
+
+    code, out, _ = piezod("drivers", "--json")
+    (row,) = json.loads(out)["drivers"]
+    assert (code, row["confirmed_on_hardware"], row["summary"]) == (0, None, None)
+    assert row["error"] == "driver 'simulated' cannot be imported: no module named 'acme'"
+
+    code, out, _ = piezod("drivers")
+    assert code == 0
+    assert "cannot be imported" in out
+
+
+def test_no_driver(piezod: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An empty list is said in words."""
+    monkeypatch.setattr("piezod.devices.registry.names", lambda: ())
+
+    assert piezod("drivers") == (0, "No driver is installed.\n", "")
+    assert json.loads(piezod("drivers", "--json").out) == {"drivers": []}

@@ -1,0 +1,126 @@
+"""`piezod experiment`."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from piezod.records.csv_file import write_csv
+from piezod.records.hdf5_file import read_hdf5
+from tests.cli.conftest import Command
+
+MODES = ["uncompensated", "feedforward", "adaptive"]
+
+
+def test_document(process: Command, experiment_file: Path, folder: Path) -> None:
+    """With --json, stdout is one document with a row for each run; no progress is shown."""
+    code, out, err = process("experiment", experiment_file, "--json")
+
+    assert (code, err) == (0, "")
+    document = json.loads(out)
+    rows = document["cases"]
+    assert [(row["case"], row["mode"]) for row in rows] == [("slow", mode) for mode in MODES]
+    assert all(0.0 < row["tracking_rms_pct"] < row["tracking_max_pct"] for row in rows)
+    assert all(row["nonlinearity_pct"] < 20.0 for row in rows)
+    assert document["model"]["method"] == "least-squares"
+    assert document["model"]["axes"]["x"]["voltage_error_max_pct"] < 5.0
+    assert document["seed"] == 3
+    assert document["report"] == "short-results/report.html"
+    assert (folder / document["report"]).is_file()
+    assert (folder / document["data"]).is_file()
+
+
+def test_text(process: Command, experiment_file: Path, folder: Path) -> None:
+    """A person reads the errors, how the model was made, and where the report is."""
+    text = experiment_text(folder, experiment_file)
+    limits = "    reference_pct: {feedforward: 0.01, adaptive: 90}\nreference: others\n"
+    (folder / experiment_file).write_text(text + limits, encoding="utf-8")
+
+    code, out, err = process("experiment", experiment_file, "--out", "here")
+
+    assert (code, err) == (0, "")
+    rows = [line.split() for line in out.splitlines()]
+    assert [row[0] for row in rows if row and row[0] in MODES[1:]] == MODES[1:]
+    (feedforward,) = [line for line in out.splitlines() if line.split()[:1] == ["feedforward"]]
+    assert feedforward.count("▲") == 2
+    assert feedforward.endswith("0.01  ")
+    assert "2 of 4 errors exceed the figure of the others." in out
+    assert "Model of axis x by least-squares, " in out
+    assert out.endswith("Report: here/report.html\n")
+
+
+def experiment_text(folder: Path, file: Path) -> str:
+    """Return the text of an experiment file."""
+    return (folder / file).read_text(encoding="utf-8")
+
+
+def test_seed_is_used_and_kept(piezod: Command, experiment_file: Path, folder: Path) -> None:
+    """Another seed is another stage, the same seed is the same to the bit."""
+
+    def errors(seed: int) -> list[dict[str, object]]:
+        out = piezod("experiment", experiment_file, "--seed", seed, "--json").out
+        assert json.loads(out)["seed"] == seed
+        cases: list[dict[str, object]] = json.loads(out)["cases"]
+        return cases
+
+    first, second = errors(4), errors(5)
+
+    assert first != second
+    assert errors(4) == first
+    assert read_hdf5(folder / "short-results" / "experiment.h5").seed == 4
+
+
+def test_model_file_takes_the_place_of_identification(
+    piezod: Command, experiment_file: Path, folder: Path
+) -> None:
+    """What `identify` writes, `experiment` starts from."""
+    piezod("experiment", experiment_file, "--out", "first", "--json")
+    (record,) = read_hdf5(folder / "first" / "experiment.h5").identifications
+    columns = record.columns()
+    write_csv(
+        folder / "data.csv", {name: columns[name] for name in ("t_s", "drive_v", "position_um")}
+    )
+    assert piezod("identify", "data.csv", "--out", "stage.yaml").code == 0
+    head, tail = experiment_text(folder, experiment_file).split("identification:")
+    rest = tail[tail.index("settle_s: 0.5\ncases") :]
+    (folder / "from_model.yaml").write_text(
+        f"{head}    model: stage.yaml\n{rest}", encoding="utf-8"
+    )
+
+    code, out, err = piezod("experiment", "from_model.yaml", "--json")
+
+    assert (code, err) == (0, "")
+    document = json.loads(out)
+    assert document["model"]["axes"]["x"]["source"] == "model file stage.yaml"
+    uncompensated, feedforward, _ = (row["nonlinearity_pct"] for row in document["cases"])
+    assert feedforward < 0.5 * uncompensated
+
+
+def test_bad_file(process: Command, folder: Path) -> None:
+    """Nothing is run, and nothing is on stdout."""
+    (folder / "bad.yaml").write_text("rate_hz: 1\n", encoding="utf-8")
+
+    code, out, err = process("experiment", "bad.yaml", "--json")
+
+    assert (code, out) == (78, "")
+    assert "bad.yaml:1:10: rate_hz: out of range (got 1)" in err
+    assert [each.name for each in folder.iterdir()] == ["bad.yaml"]
+
+
+def test_results_cannot_take_the_place_of_a_file(
+    piezod: Command, experiment_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That is found out before the run, not after it."""
+    monkeypatch.setattr("piezod.experiment.run.run_experiment", None)
+
+    expected = (1, "", "short.yaml: File exists\n")
+    assert piezod("experiment", experiment_file, "--out", experiment_file) == expected
+
+
+@pytest.mark.parametrize("seed", ["-1", "4294967296", "one"])
+def test_wrong_seed(piezod: Command, experiment_file: Path, seed: str) -> None:
+    """A seed that no configuration may have is wrong usage."""
+    code, out, err = piezod("experiment", experiment_file, "--seed", seed)
+
+    assert (code, out) == (2, "")
+    assert "'--seed'" in err

@@ -1,0 +1,241 @@
+"""`piezod identify`."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from piezod.config.model_file import load_model
+from tests.cli.conftest import Command
+from tests.experiment.made_up import record_of, write_record
+
+
+@pytest.fixture
+def data(folder: Path) -> Path:
+    """Return a data file of a made-up stage that is two samples, 20 ms, late."""
+    write_record(folder / "data.csv", record_of(delay_periods=2.0))
+    return Path("data.csv")
+
+
+def test_document(process: Command, data: Path) -> None:
+    """With --json, stdout is one document and nothing else is said."""
+    code, out, err = process("identify", data, "--delay-s", "auto", "--order", 6, "--json")
+
+    assert (code, err) == (0, "")
+    document = json.loads(out)
+    assert document["data"] == "data.csv"
+    assert document["samples"] == 2500
+    assert document["rate_hz"] == pytest.approx(100.0)
+    assert (document["method"], document["order"]) == ("least-squares", 6)
+    assert document["delay_s"] == pytest.approx(0.02, abs=0.001)
+    assert document["delay_estimate"]["delay_s"] == document["delay_s"]
+    assert document["delay_estimate"]["one_frequency"] is False
+    assert set(document["train"]) == {"voltage_error_max_pct", "voltage_error_rms_pct"}
+    assert 0.0 < document["train"]["voltage_error_max_pct"] < 0.1
+    assert document["test"] is None
+    assert document["smallest_slope"] == pytest.approx(0.71, abs=0.01)
+    assert document["warnings"] == []
+    assert (document["model"], document["plot"]) == (None, None)
+
+
+def test_document_holds_the_whole_curve(piezod: Command, data: Path) -> None:
+    """The criterion is least where the delay is."""
+    document = json.loads(piezod("identify", data, "--delay-s", "auto", "--json").out)
+
+    curve = document["delay_estimate"]["criterion"]
+    assert len(curve["delay_s"]) == len(curve["voltage_error_rms_pct"]) == 61
+    least = curve["voltage_error_rms_pct"].index(min(curve["voltage_error_rms_pct"]))
+    assert curve["delay_s"][least] == pytest.approx(0.02)
+
+
+def test_text(process: Command, data: Path) -> None:
+    """A person reads the record, the delay with its curve, the errors, and what comes next."""
+    code, out, err = process("identify", data, "--delay-s", "auto", "--order", 6)
+
+    assert (code, err) == (0, "")
+    assert "data.csv: 2500 samples at 100 Hz, 24.99 s" in out
+    assert "Delay 20 ms ± 0.5 ms" in out
+    (curve,) = [line for line in out.splitlines() if line.endswith("█ 60 ms")]
+    assert curve.startswith("  0 ms ")
+    assert len(curve) < 80
+    assert "Model by least-squares, 6 operators on each side." in out
+    assert "train" in out
+    assert "Nothing was written; --out model.yaml keeps the model" in out
+
+
+def test_delay_is_none_unless_asked_for(piezod: Command, data: Path) -> None:
+    """Without --delay-s nothing is assumed, and the way to an estimate is shown."""
+    document = json.loads(piezod("identify", data, "--json").out)
+
+    assert (document["delay_s"], document["delay_estimate"]) == (0.0, None)
+    assert "Delay 0 ms, as given; --delay-s auto estimates it." in piezod("identify", data).out
+    assert "Delay 20 ms, as given." in piezod("identify", data, "--delay-s", "0.02").out
+
+
+def test_method_and_order(piezod: Command, data: Path) -> None:
+    """The paper's method is there for whom it may concern."""
+    out = piezod("identify", data, "--method", "lms", "--order", "6", "--json").out
+
+    document = json.loads(out)
+    assert (document["method"], document["order"]) == ("lms", 6)
+
+
+def test_out_writes_model_and_figure(piezod: Command, data: Path, folder: Path) -> None:
+    """The model file holds what was printed, and `check` accepts it."""
+    arguments = ("--delay-s", 0.02, "--out", "new/stage.yaml")
+
+    document = json.loads(piezod("identify", data, *arguments, "--json").out)
+
+    assert (document["model"], document["plot"]) == ("new/stage.yaml", "new/stage.png")
+    assert sorted(each.name for each in (folder / "new").iterdir()) == ["stage.png", "stage.yaml"]
+    assert load_model(folder / "new/stage.yaml").fit.model_dump() == document["train"]
+    out = "new/stage.yaml: ok, a model: 19 operators on each side, by least-squares\n"
+    assert piezod("check", "new/stage.yaml") == (0, out, "")
+    assert (
+        "Model: new/stage.yaml\nFigure: new/stage.png\n" in piezod("identify", data, *arguments).out
+    )
+
+
+def test_nothing_is_written_without_out(piezod: Command, data: Path, folder: Path) -> None:
+    """To look at a fit leaves no traces."""
+    assert piezod("identify", data).code == 0
+
+    assert [each.name for each in folder.iterdir()] == ["data.csv"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("--delay-s", "soon"), "'--delay-s': must be auto, or a time from 0 to 1 s (got soon)"),
+        (("--delay-s", "-1"), "'--delay-s': must be auto, or a time from 0 to 1 s (got -1)"),
+        (("--delay-s", "nan"), "'--delay-s': must be auto, or a time from 0 to 1 s (got nan)"),
+        (("--out", "data.csv"), "'--out': must end in .yaml (got data.csv)"),
+        (("--order", "0"), "'--order'"),
+        (("--order", "201"), "'--order'"),
+        (("--skip-s", "-1"), "'--skip-s'"),
+        (("--skip-s", "nan"), "'--skip-s'"),
+        (("--method", "rls"), "'--method'"),
+    ],
+)
+def test_wrong_options(
+    piezod: Command, data: Path, folder: Path, arguments: tuple[str, str], text: str
+) -> None:
+    """An option that makes no sense is wrong usage; the data stay as they are."""
+    before = (folder / data).read_bytes()
+
+    code, out, err = piezod("identify", data, *arguments)
+
+    assert (code, out) == (2, "")
+    assert text in err
+    assert (folder / data).read_bytes() == before
+
+
+Lines = list[str]
+
+
+def with_gap(lines: Lines) -> Lines:
+    """Return a record of which ten samples are lost."""
+    return lines[:500] + lines[510:]
+
+
+def with_nan(lines: Lines) -> Lines:
+    """Return a record with a sample that is no number."""
+    t_s, drive_v, _ = lines[700].split(",")
+    return [*lines[:700], f"{t_s},{drive_v},nan", *lines[701:]]
+
+
+def with_text(lines: Lines) -> Lines:
+    """Return a record with a word where a number belongs."""
+    t_s, _, position_um = lines[700].split(",")
+    return [*lines[:700], f"{t_s},high,{position_um}", *lines[701:]]
+
+
+def constant(lines: Lines) -> Lines:
+    """Return a record of a sensor that is stuck."""
+    return [lines[0], *(",".join([*line.split(",")[:2], "1.5"]) for line in lines[1:])]
+
+
+def too_short(lines: Lines) -> Lines:
+    """Return the first few samples."""
+    return lines[:50]
+
+
+def too_short_for_the_model(lines: Lines) -> Lines:
+    """Return enough samples for a file, but not for 38 weights."""
+    return lines[:151]
+
+
+def unsorted(lines: Lines) -> Lines:
+    """Return a record with two samples swapped."""
+    return [*lines[:300], lines[301], lines[300], *lines[302:]]
+
+
+def other_columns(lines: Lines) -> Lines:
+    """Return a record whose columns bear other names."""
+    return ["time,voltage,position", *lines[1:]]
+
+
+def inverted(lines: Lines) -> Lines:
+    """Return a record of a sensor with the wrong sign."""
+    rows = [line.split(",") for line in lines[1:]]
+    return [lines[0], *(f"{t_s},{drive_v},{-float(x)}" for t_s, drive_v, x in rows)]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "text"),
+    [
+        (with_gap, "data.csv:501: a gap of 0.11 s before t_s 5.09; allowed are 0.015 s"),
+        (with_nan, "data.csv:701: position_um is nan; allowed is any finite number"),
+        (with_text, "data.csv:701: drive_v is 'high'; allowed is a number such as -1.25e-3"),
+        (constant, "data.csv:2: position_um is 1.5 in all 2500 samples; allowed is a signal"),
+        (too_short, "data.csv:50: the file ends after 49 samples; allowed are 100 or more"),
+        (too_short_for_the_model, "data.csv: 150 samples are left for 38 weights; allowed are 190"),
+        (unsorted, "data.csv:302: t_s 2.99 comes after 3.0; allowed is time that rises"),
+        (other_columns, "data.csv:1: no column 't_s', 'drive_v', 'position_um'; found 'time', "),
+        (inverted, "data.csv: position_um falls where drive_v rises; allowed is a displacement"),
+    ],
+    ids=lambda value: value.__name__ if callable(value) else "",
+)
+def test_bad_data(
+    piezod: Command, data: Path, folder: Path, spoil: Callable[[Lines], Lines], text: str
+) -> None:
+    """What is wrong with a file is told with its place; nothing is on stdout."""
+    path = folder / data
+    lines = spoil(path.read_text(encoding="utf-8").splitlines())
+    path.write_text("\n".join(lines), encoding="utf-8")
+
+    code, out, err = piezod("identify", data, "--json", "--out", "model.yaml")
+
+    assert (code, out) == (1, "")
+    assert err.startswith(text)
+    assert err.count("\n") == 1
+    assert [each.name for each in folder.iterdir()] == ["data.csv"]
+
+
+def test_bad_test_data(piezod: Command, data: Path, folder: Path) -> None:
+    """The file to test on is held to the same rules, and named."""
+    (folder / "other.csv").write_text("t_s\n", encoding="utf-8")
+
+    code, out, err = piezod("identify", data, "--test", "other.csv")
+
+    assert (code, out) == (1, "")
+    assert err.startswith("other.csv:1: no column 'drive_v', 'position_um'; found 't_s'")
+
+
+def test_measured_stage(process: Command, shared_data: Path) -> None:
+    """On a measured flexure stage the voltage is predicted to 1.6 %, and the limits are said."""
+    folder = shared_data / "data" / "ntu_p885"
+    files = (folder / "identification.csv", "--test", folder / "test.csv")
+
+    code, out, err = process("identify", *files, "--skip-s", 1, "--delay-s", "auto", "--json")
+
+    assert (code, err) == (0, "")
+    document = json.loads(out)
+    assert 0.005 < document["delay_s"] < 0.010
+    assert document["train"]["voltage_error_max_pct"] < 1.6
+    assert document["train"]["voltage_error_rms_pct"] < 0.35
+    assert document["test"]["voltage_error_max_pct"] < 4.5
+    assert document["delay_estimate"]["one_frequency"] is True
+    (warning,) = document["warnings"]
+    assert "determines the delay only to about a sample, 5 ms" in warning

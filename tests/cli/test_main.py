@@ -1,0 +1,159 @@
+"""The command itself: help, version, errors."""
+
+import subprocess
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+
+import piezod
+from piezod.cli.exit_codes import exit_code, text_of
+from piezod.cli.main import run
+from piezod.errors import (
+    ConfigError,
+    DataError,
+    DeviceError,
+    DeviceUnavailableError,
+    ModelError,
+    PiezodError,
+    Problem,
+    RegistryError,
+)
+from tests.cli.conftest import Command
+
+VERBS = ("experiment", "identify", "check", "drivers")
+
+
+def test_version(process: Command) -> None:
+    """The version is that of the installed distribution."""
+    assert process("--version") == (0, f"piezod {piezod.__version__}\n", "")
+
+
+def test_help_lists_the_verbs(process: Command) -> None:
+    """Help goes to stdout, with one line for each verb, none of them cut off."""
+    code, out, err = process("--help")
+
+    assert (code, err) == (0, "")
+    lines = [line for line in out.splitlines() if line.split()[:1] and line.split()[0] in VERBS]
+    assert [line.split()[0] for line in lines] == list(VERBS)
+    assert [line for line in lines if line.endswith("...")] == []
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_of_a_verb(piezod: Command, verb: str) -> None:
+    """Every verb explains itself and has --json."""
+    code, out, err = piezod(verb, "--help")
+
+    assert (code, err) == (0, "")
+    assert f"Usage: piezod {verb}" in out
+    assert "--json" in out
+
+
+def test_help_imports_little() -> None:
+    """What takes time to import is imported by the verbs that use it."""
+    slow = "{'h5py', 'matplotlib', 'numba', 'numpy', 'pydantic', 'rich', 'yaml'}"
+    code = f"import sys; import piezod.cli.main; print({slow} & set(sys.modules))"
+
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+
+    assert ended.stdout == b"set()\n"
+
+
+def test_installed_command_is_this_one() -> None:
+    """What `piezod` starts is what is tested here."""
+    (script,) = entry_points(group="console_scripts", name="piezod")
+
+    assert script.load() is run
+
+
+@pytest.mark.parametrize("arguments", [(), ("nope",), ("experiment",), ("drivers", "--nope")])
+def test_wrong_usage(piezod: Command, arguments: tuple[str, ...]) -> None:
+    """Wrong usage is told on stderr and exits with 2."""
+    code, out, err = piezod(*arguments)
+
+    assert (code, out) == (2, "")
+    assert err.startswith("Usage: piezod")
+
+
+def because_of(cause: Exception) -> PiezodError:
+    """Return the error of a file that could not be read because of something."""
+    error = ConfigError(Problem("a.yaml", 0, 0, "", "cannot be read"))
+    error.__cause__ = cause
+    return error
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (ConfigError(Problem("a.yaml", 1, 2, "key", "wrong")), 78),
+        (DeviceUnavailableError("absent"), 69),
+        (PermissionError(13, "Permission denied", "a.yaml"), 77),
+        (because_of(PermissionError(13, "Permission denied", "a.yaml")), 77),
+        (because_of(FileNotFoundError(2, "No such file or directory", "a.yaml")), 78),
+        (DeviceError("refused"), 1),
+        (DataError("gap"), 1),
+        (ModelError("no inverse"), 1),
+        (RegistryError("unknown driver"), 1),
+        (FileNotFoundError(2, "No such file or directory", "a.csv"), 1),
+        (KeyboardInterrupt(), 130),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else str(value),
+)
+def test_exit_codes(
+    piezod: Command, monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int
+) -> None:
+    """Every error has its exit code and a text without a traceback; nothing is on stdout."""
+
+    def fail() -> None:
+        raise error
+
+    monkeypatch.setattr("piezod.devices.registry.names", fail)
+
+    outcome = piezod("drivers", "--json")
+
+    assert (outcome.code, outcome.out) == (code, "")
+    assert "Traceback" not in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (FileNotFoundError(2, "No such file", "a.csv"), "a.csv: No such file"),
+        (FileNotFoundError(2, "No such file", b"\xff.csv"), "\udcff.csv: No such file"),
+        (OSError("unable to lock file"), "unable to lock file"),
+        (DataError("a.csv:3: gap"), "a.csv:3: gap"),
+        (because_of(ValueError()), "a.yaml: cannot be read"),
+    ],
+)  # fmt: skip
+def test_texts_of_errors(error: PiezodError | OSError, text: str) -> None:
+    """A text begins with the file where there is one, so that editors can jump to it."""
+    assert text_of(error) == text
+    assert exit_code(error) != 0
+
+
+def test_full_disk_is_an_error(folder: Path) -> None:
+    """A document that could not be written is not a success."""
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("this system has no /dev/full")
+    with full.open("w", encoding="utf-8") as stdout:
+        ended = subprocess.run(
+            [sys.executable, "-m", "piezod.cli.main", "drivers", "--json"],
+            cwd=folder,
+            stdout=stdout,
+            stderr=subprocess.PIPE,
+            check=False,
+        )
+
+    assert ended.returncode == 1
+    assert b"No space left on device" in ended.stderr
+    assert b"Traceback" not in ended.stderr
+
+
+def test_name_that_is_no_text_can_be_printed(process: Command) -> None:
+    """A file name of any bytes leads to an error text, not to a failure to print it."""
+    code, out, err = process("identify", "\udcff.csv")
+
+    assert (code, out) == (1, "")
+    assert err == "?.csv: No such file or directory\n"
