@@ -45,7 +45,7 @@ def experiment(
     folder.mkdir(parents=True, exist_ok=True)  # before the run: to learn it after would be a pity
     with progress_bar() as progress:
         text = file.read_text(encoding="utf-8-sig")
-        result = run_experiment(config, text, file.stem, progress)
+        result = run_experiment(config, text, config.title or file.stem, progress)
         progress("writing the report", 1.0)
         reference = reference_of(config)
         report = write_outputs(folder, result, reference)

@@ -77,6 +77,7 @@ class CaseConfig(ConfigModel):
 class ExperimentConfig(ConfigModel):
     """An experiment."""
 
+    title: str = Field(default="", max_length=80, description="What it is, for people.")
     rate_hz: RateHz = Field(description="Cycles of the loop per second, Hz.")
     seed: Seed = Field(default=1, description="Decides about everything random in the devices.")
     devices: dict[Name, DeviceConfig] = Field(min_length=1, description="Name: device.")
