@@ -30,13 +30,13 @@ def test_document(process: Command, experiment_file: Path, folder: Path) -> None
     assert (folder / document["data"]).is_file()
 
 
-def test_text(process: Command, experiment_file: Path, folder: Path) -> None:
+def test_text(piezod: Command, experiment_file: Path, folder: Path) -> None:
     """A person reads the errors, how the model was made, and where the report is."""
     text = experiment_text(folder, experiment_file)
     limits = "    reference_pct: {feedforward: 0.01, adaptive: 90}\nreference: others\n"
     (folder / experiment_file).write_text(text + limits, encoding="utf-8")
 
-    code, out, err = process("experiment", experiment_file, "--out", "here")
+    code, out, err = piezod("experiment", experiment_file, "--out", "here")
 
     assert (code, err) == (0, "")
     rows = [line.split() for line in out.splitlines()]
@@ -47,6 +47,24 @@ def test_text(process: Command, experiment_file: Path, folder: Path) -> None:
     assert "2 of 4 errors exceed the figure of the others." in out
     assert "Model of axis x by least-squares, " in out
     assert out.endswith("Report: here/report.html\n")
+
+
+def test_two_axes_are_told_apart(piezod: Command, experiment_file: Path, folder: Path) -> None:
+    """With several axes the table says which is which, and every axis has its model."""
+    text = experiment_text(folder, experiment_file)
+    start, end = text.index("  x:\n"), text.index("identification:")
+    second = text[start:end].replace("  x:", "  y:")
+    (folder / experiment_file).write_text(text[:end] + second + text[end:], encoding="utf-8")
+
+    code, out, err = piezod("experiment", experiment_file)
+
+    assert (code, err) == (0, "")
+    rows = [line.split() for line in out.splitlines()]
+    firsts = [row[:3] for row in rows if row[2:3] == ["uncompensated"]]
+    assert firsts == [["x", "slow", "uncompensated"], ["y", "slow", "uncompensated"]]
+    assert "Model of axis x by" in out
+    assert "Model of axis y by" in out
+    assert "exceed" not in out
 
 
 def experiment_text(folder: Path, file: Path) -> str:

@@ -49,9 +49,9 @@ def test_document_holds_the_whole_curve(piezod: Command, data: Path) -> None:
     assert curve["delay_s"][least] == pytest.approx(0.02)
 
 
-def test_text(process: Command, data: Path) -> None:
+def test_text(piezod: Command, data: Path) -> None:
     """A person reads the record, the delay with its curve, the errors, and what comes next."""
-    code, out, err = process("identify", data, "--delay-s", "auto", "--order", 6)
+    code, out, err = piezod("identify", data, "--delay-s", "auto", "--order", 6, "--test", data)
 
     assert (code, err) == (0, "")
     assert "data.csv: 2500 samples at 100 Hz, 24.99 s" in out
@@ -60,7 +60,9 @@ def test_text(process: Command, data: Path) -> None:
     assert curve.startswith("  0 ms ")
     assert len(curve) < 80
     assert "Model by least-squares, 6 operators on each side." in out
-    assert "train" in out
+    train, test = (line.split() for line in out.splitlines() if " data.csv " in line)
+    assert (train[0], test[0]) == ("train", "test")
+    assert train[1:] == test[1:]
     assert "Nothing was written; --out model.yaml keeps the model" in out
 
 
