@@ -21,6 +21,7 @@ from piezod.hysteresis.bank import (
 )
 from piezod.hysteresis.memory import (
     MERGED,
+    RAW,
     SEEN,
     FloatArray,
     IntArray,
@@ -31,8 +32,8 @@ from piezod.hysteresis.memory import (
 from piezod.jit import compiled
 
 FOLLOWED_SHARE = 0.3
-"""Part of the way to the identifier's weights that mode `adaptive` goes in each cycle. All of it, as
-in the paper, would hand the sensor's noise on to the drive."""
+"""Part of the way to the identifier's weights that mode `adaptive` goes in each cycle. All of it,
+as in the paper, would hand the sensor's noise on to the drive."""
 
 _MOST_STEPS = 50  # of the search for a displacement; about ten are needed
 _SAME_DRIVE = 1e-13  # a voltage that differs by rounding only is no move
@@ -97,12 +98,13 @@ def _step(
     memory = Memory(levels, values, now, last, counts)
     for j in range(weights.size):
         weights[j] += share * (target[j] - weights[j])
-    position = clamp(command, last[SEEN])
+    position = command = clamp(command, last[RAW])
     model = _model(memory, bank, plays, weights, position)
     drive = min(max(model + (1.0 - strength) * (position - model), low), high)
     if drive != model:  # at full strength and within the window it is, to the bit
         position = _position(memory, bank, plays, weights, drive)
     advance_plays(memory, bank, 0.0, position)
+    last[RAW] = command  # to be held where the next one is not a number
     return drive
 
 
@@ -125,9 +127,10 @@ class Compensator:
         self._fade_cycles = fade_cycles
         self._has_model = bool(np.any(weights))
         self._memory = new_bank_memory(bank)
+        self._following = False
         self.switch(mode)
         self._fading, self._strength = 0, self._strength_aim
-        self._arguments = (*self._memory, bank, np.empty(bank.shape[1]), self.weights, self._target)
+        self._arguments = (*self._memory, bank, np.empty(bank.shape[1]), self.weights)
 
     @property
     def mode(self) -> Mode:
@@ -168,10 +171,9 @@ class Compensator:
             high: Highest drive that the limits allow in this cycle.
             identified: (2 M,) the identifier's weights, followed in mode `adaptive`.
         """
-        if self._following:
-            self._target[:] = identified
+        target = identified if self._following else self._target
         share = 1.0 / self._fading if self._fading else self._following * FOLLOWED_SHARE
         if self._fading:
             self._strength += (self._strength_aim - self._strength) * share
             self._fading -= 1
-        return _step(*self._arguments, share, self._strength, command, low, high)
+        return _step(*self._arguments, target, share, self._strength, command, low, high)
