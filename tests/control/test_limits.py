@@ -1,0 +1,100 @@
+"""What the limits let through; values dense around each edge and sparse elsewhere."""
+
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.control.limits import Limits
+
+LIMITS = Limits(drive_min_v=-10.0, drive_max_v=150.0, slew_v_per_s=20_000.0)
+CYCLE_S = 1e-3
+REACH_V = 20.0
+INSIDE = st.floats(-10, 150)
+
+
+def around(edge: float) -> list[float]:
+    """Return the edge, its neighbours in floating point, and values a little further away."""
+    return [
+        edge,
+        math.nextafter(edge, -math.inf),
+        math.nextafter(edge, math.inf),
+        edge - 1e-9,
+        edge + 1e-9,
+        edge - 0.1,
+        edge + 0.1,
+    ]
+
+
+EDGES = [v for edge in (-10.0, 150.0, 10.0, 130.0) for v in around(edge)]
+ANY_DRIVE = st.one_of(st.floats(), st.sampled_from(EDGES))
+
+
+@given(wished_v=ANY_DRIVE, previous_v=st.one_of(INSIDE, st.sampled_from([-10.0, 150.0])))
+def test_admitted_voltage_is_in_range_and_within_reach(wished_v: float, previous_v: float) -> None:
+    """Whatever is wished, what goes out is allowed and no further than the slew rate goes."""
+    drive_v = LIMITS.admit(wished_v, previous_v, CYCLE_S)
+
+    assert -10.0 <= drive_v <= 150.0
+    assert abs(drive_v - previous_v) <= REACH_V * (1 + 1e-12)
+
+
+@given(wished_v=ANY_DRIVE, previous_v=st.floats(-1e3, 1e3))
+def test_admitted_voltage_is_the_nearest_in_the_window(wished_v: float, previous_v: float) -> None:
+    """Inside the window a voltage passes to the bit; outside it becomes the nearer end."""
+    window = LIMITS.window(previous_v, CYCLE_S)
+    drive_v = LIMITS.admit(wished_v, previous_v, CYCLE_S)
+
+    assert window.low_v <= window.high_v
+    if not math.isfinite(wished_v):
+        assert drive_v == previous_v
+    elif wished_v < window.low_v:
+        assert drive_v == window.low_v
+    elif wished_v > window.high_v:
+        assert drive_v == window.high_v
+    else:
+        assert drive_v == wished_v
+
+
+@pytest.mark.parametrize("wished_v", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("previous_v", [-10.0, 0.0, 150.0, 200.0])
+def test_voltage_that_is_not_finite_moves_nothing(wished_v: float, previous_v: float) -> None:
+    """Not even towards the end of the range."""
+    assert LIMITS.admit(wished_v, previous_v, CYCLE_S) == previous_v
+
+
+@pytest.mark.parametrize("edge", EDGES)
+def test_window_ends_at_the_nearer_of_range_and_reach(edge: float) -> None:
+    """Close to an end of the range it is the range that limits, elsewhere the slew rate."""
+    previous_v = min(max(edge, -10.0), 150.0)
+
+    window = LIMITS.window(previous_v, CYCLE_S)
+
+    assert window.low_v == pytest.approx(max(previous_v - REACH_V, -10.0), abs=1e-12)
+    assert window.high_v == pytest.approx(min(previous_v + REACH_V, 150.0), abs=1e-12)
+
+
+def test_no_time_leaves_no_way() -> None:
+    """In no time the voltage cannot change."""
+    assert LIMITS.window(42.0, 0.0) == (42.0, 42.0)
+
+
+@pytest.mark.parametrize(("start_v", "end_v"), [(215.0, 150.0), (-75.0, -10.0)])
+def test_voltage_taken_over_outside_the_range_comes_back_at_the_slew_rate(
+    start_v: float, end_v: float
+) -> None:
+    """A stage that was left at 215 V reaches 150 V in four cycles, without a step."""
+    voltages_v = [start_v]
+    while voltages_v[-1] != end_v:
+        voltages_v.append(LIMITS.admit(end_v, voltages_v[-1], CYCLE_S))
+
+    steps_v = [abs(b - a) for a, b in pairwise(voltages_v)]
+    assert steps_v == [20.0, 20.0, 20.0, 5.0]
+
+
+@pytest.mark.parametrize("wished_v", [0.0, 300.0, 215.0])
+def test_voltage_outside_the_range_never_moves_further_out(wished_v: float) -> None:
+    """From 215 V every finite wish leads towards the range."""
+    assert LIMITS.admit(wished_v, 215.0, CYCLE_S) == 195.0
