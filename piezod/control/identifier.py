@@ -45,7 +45,9 @@ class Identifier:
         if not sample.valid:
             return
         drive_v = self._history.at(sample.t_ns - self._delay_ns)
+        before = self._lms.position
         error = self._lms.step(
             self._position_um.to_unit(sample.position_um), self._drive_v.to_unit(drive_v)
         )
-        self.converged = self._convergence.update(error)
+        if self._lms.position != before:  # at rest any weights predict the next error
+            self.converged = self._convergence.update(error)

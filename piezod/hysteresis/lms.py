@@ -13,6 +13,7 @@ from piezod.hysteresis.bank import GAINS, advance_plays, new_bank_memory, weight
 from piezod.hysteresis.memory import (
     DEFAULT_CAPACITY,
     MERGED,
+    SEEN,
     FloatArray,
     IntArray,
     Memory,
@@ -122,6 +123,11 @@ class LMSIdentifier:
         relax(self._memory)
 
     @property
+    def position(self) -> float:
+        """Displacement that the operators see, behind the dead-band; may be called in the loop."""
+        return self._memory.last[SEEN]
+
+    @property
     def merged_pairs(self) -> int:
         """Number of pairs of extrema that a full memory had to give up."""
         return int(self._memory.counts[MERGED])
@@ -131,7 +137,8 @@ class LMSIdentifier:
 class Convergence:
     """The paper's criterion, |e_k - e_{k-1}| below a tolerance, asked of a whole window.
 
-    One sample proves nothing: the difference is small by chance, or because nothing moves.
+    One sample proves nothing: the difference is small by chance. Nor do samples that do not move:
+    leave them out.
     """
 
     tolerance: float

@@ -130,6 +130,17 @@ def test_position_that_is_not_a_number_is_no_move() -> None:
     assert lms.weights.tolist() == spared.weights.tolist()
 
 
+def test_position_is_what_the_operators_see() -> None:
+    """Behind a dead-band small moves do not show."""
+    lms = LMSIdentifier(PAPER_BANK, deadband=0.02)
+    seen = []
+    for position in (0.5, 0.505, 0.495, 0.52):
+        lms.step(position, 0.5)
+        seen.append(lms.position)
+
+    assert seen == pytest.approx([0.49, 0.495, 0.495, 0.51])
+
+
 def test_pairs_given_up_are_counted() -> None:
     """The identifier's memory is bounded too."""
     lms = LMSIdentifier(PAPER_BANK, capacity=4)
