@@ -1,0 +1,102 @@
+"""Small devices, axes and algorithms that do what a test tells them and write down what happens."""
+
+from collections.abc import Sequence
+
+from piezod.control.axis import AxisOutput
+from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.hysteresis import LMSIdentifier, even_thresholds, new_bank
+
+MS = 1_000_000
+
+
+class FakeDevice:
+    """The part of a device's life that the cycle has nothing to do with."""
+
+    def __init__(self, log: list[str]) -> None:
+        self.log = log
+
+    def open(self) -> Identity:
+        """Say who this is."""
+        return Identity("piezod", "fake", "0", "0")
+
+    def capabilities(self) -> Capabilities:
+        """Serve two axes."""
+        return Capabilities(("x", "y"), read_back=True, max_rate_hz=1e3)
+
+    def activate(self, now_ns: int) -> None:
+        """Be ready."""
+
+    def deactivate(self, now_ns: int) -> None:
+        """Be at rest."""
+
+    def close(self) -> None:
+        """Be gone."""
+
+
+class FakeSensor(FakeDevice):
+    """Gives the samples that it was told to give."""
+
+    def __init__(self, log: list[str], samples: Sequence[Sample]) -> None:
+        super().__init__(log)
+        self.samples = samples
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Give the samples."""
+        self.log.append(f"read at {now_ns}")
+        return self.samples
+
+
+class FakeAmplifier(FakeDevice):
+    """Takes voltages, or refuses them while it is told to."""
+
+    def __init__(self, log: list[str]) -> None:
+        super().__init__(log)
+        self.refuses = False
+        self.drive_v: Sequence[float] = (0.0, 0.0)
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Take the voltages unless told to refuse."""
+        self.log.append(f"write {list(drive_v)} at {now_ns}")
+        if not self.refuses:
+            self.drive_v = drive_v
+        return not self.refuses
+
+    def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - asked for by Amplifier
+        """Give the voltages taken last."""
+        return self.drive_v
+
+
+class FakeAxis:
+    """Asks for the voltage that it was told to ask for."""
+
+    def __init__(self, log: list[str], name: str, drive_v: float) -> None:
+        self.log, self.name, self.drive_v = log, name, drive_v
+
+    def update(self, t_ns: int, sample: Sample) -> AxisOutput:
+        """Ask for the voltage."""
+        self.log.append(f"{self.name} updates at {t_ns} with {sample.position_um} µm")
+        return AxisOutput(self.drive_v, 0.0, 0.0, 0.0)
+
+    def applied(self, drive_v: float) -> None:
+        """Write down what is in force."""
+        self.log.append(f"{self.name} has {drive_v} V")
+
+
+class PairsOnly(LMSIdentifier):
+    """Writes down the pairs that it was given, and gives the errors that it was told to give."""
+
+    def __init__(self, errors: Sequence[float] = ()) -> None:
+        super().__init__(new_bank(even_thresholds(1), even_thresholds(1)))
+        self.pairs: list[tuple[float, float]] = []
+        self.errors = list(errors)
+        self.at_rest = False
+
+    @property
+    def position(self) -> float:
+        """Move with every pair unless told to rest."""
+        return 0.0 if self.at_rest else float(len(self.pairs))
+
+    def step(self, position: float, drive: float) -> float:
+        """Write down a pair."""
+        self.pairs.append((position, drive))
+        return self.errors.pop(0) if self.errors else 1.0

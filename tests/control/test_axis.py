@@ -1,0 +1,146 @@
+"""One axis in one cycle: normalisation, look-ahead, limits, and what it knows to be in force."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from piezod.config.modes import Mode
+from piezod.control.axis import CompensatedAxis, OpenLoopAxis
+from piezod.control.compensator import Compensator
+from piezod.control.drive_history import DriveHistory
+from piezod.control.identifier import Identifier
+from piezod.control.limits import Limits
+from piezod.devices.interface import Sample
+from piezod.hysteresis import AffineRange, Convergence, even_thresholds, new_bank
+from tests.control.fakes import MS, PairsOnly
+
+DRIVE_V = AffineRange(0.0, 150.0)
+POSITION_UM = AffineRange(0.0, 10.0)
+WIDE = Limits(0.0, 150.0, 1e9)
+SLOW = Limits(0.0, 150.0, 2000.0)  # 2 V in a cycle
+START_NS = 500 * MS
+AT_REST = Sample(0, 0.0, valid=True)
+BANK = new_bank(even_thresholds(1), even_thresholds(1))
+
+
+def compensated(
+    reference_um: Callable[[float], float],
+    limits: Limits = WIDE,
+    *,
+    lms: PairsOnly | None = None,
+    rest_v: float = 0.0,
+    delay_ns: int = MS // 2,
+) -> CompensatedAxis:
+    """Return an axis without a model: its drive is proportional, by 15 V for a micrometre."""
+    history = DriveHistory(rest_v)
+    identifier = Identifier(
+        lms or PairsOnly(), DRIVE_V, POSITION_UM, history, delay_ns, Convergence(0.1, window=2)
+    )
+    return CompensatedAxis(
+        reference_um=reference_um,
+        drive_v=DRIVE_V,
+        position_um=POSITION_UM,
+        compensator=Compensator(BANK, np.zeros(2), mode=Mode.FEEDFORWARD, fade_cycles=1),
+        identifier=identifier,
+        history=history,
+        limits=limits,
+        rest_v=rest_v,
+        start_ns=START_NS,
+        period_ns=MS,
+        delay_ns=delay_ns,
+    )
+
+
+def test_drive_answers_to_the_reference_one_period_and_one_delay_ahead() -> None:
+    """What is written at 3 ms shows at 4.5 ms; the record compares with the command of 3 ms."""
+    output = compensated(lambda t_s: 1000 * t_s).update(START_NS + 3 * MS, AT_REST)
+
+    assert output.drive_v == pytest.approx(15 * 4.5)
+    assert output.command_um == pytest.approx(3.0)
+    assert output.uncompensated_v == pytest.approx(15 * 3.0)
+
+
+def test_drive_climbs_at_the_slew_rate() -> None:
+    """A step of the reference becomes a ramp of what is in force."""
+    axis = compensated(lambda _: 10.0, SLOW)
+    drives_v = []
+    for k in range(4):
+        drives_v.append(axis.update(START_NS + k * MS, AT_REST).drive_v)
+        axis.applied(drives_v[-1])
+
+    assert drives_v == pytest.approx([2.0, 4.0, 6.0, 8.0])
+
+
+def test_voltage_that_was_not_applied_does_not_count() -> None:
+    """After a refused write the slew rate counts from the voltage still in force."""
+    axis = compensated(lambda _: 10.0, SLOW)
+    axis.update(START_NS, AT_REST)
+
+    output = axis.update(START_NS + MS, AT_REST)
+
+    assert output.in_force_v == 0.0
+    assert output.drive_v == pytest.approx(2.0)
+
+
+def test_stage_taken_over_outside_its_range_comes_back_at_the_slew_rate() -> None:
+    """A voltage of 155 V in force at the start goes down by 2 V in a cycle."""
+    axis = compensated(lambda _: 10.0, SLOW, rest_v=155.0)
+    drives_v = []
+    for k in range(4):
+        drives_v.append(axis.update(START_NS + k * MS, AT_REST).drive_v)
+        axis.applied(drives_v[-1])
+
+    assert drives_v == pytest.approx([153.0, 151.0, 150.0, 150.0])
+
+
+def test_reference_that_is_not_a_number_holds_the_drive() -> None:
+    """A waveform that fails moves nothing."""
+    axis = compensated(lambda t_s: 5.0 if t_s < 3e-3 else math.nan)
+    for k in range(4):
+        output = axis.update(START_NS + k * MS, AT_REST)
+        axis.applied(output.drive_v)
+
+    assert output.drive_v == pytest.approx(75.0)
+
+
+def test_identifier_sees_the_voltage_before_the_delay() -> None:
+    """The sample of a cycle answers to what was in force half a period earlier."""
+    lms = PairsOnly()
+    axis = compensated(lambda t_s: 1000 * t_s, lms=lms)
+    for k in range(4):
+        axis.applied(axis.update(START_NS + k * MS, Sample(START_NS + k * MS, 5.0, True)).drive_v)
+
+    # written at 0, 1, 2 ms: 22.5, 37.5, 52.5 V, each in force a cycle later
+    in_force = np.array([0.0, 0.0, 22.5, 37.5, 52.5]) / 150
+    assert [x for x, _ in lms.pairs] == [0.5] * 4
+    assert [v for _, v in lms.pairs] == pytest.approx((in_force[1:] + in_force[:-1]) / 2)
+
+
+def test_first_weights_that_converge_become_the_model() -> None:
+    """A stage without a model gets what has been identified, once it has settled."""
+    lms = PairsOnly(errors=[0.5, 0.5, 0.5])
+    axis = compensated(lambda _: 5.0, lms=lms)
+    lms.weights[:] = (0.02, 0.03)
+    adopted = []
+    for k in range(4):
+        axis.update(START_NS + k * MS, AT_REST)
+        adopted.append(axis.compensator.weights.tolist())
+
+    assert adopted[1] == [0.0, 0.0]
+    assert adopted[-1] == [0.02, 0.03]
+
+
+def test_open_loop_axis_drives_its_waveform_within_the_limits() -> None:
+    """There is no command, and the sample is not used."""
+    axis = OpenLoopAxis(lambda t_s: 1.0 + 1000 * t_s, SLOW, 0.0, START_NS, MS)
+    invalid = Sample(0, math.nan, valid=False)
+
+    first = axis.update(START_NS, invalid)
+    axis.applied(first.drive_v)
+    second = axis.update(START_NS + 9 * MS, invalid)
+
+    assert first.drive_v == 1.0
+    assert (second.drive_v, second.uncompensated_v, second.in_force_v) == (3.0, 10.0, 1.0)
+    assert math.isnan(second.command_um)

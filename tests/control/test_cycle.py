@@ -1,0 +1,76 @@
+"""One cycle: what happens in it, in which order, and what a refused write leaves behind."""
+
+import pytest
+
+from piezod.control.cycle import Cycle
+from piezod.devices.interface import Sample
+from tests.control.fakes import MS, FakeAmplifier, FakeAxis, FakeSensor
+
+
+def two_axes() -> tuple[list[str], FakeAmplifier, Cycle]:
+    """Return what happens, an amplifier, and a cycle of two axes that ask for 3 V and 4 V."""
+    log: list[str] = []
+    sensor = FakeSensor(log, [Sample(0, 1.5, valid=True), Sample(0, 2.5, valid=True)])
+    amplifier = FakeAmplifier(log)
+    axes = [FakeAxis(log, "x", 3.0), FakeAxis(log, "y", 4.0)]
+    return log, amplifier, Cycle(sensor, amplifier, axes)
+
+
+def test_cycle_reads_updates_writes_and_tells_the_axes() -> None:
+    """The order is the way of a sample, and all axes are written in one transaction."""
+    log, _, cycle = two_axes()
+
+    cycle.run(7 * MS)
+
+    assert log == [
+        "read at 7000000",
+        "x updates at 7000000 with 1.5 µm",
+        "y updates at 7000000 with 2.5 µm",
+        "write [3.0, 4.0] at 7000000",
+        "x has 3.0 V",
+        "y has 4.0 V",
+    ]
+
+
+def test_record_holds_what_happened() -> None:
+    """Samples and outputs are in the order of the axes."""
+    _, _, cycle = two_axes()
+
+    record = cycle.run(7 * MS)
+
+    assert record.t_ns == 7 * MS
+    assert [sample.position_um for sample in record.samples] == [1.5, 2.5]
+    assert [output.drive_v for output in record.outputs] == [3.0, 4.0]
+    assert record.written
+
+
+def test_refused_write_leaves_the_voltage_in_force() -> None:
+    """The axes are not told of voltages that the amplifier did not take."""
+    log, amplifier, cycle = two_axes()
+    amplifier.refuses = True
+
+    record = cycle.run(7 * MS)
+
+    assert not record.written
+    assert log[-1] == "write [3.0, 4.0] at 7000000"
+
+
+def test_cycle_goes_on_after_a_refused_write() -> None:
+    """A fault is a value: the next cycle writes again."""
+    log, amplifier, cycle = two_axes()
+    amplifier.refuses = True
+    cycle.run(7 * MS)
+    amplifier.refuses = False
+
+    assert cycle.run(8 * MS).written
+    assert log[-2:] == ["x has 3.0 V", "y has 4.0 V"]
+
+
+def test_sensor_with_a_sample_too_few_is_a_mistake() -> None:
+    """An axis without a sample is not passed over in silence."""
+    log: list[str] = []
+    sensor = FakeSensor(log, [Sample(0, 1.5, valid=True)])
+    axes = [FakeAxis(log, "x", 3.0), FakeAxis(log, "y", 4.0)]
+
+    with pytest.raises(ValueError, match="shorter"):
+        Cycle(sensor, FakeAmplifier(log), axes).run(0)
