@@ -35,13 +35,30 @@ def as_document(result: ExperimentResult, report: Path) -> dict[str, object]:
         "model": {
             "method": ", ".join(dict.fromkeys(methods.values())),
             "axes": {
-                each.axis: {"method": each.method, "source": each.title, **each.fit_errors}
+                each.axis: {
+                    "method": each.method,
+                    "source": each.title,
+                    "delay_s": float(each.parameters["delay_s"]),
+                    **each.fit_errors,
+                }
                 for each in result.identifications
             },
         },
+        "warnings": warnings_of(result),
         "report": str(report),
         "data": str(report.with_name(DATA_NAME)),
     }
+
+
+def warnings_of(result: ExperimentResult) -> list[str]:
+    """Return what a person should know before believing the result, a sentence each."""
+    return [
+        f"The inverse of axis {each.axis} is not monotone: its smallest slope is {slope:.2g}, so "
+        "that on some loops the drive goes back while the command goes on. Identify from a record "
+        "with more loops."
+        for each in result.identifications
+        if (slope := float(each.parameters["smallest_slope"])) <= 0.0
+    ]
 
 
 def print_result(
@@ -62,6 +79,8 @@ def print_result(
         console.print(verdict(errors, reference))
     for each in result.identifications:
         console.print(_model(each))
+    for warning in warnings_of(result):
+        console.print(f"! {warning}", style="yellow")
     console.print(f"Report: {report}", soft_wrap=True)
 
 
@@ -101,7 +120,8 @@ def _theirs(row: Row, reference: Reference) -> str:
 
 def _model(identification: Identification) -> str:
     errors = ", ".join(metric_text(*item) for item in identification.fit_errors.items())
+    delay_s = float(identification.parameters["delay_s"])
     return (
         f"Model of axis {identification.axis} by {identification.method}, "
-        f"{identification.title}: {errors}."
+        f"{identification.title}: {errors}; delay {1000.0 * delay_s:.2g} ms."
     )

@@ -45,4 +45,5 @@ def parameters_of(model: StageModel) -> dict[str, FloatArray]:
         "drive_range_v": np.array(model.drive_v),
         "position_range_um": np.array(model.position_um),
         "delay_s": np.array(model.delay_s),
+        "smallest_slope": np.array(inverse.smallest_slope),
     }
