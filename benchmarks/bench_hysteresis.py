@@ -1,0 +1,251 @@
+"""What the mathematics costs: per sample over an array, per step from Python, and at the start.
+
+Run it with `python benchmarks/bench_hysteresis.py`. Everything runs on one core, in several rounds
+that alternate between the candidates; the medians are printed, beside a compiled sum of 38
+classical play operators as the reference. What it costs to do without a JIT, or with numba's
+reference counting, is measured in processes of their own.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezod.config.modes import Mode
+from piezod.control.compensator import Compensator
+from piezod.hysteresis import LMSIdentifier, MPIModel, even_thresholds, new_bank
+from piezod.jit import compiled
+
+Array = NDArray[np.float64]
+
+SAMPLES = 200_000
+ROUNDS = 7
+ORDER = 19  # operators on each side
+
+STAND_IN = """
+import sys, types
+numba = types.ModuleType("numba")
+numba.njit = lambda **_: lambda function: function
+dispatcher = types.ModuleType("numba.core.dispatcher")
+dispatcher.Dispatcher = type("Dispatcher", (), {})
+for module in (numba, types.ModuleType("numba.core"), dispatcher):
+    sys.modules[module.__name__] = module
+"""
+"""Puts something that compiles nothing in the place of numba, before anything imports it."""
+
+START = """
+import json, pathlib, re, time
+start_ns = time.perf_counter_ns()
+import numpy as np
+from piezod.config.modes import Mode
+from piezod.control.compensator import Compensator
+from piezod.hysteresis import LMSIdentifier, MPIModel, even_thresholds, new_bank
+bank = new_bank(even_thresholds(19), even_thresholds(19))
+MPIModel([0.5], [0.1], [0.1]).inverse().step(0.3)
+model_ns = time.perf_counter_ns() - start_ns
+lms = LMSIdentifier(bank)
+compensator = Compensator(bank, np.full(38, 0.01), mode=Mode.ADAPTIVE, fade_cycles=1)
+lms.step(0.3, compensator.step(0.3, 0.0, 1.0, lms.weights))
+loop_ns = time.perf_counter_ns() - start_ns
+status = pathlib.Path("/proc/self/status").read_text()
+peak_kb = int(re.search(r"VmHWM:\\s*(\\d+)", status)[1])  # that of this program alone
+print(json.dumps([model_ns / 1e9, loop_ns / 1e9, peak_kb / 1024]))
+"""
+
+
+@compiled
+def classical_plays(
+    inputs: Array, radii: Array, weights: Array, states: Array, outputs: Array
+) -> None:
+    """Sum classical play operators: what a Prandtl-Ishlinskii model usually costs."""
+    for k in range(inputs.size):
+        total = 0.0
+        for j in range(radii.size):
+            states[j] = max(inputs[k] - radii[j], min(inputs[k] + radii[j], states[j]))
+            total += weights[j] * states[j]
+        outputs[k] = total
+
+
+def command(count: int) -> Array:
+    """Return a command of 0.5 Hz at 1 kHz whose swing grows and shrinks."""
+    t = np.arange(count) / 1000
+    return 0.5 - 0.45 * np.cos(np.pi * t) * np.cos(0.08 * np.pi * t)
+
+
+def model(order: int) -> MPIModel:
+    """Return a model with loops of 13 % and its own weights on each side."""
+    weights = 0.6 * np.exp(-0.12 * 19 * even_thresholds(order)) / order
+    return MPIModel(even_thresholds(order), weights, 0.6 * weights)
+
+
+def interleaved_ns(runs: dict[str, Callable[[], object]], count: int) -> dict[str, float]:
+    """Return the median duration of one of `count` samples in each run, in ns."""
+    for run in runs.values():
+        run()
+    rounds: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(ROUNDS):
+        for name, run in runs.items():
+            start_ns = perf_counter_ns()
+            run()
+            rounds[name].append((perf_counter_ns() - start_ns) / count)
+    return {name: median(times) for name, times in rounds.items()}
+
+
+def arrays() -> dict[str, Callable[[], object]]:
+    """Return what is measured over an array."""
+    x = command(SAMPLES)
+    plays = (even_thresholds(38) / 2, np.full(38, 1 / 60), np.zeros(38), np.empty_like(x))
+    small, large = model(ORDER), model(200)
+    bank = new_bank(even_thresholds(ORDER), even_thresholds(ORDER))
+    lms = LMSIdentifier(bank)
+    analytic, exact = small.inverse(), small.exact_inverse()
+    return {
+        "reference": lambda: classical_plays(x, *plays),
+        "forward, M = 19": lambda: small.run(x),
+        "forward, M = 200": lambda: large.run(x),
+        "analytic inverse, M = 19": lambda: analytic.run(x),
+        "exact inverse, M = 19": lambda: exact.run(x),
+        "operators with LMS, M = 19": lambda: lms.run(x, x),
+    }
+
+
+def steps(count: int) -> dict[str, Callable[[], object]]:
+    """Return what is measured step by step from Python."""
+    commands = command(count).tolist()
+    inverse = model(ORDER).inverse()
+    bank = new_bank(inverse.left_stop_thresholds, inverse.right_stop_thresholds)
+    weights = np.concatenate((inverse.left_stop_weights, inverse.right_stop_weights))
+    lms, following = LMSIdentifier(bank), LMSIdentifier(bank)
+    by_mode = {mode: Compensator(bank, weights, mode=mode, fade_cycles=1) for mode in Mode}
+    both = Compensator(bank, weights, mode=Mode.ADAPTIVE, fade_cycles=1)
+
+    def every(step: Callable[[float], object]) -> Callable[[], object]:
+        def run() -> None:
+            for value in commands:
+                step(value)
+
+        return run
+
+    def compensate(one: Compensator) -> Callable[[], object]:
+        return every(lambda value: one.step(value, 0.0, 1.0, weights))
+
+    return {
+        "inverse in closed form": every(inverse.step),
+        **{f"compensator, {mode}": compensate(one) for mode, one in by_mode.items()},
+        "LMS": every(lambda value: lms.step(value, value)),
+        "compensate and adapt": every(
+            lambda value: following.step(value, both.step(value, 0.0, 1.0, following.weights))
+        ),
+    }
+
+
+def child(code: str, *arguments: str, **environment: str) -> Any:
+    """Run Python in a new process, with caches as anybody has them; return what it prints."""
+    inherited = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    done = subprocess.run(  # noqa: S603 - our own programs
+        [sys.executable, "-c", code, *arguments],
+        env={**inherited, "PYTHONPATH": str(Path(__file__).parent), **environment},
+        stdout=subprocess.PIPE,
+        check=True,
+    )
+    return json.loads(done.stdout)
+
+
+def start(prologue: str = "", **environment: str) -> list[float]:
+    """Return seconds to the first step of a model and of a loop, and peak memory in MB."""
+    rounds = [child(prologue + START, **environment) for _ in range(ROUNDS)]
+    return [median(column) for column in zip(*rounds[1:], strict=True)]
+
+
+def without_jit() -> dict[str, float]:
+    """Return the cost of steps of the same code that nothing compiles, in ns."""
+    code = """
+import json, bench_hysteresis as bench
+print(json.dumps(bench.interleaved_ns(bench.steps(2000), 2000)))
+"""
+    return dict(child(STAND_IN + code))
+
+
+def counting_references() -> dict[str, float]:
+    """Return the cost of samples over an array with numba's memory runtime on, in ns."""
+    code = """
+import json, piezod.jit
+piezod.jit._OPTIONS["_nrt"] = True
+import bench_hysteresis as bench
+print(json.dumps(bench.interleaved_ns(bench.arrays(), bench.SAMPLES)))
+"""
+    with tempfile.TemporaryDirectory() as folder:
+        return dict(child(code, NUMBA_CACHE_DIR=folder))
+
+
+def milliseconds(*command_line: str) -> float:
+    """Return the median duration of a command, in ms."""
+    times = []
+    for _ in range(ROUNDS):
+        start_ns = perf_counter_ns()
+        subprocess.run(command_line, stdout=subprocess.DEVNULL, check=True)  # noqa: S603 - as above
+        times.append((perf_counter_ns() - start_ns) / 1e6)
+    return median(times[1:])
+
+
+def print_arrays() -> None:
+    """Measure and print what a sample of an array costs."""
+    with_runtime = counting_references()
+    costs = interleaved_ns(arrays(), SAMPLES)
+    aims = {"forward, M = 19": 0.5, "forward, M = 200": 0.5, "operators with LMS, M = 19": 2.0}
+    print(
+        "Over an array, per sample                        ns   of reference   counting references"
+    )
+    for name, cost in costs.items():
+        aim = f" (at most {aims[name]:g})" if name in aims else ""
+        row = f"{cost:8.1f}{cost / costs['reference']:10.2f}{with_runtime[name]:16.1f}"
+        print(f"  {name + aim:<42}{row}")
+
+
+def print_steps() -> None:
+    """Measure and print what a step costs when it is called from Python."""
+    compiled_us = {k: v / 1000 for k, v in interleaved_ns(steps(20_000), 20_000).items()}
+    plain_us = {k: v / 1000 for k, v in without_jit().items()}
+    print("\nFrom Python, per step                            us    without a JIT")
+    for name, cost in compiled_us.items():
+        aim = " (at most 2)" if name == "compensate and adapt" else ""
+        print(f"  {name + aim:<42}{cost:8.2f}{plain_us[name]:12.1f}")
+
+
+def print_starts() -> None:
+    """Measure and print what a start costs; caches are warm unless said otherwise."""
+    print("\nStart                        to a model's step, s   to a loop's step, s   peak MB")
+    with tempfile.TemporaryDirectory() as folder:
+        first = child(START, NUMBA_CACHE_DIR=folder)
+    for name, figures in (
+        ("with numba (at most 1)", start()),
+        ("with numba, nothing cached", first),
+        ("NUMBA_DISABLE_JIT=1", start(NUMBA_DISABLE_JIT="1")),
+        ("without importing numba", start(STAND_IN)),
+    ):
+        print("  {:<32}{:12.2f}{:22.2f}{:15.0f}".format(name, *figures))
+    empty = milliseconds(sys.executable, "-c", "pass")
+    usage = milliseconds(str(Path(sys.executable).with_name("piezod")), "--help")
+    print(f"\npiezod --help: {usage - empty:.0f} ms above python -c pass (at most 200)")
+
+
+def main() -> None:
+    """Measure and print."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    print_arrays()
+    print_steps()
+    print_starts()
+
+
+if __name__ == "__main__":
+    main()
