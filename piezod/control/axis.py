@@ -49,16 +49,16 @@ class OpenLoopAxis:
     Args:
         waveform_v: Voltage over time since the start, in V.
         limits: What the drive may do.
-        rest_v: Voltage in force at the start.
+        in_force_v: Voltage in force at the start.
         start_ns: Instant at which the waveform starts.
         period_ns: Period of the loop.
     """
 
     def __init__(
-        self, waveform_v: Waveform, limits: Limits, rest_v: float, start_ns: int, period_ns: int
+        self, waveform_v: Waveform, limits: Limits, in_force_v: float, start_ns: int, period_ns: int
     ) -> None:
         self._waveform_v, self._limits = waveform_v, limits
-        self._in_force_v = rest_v
+        self._in_force_v = in_force_v
         self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:  # noqa: ARG002 - open loop
@@ -86,7 +86,7 @@ class CompensatedAxis:
         identifier: Samples to weights.
         history: Voltages in force, shared with the identifier.
         limits: What the drive may do.
-        rest_v: Voltage in force at the start.
+        in_force_v: Voltage in force at the start.
         start_ns: Instant at which the reference starts.
         period_ns: Period of the loop.
         delay_ns: How long the displacement lags behind the voltage.
@@ -102,7 +102,7 @@ class CompensatedAxis:
         identifier: Identifier,
         history: DriveHistory,
         limits: Limits,
-        rest_v: float,
+        in_force_v: float,
         start_ns: int,
         period_ns: int,
         delay_ns: int,
@@ -111,7 +111,7 @@ class CompensatedAxis:
         self._drive_v, self._position_um = drive_v, position_um
         self.compensator, self.identifier = compensator, identifier
         self._history, self._limits = history, limits
-        self._in_force_v = rest_v
+        self._in_force_v = in_force_v
         self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
         self._ahead_s = (period_ns + delay_ns) / NS_PER_S
 

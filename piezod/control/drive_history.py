@@ -8,13 +8,13 @@ class DriveHistory:
     was identified from a record means the same here.
 
     Args:
-        rest_v: Voltage in force before the first entry, in V.
+        in_force_v: Voltage in force before the first entry, in V.
         entries: Cycles remembered; older times get the oldest voltage.
     """
 
-    def __init__(self, rest_v: float, entries: int = 256) -> None:
+    def __init__(self, in_force_v: float, entries: int = 256) -> None:
         self._t_ns = [0] * entries
-        self._drive_v = [rest_v] * entries
+        self._drive_v = [in_force_v] * entries
         self._newest = 0
         self._empty = True
 

@@ -69,7 +69,7 @@ def compensated_axis(
         identifier=identifier,
         history=history,
         limits=limits_of(config),
-        rest_v=in_force_v,
+        in_force_v=in_force_v,
         start_ns=start_ns,
         period_ns=period_ns,
         delay_ns=delay_ns,

@@ -30,11 +30,11 @@ def compensated(
     limits: Limits = WIDE,
     *,
     lms: PairsOnly | None = None,
-    rest_v: float = 0.0,
+    in_force_v: float = 0.0,
     delay_ns: int = MS // 2,
 ) -> CompensatedAxis:
     """Return an axis without a model: its drive is proportional, by 15 V for a micrometre."""
-    history = DriveHistory(rest_v)
+    history = DriveHistory(in_force_v)
     identifier = Identifier(
         lms or PairsOnly(), DRIVE_V, POSITION_UM, history, delay_ns, Convergence(0.1, window=2)
     )
@@ -46,7 +46,7 @@ def compensated(
         identifier=identifier,
         history=history,
         limits=limits,
-        rest_v=rest_v,
+        in_force_v=in_force_v,
         start_ns=START_NS,
         period_ns=MS,
         delay_ns=delay_ns,
@@ -86,7 +86,7 @@ def test_voltage_that_was_not_applied_does_not_count() -> None:
 
 def test_stage_taken_over_outside_its_range_comes_back_at_the_slew_rate() -> None:
     """A voltage of 155 V in force at the start goes down by 2 V in a cycle."""
-    axis = compensated(lambda _: 10.0, SLOW, rest_v=155.0)
+    axis = compensated(lambda _: 10.0, SLOW, in_force_v=155.0)
     drives_v = []
     for k in range(4):
         drives_v.append(axis.update(START_NS + k * MS, AT_REST).drive_v)
