@@ -44,6 +44,17 @@ def test_swings_inside_the_deadband_are_no_reversals() -> None:
     np.testing.assert_allclose(slopes, mpi.smallest_slope, atol=1e-9)
 
 
+def test_exact_inverse_behind_a_deadband_has_the_inverse_slope() -> None:
+    """Small swings of the displacement are undone as the model would make them."""
+    inverse = stage(DEADBAND).exact_inverse()
+    inverse.run(np.linspace(0, 0.5, 100))
+    inside = 0.5 - DEADBAND * np.array([0.0, 0.5, 0.99, 0.2, 0.7, 0.0])
+
+    slopes = np.diff(inverse.run(inside)) / np.diff(inside)
+
+    np.testing.assert_allclose(slopes, 1 / inverse.smallest_slope, atol=1e-8)
+
+
 @pytest.mark.parametrize("share", [0.3, 0.9, 1.5, 4.0])
 @pytest.mark.parametrize(
     "hours", [1, pytest.param(24, marks=pytest.mark.stress)], ids=["an hour", "a day"]
