@@ -15,9 +15,6 @@ diagonal, and the density is nowhere negative as long as |κ·(S − 1/2)| ≤ 1
 turning points that no later turn has wiped out, so there is no grid and no error of a grid. The
 width of a loop grows with its swing as measured on a real stage, and κ bends its two branches
 differently; `tests/plant/test_hysteresis.py` holds the comparison in numbers.
-
-All compiled functions are in this one file, because numba looks at the file of a function, and not
-at those of the functions it calls, to tell whether what it has cached is out of date.
 """
 
 from math import exp
