@@ -113,10 +113,14 @@ class CompensatedAxis:
         self._history, self._limits = history, limits
         self._in_force_v = in_force_v
         self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
+        self._awaits_write = False
         self._ahead_s = (period_ns + delay_ns) / NS_PER_S
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
         """Identify from the sample, compensate the reference; may be called in the loop."""
+        if self._awaits_write:
+            self.compensator.refused()
+        self._awaits_write = True
         self._history.append(t_ns, self._in_force_v)
         self.identifier.learn(sample)
         if self.identifier.converged:
@@ -139,3 +143,4 @@ class CompensatedAxis:
     def applied(self, drive_v: float) -> None:
         """Learn what is in force from now on; may be called in the loop."""
         self._in_force_v = drive_v
+        self._awaits_write = False

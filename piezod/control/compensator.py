@@ -7,7 +7,8 @@ cycle. Both are faded over a number of cycles, which makes a switch bumpless in 
 
 The drive never leaves the window that the limits leave open, and the memory advances with the
 voltage that is applied, not with the one that was wished: where the two differ, the displacement is
-found at which the model gives the applied voltage.
+found at which the model gives the applied voltage. It advances in the next step, so that a drive
+that was refused leaves no trace.
 """
 
 import numpy as np
@@ -21,7 +22,6 @@ from piezod.hysteresis.bank import (
 )
 from piezod.hysteresis.memory import (
     MERGED,
-    RAW,
     SEEN,
     FloatArray,
     IntArray,
@@ -34,6 +34,10 @@ from piezod.jit import compiled
 FOLLOWED_SHARE = 0.3
 """Part of the way to the identifier's weights that mode `adaptive` goes in each cycle. All of it,
 as in the paper, would hand the sensor's noise on to the drive."""
+
+POSITION, COMMAND = 0, 1
+"""What waits for the next step: the displacement that the memory will advance to if the drive was
+applied, NaN for none; and the command, to be held where the next one is not a number."""
 
 _MOST_STEPS = 50  # of the search for a displacement; about ten are needed
 _SAME_DRIVE = 1e-13  # a voltage that differs by rounding only is no move
@@ -87,6 +91,7 @@ def _step(
     counts: IntArray,
     bank: FloatArray,
     plays: FloatArray,
+    pending: FloatArray,
     weights: FloatArray,
     target: FloatArray,
     share: float,
@@ -96,15 +101,17 @@ def _step(
     high: float,
 ) -> float:
     memory = Memory(levels, values, now, last, counts)
+    if pending[POSITION] == pending[POSITION]:
+        advance_plays(memory, bank, 0.0, pending[POSITION])
     for j in range(weights.size):
         weights[j] += share * (target[j] - weights[j])
-    position = command = clamp(command, last[RAW])
+    position = command = clamp(command, pending[COMMAND])
     model = _model(memory, bank, plays, weights, position)
     drive = min(max(model + (1.0 - strength) * (position - model), low), high)
     if drive != model:  # at full strength and within the window it is, to the bit
         position = _position(memory, bank, plays, weights, drive)
-    advance_plays(memory, bank, 0.0, position)
-    last[RAW] = command  # to be held where the next one is not a number
+    pending[POSITION] = position
+    pending[COMMAND] = command
     return drive
 
 
@@ -130,7 +137,9 @@ class Compensator:
         self._following = False
         self.switch(mode)
         self._fading, self._strength = 0, self._strength_aim
-        self._arguments = (*self._memory, bank, np.empty(bank.shape[1]), self.weights)
+        self._pending = np.array([np.nan, 0.0])
+        plays = np.empty(bank.shape[1])
+        self._arguments = (*self._memory, bank, plays, self._pending, self.weights)
 
     @property
     def mode(self) -> Mode:
@@ -161,6 +170,10 @@ class Compensator:
         """Adopt weights that have converged if there are none yet; may be called in the loop."""
         if not self._has_model:
             self.adopt(weights)
+
+    def refused(self) -> None:
+        """Learn that the last drive was not applied; may be called in the loop."""
+        self._pending[POSITION] = np.nan
 
     def step(self, command: float, low: float, high: float, identified: FloatArray) -> float:
         """Return the drive for the next command; may be called in the loop.

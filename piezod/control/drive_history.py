@@ -12,7 +12,7 @@ class DriveHistory:
         entries: Cycles remembered; older times get the oldest voltage.
     """
 
-    def __init__(self, in_force_v: float, entries: int = 256) -> None:
+    def __init__(self, in_force_v: float, entries: int) -> None:
         self._t_ns = [0] * entries
         self._drive_v = [in_force_v] * entries
         self._newest = 0

@@ -19,6 +19,10 @@ CONVERGED_FOR_S = 1.0
 """and have done so for this long."""
 
 
+SPARE_ENTRIES = 4
+"""Cycles that the drive history keeps beyond the delay: both ends, and late samples."""
+
+
 def limits_of(config: AxisConfig) -> Limits:
     """Return what the drive of an axis may do."""
     limits = config.limits
@@ -47,7 +51,7 @@ def compensated_axis(
     """
     settings = config.compensator
     delay_ns = s_to_ns(model.delay_s)
-    history = DriveHistory(in_force_v)
+    history = DriveHistory(in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
     lms = LMSIdentifier(model.bank, gain=settings.lms_gain, deadband=settings.deadband_pct / 100.0)
     lms.weights[:] = model.weights
     identifier = Identifier(

@@ -32,9 +32,10 @@ def compensated(
     lms: PairsOnly | None = None,
     in_force_v: float = 0.0,
     delay_ns: int = MS // 2,
+    weights: tuple[float, float] = (0.0, 0.0),
 ) -> CompensatedAxis:
-    """Return an axis without a model: its drive is proportional, by 15 V for a micrometre."""
-    history = DriveHistory(in_force_v)
+    """Return an axis; without weights its drive is proportional, by 15 V for a micrometre."""
+    history = DriveHistory(in_force_v, entries=256)
     identifier = Identifier(
         lms or PairsOnly(), DRIVE_V, POSITION_UM, history, delay_ns, Convergence(0.1, window=2)
     )
@@ -42,7 +43,7 @@ def compensated(
         reference_um=reference_um,
         drive_v=DRIVE_V,
         position_um=POSITION_UM,
-        compensator=Compensator(BANK, np.zeros(2), mode=Mode.FEEDFORWARD, fade_cycles=1),
+        compensator=Compensator(BANK, np.array(weights), mode=Mode.FEEDFORWARD, fade_cycles=1),
         identifier=identifier,
         history=history,
         limits=limits,
@@ -82,6 +83,30 @@ def test_voltage_that_was_not_applied_does_not_count() -> None:
 
     assert output.in_force_v == 0.0
     assert output.drive_v == pytest.approx(2.0)
+
+
+def test_memory_does_not_advance_while_writes_are_refused() -> None:
+    """After half a swing of refused writes, the drive is that of a stage that stood still."""
+
+    def swing(t_s: float) -> float:
+        return 5.0 - 5.0 * math.cos(math.tau * t_s)
+
+    def swing_with_a_stop(t_s: float) -> float:
+        return swing(0.3) if 0.3 <= t_s < 0.8 else swing(t_s)
+
+    refused = compensated(swing, weights=(0.4, 0.3), delay_ns=0)
+    stopped = compensated(swing_with_a_stop, weights=(0.4, 0.3), delay_ns=0)
+    apart_v = []
+    for k in range(1500):
+        t_ns = START_NS + k * MS
+        refused_v = refused.update(t_ns, AT_REST).drive_v
+        stopped_v = stopped.update(t_ns, AT_REST).drive_v
+        stopped.applied(stopped_v)
+        if not 300 <= k < 799:
+            refused.applied(refused_v)
+            apart_v.append(refused_v - stopped_v)
+
+    assert np.max(np.abs(apart_v)) < 1e-9  # a memory that ran on would be 12 V off
 
 
 def test_stage_taken_over_outside_its_range_comes_back_at_the_slew_rate() -> None:

@@ -44,8 +44,8 @@ def test_voltage_after_the_newest_entry_is_the_newest() -> None:
 
 def test_history_without_entries_is_at_rest() -> None:
     """Before the first cycle every instant has the voltage at rest."""
-    assert DriveHistory(7.0).at(0) == 7.0
-    assert DriveHistory(7.0).at(123 * MS) == 7.0
+    assert DriveHistory(7.0, entries=8).at(0) == 7.0
+    assert DriveHistory(7.0, entries=8).at(123 * MS) == 7.0
 
 
 @pytest.mark.parametrize("cycles", [8, 9, 20, 1000])
@@ -62,7 +62,7 @@ def test_older_than_the_ring_is_the_oldest_entry(cycles: int) -> None:
 
 def test_uneven_cycles_are_interpolated_by_their_times() -> None:
     """A late cycle does not shift the pairing."""
-    history = DriveHistory(0.0)
+    history = DriveHistory(0.0, entries=256)
     for t_ms, drive_v in ((0, 0.0), (1, 10.0), (5, 50.0), (6, 0.0)):
         history.append(t_ms * MS, drive_v)
 

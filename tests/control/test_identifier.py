@@ -14,7 +14,7 @@ POSITION_UM = AffineRange(-5.0, 5.0)
 
 def identifier(lms: PairsOnly, delay_ns: int = 0, cycles: int = 10) -> Identifier:
     """Return an identifier of a stage whose voltage was k volts at k milliseconds."""
-    history = DriveHistory(0.0)
+    history = DriveHistory(0.0, entries=256)
     for k in range(cycles):
         history.append(k * MS, float(k))
     return Identifier(lms, DRIVE_V, POSITION_UM, history, delay_ns, Convergence(0.1, window=2))
