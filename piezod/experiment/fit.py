@@ -1,6 +1,6 @@
 """From a record of drive and displacement to an inverse model of the stage, with its delay."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from piezod.hysteresis import (
     LMSIdentifier,
     even_thresholds,
     identify_least_squares,
+    largest_stable_gain,
     new_bank,
     stop_regressors,
 )
@@ -21,6 +22,10 @@ from piezod.hysteresis.memory import FloatArray
 
 SAMPLES_PER_WEIGHT = 5
 """With fewer samples for each weight, a fit would follow the noise."""
+REST_BEYOND = 0.01
+"""The rest voltage may leave a model's voltages by this part of them."""
+PAPER_GAIN = 0.1
+"""γ of the paper."""
 LMS_PASSES = 3
 """The paper: the procedure "can be repeated for several times until satisfactory"."""
 
@@ -48,6 +53,29 @@ class StageModel:
         left, right = np.split(self.bank[0], 2)
         left_weights, right_weights = np.split(self.weights, 2)
         return InverseMPI(right, left, right_weights, left_weights)
+
+    def zeroed_at(self, rest_v: float) -> "StageModel":
+        """Return the model with its displacement counted from that at rest.
+
+        A stage is zeroed at rest before it is driven; recorded data may count from elsewhere.
+
+        Args:
+            rest_v: Voltage at rest, in V.
+
+        Raises:
+            DataError: If that is outside the voltages that the model holds for.
+        """
+        rest = self.drive_v.to_unit(rest_v)
+        if not -REST_BEYOND <= rest <= 1.0 + REST_BEYOND:
+            raise DataError(
+                f"the model holds from {self.drive_v.low:g} to {self.drive_v.high:g} V, which "
+                f"leaves out the rest voltage, {rest_v:g} V; identify from rest on"
+            )
+        x = np.linspace(0.0, 1.0, 2001)
+        z = np.maximum.accumulate(self.inverse().run(x))
+        rest_um = self.position_um.from_unit(float(np.interp(rest, z, x)))
+        low, high = self.position_um
+        return replace(self, position_um=AffineRange(low - rest_um, high - rest_um))
 
     def predicted_v(self, record: Record, deadband: float = 0.0) -> FloatArray:
         """Return the voltage that the model needs for a recorded displacement, in V, shape (n,).
@@ -97,7 +125,7 @@ def fit_model(
     *,
     method: Method,
     order: int = 19,
-    lms_gain: float = 0.1,
+    lms_gain: float | None = None,
     deadband: float = 0.0,
     delay_s: float | None = None,
 ) -> Fit:
@@ -110,13 +138,13 @@ def fit_model(
         record: Drive and displacement.
         method: How to find the weights.
         order: Operators on each side, M.
-        lms_gain: γ, for LMS.
+        lms_gain: γ, for LMS; None for the paper's, or a stable one where that is not.
         deadband: Width of the backlash before the memory, in units of the range.
         delay_s: The delay in s; estimated from the record if None.
 
     Raises:
         DataError: If the record is too short, constant, or falls where the drive rises.
-        ModelError: If LMS diverges.
+        ModelError: If the gain of LMS is not stable for so many operators.
     """
     _check(record, 2 * order)
     bank = new_bank(even_thresholds(order), even_thresholds(order))
@@ -158,15 +186,12 @@ def _check(record: Record, n_weights: int) -> None:
 
 
 def _lms_weights(
-    bank: FloatArray, x: FloatArray, v: FloatArray, gain: float, deadband: float
+    bank: FloatArray, x: FloatArray, v: FloatArray, gain: float | None, deadband: float
 ) -> FloatArray:
+    if gain is None:
+        gain = min(PAPER_GAIN, 0.9 * largest_stable_gain(bank))
     identifier = LMSIdentifier(bank, gain=gain, deadband=deadband)
     for _ in range(LMS_PASSES):
         identifier.reset()
         identifier.run(x, v)
-    if not np.all(np.isfinite(identifier.weights)):
-        raise ModelError(
-            f"LMS with {bank.shape[1] // 2} operators on each side and gain {gain:g} diverged; "
-            "fit fewer operators, lower the gain, or use least squares"
-        )
     return identifier.weights

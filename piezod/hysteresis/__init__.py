@@ -7,7 +7,7 @@ weights make of them), and on these `operators`, `model`, `lms`, `least_squares`
 
 from piezod.hysteresis.bank import even_thresholds, new_bank
 from piezod.hysteresis.least_squares import identify_least_squares, stop_regressors
-from piezod.hysteresis.lms import Convergence, LMSIdentifier
+from piezod.hysteresis.lms import Convergence, LMSIdentifier, largest_stable_gain
 from piezod.hysteresis.metrics import (
     asymmetry,
     loop_width,
@@ -33,6 +33,7 @@ __all__ = [
     "asymmetry",
     "even_thresholds",
     "identify_least_squares",
+    "largest_stable_gain",
     "loop_width",
     "new_bank",
     "nonlinearity",

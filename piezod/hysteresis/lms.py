@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from piezod.errors import ModelError
 from piezod.hysteresis.bank import GAINS, advance_plays, new_bank_memory, weighted_sum
 from piezod.hysteresis.memory import (
     DEFAULT_CAPACITY,
@@ -35,9 +36,10 @@ def _adapt(
     """Update the weights with one pair: a ← a + 2γ e (E - x) (eq 29); return e (eq 30)."""
     position = advance_plays(memory, bank, deadband, position)
     error = drive - weighted_sum(memory.now, bank, weights, position)
-    scale = 2.0 * gain * error
-    for j in range(weights.size):
-        weights[j] += scale * (bank[GAINS, j] * (position - memory.now[j]))
+    if error - error == 0.0:  # a drive that is not finite would spoil the weights for good
+        scale = 2.0 * gain * error
+        for j in range(weights.size):
+            weights[j] += scale * (bank[GAINS, j] * (position - memory.now[j]))
     return error
 
 
@@ -79,15 +81,31 @@ def _run(
         errors[k] = _adapt(memory, bank, weights, gain, deadband, positions[k], drives[k])
 
 
+def largest_stable_gain(bank: FloatArray) -> float:
+    """Return the gain γ below which LMS on a bank cannot diverge, whatever the displacement.
+
+    The update is stable while 2γ ‖E - x‖² < 2. A right play lies below x by at most x and by at
+    most (1 - x) r / (1 - r), a left play above it by the mirrored amounts; ‖E - x‖² is bounded by
+    the largest sum of their squares over x. For the paper's 19 thresholds a side that is 5.9.
+    """
+    left, right = np.split(bank, 2, axis=1)
+    x = np.linspace(0.0, 1.0, 1001)[:, np.newaxis]
+    below = np.minimum(left[GAINS] * x, 1.0 - x)
+    above = np.minimum(x, right[GAINS] * (1.0 - x))
+    return 1.0 / float(np.max(np.sum(below**2, axis=1) + np.sum(above**2, axis=1)))
+
+
 class LMSIdentifier:
     """Adapts the weights of an inverse model, pair by pair.
 
     Args:
         bank: Thresholds and gains of the stops, from `new_bank`.
-        gain: γ > 0. The update is stable while 2γ ‖E - x‖² < 2; with 19 evenly spaced thresholds a
-            side ‖E - x‖² stays below 5.9, so that the paper's 0.1 is.
+        gain: γ, from 0 to below `largest_stable_gain`.
         deadband: Width of the backlash before the memory, in units of the range; above the noise.
         capacity: Extrema remembered on each side.
+
+    Raises:
+        ModelError: If the gain is outside its range.
     """
 
     def __init__(
@@ -100,6 +118,12 @@ class LMSIdentifier:
     ) -> None:
         self.weights: FloatArray = np.zeros(bank.shape[1])
         """Weights [a^l, a^r], shape (2 M,); changes in place with each step."""
+        if not 0.0 <= gain < largest_stable_gain(bank):
+            message = (
+                f"an LMS gain of {gain:g} is out of range: with {bank.shape[1] // 2} operators on "
+                f"each side it must be from 0 to below {largest_stable_gain(bank):.3g}"
+            )
+            raise ModelError(message)
         self._memory = new_bank_memory(bank, capacity)
         self._arguments = (*self._memory, bank, self.weights, gain, deadband)
 
@@ -111,9 +135,16 @@ class LMSIdentifier:
         return _step(*self._arguments, position, drive)
 
     def run(self, positions: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:
-        """Adapt to a record of pairs, shape (n,) each; return the errors, shape (n,)."""
+        """Adapt to a record of pairs, shape (n,) each; return the errors, shape (n,).
+
+        Raises:
+            ModelError: If the shapes differ.
+        """
         x = np.ascontiguousarray(positions, dtype=np.float64)
         v = np.ascontiguousarray(drives, dtype=np.float64)
+        if x.ndim != 1 or x.shape != v.shape:
+            message = f"need as many drives as positions, got shapes {v.shape} and {x.shape}"
+            raise ModelError(message)
         errors = np.empty_like(x)
         _run(*self._arguments, x, v, errors)
         return errors

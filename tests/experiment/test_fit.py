@@ -138,10 +138,51 @@ def test_delay_beyond_the_record_is_refused() -> None:
         fit_model(record_of(duration_s=5.0), method=Method.LMS, order=ORDER, delay_s=10.0)
 
 
-def test_diverging_update_is_an_error() -> None:
-    """With too many operators the paper's gain is too large, and there is no model."""
-    with pytest.raises(ModelError, match="LMS with 100 operators on each side"):
-        fit_model(record_of(), method=Method.LMS, order=100, delay_s=0.0)
+def test_a_gain_that_is_not_stable_is_refused() -> None:
+    """The error names the gain, the operators, and what would be stable."""
+    with pytest.raises(
+        ModelError, match=r"gain of 0\.1 is out of range: with 100 operators.*0\.03"
+    ):
+        fit_model(record_of(), method=Method.LMS, order=100, lms_gain=0.1, delay_s=0.0)
+
+
+def test_with_many_operators_the_gain_is_lowered_until_it_is_stable() -> None:
+    """Where none is given, LMS makes a model of any order."""
+    fit = fit_model(record_of(), method=Method.LMS, order=100, delay_s=0.0)
+
+    assert np.all(np.isfinite(fit.model.weights))
+    assert fit.model.errors_pct(record_of())["voltage_error_rms_pct"] < 2.0
+
+
+@pytest.mark.parametrize("offset_um", [-119.0, 0.0, 50.0])
+def test_a_model_is_zeroed_at_the_displacement_at_rest(offset_um: float) -> None:
+    """Wherever recorded displacements count from, a stage counts from its rest."""
+    record = record_of()
+    shifted = replace(record, position_um=record.position_um + offset_um)
+    fit = fit_model(shifted, method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0)
+    zeroed = fit.model.zeroed_at(float(record.drive_v.min()))
+
+    assert zeroed.position_um.low == pytest.approx(0.0, abs=1e-6)
+    assert zeroed.position_um.width == pytest.approx(fit.model.position_um.width)
+
+
+def test_rest_between_the_ends_is_a_step_up_from_the_lower_one() -> None:
+    """The displacement there is that of the first rise, below the diagonal of a loop."""
+    record = record_of()
+    model = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0).model
+    middle_v = model.drive_v.from_unit(0.5)
+    at_rest = model.position_um.low - model.zeroed_at(middle_v).position_um.low
+    unit = model.position_um.to_unit(at_rest)
+
+    assert model.inverse().step(unit) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_rest_outside_of_the_model_is_refused() -> None:
+    """A model that was not identified from rest on cannot tell where rest is."""
+    model = fit_model(record_of(), method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0).model
+
+    with pytest.raises(DataError, match=r"leaves out the rest voltage.*identify from rest on"):
+        model.zeroed_at(model.drive_v.low - 0.1 * model.drive_v.width)
 
 
 def measured(shared_data: Path, name: str) -> Record:
