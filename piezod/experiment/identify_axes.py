@@ -99,7 +99,8 @@ def _from_record(
 
 def _from_file(name: str, axis: AxisConfig) -> IdentifiedAxis:
     assert axis.model is not None  # noqa: S101 - the configuration's rules see to it
-    model, file = read_model(axis.model)
+    in_file, file = read_model(axis.model)
+    model = in_file.zeroed_at(axis.limits.rest_v)
     nothing = np.empty(0)
     account = Identification(
         axis=name,

@@ -41,20 +41,27 @@ def opened(config: ExperimentConfig, progress: Progress) -> Iterator["Stage"]:
         devices[name] = plugin.create(device.options, served_axes(name, axes), config.seed)
     channels = Channels(devices, axes)
     channels.open()
-    stage = Stage(channels, config, progress)
     try:
-        channels.activate(stage.now_ns)
+        _check_rate(config.rate_hz, channels.capabilities().max_rate_hz)
+        channels.activate(0)
+        stage = Stage(channels, config, progress)
         yield stage
         channels.deactivate(stage.now_ns)
     finally:
         channels.close()
 
 
+def _check_rate(rate_hz: float, max_rate_hz: float) -> None:
+    if rate_hz > max_rate_hz:
+        message = f"rate_hz is {rate_hz:g} Hz; these devices allow at most {max_rate_hz:g} Hz"
+        raise DeviceError(message)
+
+
 class Stage:
     """All axes of an experiment; time goes on from phase to phase.
 
     Args:
-        channels: The devices, open.
+        channels: The devices, open and active.
         config: The experiment.
         progress: Told as cycles run.
     """
@@ -64,7 +71,7 @@ class Stage:
         self._axes = tuple(config.axes.values())
         self.period_ns = round(NS_PER_S / config.rate_hz)
         self.now_ns = 0
-        self.in_force_v = [axis.limits.rest_v for axis in self._axes]
+        self.in_force_v = channels.read_back(self.now_ns)
         """Voltage in force on each axis, in V."""
         self._zero_um = np.zeros(len(self._axes))
 
@@ -110,11 +117,11 @@ class Stage:
             for axis, in_force_v in zip(self._axes, self.in_force_v, strict=True)
         ]
         trace = self.open_loop(ramps, duration_s)
-        last = s_to_ns(ZERO_OVER_S) // self.period_ns
+        last = max(1, s_to_ns(ZERO_OVER_S) // self.period_ns)
         positions_um = trace[:, -last:, POSITION_UM]
-        if positions_um.shape[1] == last and np.all(np.isfinite(positions_um)):
-            self._zero_um += positions_um.mean(axis=1)
-            self._channels.zero(self._zero_um.tolist())
+        measured = np.any(np.isfinite(positions_um), axis=1)
+        self._zero_um[measured] += np.nanmean(positions_um[measured], axis=1)
+        self._channels.zero(self._zero_um.tolist())
 
     def _note(self, record: CycleRecord, row: FloatArray) -> None:
         if not record.written:

@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from piezod.config.model_file import FitConfig, ModelFile, SourceConfig, dump_model
 from piezod.config.modes import Mode
 from piezod.errors import DataError, DeviceError
 from piezod.experiment.error_rows import error_rows, errors_pct
@@ -83,6 +84,51 @@ def test_parameters_move_in_adaptive_mode_only(load: Load, short: str) -> None:
     assert recordings["feedforward"].weights.shape == (60, 38)
     assert np.ptp(recordings["feedforward"].weights, axis=0).max() == 0.0
     assert np.ptp(recordings["adaptive"].weights, axis=0).max() > 0.0
+
+
+def model_file(result: ExperimentResult, offset_um: float) -> str:
+    """The model of a result as a file, its displacement counted from elsewhere."""
+    parameters = result.identifications[0].parameters
+    drive_v, position_um = parameters["drive_range_v"], parameters["position_range_um"]
+    sides = {
+        name: tuple(parameters[name].tolist())
+        for name in (
+            "right_stop_thresholds",
+            "right_stop_weights",
+            "left_stop_thresholds",
+            "left_stop_weights",
+        )
+    }
+    return dump_model(
+        ModelFile(
+            created_at="2026-01-01T00:00:00+00:00",
+            created_by="a test",
+            method="least-squares",
+            source=SourceConfig(file="none.csv", sha256="0" * 64),
+            fit=FitConfig(voltage_error_max_pct=1.0, voltage_error_rms_pct=0.2),
+            drive_low_v=float(drive_v[0]),
+            drive_high_v=float(drive_v[1]),
+            position_low_um=float(position_um[0]) + offset_um,
+            position_high_um=float(position_um[1]) + offset_um,
+            delay_s=float(parameters["delay_s"]),
+            **sides,
+        )
+    )
+
+
+@pytest.mark.parametrize("offset_um", [0.0, -119.0])
+def test_a_model_serves_wherever_its_displacement_counts_from(
+    load: Load, short: str, tmp_path: Path, offset_um: float
+) -> None:
+    """Commands count from rest, whatever the sensor of the record called that."""
+    identified = run(load, short)
+    (tmp_path / "model.yaml").write_text(model_file(identified, offset_um), encoding="utf-8")
+    head, tail = short.split("identification:")
+    rest = tail[tail.index("settle_s: 0.5\ncases") :]
+    from_model = f"{head}    model: model.yaml\n{rest}"
+    _, feedforward, _ = run(load, from_model).recordings
+
+    assert feedforward.metrics["tracking_max_pct"] < 3.0
 
 
 def test_two_axes_follow_two_commands(load: Load, short: str) -> None:
