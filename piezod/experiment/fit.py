@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from piezod.errors import DataError, ModelError
+from piezod.errors import DataError
 from piezod.experiment.delay import DelayEstimate, estimate_delay
 from piezod.experiment.method import Method
 from piezod.experiment.record import Record

@@ -90,15 +90,10 @@ def model_file(result: ExperimentResult, offset_um: float) -> str:
     """The model of a result as a file, its displacement counted from elsewhere."""
     parameters = result.identifications[0].parameters
     drive_v, position_um = parameters["drive_range_v"], parameters["position_range_um"]
-    sides = {
-        name: tuple(parameters[name].tolist())
-        for name in (
-            "right_stop_thresholds",
-            "right_stop_weights",
-            "left_stop_thresholds",
-            "left_stop_weights",
-        )
-    }
+
+    def numbers(name: str) -> tuple[float, ...]:
+        return tuple(parameters[name].tolist())
+
     return dump_model(
         ModelFile(
             created_at="2026-01-01T00:00:00+00:00",
@@ -111,7 +106,10 @@ def model_file(result: ExperimentResult, offset_um: float) -> str:
             position_low_um=float(position_um[0]) + offset_um,
             position_high_um=float(position_um[1]) + offset_um,
             delay_s=float(parameters["delay_s"]),
-            **sides,
+            right_stop_thresholds=numbers("right_stop_thresholds"),
+            right_stop_weights=numbers("right_stop_weights"),
+            left_stop_thresholds=numbers("left_stop_thresholds"),
+            left_stop_weights=numbers("left_stop_weights"),
         )
     )
 
