@@ -4,7 +4,7 @@
 
     /                             NXroot   @default
       experiment/                 NXentry  @default
-        title, seed, rate_hz
+        title, seed, rate_hz, warnings
         configuration/data        NXnote: the text as it was read
         versions/                 NXcollection of attributes
         identification_<axis>/    NXdata   @signal=drive_v @axes=t_s @axis @method
@@ -58,6 +58,8 @@ def write_hdf5(path: Path, result: ExperimentResult) -> None:
         entry["seed"] = result.seed
         entry["rate_hz"] = result.rate_hz
         entry["rate_hz"].attrs["units"] = "Hz"
+        warnings = list(result.warnings)
+        entry.create_dataset("warnings", data=warnings, dtype=h5py.string_dtype())
         note = _group(entry, "configuration", "NXnote")
         note["type"] = "application/yaml"
         note["data"] = result.configuration
@@ -170,6 +172,7 @@ def _read_entry(entry: h5py.Group) -> ExperimentResult:
         versions=_read_attributes(entry["versions"]),
         seed=int(entry["seed"][()]),
         rate_hz=float(entry["rate_hz"][()]),
+        warnings=tuple(entry["warnings"].asstr()[()]),
     )
 
 

@@ -107,12 +107,15 @@ class Identification(Comparable):
 
     Attributes:
         axis: Name of the axis.
-        title: What the record is, for people.
-        method: The method that made the model, or the file that it was read from.
+        title: What the record is, or which file the model was read from, for people.
+        method: The method that made the model.
         t_s: Time in s, shape (n_samples,); empty where the model was not fitted to a record.
         drive_v: Voltage applied, in V, same shape.
-        position_um: Measured displacement in µm, same shape.
-        predicted_v: Voltage that the model predicts from the displacement, in V, same shape.
+        position_um: Displacement measured at the same time, in µm, same shape; it lags behind the
+            voltage by the model's delay.
+        predicted_v: Voltage that the model predicts, in V, same shape; at each time from the
+            displacement a delay later, so that it stands beside the voltage applied. At the end,
+            where no later displacement was recorded, the last prediction is held.
         fit_errors: Errors of the prediction by name; the name ends in the unit.
         parameters: The model's parameters by name, each of any shape.
     """
@@ -165,6 +168,7 @@ class ExperimentResult(Comparable):
         versions: Versions of the programs by name.
         seed: Seed of everything random in the run.
         rate_hz: Rate of the loop in Hz, above 0.
+        warnings: What a person should know before believing the result, with the remedy each.
     """
 
     title: str
@@ -174,6 +178,7 @@ class ExperimentResult(Comparable):
     versions: Mapping[str, str]
     seed: int
     rate_hz: float
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check that no recording is there twice.

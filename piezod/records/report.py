@@ -11,7 +11,7 @@ from piezod.records.error_table import error_table, verdict
 from piezod.records.labels import metric_label, metric_number, metric_unit
 from piezod.records.recording import ExperimentResult
 from piezod.records.reference import Reference
-from piezod.records.report_figures import draw_gallery
+from piezod.records.report_figures import draw_gallery, figures_in
 
 REPORT_NAME: Final = "report.html"
 _TEMPLATE: Final = "templates/report.html.jinja"
@@ -21,6 +21,8 @@ def write_report(
     folder: Path, result: ExperimentResult, reference: Reference | None = None
 ) -> Path:
     """Write the page, and beside it each of its figures.
+
+    Figures that an earlier report in the folder shows, and this one does not, are removed.
 
     Args:
         folder: Where to write; created where absent.
@@ -33,6 +35,8 @@ def write_report(
     Raises:
         OSError: If the files cannot be written.
     """
+    path = folder / REPORT_NAME
+    earlier = _figures_beside(path)
     gallery = draw_gallery(result, reference)
     table = error_table(result, reference)
     for figure in gallery.all():
@@ -45,10 +49,18 @@ def write_report(
         verdict=verdict(table, reference),
         gallery=gallery,
     )
-    path = folder / REPORT_NAME
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
+    for name in earlier - {figure.name for figure in gallery.all()}:
+        (folder / f"{name}.png").unlink(missing_ok=True)
     return path
+
+
+def _figures_beside(path: Path) -> set[str]:
+    """Return the names of the figures of a report; none where there is no report."""
+    if not path.exists():
+        return set()
+    return set(figures_in(path.read_text(encoding="utf-8", errors="replace")))
 
 
 def _render(**context: Any) -> str:

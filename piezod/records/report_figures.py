@@ -106,6 +106,15 @@ def _run(number: int, recording: Recording) -> ReportFigure:
     )
 
 
+def figures_in(page: str) -> list[str]:
+    """Return the names of the figures that a page shows, if it is a report of ours.
+
+    Args:
+        page: The text of the page.
+    """
+    return re.findall(r'^<figure id="((?:overview|model_\d|run_\d\d)[A-Za-z0-9_-]*)">$', page, re.M)
+
+
 def _file_name(*parts: str) -> str:
     # The number in front keeps apart what is spelt alike once odd signs are gone.
     return re.sub(r"[^A-Za-z0-9_-]+", "_", "_".join(parts))

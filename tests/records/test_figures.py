@@ -279,3 +279,30 @@ def test_settings_of_the_user_do_not_matter_and_stay(recording: Recording) -> No
         before = dict(mpl.rcParams)
         assert png_bytes(mode_figure(recording)) == plain
         assert dict(mpl.rcParams) == before
+
+
+@pytest.mark.parametrize("text", ["$\\frac$ x", "c_dollar$\\frac$.csv", "$x", "$", "a_b^c"])
+def test_signs_of_mathematics_are_plain_text(
+    recording: Recording,
+    identification: Identification,
+    result: ExperimentResult,
+    reference: Reference,
+    text: str,
+) -> None:
+    """Names and titles with dollars and backslashes are written as they are."""
+    odd = replace(recording, axis=text, case=text, mode=text, title=text)
+    figures = [
+        mode_figure(odd),
+        identification_figure(replace(identification, axis=text, title=text, method=text)),
+        overview_figure(replace(result, recordings=(odd,)), replace(reference, label=text)),
+    ]
+
+    assert all(png_bytes(figure).startswith(b"\x89PNG") for figure in figures)
+    assert not any(each.get_parse_math() for figure in figures for each in figure.findobj(Text))
+
+
+def test_a_run_without_a_title_ends_its_headline_at_the_axis(recording: Recording) -> None:
+    """No colon stands before nothing."""
+    headline = mode_figure(replace(recording, title="")).get_suptitle().splitlines()[0]
+
+    assert headline == "case 1 · adaptive · axis x"

@@ -167,3 +167,10 @@ def test_file_that_is_not_hdf5_is_an_os_error(file: Path) -> None:
 
     with pytest.raises(OSError, match="signature"):
         read_hdf5(file)
+
+
+def test_warnings_come_back(file: Path, result: ExperimentResult) -> None:
+    """Sentences survive with their signs and in their order."""
+    warned = replace(result, warnings=("1 % of x; zürück.", "", "0 µm"))
+
+    assert _written(file, warned) == warned

@@ -259,3 +259,54 @@ def test_model_from_a_file_has_no_figure(tmp_path: Path, result: ExperimentResul
 
     assert page.rows["model-table"][1] == ["x", "read from file", "model.yaml", "–"]
     assert page.given("img", "alt") == []
+
+
+def test_warnings_stand_before_the_errors(tmp_path: Path, result: ExperimentResult) -> None:
+    """What a person should know comes first, word for word, and can be jumped to."""
+    warned = replace(result, recordings=result.recordings[:1], warnings=("a < b", "c & d"))
+
+    page = _Page(write_report(tmp_path, warned).read_text(encoding="utf-8"))
+
+    assert page.text["h2"][:2] == ["Warnings", "Errors"]
+    assert page.text["li"][-2:] == ["a < b", "c & d"]
+    assert page.given("a", "href")[:2] == ["#warnings", "#errors"]
+
+
+def test_without_warnings_there_is_no_word_of_them(folder: Path) -> None:
+    """Neither a heading nor a link."""
+    assert "Warnings" not in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_case_without_a_title_has_no_colon(tmp_path: Path, result: ExperimentResult) -> None:
+    """The heading is the name alone."""
+    untitled = replace(result.recordings[0], title="")
+
+    text = write_report(tmp_path, replace(result, recordings=(untitled,))).read_text("utf-8")
+
+    assert _Page(text).text["h2"][2] == "case 1"
+
+
+def test_figures_of_an_earlier_report_are_removed_and_nothing_else(
+    tmp_path: Path, result: ExperimentResult
+) -> None:
+    """A shorter run leaves no figures of a longer one; what others put there stays."""
+    foreign = {"run_09_mine.png", "overview_2.png", "notes.txt"}
+    for name in foreign:
+        (tmp_path / name).write_bytes(b"mine")
+    evil = '<figure id="run_09_mine">'
+    write_report(tmp_path, replace(result, title=evil, configuration=f"{evil}\n{evil}"))
+
+    write_report(tmp_path, replace(result, recordings=result.recordings[:1], identifications=()))
+
+    ours = {"overview.png", "report.html", "run_01_x_case_1_uncompensated.png"}
+    assert {each.name for each in tmp_path.iterdir()} == foreign | ours
+
+
+def test_a_page_of_somebody_else_removes_nothing(tmp_path: Path, result: ExperimentResult) -> None:
+    """Figures that such a page shows are not ours, and its text need not be UTF-8."""
+    (tmp_path / "report.html").write_bytes(b'\xff\n<figure id="holiday">\n<figure id="../run_01">')
+    (tmp_path / "holiday.png").write_bytes(b"mine")
+
+    write_report(tmp_path, replace(result, recordings=result.recordings[:1]))
+
+    assert (tmp_path / "holiday.png").read_bytes() == b"mine"

@@ -43,7 +43,9 @@ def mode_figure(recording: Recording) -> Figure:
     Args:
         recording: What to draw.
     """
-    title = f"{recording.case} · {recording.mode} · axis {recording.axis}: {recording.title}"
+    title = f"{recording.case} · {recording.mode} · axis {recording.axis}"
+    if recording.title:
+        title += f": {recording.title}"
     metrics = ", ".join(metric_text(name, value) for name, value in recording.metrics.items())
     figure = new_figure(13.0, 8.0, title, metrics)
     columns = figure.add_gridspec(1, 2, width_ratios=(1.35, 1.0))

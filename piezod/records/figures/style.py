@@ -19,7 +19,6 @@ from piezod.records.atomic import replacing
 # The colours of Okabe and Ito, which most colour-blind people tell apart.
 BLACK: Final = "#000000"
 BLUE: Final = "#0072B2"
-SKY_BLUE: Final = "#56B4E9"
 GREEN: Final = "#009E73"
 VERMILLION: Final = "#D55E00"
 PURPLE: Final = "#CC79A7"
@@ -42,6 +41,7 @@ PREDICTED: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 0.7}
 
 _DOTS_PER_INCH: Final = 125
 _SETTINGS: Final[dict[Any, Any]] = {
+    "text.parse_math": False,  # a $ in a title or a file name is a $
     "font.size": 10.0,
     "axes.titlesize": 10.5,
     "axes.titleweight": "bold",
