@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from piezod.config.fields import Context
+from piezod.config.validate import validate
+from piezod.config.yaml_loader import parse_yaml
+from piezod.errors import ConfigError, DeviceError
 from piezod.plant.effects import EFFECTS
 from piezod.plant.parameters import (
     AmplifierParameters,
@@ -14,7 +18,7 @@ from piezod.plant.parameters import (
     quantities,
 )
 from piezod.plant.variants import VARIANTS
-from piezod_drivers.simulated.options import Commissioned, Line, Options
+from piezod_drivers.simulated.options import Commissioned, Line, Options, Table
 
 SEED = np.random.SeedSequence(1)
 PARTS: dict[str, type[Any]] = {
@@ -22,6 +26,12 @@ PARTS: dict[str, type[Any]] = {
     "amplifier": AmplifierParameters,
     "sensor": SensorParameters,
 }
+MODE_HZ = "allowed range 10 to 5000 Hz"
+
+
+def read(text: str) -> Options:
+    """Read options as from a file."""
+    return validate(parse_yaml(text, "rig.yaml"), Options, Context())
 
 
 def test_options_know_every_variant() -> None:
@@ -51,15 +61,20 @@ def test_options_describe_every_parameter(part: str) -> None:
 @pytest.mark.parametrize("part", PARTS)
 @pytest.mark.parametrize("edge", ["low", "high"])
 def test_bounds_of_parameters_belong_to_the_range(part: str, edge: str) -> None:
-    """Each bound is taken, and what lies beyond it is refused."""
+    """Each bound is taken, and what lies beyond it is refused with both bounds and the unit."""
     for name, quantity in quantities(PARTS[part]).items():
         value = getattr(quantity, edge)
         beyond = value - 1e-6 * abs(value) - 1e-9 if edge == "low" else value * (1 + 1e-6) + 1e-9
         taken = Options.model_validate({part: {name: value}})
+        unit = f" {quantity.unit}" if quantity.unit else ""
 
-        assert getattr(getattr(taken.plant(SEED), part), name) == value
-        with pytest.raises(ValidationError, match=name):
-            Options.model_validate({part: {name: beyond}})
+        assert getattr(getattr(taken, part), name) == value
+        with pytest.raises(ConfigError) as caught:
+            read(f"{part}: {{{name}: {beyond!r}}}")
+        assert str(caught.value) == (
+            f"rig.yaml:1:{len(part) + len(name) + 6}: {part}.{name}: out of range (got {beyond!r}),"
+            f" allowed range {quantity.low:.12g} to {quantity.high:.12g}{unit}"
+        )
 
 
 def test_given_values_are_exact_and_the_others_vary() -> None:
@@ -89,32 +104,115 @@ def test_variant_decides_about_the_calibration(variant: str) -> None:
     assert chosen.known_curve() == Line()
 
 
+TABLE = "calibration: {kind: table, sensor_v: [1, 2], position_um: [0, 3]}"
+
+
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("text", "expected"),
     [
-        ({"variant": "cantilever"}, "'stack', 'stack-uncalibrated', 'flexure' or 'afm'"),
-        ({"effects": {"gravity": True}}, "Extra inputs"),
-        ({"stage": {"mode_hz": float("inf")}}, "finite"),
-        ({"sensor": {"gain": 2}}, "Extra inputs"),
-        ({"calibration": {"kind": "guess"}}, "'commissioned', 'line', 'table'"),
+        ("effects: {creep: yes}", "18: effects.creep: must be true or false (got 'yes')"),
+        ("effects: {mode: 0}", "17: effects.mode: must be true or false (got 0)"),
+        ('stage: {mode_hz: "500"}', f"18: stage.mode_hz: must be a number (got '500'), {MODE_HZ}"),
+        ("stage: {mode_hz: true}", f"18: stage.mode_hz: must be a number (got true), {MODE_HZ}"),
         (
-            {"calibration": {"kind": "table", "sensor_v": [1, 2], "position_um": [1, 2, 3]}},
-            "the same number of values",
+            "stage: {mode_hz: .inf}",
+            f"18: stage.mode_hz: must be a finite number (got .inf), {MODE_HZ}",
+        ),
+        ("variant: flexur", "10: variant: unknown value (got 'flexur'), did you mean 'flexure'?"),
+        (
+            "variant: cantilever",
+            "10: variant: unknown value (got 'cantilever'), "
+            "allowed: stack, stack-uncalibrated, flexure, afm",
+        ),
+        ("stage: {modehz: 5}", "9: stage.modehz: unknown key, did you mean 'mode_hz'?"),
+        ("effects: {delays: true}", "11: effects.delays: unknown key, did you mean 'delay'?"),
+        ("sensors: {}", "1: sensors: unknown key, did you mean 'sensor'?"),
+        (
+            "calibration: {kind: guess}",
+            "21: calibration.kind: unknown value (got 'guess'), allowed: commissioned, line, table",
         ),
         (
-            {"calibration": {"kind": "table", "sensor_v": [1, 3, 2], "position_um": [1, 2, 3]}},
-            "strictly rising or strictly falling",
+            "calibration: {kind: commissioned, residual_pct: 6}",
+            "49: calibration.residual_pct: out of range (got 6), allowed range 0 to 5 %",
         ),
-        ({"calibration": {"kind": "table", "sensor_v": [1], "position_um": [1]}}, "at least 2"),
+        (
+            TABLE.replace("[1, 2]", "[1]"),
+            "38: calibration.sensor_v: too few entries (got 1), allowed: at least 2",
+        ),
+        (
+            TABLE.replace("[1, 2]", "1"),
+            "38: calibration.sensor_v: must be a list (got 1)",
+        ),
+        (
+            TABLE.replace("[1, 2]", "[1, 200]"),
+            "42: calibration.sensor_v[1]: out of range (got 200), allowed range -100 to 100 V",
+        ),
+        (
+            TABLE.replace("[0, 3]", "[1, 2, 3]"),
+            "59: calibration.position_um: one for each voltage is needed (got 3 for 2)",
+        ),
+        (
+            TABLE.replace("[1, 2]", "[1, 1]"),
+            "38: calibration.sensor_v: must be strictly rising or strictly falling",
+        ),
+        (
+            TABLE.replace("[0, 3]", "[3, 3]"),
+            "59: calibration.position_um: must be strictly rising or strictly falling",
+        ),
+        (
+            TABLE.replace("[1, 2]", "[1, 1.0000001]"),
+            "38: calibration.sensor_v: two voltages are 1e-07 V apart, allowed: at least 1e-06 V",
+        ),
+        (
+            "stage: {reversible_um: 0, irreversible_um: 0}",
+            "1: stage: reversible_um and irreversible_um together are the travel (got 0 µm), "
+            "allowed: at least 0.01 µm",
+        ),
+        (
+            "amplifier: {dac_bits: 4, gain: 1000}",
+            "1: amplifier: dac_range_v, dac_bits and gain make steps of the drive (got 1250 V), "
+            "allowed: at most 75 V, the stage's drive_v / 2",
+        ),
     ],
 )
-def test_mistakes_are_refused(options: dict[str, Any], message: str) -> None:
-    """A name, a value or a table that cannot be meant is refused with a reason."""
-    with pytest.raises(ValidationError, match=message):
-        Options.model_validate(options)
+def test_mistakes_are_refused(text: str, expected: str) -> None:
+    """A name, a value or a table that cannot be meant is refused with place, reason and remedy."""
+    with pytest.raises(ConfigError) as caught:
+        read(text)
+    assert str(caught.value) == f"rig.yaml:1:{expected}"
+
+
+def test_table_is_read_as_tuples() -> None:
+    """Lists of a file cannot be changed afterwards."""
+    table = read(TABLE).calibration
+
+    assert isinstance(table, Table)
+    assert (table.sensor_v, table.position_um) == ((1.0, 2.0), (0.0, 3.0))
+
+
+def test_switched_off_converter_may_be_coarse() -> None:
+    """Rules ask about the effects that are on."""
+    options = read("{amplifier: {dac_bits: 4, gain: 1000}, effects: {dac: false}}")
+
+    assert options.plant(SEED).amplifier.gain == 1000
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("sensor: {saturation_v: 0.5}", "saturated at rest: it gives .* less than saturation_v"),
+        ("stage: {reversible_um: 1000}", "saturated at rest"),
+        ("sensor: {light_level: 0}", "does not resolve the travel: it gives 0 V"),
+        ("sensor: {adc_bits: 4, adc_range_v: 100}", r"converter has steps of 12\.5 V"),
+    ],
+)
+def test_sensor_that_tells_nothing_is_refused(text: str, message: str) -> None:
+    """A specimen of whose travel no valid sample could tell anything is an error of the device."""
+    with pytest.raises(DeviceError, match=message):
+        read(text).plant(SEED)
 
 
 def test_options_do_not_change() -> None:
     """What was validated stays."""
     with pytest.raises(ValidationError, match="frozen"):
-        Options().variant = "afm"
+        Options().variant = "afm"  # type: ignore[misc] # what the test is about

@@ -8,6 +8,14 @@ from typing import Any
 import numpy as np
 
 from piezod.errors import DeviceError
+from piezod.plant.kernel import fibre_v
+from piezod.plant.layout import constants
+from piezod.plant.parameters import PlantParameters
+from piezod.plant.plant import SUB_STEP_NS
+from piezod.units import NS_PER_S
+
+MIN_STEPS = 2
+"""Fewer steps of a converter than this over the travel, and it tells nothing of the travel."""
 
 _KNOTS = 131
 _FROM, _TO = -0.1, 1.2  # what commissioning sweeps, in travels
@@ -54,14 +62,45 @@ def commissioned(
         DeviceError: If the light has its maximum within the sweep, so that no curve exists.
     """
     position = np.linspace(_FROM, _TO, _KNOTS)
-    sensor_v = [ideal_v(float(x) * travel_um) for x in position]
+    sensor_v = _monotonic(ideal_v, position * travel_um)
+    error = _smooth_error(position, seed) * residual_pct / 100
+    return Calibration(sensor_v, list((position + error) * travel_um))
+
+
+def check_sensor(parameters: PlantParameters) -> None:
+    """Refuse a sensor that cannot tell anything of the travel.
+
+    Args:
+        parameters: Of the plant.
+
+    Raises:
+        DeviceError: If it is saturated at rest, or its converter does not resolve the travel.
+    """
+    record = constants(parameters, SUB_STEP_NS / NS_PER_S)
+    travel_um = np.linspace(0, parameters.stage.travel_um, _KNOTS)
+    sensor_v = [fibre_v(float(x), record) for x in travel_um]
+    saturation_v, step_v = (float(record[0][name]) for name in ("saturation_v", "adc_step_v"))
+    if sensor_v[0] >= saturation_v:
+        raise DeviceError(
+            f"the sensor is saturated at rest: it gives {sensor_v[0]:g} V, allowed: less than "
+            f"saturation_v, {saturation_v:g} V"
+        )
+    span_v = max(sensor_v) - min(sensor_v)
+    if span_v == 0 or MIN_STEPS * step_v > span_v:
+        raise DeviceError(
+            f"the sensor does not resolve the travel: it gives {span_v:g} V over the travel, its "
+            f"converter has steps of {step_v:g} V, allowed: at least {MIN_STEPS} steps"
+        )
+
+
+def _monotonic(ideal_v: Callable[[float], float], position_um: Any) -> list[float]:
+    sensor_v = [ideal_v(float(x)) for x in position_um]
     steps = np.diff(sensor_v)
     if not (np.all(steps > 0) or np.all(steps < 0)):
         raise DeviceError(
             "the sensor cannot be calibrated: its voltage is not monotonic over the travel"
         )
-    error = _smooth_error(position, seed) * residual_pct / 100
-    return Calibration(sensor_v, list((position + error) * travel_um))
+    return sensor_v
 
 
 def _smooth_error(position: Any, seed: np.random.SeedSequence) -> Any:
@@ -79,9 +118,12 @@ def straight_line(ideal_v: Callable[[float], float], travel_um: float) -> Calibr
     Args:
         ideal_v: The sensor's voltage at a displacement in µm.
         travel_um: Travel of the stage in µm.
+
+    Raises:
+        DeviceError: If the light has its maximum within the travel, so that no line goes through.
     """
     position_um = np.linspace(0, travel_um, 401)
-    sensor_v = np.array([ideal_v(float(x)) for x in position_um])
+    sensor_v = np.array(_monotonic(ideal_v, position_um))
     line = np.polynomial.Polynomial.fit(sensor_v, position_um, 1)
     ends = sensor_v[[0, -1]]
     return Calibration(list(ends), list(line(ends)))

@@ -4,13 +4,15 @@ The models of the switches and of the parameters are made from the tables of `pi
 are the only place where a parameter's unit and bounds are written down.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
+from pydantic import Field, create_model, model_validator
 
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.plant.effects import EFFECTS, without
 from piezod.plant.parameters import (
     AmplifierParameters,
@@ -21,79 +23,86 @@ from piezod.plant.parameters import (
     specimen,
 )
 from piezod.plant.variants import VARIANTS
+from piezod_drivers.simulated.calibration import MIN_STEPS, check_sensor
 
-_STRICT = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+MIN_TRAVEL_UM = 0.01
+"""Less travel than this is no stage."""
+MIN_KNOT_STEP_V = 1e-6
+"""Points of a table that are closer than this tell no slope."""
 
 
-class Commissioned(BaseModel):
+class Commissioned(ConfigModel):
     """The sensor's curve was measured against a reference when the stage was commissioned."""
 
-    model_config = _STRICT
-
     kind: Literal["commissioned"] = "commissioned"
-    residual_pct: float = Field(
-        0.05, ge=0, le=5, description="greatest error that is left, % of travel"
+    residual_pct: Annotated[float, Quantity(0, 5, "%")] = Field(
+        0.05, description="greatest error that is left, % of travel"
     )
 
 
-class Line(BaseModel):
+class Line(ConfigModel):
     """Only a straight line is known for the sensor."""
-
-    model_config = _STRICT
 
     kind: Literal["line"] = "line"
 
 
-class Table(BaseModel):
+class Table(ConfigModel):
     """The curve is given here."""
 
-    model_config = _STRICT
-
     kind: Literal["table"] = "table"
-    sensor_v: tuple[float, ...] = Field(
-        min_length=2, description="sensor voltages in V, strictly monotonic"
+    sensor_v: tuple[Annotated[float, Quantity(-100, 100, "V")], ...] = Field(
+        min_length=2, max_length=10_000, description="sensor voltages in V, strictly monotonic"
     )
-    position_um: tuple[float, ...] = Field(
-        min_length=2, description="displacements in µm at those voltages"
+    position_um: tuple[Annotated[float, Quantity(-1e5, 1e5, "µm")], ...] = Field(
+        min_length=2,
+        max_length=10_000,
+        description="displacements in µm at those voltages, strictly monotonic",
     )
 
     @model_validator(mode="after")
-    def _is_a_curve(self) -> "Table":
-        if len(self.sensor_v) != len(self.position_um):
-            raise ValueError("sensor_v and position_um must have the same number of values")
-        rising = [later > earlier for earlier, later in pairwise(self.sensor_v)]
-        falling = [later < earlier for earlier, later in pairwise(self.sensor_v)]
-        if not (all(rising) or all(falling)):
-            raise ValueError("sensor_v must be strictly rising or strictly falling")
+    def _check_curve(self) -> Self:
+        raise_rules(self._broken_rules())
         return self
 
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        n_voltages, n_positions = len(self.sensor_v), len(self.position_um)
+        if n_voltages != n_positions:
+            what = f"one for each voltage is needed (got {n_positions} for {n_voltages})"
+            yield ("position_um",), what
+        for key, values in (("sensor_v", self.sensor_v), ("position_um", self.position_um)):
+            steps = [later - earlier for earlier, later in pairwise(values)]
+            if not (all(step > 0 for step in steps) or all(step < 0 for step in steps)):
+                yield (key,), "must be strictly rising or strictly falling"
+        close_v = min(abs(later - earlier) for earlier, later in pairwise(self.sensor_v))
+        if 0 < close_v < MIN_KNOT_STEP_V:
+            what = f"two voltages are {close_v:g} V apart, allowed: at least {MIN_KNOT_STEP_V:g} V"
+            yield ("sensor_v",), what
 
-def _overrides(part: type[Any], name: str, about: str) -> type[BaseModel]:
+
+def _overrides(part: type[Any], name: str, about: str) -> type[ConfigModel]:
     """Make the model of a part of the plant: every parameter may be given, none must be."""
-    given: dict[str, Any] = {
-        parameter: (
-            float | None,
-            Field(None, ge=q.low, le=q.high, description=f"{q.about} ({q.unit or 'a number'})"),
-        )
-        for parameter, q in quantities(part).items()
-    }
-    return create_model(name, __config__=_STRICT, __doc__=about, **given)
+    given: dict[str, Any] = {}
+    for parameter, q in quantities(part).items():
+        number: Any = Annotated[float, Quantity(q.low, q.high, q.unit)]
+        description = f"{q.about} ({q.unit or 'a number'})"
+        given[parameter] = (number | None, Field(None, description=description))
+    return create_model(name, __base__=ConfigModel, __doc__=about, **given)
 
 
-def _switches() -> type[BaseModel]:
+def _switches() -> type[ConfigModel]:
     """Make the model that has one switch for each effect."""
     fields: dict[str, Any] = {
         effect: (bool, Field(True, description="whether the rig has this effect"))
         for effect in EFFECTS
     }
-    return create_model("Effects", __config__=_STRICT, __doc__="Effects of the rig.", **fields)
+    return create_model("Effects", __base__=ConfigModel, __doc__="Effects of the rig.", **fields)
 
 
 if TYPE_CHECKING:  # their fields are known at run time only
-    Effects: TypeAlias = BaseModel
-    Stage: TypeAlias = BaseModel
-    Amplifier: TypeAlias = BaseModel
-    Sensor: TypeAlias = BaseModel
+    Effects: TypeAlias = ConfigModel
+    Stage: TypeAlias = ConfigModel
+    Amplifier: TypeAlias = ConfigModel
+    Sensor: TypeAlias = ConfigModel
 else:
     Effects = _switches()
     Stage = _overrides(StageParameters, "Stage", "The stage, where it differs from the variant.")
@@ -105,10 +114,8 @@ else:
     )
 
 
-class Options(BaseModel):
+class Options(ConfigModel):
     """Options of the simulated rig; every axis is a specimen of its own of the same variant."""
-
-    model_config = _STRICT
 
     variant: Literal["stack", "stack-uncalibrated", "flexure", "afm"] = Field(
         "stack", description="which stage"
@@ -121,13 +128,31 @@ class Options(BaseModel):
         None, description="what is known of the sensor's curve; left out: as the variant has it"
     )
 
+    @model_validator(mode="after")
+    def _check_rules(self) -> Self:
+        raise_rules(_broken_rules(self._configured(VARIANTS[self.variant].parameters)))
+        return self
+
     def plant(self, seed: np.random.SeedSequence) -> PlantParameters:
         """Draw a specimen of the variant and apply what was configured.
 
         Args:
             seed: Of the specimen.
+
+        Raises:
+            DeviceError: If the specimen's sensor cannot tell anything of the travel.
         """
-        drawn = specimen(VARIANTS[self.variant].parameters, seed)
+        drawn = self._configured(specimen(VARIANTS[self.variant].parameters, seed))
+        check_sensor(drawn)
+        return drawn
+
+    def known_curve(self) -> Commissioned | Line | Table:
+        """Tell what is known of the sensor's curve."""
+        if self.calibration is not None:
+            return self.calibration
+        return Commissioned() if VARIANTS[self.variant].calibrated else Line()
+
+    def _configured(self, drawn: PlantParameters) -> PlantParameters:
         configured = PlantParameters(
             stage=replace(drawn.stage, **self.stage.model_dump(exclude_none=True)),
             amplifier=replace(drawn.amplifier, **self.amplifier.model_dump(exclude_none=True)),
@@ -137,8 +162,23 @@ class Options(BaseModel):
             configured, [name for name, on in self.effects.model_dump().items() if not on]
         )
 
-    def known_curve(self) -> Commissioned | Line | Table:
-        """Tell what is known of the sensor's curve."""
-        if self.calibration is not None:
-            return self.calibration
-        return Commissioned() if VARIANTS[self.variant].calibrated else Line()
+
+def _broken_rules(plant: PlantParameters) -> Iterator[BrokenRule]:
+    """Find what is within each bound and yet no rig together."""
+    stage, amplifier = plant.stage, plant.amplifier
+    if not stage.travel_um >= MIN_TRAVEL_UM:
+        what = (
+            f"reversible_um and irreversible_um together are the travel "
+            f"(got {stage.travel_um:g} µm), allowed: at least {MIN_TRAVEL_UM:g} µm"
+        )
+        yield ("stage",), what
+    if np.isinf(amplifier.dac_bits):
+        return
+    step_v = 2 * amplifier.dac_range_v / 2**amplifier.dac_bits * amplifier.gain
+    allowed_v = stage.drive_v / MIN_STEPS
+    if not step_v <= allowed_v:
+        what = (
+            f"dac_range_v, dac_bits and gain make steps of the drive (got {step_v:g} V), "
+            f"allowed: at most {allowed_v:g} V, the stage's drive_v / {MIN_STEPS}"
+        )
+        yield ("amplifier",), what
