@@ -47,6 +47,31 @@ def checked_thresholds(thresholds: npt.ArrayLike) -> FloatArray:
     return array
 
 
+def checked_series(values: npt.ArrayLike) -> FloatArray:
+    """Return values over time as an array of shape (n,), ready for a kernel.
+
+    Raises:
+        ModelError: If they are of another shape.
+    """
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.ndim != 1:
+        message = f"values over time have one dimension, got shape {array.shape}"
+        raise ModelError(message)
+    return array
+
+
+def checked_deadband(width: float) -> float:
+    """Return the width of a dead-band.
+
+    Raises:
+        ModelError: If it is not from 0 to below 1.
+    """
+    if not 0.0 <= width < 1.0:
+        message = f"a dead-band is from 0 to below 1 of the range, got {width:g}"
+        raise ModelError(message)
+    return float(width)
+
+
 def even_thresholds(order: int) -> FloatArray:
     """Return the paper's thresholds r_j = j / (M + 1) for j = 1 … M, shape (order,)."""
     return np.arange(1, order + 1, dtype=np.float64) / (order + 1)

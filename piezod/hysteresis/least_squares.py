@@ -3,7 +3,14 @@
 import numpy as np
 import numpy.typing as npt
 
-from piezod.hysteresis.bank import GAINS, advance_plays, new_bank_memory
+from piezod.errors import ModelError
+from piezod.hysteresis.bank import (
+    GAINS,
+    advance_plays,
+    checked_deadband,
+    checked_series,
+    new_bank_memory,
+)
 from piezod.hysteresis.memory import FloatArray, IntArray, Memory
 from piezod.jit import compiled
 
@@ -31,7 +38,7 @@ def stop_regressors(
     bank: FloatArray, positions: npt.ArrayLike, deadband: float = 0.0
 ) -> FloatArray:
     """Return E - x of every stop for a record of displacements, shape (n, 2 M)."""
-    x = np.ascontiguousarray(positions, dtype=np.float64)
+    x = checked_series(positions)
     regressors = np.empty((x.size, bank.shape[1]))
     _fill(*new_bank_memory(bank), bank, deadband, x, regressors)
     return regressors
@@ -54,10 +61,19 @@ def identify_least_squares(
         ridge: Penalty on the weights, relative to the mean of the Gram matrix's diagonal; its
             condition number without one is above 1e6.
         deadband: Width of the backlash before the memory, in units of the range.
+
+    Raises:
+        ModelError: If there are not as many drives as positions, a number is not finite, or the
+            displacement does not move.
     """
-    x = np.clip(np.asarray(positions, dtype=np.float64), 0.0, 1.0)
-    regressors = stop_regressors(bank, x, deadband)
+    x, v = np.clip(checked_series(positions), 0.0, 1.0), checked_series(drives)
+    if x.shape != v.shape or not np.all(np.isfinite(x + v)):
+        message = f"need as many finite drives as positions, got {v.size} and {x.size}"
+        raise ModelError(message)
+    regressors = stop_regressors(bank, x, checked_deadband(deadband))
     gram = regressors.T @ regressors
     penalty = ridge * float(np.mean(np.diag(gram)))
-    right_side = regressors.T @ (np.asarray(drives, dtype=np.float64) - x)
+    if penalty == 0.0:
+        raise ModelError("the displacement does not move: there is nothing to identify from")
+    right_side = regressors.T @ (v - x)
     return np.linalg.solve(gram + penalty * np.eye(bank.shape[1]), right_side).astype(np.float64)

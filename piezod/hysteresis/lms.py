@@ -10,7 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from piezod.errors import ModelError
-from piezod.hysteresis.bank import GAINS, advance_plays, new_bank_memory, weighted_sum
+from piezod.hysteresis.bank import (
+    GAINS,
+    advance_plays,
+    checked_deadband,
+    checked_series,
+    new_bank_memory,
+    weighted_sum,
+)
 from piezod.hysteresis.memory import (
     DEFAULT_CAPACITY,
     MERGED,
@@ -125,14 +132,14 @@ class LMSIdentifier:
             )
             raise ModelError(message)
         self._memory = new_bank_memory(bank, capacity)
-        self._arguments = (*self._memory, bank, self.weights, gain, deadband)
+        self._arguments = (*self._memory, bank, self.weights, gain, checked_deadband(deadband))
 
     def step(self, position: float, drive: float) -> float:
         """Adapt to one pair, both normalised; return the error e_k; may be called in the loop.
 
         The pair must be contemporaneous: `drive` is what was in force when `position` was taken.
         """
-        return _step(*self._arguments, position, drive)
+        return _step(*self._arguments, float(position), float(drive))
 
     def run(self, positions: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:
         """Adapt to a record of pairs, shape (n,) each; return the errors, shape (n,).
@@ -140,9 +147,8 @@ class LMSIdentifier:
         Raises:
             ModelError: If the shapes differ.
         """
-        x = np.ascontiguousarray(positions, dtype=np.float64)
-        v = np.ascontiguousarray(drives, dtype=np.float64)
-        if x.ndim != 1 or x.shape != v.shape:
+        x, v = checked_series(positions), checked_series(drives)
+        if x.shape != v.shape:
             message = f"need as many drives as positions, got shapes {v.shape} and {x.shape}"
             raise ModelError(message)
         errors = np.empty_like(x)

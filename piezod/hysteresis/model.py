@@ -7,7 +7,12 @@ import numpy.typing as npt
 
 from piezod.errors import ModelError
 from piezod.hysteresis import closed_form
-from piezod.hysteresis.bank import checked_thresholds, stop_gains
+from piezod.hysteresis.bank import (
+    checked_deadband,
+    checked_series,
+    checked_thresholds,
+    stop_gains,
+)
 from piezod.hysteresis.closed_form import HEIGHTS, SLOPES, branch, new_loop_memory, relax_loops
 from piezod.hysteresis.memory import (
     DEFAULT_CAPACITY,
@@ -27,9 +32,9 @@ class _LoopModel:
         self, up: FloatArray, down: FloatArray, *, solve: bool, deadband: float, capacity: int
     ) -> None:
         self._up, self._down, self._solve = up, down, solve
-        self._deadband, self._capacity = deadband, capacity
+        self._deadband, self._capacity = checked_deadband(deadband), capacity
         self._memory = new_loop_memory(capacity)
-        self._arguments = (*self._memory, up, down, solve, deadband)
+        self._arguments = (*self._memory, up, down, solve, self._deadband)
 
     def step(self, value: float) -> float:
         """Return the output for the next input; may be called in the loop.
@@ -37,11 +42,15 @@ class _LoopModel:
         Inputs are normalised; outside [0, 1] they are clamped, and one that is not a number counts
         as no move. Allocates no array and raises nothing.
         """
-        return closed_form.step(*self._arguments, value)
+        return closed_form.step(*self._arguments, float(value))
 
     def run(self, values: npt.ArrayLike) -> FloatArray:
-        """Return the outputs, shape (n,), for inputs of shape (n,), going on from the state."""
-        inputs = np.ascontiguousarray(values, dtype=np.float64)
+        """Return the outputs, shape (n,), for inputs of shape (n,), going on from the state.
+
+        Raises:
+            ModelError: If the inputs are of another shape.
+        """
+        inputs = checked_series(values)
         outputs = np.empty_like(inputs)
         closed_form.run(*self._arguments, inputs, outputs)
         return outputs
