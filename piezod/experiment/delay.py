@@ -9,8 +9,9 @@ from piezod.experiment.record import Record
 from piezod.hysteresis import AffineRange
 from piezod.hysteresis.memory import FloatArray
 
-LONGEST_DELAY_PERIODS = 6.0
-"""Delays are searched from none to this many sample periods."""
+LONGEST_DELAY_S = 0.02
+FEWEST_PERIODS, MOST_PERIODS = 6, 60
+"""Delays are searched from none to 20 ms, but over at least 6 and at most 60 sample periods."""
 STEP_PERIODS = 0.1
 ONE_FREQUENCY_SHARE = 0.95
 """A record has one frequency if its strongest line, with neighbours, holds this share of power."""
@@ -26,9 +27,9 @@ class DelayEstimate:
         criterion_pct: (n,) rms error of the drive predicted for each, in % of its range.
         one_frequency: Whether the drive has a single frequency; a delay then looks like a wider
             loop, and the model takes up part of it.
-        uncertainty_s: Half the width of the interval in which the criterion is within 2 % of its
-            least value; no less than half a step between candidates, and no less than one sample
-            period where the drive has one frequency.
+        uncertainty_s: How far the delay may be off: as far as the drive moves by the rms error that
+            the best fit leaves, since a shift could hide in it; no less than half a step between
+            candidates, and than one sample period where the drive has one frequency.
     """
 
     delay_s: float
@@ -54,9 +55,9 @@ def estimate_delay(
     Raises:
         DataError: If the record is shorter than ten times the longest delay.
     """
-    steps = round(LONGEST_DELAY_PERIODS / STEP_PERIODS)
+    first = longest_delay_periods(record.period_s)
+    steps = round(first / STEP_PERIODS)
     candidates_s = np.arange(steps + 1, dtype=np.float64) * STEP_PERIODS * record.period_s
-    first = int(np.ceil(LONGEST_DELAY_PERIODS))
     if record.t_s.size < 10 * first + regressors.shape[1]:
         message = f"{record.t_s.size} samples are too few to estimate a delay from; give one"
         raise DataError(message)
@@ -65,16 +66,22 @@ def estimate_delay(
     basis, _ = np.linalg.qr(regressors[first:])
     residual = np.sum(targets**2, axis=0) - np.sum((basis.T @ targets) ** 2, axis=0)
     criterion_pct = 100.0 * np.sqrt(np.maximum(residual, 0.0) / targets.shape[0])
-    alone = _has_one_frequency(record.drive_v)
-    near = candidates_s[criterion_pct <= 1.02 * criterion_pct.min()]
+    alone = _has_one_frequency(drive_v.to_unit(record.drive_v))
+    speed = float(np.std(np.diff(drives[:, 0]))) / record.period_s
+    hidden_s = 0.01 * float(criterion_pct.min()) / speed
     least_s = (1.0 if alone else 0.5 * STEP_PERIODS) * record.period_s
     return DelayEstimate(
         delay_s=_lowest(candidates_s, criterion_pct),
         candidates_s=candidates_s,
         criterion_pct=criterion_pct,
         one_frequency=alone,
-        uncertainty_s=max(0.5 * float(near[-1] - near[0]), least_s),
+        uncertainty_s=max(hidden_s, least_s),
     )
+
+
+def longest_delay_periods(period_s: float) -> int:
+    """Return how many sample periods the search goes back."""
+    return min(max(int(np.ceil(LONGEST_DELAY_S / period_s)), FEWEST_PERIODS), MOST_PERIODS)
 
 
 def _lowest(candidates: FloatArray, criterion: FloatArray) -> float:
@@ -88,9 +95,9 @@ def _lowest(candidates: FloatArray, criterion: FloatArray) -> float:
     return float(candidates[best] + offset * (candidates[1] - candidates[0]))
 
 
-def _has_one_frequency(drive_v: FloatArray) -> bool:
-    window = np.hanning(drive_v.size)
-    power = np.abs(np.fft.rfft((drive_v - drive_v.mean()) * window)) ** 2
+def _has_one_frequency(drive: FloatArray) -> bool:
+    window = np.hanning(drive.size)
+    power = np.abs(np.fft.rfft((drive - drive.mean()) * window)) ** 2
     strongest = int(np.argmax(power))
     line = power[max(strongest - 3, 0) : strongest + 4]
     return bool(np.sum(line) > ONE_FREQUENCY_SHARE * np.sum(power))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from piezod.errors import DataError
-from piezod.experiment.delay import LONGEST_DELAY_PERIODS, DelayEstimate, estimate_delay
+from piezod.experiment.delay import DelayEstimate, estimate_delay, longest_delay_periods
 from piezod.experiment.record import Record
 from piezod.hysteresis import AffineRange, even_thresholds, new_bank, stop_regressors
 from piezod.records.csv_file import read_csv
@@ -60,7 +60,7 @@ def test_criterion_is_the_error_at_each_candidate() -> None:
     found = estimate(record_of(delay_periods=3.0))
 
     assert found.candidates_s[0] == 0.0
-    assert found.candidates_s[-1] == pytest.approx(LONGEST_DELAY_PERIODS / RATE_HZ)
+    assert found.candidates_s[-1] == pytest.approx(longest_delay_periods(1 / RATE_HZ) / RATE_HZ)
     assert found.criterion_pct.shape == found.candidates_s.shape
     best_s = found.candidates_s[np.argmin(found.criterion_pct)]
     assert best_s == pytest.approx(found.delay_s, abs=0.05 / RATE_HZ)
@@ -72,6 +72,29 @@ def test_longer_delays_end_at_the_longest_candidate() -> None:
     found = estimate(record_of(delay_periods=8.0))
 
     assert found.delay_s == found.candidates_s[-1]
+
+
+@pytest.mark.parametrize(
+    ("period_s", "periods"), [(5e-3, 6), (1e-3, 20), (5e-4, 40), (1e-4, 60), (1e-5, 60)]
+)
+def test_the_search_goes_back_by_20_ms_or_what_can_be_afforded(
+    period_s: float, periods: int
+) -> None:
+    """It is 6 periods of a slow record and 60 of a fast one."""
+    assert longest_delay_periods(period_s) == periods
+
+
+def test_a_shift_could_hide_in_what_the_fit_leaves() -> None:
+    """With five times the noise the delay is at least half as much less certain."""
+    record = record_of(delay_periods=2.0)
+    noise_um = np.random.default_rng(1).normal(size=record.t_s.size)
+    quiet, loud = (
+        estimate(Record(record.t_s, record.drive_v, record.position_um + rms_um * noise_um))
+        for rms_um in (0.04, 0.2)
+    )
+
+    assert loud.uncertainty_s > 2.0 * quiet.uncertainty_s
+    assert abs(loud.delay_s - 2.0 / RATE_HZ) < loud.uncertainty_s
 
 
 def test_short_record_is_refused() -> None:
