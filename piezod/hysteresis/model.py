@@ -47,6 +47,8 @@ class _LoopModel:
     def run(self, values: npt.ArrayLike) -> FloatArray:
         """Return the outputs, shape (n,), for inputs of shape (n,), going on from the state.
 
+        Inputs are clamped to [0, 1], as in `step`.
+
         Raises:
             ModelError: If the inputs are of another shape.
         """

@@ -30,6 +30,7 @@ RAMP = np.linspace(0.0, 1.0, 50)
             r"one dimension, got shape \(2, 2\)",
         ),
         (lambda: LMSIdentifier(BANK).run(RAMP, RAMP[1:]), "as many drives as positions"),
+        (lambda: even_thresholds(0), "whole one from 1 on, got 0"),
         (lambda: LMSIdentifier(BANK, gain=-0.1), "gain of -0.1 is out of range"),
         (lambda: LMSIdentifier(BANK, gain=math.nan), "gain of nan is out of range"),
         (lambda: identify_least_squares(BANK, RAMP, RAMP[1:]), "finite drives as positions"),
