@@ -1,10 +1,12 @@
 """Axes: which devices serve an axis, what it may be driven to, how it is compensated."""
 
-from typing import Annotated, Literal, Self, TypeAlias
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Final, Literal, Self, TypeAlias
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from piezod.config.fields import ConfigModel, Quantity, raise_rules
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.config.files import ExistingFile
 from piezod.config.model_file import load_model
 from piezod.config.quantities import DriveV, Name, PositionUm
@@ -20,6 +22,9 @@ DelayS: TypeAlias = Annotated[
     Annotated[Literal["auto"], Tag("auto")] | Annotated[float, Quantity(0, 1, "s"), Tag("number")],
     Discriminator(_auto_or_number),
 ]
+
+# What a model file decides: key of the compensator, and what it is.
+_OF_THE_MODEL: Final = {"operators": "operators", "delay_s": "delay"}
 
 
 class LimitsConfig(ConfigModel):
@@ -79,12 +84,22 @@ class AxisConfig(ConfigModel):
     )
 
     @model_validator(mode="after")
-    def _check_model_and_range(self) -> Self:
-        if self.model is not None:
-            try:
-                load_model(self.model)
-            except ConfigError as error:
-                raise_rules([(("model",), str(error.problems[0]))])
-        if self.command_range_um and not self.command_range_um[0] < self.command_range_um[1]:
-            raise_rules([(("command_range_um", 1), "must be above the first of the two")])
+    def _check_rules(self) -> Self:
+        raise_rules(self._broken_rules())
         return self
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        if self.model is not None:
+            yield from self._broken_model(self.model)
+        if self.command_range_um and not self.command_range_um[0] < self.command_range_um[1]:
+            yield ("command_range_um", 1), "must be above the first of the two"
+
+    def _broken_model(self, model: Path) -> Iterator[BrokenRule]:
+        try:
+            load_model(model)
+        except ConfigError as error:
+            yield ("model",), str(error.problems[0])
+        for key, own in _OF_THE_MODEL.items():
+            if key in self.compensator.model_fields_set:
+                what = f"not used, the model file has its own {own}, leave it out"
+                yield ("compensator", key), what

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -15,6 +15,7 @@ from piezod.config.modes import Mode
 from piezod.config.quantities import (
     DurationS,
     Name,
+    OneLine,
     PauseS,
     PercentOfRange,
     RateHz,
@@ -42,8 +43,8 @@ class IdentificationConfig(ConfigModel):
 class CaseConfig(ConfigModel):
     """One command, run in every mode."""
 
-    name: Annotated[str, Field(min_length=1, max_length=40)] = Field(description="Its name.")
-    title: str = Field(default="", max_length=80, description="What it shows.")
+    name: OneLine = Field(min_length=1, max_length=40, description="Its name.")
+    title: OneLine = Field(default="", max_length=80, description="What it shows.")
     period_s: DurationS = Field(
         description="First period of the command, excluded from the metrics, s."
     )
@@ -77,7 +78,7 @@ class CaseConfig(ConfigModel):
 class ExperimentConfig(ConfigModel):
     """An experiment."""
 
-    title: str = Field(default="", max_length=80, description="What it is, for people.")
+    title: OneLine = Field(default="", max_length=80, description="What it is, for people.")
     rate_hz: RateHz = Field(description="Cycles of the loop per second, Hz.")
     seed: Seed = Field(default=1, description="Decides about everything random in the devices.")
     devices: dict[Name, DeviceConfig] = Field(min_length=1, description="Name: device.")
@@ -98,8 +99,11 @@ class ExperimentConfig(ConfigModel):
     settle_s: PauseS = Field(
         default=2.0, description="Rest before each run, s; the sensor is zeroed at its end."
     )
-    reference: Annotated[str, Field(min_length=1, max_length=40)] = Field(
-        default="reference", description="Whose errors `reference_pct` of the cases are."
+    reference: OneLine = Field(
+        default="reference",
+        min_length=1,
+        max_length=40,
+        description="Whose errors `reference_pct` of the cases are.",
     )
     cases: tuple[CaseConfig, ...] = Field(min_length=1, description="The cases.")
 
@@ -121,8 +125,3 @@ def load_experiment(path: Path, drivers: Drivers) -> ExperimentConfig:
         ConfigError: If it is no valid experiment; the text lists every problem with its place.
     """
     return validate(load_yaml(path), ExperimentConfig, Context(path.parent, drivers))
-
-
-def experiment_json_schema() -> dict[str, Any]:
-    """Give the JSON schema of an experiment, for editors."""
-    return ExperimentConfig.model_json_schema()

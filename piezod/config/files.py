@@ -1,8 +1,7 @@
 """Other files that a configuration refers to."""
 
-import csv
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Final, TypeAlias
 
@@ -10,6 +9,7 @@ from pydantic import BeforeValidator, ValidationInfo
 
 from piezod.config.fields import Quantity, broken_rule, context_of
 from piezod.config.messages import show, suggest
+from piezod.config.scalars import NUMBER
 
 TIME_COLUMN: Final = "t_s"
 # Points closer than this are one instant with two values: no line can be drawn through them.
@@ -41,6 +41,9 @@ ExistingFile: TypeAlias = Annotated[Path, BeforeValidator(_existing_file)]
 def read_points(path: Path, column: str) -> tuple[Point, ...]:
     """Read the points of a waveform from a CSV file with a header.
 
+    The file is plain: fields between commas, none in quotes, numbers with a decimal point, as many
+    fields in each row as in the header, and no empty rows but at the end.
+
     Args:
         path: The file.
         column: Name of the column with the values; the times are in the column `t_s`.
@@ -52,26 +55,38 @@ def read_points(path: Path, column: str) -> tuple[Point, ...]:
         ValueError: If that is not possible; the text names the file and the line.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            points = _points(csv.reader(stream), column)
-    except (OSError, UnicodeError, csv.Error) as error:
+        with path.open(encoding="utf-8-sig") as stream:
+            points = _points(_rows(stream), column)
+    except (OSError, UnicodeError) as error:
         raise ValueError(f"{path} cannot be read: {error}") from error
     except ValueError as error:
         raise ValueError(f"{path}:{error}") from error
     return points
 
 
-def _points(rows: Iterable[list[str]], column: str) -> tuple[Point, ...]:
-    numbered = ((line, row) for line, row in enumerate(rows, start=1) if row)
-    _, header = next(numbered, (1, []))
-    names = [name.strip() for name in header]
-    for name in (TIME_COLUMN, column):
-        if name not in names:
-            raise ValueError(f"1: no column {name!r}, {suggest(name, names, 'columns')}")
-    t_index, value_index = names.index(TIME_COLUMN), names.index(column)
+def _rows(lines: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
+    """Give the fields of each row, with the number of its line as an editor counts it."""
+    first_empty = 0
+    for line, text in enumerate(lines, start=1):
+        if not text.strip():
+            first_empty = first_empty or line
+        elif first_empty:
+            raise ValueError(f"{first_empty}: the row is empty, delete it")
+        else:
+            yield line, [field.strip() for field in text.split(",")]
+
+
+def _points(rows: Iterator[tuple[int, list[str]]], column: str) -> tuple[Point, ...]:
+    _, names = next(rows, (1, []))
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"1: column {name!r} is there {names.count(name)} times")
+    t_index, value_index = (_index(names, name) for name in (TIME_COLUMN, column))
     points: list[Point] = []
-    for line, row in numbered:
-        point = (_number(row, t_index, line), _number(row, value_index, line))
+    for line, row in rows:
+        if len(row) != len(names):
+            raise ValueError(f"{line}: {len(row)} fields, allowed: {len(names)} as in the header")
+        point = (_number(row[t_index], line), _number(row[value_index], line))
         if points and point[0] - points[-1][0] < MIN_STEP_S:
             raise ValueError(
                 f"{line}: time must grow by at least {MIN_STEP_S:g} s (got {row[t_index]!r})"
@@ -84,12 +99,14 @@ def _points(rows: Iterable[list[str]], column: str) -> tuple[Point, ...]:
     return tuple(points)
 
 
-def _number(row: list[str], index: int, line: int) -> float:
-    text = row[index] if index < len(row) else ""
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
+def _index(names: list[str], name: str) -> int:
+    if name not in names:
+        raise ValueError(f"1: no column {name!r}, {suggest(name, names, 'columns')}")
+    return names.index(name)
+
+
+def _number(text: str, line: int) -> float:
+    number = float(text) if NUMBER.fullmatch(text) else math.nan
     if not abs(number) <= MAX_VALUE:
         what = f"must be a number (got {text!r}), {Quantity(-MAX_VALUE, MAX_VALUE)}"
         raise ValueError(f"{line}: {what}")

@@ -67,6 +67,8 @@ def describe(error: "ErrorDetails", known_keys: Sequence[str]) -> str:
         listed, value = _CHOICES[kind]
         choices = re.findall(r"'([^']*)'", context[listed]) or [context[listed]]
         found = context[value]
+        if kind == "union_tag_invalid":  # pydantic gives the tag as Python would print it
+            found = error["input"][context["discriminator"].strip("'")]
         return f"unknown value (got {show(found)}), {suggest(str(found), choices, 'allowed')}"
     if kind in _WORDINGS:
         what, remedy = (part.format_map(context) for part in _WORDINGS[kind])

@@ -1,10 +1,25 @@
 """The ranges and units of the quantities that configurations share."""
 
-from typing import Annotated, TypeAlias
+import re
+from typing import Annotated, Final, TypeAlias
 
-from pydantic import StringConstraints
+from pydantic import AfterValidator, StringConstraints
 
-from piezod.config.fields import Quantity
+from piezod.config.fields import Quantity, broken_rule
+from piezod.config.messages import show
+
+# Control characters, the separators of lines and of paragraphs that Unicode adds included.
+_CONTROL: Final = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+
+
+def _one_line(text: str) -> str:
+    if _CONTROL.search(text):
+        raise broken_rule(f"must be one line without control characters (got {show(text)})")
+    return text
+
+
+# Texts for people: they go to the terminal, into figures and into reports.
+OneLine: TypeAlias = Annotated[str, AfterValidator(_one_line)]
 
 # Names of axes, devices and drivers: they become parts of paths, of file names and of commands.
 Name: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=32)]
@@ -15,7 +30,6 @@ DurationS: TypeAlias = Annotated[float, Quantity(1e-3, 86_400, "s")]
 PauseS: TypeAlias = Annotated[float, Quantity(0, 3600, "s")]
 DriveV: TypeAlias = Annotated[float, Quantity(-2000, 2000, "V")]
 PositionUm: TypeAlias = Annotated[float, Quantity(-100_000, 100_000, "µm")]
-Percent: TypeAlias = Annotated[float, Quantity(0, 100, "%")]
 PercentOfRange: TypeAlias = Annotated[float, Quantity(0, 1e6, "%")]
 Fraction: TypeAlias = Annotated[float, Quantity(0, 1)]
 Seed: TypeAlias = Annotated[int, Quantity(0, 2**32 - 1)]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from piezod.config.commands import CommandPerAxis
 from piezod.config.document import KeyPath
@@ -13,18 +13,28 @@ if TYPE_CHECKING:
     from piezod.config.combined_waveforms import WaveformConfig
     from piezod.config.experiment import CaseConfig, ExperimentConfig
 
+MIN_JUDGED_SAMPLES: Final = 10
+"""Errors of fewer samples than this say nothing of a run."""
+SAMPLES_PER_WEIGHT: Final = 5
+"""With fewer samples for each weight, a fit would follow the noise."""
+
 
 def broken_rules(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
     """Find everything in an experiment that does not fit together."""
     names = [case.name for case in experiment.cases]
     return chain(
         _devices(experiment),
+        _unused_devices(experiment),
         _identification(experiment),
         _duplicates(("modes",), experiment.modes),
         _duplicates(("metrics",), experiment.metrics),
         (((*path, "name"), what) for path, what in _duplicates(("cases",), names)),
         *(
             _commands(experiment, ("cases", index, "command_um"), case)
+            for index, case in enumerate(experiment.cases)
+        ),
+        *(
+            _judged(("cases", index, "duration_s"), case, experiment.rate_hz)
             for index, case in enumerate(experiment.cases)
         ),
     )
@@ -37,6 +47,14 @@ def _devices(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
             if device not in known:
                 what = f"no such device (got {show(device)}), {suggest(device, known, 'known')}"
                 yield ("axes", name, role), what
+
+
+def _unused_devices(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
+    used = {axis.amplifier for axis in experiment.axes.values()}
+    used |= {axis.sensor for axis in experiment.axes.values()}
+    for name in experiment.devices:
+        if name not in used:
+            yield ("devices", name), "no axis uses this device, leave it out or name it in an axis"
 
 
 def _identification(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
@@ -52,6 +70,35 @@ def _identification(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
         allowed = limits.drive_min_v, limits.drive_max_v
         drive = experiment.identification.drive_v
         yield from _outside(("identification", "drive_v"), drive, name, allowed, "V")
+    if without_model:
+        yield from _too_short(experiment, experiment.identification.duration_s, without_model)
+
+
+def _too_short(
+    experiment: "ExperimentConfig", duration_s: float, names: list[str]
+) -> Iterator[BrokenRule]:
+    """Check the length of the identification for the axis with the most operators."""
+    largest = max(names, key=lambda name: experiment.axes[name].compensator.operators)
+    n_weights = 2 * experiment.axes[largest].compensator.operators
+    shortest_s = SAMPLES_PER_WEIGHT * n_weights / experiment.rate_hz
+    if duration_s < shortest_s:
+        yield (
+            ("identification", "duration_s"),
+            f"too short for the {n_weights} weights of axis {largest} at {experiment.rate_hz:g} Hz "
+            f"(got {duration_s:g} s), allowed: at least {shortest_s:g} s",
+        )
+
+
+def _judged(path: KeyPath, case: "CaseConfig", rate_hz: float) -> Iterator[BrokenRule]:
+    """Check that enough of a case is left to judge it by."""
+    shortest_s = case.period_s + MIN_JUDGED_SAMPLES / rate_hz
+    # A sum of what the file says may be off by rounding.
+    if case.duration_s < shortest_s * (1 - 1e-9):
+        yield (
+            path,
+            f"leaves fewer than {MIN_JUDGED_SAMPLES} samples after period_s at {rate_hz:g} Hz "
+            f"(got {case.duration_s:g} s), allowed: at least {shortest_s:g} s",
+        )
 
 
 def _commands(

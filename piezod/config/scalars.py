@@ -21,7 +21,7 @@ _WORDS: Final[dict[str, Scalar]] = {
 _DECIMAL: Final = re.compile(r"[-+]?[0-9]+")
 _OCTAL: Final = re.compile(r"0o[0-7]+")
 _HEX: Final = re.compile(r"0x[0-9a-fA-F]+")
-_FLOAT: Final = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+NUMBER: Final = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _MAX_LENGTH: Final = 100
 
 
@@ -38,7 +38,7 @@ def resolve(text: str) -> Scalar:
     for pattern, base in ((_DECIMAL, 10), (_OCTAL, 8), (_HEX, 16)):
         if pattern.fullmatch(text):
             return _whole_number(text, base)
-    if _FLOAT.fullmatch(text):
+    if NUMBER.fullmatch(text):
         _check_length(text)
         return float(text)
     return text

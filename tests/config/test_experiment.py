@@ -1,6 +1,5 @@
 """Experiment files: what is read, and the exact text of what is refused."""
 
-import json
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,7 +10,7 @@ from pydantic import ValidationError
 
 from piezod.config.axes import LimitsConfig
 from piezod.config.devices import DeviceConfig
-from piezod.config.experiment import ExperimentConfig, experiment_json_schema, load_experiment
+from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.modes import Mode
 from piezod.devices import registry
 from piezod.errors import ConfigError
@@ -187,6 +186,70 @@ def test_commands_must_fit_the_axes(problems_of: ProblemsOf) -> None:
     ]
 
 
+def test_device_that_no_axis_uses(problems_of: ProblemsOf) -> None:
+    """A device that is there for nothing is a mistake; one role is enough to be there for."""
+    spare = ("devices:\n", "devices:\n  spare: {driver: bench}\n")
+
+    assert problems_of(spare) == [
+        "test.yaml:3:3: devices.spare: no axis uses this device, leave it out or name it in an axis"
+    ]
+
+
+def test_one_role_is_enough_for_a_device(load: Load) -> None:
+    """A device may be the sensor only."""
+    changes = (
+        ("devices:\n", "devices:\n  gauge: {driver: bench}\n"),
+        ("sensor: rig", "sensor: gauge"),
+    )
+
+    assert list(load(*changes).devices) == ["gauge", "rig"]
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "duration_s", "shortest_s"), [(1000, 2.009, 2.01), (10, 2.9, 3), (10, 2.001, 3)]
+)
+def test_case_must_leave_something_to_judge(
+    problems_of: ProblemsOf, rate_hz: float, duration_s: float, shortest_s: float
+) -> None:
+    """After the first period, which does not count, ten samples are needed."""
+    changes = (
+        ("rate_hz: 1000", f"rate_hz: {rate_hz}"),
+        ("duration_s: 20", f"duration_s: {duration_s}"),
+        ("duration_s: 30", "duration_s: 300"),
+    )
+
+    assert problems_of(*changes) == [
+        f"test.yaml:22:17: cases[0].duration_s: leaves fewer than 10 samples after period_s at "
+        f"{rate_hz} Hz (got {duration_s} s), allowed: at least {shortest_s} s"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "duration_s", "period_s"), [(1000, 2.01, 2), (10, 3, 2), (333, 2.1, 2)]
+)
+def test_shortest_case(load: Load, rate_hz: float, duration_s: float, period_s: float) -> None:
+    """Ten samples are enough, and a period of the loop need not be whole nanoseconds."""
+    experiment = load(
+        ("rate_hz: 1000", f"rate_hz: {rate_hz}"),
+        ("duration_s: 20", f"duration_s: {duration_s}"),
+        ("duration_s: 30", "duration_s: 300"),
+        ("period_s: 2", f"period_s: {period_s}"),
+    )
+
+    assert experiment.cases[0].duration_s == duration_s
+
+
+def test_identification_must_be_long_enough_for_its_weights(
+    problems_of: ProblemsOf, load: Load
+) -> None:
+    """Five samples for each weight are needed, 19 operators on each side have 38."""
+    assert problems_of(("duration_s: 30", "duration_s: 0.189")) == [
+        "test.yaml:16:15: identification.duration_s: too short for the 38 weights of axis x at "
+        "1000 Hz (got 0.189 s), allowed: at least 0.19 s"
+    ]
+    assert load(("duration_s: 30", "duration_s: 0.19")).identification
+
+
 def test_bounds_off_by_rounding_are_allowed(load: Load) -> None:
     """A sum that reaches its limit but for the last digit of a double is within it."""
     levels = (2.6, 10.4, 13.0, 1e-14)
@@ -194,18 +257,6 @@ def test_bounds_off_by_rounding_are_allowed(load: Load) -> None:
     command = f"{{kind: sum, parts: [{parts}]}}"
 
     assert load(("{kind: triangle, low: 0, high: 25, frequency_hz: 0.5}", command)).cases
-
-
-def test_json_schema() -> None:
-    """The JSON schema for editors states ranges and what is required."""
-    schema = experiment_json_schema()
-
-    assert tuple(schema["properties"]["rate_hz"][key] for key in ("minimum", "maximum")) == (
-        10,
-        20_000,
-    )
-    assert schema["required"] == ["rate_hz", "devices", "axes", "cases"]
-    assert json.dumps(schema)
 
 
 def test_devices_made_in_python() -> None:

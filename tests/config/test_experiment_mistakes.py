@@ -163,6 +163,38 @@ ProblemsOf = Callable[..., list[str]]
             "9:13: axes.x.sensor: not well formed (got 'Rig-1'), allowed pattern ^[a-z][a-z0-9_]*$",
         ),
         (
+            "name: case 1",
+            'name: "case\\01"',
+            "20:11: cases[0].name: must be one line without control characters (got 'case\\x001')",
+        ),
+        (
+            "period_s: 2",
+            'period_s: 2\n    title: "a\\nb"',
+            "22:12: cases[0].title: must be one line without control characters (got 'a\\nb')",
+        ),
+        (
+            "rate_hz: 1000",
+            'rate_hz: 1000\ntitle: "a\\Lb"',
+            "2:8: title: must be one line without control characters (got 'a\\u2028b')",
+        ),
+        (
+            "rate_hz: 1000",
+            'rate_hz: 1000\nreference: "\\e[31m"',
+            "2:12: reference: must be one line without control characters (got '\\x1b[31m')",
+        ),
+        (
+            "kind: triangle",
+            "kind: [1]",
+            "23:24: cases[0].command_um.kind: unknown value (got a list), allowed: setpoint, sine, "
+            "triangle, multisine, staircase, reversals, csv, sum, sequence",
+        ),
+        (
+            "kind: triangle",
+            "kind: 1",
+            "23:24: cases[0].command_um.kind: unknown value (got 1), allowed: setpoint, sine, "
+            "triangle, multisine, staircase, reversals, csv, sum, sequence",
+        ),
+        (
             "  x:\n",
             "  X:\n",
             "7:3: axes.X: not well formed (got 'X'), allowed pattern ^[a-z][a-z0-9_]*$",

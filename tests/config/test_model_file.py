@@ -148,9 +148,7 @@ def test_experiment_starts_from_a_model(
 ) -> None:
     """An axis may name a model file beside the experiment; then nothing is identified."""
     (tmp_path / "m.yaml").write_text(TEXT, encoding="utf-8")
-    experiment = load(
-        ("    sensor: rig\n", "    sensor: rig\n    model: m.yaml\n"), (IDENTIFICATION, "")
-    )
+    experiment = load(*WITH_MODEL, (IDENTIFICATION, ""))
 
     assert experiment.axes["x"].model == tmp_path / "m.yaml"
     assert experiment.identification is None
@@ -162,7 +160,7 @@ def test_identification_that_is_not_used(
     """Where every axis has a model file, an identification would be ignored: it is refused."""
     (tmp_path / "m.yaml").write_text(TEXT, encoding="utf-8")
 
-    assert problems_of(("    sensor: rig\n", "    sensor: rig\n    model: m.yaml\n")) == [
+    assert problems_of(*WITH_MODEL) == [
         "test.yaml:14:1: identification: not used, every axis starts from a model file"
     ]
 
@@ -174,11 +172,31 @@ def test_broken_model_is_told_with_its_place(
     path = tmp_path / "m.yaml"
     path.write_text(TEXT.replace("version: 1", "version: 2"), encoding="utf-8")
 
-    assert problems_of(
-        ("    sensor: rig\n", "    sensor: rig\n    model: m.yaml\n"), (IDENTIFICATION, "")
-    ) == [f"test.yaml:10:12: axes.x.model: {path}:3:10: version: unknown value (got 2), allowed: 1"]
+    assert problems_of(*WITH_MODEL, (IDENTIFICATION, "")) == [
+        f"test.yaml:10:12: axes.x.model: {path}:3:10: version: unknown value (got 2), allowed: 1"
+    ]
 
 
+def test_compensator_keys_that_the_model_decides(
+    problems_of: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    """Operators and delay come from the model file; given as well, they would be ignored."""
+    (tmp_path / "m.yaml").write_text(TEXT, encoding="utf-8")
+    model, compensator = WITH_MODEL
+    both = (compensator[0], "operators: 19, delay_s: auto, ")
+
+    assert problems_of(model, both, (IDENTIFICATION, "")) == [
+        "test.yaml:13:30: axes.x.compensator.operators: not used, the model file has its own "
+        "operators, leave it out",
+        "test.yaml:13:43: axes.x.compensator.delay_s: not used, the model file has its own delay, "
+        "leave it out",
+    ]
+
+
+WITH_MODEL = (
+    ("    sensor: rig\n", "    sensor: rig\n    model: m.yaml\n"),
+    ("operators: 19, ", ""),
+)
 IDENTIFICATION = """\
 identification:
   method: least-squares

@@ -133,7 +133,7 @@ def test_points_come_from_a_file_beside_the_experiment(
     load: Callable[..., ExperimentConfig], tmp_path: Path
 ) -> None:
     """A CSV path is relative to the experiment file, its columns are found by name."""
-    (tmp_path / "w.csv").write_text("t_s,drive_v, command_um\n0,9,1.5\n\n0.5,9,3e0\n")
+    (tmp_path / "w.csv").write_text("t_s,drive_v, command_um\n0,9, 1.5\r\n0.5,9,3e0\n\n \n")
     experiment = load((COMMAND, "{kind: csv, path: w.csv, column: command_um}"))
 
     (waveform,) = experiment.cases[0].commands(["x"]).values()
@@ -160,9 +160,35 @@ def test_problems_of_a_file_are_told_at_its_path(problems_of: ProblemsOf, tmp_pa
         ("t,u\n0,1\n", ":1: no column 't_s', columns: t, u"),
         ("t_s,command\n0,1\n", ":1: no column 'command_um', did you mean 'command'?"),
         ("t_s,command_um\n", ":2: no points"),
+        ("t_s,command_um\n0\n", ":2: 1 fields, allowed: 2 as in the header"),
+        ("t_s,command_um\n0,1,5\n", ":2: 3 fields, allowed: 2 as in the header"),
         (
-            "t_s,command_um\n0\n",
+            "t_s,command_um\n0,\n",
             ":2: must be a number (got ''), allowed range -1000000 to 1000000",
+        ),
+        (
+            "t_s,command_um\n0,1_0\n",
+            ":2: must be a number (got '1_0'), allowed range -1000000 to 1000000",
+        ),
+        (
+            "t_s,command_um\n0,0x10\n",
+            ":2: must be a number (got '0x10'), allowed range -1000000 to 1000000",
+        ),
+        (
+            "t_s,command_um\n0,٣\n",
+            ":2: must be a number (got '٣'), allowed range -1000000 to 1000000",
+        ),
+        (
+            't_s,command_um\n0,"1"\n',
+            ":2: must be a number (got '\"1\"'), allowed range -1000000 to 1000000",
+        ),
+        ('note,t_s,command_um\n"a\nb",0,x\n', ":2: 1 fields, allowed: 3 as in the header"),
+        ("t_s,command_um\n0,1\n\n1,2\n", ":3: the row is empty, delete it"),
+        ("\nt_s,command_um\n0,1\n", ":1: the row is empty, delete it"),
+        ("t_s,u,command_um,u\n0,1,2,3\n", ":1: column 'u' is there 2 times"),
+        (
+            "t_s,command_um\r\n0,1\r1,x\n",
+            ":3: must be a number (got 'x'), allowed range -1000000 to 1000000",
         ),
         (
             "t_s,command_um\n0,nan\n",
@@ -179,7 +205,7 @@ def test_problems_of_a_file_are_told_at_its_path(problems_of: ProblemsOf, tmp_pa
 def test_csv_refusals(tmp_path: Path, text: str, expected: str) -> None:
     """A file that is no waveform is refused with the line where it stops being one."""
     path = tmp_path / "w.csv"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8", newline="")
 
     with pytest.raises(ValueError, match=r"w\.csv") as caught:
         read_points(path, "command_um")
