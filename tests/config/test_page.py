@@ -1,0 +1,65 @@
+"""The page about experiment files says what the models say."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final, get_args
+
+import pytest
+from pydantic import BaseModel
+
+from piezod.config.axes import CompensatorConfig, LimitsConfig
+from piezod.config.experiment import ExperimentConfig, Metric
+from piezod.config.modes import Mode
+
+PAGE: Final = (Path(__file__).parents[2] / "docs" / "experiments.md").read_text(encoding="utf-8")
+# Words in code, in a text or in an example: `high`, `{kind: modulated, depth: 0.8}`.
+SPANS: Final = re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", PAGE, flags=re.DOTALL))
+WORDS: Final = set(re.findall(r"[a-z][a-z_-]*", " ".join(SPANS)))
+UNITS: Final = {"_v_per_s": "V/s", "_v": "V", "_pct": "% of range", "_s": "s", "": "–"}
+
+
+def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Give the models of a type, and those of their fields."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+        for field in annotation.model_fields.values():
+            yield from models_in(field.annotation)
+    for part in get_args(annotation):
+        yield from models_in(part)
+
+
+MODELS: Final = sorted(set(models_in(ExperimentConfig)) - {BaseModel}, key=lambda m: m.__name__)
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
+def test_page_names_every_key(model: type[BaseModel]) -> None:
+    """No key has to be guessed."""
+    assert set(model.model_fields) - WORDS == set()
+
+
+def test_page_names_every_model() -> None:
+    """The search above reaches the models inside of unions, lists and mappings."""
+    names = {model.__name__ for model in MODELS}
+
+    assert {"CompensatorConfig", "Component", "DecayingEnvelope", "SequencePart"} <= names
+
+
+def test_page_names_every_mode_and_metric() -> None:
+    """The words that lists may hold are all there."""
+    assert {*Mode, *get_args(Metric)} <= WORDS
+
+
+@pytest.mark.parametrize("model", [LimitsConfig, CompensatorConfig])
+def test_page_has_ranges_units_and_defaults(model: type[BaseModel]) -> None:
+    """The tables of the numbers of an axis agree with the models."""
+    properties = model.model_json_schema()["properties"]
+    for name, field in model.model_fields.items():
+        (row,) = (line for line in PAGE.splitlines() if line.startswith(f"| `{name}` | "))
+        schema = properties[name]
+        number = next(one for one in schema.get("oneOf", [schema]) if "minimum" in one)
+        cells = [cell.strip() for cell in row.strip("|").split("|")]
+
+        assert cells[2] == f"{number['minimum']:.12g} to {number['maximum']:.12g}"
+        assert cells[1] == next(unit for end, unit in UNITS.items() if name.endswith(end))
+        assert field.is_required() or cells[3] == str(field.default)
