@@ -15,7 +15,7 @@ def experiment(
         typer.Option(
             metavar="DIR",
             help="Folder for report, figures and data; FILE's name with -results, in the current "
-            "folder, if not given. Files of an earlier run in it are replaced.",
+            "folder, if not given. What an earlier run left in it is replaced.",
         ),
     ] = None,
     seed: Annotated[
@@ -27,7 +27,7 @@ def experiment(
     """Run an experiment in virtual time and write a report.
 
     Prints the errors of each case in each mode, in % of the displacement's range, which method made
-    the model, and where the report is.
+    the model, what to beware of, and where the report is.
     """
     from piezod.cli.experiment_view import as_document, print_result
     from piezod.cli.output import new_console, print_json

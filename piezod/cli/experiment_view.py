@@ -44,27 +44,16 @@ def as_document(result: ExperimentResult, report: Path) -> dict[str, object]:
                 for each in result.identifications
             },
         },
-        "warnings": warnings_of(result),
+        "warnings": result.warnings,
         "report": str(report),
         "data": str(report.with_name(DATA_NAME)),
     }
 
 
-def warnings_of(result: ExperimentResult) -> list[str]:
-    """Return what a person should know before believing the result, a sentence each."""
-    return [
-        f"The inverse of axis {each.axis} is not monotone: its smallest slope is {slope:.2g}, so "
-        "that on some loops the drive goes back while the command goes on. Identify from a record "
-        "with more loops."
-        for each in result.identifications
-        if (slope := float(each.parameters["smallest_slope"])) <= 0.0
-    ]
-
-
 def print_result(
     console: Console, result: ExperimentResult, reference: Reference | None, report: Path
 ) -> None:
-    """Print errors beside those of the reference, how the model was made, and where the report is.
+    """Print errors beside those of the reference, the models, warnings, and where the report is.
 
     Args:
         console: Where to.
@@ -79,7 +68,7 @@ def print_result(
         console.print(verdict(errors, reference))
     for each in result.identifications:
         console.print(_model(each))
-    for warning in warnings_of(result):
+    for warning in result.warnings:
         console.print(f"! {warning}", style="yellow")
     console.print(f"Report: {report}", soft_wrap=True)
 

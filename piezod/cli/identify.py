@@ -57,6 +57,7 @@ def identify(  # noqa: PLR0913, PLR0917 - typer reads options off the signature
     Prints the error of the drive voltage that the model predicts from the displacement, in % of the
     range of the voltage. With --delay-s auto, the delay from drive to displacement is where that
     error is least; a record of one frequency determines it only to about a sample.
+    The fit has no dead-band; the one of an experiment has its compensator's.
     """
     from piezod.cli.identify_view import as_document, print_fit
     from piezod.cli.output import new_console, print_json

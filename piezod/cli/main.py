@@ -56,7 +56,7 @@ def run() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
-        app()
+        app(prog_name="piezod")
     except (PiezodError, OSError) as error:
         typer.echo(text_of(error), err=True)
         sys.exit(exit_code(error))

@@ -11,7 +11,10 @@ from piezod.records.recording import Identification
 def account_of(
     fit: Fit, record: Record, *, axis: str, title: str, deadband: float = 0.0
 ) -> Identification:
-    """Return the record beside what the model predicts from it.
+    """Return the record as it is, beside what the model predicts from it.
+
+    A displacement answers to the voltage a delay before it, so that what is predicted from it is
+    moved there; at the end, where no later displacement was recorded, the last one is held.
 
     Args:
         fit: The model.
@@ -20,15 +23,16 @@ def account_of(
         title: What the record is, for people.
         deadband: Width of the backlash before the memory, in units of the range.
     """
-    aligned = record.aligned(fit.model.delay_s)
+    predicted_v = fit.model.predicted_v(record, deadband)
+    at_drive_v = np.interp(record.t_s + fit.model.delay_s, record.t_s, predicted_v)
     return Identification(
         axis=axis,
         title=title,
         method=fit.method.value,
-        t_s=aligned.t_s,
-        drive_v=aligned.drive_v,
-        position_um=aligned.position_um,
-        predicted_v=fit.model.predicted_v(aligned, deadband),
+        t_s=record.t_s,
+        drive_v=record.drive_v,
+        position_um=record.position_um,
+        predicted_v=at_drive_v,
         fit_errors=fit.model.errors_pct(record, deadband),
         parameters=parameters_of(fit.model),
     )

@@ -8,10 +8,16 @@ from piezod.hysteresis import nonlinearity, tracking_max, tracking_rms
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import ExperimentResult
 
+
+def _nonlinearity(command_um: FloatArray, position_um: FloatArray) -> float:
+    # Through the single point of a constant command goes any line.
+    return nonlinearity(command_um, position_um) if np.ptp(command_um) else float("nan")
+
+
 METRICS: Mapping[str, Callable[[FloatArray, FloatArray], float]] = {
     "tracking_max_pct": tracking_max,
     "tracking_rms_pct": tracking_rms,
-    "nonlinearity_pct": nonlinearity,
+    "nonlinearity_pct": _nonlinearity,
 }
 """By the names that experiment files use: functions of command and position."""
 
@@ -19,7 +25,9 @@ METRICS: Mapping[str, Callable[[FloatArray, FloatArray], float]] = {
 def errors_pct(
     metrics: tuple[str, ...], command_um: FloatArray, position_um: FloatArray
 ) -> dict[str, float]:
-    """Return errors by name, in % of the displacement's range; NaN where nothing was measured.
+    """Return errors by name, in % of the displacement's range; NaN where there is none.
+
+    There is none where nothing was measured, and no nonlinearity where the command is constant.
 
     Args:
         metrics: Names from `METRICS`.

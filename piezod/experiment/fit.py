@@ -143,7 +143,7 @@ def fit_model(
         delay_s: The delay in s; estimated from the record if None.
 
     Raises:
-        DataError: If the record is too short, constant, or falls where the drive rises.
+        DataError: If the record is too short, constant, or does not grow with the drive.
         ModelError: If the gain of LMS is not stable for so many operators.
     """
     _check(record, 2 * order)
@@ -175,13 +175,18 @@ def _check(record: Record, n_weights: int) -> None:
             f"{record.t_s.size} samples are left for {n_weights} weights; allowed are {fewest} or "
             "more; record for longer, skip less, or fit fewer operators"
         )
+    scaled = []
     for name, values in (("drive_v", record.drive_v), ("position_um", record.position_um)):
-        if np.ptp(values) == 0.0:
-            raise DataError(f"{name} is {values[0]:g} throughout; allowed is a signal that varies")
-    if np.corrcoef(record.drive_v, record.position_um)[0, 1] <= 0.0:
+        low, high = float(values.min()), float(values.max())
+        if low == high:
+            raise DataError(f"{name} is {low:g} throughout; allowed is a signal that varies")
+        scaled.append(AffineRange.checked(low, high).to_unit(values))
+    correlation = float(np.corrcoef(scaled[0], scaled[1])[0, 1])
+    if correlation <= 0.0:
         raise DataError(
-            "position_um falls where drive_v rises; allowed is a displacement that grows with the "
-            "drive; change the sign of one of them"
+            "position_um does not grow with the drive: its correlation with drive_v is "
+            f"{correlation:.2f}; allowed is above 0; change the sign of one of them where the "
+            "sensor counts the other way, else check that the sensor is the one of this drive"
         )
 
 

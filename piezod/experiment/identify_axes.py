@@ -1,6 +1,7 @@
 """The first phase of an experiment: a model for every axis, recorded and fitted, or from a file."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +10,14 @@ from piezod.config.axes import AxisConfig
 from piezod.config.experiment import ExperimentConfig, IdentificationConfig
 from piezod.control.axis import Waveform
 from piezod.control.waveforms import build_waveform
-from piezod.errors import DataError
+from piezod.errors import DataError, ModelError
 from piezod.experiment.account import account_of, parameters_of
 from piezod.experiment.fit import StageModel, fit_model
 from piezod.experiment.method import Method
 from piezod.experiment.model_io import read_model
 from piezod.experiment.record import Record
 from piezod.experiment.stage import IN_FORCE_V, POSITION_UM, Stage
+from piezod.experiment.warnings import fit_warnings, inverse_warnings
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
 from piezod.units import NS_PER_S
@@ -23,10 +25,11 @@ from piezod.units import NS_PER_S
 
 @dataclass(frozen=True)
 class IdentifiedAxis:
-    """A model and the account of how it was made."""
+    """A model, the account of how it was made, and what a person should know before using it."""
 
     model: StageModel
     account: Identification
+    warnings: tuple[str, ...]
 
 
 def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, IdentifiedAxis]:
@@ -34,7 +37,7 @@ def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, Identi
 
     Raises:
         ConfigError: If a model file cannot be used.
-        DataError: If the record cannot be used.
+        DataError: If the record cannot be used, or a model leaves out the rest voltage.
         DeviceError: If a device refuses.
     """
     traces: Mapping[str, FloatArray] = {}
@@ -84,23 +87,25 @@ def _from_record(
 ) -> IdentifiedAxis:
     compensator = axis.compensator
     deadband = compensator.deadband_pct / 100.0
-    fit = fit_model(
-        record,
-        method=Method(settings.method),
-        order=compensator.operators,
-        lms_gain=compensator.lms_gain,
-        deadband=deadband,
-        delay_s=None if compensator.delay_s == "auto" else compensator.delay_s,
-    )
+    with _naming(name):
+        fit = fit_model(
+            record,
+            method=Method(settings.method),
+            order=compensator.operators,
+            lms_gain=compensator.lms_gain,
+            deadband=deadband,
+            delay_s=None if compensator.delay_s == "auto" else compensator.delay_s,
+        )
     title = "recorded run of the identification"
     account = account_of(fit, record, axis=name, title=title, deadband=deadband)
-    return IdentifiedAxis(fit.model, account)
+    return IdentifiedAxis(fit.model, account, _of(name, fit_warnings(fit, record.period_s)))
 
 
 def _from_file(name: str, axis: AxisConfig) -> IdentifiedAxis:
     assert axis.model is not None  # noqa: S101 - the configuration's rules see to it
     in_file, file = read_model(axis.model)
-    model = in_file.zeroed_at(axis.limits.rest_v)
+    with _naming(name):
+        model = in_file.zeroed_at(axis.limits.rest_v)
     nothing = np.empty(0)
     account = Identification(
         axis=name,
@@ -113,4 +118,18 @@ def _from_file(name: str, axis: AxisConfig) -> IdentifiedAxis:
         fit_errors=file.fit.model_dump(),
         parameters=parameters_of(model),
     )
-    return IdentifiedAxis(model, account)
+    smallest_slope = model.inverse().smallest_slope
+    return IdentifiedAxis(model, account, _of(name, inverse_warnings(smallest_slope)))
+
+
+@contextmanager
+def _naming(axis: str) -> Iterator[None]:
+    """Put the name of the axis before what an error says."""
+    try:
+        yield
+    except (DataError, ModelError) as error:
+        raise type(error)(f"axis {axis}: {error}") from error
+
+
+def _of(axis: str, warnings: Iterable[str]) -> tuple[str, ...]:
+    return tuple(f"Axis {axis}: {warning}" for warning in warnings)

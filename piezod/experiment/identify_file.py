@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from piezod.errors import DataError
-from piezod.experiment.delay import DelayEstimate
 from piezod.experiment.fit import Fit, fit_model
 from piezod.experiment.method import Method
 from piezod.experiment.record import Record
+from piezod.experiment.warnings import fit_warnings
 from piezod.hysteresis import AffineRange
 from piezod.records.csv_file import read_csv
 
@@ -94,30 +94,9 @@ def read_record(path: Path, skip_s: float) -> Record:
 
 
 def _warnings(fit: Fit, period_s: float, test: Record | None) -> Iterator[str]:
-    if fit.delay is not None:
-        yield from _delay_warnings(fit.delay, period_s)
-    if fit.smallest_slope <= 0.0:
-        yield (
-            f"The inverse is not monotone: its smallest slope is {fit.smallest_slope:.2g}, so that "
-            "the drive would at times go against the command. Do not compensate with it; fit fewer "
-            "operators, or record loops of more sizes."
-        )
+    yield from fit_warnings(fit, period_s)
     if test is not None:
         yield from _range_warnings(fit.model.position_um, test)
-
-
-def _delay_warnings(delay: DelayEstimate, period_s: float) -> Iterator[str]:
-    if delay.one_frequency:
-        yield (
-            "The drive has one frequency. Such a record determines the delay only to about a "
-            f"sample, {1e3 * period_s:.3g} ms: a delay looks like a wider loop, and the model "
-            "takes up part of it."
-        )
-    if delay.delay_s == delay.candidates_s[-1]:
-        yield (
-            f"The delay is the longest that was tried, {1e3 * delay.delay_s:.3g} ms; the true one "
-            "may be longer. Measure it in another way, and give it."
-        )
 
 
 def _range_warnings(position_um: AffineRange, test: Record) -> Iterator[str]:

@@ -3,10 +3,11 @@
 import platform
 from collections.abc import Callable
 from importlib.metadata import version
+from itertools import chain
 
 from piezod.config.experiment import ExperimentConfig
 from piezod.experiment.identify_axes import identify_axes
-from piezod.experiment.run_case import run_case
+from piezod.experiment.run_case import Run, run_case
 from piezod.experiment.stage import opened
 from piezod.records.recording import ExperimentResult
 
@@ -37,19 +38,23 @@ def run_experiment(
         meter.label = "identification"
         identified = identify_axes(stage, config)
         models = {name: axis.model for name, axis in identified.items()}
-        recordings = []
+        runs: list[Run] = []
         for case in config.cases:
             for mode in config.modes:
                 meter.label = f"{case.name}, {mode.value}"
-                recordings += run_case(stage, config, models, case, mode)
+                runs += run_case(stage, config, models, case, mode)
     return ExperimentResult(
         title=title,
-        recordings=tuple(recordings),
+        recordings=tuple(run.recording for run in runs),
         identifications=tuple(axis.account for axis in identified.values()),
         configuration=configuration,
         versions=_versions(),
         seed=config.seed,
         rate_hz=config.rate_hz,
+        warnings=(
+            *chain.from_iterable(axis.warnings for axis in identified.values()),
+            *chain.from_iterable(run.warnings for run in runs),
+        ),
     )
 
 

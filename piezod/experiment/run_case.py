@@ -1,6 +1,8 @@
 """One case of an experiment in one mode: from rest through the whole command."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from piezod.experiment.stage import (
     UNCOMPENSATED_V,
     Stage,
 )
+from piezod.experiment.warnings import run_warnings
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Recording
 from piezod.units import NS_PER_S, s_to_ns
@@ -29,14 +32,26 @@ BEYOND = 0.01
 """A command may leave the identified range by this part of it: both ends carry noise and drift."""
 
 
+class Run(NamedTuple):
+    """One axis in one case and one mode.
+
+    Attributes:
+        recording: What was recorded.
+        warnings: What a person should know before believing it.
+    """
+
+    recording: Recording
+    warnings: tuple[str, ...]
+
+
 def run_case(
     stage: Stage,
     config: ExperimentConfig,
     models: Mapping[str, StageModel],
     case: CaseConfig,
     mode: Mode,
-) -> list[Recording]:
-    """Rest, run a case, and return one recording per axis.
+) -> list[Run]:
+    """Rest, run a case, and return one run per axis.
 
     Raises:
         DataError: If a command leaves the range in which the axis was identified.
@@ -65,7 +80,7 @@ def run_case(
     traces = stage.run(axes, case.duration_s, before=snapshots.take)
     t_s = np.arange(traces.shape[1], dtype=np.float64) * (stage.period_ns / NS_PER_S)
     first = int(np.searchsorted(t_s, case.period_s))
-    return [
+    recordings = [
         Recording(
             axis=name,
             case=case.name,
@@ -85,6 +100,16 @@ def run_case(
         )
         for name, trace, weights in zip(config.axes, traces, snapshots.weights, strict=True)
     ]
+    return [
+        Run(recording, tuple(_warnings(recording, axis, models[recording.axis])))
+        for recording, axis in zip(recordings, axes, strict=True)
+    ]
+
+
+def _warnings(recording: Recording, axis: CompensatedAxis, model: StageModel) -> Iterator[str]:
+    compensator = axis.compensator
+    at_end = replace(model, weights=compensator.weights).inverse()
+    return run_warnings(recording, at_end.smallest_slope, compensator.merged_pairs)
 
 
 class _Snapshots:

@@ -91,15 +91,20 @@ def test_seed_is_used_and_kept(piezod: Command, experiment_file: Path, folder: P
 def test_model_file_takes_the_place_of_identification(
     piezod: Command, experiment_file: Path, folder: Path
 ) -> None:
-    """What `identify` writes, `experiment` starts from."""
-    piezod("experiment", experiment_file, "--out", "first", "--json")
+    """What `identify` makes of the record, delayed as it is, `experiment` starts from."""
+    text = experiment_text(folder, experiment_file)
+    no_deadband = "    compensator: {deadband_pct: 0}\n"  # as `identify` has none
+    text = text.replace("identification:", no_deadband + "identification:")
+    (folder / experiment_file).write_text(text, encoding="utf-8")
+    first = json.loads(piezod("experiment", experiment_file, "--out", "first", "--json").out)
     (record,) = read_hdf5(folder / "first" / "experiment.h5").identifications
     columns = record.columns()
     write_csv(
         folder / "data.csv", {name: columns[name] for name in ("t_s", "drive_v", "position_um")}
     )
-    assert piezod("identify", "data.csv", "--out", "stage.yaml").code == 0
-    head, tail = experiment_text(folder, experiment_file).split("identification:")
+    options = ("--delay-s", "auto", "--out", "stage.yaml")
+    assert piezod("identify", "data.csv", *options).code == 0
+    head, tail = text.split("identification:")
     rest = tail[tail.index("settle_s: 0.5\ncases") :]
     (folder / "from_model.yaml").write_text(
         f"{head}    model: stage.yaml\n{rest}", encoding="utf-8"
@@ -109,9 +114,41 @@ def test_model_file_takes_the_place_of_identification(
 
     assert (code, err) == (0, "")
     document = json.loads(out)
-    assert document["model"]["axes"]["x"]["source"] == "model file stage.yaml"
+    model = document["model"]["axes"]["x"]
+    assert model["source"] == "model file stage.yaml"
+    assert model["delay_s"] > 0.0005
+    assert model["delay_s"] == pytest.approx(first["model"]["axes"]["x"]["delay_s"])
     uncompensated, feedforward, _ = (row["nonlinearity_pct"] for row in document["cases"])
     assert feedforward < 0.5 * uncompensated
+
+
+def test_warnings_are_told_everywhere(piezod: Command, experiment_file: Path, folder: Path) -> None:
+    """What a person should know stands in the terminal, the document, the report and the data."""
+    document = json.loads(piezod("experiment", experiment_file, "--json").out)
+    out = piezod("experiment", experiment_file).out
+
+    (warning,) = document["warnings"]
+    assert warning.startswith("Axis x: The drive has one frequency.")
+    assert f"! {warning}" in " ".join(out.split())
+    assert warning in (folder / document["report"]).read_text(encoding="utf-8")
+    assert read_hdf5(folder / document["data"]).warnings == (warning,)
+
+
+def test_odd_titles_and_constant_commands(
+    process: Command, experiment_file: Path, folder: Path
+) -> None:
+    """Signs of mathematics are plain text, a constant command has no nonlinearity, without ado."""
+    text = experiment_text(folder, experiment_file)
+    constant = "  - {name: $x, title: '$\\frac$ x', period_s: 1, duration_s: 1.5, command_um: "
+    constant += "{kind: setpoint, level: 10}}\n"
+    (folder / experiment_file).write_text(text + constant, encoding="utf-8")
+
+    code, out, err = process("experiment", experiment_file, "--json")
+
+    assert (code, err) == (0, "")
+    last = json.loads(out)["cases"][-1]
+    assert (last["case"], last["nonlinearity_pct"]) == ("$x", None)
+    assert last["tracking_max_pct"] > 0.0
 
 
 def test_bad_file(process: Command, folder: Path) -> None:

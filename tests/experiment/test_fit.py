@@ -101,6 +101,12 @@ def inverted(record: Record) -> Record:
     return replace(record, position_um=-record.position_um)
 
 
+def unrelated(record: Record) -> Record:
+    """Return a record of somebody else's sensor."""
+    noise = np.random.default_rng(2).normal(size=record.t_s.size)
+    return replace(record, position_um=noise - 0.01 * record.position_um)
+
+
 def undriven(record: Record) -> Record:
     """Return a record of an amplifier that was off."""
     return replace(record, drive_v=np.zeros_like(record.drive_v))
@@ -116,10 +122,17 @@ def short(record: Record) -> Record:
     [
         (constant, "position_um is 3.5 throughout; allowed is a signal that varies"),
         (undriven, "drive_v is 0 throughout; allowed is a signal that varies"),
-        (inverted, "position_um falls where drive_v rises; allowed is a displacement that grows"),
+        (
+            inverted,
+            "position_um does not grow with the drive: its correlation with drive_v is -0.97",
+        ),
+        (
+            unrelated,
+            "position_um does not grow with the drive: its correlation with drive_v is -0.0",
+        ),
         (short, "59 samples are left for 12 weights; allowed are 60 or more"),
     ],
-    ids=["constant", "undriven", "inverted", "short"],
+    ids=["constant", "undriven", "inverted", "unrelated", "short"],
 )
 def test_record_that_no_model_fits_is_refused(spoil: object, text: str) -> None:
     """The error says what is wrong with the record, and what would be right."""
@@ -130,6 +143,20 @@ def test_record_that_no_model_fits_is_refused(spoil: object, text: str) -> None:
         fit_model(record, method=Method.LEAST_SQUARES, order=ORDER)
 
     assert str(caught.value).startswith(text)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("scale", [1e-200, 1e200, 1e300])
+def test_the_size_of_the_numbers_does_not_matter(scale: float) -> None:
+    """Whatever the unit, the fit is the same, without overflow."""
+    record = record_of(delay_periods=2.0)
+    scaled = replace(record, drive_v=scale * record.drive_v, position_um=scale * record.position_um)
+
+    plain, fit = (fit_model(r, method=Method.LEAST_SQUARES, order=ORDER) for r in (record, scaled))
+
+    assert fit.model.weights == pytest.approx(plain.model.weights, rel=1e-6)
+    assert fit.model.delay_s == pytest.approx(plain.model.delay_s)
+    assert fit.model.errors_pct(scaled) == pytest.approx(plain.model.errors_pct(record), rel=1e-6)
 
 
 def test_delay_beyond_the_record_is_refused() -> None:

@@ -211,3 +211,14 @@ def test_what_is_written_can_be_read_again(load: Load, short: str, tmp_path: Pat
 
     assert read_hdf5(report.parent / "experiment.h5") == result
     assert report.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_constant_command_has_no_nonlinearity() -> None:
+    """No line is determined by one point; the other errors are what they are."""
+    position = np.array([9.9, 10.0, 10.1])
+
+    errors = errors_pct(("tracking_max_pct", "nonlinearity_pct"), np.full(3, 10.0), position)
+
+    assert errors["tracking_max_pct"] == pytest.approx(50.0)
+    assert np.isnan(errors["nonlinearity_pct"])

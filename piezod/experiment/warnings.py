@@ -1,0 +1,81 @@
+"""What a person should know before believing a model or a run, with the remedy each."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from piezod.config.modes import Mode
+from piezod.experiment.delay import DelayEstimate
+from piezod.experiment.fit import Fit
+from piezod.records.recording import Recording
+
+
+def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
+    """Yield what is to be said of a model that was fitted to a record.
+
+    Args:
+        fit: The model, and how it came about.
+        period_s: Sample period of the record, in s.
+    """
+    if fit.delay is not None:
+        yield from _delay_warnings(fit.delay, period_s)
+    yield from inverse_warnings(fit.smallest_slope)
+
+
+def inverse_warnings(smallest_slope: float) -> Iterator[str]:
+    """Yield what is to be said of an inverse, wherever it comes from.
+
+    Args:
+        smallest_slope: Its smallest slope anywhere; it is monotone if positive.
+    """
+    if smallest_slope <= 0.0:
+        yield (
+            f"The inverse is not monotone: its smallest slope is {smallest_slope:.2g}, so that "
+            "the drive would at times go against the command. Do not compensate with it; fit fewer "
+            "operators, or record loops of more sizes."
+        )
+
+
+def run_warnings(recording: Recording, smallest_slope: float, merged_pairs: int) -> Iterator[str]:
+    """Yield what is to be said of a run.
+
+    Args:
+        recording: What was recorded.
+        smallest_slope: The smallest slope of the inverse with the parameters at the run's end.
+        merged_pairs: Pairs of extrema that the compensator's memory had to give up.
+    """
+    run = f"{recording.case}, {recording.mode}, axis {recording.axis}:"
+    invalid = np.count_nonzero(~np.isfinite(recording.position_um))
+    if invalid:
+        share_pct = 100.0 * invalid / recording.t_s.size
+        yield (
+            f"{run} {invalid} of {recording.t_s.size} samples, {share_pct:.2g} %, were invalid, "
+            "and count in no error. See that the sensor stays in its range."
+        )
+    if recording.mode == Mode.ADAPTIVE and smallest_slope <= 0.0:
+        yield (
+            f"{run} the parameters at its end make an inverse that is not monotone, its smallest "
+            f"slope is {smallest_slope:.2g}, so that the drive goes at times against the command. "
+            "Lower lms_gain, or raise deadband_pct above the sensor's noise."
+        )
+    if merged_pairs:
+        yield (
+            f"{run} the compensator's memory was full and gave up {merged_pairs} pairs of extrema, "
+            "those of the smallest loops, whose hysteresis is compensated less well. Command fewer "
+            "loops inside each other, or less noise."
+        )
+
+
+def _delay_warnings(delay: DelayEstimate, period_s: float) -> Iterator[str]:
+    if delay.one_frequency:
+        yield (
+            "The drive has one frequency. Such a record determines the delay only to about a "
+            f"sample, {1e3 * period_s:.3g} ms: a delay looks like a wider loop, and the model "
+            "takes up part of it. Record several frequencies, or measure the delay in another way "
+            "and give it."
+        )
+    if delay.delay_s == delay.candidates_s[-1]:
+        yield (
+            f"The delay is the longest that was tried, {1e3 * delay.delay_s:.3g} ms; the true one "
+            "may be longer. Measure it in another way, and give it."
+        )

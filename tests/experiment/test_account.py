@@ -1,0 +1,32 @@
+"""The account of a fit beside the record it was made from."""
+
+import numpy as np
+import pytest
+
+from piezod.experiment.account import account_of
+from piezod.experiment.fit import fit_model
+from piezod.experiment.method import Method
+from tests.experiment.made_up import ORDER, RATE_HZ, record_of
+
+
+@pytest.mark.parametrize("delay_periods", [0.0, 2.0, 2.5])
+def test_the_record_is_kept_as_it_is_and_the_prediction_stands_beside_it(
+    delay_periods: float,
+) -> None:
+    """However late the displacement, the residual is that of the fit, but for the held end."""
+    record = record_of(delay_periods=delay_periods)
+    delay_s = delay_periods / RATE_HZ
+    fit = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=delay_s)
+
+    account = account_of(fit, record, axis="x", title="made up")
+
+    assert np.array_equal(account.t_s, record.t_s)
+    assert np.array_equal(account.drive_v, record.drive_v)
+    assert np.array_equal(account.position_um, record.position_um)
+    held = int(np.ceil(delay_periods))
+    known_v = account.residual_v[: account.residual_v.size - held]
+    rms_pct = 100.0 * float(np.sqrt(np.mean(known_v**2))) / account.drive_range_v
+    assert rms_pct == pytest.approx(account.fit_errors["voltage_error_rms_pct"], rel=0.2, abs=1e-3)
+    assert np.ptp(account.predicted_v[-1 - held :]) <= abs(
+        account.predicted_v[-1] - account.predicted_v[-2 - held]
+    )
