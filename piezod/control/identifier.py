@@ -40,6 +40,11 @@ class Identifier:
         """Weights [a^l, a^r], shape (2 M,); they change in place."""
         return self._lms.weights
 
+    @property
+    def merged_pairs(self) -> int:
+        """Number of pairs of extrema that a full memory had to give up."""
+        return self._lms.merged_pairs
+
     def learn(self, sample: Sample) -> None:
         """Adapt to one sample; an invalid one teaches nothing; may be called in the loop."""
         if not sample.valid:

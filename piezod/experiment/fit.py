@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.errors import DataError
 from piezod.experiment.delay import DelayEstimate, estimate_delay
 from piezod.experiment.method import Method
@@ -20,8 +21,6 @@ from piezod.hysteresis import (
 )
 from piezod.hysteresis.memory import FloatArray
 
-SAMPLES_PER_WEIGHT = 5
-"""With fewer samples for each weight, a fit would follow the noise."""
 REST_BEYOND = 0.01
 """The rest voltage may leave a model's voltages by this part of them."""
 PAPER_GAIN = 0.1

@@ -18,6 +18,7 @@ from piezod.experiment.model_io import read_model
 from piezod.experiment.record import Record
 from piezod.experiment.stage import IN_FORCE_V, POSITION_UM, Stage
 from piezod.experiment.warnings import fit_warnings, inverse_warnings
+from piezod.hysteresis import LMSIdentifier, even_thresholds, new_bank
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
 from piezod.units import NS_PER_S
@@ -39,7 +40,12 @@ def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, Identi
         ConfigError: If a model file cannot be used.
         DataError: If the record cannot be used, or a model leaves out the rest voltage.
         DeviceError: If a device refuses.
+        ModelError: If the gain of the identifier is not stable.
     """
+    for name, axis in config.axes.items():
+        if axis.model is None:
+            thresholds = even_thresholds(axis.compensator.operators)
+            _check_gain(name, axis, new_bank(thresholds, thresholds))
     traces: Mapping[str, FloatArray] = {}
     if config.identification is not None:
         stage.rest(config.identification.settle_s)
@@ -106,6 +112,7 @@ def _from_file(name: str, axis: AxisConfig) -> IdentifiedAxis:
     in_file, file = read_model(axis.model)
     with _naming(name):
         model = in_file.zeroed_at(axis.limits.rest_v)
+    _check_gain(name, axis, model.bank)
     nothing = np.empty(0)
     account = Identification(
         axis=name,
@@ -120,6 +127,12 @@ def _from_file(name: str, axis: AxisConfig) -> IdentifiedAxis:
     )
     smallest_slope = model.inverse().smallest_slope
     return IdentifiedAxis(model, account, _of(name, inverse_warnings(smallest_slope)))
+
+
+def _check_gain(name: str, axis: AxisConfig, bank: FloatArray) -> None:
+    """Refuse a gain that would let the identifier run away, before anything moves."""
+    with _naming(name):
+        LMSIdentifier(bank, gain=axis.compensator.lms_gain)
 
 
 @contextmanager

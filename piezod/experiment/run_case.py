@@ -109,7 +109,8 @@ def run_case(
 def _warnings(recording: Recording, axis: CompensatedAxis, model: StageModel) -> Iterator[str]:
     compensator = axis.compensator
     at_end = replace(model, weights=compensator.weights).inverse()
-    return run_warnings(recording, at_end.smallest_slope, compensator.merged_pairs)
+    merged_pairs = compensator.merged_pairs + axis.identifier.merged_pairs
+    return run_warnings(recording, at_end.smallest_slope, merged_pairs)
 
 
 class _Snapshots:

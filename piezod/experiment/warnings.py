@@ -42,7 +42,8 @@ def run_warnings(recording: Recording, smallest_slope: float, merged_pairs: int)
     Args:
         recording: What was recorded.
         smallest_slope: The smallest slope of the inverse with the parameters at the run's end.
-        merged_pairs: Pairs of extrema that the compensator's memory had to give up.
+        merged_pairs: Pairs of extrema that the memories of compensator and identifier had to give
+            up, together.
     """
     run = f"{recording.case}, {recording.mode}, axis {recording.axis}:"
     invalid = np.count_nonzero(~np.isfinite(recording.position_um))
@@ -60,9 +61,9 @@ def run_warnings(recording: Recording, smallest_slope: float, merged_pairs: int)
         )
     if merged_pairs:
         yield (
-            f"{run} the compensator's memory was full and gave up {merged_pairs} pairs of extrema, "
-            "those of the smallest loops, whose hysteresis is compensated less well. Command fewer "
-            "loops inside each other, or less noise."
+            f"{run} a memory was full and gave up {merged_pairs} pairs of extrema, those of the "
+            "smallest loops, whose hysteresis is compensated less well. Command fewer loops inside "
+            "each other, or raise deadband_pct above the sensor's noise."
         )
 
 

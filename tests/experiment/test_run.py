@@ -5,7 +5,7 @@ import pytest
 
 from piezod.config.model_file import FitConfig, ModelFile, SourceConfig, dump_model
 from piezod.config.modes import Mode
-from piezod.errors import DataError, DeviceError
+from piezod.errors import DataError, DeviceError, ModelError
 from piezod.experiment.error_rows import error_rows, errors_pct
 from piezod.experiment.outputs import write_outputs
 from piezod.experiment.run import run_experiment
@@ -159,6 +159,17 @@ def test_a_command_beyond_the_identified_range_is_refused(load: Load, short: str
     """The error names the case, both ranges and the remedy."""
     with pytest.raises(DataError, match=r"slow commands 0 to 90 µm.*identified from.*larger drive"):
         run(load, short.replace("high: 20", "high: 90"))
+
+
+def test_a_gain_that_is_not_stable_is_refused_before_anything_moves(load: Load, short: str) -> None:
+    """The error names the axis and what would be stable."""
+    limits = "    limits:"
+    greedy = short.replace(limits, f"    compensator: {{lms_gain: 0.5}}\n{limits}")
+    seen: list[str] = []
+    with pytest.raises(ModelError, match=r"axis x: an LMS gain of 0\.5 is out of range.*0\.169"):
+        run_experiment(load(greedy), "", "", lambda label, _share: seen.append(label))
+
+    assert seen == []
 
 
 def test_a_saturated_sensor_spoils_the_identification(load: Load, short: str) -> None:
