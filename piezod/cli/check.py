@@ -6,16 +6,26 @@ from typing import Annotated
 import typer
 
 from piezod.cli.options import JsonOption
+from piezod.cli.paths import existing_file
 
 
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Experiment or model, YAML.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="Experiment or model, YAML.",
+            readable=False,
+            callback=existing_file,
+        ),
+    ],
     json: JsonOption = False,
 ) -> None:
     """Validate an experiment or a model file.
 
     Says what it is, or prints every problem on stderr, `file:line:column: path: what is wrong`, and
-    exits with 78. With --json the document on stdout lists the problems too.
+    exits with 78. With --json the document on stdout lists the problems too. What to beware of in a
+    file that can be used, such as an inverse that is not monotone, is a warning.
     """
     from piezod.cli.output import new_console, print_json
     from piezod.experiment.check_file import check_file
@@ -29,9 +39,13 @@ def check(
                 "kind": checked.kind,
                 "ok": not problems,
                 "problems": [problem._asdict() for problem in problems],
+                "warnings": checked.warnings,
             }
         )
     if checked.error:
         raise checked.error
     if not json:
-        new_console().print(f"{file}: ok, {checked.contents}", soft_wrap=True)
+        console = new_console()
+        console.print(f"{file}: ok, {checked.contents}", soft_wrap=True)
+        for warning in checked.warnings:
+            console.print(f"! {warning}", style="yellow")

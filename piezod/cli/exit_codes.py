@@ -8,7 +8,7 @@ FAILED = 1
 DEVICE_UNAVAILABLE = 69
 NO_PERMISSION = 77
 CONFIGURATION = 78
-"""As in sysexits.h; 2 for wrong usage and 130 for Ctrl-C come from typer."""
+"""As in sysexits.h; 2 for wrong usage comes from typer, 130 for Ctrl-C is in `interrupt`."""
 
 
 def exit_code(error: PiezodError | OSError) -> int:

@@ -6,14 +6,21 @@ from typing import Annotated
 import typer
 
 from piezod.cli.options import JsonOption
+from piezod.cli.paths import check_writable, existing_file
 
 
 def experiment(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Experiment, YAML.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="Experiment, YAML.", readable=False, callback=existing_file
+        ),
+    ],
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
+            readable=False,
             help="Folder for report, figures and data; FILE's name with -results, in the current "
             "folder, if not given. What an earlier run left in it is replaced.",
         ),
@@ -43,6 +50,7 @@ def experiment(
         config = config.model_copy(update={"seed": seed})
     folder = out or Path(f"{file.stem}-results")
     folder.mkdir(parents=True, exist_ok=True)  # before the run: to learn it after would be a pity
+    check_writable(folder)
     with progress_bar() as progress:
         text = file.read_text(encoding="utf-8-sig")
         result = run_experiment(config, text, config.title or file.stem, progress)

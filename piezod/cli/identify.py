@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from piezod.cli.options import JsonOption
+from piezod.cli.paths import check_writable, existing_file
 from piezod.experiment.method import Method
 
 if TYPE_CHECKING:
@@ -19,12 +20,20 @@ def identify(  # noqa: PLR0913, PLR0917 - typer reads options off the signature
     data: Annotated[
         Path,
         typer.Argument(
-            metavar="DATA.csv", help="Columns t_s, drive_v, position_um, evenly in time."
+            metavar="DATA.csv",
+            help="Columns t_s, drive_v, position_um, evenly in time.",
+            readable=False,
+            callback=existing_file,
         ),
     ],
     test: Annotated[
         Path | None,
-        typer.Option(metavar="OTHER.csv", help="Judge the model on this file, too."),
+        typer.Option(
+            metavar="OTHER.csv",
+            help="Judge the model on this file, too.",
+            readable=False,
+            callback=existing_file,
+        ),
     ] = None,
     skip_s: Annotated[
         float, typer.Option(min=0, metavar="S", help="Leave out the first seconds of each file.")
@@ -35,7 +44,7 @@ def identify(  # noqa: PLR0913, PLR0917 - typer reads options off the signature
             metavar="auto|S",
             help="How long the displacement lags behind the drive, in s; auto: estimate it.",
         ),
-    ] = "0",
+    ] = "auto",
     method: Annotated[
         Method, typer.Option(help="How to find the weights: the paper's, or all at once.")
     ] = Method.LEAST_SQUARES,
@@ -46,6 +55,7 @@ def identify(  # noqa: PLR0913, PLR0917 - typer reads options off the signature
         Path | None,
         typer.Option(
             metavar="MODEL.yaml",
+            readable=False,
             help="Write the model to this file, for `model:` in an experiment, and beside it a "
             "figure of data and model (.png). Nothing is written without it.",
         ),
@@ -55,8 +65,8 @@ def identify(  # noqa: PLR0913, PLR0917 - typer reads options off the signature
     """Fit the inverse model to recorded data.
 
     Prints the error of the drive voltage that the model predicts from the displacement, in % of the
-    range of the voltage. With --delay-s auto, the delay from drive to displacement is where that
-    error is least; a record of one frequency determines it only to about a sample.
+    range of the voltage. The delay from drive to displacement is where that error is least, unless
+    --delay-s gives it; a record of one frequency determines it only to about a sample.
     The fit has no dead-band; the one of an experiment has its compensator's.
     """
     from piezod.cli.identify_view import as_document, print_fit
@@ -65,6 +75,8 @@ def identify(  # noqa: PLR0913, PLR0917 - typer reads options off the signature
 
     if out is not None and out.suffix not in (".yaml", ".yml"):
         raise typer.BadParameter(f"must end in .yaml (got {out})", param_hint="'--out'")
+    if out is not None and out.parent.is_dir():
+        check_writable(out.parent)
     fitted = identify_file(
         data,
         test=test,

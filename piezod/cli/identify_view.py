@@ -65,14 +65,14 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     fit, record = fitted.fit, fitted.record
     length_s = record.t_s[-1] - record.t_s[0]
     console.print(
-        f"{fitted.data}: {record.t_s.size} samples at {1.0 / record.period_s:.6g} Hz, "
+        f"{fitted.data}: {_count(record.t_s.size, 'sample')} at {1.0 / record.period_s:.6g} Hz, "
         f"{length_s:.4g} s",
         soft_wrap=True,
     )
     _print_delay(console, fit.model.delay_s, fit.delay)
     console.print(
-        f"Model by {fit.method}, {fit.model.weights.size // 2} operators on each side. How well it "
-        "predicts the drive voltage, in % of its range:"
+        f"Model by {fit.method}, {_count(fit.model.weights.size // 2, 'operator')} on each side. "
+        "How well it predicts the drive voltage, in % of its range:"
     )
     console.print(_errors(fitted))
     for warning in fitted.warnings:
@@ -83,10 +83,13 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
         console.print("Nothing was written; --out model.yaml keeps the model and draws it.")
 
 
+def _count(number: int, one: str) -> str:
+    return f"{number} {one}" if number == 1 else f"{number} {one}s"
+
+
 def _print_delay(console: Console, delay_s: float, delay: DelayEstimate | None) -> None:
     if delay is None:
-        asked = "" if delay_s else "; --delay-s auto estimates it"
-        console.print(f"Delay {_ms(delay_s)}, as given{asked}.")
+        console.print(f"Delay {_ms(delay_s)}, as given.")
         return
     first, last = _ms(delay.candidates_s[0]), _ms(delay.candidates_s[-1])
     low, high = delay.criterion_pct.min(), delay.criterion_pct.max()

@@ -16,6 +16,7 @@ from piezod.cli.drivers import drivers
 from piezod.cli.exit_codes import exit_code, text_of
 from piezod.cli.experiment import experiment
 from piezod.cli.identify import identify
+from piezod.cli.interrupt import INTERRUPTED, TEXT, Interrupted, interruptible
 from piezod.errors import PiezodError
 
 # Plain help and plain tracebacks: drawing them with rich costs twice the start of the command.
@@ -24,8 +25,10 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    epilog="Exit codes: 0 ok, 2 usage, 69 device unavailable, 77 permission, 78 configuration, "
-    "130 interrupted, 1 anything else. Errors go to stderr; so does progress, on a terminal.",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Exit codes: 0 ok, 2 usage or no such FILE, 69 device unavailable, 77 permission, "
+    "78 configuration, 130 interrupted, 1 anything else. Errors go to stderr; so does progress, "
+    "on a terminal.",
 )
 for verb in (experiment, identify, check, drivers):
     app.command()(verb)
@@ -56,7 +59,11 @@ def run() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
-        app(prog_name="piezod")
+        with interruptible():
+            app(prog_name="piezod")
+    except Interrupted:
+        typer.echo(TEXT, err=True)
+        sys.exit(INTERRUPTED)
     except (PiezodError, OSError) as error:
         typer.echo(text_of(error), err=True)
         sys.exit(exit_code(error))

@@ -9,7 +9,9 @@ from piezod.config.model_file import ModelFile
 from piezod.config.yaml_loader import load_yaml
 from piezod.devices import registry
 from piezod.errors import ConfigError, Problem
+from piezod.experiment.fit import StageModel
 from piezod.experiment.model_io import read_model
+from piezod.experiment.warnings import inverse_warnings
 
 
 class Kind(StrEnum):
@@ -26,11 +28,13 @@ class Checked(NamedTuple):
         kind: What it is, None where its content does not tell.
         contents: What is in it, for people; empty where something is wrong.
         error: All that is wrong, None for a file that can be used.
+        warnings: What a person should know before using the file, a sentence each.
     """
 
     kind: Kind | None
     contents: str
     error: ConfigError | None
+    warnings: tuple[str, ...] = ()
 
 
 def check_file(path: Path) -> Checked:
@@ -39,12 +43,12 @@ def check_file(path: Path) -> Checked:
     try:
         kind = _kind(path)
         if kind is Kind.MODEL:
-            contents = _describe_model(read_model(path)[1])
+            contents, warnings = _describe_model(path)
         else:
-            contents = _describe_experiment(load_experiment(path, registry))
+            contents, warnings = _describe_experiment(load_experiment(path, registry))
     except ConfigError as error:
         return Checked(kind, "", error)
-    return Checked(kind, contents, None)
+    return Checked(kind, contents, None, tuple(warnings))
 
 
 def _kind(path: Path) -> Kind:
@@ -60,14 +64,26 @@ def _kind(path: Path) -> Kind:
     return Kind.EXPERIMENT if of_experiment > of_model else Kind.MODEL
 
 
-def _describe_experiment(config: ExperimentConfig) -> str:
+def _describe_experiment(config: ExperimentConfig) -> tuple[str, list[str]]:
     cases, modes = _count(len(config.cases), "case"), _count(len(config.modes), "mode")
-    return f"an experiment: {cases} in {modes} on {_count(len(config.axes), 'axis', 'axes')}"
+    warnings = [
+        f"Axis {name}, model {axis.model.name}: {warning}"
+        for name, axis in config.axes.items()
+        if axis.model is not None
+        for warning in _model_warnings(read_model(axis.model)[0])
+    ]
+    axes = _count(len(config.axes), "axis", "axes")
+    return f"an experiment: {cases} in {modes} on {axes}", warnings
 
 
-def _describe_model(model: ModelFile) -> str:
-    operators = _count(len(model.right_stop_thresholds), "operator")
-    return f"a model: {operators} on each side, by {model.method}"
+def _describe_model(path: Path) -> tuple[str, list[str]]:
+    model, file = read_model(path)
+    operators = _count(len(file.right_stop_thresholds), "operator")
+    return f"a model: {operators} on each side, by {file.method}", _model_warnings(model)
+
+
+def _model_warnings(model: StageModel) -> list[str]:
+    return list(inverse_warnings(model.inverse().smallest_slope))
 
 
 def _count(number: int, one: str, many: str = "") -> str:

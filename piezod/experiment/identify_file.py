@@ -14,6 +14,11 @@ from piezod.experiment.warnings import fit_warnings
 from piezod.hysteresis import AffineRange
 from piezod.records.csv_file import read_csv
 
+START_S = 2.0
+"""How long a stage that does not start from rest shows it most, in s."""
+WORSE_AT_START = 3.0
+"""The worst error of the start is suspicious from this many times that of the remainder."""
+
 
 @dataclass(frozen=True)
 class FileFit:
@@ -75,7 +80,7 @@ def identify_file(
         fit=fit,
         train=fit.model.errors_pct(record),
         test=fit.model.errors_pct(test_record) if test_record else None,
-        warnings=tuple(_warnings(fit, record.period_s, test_record)),
+        warnings=tuple(_warnings(fit, record, test_record)),
     )
 
 
@@ -93,10 +98,25 @@ def read_record(path: Path, skip_s: float) -> Record:
         raise DataError(f"{path}: {error}") from error
 
 
-def _warnings(fit: Fit, period_s: float, test: Record | None) -> Iterator[str]:
-    yield from fit_warnings(fit, period_s)
+def _warnings(fit: Fit, record: Record, test: Record | None) -> Iterator[str]:
+    yield from fit_warnings(fit, record.period_s)
+    yield from _start_warnings(fit, record)
     if test is not None:
         yield from _range_warnings(fit.model.position_um, test)
+
+
+def _start_warnings(fit: Fit, record: Record) -> Iterator[str]:
+    aligned = record.aligned(fit.model.delay_s)
+    error_v = np.abs(fit.model.predicted_v(aligned) - aligned.drive_v)
+    at_start = aligned.t_s - record.t_s[0] < START_S
+    if at_start.all() or not at_start.any():
+        return
+    worst = int(error_v.argmax())
+    if at_start[worst] and error_v[worst] > WORSE_AT_START * error_v[~at_start].max():
+        yield (
+            f"The worst error is at t = {aligned.t_s[worst]:.4g} s. The record seems not to start "
+            "from rest; leave out the first loops with --skip-s."
+        )
 
 
 def _range_warnings(position_um: AffineRange, test: Record) -> Iterator[str]:

@@ -22,6 +22,7 @@ def test_good_experiment_for_programs(piezod: Command, experiment_file: Path) ->
         "kind": "experiment",
         "ok": True,
         "problems": [],
+        "warnings": [],
     }
 
 
@@ -53,14 +54,67 @@ def test_mistakes_for_programs(piezod: Command, experiment_file: Path) -> None:
         "kind": "experiment",
         "ok": False,
         "problems": [problem],
+        "warnings": [],
     }
     assert (code, err) == (78, f"short.yaml:2:7: seed: {what}\n")
 
 
 def test_file_that_is_not_there(piezod: Command) -> None:
-    """The error names the file."""
-    assert piezod("check", "nowhere.yaml") == (
-        78,
-        "",
-        "nowhere.yaml: cannot be read: No such file or directory\n",
-    )
+    """The error names the file, and is one of usage."""
+    code, out, err = piezod("check", "nowhere.yaml")
+
+    assert (code, out) == (2, "")
+    assert "no such file (got nowhere.yaml)" in err
+
+
+def spoilt(folder: Path) -> Path:
+    """Write a model whose inverse is not monotone into the folder, and return its path."""
+    path = folder / "steep.yaml"
+    weights = {"right_stop_weights": [-2.0], "left_stop_weights": [-2.0]}
+    thresholds = {"right_stop_thresholds": [0.5], "left_stop_thresholds": [0.5]}
+    model = {
+        "created_at": "2024-05-01T12:00:00+00:00",
+        "created_by": "a test",
+        "method": "lms",
+        "source": {"file": "data.csv", "sha256": 64 * "0"},
+        "fit": {"voltage_error_max_pct": 1.0, "voltage_error_rms_pct": 0.5},
+        "drive_low_v": 0.0,
+        "drive_high_v": 150.0,
+        "position_low_um": 0.0,
+        "position_high_um": 30.0,
+        "delay_s": 0.0,
+        **thresholds,
+        **weights,
+    }
+    path.write_text(json.dumps(model), encoding="utf-8")
+    return path
+
+
+def test_model_that_is_not_monotone(piezod: Command, folder: Path) -> None:
+    """Such a model can be read, and the warning stands in text and document."""
+    spoilt(folder)
+
+    code, out, err = piezod("check", "steep.yaml")
+    document = json.loads(piezod("check", "steep.yaml", "--json").out)
+
+    assert (code, err) == (0, "")
+    assert out.startswith("steep.yaml: ok, a model: 1 operator on each side, by lms\n! The inverse")
+    (warning,) = document["warnings"]
+    assert document["ok"] is True
+    assert warning.startswith("The inverse is not monotone: its smallest slope is -")
+
+
+def test_experiment_with_a_model_that_is_not_monotone(
+    piezod: Command, experiment_file: Path, folder: Path
+) -> None:
+    """The warning names the axis and the model's file."""
+    spoilt(folder)
+    text = experiment_file.read_text(encoding="utf-8")
+    head, tail = text.split("identification:")
+    rest = tail[tail.index("settle_s: 0.5\ncases") :]
+    experiment_file.write_text(f"{head}    model: steep.yaml\n{rest}", encoding="utf-8")
+
+    document = json.loads(piezod("check", experiment_file, "--json").out)
+
+    (warning,) = document["warnings"]
+    assert warning.startswith("Axis x, model steep.yaml: The inverse is not monotone")

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -170,6 +171,22 @@ def test_results_cannot_take_the_place_of_a_file(
 
     expected = (1, "", "short.yaml: File exists\n")
     assert piezod("experiment", experiment_file, "--out", experiment_file) == expected
+
+
+def test_folder_that_cannot_be_written_to(
+    piezod: Command, experiment_file: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That, too, is found out before the run, and told in plain words."""
+
+    def refuse(**_: object) -> None:
+        raise PermissionError(13, "Permission denied", "here/tmp0123")
+
+    (folder / "here").mkdir()
+    monkeypatch.setattr("piezod.cli.paths.tempfile", SimpleNamespace(TemporaryFile=refuse))
+    monkeypatch.setattr("piezod.experiment.run.run_experiment", None)
+
+    expected = (77, "", "here: cannot be written to: Permission denied\n")
+    assert piezod("experiment", experiment_file, "--out", "here") == expected
 
 
 @pytest.mark.parametrize("seed", ["-1", "4294967296", "one"])

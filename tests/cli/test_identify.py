@@ -2,7 +2,9 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -66,13 +68,36 @@ def test_text(piezod: Command, data: Path) -> None:
     assert "Nothing was written; --out model.yaml keeps the model" in out
 
 
-def test_delay_is_none_unless_asked_for(piezod: Command, data: Path) -> None:
-    """Without --delay-s nothing is assumed, and the way to an estimate is shown."""
-    document = json.loads(piezod("identify", data, "--json").out)
+def test_delay_is_estimated_unless_given(piezod: Command, data: Path) -> None:
+    """Without --delay-s the delay is estimated; one that is given is used, none among them."""
+    estimated = json.loads(piezod("identify", data, "--json").out)
+    none = json.loads(piezod("identify", data, "--delay-s", "0", "--json").out)
 
-    assert (document["delay_s"], document["delay_estimate"]) == (0.0, None)
-    assert "Delay 0 ms, as given; --delay-s auto estimates it." in piezod("identify", data).out
+    assert estimated["delay_s"] == estimated["delay_estimate"]["delay_s"]
+    assert estimated["delay_s"] == pytest.approx(0.02, abs=0.001)
+    assert (none["delay_s"], none["delay_estimate"]) == (0.0, None)
     assert "Delay 20 ms, as given." in piezod("identify", data, "--delay-s", "0.02").out
+
+
+def test_record_that_does_not_start_from_rest(piezod: Command, folder: Path) -> None:
+    """A worst error in the first seconds, far above all others, is told with the remedy."""
+    record = record_of()
+    drive_v = record.drive_v.copy()
+    drive_v[30:50] += 20.0
+    write_record(folder / "data.csv", replace(record, drive_v=drive_v))
+
+    document = json.loads(piezod("identify", "data.csv", "--delay-s", 0, "--json").out)
+
+    (warning,) = document["warnings"]
+    assert warning.startswith("The worst error is at t = 0.")
+    assert "seems not to start from rest; leave out the first loops with --skip-s" in warning
+
+
+def test_one_operator_is_one(piezod: Command, data: Path) -> None:
+    """One is no plural."""
+    out = piezod("identify", data, "--order", 1).out
+
+    assert "1 operator on each side." in out
 
 
 def test_method_and_order(piezod: Command, data: Path) -> None:
@@ -114,6 +139,21 @@ def test_nothing_is_written_without_out(piezod: Command, data: Path, folder: Pat
     assert piezod("identify", data).code == 0
 
     assert [each.name for each in folder.iterdir()] == ["data.csv"]
+
+
+def test_folder_that_cannot_be_written_to(
+    piezod: Command, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That is found out before the fit."""
+
+    def refuse(**_: object) -> None:
+        raise OSError(30, "Read-only file system", "tmp0123")
+
+    monkeypatch.setattr("piezod.cli.paths.tempfile", SimpleNamespace(TemporaryFile=refuse))
+    monkeypatch.setattr("piezod.experiment.identify_file.identify_file", None)
+
+    expected = (1, "", ".: cannot be written to: Read-only file system\n")
+    assert piezod("identify", data, "--out", "model.yaml") == expected
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """The command itself: help, version, errors."""
 
+import signal
 import subprocess
 import sys
 from importlib.metadata import entry_points
@@ -155,5 +156,104 @@ def test_name_that_is_no_text_can_be_printed(process: Command) -> None:
     """A file name of any bytes leads to an error text, not to a failure to print it."""
     code, out, err = process("identify", "\udcff.csv")
 
-    assert (code, out) == (1, "")
-    assert err == "?.csv: No such file or directory\n"
+    assert (code, out) == (2, "")
+    assert "no such file (got ?.csv)" in err
+
+
+FILE_ARGUMENTS = [
+    ("experiment", "a.file"),
+    ("identify", "a.file"),
+    ("identify", "b.file", "--test", "a.file"),
+    ("check", "a.file"),
+]
+
+
+@pytest.mark.parametrize("arguments", FILE_ARGUMENTS)
+def test_a_missing_file_is_wrong_usage_everywhere(
+    piezod: Command, folder: Path, arguments: tuple[str, ...]
+) -> None:
+    """No such file, or a folder in its place, exits with 2 in every command."""
+    (folder / "b.file").touch()
+
+    code, out, err = piezod(*arguments)
+    assert (code, out) == (2, "")
+    assert "no such file (got a.file)" in err
+
+    (folder / "a.file").mkdir()
+    code, out, err = piezod(*arguments)
+    assert (code, out) == (2, "")
+    assert "must be a file, this is a folder (got a.file)" in err
+
+
+@pytest.mark.parametrize("arguments", [*FILE_ARGUMENTS[:2], FILE_ARGUMENTS[3]])
+def test_an_unreadable_file_is_a_matter_of_permission_everywhere(
+    piezod: Command, folder: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...]
+) -> None:
+    """A file that is there and may not be read exits with 77 in every command."""
+    (folder / "a.file").touch()
+
+    def refuse(path: Path, *_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr("os.access", lambda *_, **__: False)
+    monkeypatch.setattr("pathlib.Path.open", refuse)
+
+    code, out, err = piezod(*arguments)
+
+    assert (code, out) == (77, "")
+    assert "a.file: " in err
+    assert "Permission denied" in err
+
+
+def test_short_help_and_module(folder: Path) -> None:
+    """`-h` helps as --help does, and `python -m piezod` is the command."""
+    outs = [
+        subprocess.run(
+            [sys.executable, "-m", "piezod", *arguments],
+            cwd=folder,
+            capture_output=True,
+            check=True,
+        ).stdout
+        for arguments in (("-h",), ("--help",), ("check", "-h"), ("check", "--help"))
+    ]
+
+    assert outs[0] == outs[1]
+    assert outs[2] == outs[3]
+    assert outs[2].startswith(b"Usage: piezod check")
+
+
+def test_interrupt(piezod: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C is one line on stderr and exits with 130."""
+    monkeypatch.setattr("piezod.devices.registry.names", lambda: signal.raise_signal(signal.SIGINT))
+    before = signal.getsignal(signal.SIGINT), sys.unraisablehook
+
+    assert piezod("drivers") == (130, "", "interrupted\n")
+    assert (signal.getsignal(signal.SIGINT), sys.unraisablehook) == before
+
+
+SWALLOWED = """
+import signal, sys
+import piezod.devices.registry as registry
+from piezod.cli.main import run
+
+class Thing:
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+
+def names():
+    Thing()
+    return ()
+
+registry.names = names
+sys.argv = ["piezod", "drivers"]
+run()
+"""
+
+
+def test_interrupt_that_python_swallows(folder: Path) -> None:
+    """Ctrl-C in a destructor, where nothing can be raised, ends the command all the same."""
+    ended = subprocess.run(
+        [sys.executable, "-c", SWALLOWED], cwd=folder, capture_output=True, check=False
+    )
+
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, b"", b"interrupted\n")

@@ -1,0 +1,46 @@
+"""Files and folders on the command line, looked at before any work begins."""
+
+import errno
+import os
+import tempfile
+from pathlib import Path
+
+import typer
+
+
+def existing_file(path: Path | None) -> Path | None:
+    """Return a path that was given, as it is.
+
+    Raises:
+        typer.BadParameter: If there is no such file, or it is a folder.
+        OSError: If it may not be looked at.
+    """
+    if path is not None:
+        try:
+            path.stat()
+        except (FileNotFoundError, NotADirectoryError) as error:
+            raise typer.BadParameter(f"no such file (got {path})") from error
+        if path.is_dir():
+            raise typer.BadParameter(f"must be a file, this is a folder (got {path})")
+    return path
+
+
+def check_writable(folder: Path) -> None:
+    """Refuse a folder in which no file can be made.
+
+    Args:
+        folder: An existing folder.
+
+    Raises:
+        OSError: If it is not writable; names the folder.
+    """
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except PermissionError as error:
+        what = os.strerror(errno.EACCES)
+        raise PermissionError(errno.EACCES, f"cannot be written to: {what}", str(folder)) from error
+    except OSError as error:
+        raise OSError(
+            error.errno, f"cannot be written to: {error.strerror}", str(folder)
+        ) from error
