@@ -85,7 +85,8 @@ def _points(rows: Iterator[tuple[int, list[str]]], column: str) -> tuple[Point, 
     points: list[Point] = []
     for line, row in rows:
         if len(row) != len(names):
-            raise ValueError(f"{line}: {len(row)} fields, allowed: {len(names)} as in the header")
+            found = "1 field" if len(row) == 1 else f"{len(row)} fields"
+            raise ValueError(f"{line}: {found}, allowed: {len(names)} as in the header")
         point = (_number(row[t_index], line), _number(row[value_index], line))
         if points and point[0] - points[-1][0] < MIN_STEP_S:
             raise ValueError(

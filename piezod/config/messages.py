@@ -73,7 +73,13 @@ def describe(error: "ErrorDetails", known_keys: Sequence[str]) -> str:
     if kind in _WORDINGS:
         what, remedy = (part.format_map(context) for part in _WORDINGS[kind])
         return f"{what} (got {show(error['input'])}){remedy}"
-    return f"{error['msg']} (got {show(error['input'])})"
+    return f"{_plain(error['msg'])} (got {show(error['input'])})"
+
+
+def _plain(message: str) -> str:
+    """Return a message of pydantic's in the words of the others."""
+    message = re.sub(r"^(Value error|Assertion failed), ", "", message)
+    return re.sub(r"^\w+ should ", "must ", message)
 
 
 def suggest(word: str, known: Sequence[str], title: str) -> str:

@@ -14,6 +14,7 @@ from piezod.config.fields import BrokenRule, ConfigModel, Context, Quantity, rai
 from piezod.config.quantities import DriveV, PercentOfRange, PositionUm
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
+from piezod.errors import ConfigError, Problem
 
 Text: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=255)]
 Threshold: TypeAlias = Annotated[float, Quantity(1e-9, 1 - 1e-9)]
@@ -97,7 +98,11 @@ def load_model(path: Path) -> ModelFile:
     Raises:
         ConfigError: If it is no valid model file; the text lists every problem with its place.
     """
-    return validate(load_yaml(path), ModelFile, Context(path.parent))
+    document = load_yaml(path)
+    if not document.data.keys() & ModelFile.model_fields.keys():
+        what = "this is no model file, it has none of the keys of one; `piezod identify` makes them"
+        raise ConfigError(Problem(str(path), 0, 0, "", what))
+    return validate(document, ModelFile, Context(path.parent))
 
 
 def dump_model(model: ModelFile) -> str:

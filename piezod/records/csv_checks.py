@@ -62,7 +62,7 @@ def check_time(path: Path, t_s: FloatArray) -> None:
         what = f"a gap of {steps_s[index - 1]:.6g} s before t_s {t_s[index]}"
         allowed = (
             f"allowed are {longest_s:.6g} s, {MAX_STEP_PERIODS} times the median step; "
-            f"{gaps.size} such gaps in the file"
+            f"{counted(gaps.size, 'such gap')} in the file"
         )
         fail(path, index + FIRST_DATA_LINE, what, allowed, "cut the record there, or resample it")
 
@@ -79,9 +79,19 @@ def check_varies(path: Path, name: str, values: FloatArray) -> None:
         DataError: If all values are equal.
     """
     if np.ptp(values) == 0:
-        what = f"{name} is {values[0]} in all {values.size} samples"
+        what = f"{name} is {values[0]} in all {counted(values.size, 'sample')}"
         remedy = "check the cable and the channel, and record again"
         fail(path, FIRST_DATA_LINE, what, "allowed is a signal that varies", remedy)
+
+
+def counted(number: int, one: str) -> str:
+    """Return a number with what is counted, in the plural where there is not one of it.
+
+    Args:
+        number: How many there are.
+        one: What a single one is called.
+    """
+    return f"{number} {one}" if number == 1 else f"{number} {one}s"
 
 
 def fail(path: Path, line: int, what: str, allowed: str, remedy: str) -> NoReturn:

@@ -14,6 +14,7 @@ from piezod.records.csv_checks import (
     check_finite,
     check_time,
     check_varies,
+    counted,
     fail,
 )
 from piezod.records.frozen import FloatArray
@@ -58,7 +59,7 @@ def read_csv(
         fail(
             path,
             len(lines),
-            f"the file ends after {len(table)} samples",
+            f"the file ends after {counted(len(table), 'sample')}",
             f"allowed are {min_samples} or more",
             "record for longer",
         )
@@ -130,7 +131,7 @@ def _check_widths(path: Path, rows: list[str], width: int) -> None:
     for number, row in enumerate(rows, FIRST_DATA_LINE):
         if row.count(",") != width - 1 or not row.strip():
             n_fields = row.count(",") + 1 if row.strip() else 0
-            what = f"the row has {n_fields} fields"
+            what = f"the row has {counted(n_fields, 'field')}"
             remedy = "complete or delete the row; decimals have a point, not a comma"
             fail(path, number, what, f"allowed are {width} as in the header", remedy)
 

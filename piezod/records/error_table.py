@@ -17,7 +17,7 @@ class Cell(NamedTuple):
         value: The error in the unit of the name; NaN where the recording has no such metric.
         limit: What it should not exceed, None where nothing is said.
         best: Whether no other mode of the case does better.
-        missed: Whether it exceeds its limit, or is no number.
+        missed: Whether it exceeds its limit, or is no number where it has one.
     """
 
     metric: str

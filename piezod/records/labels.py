@@ -1,5 +1,6 @@
 """Words for people in place of the names that data carries."""
 
+import math
 from typing import Final
 
 _METRICS: Final = {
@@ -9,6 +10,7 @@ _METRICS: Final = {
     "voltage_error_max_pct": "worst voltage error",
     "voltage_error_rms_pct": "rms voltage error",
 }
+NO_VALUE: Final = "–"
 _UNITS: Final = {"pct": "%", "um": "µm", "v": "V", "s": "s", "hz": "Hz"}
 
 
@@ -34,10 +36,14 @@ def metric_unit(name: str) -> str:
 def metric_number(name: str, value: float) -> str:
     """Return the value of a metric as it is shown everywhere: percent with two decimals.
 
+    A metric that has no value, as the nonlinearity along a constant command, is a dash.
+
     Args:
         name: Name of the metric.
         value: Its value, in the unit of the name.
     """
+    if math.isnan(value):
+        return NO_VALUE
     return f"{value:.2f}" if metric_unit(name) == "%" else f"{value:.3g}"
 
 
@@ -48,4 +54,5 @@ def metric_text(name: str, value: float) -> str:
         name: Name of the metric.
         value: Its value, in the unit of the name.
     """
-    return f"{metric_label(name)} {metric_number(name, value)} {metric_unit(name)}".rstrip()
+    unit = "" if math.isnan(value) else metric_unit(name)
+    return f"{metric_label(name)} {metric_number(name, value)} {unit}".rstrip()

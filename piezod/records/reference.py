@@ -40,10 +40,12 @@ class Reference:
 
 
 def is_missed(value: float, limit: float | None) -> bool:
-    """Return whether an error exceeds its limit, or is no number at all.
+    """Return whether an error exceeds its limit, or is no number where it has one, or is infinite.
 
     Args:
         value: The error.
         limit: What it should not exceed, None where nothing is said.
     """
-    return not math.isfinite(value) or (limit is not None and value > limit)
+    if math.isnan(value):
+        return limit is not None
+    return math.isinf(value) or (limit is not None and value > limit)

@@ -150,6 +150,12 @@ def test_odd_titles_and_constant_commands(
     last = json.loads(out)["cases"][-1]
     assert (last["case"], last["nonlinearity_pct"]) == ("$x", None)
     assert last["tracking_max_pct"] > 0.0
+    text = process("experiment", experiment_file).out
+    page = (folder / "short-results" / "report.html").read_text(encoding="utf-8")
+    assert "nan" not in text
+    assert "▲" not in text
+    assert "nonlinearity –" in page
+    assert "nan %" not in page
 
 
 def test_bad_file(process: Command, folder: Path) -> None:

@@ -177,6 +177,17 @@ def test_broken_model_is_told_with_its_place(
     ]
 
 
+def test_experiment_is_no_model(problems_of: Callable[..., list[str]], tmp_path: Path) -> None:
+    """A file of another kind is said to be one, in place of a list of its keys."""
+    path = tmp_path / "m.yaml"
+    path.write_text("rate_hz: 1000\nseed: 3\n", encoding="utf-8")
+
+    assert problems_of(*WITH_MODEL, (IDENTIFICATION, "")) == [
+        f"test.yaml:10:12: axes.x.model: {path}: this is no model file, it has none of the keys of "
+        "one; `piezod identify` makes them"
+    ]
+
+
 def test_compensator_keys_that_the_model_decides(
     problems_of: Callable[..., list[str]], tmp_path: Path
 ) -> None:

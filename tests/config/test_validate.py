@@ -50,7 +50,15 @@ class Options(ConfigModel):
     label: str = Field(default="", max_length=3)
     when: date | None = None
     even: int = 0
+    odd: int = 1
     foreign: Foreign = Foreign()
+
+    @field_validator("odd")
+    @classmethod
+    def _check_odd(cls, number: int) -> int:
+        if number % 2 == 0:
+            raise AssertionError("must be odd")
+        return number
 
     @field_validator("even")
     @classmethod
@@ -78,8 +86,9 @@ class Options(ConfigModel):
         ("curve: {shape: table, points: {}}", "1:23: curve.points: must be a list "
          "(got a mapping)"),
         ("label: long", "1:8: label: too long (got 'long'), allowed: at most 3 characters"),
+        ("odd: 2", "1:6: odd: must be odd (got 2)"),
         ("even: 3", "1:7: even: must be even (got 3)"),
-        ("when: 2024-01-01", "1:7: when: Input should be a valid date (got '2024-01-01')"),
+        ("when: 2024-01-01", "1:7: when: must be a valid date (got '2024-01-01')"),
         ("foreign: {prot: x}", "1:11: foreign.prot: unknown key"),
     ],
 )  # fmt: skip

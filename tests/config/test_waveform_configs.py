@@ -160,7 +160,7 @@ def test_problems_of_a_file_are_told_at_its_path(problems_of: ProblemsOf, tmp_pa
         ("t,u\n0,1\n", ":1: no column 't_s', columns: t, u"),
         ("t_s,command\n0,1\n", ":1: no column 'command_um', did you mean 'command'?"),
         ("t_s,command_um\n", ":2: no points"),
-        ("t_s,command_um\n0\n", ":2: 1 fields, allowed: 2 as in the header"),
+        ("t_s,command_um\n0\n", ":2: 1 field, allowed: 2 as in the header"),
         ("t_s,command_um\n0,1,5\n", ":2: 3 fields, allowed: 2 as in the header"),
         (
             "t_s,command_um\n0,\n",
@@ -182,7 +182,7 @@ def test_problems_of_a_file_are_told_at_its_path(problems_of: ProblemsOf, tmp_pa
             't_s,command_um\n0,"1"\n',
             ":2: must be a number (got '\"1\"'), allowed range -1000000 to 1000000",
         ),
-        ('note,t_s,command_um\n"a\nb",0,x\n', ":2: 1 fields, allowed: 3 as in the header"),
+        ('note,t_s,command_um\n"a\nb",0,x\n', ":2: 1 field, allowed: 3 as in the header"),
         ("t_s,command_um\n0,1\n\n1,2\n", ":3: the row is empty, delete it"),
         ("\nt_s,command_um\n0,1\n", ":1: the row is empty, delete it"),
         ("t_s,u,command_um,u\n0,1,2,3\n", ":1: column 'u' is there 2 times"),

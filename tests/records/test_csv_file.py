@@ -160,7 +160,8 @@ def test_bad_first_sample_of_a_word_file(file: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("row", "n_fields"), [("0.05,1", 2), ("0.05,1,2,3", 4), ("0,05,1,2", 4), ("", 0), ("  ", 0)]
+    ("row", "n_fields"),
+    [("0.05,1", 2), ("0.05,1,2,3", 4), ("0,05,1,2", 4), ("", 0), ("  ", 0), ("5", 1)],
 )
 def test_ragged_rows_are_named(file: Path, row: str, n_fields: int) -> None:
     """A row with too few or too many fields, and a blank one, is refused with its line."""
@@ -168,7 +169,7 @@ def test_ragged_rows_are_named(file: Path, row: str, n_fields: int) -> None:
     rows[50] = row
 
     assert _refusal(_write(file, rows)) == (
-        f"52: the row has {n_fields} fields; allowed are 3 as in the header; "
+        f"52: the row has {n_fields} field{'s' * (n_fields != 1)}; allowed are 3 as in the header; "
         "complete or delete the row; decimals have a point, not a comma"
     )
 
@@ -192,7 +193,8 @@ def test_text_in_another_encoding_is_refused(file: Path) -> None:
 def test_too_short_is_refused(file: Path, n_rows: int) -> None:
     """A record of fewer than the least number of samples is refused."""
     assert _refusal(_write(file, _rows(n_rows))) == (
-        f"{n_rows + 1}: the file ends after {n_rows} samples; allowed are 100 or more; "
+        f"{n_rows + 1}: the file ends after {n_rows} sample{'s' * (n_rows != 1)}; "
+        "allowed are 100 or more; "
         "record for longer"
     )
 

@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import pytest
@@ -13,7 +14,7 @@ from piezod.records.reference import Reference, is_missed
         (1.0, None, False),
         (1.87, 1.87, False),
         (1.8700001, 1.87, True),
-        (float("nan"), None, True),
+        (float("nan"), None, False),
         (float("nan"), 1.87, True),
         (float("inf"), None, True),
     ],
@@ -67,13 +68,14 @@ def test_a_mode_without_rivals_is_not_called_best(result: ExperimentResult) -> N
     assert not any(cell.best for cell in table["x", "case 1"][0].cells)
 
 
-def test_a_metric_that_one_recording_lacks_is_missed_there(result: ExperimentResult) -> None:
+def test_a_metric_that_one_recording_lacks_has_no_value_there(result: ExperimentResult) -> None:
     """A recording without one of the metrics gets NaN for it, and the others stay comparable."""
     first, second, *_ = result.recordings
     bare = replace(first, metrics={"nonlinearity_pct": 5.0})
     rows = error_table(replace(result, recordings=(bare, second)))["x", "case 1"]
     cells = {(row.mode, cell.metric): cell for row in rows for cell in row.cells}
 
-    assert cells["uncompensated", "tracking_max_pct"].missed
+    assert math.isnan(cells["uncompensated", "tracking_max_pct"].value)
+    assert not cells["uncompensated", "tracking_max_pct"].missed
     assert not cells["uncompensated", "tracking_max_pct"].best
     assert cells["feedforward", "tracking_max_pct"].best

@@ -1,3 +1,4 @@
+import math
 import struct
 from collections.abc import Callable
 from dataclasses import replace
@@ -145,6 +146,24 @@ def test_a_stage_that_stood_still_is_drawn(recording: Recording) -> None:
     assert png_bytes(figure).startswith(b"\x89PNG")
 
 
+def test_a_constant_command_has_no_percent_scale(recording: Recording) -> None:
+    """Where only noise moves the stage, its range is no measure of the error."""
+    noise_um = 0.01 * np.sin(np.arange(400.0))
+    held = replace(
+        recording,
+        command_um=np.full(400, 10.0),
+        position_um=10.0 + noise_um,
+        uncompensated_v=np.full(400, 50.0),
+        metrics={"nonlinearity_pct": float("nan")},
+    )
+
+    figure = mode_figure(held)
+
+    assert _panel(figure, "(d)").child_axes == []
+    assert figure.get_suptitle().endswith("\nnonlinearity –")
+    assert png_bytes(figure).startswith(b"\x89PNG")
+
+
 def test_invalid_samples_leave_gaps(recording: Recording) -> None:
     """NaN in the displacement is drawn as a gap, without a warning."""
     position_um = recording.position_um.copy()
@@ -249,6 +268,28 @@ def test_modes_differ_in_shape_as_well_as_in_colour(result: ExperimentResult) ->
     assert len({str(each.get_color()) for each in handles}) == 3
 
 
+def test_a_mode_looks_the_same_in_every_figure(result: ExperimentResult) -> None:
+    """Colour and shape belong to the mode's name, whatever other modes there are."""
+
+    def looks(*modes: str) -> dict[str, tuple[str, str]]:
+        recordings = tuple(replace(result.recordings[0], mode=mode) for mode in modes)
+        (legend,) = overview_figure(replace(result, recordings=recordings)).legends
+        handles = [each for each in legend.legend_handles if isinstance(each, Line2D)]
+        return {
+            mode: (str(handle.get_marker()), str(handle.get_color()))
+            for mode, handle in zip(modes, handles, strict=True)
+        }
+
+    known = looks("uncompensated", "feedforward", "adaptive")
+    odd = looks("other", "adaptive", "another", "feedforward")
+
+    assert {mode: odd[mode] for mode in ("adaptive", "feedforward")} == {
+        mode: known[mode] for mode in ("adaptive", "feedforward")
+    }
+    assert looks("adaptive")["adaptive"] == known["adaptive"]
+    assert len({*known.values(), *odd.values()}) == 5
+
+
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
 def test_overview_of_odd_errors(result: ExperimentResult, value: float) -> None:
     """Errors without a logarithm, or that are no numbers, are drawn or at least written."""
@@ -257,7 +298,8 @@ def test_overview_of_odd_errors(result: ExperimentResult, value: float) -> None:
     figure = overview_figure(replace(result, recordings=tuple(odd)))
 
     assert png_bytes(figure).startswith(b"\x89PNG")
-    assert {text.get_text() for text in figure.axes[0].texts} == {f"{value:.2f}"}
+    written = "–" if math.isnan(value) else f"{value:.2f}"
+    assert {text.get_text() for text in figure.axes[0].texts} == {written}
 
 
 def test_png_is_the_same_each_time(tmp_path: Path, recording: Recording) -> None:

@@ -25,7 +25,7 @@ def test_names_become_words_and_units(name: str, label: str, unit: str) -> None:
     ("name", "value", "text"),
     [
         ("nonlinearity_pct", 1.5, "1.50"),
-        ("nonlinearity_pct", float("nan"), "nan"),
+        ("nonlinearity_pct", float("nan"), "–"),
         ("loop_width_um", 0.012345, "0.0123"),
         ("n_merged", 12.0, "12"),
     ],
@@ -39,3 +39,8 @@ def test_metric_in_words() -> None:
     """A metric in words has its unit behind, and no blank where there is none."""
     assert metric_text("nonlinearity_pct", 1.519) == "nonlinearity 1.52 %"
     assert metric_text("n_merged", 3.0) == "n merged 3"
+
+
+def test_metric_without_a_value_is_a_dash_without_a_unit() -> None:
+    """Nobody reads of a percentage of nan."""
+    assert metric_text("nonlinearity_pct", float("nan")) == "nonlinearity –"

@@ -238,15 +238,18 @@ def test_without_reference_nothing_is_compared(tmp_path: Path, result: Experimen
     assert "strong" not in page.text
 
 
-def test_error_that_is_no_number_is_marked(tmp_path: Path, result: ExperimentResult) -> None:
-    """A run whose error could not be computed is marked as such."""
+def test_error_without_a_value_is_a_dash(tmp_path: Path, result: ExperimentResult) -> None:
+    """An error that there is none of is a dash, marked only where a figure was to be reached."""
     failed = replace(result.recordings[0], metrics={"nonlinearity_pct": float("nan")})
+    limits = Reference("paper", {("case 1", "uncompensated"): 0.7}, ("nonlinearity_pct",))
 
-    page = _Page(
-        write_report(tmp_path, replace(result, recordings=(failed,))).read_text(encoding="utf-8")
-    )
+    def cell(reference: Reference | None) -> str:
+        only = replace(result, recordings=(failed,))
+        path = write_report(tmp_path, only, reference)
+        return _Page(path.read_text(encoding="utf-8")).rows["error-table"][1][2].strip()
 
-    assert page.rows["error-table"][1][-1].strip() == "nan ▲ no figure"
+    assert cell(None) == "–"
+    assert cell(limits) == "– ▲ no figure"
 
 
 def test_model_from_a_file_has_no_figure(tmp_path: Path, result: ExperimentResult) -> None:

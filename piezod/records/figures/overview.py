@@ -47,11 +47,13 @@ class _Mark(NamedTuple):
         )
 
 
-# Modes differ in shape as well as in colour.
-_MODE_MARKS: Final = (
-    _Mark("o", GREY),
-    _Mark("s", BLUE),
-    _Mark("D", GREEN),
+# Modes differ in shape as well as in colour, and look the same in every figure.
+_MODE_MARKS: Final = {
+    "uncompensated": _Mark("o", GREY),
+    "feedforward": _Mark("s", BLUE),
+    "adaptive": _Mark("D", GREEN),
+}
+_OTHER_MARKS: Final = (
     _Mark("^", VERMILLION),
     _Mark("v", PURPLE),
     _Mark("P", ORANGE),
@@ -72,7 +74,7 @@ def overview_figure(result: ExperimentResult, reference: Reference | None = None
     figure = new_figure(13.0, height_in, "Errors of the measured displacement", "")
     names = result.metric_names
     panels = figure.subplots(1, len(names), sharey=True, squeeze=False)[0]
-    marks = dict(zip(result.modes, cycle(_MODE_MARKS), strict=False))
+    marks = _marks(result.modes)
     for axes, name in zip(panels, names, strict=True):
         _draw_metric(axes, name, rows, marks, reference)
         for y in list(headlines)[1:]:
@@ -83,6 +85,12 @@ def overview_figure(result: ExperimentResult, reference: Reference | None = None
         handles.append(_REFERENCE_MARK.line([], [], reference.label))
     figure.legend(handles=handles, loc="upper right", ncols=len(handles))
     return figure
+
+
+def _marks(modes: Iterable[str]) -> dict[str, _Mark]:
+    """Return the mark of each mode: that of its name, or the next one that is free."""
+    others = cycle(_OTHER_MARKS)
+    return {mode: _MODE_MARKS.get(mode) or next(others) for mode in modes}
 
 
 def _layout(result: ExperimentResult) -> tuple[dict[int, str], dict[int, Recording]]:

@@ -106,7 +106,9 @@ def _draw_error(axes: Axes, recording: Recording) -> None:
     axes.axhline(0.0, color="black", linewidth=0.6)
     axes.set(title="(d) Error: measured minus command", ylabel="error (µm)")
     round_time_ticks(axes)
-    add_percent_axis(axes, recording.position_range_um, "% of range")
+    if np.ptp(recording.command_um[recording.first_metric_index :]) > 0.0:
+        # At rest the range of the displacement is that of its noise, and no measure of anything.
+        add_percent_axis(axes, recording.position_range_um, "% of range")
     if recording.first_metric_index:
         _shade_excluded(axes, recording).set_label("excluded from the metrics")
         legend_above(axes)
