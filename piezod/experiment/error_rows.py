@@ -9,15 +9,10 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import ExperimentResult
 
 
-def _nonlinearity(command_um: FloatArray, position_um: FloatArray) -> float:
-    # Through the single point of a constant command goes any line.
-    return nonlinearity(command_um, position_um) if np.ptp(command_um) else float("nan")
-
-
 METRICS: Mapping[str, Callable[[FloatArray, FloatArray], float]] = {
     "tracking_max_pct": tracking_max,
     "tracking_rms_pct": tracking_rms,
-    "nonlinearity_pct": _nonlinearity,
+    "nonlinearity_pct": nonlinearity,
 }
 """By the names that experiment files use: functions of command and position."""
 
@@ -27,7 +22,8 @@ def errors_pct(
 ) -> dict[str, float]:
     """Return errors by name, in % of the displacement's range; NaN where there is none.
 
-    There is none where nothing was measured, and no nonlinearity where the command is constant.
+    There is none where nothing was measured, and where the command is constant: what moves then is
+    noise, and a share of its range would say nothing.
 
     Args:
         metrics: Names from `METRICS`.
@@ -35,9 +31,9 @@ def errors_pct(
         position_um: (n,) displacement measured at the same instants, NaN where it was invalid.
     """
     measured = np.isfinite(position_um)
-    if np.count_nonzero(measured) < 2 or np.ptp(position_um[measured]) == 0.0:
-        return dict.fromkeys(metrics, float("nan"))
     command_um, position_um = command_um[measured], position_um[measured]
+    if position_um.size < 2 or np.ptp(position_um) == 0.0 or np.ptp(command_um) == 0.0:
+        return dict.fromkeys(metrics, float("nan"))
     return {name: 100.0 * METRICS[name](command_um, position_um) for name in metrics}
 
 
