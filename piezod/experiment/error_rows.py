@@ -8,7 +8,6 @@ from piezod.hysteresis import nonlinearity, tracking_max, tracking_rms
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import ExperimentResult
 
-
 METRICS: Mapping[str, Callable[[FloatArray, FloatArray], float]] = {
     "tracking_max_pct": tracking_max,
     "tracking_rms_pct": tracking_rms,
