@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from piezod.hysteresis import InverseMPI, MPIModel, new_bank, stop_regressors
+from piezod.hysteresis import (
+    InverseMPI,
+    MPIModel,
+    even_thresholds,
+    new_bank,
+    stop_regressors,
+)
 from tests.hysteresis.draw import (
     UNIT,
     Sides,
@@ -88,19 +94,27 @@ def test_closed_minor_loop_is_forgotten(
     np.testing.assert_allclose(disturbed.run(history), spared.run(history), atol=1e-9)
 
 
-def test_loops_between_the_same_inputs_are_not_congruent() -> None:
-    """The shape of a minor loop depends on the history: 0.4 to 0.6 coming from below and above."""
-    between = np.array([0.4, 0.45, 0.5, 0.55, 0.6])
-    mpi = MPIModel([0.25, 0.5, 0.75], [0.15, 0.1, 0.1], [0.05, 0.1, 0.15])
+@given(
+    right=st.lists(st.floats(0.005, 0.02), min_size=19, max_size=19),
+    left=st.lists(st.floats(0.005, 0.02), min_size=19, max_size=19),
+    low=st.floats(0.2, 0.45),
+    high=st.floats(0.55, 0.8),
+)
+def test_loops_between_the_same_inputs_are_not_congruent(
+    right: list[float], left: list[float], low: float, high: float
+) -> None:
+    """The shape of a minor loop depends on whether it was reached from below or from above."""
+    between = np.linspace(low, high, 9)
+    mpi = MPIModel(even_thresholds(19), right, left)
 
-    mpi.run([0.0, 0.6, 0.4])
+    mpi.run([0.0, high, low])
     from_below = mpi.run(between)
     mpi.reset()
-    mpi.run([0.0, 1.0, 0.4])
+    mpi.run([0.0, 1.0, low])
     from_above = mpi.run(between)
 
     shapes = from_below - from_below[0], from_above - from_above[0]
-    assert np.max(np.abs(np.subtract(*shapes))) > 0.005
+    assert np.max(np.abs(np.subtract(*shapes))) > 1e-4
 
 
 @given(sides=any_sides(), values=inputs(), repeats=st.integers(1, 4))
