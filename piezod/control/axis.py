@@ -135,8 +135,7 @@ class CompensatedAxis:
             self._drive_v.to_unit(window.high_v),
             self.identifier.weights,
         )
-        wished_v = self._drive_v.from_unit(drive)
-        drive_v = self._limits.admit(wished_v, self._in_force_v, self._period_s)
+        drive_v = window.admit(self._drive_v.from_unit(drive), self._in_force_v)
         uncompensated_v = self._drive_v.from_unit(self._position_um.to_unit(command_um))
         return AxisOutput(drive_v, command_um, uncompensated_v, self._in_force_v)
 

@@ -9,6 +9,15 @@ class Window(NamedTuple):
     low_v: float
     high_v: float
 
+    def admit(self, drive_v: float, previous_v: float) -> float:
+        """Return the nearest voltage inside; one that is not finite moves nothing.
+
+        May be called in the loop.
+        """
+        if drive_v - drive_v != 0.0:  # infinite or not a number; clamps would make full scale of it
+            return previous_v
+        return min(max(drive_v, self.low_v), self.high_v)
+
 
 class Limits(NamedTuple):
     """Limits of one axis.
@@ -34,8 +43,5 @@ class Limits(NamedTuple):
         return Window(low_v, high_v)
 
     def admit(self, drive_v: float, previous_v: float, elapsed_s: float) -> float:
-        """Return the nearest voltage that is allowed; one that is not finite moves nothing."""
-        if drive_v - drive_v != 0.0:  # infinite or not a number; clamps would make full scale of it
-            return previous_v
-        low_v, high_v = self.window(previous_v, elapsed_s)
-        return min(max(drive_v, low_v), high_v)
+        """Return what `Window.admit` does, for the window after a time; call it in the loop."""
+        return self.window(previous_v, elapsed_s).admit(drive_v, previous_v)

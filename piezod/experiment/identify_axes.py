@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -42,18 +43,21 @@ def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, Identi
         DeviceError: If a device refuses.
         ModelError: If the gain of the identifier is not stable.
     """
+    from_file: dict[str, IdentifiedAxis] = {}
     for name, axis in config.axes.items():
         if axis.model is None:
             thresholds = even_thresholds(axis.compensator.operators)
             _check_gain(name, axis, new_bank(thresholds, thresholds))
-    traces: Mapping[str, FloatArray] = {}
-    if config.identification is not None:
-        stage.rest(config.identification.settle_s)
-        traces = _drive(stage, config.axes, config.identification)
+        else:
+            from_file[name] = _from_file(name, axis, axis.model)
+    settings = config.identification
+    if settings is None:
+        return from_file
+    stage.rest(settings.settle_s)
+    traces = _drive(stage, config.axes, settings)
     return {
-        name: _from_file(name, axis)
-        if config.identification is None or axis.model is not None
-        else _from_record(name, axis, _record(name, stage, traces[name]), config.identification)
+        name: from_file.get(name)
+        or _from_record(name, axis, _record(name, stage, traces[name]), settings)
         for name, axis in config.axes.items()
     }
 
@@ -107,16 +111,15 @@ def _from_record(
     return IdentifiedAxis(fit.model, account, _of(name, fit_warnings(fit, record.period_s)))
 
 
-def _from_file(name: str, axis: AxisConfig) -> IdentifiedAxis:
-    assert axis.model is not None  # noqa: S101 - the configuration's rules see to it
-    in_file, file = read_model(axis.model)
+def _from_file(name: str, axis: AxisConfig, path: Path) -> IdentifiedAxis:
+    in_file, file = read_model(path)
     with _naming(name):
         model = in_file.zeroed_at(axis.limits.rest_v)
     _check_gain(name, axis, model.bank)
     nothing = np.empty(0)
     account = Identification(
         axis=name,
-        title=f"model file {axis.model.name}",
+        title=f"model file {path.name}",
         method=file.method,
         t_s=nothing,
         drive_v=nothing,

@@ -64,7 +64,6 @@ def identify_file(
 
     Raises:
         DataError: If a file cannot be used; the text begins with its name.
-        ModelError: If LMS diverges.
         OSError: If a file cannot be read.
     """
     record = read_record(data, skip_s)
