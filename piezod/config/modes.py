@@ -12,3 +12,5 @@ class Mode(StrEnum):
     """The inverse model with fixed parameters."""
     ADAPTIVE = "adaptive"
     """The inverse model with parameters that follow the identifier at each step."""
+    TRIMMED = "trimmed"
+    """An inverse model, and a slow integral of the measured error on top of it."""
