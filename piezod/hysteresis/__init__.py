@@ -6,6 +6,7 @@ weights make of them), and on these `operators`, `model`, `lms`, `least_squares`
 """
 
 from piezod.hysteresis.bank import even_thresholds, new_bank
+from piezod.hysteresis.creep import NO_CREEP, Creep, add_creep, remove_creep
 from piezod.hysteresis.least_squares import identify_least_squares, stop_regressors
 from piezod.hysteresis.lms import Convergence, LMSIdentifier, largest_stable_gain
 from piezod.hysteresis.metrics import (
@@ -22,14 +23,17 @@ from piezod.hysteresis.operators import LSPO, LSSO, RSPO, RSSO
 __all__ = [
     "LSPO",
     "LSSO",
+    "NO_CREEP",
     "RSPO",
     "RSSO",
     "AffineRange",
     "Convergence",
+    "Creep",
     "ExactInverse",
     "InverseMPI",
     "LMSIdentifier",
     "MPIModel",
+    "add_creep",
     "asymmetry",
     "even_thresholds",
     "identify_least_squares",
@@ -37,6 +41,7 @@ __all__ = [
     "loop_width",
     "new_bank",
     "nonlinearity",
+    "remove_creep",
     "stop_regressors",
     "tracking_max",
     "tracking_rms",
