@@ -10,6 +10,7 @@ from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.config.files import ExistingFile
 from piezod.config.model_file import load_model
 from piezod.config.quantities import DriveV, Name, PositionUm
+from piezod.config.trim import TrimConfig
 from piezod.errors import ConfigError
 
 
@@ -79,6 +80,7 @@ class AxisConfig(ConfigModel):
     compensator: CompensatorConfig = Field(
         default=CompensatorConfig(), description="The inverse model."
     )
+    trim: TrimConfig = Field(default=TrimConfig(), description="What mode `trimmed` adds to it.")
     model: ExistingFile | None = Field(
         default=None, description="Model file to start from instead of identifying."
     )

@@ -11,12 +11,21 @@ from pydantic import BaseModel
 from piezod.config.axes import CompensatorConfig, LimitsConfig
 from piezod.config.experiment import ExperimentConfig, Metric
 from piezod.config.modes import Mode
+from piezod.config.trim import TrimConfig
 
 PAGE: Final = (Path(__file__).parents[2] / "docs" / "experiments.md").read_text(encoding="utf-8")
 # Words in code, in a text or in an example: `high`, `{kind: modulated, depth: 0.8}`.
 SPANS: Final = re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", PAGE, flags=re.DOTALL))
 WORDS: Final = set(re.findall(r"[a-z][a-z_-]*", " ".join(SPANS)))
-UNITS: Final = {"_v_per_s": "V/s", "_v": "V", "_pct": "% of range", "_s": "s", "": "–"}
+UNITS: Final = {
+    "_v_per_s": "V/s",
+    "_per_s": "1/s",
+    "_v": "V",
+    "_hz": "Hz",
+    "_pct": "% of range",
+    "_s": "s",
+    "": "–",
+}
 
 
 def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -50,16 +59,30 @@ def test_page_names_every_mode_and_metric() -> None:
     assert {*Mode, *get_args(Metric)} <= WORDS
 
 
-@pytest.mark.parametrize("model", [LimitsConfig, CompensatorConfig])
+@pytest.mark.parametrize("model", [LimitsConfig, CompensatorConfig, TrimConfig])
 def test_page_has_ranges_units_and_defaults(model: type[BaseModel]) -> None:
     """The tables of the numbers of an axis agree with the models."""
     properties = model.model_json_schema()["properties"]
     for name, field in model.model_fields.items():
         (row,) = (line for line in PAGE.splitlines() if line.startswith(f"| `{name}` | "))
-        schema = properties[name]
-        number = next(one for one in schema.get("oneOf", [schema]) if "minimum" in one)
         cells = [cell.strip() for cell in row.strip("|").split("|")]
 
-        assert cells[2] == f"{number['minimum']:.12g} to {number['maximum']:.12g}"
+        assert cells[2] == range_of(properties[name])
         assert cells[1] == next(unit for end, unit in UNITS.items() if name.endswith(end))
-        assert field.is_required() or cells[3] == str(field.default)
+        assert field.is_required() or cells[3] == shown(field.default)
+
+
+def range_of(schema: dict[str, Any]) -> str:
+    """Give what a field may be: the range of its number, or its words."""
+    if "enum" in schema:
+        return ", ".join(f"`{word}`" for word in schema["enum"])
+    choices = schema.get("oneOf", schema.get("anyOf", [schema]))
+    number = next(one for one in choices if "minimum" in one)
+    return f"{number['minimum']:.12g} to {number['maximum']:.12g}"
+
+
+def shown(default: object) -> str:
+    """Give a default as the page has it."""
+    if default is None:
+        return "–"
+    return f"{default:g}" if isinstance(default, float) else str(default)
