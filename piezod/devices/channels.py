@@ -1,9 +1,18 @@
 """The channels of all axes as one sensor and one amplifier, a transaction per device and cycle."""
 
 from collections.abc import Mapping, Sequence
+from math import nan
 from typing import NamedTuple
 
-from piezod.devices.interface import Amplifier, Capabilities, Device, Identity, Sample, Sensor
+from piezod.devices.interface import (
+    Amplifier,
+    Capabilities,
+    Device,
+    Identity,
+    KnowsTruth,
+    Sample,
+    Sensor,
+)
 from piezod.errors import DeviceError
 
 
@@ -25,7 +34,7 @@ def served_axes(device: str, axes: Mapping[str, ChannelPair]) -> tuple[str, ...]
 
 
 class Channels:
-    """Implements `Sensor` and `Amplifier` for all axes, over the devices that serve them.
+    """Implements `Sensor`, `Amplifier` and `KnowsTruth` for all axes, over their devices.
 
     Args:
         devices: Constructed devices by name, each for its `served_axes`.
@@ -41,6 +50,7 @@ class Channels:
         place = {axis: index for index, axis in enumerate(axes)}
         self._sensors: list[tuple[Sensor, list[tuple[int, int]]]] = []
         self._amplifiers: list[tuple[Amplifier, list[int]]] = []
+        self._truths: list[tuple[KnowsTruth, list[tuple[int, int]]]] = []
         for name, device in devices.items():
             served = served_axes(name, axes)
             measured = [(i, place[a]) for i, a in enumerate(served) if axes[a].sensor == name]
@@ -49,11 +59,14 @@ class Channels:
                 if not isinstance(device, Sensor):
                     raise _wrong_role(name, "sensor")
                 self._sensors.append((device, measured))
+                if isinstance(device, KnowsTruth):
+                    self._truths.append((device, measured))
             if driven:
                 if not isinstance(device, Amplifier):
                     raise _wrong_role(name, "amplifier")
                 self._amplifiers.append((device, driven))
         self._zero_um = [0.0] * len(axes)
+        self._true_zero_um = [0.0] * len(axes)
 
     def open(self) -> Identity:
         """Open every device; if one cannot be, those before it are closed again."""
@@ -88,9 +101,16 @@ class Channels:
         for device in self._devices.values():
             device.close()
 
-    def zero(self, zero_um: Sequence[float]) -> None:
-        """Call these displacements zero from now on, in µm as the devices give them, per axis."""
+    def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
+        """Call these displacements zero from now on.
+
+        Args:
+            zero_um: Measured displacement of each axis, in µm as the devices give it.
+            true_zero_um: True displacement of each axis, likewise; without effect where it is not
+                known.
+        """
         self._zero_um = list(zero_um)
+        self._true_zero_um = list(true_zero_um)
 
     def read(self, now_ns: int) -> list[Sample]:
         """Take one sample of each axis, from its zero on; may be called in the loop."""
@@ -101,6 +121,19 @@ class Channels:
                 t_ns, position_um, valid = taken[channel]
                 samples[axis] = Sample(t_ns, position_um - self._zero_um[axis], valid)
         return samples
+
+    def true_position_um(self, now_ns: int) -> list[float]:
+        """Tell the true displacement of each axis, from its zero on; may be called in the loop.
+
+        Returns:
+            Displacements in µm; NaN where the sensor of an axis does not know it.
+        """
+        position_um = [nan] * len(self._axes)
+        for device, measured in self._truths:
+            true_um = device.true_position_um(now_ns)
+            for channel, axis in measured:
+                position_um[axis] = true_um[channel] - self._true_zero_um[axis]
+        return position_um
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Set the voltage of every axis, in V; may be called in the loop.
@@ -115,7 +148,7 @@ class Channels:
 
     def read_back(self, now_ns: int) -> list[float]:
         """Tell the voltage now in force, in V, per axis; may be called in the loop."""
-        drive_v = [float("nan")] * len(self._axes)
+        drive_v = [nan] * len(self._axes)
         for amplifier, driven in self._amplifiers:
             for axis, value in zip(driven, amplifier.read_back(now_ns), strict=True):
                 drive_v[axis] = value

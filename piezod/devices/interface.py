@@ -17,6 +17,8 @@ A device lives through these steps, in this order::
   an invalid sample or a refused write. They raise `DeviceError` only where the caller broke the
   order above, which is a mistake in the program and not a fault of the device.
 - A device is used by one thread at a time.
+
+A simulated device may offer one call more, `KnowsTruth`: a real one cannot know what it measures.
 """
 
 from __future__ import annotations
@@ -145,6 +147,23 @@ class Amplifier(Device, Protocol):
 
         Raises:
             DeviceError: If the device is not open.
+        """
+        ...
+
+
+@runtime_checkable
+class KnowsTruth(Protocol):
+    """A simulated sensor that also knows what it measures, so that its own errors can be told."""
+
+    def true_position_um(self, now_ns: int) -> Sequence[float]:
+        """Tell how far each axis really is from rest, in µm, in the order of `Capabilities.axes`.
+
+        This is the displacement of the mechanics: before the sensor with its noise, calibration,
+        filter and delay. May be called in the loop, after the `read` of the same instant, and
+        disturbs nothing: samples are the same to the bit whether anybody asks or not.
+
+        Raises:
+            DeviceError: If the device is not active.
         """
         ...
 

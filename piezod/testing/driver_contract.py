@@ -13,11 +13,12 @@ to nothing else, so the checks may also be run on a real one.
 
 from typing import TypeAlias, cast
 
-from piezod.devices.interface import Amplifier, Sensor
+from piezod.devices.interface import Amplifier, KnowsTruth, Sensor
 from piezod.testing.amplifier_checks import AMPLIFIER_CHECKS
 from piezod.testing.check_support import Check, DeviceFactory
 from piezod.testing.device_checks import DEVICE_CHECKS
 from piezod.testing.sensor_checks import SENSOR_CHECKS
+from piezod.testing.truth_checks import TRUTH_CHECKS
 
 _Checks: TypeAlias = tuple[Check, ...]
 
@@ -38,4 +39,5 @@ def checks_for(factory: DeviceFactory) -> list[Check]:
     # The checks of a role take a factory of that role, which this factory has just shown to be.
     checks += cast("_Checks", SENSOR_CHECKS) if isinstance(device, Sensor) else ()
     checks += cast("_Checks", AMPLIFIER_CHECKS) if isinstance(device, Amplifier) else ()
+    checks += cast("_Checks", TRUTH_CHECKS) if isinstance(device, KnowsTruth) else ()
     return checks

@@ -1,11 +1,12 @@
 """Tests of the channels that make one sensor and one amplifier of all devices."""
 
 from collections.abc import Sequence
+from math import isnan
 
 import pytest
 
 from piezod.devices.channels import ChannelPair, Channels, served_axes
-from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.devices.interface import Capabilities, Identity, KnowsTruth, Sample
 from piezod.errors import DeviceError, DeviceUnavailableError
 
 
@@ -63,6 +64,13 @@ class FakeBoth(FakeSensor, FakeAmplifier):
     """A sensor and amplifier in one."""
 
 
+class FakeSimulation(FakeBoth):
+    """A sensor and amplifier in one, whose axes are really at 10 µm and 20 µm."""
+
+    def true_position_um(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - protocol
+        return [10.0 * (1 + i) for i in range(len(self.axes))]
+
+
 TWO_AXES = {"x": ChannelPair("fibre", "left"), "y": ChannelPair("fibre", "right")}
 
 
@@ -86,9 +94,30 @@ def test_a_device_serves_the_axes_that_name_it_in_either_role() -> None:
 def test_samples_come_in_the_order_of_the_axes_from_their_zero_on() -> None:
     """Zeroing shifts the displacement of its axis, and not the instant."""
     channels, _ = two_axes()
-    channels.zero([0.25, 0.5])
+    channels.zero([0.25, 0.5], [0.0, 0.0])
 
     assert [Sample(95, 0.75, True), Sample(95, 1.5, True)] == channels.read(100)
+
+
+def test_the_truth_has_a_zero_of_its_own() -> None:
+    """It comes in the order of the axes, and is not shifted by what the sensor calls zero."""
+    axes = {"x": ChannelPair("rig", "rig"), "y": ChannelPair("rig", "rig")}
+    channels = Channels({"rig": FakeSimulation(("x", "y"))}, axes)
+    channels.zero([0.25, 0.5], [1.0, 2.0])
+
+    assert isinstance(channels, KnowsTruth)
+    assert channels.true_position_um(100) == [9.0, 18.0]
+    assert [sample.position_um for sample in channels.read(100)] == [0.75, 1.5]
+
+
+def test_the_truth_of_an_axis_is_nan_where_its_sensor_does_not_know_it() -> None:
+    """An amplifier that would know another stage says nothing of it."""
+    axes = {"x": ChannelPair("fibre", "rig"), "y": ChannelPair("rig", "rig")}
+    devices = {"fibre": FakeSensor(("x",)), "rig": FakeSimulation(("x", "y"))}
+    x_um, y_um = Channels(devices, axes).true_position_um(100)
+
+    assert isnan(x_um)
+    assert y_um == 20.0
 
 
 def test_voltages_go_to_the_amplifier_of_their_axis() -> None:

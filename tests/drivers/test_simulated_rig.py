@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from piezod.devices.interface import Amplifier, Sensor
+from piezod.devices.interface import Amplifier, KnowsTruth, Sensor
 from piezod.errors import DeviceError
 from piezod.plant.effects import EFFECTS
 from piezod_drivers.simulated.driver import PLUGIN, SimulatedRig
@@ -49,12 +49,46 @@ def residual_pct(drawn: Any) -> float:
     return float(100 * np.max(np.abs(measured_um / travel_um - drive_v / 150)))
 
 
-def test_rig_is_sensor_and_amplifier() -> None:
-    """One device plays both roles."""
+def test_rig_is_sensor_and_amplifier_and_knows_the_truth() -> None:
+    """One device plays both roles, and knows what it measures."""
     rig = active()
 
     assert isinstance(rig, Sensor)
     assert isinstance(rig, Amplifier)
+    assert isinstance(rig, KnowsTruth)
+
+
+def truth_and_readings(rig: SimulatedRig, drive_v: Iterable[float]) -> tuple[Any, Any]:
+    """Write a voltage per millisecond; give the true and the measured displacement, in µm."""
+    true_um, measured_um = [], []
+    for k, command_v in enumerate(drive_v):
+        assert rig.write([command_v], T0_NS + k * MS)
+        measured_um.append(rig.read(T0_NS + (k + 1) * MS)[0].position_um)
+        true_um.append(rig.true_position_um(T0_NS + (k + 1) * MS)[0])
+    return np.array(true_um), np.array(measured_um)
+
+
+def test_truth_is_what_a_perfect_sensor_would_measure() -> None:
+    """Counted from rest; without noise, calibration, filter and delay the two agree."""
+    perfect = only("hysteresis", "asymmetry", "creep", "mode")
+    rig = active(effects=perfect, calibration={"kind": "commissioned", "residual_pct": 0.0})
+    true_um, measured_um = truth_and_readings(rig, 70 - 70 * np.cos(np.arange(500) / 40))
+
+    assert np.ptp(true_um) > 20.0
+    assert abs(true_um[0]) < 0.01
+    assert true_um == pytest.approx(measured_um, abs=1e-3)
+
+
+def test_truth_has_none_of_the_sensors_faults() -> None:
+    """The same stage with another sensor's calibration is at the same place, to the bit."""
+    drive_v = 70 - 70 * np.cos(np.arange(500) / 40)
+    calibrated, straight = (
+        truth_and_readings(active(calibration=kind), drive_v)
+        for kind in ({"kind": "commissioned"}, {"kind": "line"})
+    )
+
+    assert np.array_equal(calibrated[0], straight[0])
+    assert np.max(np.abs(calibrated[1] - straight[1])) > 0.1
 
 
 def test_identity_tells_variant_and_seed() -> None:
@@ -233,9 +267,10 @@ def test_order_of_read_and_write_at_one_instant_does_not_matter() -> None:
     [
         lambda rig: rig.read(T0_NS + MS),
         lambda rig: rig.read_back(T0_NS + MS),
+        lambda rig: rig.true_position_um(T0_NS + MS),
         lambda rig: rig.write([1.0], T0_NS + MS),
     ],
-    ids=["read", "read_back", "write"],
+    ids=["read", "read_back", "true_position_um", "write"],
 )
 def test_time_that_goes_back_is_an_error(call: Callable[[SimulatedRig], Any]) -> None:
     """An instant before the last one is a mistake of the caller."""

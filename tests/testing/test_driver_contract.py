@@ -9,7 +9,7 @@ import pytest
 
 from piezod.devices.interface import Capabilities, Device, Identity, Sample
 from piezod.errors import DeviceError
-from piezod.testing import amplifier_checks, device_checks, sensor_checks
+from piezod.testing import amplifier_checks, device_checks, sensor_checks, truth_checks
 from piezod.testing.check_support import Check
 from piezod.testing.driver_contract import checks_for
 
@@ -218,6 +218,48 @@ class HoldsWhenDeactivated(PlainRig):
         self.is_active = False
 
 
+class KnowingRig(PlainRig):
+    """Knows what it measures."""
+
+    def true_position_um(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - as above
+        """Tell both axes."""
+        self.require(self.is_active, "not active")
+        return self.drive_v
+
+
+class AlwaysKnows(KnowingRig):
+    """Tells the truth whether it is active or not."""
+
+    def true_position_um(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - as above
+        """Tell both axes at any time."""
+        return self.drive_v
+
+
+class OneTruthShort(KnowingRig):
+    """Forgets the truth of its last axis."""
+
+    def true_position_um(self, now_ns: int) -> Sequence[float]:
+        """Tell the first axis only."""
+        return super().true_position_um(now_ns)[:-1]
+
+
+class DoesNotKnowAfterAll(KnowingRig):
+    """Says that the truth is no number."""
+
+    def true_position_um(self, now_ns: int) -> Sequence[float]:
+        """Tell NaN."""
+        return [math.nan for _ in super().true_position_um(now_ns)]
+
+
+class DisturbedByQuestions(KnowingRig):
+    """Moves when it is asked where it is."""
+
+    def true_position_um(self, now_ns: int) -> Sequence[float]:
+        """Move by a nanometre."""
+        self.drive_v = [axis_v + 1e-3 for axis_v in super().true_position_um(now_ns)]
+        return self.drive_v
+
+
 BREACHES = [
     (ReadsFileWhenConstructed, device_checks.constructing_does_no_io),
     (Nameless, device_checks.opening_tells_the_identity),
@@ -237,19 +279,30 @@ BREACHES = [
     (WritesGoodHalf, amplifier_checks.a_bad_write_is_refused_as_a_whole),
     (AcceptsNan, amplifier_checks.a_bad_write_is_refused_as_a_whole),
     (HoldsWhenDeactivated, amplifier_checks.deactivating_brings_the_output_to_rest),
+    (AlwaysKnows, truth_checks.truth_needs_an_active_sensor),
+    (OneTruthShort, truth_checks.every_axis_has_one_truth),
+    (DoesNotKnowAfterAll, truth_checks.every_axis_has_one_truth),
+    (DisturbedByQuestions, truth_checks.asking_for_the_truth_changes_nothing),
 ]
 
 
-@pytest.mark.parametrize("check", checks_for(PlainRig), ids=lambda check: check.__name__)
+@pytest.mark.parametrize("check", checks_for(KnowingRig), ids=lambda check: check.__name__)
 def test_device_that_keeps_the_contract_passes(check: Check) -> None:
-    """A plain rig passes every check."""
-    check(PlainRig)
+    """A plain rig that knows the truth passes every check."""
+    check(KnowingRig)
+
+
+def test_what_is_true_is_asked_of_those_only_who_know_it() -> None:
+    """A real device has no truth to tell, and passes without."""
+    without, knowing = checks_for(PlainRig), checks_for(KnowingRig)
+
+    assert [check for check in knowing if check not in without] == list(truth_checks.TRUTH_CHECKS)
 
 
 @pytest.mark.parametrize(("breach", "check"), BREACHES)
 def test_breach_is_found(breach: type[PlainRig], check: Check) -> None:
     """A device that breaks one rule fails the check of that rule."""
-    assert check in checks_for(PlainRig)
+    assert check in checks_for(KnowingRig)
 
     with pytest.raises(AssertionError):
         check(breach)

@@ -47,7 +47,7 @@ class _Channel(NamedTuple):
 
 
 class SimulatedRig:
-    """A rig that exists only in numbers; implements `Sensor` and `Amplifier`.
+    """A rig that exists only in numbers; implements `Sensor`, `Amplifier` and `KnowsTruth`.
 
     Each `open` sets it up anew: every stage at rest at 0 V, its memory known. Its time begins with
     the first call that carries an instant. A voltage is in force when the amplifier's output has
@@ -127,10 +127,24 @@ class SimulatedRig:
         Raises:
             DeviceError: If the rig is not active, or time went back.
         """
-        if not self._active:
-            raise DeviceError("the simulated rig is not active")
+        self._require_active()
         t_ns = self._elapsed_ns(now_ns)
         return [channel.sample(t_ns, now_ns) for channel in self._channels]
+
+    def true_position_um(self, now_ns: int) -> Sequence[float]:
+        """Tell the displacement of each stage now, in µm from rest at 0 V, before its sensor.
+
+        It is that at the end of the physics' sub-step, at most 50 µs from now. May be called in the
+        loop, after the `read` of the same instant.
+
+        Raises:
+            DeviceError: If the rig is not active, or time went back.
+        """
+        self._require_active()
+        t_ns = self._elapsed_ns(now_ns)
+        for channel in self._channels:
+            channel.plant.advance_to(t_ns)
+        return [channel.plant.true_displacement_um for channel in self._channels]
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Command a voltage for each axis, in V; all are taken or none.
@@ -169,6 +183,10 @@ class SimulatedRig:
     def _require_open(self) -> None:
         if not self._channels:
             raise DeviceError("the simulated rig is not open")
+
+    def _require_active(self) -> None:
+        if not self._active:
+            raise DeviceError("the simulated rig is not active")
 
     def _elapsed_ns(self, now_ns: int) -> int:
         if self._origin_ns is None:
