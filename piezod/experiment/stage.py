@@ -20,8 +20,9 @@ ZERO_OVER_S = 0.2
 RAMP_SHARE = 0.5
 """Part of a rest in which the voltage goes to its rest value; the remainder it is held."""
 
-IN_FORCE_V, POSITION_UM, COMMAND_UM, UNCOMPENSATED_V = range(4)
-"""Columns of a trace."""
+COLUMNS = 5
+IN_FORCE_V, POSITION_UM, COMMAND_UM, UNCOMPENSATED_V, TRUE_UM = range(COLUMNS)
+"""Columns of a trace; what is not known of a sample is NaN."""
 
 Progress = Callable[[int], None]
 """Told how many further cycles have run."""
@@ -73,12 +74,13 @@ class Stage:
         self.now_ns = 0
         self.in_force_v = channels.read_back(self.now_ns)
         """Voltage in force on each axis, in V."""
-        self._zero_um = np.zeros(len(self._axes))
+        self._zero_um = [0.0] * len(self._axes)
+        self._true_zero_um = [0.0] * len(self._axes)
 
     def run(
         self, axes: Sequence[Axis], duration_s: float, before: Callable[[int], None] | None = None
     ) -> FloatArray:
-        """Run cycles for a duration; return the trace, shape (axes, cycles, 4).
+        """Run cycles for a duration; return the trace, shape (axes, cycles, COLUMNS).
 
         Args:
             axes: What each axis does, in the order of the configuration.
@@ -90,18 +92,19 @@ class Stage:
         """
         cycles = s_to_ns(duration_s) // self.period_ns
         cycle = Cycle(self._channels, self._channels, axes)
-        trace = np.full((len(axes), cycles, 4), np.nan)
+        trace = np.full((len(axes), cycles, COLUMNS), np.nan)
         for k in range(cycles):
             if before is not None:
                 before(k)
             record = cycle.run(self.now_ns)
             self._note(record, trace[:, k])
+            trace[:, k, TRUE_UM] = self._channels.true_position_um(self.now_ns)
             self.now_ns += self.period_ns
             self._progress(1)
         return trace
 
     def open_loop(self, waveforms_v: Sequence[Waveform], duration_s: float) -> FloatArray:
-        """Drive voltage waveforms, one per axis; return the trace, shape (axes, cycles, 4)."""
+        """Drive voltage waveforms, one per axis; return the trace, as `run` does."""
         axes = [
             OpenLoopAxis(waveform, limits_of(axis), in_force_v, self.now_ns, self.period_ns)
             for waveform, axis, in_force_v in zip(
@@ -118,10 +121,16 @@ class Stage:
         ]
         trace = self.open_loop(ramps, duration_s)
         last = max(1, s_to_ns(ZERO_OVER_S) // self.period_ns)
-        positions_um = trace[:, -last:, POSITION_UM]
-        measured = np.any(np.isfinite(positions_um), axis=1)
-        self._zero_um[measured] += np.nanmean(positions_um[measured], axis=1)
-        self._channels.zero(self._zero_um.tolist())
+        self._zero(trace[:, -last:])
+
+    def _zero(self, trace: FloatArray) -> None:
+        """Call the mean of what was measured zero, and that of the truth over the same samples."""
+        for i, axis in enumerate(trace):
+            measured = axis[np.isfinite(axis[:, POSITION_UM])]
+            if measured.size:
+                self._zero_um[i] += float(np.mean(measured[:, POSITION_UM]))
+                self._true_zero_um[i] += float(np.mean(measured[:, TRUE_UM]))
+        self._channels.zero(self._zero_um, self._true_zero_um)
 
     def _note(self, record: CycleRecord, row: FloatArray) -> None:
         if not record.written:

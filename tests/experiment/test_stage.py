@@ -1,11 +1,13 @@
 """The stage of an experiment: what is checked and known before anything moves."""
 
+import numpy as np
 import pytest
 
 from piezod.config.experiment import ExperimentConfig
 from piezod.devices.channels import Channels
 from piezod.errors import DeviceError
-from piezod.experiment.stage import POSITION_UM, Stage, opened
+from piezod.experiment.stage import POSITION_UM, TRUE_UM, Stage, opened
+from piezod_drivers.simulated.driver import SimulatedRig
 from tests.experiment.conftest import Load
 
 
@@ -50,3 +52,44 @@ def test_a_short_rest_zeroes_the_sensor_too(load: Load, short: str) -> None:
         after = stage.open_loop([lambda _t_s: 0.0], 0.02)
 
     assert after[0, :, POSITION_UM].mean() < -1.0  # zero was taken while the stage was still up
+
+
+def test_the_truth_is_zeroed_over_the_samples_that_zero_the_sensor(load: Load, short: str) -> None:
+    """After a rest both are at zero; the truth has none of the noise, and follows the drive."""
+    with opened(load(short), nothing) as stage:
+        stage.open_loop([lambda _t_s: 75.0], 0.5)
+        stage.rest(1.0)
+        still = stage.open_loop([lambda _t_s: 0.0], 0.2)[0]
+        moved = stage.open_loop([lambda t_s: 75.0 * t_s], 1.0)[0]
+
+    assert abs(still[:, TRUE_UM].mean()) < 0.01
+    assert abs(still[:, POSITION_UM].mean()) < 0.01
+    assert np.std(np.diff(still[:, TRUE_UM])) < 0.1 * np.std(np.diff(still[:, POSITION_UM]))
+    assert moved[-1, TRUE_UM] > 5.0
+    assert moved[:, TRUE_UM] == pytest.approx(moved[:, POSITION_UM], abs=0.2)
+
+
+def test_the_truth_does_not_depend_on_the_sensor(load: Load, short: str) -> None:
+    """A stage driven alike moves alike, whatever its sensor makes of it, up to its zero."""
+    noise = "{variant: stack, effects: {sensor_noise: false}}"
+    traces = []
+    for text in (short, short.replace("{variant: stack}", noise)):
+        with opened(load(text), nothing) as stage:
+            traces.append(stage.open_loop([lambda t_s: 75.0 * t_s], 1.0)[0])
+    noisy, quiet = traces
+
+    assert np.array_equal(noisy[:, TRUE_UM], quiet[:, TRUE_UM])
+    assert not np.array_equal(noisy[:, POSITION_UM], quiet[:, POSITION_UM])
+
+
+def test_where_nobody_knows_the_truth_it_is_nan(
+    load: Load, short: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It stays so after a rest, and the sensor is zeroed all the same."""
+    monkeypatch.delattr(SimulatedRig, "true_position_um")  # as on a real stage
+    with opened(load(short), nothing) as stage:
+        stage.rest(0.5)
+        trace = stage.open_loop([lambda _t_s: 0.0], 0.2)[0]
+
+    assert np.isnan(trace[:, TRUE_UM]).all()
+    assert abs(trace[:, POSITION_UM].mean()) < 0.05
