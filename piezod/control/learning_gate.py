@@ -1,0 +1,110 @@
+"""Whether a sample may teach the identifier: only one that says something true about the stage."""
+
+from enum import StrEnum
+from math import isfinite, nan
+from typing import Final
+
+from piezod.control.noise_level import NoiseLevel
+from piezod.control.sliding_range import SlidingRange
+from piezod.units import NS_PER_S
+
+WINDOW_S: Final = 1.0
+LEAST_SWING: Final = 0.02
+"""Excitation: the drive must swing by this share of its range within the window."""
+LIMITED_CYCLES: Final = 5
+"""After the drive was limited the gate stays closed this long: samples come late, and the stage
+still answers to what was cut off."""
+STUCK_SAMPLES: Final = 20
+STUCK_SWING: Final = 0.01
+"""A sensor is stuck when this many samples are the same to the bit while the drive moves by more
+than this share of its range."""
+
+
+class GateReason(StrEnum):
+    """Whether the identifier learns, and if not, why not: the first that applies."""
+
+    OPEN = "learning"
+    INVALID = "sample invalid"
+    LATE = "sample late"
+    LIMITED = "drive limited"
+    STUCK = "sensor stuck"
+    SPIKE = "spike"
+    QUIET = "no excitation"
+
+
+class LearningGate:
+    """Decides for one axis, cycle by cycle; deterministic, fixed memory.
+
+    Args:
+        period_ns: Period of the loop.
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self._period_ns = period_ns
+        self._drive_swing = SlidingRange(round(WINDOW_S * NS_PER_S / period_ns))
+        self._limited_cycles = 0
+        self._stuck = _StuckSensor()
+        self._noise = NoiseLevel()
+        self.reason = GateReason.QUIET
+        """Verdict on the last sample."""
+        self.counts = dict.fromkeys(GateReason, 0)
+        """Cycles with each verdict."""
+
+    @property
+    def noise_variance(self) -> float:
+        """Variance of the sensor's noise, in squares of the range."""
+        return self._noise.variance
+
+    def admits(
+        self, *, valid: bool, age_ns: int, limited: bool, drive: float, position: float
+    ) -> bool:
+        """Return whether this cycle's sample may teach; call it once in each cycle, in the loop.
+
+        Args:
+            valid: Whether the device calls the sample valid.
+            age_ns: How much older the sample is than the newest that could be expected.
+            limited: Whether range or slew rate cut off part of the drive that is in force.
+            drive: Drive in force, normalised, finite.
+            position: Measured displacement, normalised.
+        """
+        self.reason = self._verdict(valid, age_ns, limited, drive, position)
+        self.counts[self.reason] += 1
+        return self.reason is GateReason.OPEN
+
+    def _verdict(
+        self, valid: bool, age_ns: int, limited: bool, drive: float, position: float
+    ) -> GateReason:
+        # Whatever the verdict, all that is followed over several cycles goes on.
+        quiet = self._drive_swing.add(drive) < LEAST_SWING
+        self._limited_cycles = LIMITED_CYCLES + 1 if limited else max(self._limited_cycles - 1, 0)
+        if not (valid and isfinite(position)):
+            return GateReason.INVALID
+        if age_ns > self._period_ns:
+            return GateReason.LATE
+        stuck = self._stuck.update(position, drive)
+        spike = self._noise.update(position)
+        if self._limited_cycles:
+            return GateReason.LIMITED
+        if stuck:
+            return GateReason.STUCK
+        if spike:
+            return GateReason.SPIKE
+        return GateReason.QUIET if quiet else GateReason.OPEN
+
+
+class _StuckSensor:
+    """Watches for samples that stay the same while the drive moves."""
+
+    def __init__(self) -> None:
+        self._position = nan
+        self._samples = 0
+        self._low = self._high = 0.0
+
+    def update(self, position: float, drive: float) -> bool:
+        """Take a sample and the drive in force; return whether the sensor is stuck."""
+        if position != self._position:
+            self._position, self._samples = position, 0
+            self._low = self._high = drive
+        self._samples += 1
+        self._low, self._high = min(self._low, drive), max(self._high, drive)
+        return self._samples >= STUCK_SAMPLES and self._high - self._low > STUCK_SWING

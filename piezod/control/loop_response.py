@@ -1,0 +1,80 @@
+"""The loop of the trim as it runs, in discrete time, as a frequency response.
+
+An integrator whose output is in force one cycle after the sample it is made from, a zero-order
+hold, the first mode, and a delay of any length between drive and sensor, whose fraction of a period
+splits the held drive in two (the modified z-transform). For a gain of 1/s, with the period T:
+
+    L(z) = T/(z - 1) · z^-n · c (z I - A)^-1 (b_0 + b_1 / z),     delay = n T + rest.
+"""
+
+from math import ceil, floor
+
+import numpy as np
+import numpy.typing as npt
+
+ComplexArray = npt.NDArray[np.complex128]
+FloatArray = npt.NDArray[np.float64]
+
+
+def loop_response(
+    period_s: float, delay_s: float, mode_hz: float | None, mode_damping: float | None
+) -> ComplexArray:
+    """Return L from low frequencies to half the sample rate, shape (n,).
+
+    Args:
+        period_s: Period of the loop, in s.
+        delay_s: Delay from drive to sensor, in s, not negative.
+        mode_hz: Undamped frequency of the first mode, in Hz; None for a stage that follows at once.
+        mode_damping: Its damping ratio, in (0, 1]; None for such a stage.
+    """
+    periods = delay_s / period_s
+    if mode_hz is None or mode_damping is None:
+        whole = ceil(periods - 1e-9)  # a hold shows late what changes between two samples
+        z = np.exp(1j * _angles(whole))
+        return np.asarray(period_s / (z - 1.0) * z**-whole)
+    whole = floor(periods + 1e-9)
+    rest_s = max(delay_s - whole * period_s, 0.0)
+    pole = 2.0 * np.pi * mode_hz * period_s * complex(-mode_damping, (1.0 - mode_damping**2) ** 0.5)
+    z = np.exp(1j * _angles(whole, pole))
+    mode = _held_mode(z, rest_s, period_s, mode_hz, mode_damping)
+    return np.asarray(period_s / (z - 1.0) * z**-whole * mode)
+
+
+def _angles(whole: int, pole: complex | None = None) -> FloatArray:
+    """Return frequencies as angles of z, dense where the response turns fast.
+
+    The delay turns it `whole` times; a pole turns it within its real part, near its imaginary one,
+    which the sampling folds into 0 to π.
+    """
+    parts = [np.geomspace(1e-8, np.pi, 4000), np.linspace(0.001, np.pi, 2000 + 100 * whole)]
+    if pole is not None:
+        folded = abs((pole.imag + np.pi) % (2.0 * np.pi) - np.pi)
+        aside = np.geomspace(-0.01 * pole.real, 4.0, 1000)
+        parts += [folded - aside, np.array([folded]), folded + aside]
+    angles = np.unique(np.concatenate(parts))
+    return angles[(angles > 0.0) & (angles <= np.pi)]
+
+
+def _held_mode(
+    z: ComplexArray, rest_s: float, period_s: float, mode_hz: float, mode_damping: float
+) -> ComplexArray:
+    """Return the mode behind a hold and a delay of less than a period, as seen at the samples."""
+    still = np.array([1.0, 0.0])  # where a drive of 1 leads: what is left to go decays freely
+    whole, late = (_free(t_s, mode_hz, mode_damping) for t_s in (period_s, period_s - rest_s))
+    new = still - late @ still
+    old = late @ still - whole @ still
+    entry = new + old / z[:, np.newaxis]
+    # The first row of (z I - A)^-1, for a matrix of two rows.
+    determinant = (z - whole[0, 0]) * (z - whole[1, 1]) - whole[0, 1] * whole[1, 0]
+    first = np.stack([z - whole[1, 1], np.full_like(z, whole[0, 1])], axis=1)
+    return np.asarray(np.sum(first * entry, axis=1) / determinant)
+
+
+def _free(t_s: float, mode_hz: float, mode_damping: float) -> FloatArray:
+    """Return what a time makes of displacement and speed (per radian) of a mode left alone."""
+    angle = 2.0 * np.pi * mode_hz * t_s
+    turned = angle * (1.0 - mode_damping**2) ** 0.5
+    sine = angle * np.sinc(turned / np.pi)
+    system = np.array([[mode_damping, 1.0], [-1.0, -mode_damping]])
+    decay = np.exp(-mode_damping * angle)
+    return np.asarray(decay * (np.cos(turned) * np.eye(2) + sine * system))

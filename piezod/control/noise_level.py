@@ -1,0 +1,49 @@
+"""The noise of a displacement while it moves, and the spikes in it, from its second difference.
+
+The second difference x_k - 2 x_{k-1} + x_{k-2} hardly sees a stage that moves slowly against the
+loop, and of white noise it has six times the variance. Its mean square is followed by a slow
+average that cuts each square at a few times the present level: a spike cannot raise the level by
+much, while noise that stays larger raises it within a few of the average's time constants.
+"""
+
+from math import nan
+from typing import Final
+
+SPIKE_SIGMAS: Final = 6.0
+"""A second difference beyond this is a spike; noise alone gives one in 5e8 samples."""
+AVERAGED_CYCLES: Final = 200
+"""Time constant of the level. After noise has become ten times larger it takes about two of these
+until the gate opens again."""
+START_VARIANCE: Final = 1e-6
+"""What the noise is taken for at first: a thousandth of the range."""
+LEAST_VARIANCE: Final = 1e-8
+"""The level stays above this, a ten-thousandth of the range, so that a sensor without noise does
+not make a spike of every motion."""
+
+_PER_VARIANCE = 1.0 + 4.0 + 1.0  # squares of the second difference's coefficients
+_CUT = 4.0  # squares count up to this many times the level, two sigmas
+_CUT_MEAN = 0.9205  # what is left of the mean square of normal noise, so cut: E min(g², 4)
+
+
+class NoiseLevel:
+    """Follows the noise of one sensor, in squares of the unit of its displacement's range."""
+
+    def __init__(self) -> None:
+        self.variance = START_VARIANCE
+        """Variance of the displacement's noise; a robust, slow average."""
+        self._before, self._last = nan, nan
+
+    def update(self, position: float) -> bool:
+        """Take a displacement, in units of the range; return whether it is part of a spike.
+
+        A single spike is seen in three samples: the one that has it and two after it. May be called
+        in the loop.
+        """
+        square = (position - 2.0 * self._last + self._before) ** 2 / _PER_VARIANCE
+        self._before, self._last = self._last, position
+        if square != square:  # noqa: PLR0124 - not a number before there are three samples
+            return False
+        level = self.variance
+        cut = min(square, _CUT * level) / _CUT_MEAN
+        self.variance = max(level + (cut - level) / AVERAGED_CYCLES, LEAST_VARIANCE)
+        return square > SPIKE_SIGMAS**2 * level
