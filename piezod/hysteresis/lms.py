@@ -1,4 +1,4 @@
-"""The paper's identification: least mean squares on the stops of the measured displacement.
+"""Least mean squares on the stops of the measured displacement: the paper's identification.
 
 The paper calls it recursive least squares; eq 29 is LMS. It needs no model to start from and
 follows a stage that changes, but a constant gain forgets: what it leaves fits the last loops seen.
@@ -7,46 +7,61 @@ follows a stage that changes, but a constant gain forgets: what it leaves fits t
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from piezod.errors import ModelError
-from piezod.hysteresis.bank import (
-    GAINS,
-    advance_plays,
-    checked_deadband,
-    checked_series,
-    new_bank_memory,
-    weighted_sum,
-)
-from piezod.hysteresis.memory import (
-    DEFAULT_CAPACITY,
-    MERGED,
-    SEEN,
-    FloatArray,
-    IntArray,
-    Memory,
-    relax,
+from piezod.hysteresis.bank import GAINS
+from piezod.hysteresis.memory import DEFAULT_CAPACITY, FloatArray, IntArray, Memory
+from piezod.hysteresis.online import (
+    OFFSET,
+    REMAINDER,
+    Learner,
+    OnlineIdentifier,
+    is_finite,
+    keep_weights_invertible,
+    observe,
+    prediction,
+    taught,
 )
 from piezod.jit import compiled
 
 
 @compiled
+def _power(memory: Memory, bank: FloatArray, position: float) -> float:
+    """Return ‖E - x‖²."""
+    power = 0.0
+    for j in range(memory.now.size):
+        power += (bank[GAINS, j] * (position - memory.now[j])) ** 2
+    return power
+
+
+@compiled
 def _adapt(
     memory: Memory,
-    bank: FloatArray,
-    weights: FloatArray,
+    learner: Learner,
     gain: float,
+    floor: float,
     deadband: float,
     position: float,
     drive: float,
+    learn: bool,
 ) -> float:
-    """Update the weights with one pair: a ← a + 2γ e (E - x) (eq 29); return e (eq 30)."""
-    position = advance_plays(memory, bank, deadband, position)
-    error = drive - weighted_sum(memory.now, bank, weights, position)
-    if error - error == 0.0:  # a drive that is not finite would spoil the weights for good
-        scale = 2.0 * gain * error
+    """Update the weights with one pair: a ← a + 2γ e (E - x) (eq 29); return e (eq 30).
+
+    With a floor above 0 it is normalised: a ← a + μ e (E - x) / (floor + ‖E - x‖²).
+    """
+    if not is_finite(position):
+        return np.nan
+    bank, weights, shift = learner.bank, learner.weights, learner.shift
+    seen = observe(memory, learner, deadband, position)
+    if floor == 0.0:  # in the paper, what lies outside the range does not count
+        shift[REMAINDER] = shift[OFFSET]
+    error = drive - prediction(memory, learner, weights, shift[OFFSET])
+    if learn and is_finite(error):
+        rate = 2.0 * gain if floor == 0.0 else gain / (floor + _power(memory, bank, seen))
+        scale = rate * taught(error)
         for j in range(weights.size):
-            weights[j] += scale * (bank[GAINS, j] * (position - memory.now[j]))
+            weights[j] += scale * (bank[GAINS, j] * (seen - memory.now[j]))
+        keep_weights_invertible(learner)
     return error
 
 
@@ -59,13 +74,19 @@ def _step(
     counts: IntArray,
     bank: FloatArray,
     weights: FloatArray,
+    shift: FloatArray,
+    slopes: FloatArray,
+    cells: FloatArray,
     gain: float,
+    floor: float,
     deadband: float,
     position: float,
     drive: float,
+    learn: bool,
 ) -> float:
     memory = Memory(levels, values, now, last, counts)
-    return _adapt(memory, bank, weights, gain, deadband, position, drive)
+    learner = Learner(bank, weights, shift, slopes, cells)
+    return _adapt(memory, learner, gain, floor, deadband, position, drive, learn)
 
 
 @compiled
@@ -77,15 +98,21 @@ def _run(
     counts: IntArray,
     bank: FloatArray,
     weights: FloatArray,
+    shift: FloatArray,
+    slopes: FloatArray,
+    cells: FloatArray,
     gain: float,
+    floor: float,
     deadband: float,
     positions: FloatArray,
     drives: FloatArray,
     errors: FloatArray,
 ) -> None:
     memory = Memory(levels, values, now, last, counts)
+    learner = Learner(bank, weights, shift, slopes, cells)
     for k in range(errors.size):
-        errors[k] = _adapt(memory, bank, weights, gain, deadband, positions[k], drives[k])
+        position, drive = positions[k], drives[k]
+        errors[k] = _adapt(memory, learner, gain, floor, deadband, position, drive, True)
 
 
 def largest_stable_gain(bank: FloatArray) -> float:
@@ -102,8 +129,25 @@ def largest_stable_gain(bank: FloatArray) -> float:
     return 1.0 / float(np.max(np.sum(below**2, axis=1) + np.sum(above**2, axis=1)))
 
 
-class LMSIdentifier:
-    """Adapts the weights of an inverse model, pair by pair.
+class GradientIdentifier(OnlineIdentifier):
+    """Moves the weights along the regressor of each pair; a floor above 0 makes it normalised."""
+
+    def __init__(
+        self, bank: FloatArray, gain: float, floor: float, deadband: float, capacity: int
+    ) -> None:
+        super().__init__(bank, np.zeros(bank.shape[1]), deadband, capacity)
+        self._arguments = (*self._memory, *self._learner, gain, floor, self._deadband)
+
+    def step(self, position: float, drive: float, learn: bool = True) -> float:
+        """Adapt to one pair, as in `OnlineIdentifier`; may be called in the loop."""
+        return _step(*self._arguments, float(position), float(drive), learn)
+
+    def _run(self, positions: FloatArray, drives: FloatArray, errors: FloatArray) -> None:
+        _run(*self._arguments, positions, drives, errors)
+
+
+class LMSIdentifier(GradientIdentifier):
+    """The paper's identifier (eqs 29, 30): weights from zero on, no offset, a constant gain.
 
     Args:
         bank: Thresholds and gains of the stops, from `new_bank`.
@@ -123,51 +167,13 @@ class LMSIdentifier:
         deadband: float = 0.0,
         capacity: int = DEFAULT_CAPACITY,
     ) -> None:
-        self.weights: FloatArray = np.zeros(bank.shape[1])
-        """Weights [a^l, a^r], shape (2 M,); changes in place with each step."""
         if not 0.0 <= gain < largest_stable_gain(bank):
             message = (
                 f"an LMS gain of {gain:g} is out of range: with {bank.shape[1] // 2} operators on "
                 f"each side it must be from 0 to below {largest_stable_gain(bank):.3g}"
             )
             raise ModelError(message)
-        self._memory = new_bank_memory(bank, capacity)
-        self._arguments = (*self._memory, bank, self.weights, gain, checked_deadband(deadband))
-
-    def step(self, position: float, drive: float) -> float:
-        """Adapt to one pair, both normalised; return the error e_k; may be called in the loop.
-
-        The pair must be contemporaneous: `drive` is what was in force when `position` was taken.
-        """
-        return _step(*self._arguments, float(position), float(drive))
-
-    def run(self, positions: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:
-        """Adapt to a record of pairs, shape (n,) each; return the errors, shape (n,).
-
-        Raises:
-            ModelError: If the shapes differ.
-        """
-        x, v = checked_series(positions), checked_series(drives)
-        if x.shape != v.shape:
-            message = f"need as many drives as positions, got shapes {v.shape} and {x.shape}"
-            raise ModelError(message)
-        errors = np.empty_like(x)
-        _run(*self._arguments, x, v, errors)
-        return errors
-
-    def reset(self) -> None:
-        """Forget the past displacement, not the weights."""
-        relax(self._memory)
-
-    @property
-    def position(self) -> float:
-        """Displacement that the operators see, behind the dead-band; may be called in the loop."""
-        return self._memory.last[SEEN]
-
-    @property
-    def merged_pairs(self) -> int:
-        """Number of pairs of extrema that a full memory had to give up."""
-        return int(self._memory.counts[MERGED])
+        super().__init__(bank, gain, 0.0, deadband, capacity)
 
 
 @dataclass

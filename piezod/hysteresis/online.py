@@ -1,0 +1,220 @@
+"""What all identifiers that learn pair by pair have in common.
+
+A pair is a displacement and the drive that was in force when it was taken. The operators see the
+displacement less an offset, by which stages drift, and the weights predict the drive from them.
+"""
+
+from abc import ABC, abstractmethod
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from piezod.errors import ModelError
+from piezod.hysteresis.bank import (
+    advance_plays,
+    checked_deadband,
+    checked_series,
+    new_bank_memory,
+    weighted_sum,
+)
+from piezod.hysteresis.memory import (
+    MERGED,
+    RAW,
+    SEEN,
+    FloatArray,
+    IntArray,
+    Memory,
+    relax,
+)
+from piezod.hysteresis.slopes import cells, fill_slopes, fill_weights, keep_invertible, projected
+from piezod.jit import compiled
+
+OFFSET, REMAINDER = 0, 1
+"""Places of a shift: the offset, and by how much the displacement differs from what is seen."""
+
+
+class Learner(NamedTuple):
+    """What is learned, and room to work on it; nothing is allocated later.
+
+    Attributes:
+        bank: (2, 2 M) thresholds and gains of the stops.
+        weights: (2 M,) weights [a^l, a^r].
+        shift: (2,) offset and remainder of the displacement.
+        slopes: (2, M + 1) room for the slopes that the weights make.
+        cells: (2, M + 1) widths of the cells.
+    """
+
+    bank: FloatArray
+    weights: FloatArray
+    shift: FloatArray
+    slopes: FloatArray
+    cells: FloatArray
+
+
+def new_learner(bank: FloatArray) -> Learner:
+    """Return a learner that knows nothing: weights and offset are 0."""
+    widths = cells(bank)
+    return Learner(bank, np.zeros(bank.shape[1]), np.zeros(2), np.zeros_like(widths), widths)
+
+
+@compiled
+def is_finite(value: float) -> bool:
+    """Return whether a value is a number, and not an infinite one."""
+    return value - value == 0.0
+
+
+@compiled
+def observe(memory: Memory, learner: Learner, deadband: float, position: float) -> float:
+    """Advance all plays by a finite displacement; return the one they see, within [0, 1]."""
+    shift = learner.shift
+    seen = advance_plays(memory, learner.bank, deadband, position - shift[OFFSET])
+    shift[REMAINDER] = position - seen
+    return seen
+
+
+@compiled
+def prediction(memory: Memory, learner: Learner, weights: FloatArray, offset: float) -> float:
+    """Return the drive that weights and an offset predict for the last displacement.
+
+    What the operators did not see of it, or would have seen with this offset, counts with the slope
+    one: so does what lies outside the range.
+    """
+    within = weighted_sum(memory.now, learner.bank, weights, memory.last[RAW])
+    return within + (learner.shift[REMAINDER] - offset)
+
+
+@compiled
+def keep_weights_invertible(learner: Learner) -> None:
+    """Project the weights where no inverse belongs to them; else they stay, to the bit."""
+    fill_slopes(learner.bank, learner.weights, learner.slopes)
+    if keep_invertible(learner.slopes, learner.cells):
+        fill_weights(learner.bank, learner.slopes, learner.weights)
+
+
+@compiled
+def taught(error: float) -> float:
+    """Return the error to learn from: at most the whole range, whatever a pair claims."""
+    return min(max(error, -1.0), 1.0)
+
+
+@compiled
+def _predict(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
+    bank: FloatArray,
+    own: FloatArray,
+    shift: FloatArray,
+    slopes: FloatArray,
+    widths: FloatArray,
+    weights: FloatArray,
+    offset: float,
+) -> float:
+    memory = Memory(levels, values, now, last, counts)
+    return prediction(memory, Learner(bank, own, shift, slopes, widths), weights, offset)
+
+
+class OnlineIdentifier(ABC):
+    """Weights that follow a stage, on a memory of their own.
+
+    Args:
+        bank: Thresholds and gains of the stops, from `new_bank`.
+        weights: (2 M,) weights [a^l, a^r] to start from.
+        deadband: Width of the backlash before the memory, in units of the range; above the noise.
+        capacity: Extrema remembered on each side.
+
+    Raises:
+        ModelError: If the weights are not 2 M finite numbers, or another argument is out of range.
+    """
+
+    def __init__(
+        self, bank: FloatArray, weights: npt.ArrayLike, deadband: float, capacity: int
+    ) -> None:
+        self._learner = new_learner(bank)
+        self._memory = new_bank_memory(bank, capacity)
+        self._deadband = checked_deadband(deadband)
+        OnlineIdentifier.adopt(self, weights)
+
+    @abstractmethod
+    def step(self, position: float, drive: float, learn: bool = True) -> float:
+        """Adapt to one pair, both normalised; return the error; may be called in the loop.
+
+        Args:
+            position: Displacement; where it is not finite, the memory holds.
+            drive: What was in force when `position` was taken.
+            learn: Whether to learn from the pair; the memory goes on in any case.
+
+        Returns:
+            Drive less its prediction by what was known before; not finite where the pair is not,
+            and nothing is learned from it then.
+        """
+
+    @abstractmethod
+    def _run(self, positions: FloatArray, drives: FloatArray, errors: FloatArray) -> None:
+        """Adapt to pairs, shape (n,) each; write the errors."""
+
+    def run(self, positions: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:
+        """Adapt to a record of pairs, shape (n,) each; return the errors, shape (n,).
+
+        Raises:
+            ModelError: If the shapes differ.
+        """
+        x, v = checked_series(positions), checked_series(drives)
+        if x.shape != v.shape:
+            message = f"need as many drives as positions, got shapes {v.shape} and {x.shape}"
+            raise ModelError(message)
+        errors = np.empty_like(x)
+        self._run(x, v, errors)
+        return errors
+
+    def predict(self, weights: FloatArray, offset: float) -> float:
+        """Return the drive that others predict for the last displacement; for use in the loop.
+
+        Args:
+            weights: (2 M,) weights [a^l, a^r].
+            offset: Offset of the displacement.
+        """
+        return _predict(*self._memory, *self._learner, weights, float(offset))
+
+    def adopt(self, weights: npt.ArrayLike, offset: float = 0.0) -> None:
+        """Take over weights and an offset, and with them forget how well they were known.
+
+        Weights that no inverse belongs to are projected onto the nearest that have one.
+
+        Raises:
+            ModelError: If they are not 2 M finite weights and a finite offset.
+        """
+        array = np.asarray(weights, dtype=np.float64)
+        if array.shape != self.weights.shape or not np.all(np.isfinite(array + offset)):
+            message = f"need {self.weights.size} finite weights and a finite offset, got {array}"
+            raise ModelError(message)
+        self.weights[:] = projected(self._learner.bank, array)
+        self._learner.shift[OFFSET] = offset
+
+    def reset(self) -> None:
+        """Forget the past displacement, not what was learned."""
+        relax(self._memory)
+        self._learner.shift[REMAINDER] = self.offset
+
+    @property
+    def weights(self) -> FloatArray:
+        """Weights [a^l, a^r], shape (2 M,); always the same array, which changes in place."""
+        return self._learner.weights
+
+    @property
+    def offset(self) -> float:
+        """Offset of the displacement, in units of the range; may be read in the loop."""
+        return float(self._learner.shift[OFFSET])
+
+    @property
+    def position(self) -> float:
+        """Displacement that the operators see, behind the dead-band; may be read in the loop."""
+        return float(self._memory.last[SEEN])
+
+    @property
+    def merged_pairs(self) -> int:
+        """Number of pairs of extrema that a full memory had to give up."""
+        return int(self._memory.counts[MERGED])
