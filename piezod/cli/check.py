@@ -24,8 +24,7 @@ def check(
     """Validate an experiment or a model file.
 
     Says what it is, or prints every problem on stderr, `file:line:column: path: what is wrong`, and
-    exits with 78. With --json the document on stdout lists the problems too. What to beware of in a
-    file that can be used, such as an inverse that is not monotone, is a warning.
+    exits with 78. With --json the document on stdout lists the problems too.
     """
     from piezod.cli.output import new_console, print_json
     from piezod.experiment.check_file import check_file
@@ -39,13 +38,9 @@ def check(
                 "kind": checked.kind,
                 "ok": not problems,
                 "problems": [problem._asdict() for problem in problems],
-                "warnings": checked.warnings,
             }
         )
     if checked.error:
         raise checked.error
     if not json:
-        console = new_console()
-        console.print(f"{file}: ok, {checked.contents}", soft_wrap=True)
-        for warning in checked.warnings:
-            console.print(f"! {warning}", style="yellow")
+        new_console().print(f"{file}: ok, {checked.contents}", soft_wrap=True)

@@ -28,7 +28,7 @@ def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> dict[
         "data": str(fitted.data),
         "samples": fitted.record.t_s.size,
         "rate_hz": 1.0 / fitted.record.period_s,
-        "method": fit.method,
+        "method": fit.settings.method,
         "order": fit.model.weights.size // 2,
         "delay_s": fit.model.delay_s,
         "delay_estimate": _delay_document(fit.delay) if fit.delay else None,
@@ -71,7 +71,7 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     )
     _print_delay(console, fit.model.delay_s, fit.delay)
     console.print(
-        f"Model by {fit.method}, {_count(fit.model.weights.size // 2, 'operator')} on each side. "
+        f"Model by {fit.settings.method}, {_count(fit.model.weights.size // 2, 'operator')} on each side. "
         "How well it predicts the drive voltage, in % of its range:"
     )
     console.print(_errors(fitted))

@@ -25,7 +25,12 @@ DelayS: TypeAlias = Annotated[
 ]
 
 # What a model file decides: key of the compensator, and what it is.
-_OF_THE_MODEL: Final = {"operators": "operators", "delay_s": "delay"}
+_OF_THE_MODEL: Final = {
+    "operators": "operators",
+    "thresholds": "thresholds",
+    "creep": "creep",
+    "delay_s": "delay",
+}
 
 
 class LimitsConfig(ConfigModel):
@@ -56,8 +61,19 @@ class CompensatorConfig(ConfigModel):
     operators: Annotated[int, Quantity(1, 200)] = Field(
         default=19, description="Stop operators on each side."
     )
+    thresholds: Literal["even", "graded", "placed"] = Field(
+        default="even",
+        description="Where their thresholds are: evenly, denser at both ends, or as the data asks.",
+    )
+    creep: bool = Field(
+        default=False, description="Whether creep is identified and compensated too."
+    )
+    identifier: Literal["lms", "nlms", "rls"] = Field(
+        default="lms",
+        description="What adapts the model: the paper's LMS, normalised LMS, or least squares.",
+    )
     lms_gain: Annotated[float, Quantity(0, 1)] = Field(
-        default=0.1, description="Gain of the LMS identifier, γ of the paper."
+        default=0.1, description="Gain of an LMS identifier: γ of the paper, μ if normalised."
     )
     deadband_pct: Annotated[float, Quantity(0, 5, "%")] = Field(
         default=0.1,
@@ -65,6 +81,9 @@ class CompensatorConfig(ConfigModel):
     )
     delay_s: DelayS = Field(
         default="auto", description="Delay from drive to sensor, s; auto: from the recorded data."
+    )
+    sensor_delay_s: Annotated[float, Quantity(0, 0.1, "s")] = Field(
+        default=0.0, description="Part of that delay which lies in the sensor and its filter, s."
     )
 
 

@@ -27,7 +27,14 @@ from piezod.config.yaml_loader import load_yaml
 
 # A file has a mode's name; strict validation would ask for the enumeration's member itself.
 ModeName: TypeAlias = Annotated[Mode, Field(strict=False)]
-Metric: TypeAlias = Literal["tracking_max_pct", "tracking_rms_pct", "nonlinearity_pct"]
+Metric: TypeAlias = Literal[
+    "tracking_max_pct",
+    "tracking_rms_pct",
+    "nonlinearity_pct",
+    "true_tracking_max_pct",
+    "true_nonlinearity_pct",
+    "noise_rms_pct",
+]
 Method: TypeAlias = Literal["lms", "least-squares"]
 
 
@@ -36,6 +43,10 @@ class IdentificationConfig(ConfigModel):
 
     method: Method = Field(description="Fit of the recorded run.")
     settle_s: PauseS = Field(description="Rest before the run, s.")
+    run_in_s: PauseS = Field(
+        default=0.0,
+        description="First part of the run, in which the stage settles and which does not count, s.",
+    )
     duration_s: DurationS = Field(description="Length of the run, s.")
     drive_v: WaveformConfig = Field(description="Open-loop drive of all these axes, V.")
 

@@ -23,6 +23,14 @@ Thresholds: TypeAlias = Annotated[tuple[Threshold, ...], Field(min_length=1, max
 Weights: TypeAlias = Annotated[tuple[Weight, ...], Field(min_length=1, max_length=1000)]
 
 
+TimeConstants: TypeAlias = Annotated[
+    tuple[Annotated[float, Quantity(1e-4, 1e6, "s")], ...], Field(max_length=50)
+]
+CreepWeights: TypeAlias = Annotated[
+    tuple[Annotated[float, Quantity(0, 0.1)], ...], Field(max_length=50)
+]
+
+
 class SourceConfig(ConfigModel):
     """The data that a model was fitted to."""
 
@@ -56,6 +64,12 @@ class ModelFile(ConfigModel):
     delay_s: Annotated[float, Quantity(0, 1, "s")] = Field(
         description="Delay from drive to sensor in the data, s."
     )
+    creep_time_constants_s: TimeConstants = Field(
+        default=(), description="Of the lags that creep is made of, s; none: no creep."
+    )
+    creep_weights: CreepWeights = Field(
+        default=(), description="What each adds to the displacement, as a share of it."
+    )
     right_stop_thresholds: Thresholds = Field(description="Increasing, between 0 and 1.")
     right_stop_weights: Weights = Field(description="One for each right threshold.")
     left_stop_thresholds: Thresholds = Field(description="Increasing, between 0 and 1.")
@@ -71,6 +85,12 @@ class ModelFile(ConfigModel):
         yield from _broken_order(
             "position_high_um", self.position_high_um, "position_low_um", self.position_low_um
         )
+        if len(self.creep_weights) != len(self.creep_time_constants_s):
+            what = (
+                "one for each time constant is needed "
+                f"(got {len(self.creep_weights)} for {len(self.creep_time_constants_s)})"
+            )
+            yield ("creep_weights",), what
         yield from _broken_side("right", self.right_stop_thresholds, self.right_stop_weights)
         yield from _broken_side("left", self.left_stop_thresholds, self.left_stop_weights)
 

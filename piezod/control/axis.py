@@ -3,10 +3,12 @@
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
+from piezod.config.modes import Mode
 from piezod.control.compensator import Compensator
 from piezod.control.drive_history import DriveHistory
 from piezod.control.identifier import Identifier
 from piezod.control.limits import Limits
+from piezod.control.trim import Trim
 from piezod.devices.interface import Sample
 from piezod.hysteresis.normalisation import AffineRange
 from piezod.units import NS_PER_S
@@ -73,10 +75,10 @@ class OpenLoopAxis:
 
 
 class CompensatedAxis:
-    """Follows a displacement: reference → normalise → compensate within the limits.
+    """Follows a displacement: reference → normalise → trim → compensate within the limits.
 
     What is written in a cycle answers in the next one, after the delay: the reference is read that
-    much ahead.
+    much ahead. Of the delay, the sensor's part is not waited for: the stage itself is there earlier.
 
     Args:
         reference_um: Displacement over time since the start, in µm.
@@ -89,7 +91,9 @@ class CompensatedAxis:
         in_force_v: Voltage in force at the start.
         start_ns: Instant at which the reference starts.
         period_ns: Period of the loop.
-        delay_ns: How long the displacement lags behind the voltage.
+        delay_ns: How long the displacement that is measured lags behind the voltage.
+        sensor_delay_ns: Part of it that lies in the sensor: a sample shows the stage so long ago.
+        trim: Integral of the measured error, for mode `trimmed`.
     """
 
     def __init__(
@@ -106,6 +110,8 @@ class CompensatedAxis:
         start_ns: int,
         period_ns: int,
         delay_ns: int,
+        sensor_delay_ns: int,
+        trim: Trim,
     ) -> None:
         self._reference_um = reference_um
         self._drive_v, self._position_um = drive_v, position_um
@@ -114,7 +120,19 @@ class CompensatedAxis:
         self._in_force_v = in_force_v
         self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
         self._awaits_write = False
-        self._ahead_s = (period_ns + delay_ns) / NS_PER_S
+        self._ahead_s = (period_ns + delay_ns - sensor_delay_ns) / NS_PER_S
+        self._sensor_delay_ns = sensor_delay_ns
+        self._trim = trim
+        self.switch(compensator.mode)
+
+    def switch(self, mode: Mode) -> None:
+        """Change the mode; the drive goes over without a jump; may be called in the loop."""
+        if mode is not self.compensator.mode:
+            self.compensator.switch(mode)
+        if mode is Mode.TRIMMED:
+            self._trim.enable()
+        else:
+            self._trim.disable()
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
         """Identify from the sample, compensate the reference; may be called in the loop."""
@@ -122,11 +140,13 @@ class CompensatedAxis:
             self.compensator.refused()
         self._awaits_write = True
         self._history.append(t_ns, self._in_force_v)
-        self.identifier.learn(sample)
+        beyond = self.compensator.beyond
+        self.identifier.learn(t_ns, sample, limited=beyond != 0.0)
         if self.identifier.converged:
             self.compensator.adopt_first(self.identifier.weights)
         t_s = (t_ns - self._start_ns) / NS_PER_S
         command_um = self._reference_um(t_s)
+        trim = self._trim.step(self._lacks(sample), sample.valid, (beyond > 0.0) - (beyond < 0.0))
         ahead = self._position_um.to_unit(self._reference_um(t_s + self._ahead_s))
         window = self._limits.window(self._in_force_v, self._period_s)
         drive = self.compensator.step(
@@ -134,6 +154,8 @@ class CompensatedAxis:
             self._drive_v.to_unit(window.low_v),
             self._drive_v.to_unit(window.high_v),
             self.identifier.weights,
+            self.identifier.offset,
+            trim,
         )
         drive_v = window.admit(self._drive_v.from_unit(drive), self._in_force_v)
         uncompensated_v = self._drive_v.from_unit(self._position_um.to_unit(command_um))
@@ -143,3 +165,9 @@ class CompensatedAxis:
         """Learn what is in force from now on; may be called in the loop."""
         self._in_force_v = drive_v
         self._awaits_write = False
+
+    def _lacks(self, sample: Sample) -> float:
+        """Return what a sample lacks to the command of the instant it shows, in units of range."""
+        shown_s = (sample.t_ns - self._sensor_delay_ns - self._start_ns) / NS_PER_S
+        error_um = self._reference_um(shown_s) - sample.position_um
+        return error_um / self._position_um.width

@@ -1,8 +1,12 @@
-"""Adaptation in the loop: pairs samples with voltages, normalises both, runs the paper's LMS."""
+"""Adaptation in the loop: pairs samples with voltages, normalises both, takes the creep out."""
 
+from piezod.control.compensator import AT_REST, Slow
 from piezod.control.drive_history import DriveHistory
+from piezod.control.learning_gate import LearningGate
 from piezod.devices.interface import Sample
-from piezod.hysteresis.lms import Convergence, LMSIdentifier
+from piezod.hysteresis.adaptation import Shadowed
+from piezod.hysteresis.creep import advance_creep
+from piezod.hysteresis.lms import Convergence
 from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.normalisation import AffineRange
 
@@ -11,48 +15,74 @@ class Identifier:
     """Follows one axis; its weights are what the compensator adopts or follows.
 
     Args:
-        lms: The algorithm, with the weights to start from.
+        adaptation: The algorithm, with the weights to start from.
         drive_v: Range of the drive that is [0, 1] for the model, in V.
         position_um: Range of the displacement that is [0, 1] for the model, in µm.
         history: Voltages in force, kept by the axis.
         delay_ns: How long the displacement lags behind the voltage.
         convergence: When the weights count as converged.
+        gate: Which samples may teach.
+        slow: Creep of the stage.
     """
 
     def __init__(
         self,
-        lms: LMSIdentifier,
+        adaptation: Shadowed,
         drive_v: AffineRange,
         position_um: AffineRange,
         history: DriveHistory,
         delay_ns: int,
         convergence: Convergence,
+        gate: LearningGate,
+        slow: Slow = AT_REST,
     ) -> None:
-        self._lms = lms
+        self.adaptation, self.gate = adaptation, gate
         self._drive_v, self._position_um = drive_v, position_um
         self._history, self._delay_ns = history, delay_ns
         self._convergence = convergence
+        self._creep, self._zeroed = slow.creep, slow.zeroed
+        self._lags, self._quick = slow.lags.copy(), 0.0
         self.converged = False
         """Whether the weights have converged, over a window and up to the last sample."""
 
     @property
     def weights(self) -> FloatArray:
         """Weights [a^l, a^r], shape (2 M,); they change in place."""
-        return self._lms.weights
+        return self.adaptation.weights
+
+    @property
+    def offset(self) -> float:
+        """Drift of the displacement, in units of the range; 0 where it is not identified."""
+        return self.adaptation.offset
 
     @property
     def merged_pairs(self) -> int:
         """Number of pairs of extrema that a full memory had to give up."""
-        return self._lms.merged_pairs
+        return self.adaptation.merged_pairs
 
-    def learn(self, sample: Sample) -> None:
-        """Adapt to one sample; an invalid one teaches nothing; may be called in the loop."""
+    def learn(self, t_ns: int, sample: Sample, *, limited: bool) -> None:
+        """Take the sample of this cycle; adapt if it can teach; may be called in the loop.
+
+        Args:
+            t_ns: Instant of the cycle.
+            sample: What was measured.
+            limited: Whether range or slew rate cut off part of the drive that is in force.
+        """
+        lags, gains, weights = self._lags, self._creep.gains, self._creep.weights
+        crept = advance_creep(lags, gains, weights, self._quick) - self._zeroed
+        position = self._position_um.to_unit(sample.position_um)
+        drive = self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
+        may_teach = self.gate.admits(
+            valid=sample.valid,
+            age_ns=t_ns - sample.t_ns,
+            limited=limited,
+            drive=drive,
+            position=position,
+        )
         if not sample.valid:
             return
-        drive_v = self._history.at(sample.t_ns - self._delay_ns)
-        before = self._lms.position
-        error = self._lms.step(
-            self._position_um.to_unit(sample.position_um), self._drive_v.to_unit(drive_v)
-        )
-        if self._lms.position != before:  # at rest any weights predict the next error
+        self._quick = position - crept
+        before = self.adaptation.position
+        error = self.adaptation.step(self._quick, drive, may_teach)
+        if may_teach and self.adaptation.position != before:  # at rest any weights predict well
             self.converged = self._convergence.update(error)

@@ -2,15 +2,14 @@
 
 import numpy as np
 
-from piezod.experiment.fit import Fit, StageModel
+from piezod.experiment.fit import Fit
+from piezod.experiment.stage_model import StageModel
 from piezod.experiment.record import Record
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
 
 
-def account_of(
-    fit: Fit, record: Record, *, axis: str, title: str, deadband: float = 0.0
-) -> Identification:
+def account_of(fit: Fit, record: Record, *, axis: str, title: str) -> Identification:
     """Return the record as it is, beside what the model predicts from it.
 
     A displacement answers to the voltage a delay before it, so that what is predicted from it is
@@ -21,19 +20,17 @@ def account_of(
         record: What it was fitted to.
         axis: Name of the axis.
         title: What the record is, for people.
-        deadband: Width of the backlash before the memory, in units of the range.
     """
-    predicted_v = fit.model.predicted_v(record, deadband)
-    at_drive_v = np.interp(record.t_s + fit.model.delay_s, record.t_s, predicted_v)
+    at_drive_v = np.interp(record.t_s + fit.model.delay_s, record.t_s, fit.predicted_v(record))
     return Identification(
         axis=axis,
         title=title,
-        method=fit.method.value,
+        method=fit.settings.method.value,
         t_s=record.t_s,
         drive_v=record.drive_v,
         position_um=record.position_um,
         predicted_v=at_drive_v,
-        fit_errors=fit.model.errors_pct(record, deadband),
+        fit_errors=fit.errors_pct(record),
         parameters=parameters_of(fit.model),
     )
 
@@ -49,5 +46,7 @@ def parameters_of(model: StageModel) -> dict[str, FloatArray]:
         "drive_range_v": np.array(model.drive_v),
         "position_range_um": np.array(model.position_um),
         "delay_s": np.array(model.delay_s),
+        "creep_time_constants_s": model.creep.time_constants_s,
+        "creep_weights": model.creep.weights,
         "smallest_slope": np.array(inverse.smallest_slope),
     }

@@ -9,9 +9,7 @@ from piezod.config.model_file import ModelFile
 from piezod.config.yaml_loader import load_yaml
 from piezod.devices import registry
 from piezod.errors import ConfigError, Problem
-from piezod.experiment.fit import StageModel
 from piezod.experiment.model_io import read_model
-from piezod.experiment.warnings import inverse_warnings
 
 
 class Kind(StrEnum):
@@ -28,13 +26,11 @@ class Checked(NamedTuple):
         kind: What it is, None where its content does not tell.
         contents: What is in it, for people; empty where something is wrong.
         error: All that is wrong, None for a file that can be used.
-        warnings: What a person should know before using the file, a sentence each.
     """
 
     kind: Kind | None
     contents: str
     error: ConfigError | None
-    warnings: tuple[str, ...] = ()
 
 
 def check_file(path: Path) -> Checked:
@@ -43,12 +39,12 @@ def check_file(path: Path) -> Checked:
     try:
         kind = _kind(path)
         if kind is Kind.MODEL:
-            contents, warnings = _describe_model(path)
+            contents = _describe_model(path)
         else:
-            contents, warnings = _describe_experiment(load_experiment(path, registry))
+            contents = _describe_experiment(load_experiment(path, registry))
     except ConfigError as error:
         return Checked(kind, "", error)
-    return Checked(kind, contents, None, tuple(warnings))
+    return Checked(kind, contents, None)
 
 
 def _kind(path: Path) -> Kind:
@@ -64,26 +60,19 @@ def _kind(path: Path) -> Kind:
     return Kind.EXPERIMENT if of_experiment > of_model else Kind.MODEL
 
 
-def _describe_experiment(config: ExperimentConfig) -> tuple[str, list[str]]:
+def _describe_experiment(config: ExperimentConfig) -> str:
     cases, modes = _count(len(config.cases), "case"), _count(len(config.modes), "mode")
-    warnings = [
-        f"Axis {name}, model {axis.model.name}: {warning}"
-        for name, axis in config.axes.items()
-        if axis.model is not None
-        for warning in _model_warnings(read_model(axis.model)[0])
-    ]
+    for axis in config.axes.values():
+        if axis.model is not None:
+            read_model(axis.model)
     axes = _count(len(config.axes), "axis", "axes")
-    return f"an experiment: {cases} in {modes} on {axes}", warnings
+    return f"an experiment: {cases} in {modes} on {axes}"
 
 
-def _describe_model(path: Path) -> tuple[str, list[str]]:
-    model, file = read_model(path)
+def _describe_model(path: Path) -> str:
+    _, file = read_model(path)
     operators = _count(len(file.right_stop_thresholds), "operator")
-    return f"a model: {operators} on each side, by {file.method}", _model_warnings(model)
-
-
-def _model_warnings(model: StageModel) -> list[str]:
-    return list(inverse_warnings(model.inverse().smallest_slope))
+    return f"a model: {operators} on each side, by {file.method}"
 
 
 def _count(number: int, one: str, many: str = "") -> str:

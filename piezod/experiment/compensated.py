@@ -3,13 +3,17 @@
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import Mode
 from piezod.control.axis import CompensatedAxis, Waveform
-from piezod.control.compensator import Compensator
+from piezod.control.compensator import Compensator, Slow
 from piezod.control.drive_history import DriveHistory
 from piezod.control.identifier import Identifier
+from piezod.control.learning_gate import LearningGate
 from piezod.control.limits import Limits
-from piezod.experiment.fit import StageModel
-from piezod.hysteresis import Convergence, LMSIdentifier
-from piezod.units import s_to_ns
+from piezod.control.stability import refuse_unstable
+from piezod.control.trim import Trim
+from piezod.experiment.stage_model import StageModel
+from piezod.hysteresis import Convergence, LMSIdentifier, NLMSIdentifier, RLSIdentifier
+from piezod.hysteresis.adaptation import AdaptiveIdentifier, Shadowed
+from piezod.units import NS_PER_S, s_to_ns
 
 FADE_S = 0.1
 """A switch of mode or of parameters is spread over this time."""
@@ -17,7 +21,8 @@ CONVERGED_WITHIN = 0.005
 """The identifier has converged when successive errors differ by less than this part of the range"""
 CONVERGED_FOR_S = 1.0
 """and have done so for this long."""
-
+JUDGED_EVERY_S = 1.0
+"""What was learned is compared with what was known before after so long of learning."""
 
 SPARE_ENTRIES = 4
 """Cycles that the drive history keeps beyond the delay: both ends, and late samples."""
@@ -29,9 +34,27 @@ def limits_of(config: AxisConfig) -> Limits:
     return Limits(limits.drive_min_v, limits.drive_max_v, limits.slew_v_per_s)
 
 
+def check_axis(config: AxisConfig, model: StageModel, period_ns: int) -> None:
+    """Refuse what could not be stable, before anything moves.
+
+    Raises:
+        ModelError: If the gain of the identifier or of the trim is too large.
+    """
+    _adaptation(config, model)
+    trim = config.trim
+    refuse_unstable(
+        trim.gain_per_s,
+        period_ns / NS_PER_S,
+        model.delay_s,
+        trim.first_mode_hz,
+        trim.first_mode_damping,
+    )
+
+
 def compensated_axis(
     config: AxisConfig,
     model: StageModel,
+    slow: Slow,
     mode: Mode,
     reference_um: Waveform,
     in_force_v: float,
@@ -43,27 +66,32 @@ def compensated_axis(
     Args:
         config: Limits and compensator of the axis.
         model: Its inverse model; the identifier starts from the same weights.
+        slow: How far it has crept.
         mode: How the drive is made from the command.
         reference_um: Displacement over time since the start, in µm.
         in_force_v: Voltage in force, in V.
         start_ns: Instant at which the reference starts.
         period_ns: Period of the loop.
     """
-    settings = config.compensator
     delay_ns = s_to_ns(model.delay_s)
     history = DriveHistory(in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
-    lms = LMSIdentifier(model.bank, gain=settings.lms_gain, deadband=settings.deadband_pct / 100.0)
-    lms.weights[:] = model.weights
     identifier = Identifier(
-        lms,
+        Shadowed(_adaptation(config, model), window=_cycles(JUDGED_EVERY_S, period_ns)),
         model.drive_v,
         model.position_um,
         history,
         delay_ns,
         Convergence(CONVERGED_WITHIN, window=_cycles(CONVERGED_FOR_S, period_ns)),
+        LearningGate(period_ns),
+        slow,
     )
     compensator = Compensator(
-        model.bank, model.weights, mode=mode, fade_cycles=_cycles(FADE_S, period_ns)
+        model.bank,
+        model.weights,
+        mode=mode,
+        fade_cycles=_cycles(FADE_S, period_ns),
+        slow=slow,
+        trimmed_follows=config.trim.base == "adaptive",
     )
     return CompensatedAxis(
         reference_um=reference_um,
@@ -77,6 +105,29 @@ def compensated_axis(
         start_ns=start_ns,
         period_ns=period_ns,
         delay_ns=delay_ns,
+        sensor_delay_ns=s_to_ns(config.compensator.sensor_delay_s),
+        trim=_trim(config, period_ns),
+    )
+
+
+def _adaptation(config: AxisConfig, model: StageModel) -> AdaptiveIdentifier:
+    settings = config.compensator
+    deadband = settings.deadband_pct / 100.0
+    if settings.identifier == "rls":
+        return RLSIdentifier(model.bank, model.weights, deadband=deadband)
+    kind = LMSIdentifier if settings.identifier == "lms" else NLMSIdentifier
+    identifier = kind(model.bank, gain=settings.lms_gain, deadband=deadband)
+    identifier.adopt(model.weights)
+    return identifier
+
+
+def _trim(config: AxisConfig, period_ns: int) -> Trim:
+    trim = config.trim
+    return Trim(
+        trim.gain_per_s,
+        period_ns / NS_PER_S,
+        trim.authority_pct / 100.0,
+        _cycles(FADE_S, period_ns),
     )
 
 

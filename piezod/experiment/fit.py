@@ -1,100 +1,64 @@
 """From a record of drive and displacement to an inverse model of the stage, with its delay."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.errors import DataError
+from piezod.experiment.creep_law import NO_CREEP, logarithmic
 from piezod.experiment.delay import DelayEstimate, estimate_delay
-from piezod.experiment.method import Method
+from piezod.experiment.least_squares_fit import Linearised, Series, Slow, fit_least_squares
+from piezod.experiment.method import Method, Spacing
 from piezod.experiment.record import Record
+from piezod.experiment.smoothing import longest_window, smoothed_record
+from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis import (
     AffineRange,
-    InverseMPI,
     LMSIdentifier,
     even_thresholds,
-    identify_least_squares,
+    graded_thresholds,
     largest_stable_gain,
     new_bank,
+    placed_thresholds,
     stop_regressors,
 )
 from piezod.hysteresis.memory import FloatArray
 
-REST_BEYOND = 0.01
-"""The rest voltage may leave a model's voltages by this part of them."""
 PAPER_GAIN = 0.1
 """γ of the paper."""
 LMS_PASSES = 3
 """The paper: the procedure "can be repeated for several times until satisfactory"."""
+FINE_ORDER = 40
+"""Operators of the fit that tells where thresholds are needed."""
 
 
-@dataclass(frozen=True)
-class StageModel:
-    """An identified inverse model with the ranges and the delay that it holds for.
+@dataclass(frozen=True, kw_only=True)
+class FitSettings:
+    """How a model is fitted.
 
     Attributes:
-        bank: (2, 2 M) thresholds and gains of the stops.
-        weights: (2 M,) weights [a^l, a^r].
-        drive_v: Range of the drive that is [0, 1], in V.
-        position_um: Range of the displacement that is [0, 1], in µm.
-        delay_s: How long the displacement lags behind the voltage, in s.
+        method: How to find the weights.
+        order: Operators on each side, M.
+        spacing: Where their thresholds are.
+        creep: Whether creep is fitted too; by least squares only.
+        lms_gain: γ, for LMS; None for the paper's, or a stable one where that is not.
+        deadband: Width of the backlash before the memory, in units of the range, for LMS; least
+            squares sees a smoothed displacement and needs none.
+        delay_s: The delay in s; estimated from the record if None.
+        run_in_s: The first seconds of the record, which do not count: the stage settles in them.
+        from_rest: Whether the stage had rested where the record begins.
     """
 
-    bank: FloatArray
-    weights: FloatArray
-    drive_v: AffineRange
-    position_um: AffineRange
-    delay_s: float
-
-    def inverse(self) -> InverseMPI:
-        """Return the inverse model itself, relaxed."""
-        left, right = np.split(self.bank[0], 2)
-        left_weights, right_weights = np.split(self.weights, 2)
-        return InverseMPI(right, left, right_weights, left_weights)
-
-    def zeroed_at(self, rest_v: float) -> "StageModel":
-        """Return the model with its displacement counted from that at rest.
-
-        A stage is zeroed at rest before it is driven; recorded data may count from elsewhere.
-
-        Args:
-            rest_v: Voltage at rest, in V.
-
-        Raises:
-            DataError: If that is outside the voltages that the model holds for.
-        """
-        rest = self.drive_v.to_unit(rest_v)
-        if not -REST_BEYOND <= rest <= 1.0 + REST_BEYOND:
-            raise DataError(
-                f"the model holds from {self.drive_v.low:g} to {self.drive_v.high:g} V, which "
-                f"leaves out the rest voltage, {rest_v:g} V; identify from rest on"
-            )
-        x = np.linspace(0.0, 1.0, 2001)
-        z = np.maximum.accumulate(self.inverse().run(x))
-        rest_um = self.position_um.from_unit(float(np.interp(rest, z, x)))
-        low, high = self.position_um
-        return replace(self, position_um=AffineRange(low - rest_um, high - rest_um))
-
-    def predicted_v(self, record: Record, deadband: float = 0.0) -> FloatArray:
-        """Return the voltage that the model needs for a recorded displacement, in V, shape (n,).
-
-        Args:
-            record: What was measured; the memory starts relaxed at its first sample.
-            deadband: Width of the backlash before the memory, in units of the range.
-        """
-        x = _unit_positions(self.position_um, record)
-        return self.drive_v.from_unit(x + stop_regressors(self.bank, x, deadband) @ self.weights)
-
-    def errors_pct(self, record: Record, deadband: float = 0.0) -> dict[str, float]:
-        """Return worst and rms error of the predicted voltage, in % of the voltage's range."""
-        aligned = record.aligned(self.delay_s)
-        error_v = self.predicted_v(aligned, deadband) - aligned.drive_v
-        error_pct = 100.0 * error_v / self.drive_v.width
-        return {
-            "voltage_error_max_pct": float(np.max(np.abs(error_pct))),
-            "voltage_error_rms_pct": float(np.sqrt(np.mean(error_pct**2))),
-        }
+    method: Method = Method.LEAST_SQUARES
+    order: int = 19
+    spacing: Spacing = Spacing.EVEN
+    creep: bool = False
+    lms_gain: float | None = None
+    deadband: float = 0.0
+    delay_s: float | None = None
+    run_in_s: float = 0.0
+    from_rest: bool = True
 
 
 @dataclass(frozen=True)
@@ -103,31 +67,46 @@ class Fit:
 
     Attributes:
         model: The model.
-        method: How its weights were found.
+        settings: How it was asked for.
         delay: The estimate of the delay, None where the delay was given.
         smallest_slope: The smallest slope of the inverse anywhere; it is monotone if positive.
+        smoothing: Samples under each parabola that took the noise out of the displacement.
+        linearised: The problem around the solution; None for LMS.
     """
 
     model: StageModel
-    method: Method
+    settings: FitSettings
     delay: DelayEstimate | None
     smallest_slope: float
+    smoothing: int
+    linearised: Linearised | None
+
+    def predicted_v(self, record: Record) -> FloatArray:
+        """Return the voltage predicted from a record that is seen as by the fit, shape (n,)."""
+        return self.model.predicted_v(
+            smoothed_record(record, self.smoothing),
+            self.settings.deadband if self.settings.method is Method.LMS else 0.0,
+            from_rest=self.settings.from_rest,
+        )
+
+    def errors_pct(self, record: Record) -> dict[str, float]:
+        """Return worst and rms error of the predicted voltage, in % of the voltage's range.
+
+        Args:
+            record: The record of the fit, or one like it; its run-in does not count.
+        """
+        answers_v = record.drive_delayed_by(self.model.delay_s)
+        start_s = max(self.model.delay_s, self.settings.run_in_s)
+        counted = record.t_s - record.t_s[0] >= start_s
+        error_v = (self.predicted_v(record) - answers_v)[counted]
+        error_pct = 100.0 * error_v / self.model.drive_v.width
+        return {
+            "voltage_error_max_pct": float(np.max(np.abs(error_pct))),
+            "voltage_error_rms_pct": float(np.sqrt(np.mean(error_pct**2))),
+        }
 
 
-def _unit_positions(position_um: AffineRange, record: Record) -> FloatArray:
-    """Return recorded displacements normalised and clamped to [0, 1], shape (n,)."""
-    return np.clip(position_um.to_unit(record.position_um), 0.0, 1.0)
-
-
-def fit_model(
-    record: Record,
-    *,
-    method: Method,
-    order: int = 19,
-    lms_gain: float | None = None,
-    deadband: float = 0.0,
-    delay_s: float | None = None,
-) -> Fit:
+def fit_model(record: Record, settings: FitSettings) -> Fit:
     """Fit an inverse model to a record.
 
     The ranges of the record become [0, 1] (eqs 27 and 28), so that what is driven later must lie
@@ -135,36 +114,94 @@ def fit_model(
 
     Args:
         record: Drive and displacement.
-        method: How to find the weights.
-        order: Operators on each side, M.
-        lms_gain: γ, for LMS; None for the paper's, or a stable one where that is not.
-        deadband: Width of the backlash before the memory, in units of the range.
-        delay_s: The delay in s; estimated from the record if None.
+        settings: How.
 
     Raises:
         DataError: If the record is too short, constant, or does not grow with the drive.
         ModelError: If the gain of LMS is not stable for so many operators.
     """
-    _check(record, 2 * order)
-    bank = new_bank(even_thresholds(order), even_thresholds(order))
-    drive_v = AffineRange.checked(float(record.drive_v.min()), float(record.drive_v.max()))
-    position_um = AffineRange.checked(
-        float(record.position_um.min()), float(record.position_um.max())
-    )
-    estimate = None
-    if delay_s is None:
-        x = _unit_positions(position_um, record)
-        estimate = estimate_delay(record, stop_regressors(bank, x, deadband), x, drive_v)
-        delay_s = estimate.delay_s
-    aligned = record.aligned(delay_s)
-    _check(aligned, 2 * order)
-    x, v = _unit_positions(position_um, aligned), drive_v.to_unit(aligned.drive_v)
-    if method is Method.LMS:
-        weights = _lms_weights(bank, x, v, lms_gain, deadband)
+    _check(record, 2 * settings.order)
+    smoothing = 1 if settings.method is Method.LMS else longest_window(record.drive_v)
+    ranged = _Ranged(smoothed_record(record, smoothing), settings)
+    bank = ranged.bank()
+    estimate, delay_s = ranged.delay(bank, Slow())
+    series = ranged.series(delay_s)
+    if settings.method is Method.LMS:
+        weights, slow, linearised = _lms_weights(bank, series, settings), Slow(), None
     else:
-        weights = identify_least_squares(bank, x, v, deadband=deadband)
-    model = StageModel(bank, weights, drive_v, position_um, delay_s)
-    return Fit(model, method, estimate, model.inverse().smallest_slope)
+        weights, slow, linearised = fit_least_squares(bank, series, creep=settings.creep)
+        if settings.creep:  # which had looked like a longer delay
+            estimate, delay_s = ranged.delay(bank, slow)
+            series = ranged.series(delay_s)
+            weights, slow, linearised = fit_least_squares(bank, series, creep=True)
+    model = StageModel(
+        bank,
+        weights,
+        ranged.drive_v,
+        ranged.position_um_of(slow),
+        delay_s,
+        logarithmic(slow.creep) if slow.creep else NO_CREEP,
+    )
+    slope = model.inverse().smallest_slope
+    return Fit(model, settings, estimate, slope, smoothing, linearised)
+
+
+class _Ranged:
+    """A record with its ranges, and what a fit asks of both.
+
+    Args:
+        record: Drive and displacement.
+        settings: How to fit.
+    """
+
+    def __init__(self, record: Record, settings: FitSettings) -> None:
+        self._record, self._settings = record, settings
+        self.drive_v = _range_of(record.drive_v)
+        self._position_um = _range_of(record.position_um)
+
+    def series(self, delay_s: float) -> Series:
+        """Return the record normalised, each displacement beside its voltage."""
+        aligned = self._record.aligned(delay_s)
+        _check(aligned, 2 * self._settings.order)
+        return Series(
+            positions=self._position_um.to_unit(aligned.position_um),
+            drives=self.drive_v.to_unit(aligned.drive_v),
+            period_s=aligned.period_s,
+            from_rest=self._settings.from_rest,
+            counted=aligned.t_s - self._record.t_s[0] >= self._settings.run_in_s,
+        )
+
+    def delay(self, bank: FloatArray, slow: Slow) -> tuple[DelayEstimate | None, float]:
+        """Return the delay, estimated where it was not given, by a stage that is slow like this."""
+        if self._settings.delay_s is not None:
+            return None, self._settings.delay_s
+        y = np.clip(self.series(0.0).quick(slow), 0.0, 1.0)
+        estimate = estimate_delay(self._record, stop_regressors(bank, y), y, self.drive_v)
+        return estimate, estimate.delay_s
+
+    def bank(self) -> FloatArray:
+        """Return the stops, with their thresholds where the settings want them."""
+        order, spacing = self._settings.order, self._settings.spacing
+        if spacing is Spacing.EVEN:
+            thresholds = even_thresholds(order)
+            return new_bank(thresholds, thresholds)
+        if spacing is Spacing.GRADED:
+            thresholds = graded_thresholds(order)
+            return new_bank(thresholds, thresholds)
+        fine = new_bank(graded_thresholds(FINE_ORDER), graded_thresholds(FINE_ORDER))
+        _, delay_s = self.delay(fine, Slow())
+        weights = fit_least_squares(fine, self.series(delay_s), creep=self._settings.creep).weights
+        return placed_thresholds(fine, weights, order)
+
+    def position_um_of(self, slow: Slow) -> AffineRange:
+        """Return the range that is [0, 1] for y, the displacement that does not creep."""
+        width_um = self._position_um.width / (1.0 + slow.stretch)
+        low_um = self._position_um.low + slow.offset * width_um
+        return AffineRange.checked(low_um, low_um + width_um)
+
+
+def _range_of(values: FloatArray) -> AffineRange:
+    return AffineRange.checked(float(values.min()), float(values.max()))
 
 
 def _check(record: Record, n_weights: int) -> None:
@@ -189,13 +226,12 @@ def _check(record: Record, n_weights: int) -> None:
         )
 
 
-def _lms_weights(
-    bank: FloatArray, x: FloatArray, v: FloatArray, gain: float | None, deadband: float
-) -> FloatArray:
+def _lms_weights(bank: FloatArray, series: Series, settings: FitSettings) -> FloatArray:
+    gain = settings.lms_gain
     if gain is None:
         gain = min(PAPER_GAIN, 0.9 * largest_stable_gain(bank))
-    identifier = LMSIdentifier(bank, gain=gain, deadband=deadband)
+    identifier = LMSIdentifier(bank, gain=gain, deadband=settings.deadband)
     for _ in range(LMS_PASSES):
         identifier.reset()
-        identifier.run(x, v)
+        identifier.run(np.clip(series.positions, 0.0, 1.0), series.drives)
     return identifier.weights

@@ -13,12 +13,14 @@ from piezod.control.axis import Waveform
 from piezod.control.waveforms import build_waveform
 from piezod.errors import DataError, ModelError
 from piezod.experiment.account import account_of, parameters_of
-from piezod.experiment.fit import StageModel, fit_model
-from piezod.experiment.method import Method
+from piezod.experiment.creeping import Creeping
+from piezod.experiment.fit import FitSettings, fit_model
+from piezod.experiment.method import Method, Spacing
 from piezod.experiment.model_io import read_model
 from piezod.experiment.record import Record
 from piezod.experiment.stage import IN_FORCE_V, POSITION_UM, Stage
-from piezod.experiment.warnings import fit_warnings, inverse_warnings
+from piezod.experiment.stage_model import StageModel
+from piezod.experiment.warnings import fit_warnings
 from piezod.hysteresis import LMSIdentifier, even_thresholds, new_bank
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
@@ -27,9 +29,10 @@ from piezod.units import NS_PER_S
 
 @dataclass(frozen=True)
 class IdentifiedAxis:
-    """A model, the account of how it was made, and what a person should know before using it."""
+    """A model, how far the axis has crept, the account of the model, and what to know of it."""
 
     model: StageModel
+    creeping: Creeping
     account: Identification
     warnings: tuple[str, ...]
 
@@ -49,7 +52,7 @@ def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, Identi
             thresholds = even_thresholds(axis.compensator.operators)
             _check_gain(name, axis, new_bank(thresholds, thresholds))
         else:
-            from_file[name] = _from_file(name, axis, axis.model)
+            from_file[name] = _from_file(name, axis, axis.model, stage.period_ns)
     settings = config.identification
     if settings is None:
         return from_file
@@ -96,22 +99,29 @@ def _from_record(
     name: str, axis: AxisConfig, record: Record, settings: IdentificationConfig
 ) -> IdentifiedAxis:
     compensator = axis.compensator
-    deadband = compensator.deadband_pct / 100.0
     with _naming(name):
         fit = fit_model(
             record,
-            method=Method(settings.method),
-            order=compensator.operators,
-            lms_gain=compensator.lms_gain,
-            deadband=deadband,
-            delay_s=None if compensator.delay_s == "auto" else compensator.delay_s,
+            FitSettings(
+                method=Method(settings.method),
+                order=compensator.operators,
+                spacing=Spacing(compensator.thresholds),
+                creep=compensator.creep,
+                lms_gain=compensator.lms_gain,
+                deadband=compensator.deadband_pct / 100.0,
+                delay_s=None if compensator.delay_s == "auto" else compensator.delay_s,
+                run_in_s=settings.run_in_s,
+            ),
         )
+        model = fit.model.zeroed_at(axis.limits.rest_v)
     title = "recorded run of the identification"
-    account = account_of(fit, record, axis=name, title=title, deadband=deadband)
-    return IdentifiedAxis(fit.model, account, _of(name, fit_warnings(fit, record.period_s)))
+    account = account_of(fit, record, axis=name, title=title)
+    creeping = Creeping(model, record.period_s)
+    creeping.watch(record.position_um)
+    return IdentifiedAxis(model, creeping, account, _of(name, fit_warnings(fit, record.period_s)))
 
 
-def _from_file(name: str, axis: AxisConfig, path: Path) -> IdentifiedAxis:
+def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> IdentifiedAxis:
     in_file, file = read_model(path)
     with _naming(name):
         model = in_file.zeroed_at(axis.limits.rest_v)
@@ -128,8 +138,7 @@ def _from_file(name: str, axis: AxisConfig, path: Path) -> IdentifiedAxis:
         fit_errors=file.fit.model_dump(),
         parameters=parameters_of(model),
     )
-    smallest_slope = model.inverse().smallest_slope
-    return IdentifiedAxis(model, account, _of(name, inverse_warnings(smallest_slope)))
+    return IdentifiedAxis(model, Creeping(model, period_ns / NS_PER_S), account, ())
 
 
 def _check_gain(name: str, axis: AxisConfig, bank: FloatArray) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from piezod.errors import DataError
-from piezod.experiment.fit import Fit, fit_model
+from piezod.experiment.fit import Fit, FitSettings, fit_model
 from piezod.experiment.method import Method
 from piezod.experiment.record import Record
 from piezod.experiment.warnings import fit_warnings
@@ -69,7 +69,10 @@ def identify_file(
     record = read_record(data, skip_s)
     test_record = read_record(test, skip_s) if test else None
     try:
-        fit = fit_model(record, method=method, order=order, delay_s=delay_s)
+        fit = fit_model(
+            record,
+            FitSettings(method=method, order=order, delay_s=delay_s, from_rest=skip_s == 0.0),
+        )
     except DataError as error:
         raise DataError(f"{data}: {error}") from error
     return FileFit(
@@ -77,8 +80,8 @@ def identify_file(
         test_data=test,
         record=record,
         fit=fit,
-        train=fit.model.errors_pct(record),
-        test=fit.model.errors_pct(test_record) if test_record else None,
+        train=fit.errors_pct(record),
+        test=fit.errors_pct(test_record) if test_record else None,
         warnings=tuple(_warnings(fit, record, test_record)),
     )
 

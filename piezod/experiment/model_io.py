@@ -11,8 +11,11 @@ from pydantic import ValidationError
 import piezod
 from piezod.config.model_file import FitConfig, ModelFile, SourceConfig, load_model
 from piezod.errors import ConfigError, ModelError, Problem
-from piezod.experiment.fit import Fit, StageModel
+from piezod.experiment.creep_law import CreepLaw
+from piezod.experiment.fit import Fit
+from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis import AffineRange, new_bank
+from piezod.hysteresis.slopes import smallest_slope_of
 from piezod.hysteresis.memory import FloatArray
 
 
@@ -24,7 +27,7 @@ def to_model_file(
     Args:
         fit: The model, and how its weights were found.
         source: The data file that it was fitted to; read again for its hash.
-        errors_pct: Errors on that data, from `StageModel.errors_pct`.
+        errors_pct: Errors on that data, from `Fit.errors_pct`.
         created_at: When the model was made, with a time zone.
 
     Raises:
@@ -38,7 +41,7 @@ def to_model_file(
         return ModelFile(
             created_at=created_at.isoformat(timespec="seconds"),
             created_by=f"piezod {piezod.__version__}",
-            method=fit.method.value,
+            method=fit.settings.method.value,
             source=SourceConfig(file=source.name, sha256=_sha256(source)),
             fit=FitConfig(**errors_pct),
             drive_low_v=model.drive_v.low,
@@ -46,6 +49,8 @@ def to_model_file(
             position_low_um=model.position_um.low,
             position_high_um=model.position_um.high,
             delay_s=model.delay_s,
+            creep_time_constants_s=tuple(model.creep.time_constants_s.tolist()),
+            creep_weights=tuple(model.creep.weights.tolist()),
             right_stop_thresholds=right_thresholds,
             right_stop_weights=right_weights,
             left_stop_thresholds=left_thresholds,
@@ -61,15 +66,25 @@ def from_model_file(file: ModelFile) -> StageModel:
     """Return the model that a file holds, equal to the last bit to the one written.
 
     Raises:
-        ModelError: If the file has more thresholds on one side than on the other.
+        ModelError: If the file has more thresholds on one side than on the other, or the model is
+            not monotone, so that no stage is like it.
     """
     bank = new_bank(file.left_stop_thresholds, file.right_stop_thresholds)
+    weights = np.array([*file.left_stop_weights, *file.right_stop_weights])
+    slope = smallest_slope_of(bank, weights)
+    if slope <= 0.0:
+        message = (
+            f"the model is not monotone: its smallest slope is {slope:.3g}, allowed is above 0; "
+            "the drive would at times go against the command; identify again"
+        )
+        raise ModelError(message)
     return StageModel(
         bank=bank,
-        weights=np.array([*file.left_stop_weights, *file.right_stop_weights]),
+        weights=weights,
         drive_v=AffineRange.checked(file.drive_low_v, file.drive_high_v),
         position_um=AffineRange.checked(file.position_low_um, file.position_high_um),
         delay_s=file.delay_s,
+        creep=CreepLaw(np.array(file.creep_time_constants_s), np.array(file.creep_weights)),
     )
 
 

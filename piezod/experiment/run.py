@@ -37,12 +37,11 @@ def run_experiment(
     with opened(config, meter.advance) as stage:
         meter.label = "identification"
         identified = identify_axes(stage, config)
-        models = {name: axis.model for name, axis in identified.items()}
         runs: list[Run] = []
         for case in config.cases:
             for mode in config.modes:
                 meter.label = f"{case.name}, {mode.value}"
-                runs += run_case(stage, config, models, case, mode)
+                runs += run_case(stage, config, identified, case, mode)
     return ExperimentResult(
         title=title,
         recordings=tuple(run.recording for run in runs),

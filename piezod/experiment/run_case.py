@@ -1,7 +1,6 @@
 """One case of an experiment in one mode: from rest through the whole command."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -13,11 +12,13 @@ from piezod.control.waveforms import Waveform, build_waveform
 from piezod.errors import DataError
 from piezod.experiment.compensated import compensated_axis
 from piezod.experiment.error_rows import errors_pct
-from piezod.experiment.fit import StageModel
+from piezod.experiment.identify_axes import IdentifiedAxis
+from piezod.experiment.stage_model import StageModel
 from piezod.experiment.stage import (
     COMMAND_UM,
     IN_FORCE_V,
     POSITION_UM,
+    TRUE_UM,
     UNCOMPENSATED_V,
     Stage,
 )
@@ -47,7 +48,7 @@ class Run(NamedTuple):
 def run_case(
     stage: Stage,
     config: ExperimentConfig,
-    models: Mapping[str, StageModel],
+    identified: Mapping[str, IdentifiedAxis],
     case: CaseConfig,
     mode: Mode,
 ) -> list[Run]:
@@ -62,12 +63,15 @@ def run_case(
         for name, command in case.commands(config.axes).items()
     }
     for name, reference in references.items():
-        _check_range(case, name, reference, models[name])
-    stage.rest(config.settle_s)
+        _check_range(case, name, reference, identified[name].model)
+    for axis, position_um in zip(identified.values(), stage.rest(config.settle_s), strict=True):
+        axis.creeping.watch(position_um)
+        axis.creeping.zero()
     axes = [
         compensated_axis(
             axis,
-            models[name],
+            identified[name].model,
+            identified[name].creeping.slow,
             mode,
             references[name].value,
             in_force_v=in_force_v,
@@ -78,6 +82,8 @@ def run_case(
     ]
     snapshots = _Snapshots(axes, every=max(1, s_to_ns(SNAPSHOT_S) // stage.period_ns))
     traces = stage.run(axes, case.duration_s, before=snapshots.take)
+    for name, trace in zip(config.axes, traces, strict=True):
+        identified[name].creeping.watch(trace[:, POSITION_UM])
     t_s = np.arange(traces.shape[1], dtype=np.float64) * (stage.period_ns / NS_PER_S)
     first = int(np.searchsorted(t_s, case.period_s))
     recordings = [
@@ -91,26 +97,25 @@ def run_case(
             position_um=trace[:, POSITION_UM],
             command_um=trace[:, COMMAND_UM],
             uncompensated_v=trace[:, UNCOMPENSATED_V],
+            true_um=trace[:, TRUE_UM],
             weights=np.array(weights),
             weights_t_s=t_s[:: snapshots.every],
             metrics=errors_pct(
-                config.metrics, trace[first:, COMMAND_UM], trace[first:, POSITION_UM]
+                config.metrics,
+                *(trace[first:, column] for column in (COMMAND_UM, POSITION_UM, TRUE_UM)),
             ),
             first_metric_index=first,
         )
         for name, trace, weights in zip(config.axes, traces, snapshots.weights, strict=True)
     ]
     return [
-        Run(recording, tuple(_warnings(recording, axis, models[recording.axis])))
+        Run(recording, tuple(run_warnings(recording, _merged_pairs(axis))))
         for recording, axis in zip(recordings, axes, strict=True)
     ]
 
 
-def _warnings(recording: Recording, axis: CompensatedAxis, model: StageModel) -> Iterator[str]:
-    compensator = axis.compensator
-    at_end = replace(model, weights=compensator.weights).inverse()
-    merged_pairs = compensator.merged_pairs + axis.identifier.merged_pairs
-    return run_warnings(recording, at_end.smallest_slope, merged_pairs)
+def _merged_pairs(axis: CompensatedAxis) -> int:
+    return axis.compensator.merged_pairs + axis.identifier.merged_pairs
 
 
 class _Snapshots:

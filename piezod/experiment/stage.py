@@ -1,6 +1,6 @@
 """The stage of an experiment: its devices in virtual time, run phase by phase."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -10,8 +10,10 @@ from piezod.control.axis import Axis, OpenLoopAxis, Waveform
 from piezod.control.cycle import Cycle, CycleRecord
 from piezod.devices import registry
 from piezod.devices.channels import ChannelPair, Channels, served_axes
+from piezod.devices.interface import Device, KnowsTruth
 from piezod.errors import DeviceError
 from piezod.experiment.compensated import limits_of
+from piezod.experiment.error_rows import NEED_TRUTH
 from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S, s_to_ns
 
@@ -33,13 +35,15 @@ def opened(config: ExperimentConfig, progress: Progress) -> Iterator["Stage"]:
     """Open and activate the devices of an experiment; whatever happens, leave them safe.
 
     Raises:
-        DeviceError: If a device cannot be opened, or cannot play the role it is given.
+        DeviceError: If a device cannot be opened, or cannot play the role it is given, or metrics
+            are asked for which only a simulated device can tell.
     """
     axes = {name: ChannelPair(axis.sensor, axis.amplifier) for name, axis in config.axes.items()}
-    devices = {}
+    devices: dict[str, Device] = {}
     for name, device in config.devices.items():
         plugin = registry.load(device.driver)
         devices[name] = plugin.create(device.options, served_axes(name, axes), config.seed)
+    _check_truth(config, devices)
     channels = Channels(devices, axes)
     channels.open()
     try:
@@ -50,6 +54,17 @@ def opened(config: ExperimentConfig, progress: Progress) -> Iterator["Stage"]:
         channels.deactivate(stage.now_ns)
     finally:
         channels.close()
+
+
+def _check_truth(config: ExperimentConfig, devices: Mapping[str, Device]) -> None:
+    needing = ", ".join(name for name in config.metrics if name in NEED_TRUTH)
+    for name, axis in config.axes.items():
+        if needing and not isinstance(devices[axis.sensor], KnowsTruth):
+            message = (
+                f"metrics asks for {needing}, but device {axis.sensor}, the sensor of axis {name}, "
+                "does not know the true displacement, as simulated devices do; leave these out"
+            )
+            raise DeviceError(message)
 
 
 def _check_rate(rate_hz: float, max_rate_hz: float) -> None:
@@ -113,8 +128,11 @@ class Stage:
         ]
         return self.run(axes, duration_s)
 
-    def rest(self, duration_s: float) -> None:
-        """Go to the rest voltage and hold it, then call the displacement reached zero."""
+    def rest(self, duration_s: float) -> FloatArray:
+        """Go to the rest voltage and hold it, then call the displacement reached zero.
+
+        Return the displacements on the way, from the zero before, shape (axes, cycles).
+        """
         ramps = [
             _ramp(in_force_v, axis.limits.rest_v, RAMP_SHARE * duration_s)
             for axis, in_force_v in zip(self._axes, self.in_force_v, strict=True)
@@ -122,6 +140,7 @@ class Stage:
         trace = self.open_loop(ramps, duration_s)
         last = max(1, s_to_ns(ZERO_OVER_S) // self.period_ns)
         self._zero(trace[:, -last:])
+        return trace[:, :, POSITION_UM]
 
     def _zero(self, trace: FloatArray) -> None:
         """Call the mean of what was measured zero, and that of the truth over the same samples."""

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from piezod.config.modes import Mode
 from piezod.experiment.delay import DelayEstimate
 from piezod.experiment.fit import Fit
 from piezod.records.recording import Recording
@@ -19,29 +18,13 @@ def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
     """
     if fit.delay is not None:
         yield from _delay_warnings(fit.delay, period_s)
-    yield from inverse_warnings(fit.smallest_slope)
 
 
-def inverse_warnings(smallest_slope: float) -> Iterator[str]:
-    """Yield what is to be said of an inverse, wherever it comes from.
-
-    Args:
-        smallest_slope: Its smallest slope anywhere; it is monotone if positive.
-    """
-    if smallest_slope <= 0.0:
-        yield (
-            f"The inverse is not monotone: its smallest slope is {smallest_slope:.2g}, so that "
-            "the drive would at times go against the command. Do not compensate with it; fit fewer "
-            "operators, or record loops of more sizes."
-        )
-
-
-def run_warnings(recording: Recording, smallest_slope: float, merged_pairs: int) -> Iterator[str]:
+def run_warnings(recording: Recording, merged_pairs: int) -> Iterator[str]:
     """Yield what is to be said of a run.
 
     Args:
         recording: What was recorded.
-        smallest_slope: The smallest slope of the inverse with the parameters at the run's end.
         merged_pairs: Pairs of extrema that the memories of compensator and identifier had to give
             up, together.
     """
@@ -52,12 +35,6 @@ def run_warnings(recording: Recording, smallest_slope: float, merged_pairs: int)
         yield (
             f"{run} {invalid} of {recording.t_s.size} samples, {share_pct:.2g} %, were invalid, "
             "and count in no error. See that the sensor stays in its range."
-        )
-    if recording.mode == Mode.ADAPTIVE and smallest_slope <= 0.0:
-        yield (
-            f"{run} the parameters at its end make an inverse that is not monotone, its smallest "
-            f"slope is {smallest_slope:.2g}, so that the drive goes at times against the command. "
-            "Lower lms_gain, or raise deadband_pct above the sensor's noise."
         )
     if merged_pairs:
         yield (
