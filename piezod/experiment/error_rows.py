@@ -1,39 +1,96 @@
-"""What an experiment is judged by: the errors of each run."""
+"""What an experiment is judged by: the errors of each run.
+
+A measured error holds that of the sensor, too. Where a simulated device knows the true
+displacement, its errors are told beside the measured ones, and the noise of the sensor as well.
+"""
 
 from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from piezod.experiment.sensor_noise import noise_rms
 from piezod.hysteresis import nonlinearity, tracking_max, tracking_rms
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import ExperimentResult
 
-METRICS: Mapping[str, Callable[[FloatArray, FloatArray], float]] = {
-    "tracking_max_pct": tracking_max,
-    "tracking_rms_pct": tracking_rms,
-    "nonlinearity_pct": nonlinearity,
+
+class Samples(NamedTuple):
+    """The samples that count, arrays of shape (n,).
+
+    Attributes:
+        command_um: Commanded displacement, in µm.
+        position_um: Displacement measured at the same instants, in µm.
+        true_um: True displacement at the same instants, in µm; NaN where it is not known.
+        true_velocity: Its velocity, in µm per sample.
+    """
+
+    command_um: FloatArray
+    position_um: FloatArray
+    true_um: FloatArray
+    true_velocity: FloatArray
+
+
+Metric = Callable[[Samples], float]
+
+MEASURED: Final[Mapping[str, Metric]] = {
+    "tracking_max_pct": lambda s: tracking_max(s.command_um, s.position_um),
+    "tracking_rms_pct": lambda s: tracking_rms(s.command_um, s.position_um),
+    "nonlinearity_pct": lambda s: nonlinearity(s.command_um, s.position_um),
 }
-"""By the names that experiment files use: functions of command and position."""
+"""Errors of the measured displacement, over its range, by the names that experiment files use."""
+TRUE: Final[Mapping[str, Metric]] = {
+    "true_tracking_max_pct": lambda s: tracking_max(s.command_um, s.true_um),
+    "true_nonlinearity_pct": lambda s: nonlinearity(s.command_um, s.true_um),
+}
+"""Errors of the true displacement, over its range."""
+NOISE: Final[Mapping[str, Metric]] = {
+    "noise_rms_pct": lambda s: noise_rms(s.position_um, s.true_um, s.true_velocity),
+}
+"""What the sensor adds, over the range of the true displacement."""
+NEED_TRUTH: Final = (*TRUE, *NOISE)
+"""Names of the metrics for which the true displacement must be known."""
+_METRICS: Final = {**MEASURED, **TRUE, **NOISE}
 
 
 def errors_pct(
-    metrics: tuple[str, ...], command_um: FloatArray, position_um: FloatArray
+    metrics: tuple[str, ...],
+    command_um: FloatArray,
+    position_um: FloatArray,
+    true_um: FloatArray,
 ) -> dict[str, float]:
     """Return errors by name, in % of the displacement's range; NaN where there is none.
 
-    There is none where nothing was measured, and where the command is constant: what moves then is
-    noise, and a share of its range would say nothing.
+    There is none where nothing was measured, where the truth is needed and not known, and where the
+    command is constant: what moves then is noise, and a share of its range would say nothing.
 
     Args:
-        metrics: Names from `METRICS`.
+        metrics: Names from `MEASURED`, `TRUE` and `NOISE`.
         command_um: (n,) commanded displacement, in µm, without the first period.
         position_um: (n,) displacement measured at the same instants, NaN where it was invalid.
+            These samples count in no error, not in the true ones either: all are of one run.
+        true_um: (n,) true displacement at the same instants, NaN where it is not known.
     """
     measured = np.isfinite(position_um)
-    command_um, position_um = command_um[measured], position_um[measured]
-    if position_um.size < 2 or np.ptp(position_um) == 0.0 or np.ptp(command_um) == 0.0:
-        return dict.fromkeys(metrics, float("nan"))
-    return {name: 100.0 * METRICS[name](command_um, position_um) for name in metrics}
+    columns = command_um, position_um, true_um, _velocity(true_um)
+    samples = Samples(*(column[measured] for column in columns))
+    return {name: _percent(name, samples) for name in metrics}
+
+
+def _percent(name: str, samples: Samples) -> float:
+    judged = samples.true_um if name in NEED_TRUTH else samples.position_um
+    if not (_moves(samples.command_um) and _moves(judged)):
+        return float("nan")
+    return 100.0 * _METRICS[name](samples)
+
+
+def _moves(values: FloatArray) -> bool:
+    """Tell whether there is a range; where something is not known there is none."""
+    return values.size > 1 and bool(np.ptp(values) > 0.0)
+
+
+def _velocity(values: FloatArray) -> FloatArray:
+    return np.gradient(values) if values.size > 1 else np.zeros_like(values)
 
 
 def error_rows(result: ExperimentResult) -> list[dict[str, str | float]]:

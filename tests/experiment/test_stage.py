@@ -1,13 +1,17 @@
 """The stage of an experiment: what is checked and known before anything moves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from piezod.config.experiment import ExperimentConfig
+from piezod.devices import registry
 from piezod.devices.channels import Channels
 from piezod.errors import DeviceError
 from piezod.experiment.stage import POSITION_UM, TRUE_UM, Stage, opened
-from piezod_drivers.simulated.driver import SimulatedRig
+from piezod_drivers.simulated.driver import PLUGIN, SimulatedRig
+from piezod_drivers.simulated.options import Options
 from tests.experiment.conftest import Load
 
 
@@ -26,6 +30,23 @@ class Charged(Channels):
         return [42.0]
 
 
+class Blind:
+    """A rig that keeps the truth to itself, like a real one."""
+
+    def __init__(self, options: Options, axes: tuple[str, ...], seed: int) -> None:
+        rig = SimulatedRig(options, axes, seed)
+        self.open, self.capabilities, self.close = rig.open, rig.capabilities, rig.close
+        self.activate, self.deactivate = rig.activate, rig.deactivate
+        self.read, self.write, self.read_back = rig.read, rig.write, rig.read_back
+
+
+@pytest.fixture
+def blind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the driver make rigs that do not know the truth."""
+    plugin = replace(PLUGIN, create=Blind)
+    monkeypatch.setattr(registry, "load", lambda _name: plugin)
+
+
 def test_a_rate_above_that_of_the_devices_is_refused(load: Load, short: str) -> None:
     """The error names both rates, and the devices are closed."""
     fast = short.replace("rate_hz: 1000", "rate_hz: 20000")
@@ -34,6 +55,18 @@ def test_a_rate_above_that_of_the_devices_is_refused(load: Load, short: str) -> 
         pytest.raises(DeviceError, match="rate_hz is 50000 Hz; these devices allow at most 20000"),
         opened(slow_device, nothing),
     ):
+        pass
+
+
+@pytest.mark.usefixtures("blind")
+def test_true_metrics_are_refused_where_nobody_knows_the_truth(load: Load, short: str) -> None:
+    """Before anything moves, and the error names metrics, device, axis and remedy."""
+    asked = load(f"{short}metrics: [nonlinearity_pct, true_nonlinearity_pct, noise_rms_pct]\n")
+    expected = (
+        "metrics asks for true_nonlinearity_pct, noise_rms_pct, but device rig, the sensor of axis "
+        "x, does not know the true displacement, as simulated devices do; leave these out"
+    )
+    with pytest.raises(DeviceError, match=f"^{expected}$"), opened(asked, nothing):
         pass
 
 
@@ -82,11 +115,9 @@ def test_the_truth_does_not_depend_on_the_sensor(load: Load, short: str) -> None
     assert not np.array_equal(noisy[:, POSITION_UM], quiet[:, POSITION_UM])
 
 
-def test_where_nobody_knows_the_truth_it_is_nan(
-    load: Load, short: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("blind")
+def test_where_nobody_knows_the_truth_it_is_nan(load: Load, short: str) -> None:
     """It stays so after a rest, and the sensor is zeroed all the same."""
-    monkeypatch.delattr(SimulatedRig, "true_position_um")  # as on a real stage
     with opened(load(short), nothing) as stage:
         stage.rest(0.5)
         trace = stage.open_loop([lambda _t_s: 0.0], 0.2)[0]
