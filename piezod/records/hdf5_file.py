@@ -8,12 +8,12 @@
         configuration/data        NXnote: the text as it was read
         versions/                 NXcollection of attributes
         identification_<axis>/    NXdata   @signal=drive_v @axes=t_s @axis @method
-          t_s, drive_v, position_um, predicted_v     each with @units
+          t_s, drive_v, position_um, predicted_v     each with @units and @long_name
           parameters/             NXcollection of arrays
           fit_errors/             NXcollection of attributes
         <axis>_<case>_<mode>/     NXdata   @signal=position_um @axes=t_s @axis @case @mode
-          t_s, drive_v, position_um, command_um, uncompensated_v     each with @units
-          weights, weights_t_s
+          t_s, drive_v, position_um, command_um, uncompensated_v, true_um     likewise
+          weights, weights_t_s                       likewise
           metrics/                NXcollection of attributes
 """
 
@@ -38,6 +38,17 @@ from piezod.records.recording import (
 
 _ENTRY: Final = "experiment"
 _UNITS: Final = {"s": "s", "v": "V", "um": "um"}
+_LONG_NAMES: Final = {
+    "t_s": "time",
+    "drive_v": "voltage applied",
+    "position_um": "measured displacement",
+    "command_um": "commanded displacement",
+    "uncompensated_v": "voltage without compensation",
+    "true_um": "true displacement, known to a simulated device only",
+    "predicted_v": "voltage predicted by the model",
+    "weights": "parameters of the compensator, those of the right operators first",
+    "weights_t_s": "time of the parameters",
+}
 
 
 def write_hdf5(path: Path, result: ExperimentResult) -> None:
@@ -110,7 +121,7 @@ def _write_identification(entry: h5py.Group, identification: Identification) -> 
 def _write_recording(entry: h5py.Group, recording: Recording) -> str:
     group = _data_group(entry, "_".join(recording.key), "position_um", recording.columns())
     group["title"] = recording.title
-    group.attrs["auxiliary_signals"] = ["command_um", "drive_v", "uncompensated_v"]
+    group.attrs["auxiliary_signals"] = _auxiliary(recording)
     group.attrs["axis"] = recording.axis
     group.attrs["case"] = recording.case
     group.attrs["mode"] = recording.mode
@@ -119,6 +130,12 @@ def _write_recording(entry: h5py.Group, recording: Recording) -> str:
     _write_array(group, "weights_t_s", recording.weights_t_s, "s")
     _write_attributes(group, "metrics", recording.metrics)
     return _base_name(group)
+
+
+def _auxiliary(recording: Recording) -> list[str]:
+    """Return what a viewer draws beside the measured displacement."""
+    known = ["true_um"] if recording.knows_truth else []
+    return ["command_um", *known, "drive_v", "uncompensated_v"]
 
 
 def _data_group(
@@ -155,6 +172,7 @@ def _base_name(group: h5py.Group) -> str:
 def _write_array(group: h5py.Group, name: str, values: FloatArray, units: str) -> None:
     dataset = group.create_dataset(name, data=values, compression="gzip", shuffle=True)
     dataset.attrs["units"] = units
+    dataset.attrs["long_name"] = _LONG_NAMES[name]
 
 
 def _write_attributes(group: h5py.Group, name: str, values: Mapping[str, float | str]) -> None:

@@ -7,6 +7,9 @@ _METRICS: Final = {
     "tracking_max_pct": "worst tracking error",
     "tracking_rms_pct": "rms tracking error",
     "nonlinearity_pct": "nonlinearity",
+    "true_tracking_max_pct": "worst true tracking error",
+    "true_nonlinearity_pct": "true nonlinearity",
+    "noise_rms_pct": "rms sensor noise",
     "voltage_error_max_pct": "worst voltage error",
     "voltage_error_rms_pct": "rms voltage error",
 }

@@ -17,7 +17,14 @@ from piezod.records.frozen import (
     frozen_array,
 )
 
-COLUMN_NAMES: Final = ("t_s", "drive_v", "position_um", "command_um", "uncompensated_v")
+COLUMN_NAMES: Final = (
+    "t_s",
+    "drive_v",
+    "position_um",
+    "command_um",
+    "uncompensated_v",
+    "true_um",
+)
 FIT_COLUMN_NAMES: Final = ("t_s", "drive_v", "position_um", "predicted_v")
 
 
@@ -35,6 +42,8 @@ class Recording(Comparable):
         position_um: Measured displacement in µm, same shape; NaN where a sample was invalid.
         command_um: Commanded displacement in µm, same shape.
         uncompensated_v: Voltage without compensation, proportional to the command, in V.
+        true_um: True displacement in µm, same shape, before the sensor and without its noise; NaN
+            where it is not known, which is everywhere but on a simulated stage.
         weights: Parameters of the compensator, shape (n_snapshots, 2M), the M of the right
             operators first; (0, 0) where there is none.
         weights_t_s: Instants of the snapshots in s, shape (n_snapshots,).
@@ -51,6 +60,7 @@ class Recording(Comparable):
     position_um: FloatArray
     command_um: FloatArray
     uncompensated_v: FloatArray
+    true_um: FloatArray
     weights: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     weights_t_s: FloatArray = field(default_factory=lambda: np.empty(0))
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -90,6 +100,16 @@ class Recording(Comparable):
     def error_um(self) -> FloatArray:
         """Measured minus commanded displacement in µm, shape (n_samples,)."""
         return self.position_um - self.command_um
+
+    @property
+    def true_error_um(self) -> FloatArray:
+        """True minus commanded displacement in µm, shape (n_samples,); NaN where not known."""
+        return self.true_um - self.command_um
+
+    @property
+    def knows_truth(self) -> bool:
+        """Whether the true displacement of any sample is known."""
+        return bool(np.isfinite(self.true_um).any())
 
     @property
     def position_range_um(self) -> float:

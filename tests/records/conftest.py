@@ -31,6 +31,7 @@ def _recording(axis: str, case: str, mode: str, n_samples: int = 400) -> Recordi
         position_um=command_um - lag_um,
         command_um=command_um,
         uncompensated_v=uncompensated_v,
+        true_um=np.full(n_samples, np.nan),
         weights=np.linspace(-0.3, 0.5, 38) * (1 - np.exp(-(steps + 1) / 9)),
         weights_t_s=np.arange(n_snapshots) / 10.0,
         metrics={
@@ -90,6 +91,33 @@ def two_axes(result: ExperimentResult) -> ExperimentResult:
     """Return the made-up experiment with a second axis."""
     others = tuple(replace(each, axis="y") for each in result.recordings)
     return replace(result, recordings=result.recordings + others)
+
+
+def _simulated(recording: Recording) -> Recording:
+    """Return a recording whose stage is simulated: a quarter of its error is noise."""
+    true_um = recording.command_um + 0.75 * recording.error_um
+    noise_um = 0.02 * np.sin(97.0 * np.arange(true_um.size))
+    measured = recording.metrics
+    metrics = {
+        **measured,
+        "true_tracking_max_pct": 0.75 * measured["tracking_max_pct"],
+        "true_nonlinearity_pct": 0.75 * measured["nonlinearity_pct"],
+        "noise_rms_pct": 0.06,
+    }
+    position_um = recording.position_um + noise_um
+    return replace(recording, true_um=true_um, position_um=position_um, metrics=metrics)
+
+
+@pytest.fixture(scope="session")
+def simulated(result: ExperimentResult) -> ExperimentResult:
+    """Return the made-up experiment on a simulated stage, whose true displacement is known."""
+    return replace(result, recordings=tuple(map(_simulated, result.recordings)))
+
+
+@pytest.fixture(scope="session")
+def true_reference(reference: Reference) -> Reference:
+    """Return the same figures, to compare true errors with: none is missed any more."""
+    return replace(reference, metrics=("true_tracking_max_pct", "true_nonlinearity_pct"))
 
 
 @pytest.fixture(scope="session")
