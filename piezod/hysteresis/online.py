@@ -58,6 +58,19 @@ def new_learner(bank: FloatArray) -> Learner:
     return Learner(bank, np.zeros(bank.shape[1]), np.zeros(2), np.zeros_like(widths), widths)
 
 
+def checked_pairs(positions: npt.ArrayLike, drives: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return a record of pairs as arrays of shape (n,) each.
+
+    Raises:
+        ModelError: If the shapes differ.
+    """
+    x, v = checked_series(positions), checked_series(drives)
+    if x.shape != v.shape:
+        message = f"need as many drives as positions, got shapes {v.shape} and {x.shape}"
+        raise ModelError(message)
+    return x, v
+
+
 @compiled
 def is_finite(value: float) -> bool:
     """Return whether a value is a number, and not an infinite one."""
@@ -162,10 +175,7 @@ class OnlineIdentifier(ABC):
         Raises:
             ModelError: If the shapes differ.
         """
-        x, v = checked_series(positions), checked_series(drives)
-        if x.shape != v.shape:
-            message = f"need as many drives as positions, got shapes {v.shape} and {x.shape}"
-            raise ModelError(message)
+        x, v = checked_pairs(positions, drives)
         errors = np.empty_like(x)
         self._run(x, v, errors)
         return errors
@@ -206,7 +216,7 @@ class OnlineIdentifier(ABC):
 
     @property
     def offset(self) -> float:
-        """Offset of the displacement, in units of the range; may be read in the loop."""
+        """What the operators do not see of the displacement, in units of the range."""
         return float(self._learner.shift[OFFSET])
 
     @property
