@@ -6,13 +6,16 @@ import pytest
 from piezod.config.model_file import FitConfig, ModelFile, SourceConfig, dump_model
 from piezod.config.modes import Mode
 from piezod.errors import DataError, DeviceError, ModelError
-from piezod.experiment.error_rows import error_rows, errors_pct
+from piezod.experiment.error_rows import error_rows
 from piezod.experiment.outputs import write_outputs
 from piezod.experiment.run import run_experiment
 from piezod.experiment.stage import opened
 from piezod.records.hdf5_file import read_hdf5
 from piezod.records.recording import ExperimentResult
 from tests.experiment.conftest import Load
+
+MODES = (Mode.UNCOMPENSATED, Mode.FEEDFORWARD, Mode.ADAPTIVE)
+"""In which cases run where the file names none."""
 
 
 def run(load: Load, text: str) -> ExperimentResult:
@@ -24,7 +27,7 @@ def test_every_case_runs_in_every_mode(load: Load, short: str) -> None:
     """There is one row for each, in the order they were run."""
     rows = error_rows(run(load, short))
 
-    assert [(row["case"], row["mode"]) for row in rows] == [("slow", mode) for mode in Mode]
+    assert [(row["case"], row["mode"]) for row in rows] == [("slow", mode) for mode in MODES]
     assert set(rows[0]) == {
         "axis",
         "case",
@@ -75,6 +78,17 @@ def test_a_slow_amplifier_never_exceeds_its_slew(load: Load, short: str) -> None
     recording = run(load, hurried).recordings[1]
 
     assert np.max(np.abs(np.diff(recording.drive_v))) == pytest.approx(0.6)
+
+
+def test_true_errors_are_reported_where_they_are_asked_for(load: Load, short: str) -> None:
+    """They are of the size of the measured ones, which hold the noise of the sensor as well."""
+    metrics = "metrics: [tracking_max_pct, true_tracking_max_pct, noise_rms_pct]\n"
+    for recording in run(load, short + metrics).recordings:
+        measured, true, noise = recording.metrics.values()
+
+        assert np.isfinite(recording.true_um).all()
+        assert measured == pytest.approx(true, abs=1.0)
+        assert 0.02 < noise < 0.2
 
 
 def test_parameters_move_in_adaptive_mode_only(load: Load, short: str) -> None:
@@ -202,19 +216,6 @@ def test_resting_brings_the_stage_to_rest_and_zeroes_the_sensor(load: Load, shor
     assert np.abs(after[0, :, 1]).max() < 0.2
 
 
-def test_errors_leave_out_invalid_samples() -> None:
-    """Where nothing was measured there is no error, not a zero."""
-    command = np.linspace(0.0, 1.0, 5)
-    position = np.array([0.0, np.nan, 0.5, 0.75, 1.1])
-
-    assert errors_pct(("tracking_max_pct",), command, position)["tracking_max_pct"] == (
-        pytest.approx(100 * 0.1 / 1.1)
-    )
-    assert np.isnan(
-        errors_pct(("nonlinearity_pct",), command, np.full(5, np.nan))["nonlinearity_pct"]
-    )
-
-
 def test_what_is_written_can_be_read_again(load: Load, short: str, tmp_path: Path) -> None:
     """The data file holds the whole result, and the report stands beside it."""
     result = run(load, short)
@@ -222,13 +223,3 @@ def test_what_is_written_can_be_read_again(load: Load, short: str, tmp_path: Pat
 
     assert read_hdf5(report.parent / "experiment.h5") == result
     assert report.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
-
-
-@pytest.mark.filterwarnings("error")
-def test_a_constant_command_has_no_errors_in_per_cent() -> None:
-    """There is no range but that of the noise, and no line through one point."""
-    position = np.array([9.9, 10.0, 10.1])
-
-    errors = errors_pct(("tracking_max_pct", "nonlinearity_pct"), np.full(3, 10.0), position)
-
-    assert np.isnan(list(errors.values())).all()

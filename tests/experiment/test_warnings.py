@@ -18,7 +18,7 @@ def recording(mode: str = "adaptive", invalid: int = 0) -> Recording:
     """A run of which the first samples are invalid."""
     ramp = np.arange(200.0)
     measured = np.where(ramp < invalid, np.nan, ramp)
-    return Recording("x", "slow", mode, "", ramp, ramp, measured, ramp, ramp)
+    return Recording("x", "slow", mode, "", ramp, ramp, measured, ramp, ramp, ramp)
 
 
 @pytest.mark.parametrize("smallest_slope", [0.0, -0.25])
