@@ -82,7 +82,7 @@ class LearningGate:
         if age_ns > self._period_ns:
             return GateReason.LATE
         stuck = self._stuck.update(position, drive)
-        spike = self._noise.update(position)
+        spike = not stuck and self._noise.update(position)  # a stuck sensor has no noise to learn
         if self._limited_cycles:
             return GateReason.LIMITED
         if stuck:

@@ -39,7 +39,8 @@ class NoiseLevel:
         A single spike is seen in three samples: the one that has it and two after it. May be called
         in the loop.
         """
-        square = (position - 2.0 * self._last + self._before) ** 2 / _PER_VARIANCE
+        difference = position - 2.0 * self._last + self._before
+        square = difference * difference / _PER_VARIANCE  # `**` would raise where this is infinite
         self._before, self._last = self._last, position
         if square != square:  # noqa: PLR0124 - not a number before there are three samples
             return False
