@@ -72,18 +72,6 @@ def checked_deadband(width: float) -> float:
     return float(width)
 
 
-def even_thresholds(order: int) -> FloatArray:
-    """Return the paper's thresholds r_j = j / (M + 1) for j = 1 … M, shape (order,).
-
-    Raises:
-        ModelError: If the order M is not a whole number from 1 on.
-    """
-    if order < 1 or order != int(order):
-        message = f"the number of operators is a whole one from 1 on, got {order}"
-        raise ModelError(message)
-    return np.arange(1, order + 1, dtype=np.float64) / (order + 1)
-
-
 def stop_gains(thresholds: FloatArray) -> FloatArray:
     """Return (1 - r) / r, by which x minus a play becomes a stop minus x."""
     return (1.0 - thresholds) / thresholds
