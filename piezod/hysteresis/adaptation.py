@@ -1,6 +1,7 @@
 """Adaptation in the loop: what every identifier offers, and a guard that undoes bad learning."""
 
 import math
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -52,11 +53,25 @@ class AdaptiveIdentifier(Protocol):
         """Forget the past displacement, not what was learned."""
 
 
+@dataclass
+class _Model:
+    """A copy of what was learned."""
+
+    weights: FloatArray
+    offset: float
+
+    def assign(self, source: "AdaptiveIdentifier | _Model") -> None:
+        self.weights[:] = source.weights
+        self.offset = source.offset
+
+
 class Shadowed:
     """An identifier that goes back to its last good model where learning made it predict worse.
 
     Over a window of pairs both models, the one that adapts and its shadow, predict the same drives.
-    At its end the shadow becomes the adapting model, or, where that was worse, conversely.
+    Where the one that adapts was worse, it goes back to the shadow. Else the model that the window
+    began with has proved itself and is the next shadow; a disturbance that was learned at the end
+    of one window is so found out in the next.
 
     Args:
         identifier: What learns; use it through this from here on.
@@ -78,7 +93,8 @@ class Shadowed:
             raise ModelError(message)
         self._identifier = identifier
         self._window, self._tolerance = window, tolerance
-        self._weights, self._offset = identifier.weights.copy(), identifier.offset
+        self._shadow = _Model(identifier.weights.copy(), identifier.offset)
+        self._candidate = _Model(identifier.weights.copy(), identifier.offset)
         self._pairs, self._squares, self._shadow_squares = 0, 0.0, 0.0
         self.restored = 0
         """How often the last good model was restored."""
@@ -87,7 +103,9 @@ class Shadowed:
         """Adapt to one pair, and judge what was learned; return the error."""
         error = self._identifier.step(position, drive, learn)
         if learn and math.isfinite(error):
-            shadow_error = drive - self._identifier.predict(self._weights, self._offset)
+            shadow_error = drive - self._identifier.predict(
+                self._shadow.weights, self._shadow.offset
+            )
             self._squares += error * error
             self._shadow_squares += shadow_error * shadow_error
             self._pairs += 1
@@ -115,7 +133,9 @@ class Shadowed:
             ModelError: If they are not 2 M finite weights and a finite offset.
         """
         self._identifier.adopt(weights, offset)
-        self._follow()
+        self._candidate.assign(self._identifier)
+        self._shadow.assign(self._identifier)
+        self._begin()
 
     def reset(self) -> None:
         """Forget the past displacement and the window begun, not what was learned."""
@@ -144,16 +164,11 @@ class Shadowed:
 
     def _judge(self) -> None:
         if self._squares > self._tolerance * self._shadow_squares:
-            self._identifier.adopt(self._weights, self._offset)
+            self._identifier.adopt(self._shadow.weights, self._shadow.offset)
             self.restored += 1
-            self._begin()
         else:
-            self._follow()
-
-    def _follow(self) -> None:
-        """Make the model that adapts the last good one."""
-        self._weights[:] = self._identifier.weights
-        self._offset = self._identifier.offset
+            self._shadow.assign(self._candidate)
+        self._candidate.assign(self._identifier)
         self._begin()
 
     def _begin(self) -> None:

@@ -1,0 +1,250 @@
+"""Recursive least squares: its recursion, what it converges to, and that it cannot wind up."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from piezod.errors import ModelError
+from piezod.hysteresis import RLSIdentifier, even_thresholds, new_bank, stop_regressors
+from piezod.hysteresis.rls import OFFSET_BOUND, OFFSET_VARIANCE, SLOPE_BOUND, SLOPE_VARIANCE
+from piezod.hysteresis.slopes import LEAST_SLOPE, cells, smallest_slope_of, to_slopes, to_weights
+from tests.hysteresis import oracle
+from tests.hysteresis.draw import inputs
+
+Array = NDArray[np.float64]
+THRESHOLDS = even_thresholds(19)
+BANK = new_bank(THRESHOLDS, THRESHOLDS)
+SMALL = new_bank([0.1, 0.4, 0.7], [0.2, 0.5, 0.9])
+KNOWN = np.linspace(0.04, 0.0, 38)
+SPOILED = [math.nan, math.inf, -math.inf]
+
+
+def command(seconds: float, amplitude: float = 0.5, seed: float = 0.07) -> Array:
+    """Return a sine of 0.5 Hz at 1 kHz whose swing grows and shrinks."""
+    t = np.arange(0, seconds, 1e-3)
+    return 0.5 - amplitude * np.cos(np.pi * t) * np.cos(seed * np.pi * t)
+
+
+def drives_for(positions: Array, weights: Array = KNOWN) -> Array:
+    """Return the drives that a known model predicts."""
+    return positions + stop_regressors(BANK, positions) @ weights
+
+
+def planes(bank: Array) -> tuple[Array, Array]:
+    """Return projections onto what slopes, and what the offset can be, shape (N, N) each."""
+    widths = cells(bank)
+    count = widths.shape[1]
+    slopes = np.zeros((2 * count + 1, 2 * count + 1))
+    for side, c in enumerate(widths):
+        block = slice(side * count, (side + 1) * count)
+        slopes[block, block] = np.eye(count) - np.outer(c, c) / (c @ c)
+    offset = np.zeros_like(slopes)
+    offset[-1, -1] = 1.0
+    return slopes, offset
+
+
+class SlowRLS:
+    """The Kalman filter as books have it, on the plain operators of `oracle`."""
+
+    def __init__(self, bank: Array, slope_walk: float, offset_walk: float, variance: float) -> None:
+        order = bank.shape[1] // 2
+        self.r = bank[0].reshape(2, order)
+        self.stops = oracle.stops(list(self.r[0]), list(self.r[1]))
+        self.variance = variance
+        slopes, offset = planes(bank)
+        self.p = SLOPE_VARIANCE * slopes + OFFSET_VARIANCE * offset
+        self.q = slope_walk * slopes + offset_walk * offset
+        left = np.full(len(self.p), 1.0 - slope_walk / SLOPE_BOUND)
+        left[-1] = 1.0 - offset_walk / OFFSET_BOUND
+        self.d = np.diag(np.sqrt(left))
+        self.state = np.append(np.ones(2 * order + 2), 0.0)
+        self.seen = 0.0
+
+    def step(self, position: float, drive: float) -> float:
+        """Take one pair; return the error before."""
+        y = min(max(position - self.state[-1], 0.0), 1.0)
+        heights = self.stops(y).reshape(2, -1) * self.r
+        u = np.append(np.diff(heights, prepend=0.0, append=y).ravel(), -1.0)
+        beyond = position - self.state[-1] - y
+        error = float(drive - (self.state[:-1] @ u[:-1] - y + beyond))
+        if y != self.seen:
+            gain = self.p @ u / (self.variance + u @ self.p @ u)
+            self.state = self.state + gain * error
+            self.p = self.d @ (self.p - np.outer(gain, u @ self.p)) @ self.d + self.q
+        self.seen = y
+        return error
+
+
+@settings(max_examples=50)
+@given(
+    positions=inputs(least=2, most=30),
+    walk=st.sampled_from([0.0, 1e-8, 1e-5]),
+    variance=st.sampled_from([1e-6, 1e-2]),
+    seed=st.integers(0, 9),
+)
+def test_identifier_is_the_kalman_filter(
+    positions: Array, walk: float, variance: float, seed: int
+) -> None:
+    """Errors, slopes, offset and covariance are those of plain matrices, while an inverse exists.
+
+    Tiny differences of the offset decide whether a move of 1e-9 turns: those are left out.
+    """
+    positions = np.round(positions, 6)
+    drives = positions + 1e-3 * np.random.default_rng(seed).standard_normal(positions.size)
+    slow = SlowRLS(SMALL, walk, walk, variance)
+    rls = RLSIdentifier(
+        SMALL, np.zeros(6), weight_walk=walk, offset_walk=walk, measurement_variance=variance
+    )
+
+    for position, drive in zip(positions, drives, strict=True):
+        assert rls.step(position, drive) == pytest.approx(slow.step(position, drive), abs=1e-9)
+        slopes = slow.state[:-1].reshape(2, -1)
+        if smallest_slope_of(SMALL, to_weights(SMALL, slopes)) < LEAST_SLOPE + 1e-9:
+            break
+        np.testing.assert_allclose(to_slopes(SMALL, rls.weights), slopes, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(rls.covariance, slow.p, rtol=0, atol=1e-12)
+        assert rls.offset == pytest.approx(slow.state[-1], abs=1e-9)
+
+
+def test_without_walk_it_is_the_batch_solution() -> None:
+    """Every pair ever seen counts alike: the weights are those of least squares with a prior."""
+    positions = command(20.0)
+    drives = drives_for(positions)
+    rls = RLSIdentifier(BANK, np.zeros(38), weight_walk=0.0, offset_walk=0.0)
+    rls.covariance[-1, -1] = 0.0  # the offset is known to be 0
+
+    rls.run(positions, drives)
+
+    prior = SLOPE_VARIANCE * planes(BANK)[0][:-1, :-1]
+    basis = np.linalg.svd(prior)[0][:, :38]  # of the slopes that keep Σ s c = 1
+    to_weight = np.array([to_weights(BANK, one.reshape(2, -1)) for one in basis.T]).T
+    regressors = stop_regressors(BANK, positions) @ to_weight
+    normal = regressors.T @ regressors / 1e-6 + np.eye(38) / SLOPE_VARIANCE
+    batch = to_weight @ np.linalg.solve(normal, regressors.T @ (drives - positions) / 1e-6)
+    np.testing.assert_allclose(rls.weights, batch, rtol=0, atol=1e-8)
+
+
+def test_known_model_is_learned() -> None:
+    """From no weights at all drives are predicted to 2e-3, an offset to 1e-4, within 40 s."""
+    positions = command(40.0)
+    rls = RLSIdentifier(BANK, np.zeros(38))
+
+    errors = rls.run(positions + 0.01, drives_for(positions))
+
+    assert rls.offset == pytest.approx(0.01, abs=1e-4)
+    assert np.max(np.abs(errors[-4000:])) < 2e-3
+
+
+def test_drift_is_followed() -> None:
+    """An offset that runs away by 5 % of the range in a minute costs 2e-3 at most."""
+    positions = command(60.0)
+    rls = RLSIdentifier(BANK, KNOWN)
+
+    errors = rls.run(positions + np.linspace(0.0, 0.05, positions.size), drives_for(positions))
+
+    assert rls.offset == pytest.approx(0.05, abs=2e-3)
+    assert np.max(np.abs(errors)) < 2e-3
+
+
+def test_tiny_amplitude_does_not_wind_up() -> None:
+    """After ten minutes at 1 % amplitude the first full swing shows no error above 1 %."""
+    dwell, swing = command(600.0, 0.005), command(4.0)
+    positions = np.concatenate((dwell, swing))
+    noise = np.random.default_rng(1).normal(0.0, 2e-4, positions.size)
+    rls = RLSIdentifier(BANK, KNOWN, deadband=1e-3)
+
+    errors = rls.run(positions + noise, drives_for(positions))
+
+    assert np.max(np.abs(errors[dwell.size :])) < 0.01
+    assert np.max(np.diag(rls.covariance)) <= SLOPE_BOUND
+
+
+def test_no_variance_exceeds_its_bound() -> None:
+    """Not even where a bound was nearly the walk of one step, and pairs tell next to nothing."""
+    rls = RLSIdentifier(
+        BANK, KNOWN, weight_walk=0.99 * SLOPE_BOUND, offset_walk=0.99 * OFFSET_BOUND
+    )
+    rls.measurement_variance = 1e6
+
+    rls.run(command(2.0), command(2.0))
+
+    variances = np.diag(rls.covariance)
+    assert np.max(variances[:-1]) <= SLOPE_BOUND
+    assert 0.9 * OFFSET_BOUND < variances[-1] <= OFFSET_BOUND
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-4])
+def test_an_hour_at_rest_teaches_nothing(noise: float) -> None:
+    """Weights, offset and covariance stay to the bit, with noise inside the dead-band too."""
+    rls = RLSIdentifier(BANK, KNOWN, deadband=1e-2)
+    rls.run(np.linspace(0.0, 0.3, 100), np.linspace(0.0, 0.4, 100))
+    rls.run([0.302, 0.298], [0.4, 0.4])
+    learned = [rls.weights.tolist(), rls.offset, rls.covariance.tolist()]
+
+    rest = 0.3 + noise * np.random.default_rng(1).uniform(-1, 1, 3_600_000)
+    rls.run(rest, np.full(rest.size, 0.4))
+
+    assert [rls.weights.tolist(), rls.offset, rls.covariance.tolist()] == learned
+
+
+def test_pairs_of_larger_variance_teach_less() -> None:
+    """It is set in the loop, pair by pair."""
+    sure, doubtful = RLSIdentifier(BANK, KNOWN), RLSIdentifier(BANK, KNOWN)
+    doubtful.measurement_variance = 1e-2
+
+    for rls in (sure, doubtful):
+        rls.run([0.3, 0.6, 0.4], [0.3, 0.6, 0.4])
+
+    moved = [float(np.max(np.abs(rls.weights - KNOWN))) for rls in (sure, doubtful)]
+    assert 0.0 < 10 * moved[1] < moved[0]
+
+
+@pytest.mark.parametrize("absurd", [1e300, -1e300, 5.0])
+def test_absurd_pairs_leave_the_model_in_bounds(absurd: float) -> None:
+    """However large a displacement or a drive claims to be, again and again."""
+    rls = RLSIdentifier(BANK, KNOWN)
+    for k in range(2000):
+        rls.step(absurd if k % 2 else 0.5, 0.5)
+        rls.step(0.3, absurd)
+
+    assert np.all(np.isfinite(rls.weights))
+    assert abs(rls.offset) <= 1.0
+    assert smallest_slope_of(BANK, rls.weights) >= LEAST_SLOPE - 1e-12
+
+
+def test_adopting_a_model_restarts_its_confidence() -> None:
+    """The covariance is that of the start again."""
+    rls = RLSIdentifier(BANK, KNOWN)
+    start = rls.covariance.copy()
+    rls.run(command(2.0), command(2.0))
+    assert rls.covariance.tolist() != start.tolist()
+
+    rls.adopt(0.5 * KNOWN, 0.02)
+
+    assert rls.covariance.tolist() == start.tolist()
+    assert rls.weights.tolist() == (0.5 * KNOWN).tolist()
+    assert rls.offset == 0.02
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: RLSIdentifier(BANK, KNOWN[1:]), "need 38 finite weights"),
+        (lambda: RLSIdentifier(BANK, np.full(38, np.nan)), "need 38 finite weights"),
+        (lambda: RLSIdentifier(BANK, KNOWN, weight_walk=-1e-9), "walk of weights is from 0"),
+        (lambda: RLSIdentifier(BANK, KNOWN, weight_walk=SLOPE_BOUND), "below its bound of 0.001"),
+        (lambda: RLSIdentifier(BANK, KNOWN, offset_walk=math.nan), "walk of the offset is from 0"),
+        (lambda: RLSIdentifier(BANK, KNOWN, measurement_variance=0.0), "finite and above 0"),
+        (lambda: RLSIdentifier(BANK, KNOWN, measurement_variance=math.inf), "finite and above 0"),
+        (lambda: RLSIdentifier(BANK, KNOWN, deadband=1.0), "dead-band is from 0 to below 1"),
+    ],
+)
+def test_arguments_outside_their_range_are_refused(call: Callable[[], object], text: str) -> None:
+    """The error names the rule."""
+    with pytest.raises(ModelError, match=text):
+        call()
