@@ -20,7 +20,7 @@ from piezod.control.stability import (
 from piezod.errors import ModelError
 
 FloatArray = npt.NDArray[np.float64]
-SUB_STEPS = 60
+SUB_STEPS = 100
 
 
 class Loop(NamedTuple):
@@ -56,7 +56,7 @@ def loops(draw: st.DrawFn) -> Loop:
         period_s,
         delay_s,
         # Beyond a few turns within a cycle the steps of the simulation are too long.
-        draw(st.floats(0.02, 2.0)) / period_s,
+        draw(st.floats(0.02, 1.5)) / period_s,
         draw(st.floats(0.005, 1.0)),
     )
 
@@ -118,11 +118,11 @@ def growth(loop: Loop, gain_per_s: float) -> float:
 @given(loop=loops())
 @settings(max_examples=60, deadline=None)
 def test_largest_stable_gain_is_that_of_the_closed_loop(loop: Loop) -> None:
-    """A thousandth below it all eigenvalues are inside the unit circle, above it one is not."""
+    """Two thousandths below it all eigenvalues are inside the unit circle, above it one is not."""
     gain_per_s = largest_stable(loop)
 
-    assert growth(loop, 0.999 * gain_per_s) < 1.0
-    assert growth(loop, 1.001 * gain_per_s) > 1.0
+    assert growth(loop, 0.998 * gain_per_s) < 1.0
+    assert growth(loop, 1.002 * gain_per_s) > 1.0
 
 
 @pytest.mark.parametrize("loop", [STACK, FLEXURE, AFM, DELAY_ONLY, Loop(1e-4, 0.65e-3, 734, 0.03)])
@@ -131,11 +131,11 @@ def test_largest_stable_gain_is_that_of_a_simulation_in_time(loop: Loop) -> None
     gains_per_s = largest_stable(loop) * np.array([0.98, 1.02])
     mode, trims = np.zeros((2, 2)), np.ones((trims_held(loop), 2))
     sizes = []
-    for _ in range(1000):
+    for _ in range(600):
         mode, trims = one_cycle(loop, mode, trims, gains_per_s)
         sizes.append(np.abs(trims[0]))
 
-    early, late = np.max(sizes[200:400], axis=0), np.max(sizes[-200:], axis=0)
+    early, late = np.max(sizes[100:300], axis=0), np.max(sizes[-200:], axis=0)
     assert late[0] < 0.9 * early[0]
     assert late[1] > 1.1 * early[1]
 
