@@ -23,6 +23,7 @@ from piezod.hysteresis.memory import (
     copy_memory,
     depth,
 )
+from piezod.hysteresis.slopes import LEAST_SLOPE
 
 
 class _LoopModel:
@@ -97,7 +98,36 @@ class _LoopModel:
         return closed_form.smallest_slope(self._up, self._down)
 
 
-class MPIModel(_LoopModel):
+class ExactInverse(_LoopModel):
+    """Inverse of a model that is exact on every loop; made by the `exact_inverse` of that model."""
+
+
+class _Invertible(_LoopModel):
+    """A model whose inverse can be stepped, where it has one."""
+
+    def exact_inverse(self) -> ExactInverse:
+        """Return the inverse that is exact on every loop, in its relaxed state.
+
+        Raises:
+            ModelError: If the model is not invertible from every state it can reach.
+        """
+        slope = self.smallest_slope
+        if slope <= 0.0:
+            enough = (1.0 - LEAST_SLOPE) / (
+                1.0 - slope
+            )  # slopes are 1 + something linear in weights
+            message = (
+                f"no inverse exists: the smallest slope of the model is {slope:.4g}, it must be "
+                f"positive on every loop; weights {enough:.3g} times as large would leave "
+                f"{LEAST_SLOPE:g}"
+            )
+            raise ModelError(message)
+        return ExactInverse(
+            self._up, self._down, solve=True, deadband=self._deadband, capacity=self._capacity
+        )
+
+
+class MPIModel(_Invertible):
     """Modified Prandtl-Ishlinskii model x = H[v], normalised to [0, 1] (eq 9).
 
     Args:
@@ -155,32 +185,13 @@ class MPIModel(_LoopModel):
             capacity=self._capacity,
         )
 
-    def exact_inverse(self) -> "ExactInverse":
-        """Return the inverse that is exact on every loop, in its relaxed state.
 
-        Raises:
-            ModelError: If the model is not invertible from every state it can reach.
-        """
-        if self.smallest_slope <= 0.0:
-            message = (
-                f"no inverse exists: the smallest slope of the model is {self.smallest_slope:.4g}, "
-                "it must be positive on every loop"
-            )
-            raise ModelError(message)
-        return ExactInverse(
-            self._up, self._down, solve=True, deadband=self._deadband, capacity=self._capacity
-        )
-
-
-class ExactInverse(_LoopModel):
-    """Inverse of a model that is exact on every loop; made by `MPIModel.exact_inverse`."""
-
-
-class InverseMPI(_LoopModel):
+class InverseMPI(_Invertible):
     """Inverse model z = H⁻¹[x] as a sum of stop operators (eq 16).
 
     By `r E^r + (1 - r) F^l = x` it has the form of the forward model, with play weights
-    -a (1 - r') / r'; the right stop goes with the left play, and conversely.
+    -a (1 - r') / r'; the right stop goes with the left play, and conversely. The exact inverse of
+    this model is the forward model that it undoes on every loop.
 
     Args:
         right_stop_thresholds: (M,) thresholds r' of the right stops.

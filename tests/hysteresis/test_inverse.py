@@ -152,9 +152,12 @@ def test_model_with_a_falling_branch_has_no_analytic_inverse() -> None:
 
 
 def test_model_that_is_not_invertible_everywhere_has_no_exact_inverse() -> None:
-    """The message gives the smallest slope; the analytic inverse exists nevertheless."""
+    """The message says what would help; the analytic inverse exists nevertheless."""
     mpi = MPIModel([0.5], [0.6], [0.6])
 
-    with pytest.raises(ModelError, match=r"smallest slope of the model is -0\.2, it must be posit"):
+    remedy = r"model is -0\.2, it must be positive on every loop; weights 0\.792 times as large"
+    with pytest.raises(ModelError, match=remedy):
         mpi.exact_inverse()
+    scaled = 0.6 * 0.95 / 1.2
+    assert MPIModel([0.5], [scaled], [scaled]).exact_inverse().smallest_slope == pytest.approx(0.05)
     np.testing.assert_allclose(mpi.inverse().run(mpi.run(MAJOR_LOOP)), MAJOR_LOOP, atol=1e-12)

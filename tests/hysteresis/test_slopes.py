@@ -6,6 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from piezod.errors import ModelError
 from piezod.hysteresis import InverseMPI, even_thresholds, new_bank
 from piezod.hysteresis.bank import GAINS
 from piezod.hysteresis.closed_form import SLOPES, branch, smallest_slope
@@ -181,6 +182,29 @@ def test_projected_model_rises_with_its_input_everywhere(model: Model, points: A
 
     wide = np.abs(moves) > 1e-7
     assert np.all(gains[wide] / moves[wide] >= LEAST_SLOPE - 1e-6)
+
+
+@given(model=models(), values=inputs())
+def test_projected_model_has_a_forward_model_that_it_undoes(model: Model, values: Array) -> None:
+    """Either way round the composition is the identity on any input, minor loops included."""
+    bank, weights = model
+    inverse = inverse_of(bank, projected(bank, weights))
+    forward = inverse.exact_inverse()
+
+    np.testing.assert_allclose(inverse.run(forward.run(values)), values, rtol=0, atol=1e-12)
+    inverse.reset()
+    forward.reset()
+    np.testing.assert_allclose(forward.run(inverse.run(values)), values, rtol=0, atol=1e-12)
+
+
+@given(model=models())
+def test_inverse_model_that_breaks_the_condition_has_no_forward_model(model: Model) -> None:
+    """The error says how large the weights may be."""
+    bank, weights = model
+    assume(smallest_slope_of(bank, weights) < -1e-6)
+
+    with pytest.raises(ModelError, match="no inverse exists: the smallest slope of the model is -"):
+        inverse_of(bank, weights).exact_inverse()
 
 
 def test_the_model_without_weights_has_slope_one() -> None:
