@@ -1,6 +1,6 @@
 """How the result of an experiment is told: a table for people, a document for programs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
@@ -11,8 +11,8 @@ from rich.text import Text
 
 from piezod.experiment.error_rows import error_rows
 from piezod.experiment.outputs import DATA_NAME
-from piezod.records.error_table import Cell, Row, error_table, verdict
-from piezod.records.labels import metric_label, metric_number, metric_text
+from piezod.records.error_table import Cell, Row, error_table, groups, meaning, verdict
+from piezod.records.labels import metric_heading, metric_number, metric_text
 from piezod.records.recording import ExperimentResult, Identification
 from piezod.records.reference import Reference
 
@@ -63,7 +63,7 @@ def print_result(
     """
     errors = error_table(result, reference)
     console.print(_table(result, errors, reference))
-    console.print("Errors are those of the measured displacement, in % of its range.")
+    console.print(meaning(result.metric_names))
     if reference:
         console.print(verdict(errors, reference))
     for each in result.identifications:
@@ -76,22 +76,32 @@ def print_result(
 def _table(
     result: ExperimentResult, errors: Mapping[Key, Sequence[Row]], reference: Reference | None
 ) -> Table:
-    table = Table(box=box.SIMPLE_HEAD)
-    several_axes = len(result.axes) > 1
-    for heading in ("axis", "case", "mode")[not several_axes :]:
-        table.add_column(heading)
-    for name in result.metric_names:
-        table.add_column(metric_label(name).replace(" ", "\n"), justify="right")
+    # As narrow as can be: all errors fit into 80 columns.
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("case")
+    table.add_column("mode", no_wrap=True)
+    for heading in _headings(result.metric_names):
+        table.add_column(heading, justify="right", no_wrap=True)
     if reference:
         table.add_column(reference.label, justify="right")
-    for key, rows in errors.items():
+    several_axes = len(result.axes) > 1
+    for (axis, case), rows in errors.items():
         for index, row in enumerate(rows):
-            where = [part if index == 0 else "" for part in key[not several_axes :]]
+            where = f"{case}, axis {axis}" if several_axes else case
             cells = [_number(cell) for cell in row.cells]
             theirs = [_theirs(row, reference)] if reference else []
-            table.add_row(*where, row.mode, *cells, *theirs)
+            table.add_row("" if index else where, row.mode, *cells, *theirs)
         table.add_section()
     return table
+
+
+def _headings(metrics: Sequence[str]) -> Iterator[str]:
+    """Yield three lines each: the group above its first metric, and the metric."""
+    for group, names in groups(metrics):
+        for index, name in enumerate(names):
+            heading = metric_heading(name).replace("nonlinearity", "nonlin- earity")
+            words = heading.split(" ", maxsplit=1)
+            yield "\n".join(("" if index else group, *[""] * (2 - len(words)), *words))
 
 
 def _number(cell: Cell) -> Text:

@@ -2,11 +2,18 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import chain
-from typing import NamedTuple
+from itertools import chain, groupby
+from typing import Final, NamedTuple
 
+from piezod.records.labels import metric_group
 from piezod.records.recording import ExperimentResult, Recording
 from piezod.records.reference import Reference, is_missed
+
+_MEANINGS: Final = {
+    "measured": "Measured: as the sensor shows it.",
+    "true": "True: as the simulated stage knows it.",
+    "noise": "Noise: what the sensor adds, but for its lag and calibration.",
+}
 
 
 class Cell(NamedTuple):
@@ -16,7 +23,7 @@ class Cell(NamedTuple):
         metric: Name of the metric.
         value: The error in the unit of the name; NaN where the recording has no such metric.
         limit: What it should not exceed, None where nothing is said.
-        best: Whether no other mode of the case does better.
+        best: Whether no other mode of the case does better; noise is no merit of a mode.
         missed: Whether it exceeds its limit, or is no number where it has one.
     """
 
@@ -56,6 +63,25 @@ def error_table(
     }
 
 
+def groups(metrics: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
+    """Return metrics side by side that are errors of the same, with what that is.
+
+    Args:
+        metrics: Names of metrics, in the order of the table.
+    """
+    return [(group, tuple(names)) for group, names in groupby(metrics, key=metric_group)]
+
+
+def meaning(metrics: Sequence[str]) -> str:
+    """Say in a sentence for each group what the metrics are errors of.
+
+    Args:
+        metrics: Names of metrics, in the order of the table.
+    """
+    of_groups = [_MEANINGS[group] for group in dict.fromkeys(map(metric_group, metrics))]
+    return " ".join(("Errors are in % of the displacement's range.", *of_groups))
+
+
 def verdict(
     table: Mapping[tuple[str, str], Sequence[Row]], reference: Reference | None = None
 ) -> str:
@@ -70,9 +96,10 @@ def verdict(
     if reference is None or not compared:
         return ""
     n_missed = sum(cell.missed for cell in compared)
+    errors = " and ".join(dict.fromkeys(metric_group(cell.metric) for cell in compared)) + " errors"
     if n_missed:
-        return f"{n_missed} of {len(compared)} errors exceed the figure of the {reference.label}."
-    return f"All {len(compared)} errors are at or below the figures of the {reference.label}."
+        return f"{n_missed} of {len(compared)} {errors} exceed the figure of the {reference.label}."
+    return f"All {len(compared)} {errors} are at or below the figures of the {reference.label}."
 
 
 def _row(
@@ -87,5 +114,6 @@ def _row(
         limit = reference.limit(recording, metric) if reference else None
         others = [rival.metrics.get(metric, math.inf) for rival in rivals if rival is not recording]
         best = bool(others) and all(value <= other for other in others)
+        best = best and metric_group(metric) != "noise"
         cells.append(Cell(metric, value, limit, best, is_missed(value, limit)))
     return Row(recording.mode, tuple(cells), reference.value(recording) if reference else None)

@@ -13,6 +13,11 @@ _METRICS: Final = {
     "voltage_error_max_pct": "worst voltage error",
     "voltage_error_rms_pct": "rms voltage error",
 }
+_WITHIN_GROUP: Final = {
+    "tracking_max_pct": "worst error",
+    "tracking_rms_pct": "rms error",
+    "noise_rms_pct": "rms",
+}
 NO_VALUE: Final = "–"
 _UNITS: Final = {"pct": "%", "um": "µm", "v": "V", "s": "s", "hz": "Hz"}
 
@@ -25,6 +30,26 @@ def metric_label(name: str) -> str:
     """
     stem, _, suffix = name.rpartition("_")
     return _METRICS.get(name, (stem if suffix in _UNITS else name).replace("_", " "))
+
+
+def metric_group(name: str) -> str:
+    """Return what a metric is an error of: "measured" or "true" displacement, or "noise".
+
+    Args:
+        name: Name of the metric; an unknown one is of the measured displacement.
+    """
+    first = name.partition("_")[0]
+    return first if first in {"true", "noise"} else "measured"
+
+
+def metric_heading(name: str) -> str:
+    """Return what a metric is called below the heading of its group, without its unit.
+
+    Args:
+        name: Name of the metric.
+    """
+    within = name.removeprefix("true_")
+    return _WITHIN_GROUP.get(within, metric_label(within))
 
 
 def metric_unit(name: str) -> str:

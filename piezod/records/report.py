@@ -7,8 +7,8 @@ from typing import Any, Final
 from jinja2 import Environment, StrictUndefined
 
 from piezod.records.atomic import replacing
-from piezod.records.error_table import error_table, verdict
-from piezod.records.labels import metric_label, metric_number, metric_unit
+from piezod.records.error_table import error_table, groups, meaning, verdict
+from piezod.records.labels import metric_heading, metric_label, metric_number, metric_unit
 from piezod.records.recording import ExperimentResult
 from piezod.records.reference import Reference
 from piezod.records.report_figures import draw_gallery, figures_in
@@ -47,6 +47,8 @@ def write_report(
         reference=reference,
         table=table,
         verdict=verdict(table, reference),
+        groups=groups(result.metric_names),
+        meaning=meaning(result.metric_names),
         gallery=gallery,
     )
     with replacing(path) as temporary:
@@ -68,6 +70,7 @@ def _render(**context: Any) -> str:
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters |= {
+        "heading": metric_heading,
         "label": metric_label,
         "number": metric_number,
         "unit": metric_unit,

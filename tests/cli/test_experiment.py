@@ -42,12 +42,41 @@ def test_text(piezod: Command, experiment_file: Path, folder: Path) -> None:
     assert (code, err) == (0, "")
     rows = [line.split() for line in out.splitlines()]
     assert [row[0] for row in rows if row and row[0] in MODES[1:]] == MODES[1:]
+    assert "Measured: as the sensor shows it." in out
     (feedforward,) = [line for line in out.splitlines() if line.split()[:1] == ["feedforward"]]
     assert feedforward.count("▲") == 2
-    assert feedforward.endswith("0.01  ")
-    assert "2 of 4 errors exceed the figure of the others." in out
+    assert feedforward.endswith(" 0.01")
+    assert "2 of 4 measured errors exceed the figure of the others." in out
     assert "Model of axis x by least-squares, " in out
     assert out.endswith("Report: here/report.html\n")
+
+
+def test_true_errors_fit_into_80_columns(
+    piezod: Command, experiment_file: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Measured, true and noise stand side by side, in the document as well."""
+    monkeypatch.setenv("COLUMNS", "80")
+    text = experiment_text(folder, experiment_file)
+    names = ["tracking_max_pct", "tracking_rms_pct", "nonlinearity_pct"]
+    names += ["true_tracking_max_pct", "true_nonlinearity_pct", "noise_rms_pct"]
+    compared = "    reference_pct: {feedforward: 0.01}\nreference: paper\n"
+    asked = f"{text}{compared}metrics: [{', '.join(names)}]\n"
+    (folder / experiment_file).write_text(asked, encoding="utf-8")
+
+    out = piezod("experiment", experiment_file).out
+    rows = json.loads(piezod("experiment", experiment_file, "--json").out)["cases"]
+
+    head, _, titles, rule, *_ = out.splitlines()
+    assert head.split() == ["measured", "true", "noise"]
+    assert titles.split() == [
+        *("case", "mode", "error", "error", "earity", "error", "earity", "rms", "paper"),
+    ]
+    assert len(rule) < 80
+    (feedforward,) = [line for line in out.splitlines() if line.split()[:1] == ["feedforward"]]
+    assert feedforward.split()[4:7:2] == ["▲", "▲"]
+    assert "2 of 2 true errors exceed the figure of the paper." in out
+    assert list(rows[0]) == ["axis", "case", "mode", *names]
+    assert all(0.02 < row["noise_rms_pct"] < 0.2 for row in rows)
 
 
 def test_two_axes_are_told_apart(piezod: Command, experiment_file: Path, folder: Path) -> None:
@@ -61,8 +90,11 @@ def test_two_axes_are_told_apart(piezod: Command, experiment_file: Path, folder:
 
     assert (code, err) == (0, "")
     rows = [line.split() for line in out.splitlines()]
-    firsts = [row[:3] for row in rows if row[2:3] == ["uncompensated"]]
-    assert firsts == [["x", "slow", "uncompensated"], ["y", "slow", "uncompensated"]]
+    firsts = [row[:4] for row in rows if row[3:4] == ["uncompensated"]]
+    assert firsts == [
+        ["slow,", "axis", "x", "uncompensated"],
+        ["slow,", "axis", "y", "uncompensated"],
+    ]
     assert "Model of axis x by" in out
     assert "Model of axis y by" in out
     assert "exceed" not in out

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from piezod.records.error_table import error_table
+from piezod.records.error_table import error_table, groups, meaning, verdict
 from piezod.records.recording import ExperimentResult
 from piezod.records.reference import Reference, is_missed
 
@@ -79,3 +79,40 @@ def test_a_metric_that_one_recording_lacks_has_no_value_there(result: Experiment
     assert not cells["uncompensated", "tracking_max_pct"].missed
     assert not cells["uncompensated", "tracking_max_pct"].best
     assert cells["feedforward", "tracking_max_pct"].best
+
+
+def test_noise_is_no_merit_of_a_mode(simulated: ExperimentResult) -> None:
+    """True errors have a best mode as measured ones have, the noise of the sensor has none."""
+    (_, _, adaptive), *_ = error_table(simulated).values()
+
+    assert {cell.metric for cell in adaptive.cells if not cell.best} == {"noise_rms_pct"}
+
+
+def test_true_errors_are_compared_where_the_reference_says_so(
+    simulated: ExperimentResult, reference: Reference, true_reference: Reference
+) -> None:
+    """The sentence about them says which errors it means."""
+    measured, true = (
+        verdict(error_table(simulated, compared), compared)
+        for compared in (reference, true_reference)
+    )
+
+    assert measured == "2 of 4 measured errors exceed the figure of the paper."
+    assert true == "All 4 true errors are at or below the figures of the paper."
+
+
+def test_metrics_are_grouped_by_what_they_are_errors_of(simulated: ExperimentResult) -> None:
+    """Measured, true and noise, each with its meaning in words."""
+    found = groups(simulated.metric_names)
+
+    assert [(group, len(names)) for group, names in found] == [
+        ("measured", 3),
+        ("true", 2),
+        ("noise", 1),
+    ]
+    assert meaning(simulated.metric_names) == (
+        "Errors are in % of the displacement's range. Measured: as the sensor shows it. "
+        "True: as the simulated stage knows it. "
+        "Noise: what the sensor adds, but for its lag and calibration."
+    )
+    assert meaning(["nonlinearity_pct"]).endswith("range. Measured: as the sensor shows it.")

@@ -2,6 +2,7 @@ import math
 import struct
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import matplotlib as mpl
@@ -70,6 +71,44 @@ def test_run_shows_the_recorded_columns(recording: Recording) -> None:
     assert _xy(position["measured"]) == (t_s, recording.position_um.tolist())
     assert _xy(position["command"]) == (t_s, recording.command_um.tolist())
     assert _xy(_panel(figure, "(d)").lines[0]) == (t_s, recording.error_um.tolist())
+
+
+def test_true_error_is_drawn_upon_the_measured_one(
+    simulated: ExperimentResult, recording: Recording
+) -> None:
+    """Where it is known; elsewhere there is neither a line nor a word of it."""
+    known = simulated.recordings[2]
+    panel = _panel(mode_figure(known), "(d)")
+    lines = _lines(panel)
+
+    assert panel.get_title(loc="left") == "(d) Error"
+    assert _xy(lines["measured"]) == (known.t_s.tolist(), known.error_um.tolist())
+    assert _xy(lines["true"]) == (known.t_s.tolist(), known.true_error_um.tolist())
+    assert lines["true"].get_color() != lines["measured"].get_color()
+    assert "true" not in _lines(_panel(mode_figure(recording), "(d)"))
+
+
+def test_true_error_is_explained_where_every_sample_counts(simulated: ExperimentResult) -> None:
+    """The legend does not depend on there being an excluded part."""
+    panel = _panel(mode_figure(replace(simulated.recordings[2], first_metric_index=0)), "(d)")
+    legend = panel.get_legend()
+
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["measured", "true"]
+
+
+def test_true_errors_have_a_line_of_their_own_in_the_headline(simulated: ExperimentResult) -> None:
+    """All six in one line would be cut off at the right."""
+    figure = mode_figure(simulated.recordings[2])
+    headline = figure.get_suptitle()
+
+    assert headline.splitlines()[1:] == [
+        "worst tracking error 0.28 %, rms tracking error 0.17 %, nonlinearity 0.25 %",
+        "worst true tracking error 0.21 %, true nonlinearity 0.19 %, rms sensor noise 0.06 %",
+    ]
+    figure.draw_without_rendering()
+    (text,) = [each for each in figure.findobj(Text) if each.get_text() == headline]
+    assert text.get_window_extent().x1 < figure.bbox.x1
 
 
 def test_loop_is_measured_displacement_over_uncompensated_voltage(recording: Recording) -> None:
@@ -174,9 +213,12 @@ def test_invalid_samples_leave_gaps(recording: Recording) -> None:
     assert png_bytes(figure).startswith(b"\x89PNG")
 
 
-def test_legends_cover_no_data(recording: Recording, identification: Identification) -> None:
+def test_legends_cover_no_data(
+    recording: Recording, simulated: ExperimentResult, identification: Identification
+) -> None:
     """Every legend stands above the frame of its panel, clear of the panel's title."""
-    for figure in (mode_figure(recording), identification_figure(identification)):
+    figures = [mode_figure(recording), mode_figure(simulated.recordings[2])]
+    for figure in (*figures, identification_figure(identification)):
         figure.draw_without_rendering()
         legends = {axes: legend for axes in figure.axes if (legend := axes.get_legend())}
         assert len(legends) > 1
@@ -258,6 +300,69 @@ def test_overview_says_what_exceeds_its_limit(
     assert texts == ["6.00", "0.75 > 0.70", "0.25 ≤ 0.40", "6.00", "0.75", "0.25"]
 
 
+def test_overview_shows_true_errors_as_open_dots(
+    simulated: ExperimentResult, true_reference: Reference
+) -> None:
+    """They share the panel of the measured ones, which are filled; noise has its own."""
+    figure = overview_figure(simulated, true_reference)
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    nonlinearity = figure.axes[2]
+    dots = [line for line in nonlinearity.lines if line.get_marker() in {"o", "s", "D"}]
+    filled = [_xy(dot)[0][0] for dot in dots if dot.get_markerfacecolor() == dot.get_color()]
+    unfilled = [_xy(dot)[0][0] for dot in dots if dot.get_markerfacecolor() == "white"]
+
+    assert figure.get_suptitle() == "Errors of the displacement: measured (filled) / true (open)"
+    assert titles == [
+        *("worst tracking error", "rms tracking error", "nonlinearity"),
+        "rms sensor noise",
+    ]
+    assert filled == [each.metrics["nonlinearity_pct"] for each in simulated.recordings]
+    assert unfilled == [each.metrics["true_nonlinearity_pct"] for each in simulated.recordings]
+    assert [text.get_text() for text in nonlinearity.texts][:3] == [
+        "6.00 / 4.50",
+        "0.75 / 0.56 ≤ 0.70",
+        "0.25 / 0.19 ≤ 0.40",
+    ]
+
+
+def test_overview_of_true_errors_alone(simulated: ExperimentResult) -> None:
+    """Without a measured counterpart the panel bears the name of the true error."""
+    only = [
+        replace(each, metrics={"true_nonlinearity_pct": each.metrics["true_nonlinearity_pct"]})
+        for each in simulated.recordings
+    ]
+    (panel,) = overview_figure(replace(simulated, recordings=tuple(only))).axes
+
+    assert panel.get_title(loc="left") == "true nonlinearity"
+
+
+def test_numbers_in_the_overview_cover_no_dot(
+    simulated: ExperimentResult, true_reference: Reference
+) -> None:
+    """They stand to the right of all that is drawn in their panel."""
+    figure = overview_figure(simulated, true_reference)
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        drawn = [line.get_window_extent().x1 for line in axes.lines if line.get_marker() != "None"]
+
+        assert max(drawn) < min(text.get_window_extent().x0 for text in axes.texts)
+
+
+def test_labels_of_an_axis_stand_clear_of_each_other(
+    simulated: ExperimentResult, true_reference: Reference
+) -> None:
+    """However many decades the errors span."""
+    tiny = replace(simulated.recordings[2], metrics=dict.fromkeys(simulated.metric_names, 0.02))
+    recordings = (*simulated.recordings[:2], tiny, *simulated.recordings[3:])
+    figure = overview_figure(replace(simulated, recordings=recordings), true_reference)
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        boxes = [each.get_window_extent() for each in axes.get_xticklabels()]
+
+        assert len(boxes) > 1
+        assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
+
+
 def test_modes_differ_in_shape_as_well_as_in_colour(result: ExperimentResult) -> None:
     """The legend shows a shape and a colour of its own for every mode."""
     (legend,) = overview_figure(result).legends
@@ -280,14 +385,14 @@ def test_a_mode_looks_the_same_in_every_figure(result: ExperimentResult) -> None
             for mode, handle in zip(modes, handles, strict=True)
         }
 
-    known = looks("uncompensated", "feedforward", "adaptive")
+    known = looks("uncompensated", "feedforward", "adaptive", "trimmed")
     odd = looks("other", "adaptive", "another", "feedforward")
 
     assert {mode: odd[mode] for mode in ("adaptive", "feedforward")} == {
         mode: known[mode] for mode in ("adaptive", "feedforward")
     }
     assert looks("adaptive")["adaptive"] == known["adaptive"]
-    assert len({*known.values(), *odd.values()}) == 5
+    assert len({*known.values(), *odd.values()}) == 6
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])

@@ -26,6 +26,21 @@ def test_experiment_comes_back_equal(file: Path, result: ExperimentResult) -> No
     assert _written(file, result) == result
 
 
+def test_true_displacement_comes_back(
+    file: Path, result: ExperimentResult, simulated: ExperimentResult
+) -> None:
+    """It survives where it is known; a viewer is shown it there, and a gap nowhere."""
+    assert _written(file, simulated) == simulated
+    with h5py.File(file) as root:
+        beside = list(root["experiment/x_b_adaptive"].attrs["auxiliary_signals"])
+    write_hdf5(file, result)
+    with h5py.File(file) as root:
+        without = list(root["experiment/x_b_adaptive"].attrs["auxiliary_signals"])
+
+    assert beside == ["command_um", "true_um", "drive_v", "uncompensated_v"]
+    assert without == ["command_um", "drive_v", "uncompensated_v"]
+
+
 def test_several_axes_come_back_equal(file: Path, two_axes: ExperimentResult) -> None:
     """Recordings of several axes keep their order, x before y."""
     read = _written(file, two_axes)
@@ -95,21 +110,21 @@ def test_defaults_lead_to_a_plot(file: Path, result: ExperimentResult) -> None:
         assert all(name in node for name in node.attrs["auxiliary_signals"])
 
 
-def test_every_group_has_a_class_and_every_column_a_unit(
+def test_every_group_has_a_class_and_every_column_a_unit_and_a_name(
     file: Path, result: ExperimentResult
 ) -> None:
-    """Each group says its NeXus class, and each dataset of a data group its unit."""
+    """Each group says its NeXus class, each dataset of a data group its unit and what it is."""
     write_hdf5(file, result)
     without: list[str] = []
 
     def visit(name: str, node: h5py.Group | h5py.Dataset) -> None:
         if isinstance(node, h5py.Group):
-            wanted = "NX_class"
+            wanted = {"NX_class"}
         elif node.parent.attrs["NX_class"] == "NXdata" and not name.endswith("/title"):
-            wanted = "units"
+            wanted = {"units", "long_name"}
         else:
             return
-        if wanted not in node.attrs:
+        if not wanted <= set(node.attrs):
             without.append(name)
 
     with h5py.File(file) as root:

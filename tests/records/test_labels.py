@@ -1,12 +1,21 @@
 import pytest
 
-from piezod.records.labels import metric_label, metric_number, metric_text, metric_unit
+from piezod.records.labels import (
+    metric_group,
+    metric_heading,
+    metric_label,
+    metric_number,
+    metric_text,
+    metric_unit,
+)
 
 
 @pytest.mark.parametrize(
     ("name", "label", "unit"),
     [
         ("tracking_max_pct", "worst tracking error", "%"),
+        ("true_tracking_max_pct", "worst true tracking error", "%"),
+        ("noise_rms_pct", "rms sensor noise", "%"),
         ("voltage_error_rms_pct", "rms voltage error", "%"),
         ("loop_width_um", "loop width", "µm"),
         ("settling_time_s", "settling time", "s"),
@@ -44,3 +53,22 @@ def test_metric_in_words() -> None:
 def test_metric_without_a_value_is_a_dash_without_a_unit() -> None:
     """Nobody reads of a percentage of nan."""
     assert metric_text("nonlinearity_pct", float("nan")) == "nonlinearity –"
+
+
+@pytest.mark.parametrize(
+    ("name", "group", "heading"),
+    [
+        ("tracking_max_pct", "measured", "worst error"),
+        ("true_tracking_max_pct", "true", "worst error"),
+        ("nonlinearity_pct", "measured", "nonlinearity"),
+        ("true_nonlinearity_pct", "true", "nonlinearity"),
+        ("noise_rms_pct", "noise", "rms"),
+        ("loop_width_um", "measured", "loop width"),
+    ],
+)
+def test_metrics_are_short_below_the_heading_of_their_group(
+    name: str, group: str, heading: str
+) -> None:
+    """A true error and its measured counterpart differ in the group only."""
+    assert metric_group(name) == group
+    assert metric_heading(name) == heading

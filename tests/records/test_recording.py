@@ -104,6 +104,18 @@ def test_range_counts_the_samples_of_the_metrics_only(recording: Recording) -> N
     assert replace(recording, position_um=position_um).position_range_um == 3.0
 
 
+def test_truth_is_known_or_not(recording: Recording, simulated: ExperimentResult) -> None:
+    """Its error is true minus commanded; one known sample is enough to know it."""
+    known = simulated.recordings[2]
+    assert np.array_equal(known.true_error_um, known.true_um - known.command_um)
+
+    once = np.full(400, np.nan)
+    once[7] = 1.0
+    assert known.knows_truth
+    assert replace(recording, true_um=once).knows_truth
+    assert not recording.knows_truth
+
+
 def test_derived_columns(recording: Recording, identification: Identification) -> None:
     """Error is measured minus commanded, residual is predicted minus applied."""
     assert np.array_equal(recording.error_um, recording.position_um - recording.command_um)

@@ -122,7 +122,7 @@ def test_table_is_read_without_colours(page: _Page) -> None:
         ["adaptive", "0.28 ● best", "0.17 ● best", "0.25 ● best", "0.40"],
         ["b", "uncompensated", "6.60", "3.96", "6.00", "–"],
     ]
-    assert page.text["strong"] == ["2 of 4 errors exceed the figure of the paper."]
+    assert page.text["strong"] == ["2 of 4 measured errors exceed the figure of the paper."]
 
 
 def test_every_picture_says_what_it_shows(page: _Page) -> None:
@@ -225,7 +225,32 @@ def test_reached_references_are_said_so(
 
     page = _Page(write_report(tmp_path, best, reference).read_text(encoding="utf-8"))
 
-    assert page.text["strong"] == ["All 2 errors are at or below the figures of the paper."]
+    assert page.text["strong"] == [
+        "All 2 measured errors are at or below the figures of the paper."
+    ]
+
+
+def test_true_errors_have_a_heading_of_their_own(
+    tmp_path: Path, simulated: ExperimentResult, true_reference: Reference
+) -> None:
+    """Measured, true and noise stand side by side, and the page says what is compared."""
+    few = replace(simulated, recordings=simulated.recordings[1:3])
+
+    page = _Page(write_report(tmp_path, few, true_reference).read_text(encoding="utf-8"))
+
+    assert page.rows["error-table"][:2] == [
+        ["case", "mode", "measured", "true", "noise", "paper"],
+        [
+            *("worst error (%)", "rms error (%)", "nonlinearity (%)"),
+            *("worst error (%)", "nonlinearity (%)"),
+            "rms (%)",
+        ],
+    ]
+    spans = [int(each["colspan"]) for tag, each in page.elements if "colspan" in each]
+    assert spans == [3, 2, 1]
+    assert page.text["strong"] == ["All 4 true errors are at or below the figures of the paper."]
+    assert "compared with: worst true tracking error, true nonlinearity." in page.text["caption"][0]
+    assert "True: as the simulated stage knows it." in page.text["caption"][0]
 
 
 def test_without_reference_nothing_is_compared(tmp_path: Path, result: ExperimentResult) -> None:

@@ -21,11 +21,13 @@ from piezod.records.figures.style import (
     house_style,
     new_figure,
 )
-from piezod.records.labels import metric_label, metric_number, metric_unit
+from piezod.records.labels import metric_group, metric_label, metric_number, metric_unit
 from piezod.records.recording import ExperimentResult, Recording
 from piezod.records.reference import Reference, is_missed
 
 _ROW_IN: Final = 0.27
+_MANY: Final = 30.0
+"""Over a wider ratio than this, numbers along an axis stand further apart."""
 
 
 class _Mark(NamedTuple):
@@ -34,13 +36,16 @@ class _Mark(NamedTuple):
     size: float = 7.0
     edge: float = 1.0
 
-    def line(self, values: list[float], rows: list[int], label: str = "") -> Line2D:
+    def line(
+        self, values: list[float], rows: list[int], label: str = "", *, filled: bool = True
+    ) -> Line2D:
         return Line2D(
             values,
             rows,
             linestyle="",
             marker=self.shape,
             color=self.colour,
+            markerfacecolor=self.colour if filled else "white",
             markersize=self.size,
             markeredgewidth=self.edge,
             label=label,
@@ -52,9 +57,9 @@ _MODE_MARKS: Final = {
     "uncompensated": _Mark("o", GREY),
     "feedforward": _Mark("s", BLUE),
     "adaptive": _Mark("D", GREEN),
+    "trimmed": _Mark("^", VERMILLION),
 }
 _OTHER_MARKS: Final = (
-    _Mark("^", VERMILLION),
     _Mark("v", PURPLE),
     _Mark("P", ORANGE),
 )
@@ -65,26 +70,44 @@ _REFERENCE_MARK: Final = _Mark("|", BLACK, size=14.0, edge=1.8)
 def overview_figure(result: ExperimentResult, reference: Reference | None = None) -> Figure:
     """Draw every metric of every recording as a dot, beside the figures of the reference.
 
+    A metric of the true displacement shares the panel of the measured one, as an open dot.
+
     Args:
         result: The experiment, with at least one recording that has metrics.
         reference: Errors to compare with, where there are any.
     """
     headlines, rows = _layout(result)
     height_in = 1.4 + _ROW_IN * (len(headlines) + len(rows))
-    figure = new_figure(13.0, height_in, "Errors of the measured displacement", "")
-    names = result.metric_names
-    panels = figure.subplots(1, len(names), sharey=True, squeeze=False)[0]
+    panels = _panels(result.metric_names)
+    figure = new_figure(13.0, height_in, _headline(result.metric_names), "")
+    # A panel with two numbers in a row is wider.
+    widths = {"width_ratios": [3 + len(names) for names in panels]}
+    all_axes = figure.subplots(1, len(panels), sharey=True, squeeze=False, gridspec_kw=widths)[0]
     marks = _marks(result.modes)
-    for axes, name in zip(panels, names, strict=True):
-        _draw_metric(axes, name, rows, marks, reference)
+    for axes, names in zip(all_axes, panels, strict=True):
+        _draw_metrics(axes, names, rows, marks, reference)
         for y in list(headlines)[1:]:
             axes.axhline(y - 0.5, color="#BBBBBB", linewidth=0.7)
-    _label_rows(panels[0], headlines, rows)
+    _label_rows(all_axes[0], headlines, rows)
     handles = [marks[mode].line([], [], mode) for mode in result.modes]
     if reference is not None:
         handles.append(_REFERENCE_MARK.line([], [], reference.label))
     figure.legend(handles=handles, loc="upper right", ncols=len(handles))
     return figure
+
+
+def _headline(metrics: Iterable[str]) -> str:
+    if "true" in map(metric_group, metrics):
+        return "Errors of the displacement: measured (filled) / true (open)"
+    return "Errors of the measured displacement"
+
+
+def _panels(metrics: Iterable[str]) -> list[tuple[str, ...]]:
+    """Return the metrics of each panel: one, or a measured one and its true counterpart."""
+    panels: dict[str, list[str]] = {}
+    for name in metrics:
+        panels.setdefault(name.removeprefix("true_"), []).append(name)
+    return [tuple(sorted(names, key=metric_group)) for names in panels.values()]
 
 
 def _marks(modes: Iterable[str]) -> dict[str, _Mark]:
@@ -113,33 +136,41 @@ def _label_rows(axes: Axes, headlines: dict[int, str], rows: dict[int, Recording
     axes.set_ylim(max(texts) + 0.6, -0.6)
 
 
-def _draw_metric(
+def _draw_metrics(
     axes: Axes,
-    name: str,
+    names: tuple[str, ...],
     rows: Mapping[int, Recording],
     marks: Mapping[str, _Mark],
     reference: Reference | None,
 ) -> None:
-    unit = metric_unit(name)
-    axes.set_title(metric_label(name))
+    unit = metric_unit(names[0])
+    axes.set_title(metric_label(names[0]))
     axes.set_xlabel("% of range" if unit == "%" else unit)
     axes.grid(visible=False, axis="y")
     axes.tick_params(axis="y", length=0)
-    shown = {y: recording for y, recording in rows.items() if name in recording.metrics}
     drawn: list[float] = []
-    for y, recording in shown.items():
-        value = recording.metrics[name]
-        limit = reference.limit(recording, name) if reference else None
-        axes.add_line(marks[recording.mode].line([value], [y]))
-        if limit is not None:
-            axes.add_line(_REFERENCE_MARK.line([limit], [y]))
-            drawn.append(limit)
-        drawn.append(value)
-        text = metric_number(name, value)
-        if limit is not None:
-            text += f" {'>' if is_missed(value, limit) else '≤'} {metric_number(name, limit)}"
-        _write_at_right(axes, y, text, bold=is_missed(value, limit))
-    _set_scale(axes, drawn)
+    for y, recording in rows.items():
+        limits = {name: reference.limit(recording, name) if reference else None for name in names}
+        values = {name: recording.metrics[name] for name in names if name in recording.metrics}
+        for name, value in values.items():
+            filled = metric_group(name) != "true"
+            axes.add_line(marks[recording.mode].line([value], [y], filled=filled))
+            limit = limits[name]
+            if limit is not None:
+                axes.add_line(_REFERENCE_MARK.line([limit], [y]))
+                drawn.append(limit)
+            drawn.append(value)
+        text = " / ".join(_text(name, value, limits[name]) for name, value in values.items())
+        missed = any(is_missed(value, limits[name]) for name, value in values.items())
+        _write_at_right(axes, y, text, bold=missed)
+    _set_scale(axes, drawn, room=len(names))
+
+
+def _text(name: str, value: float, limit: float | None) -> str:
+    text = metric_number(name, value)
+    if limit is None:
+        return text
+    return f"{text} {'>' if is_missed(value, limit) else '≤'} {metric_number(name, limit)}"
 
 
 def _write_at_right(axes: Axes, y: int, text: str, *, bold: bool) -> None:
@@ -155,16 +186,25 @@ def _write_at_right(axes: Axes, y: int, text: str, *, bold: bool) -> None:
     )
 
 
-def _set_scale(axes: Axes, values: Iterable[float]) -> None:
-    """Show ratios, from under one percent to many, wherever all values have a logarithm."""
+def _set_scale(axes: Axes, values: Iterable[float], room: int) -> None:
+    """Show ratios, from under one percent to many, wherever all values have a logarithm.
+
+    Args:
+        axes: The panel.
+        values: What is drawn.
+        room: How many numbers stand at the right, where nothing is drawn.
+    """
     finite = [value for value in values if math.isfinite(value)]
     low, high = min(finite, default=0.0), max(finite, default=1.0)
     if low <= 0:
-        axes.set_xlim(min(low, 0.0) - 0.05 * (high - low), high + 0.5 * (high - low) + 1e-9)
+        axes.set_xlim(min(low, 0.0) - 0.05 * (high - low), high + 0.5 * room * (high - low) + 1e-9)
         return
     axes.set_xscale("log")
-    # A third of the panel stays free at the right, for the numbers.
-    axes.set_xlim(low / 1.5, high * (high / low) ** 0.5 * 1.5)
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    # A third of the panel stays free at the right for a number, half of it for two.
+    axes.set_xlim(low / 1.5, high * (high / low) ** (0.5 * room) * 1.5)
+    steps = (1.0, 2.0, 5.0) if high < _MANY * low else (1.0, 3.0)
+    low, high = low / 1.5, high * 1.5
+    ticks = LogLocator(subs=steps).tick_values(low, high)
+    axes.set_xticks([tick for tick in ticks if low <= tick <= high])
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_locator(NullLocator())

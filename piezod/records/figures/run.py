@@ -16,6 +16,7 @@ from piezod.records.figures.style import (
     EXCLUDED,
     LOOP,
     POSITION,
+    TRUE_ERROR,
     VERMILLION,
     WISHED,
     add_percent_axis,
@@ -26,7 +27,7 @@ from piezod.records.figures.style import (
 )
 from piezod.records.figures.traces import draw_trace
 from piezod.records.frozen import FloatArray
-from piezod.records.labels import metric_text
+from piezod.records.labels import metric_group, metric_text
 from piezod.records.recording import Recording
 
 _RIGHT_SHADES: Final = LinearSegmentedColormap.from_list("right", ["#B3D6EA", BLUE, "#00273D"])
@@ -38,7 +39,8 @@ def mode_figure(recording: Recording) -> Figure:
     """Draw one case in one mode.
 
     Panels: (a) uncompensated and applied voltage, (b) commanded and measured displacement, (c)
-    measured displacement over uncompensated voltage, (d) error, (e) parameters where there are any.
+    measured displacement over uncompensated voltage, (d) error, also the true one where it is
+    known, (e) parameters where there are any.
 
     Args:
         recording: What to draw.
@@ -46,8 +48,7 @@ def mode_figure(recording: Recording) -> Figure:
     title = f"{recording.case} · {recording.mode} · axis {recording.axis}"
     if recording.title:
         title += f": {recording.title}"
-    metrics = ", ".join(metric_text(name, value) for name, value in recording.metrics.items())
-    figure = new_figure(13.0, 8.0, title, metrics)
+    figure = new_figure(13.0, 8.0, title, _metrics_text(recording))
     columns = figure.add_gridspec(1, 2, width_ratios=(1.35, 1.0))
     left = columns[0].subgridspec(3, 1)
     voltage = figure.add_subplot(left[0])
@@ -65,6 +66,14 @@ def mode_figure(recording: Recording) -> Figure:
     _draw_loop(figure.add_subplot(right[0]), recording)
     _draw_weights(figure.add_subplot(right[1]), recording)
     return figure
+
+
+def _metrics_text(recording: Recording) -> str:
+    """Return the errors in words: the measured ones, and in a line below those beside them."""
+    lines: dict[bool, list[str]] = {}
+    for name, value in recording.metrics.items():
+        lines.setdefault(metric_group(name) == "measured", []).append(metric_text(name, value))
+    return "\n".join(map(", ".join, lines.values()))
 
 
 def _draw_voltage(axes: Axes, recording: Recording) -> None:
@@ -102,15 +111,21 @@ def _draw_loop(axes: Axes, recording: Recording) -> None:
 
 
 def _draw_error(axes: Axes, recording: Recording) -> None:
-    draw_trace(axes, recording.t_s, recording.error_um, **ERROR)
+    error = draw_trace(axes, recording.t_s, recording.error_um, **ERROR)
+    title = "(d) Error: measured minus command"
+    if recording.knows_truth:
+        error.set_label("measured")
+        draw_trace(axes, recording.t_s, recording.true_error_um, label="true", **TRUE_ERROR)
+        title = "(d) Error"
     axes.axhline(0.0, color="black", linewidth=0.6)
-    axes.set(title="(d) Error: measured minus command", ylabel="error (µm)")
+    axes.set(title=title, ylabel="error (µm)")
     round_time_ticks(axes)
     if np.ptp(recording.command_um[recording.first_metric_index :]) > 0.0:
         # At rest the range of the displacement is that of its noise, and no measure of anything.
         add_percent_axis(axes, recording.position_range_um, "% of range")
     if recording.first_metric_index:
         _shade_excluded(axes, recording).set_label("excluded from the metrics")
+    if recording.knows_truth or recording.first_metric_index:
         legend_above(axes)
 
 

@@ -31,6 +31,8 @@ DRIVE: Final[dict[str, Any]] = {"color": VERMILLION, "linewidth": 1.5}
 POSITION: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.5}
 LOOP: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.0}
 ERROR: Final[dict[str, Any]] = {"color": PURPLE, "linewidth": 0.7}
+# What is true lies within the noise of what is measured: darker, and upon it.
+TRUE_ERROR: Final[dict[str, Any]] = {"color": "#6B2149", "linewidth": 0.9}
 ERROR_DOTS: Final[dict[str, Any]] = {
     "color": PURPLE, "linestyle": "", "marker": ".", "markersize": 3.0, "markeredgewidth": 0.0,
 }  # fmt: skip
