@@ -78,7 +78,7 @@ class CompensatedAxis:
     """Follows a displacement: reference → normalise → trim → compensate within the limits.
 
     What is written in a cycle answers in the next one, after the delay: the reference is read that
-    much ahead. Of the delay, the sensor's part is not waited for: the stage itself is there earlier.
+    much ahead. The sensor's part of the delay is not counted: the stage itself is there earlier.
 
     Args:
         reference_um: Displacement over time since the start, in µm.
@@ -140,13 +140,12 @@ class CompensatedAxis:
             self.compensator.refused()
         self._awaits_write = True
         self._history.append(t_ns, self._in_force_v)
-        beyond = self.compensator.beyond
-        self.identifier.learn(t_ns, sample, limited=beyond != 0.0)
+        self.identifier.learn(t_ns, sample, limited=self.compensator.limited)
         if self.identifier.converged:
             self.compensator.adopt_first(self.identifier.weights)
         t_s = (t_ns - self._start_ns) / NS_PER_S
         command_um = self._reference_um(t_s)
-        trim = self._trim.step(self._lacks(sample), sample.valid, (beyond > 0.0) - (beyond < 0.0))
+        trim = self._trim.step(self._lacks(sample), sample.valid, self.compensator.stop)
         ahead = self._position_um.to_unit(self._reference_um(t_s + self._ahead_s))
         window = self._limits.window(self._in_force_v, self._period_s)
         drive = self.compensator.step(

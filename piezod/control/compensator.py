@@ -14,138 +14,17 @@ found at which the model gives the applied voltage. It advances in the next step
 that was refused leaves no trace.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from piezod.config.modes import Mode
-from piezod.hysteresis.bank import (
-    advance_plays,
-    evaluate_plays,
-    new_bank_memory,
-    weighted_sum,
-)
-from piezod.hysteresis.creep import NO_CREEP, Creep, advance_creep
-from piezod.hysteresis.memory import (
-    MERGED,
-    SEEN,
-    FloatArray,
-    IntArray,
-    Memory,
-    clamp,
-    locate,
-)
-from piezod.jit import compiled
+from piezod.control.compensator_step import BEYOND, OUTSIDE, POSITION, step
+from piezod.control.creep_state import AT_REST, CreepState
+from piezod.hysteresis.bank import new_bank_memory
+from piezod.hysteresis.memory import MERGED, FloatArray
 
 FOLLOWED_SHARE = 0.3
 """Part of the way to the identifier's weights that mode `adaptive` goes in each cycle. All of it,
 as in the paper, would hand the sensor's noise on to the drive."""
-
-POSITION, COMMAND, BEYOND = 0, 1, 2
-"""What waits for the next step: the displacement that the memory will advance to if the drive was
-applied, NaN for none; the command, to be held where the next one is not a number; and how far the
-wished drive lay beyond the window, negative below it."""
-
-_MOST_STEPS = 50  # of the search for a displacement; about ten are needed
-_SAME_DRIVE = 1e-13  # a voltage that differs by rounding only is no move
-
-
-@compiled
-def _model(
-    memory: Memory, bank: FloatArray, plays: FloatArray, weights: FloatArray, position: float
-) -> float:
-    """Return the model's drive for a displacement; the memory stays as it is."""
-    evaluate_plays(memory, bank, locate(memory, position), position, plays)
-    return weighted_sum(plays, bank, weights, position)
-
-
-@compiled
-def _position(
-    memory: Memory, bank: FloatArray, plays: FloatArray, weights: FloatArray, drive: float
-) -> float:
-    """Return the displacement for which the model gives a drive, by the Illinois method.
-
-    The model is monotone, 0 at 0 and 1 at 1. Where one end of the bracket stays twice in a row, its
-    miss is halved, so that both ends close in.
-    """
-    drive = clamp(drive, 0.0)
-    low, high = 0.0, 1.0
-    low_miss, high_miss = -drive, 1.0 - drive
-    middle, stayed = memory.last[SEEN], 0
-    miss = weighted_sum(memory.now, bank, weights, middle) - drive
-    for _ in range(_MOST_STEPS):
-        if abs(miss) < _SAME_DRIVE:
-            break
-        if miss < 0.0:
-            low, low_miss = middle, miss
-            high_miss *= 0.5 if stayed > 0 else 1.0
-            stayed = 1
-        else:
-            high, high_miss = middle, miss
-            low_miss *= 0.5 if stayed < 0 else 1.0
-            stayed = -1
-        middle = high - high_miss * (high - low) / (high_miss - low_miss)
-        miss = _model(memory, bank, plays, weights, middle) - drive
-    return middle
-
-
-@compiled
-def _step(
-    levels: FloatArray,
-    values: FloatArray,
-    now: FloatArray,
-    last: FloatArray,
-    counts: IntArray,
-    bank: FloatArray,
-    plays: FloatArray,
-    pending: FloatArray,
-    weights: FloatArray,
-    lags: FloatArray,
-    creep_gains: FloatArray,
-    creep_weights: FloatArray,
-    target: FloatArray,
-    share: float,
-    strength: float,
-    command: float,
-    added: float,
-    low: float,
-    high: float,
-) -> float:
-    memory = Memory(levels, values, now, last, counts)
-    if pending[POSITION] == pending[POSITION]:
-        advance_plays(memory, bank, 0.0, pending[POSITION])
-    crept = advance_creep(lags, creep_gains, creep_weights, memory.last[SEEN])
-    for j in range(weights.size):
-        weights[j] += share * (target[j] - weights[j])
-    command = clamp(command, pending[COMMAND])
-    position = clamp(command + added - crept, command)
-    model = _model(memory, bank, plays, weights, position)
-    wished = model + (1.0 - strength) * (command - model)
-    drive = min(max(wished, low), high)
-    if drive != model:  # at full strength and within the window it is, to the bit
-        position = _position(memory, bank, plays, weights, drive)
-    pending[POSITION] = position
-    pending[COMMAND] = command
-    pending[BEYOND] = wished - drive
-    return drive
-
-
-class Slow(NamedTuple):
-    """What a stage does by itself, as it is where the compensator starts.
-
-    Attributes:
-        creep: How it creeps.
-        lags: (K,) state of the creep.
-        zeroed: Creep, in units of the range, that was there when the displacement was zeroed.
-    """
-
-    creep: Creep
-    lags: FloatArray
-    zeroed: float
-
-
-AT_REST = Slow(NO_CREEP, np.empty(0), 0.0)
-"""Of a stage that does not creep."""
 
 
 class Compensator:
@@ -156,7 +35,7 @@ class Compensator:
         weights: (2 M,) weights [a^l, a^r] to start from; all zero for a stage not yet identified.
         mode: The mode to start in.
         fade_cycles: Cycles over which a switch of mode or of weights is spread; at least 1.
-        slow: Creep of the stage.
+        creep: How far the stage has crept, and where it is.
         trimmed_follows: Whether mode `trimmed` is on top of `adaptive`, not of `feedforward`.
     """
 
@@ -167,7 +46,7 @@ class Compensator:
         *,
         mode: Mode,
         fade_cycles: int,
-        slow: Slow = AT_REST,
+        creep: CreepState = AT_REST,
         trimmed_follows: bool = False,
     ) -> None:
         self.weights: FloatArray = weights.copy()
@@ -181,11 +60,18 @@ class Compensator:
         self.switch(mode)
         self._fading, self._strength = 0, self._strength_aim
         self._offset = 0.0
-        self._zeroed = slow.zeroed
-        self._pending = np.array([np.nan, 0.0, 0.0])
-        plays = np.empty(bank.shape[1])
-        creep = (slow.lags.copy(), slow.creep.gains, slow.creep.weights)
-        self._arguments = (*self._memory, bank, plays, self._pending, self.weights, *creep)
+        self._zeroed = creep.zeroed
+        self._pending = np.array([creep.quick, creep.quick, 0.0, 0.0])
+        self._arguments = (
+            *self._memory,
+            bank,
+            np.empty(bank.shape[1]),
+            self._pending,
+            self.weights,
+            creep.lags.copy(),
+            creep.creep.gains,
+            creep.creep.weights,
+        )
 
     @property
     def mode(self) -> Mode:
@@ -193,9 +79,15 @@ class Compensator:
         return self._mode
 
     @property
-    def beyond(self) -> float:
-        """How far the last wished drive lay beyond the window, negative below it; normalised."""
-        return self._pending.item(BEYOND)
+    def limited(self) -> bool:
+        """Whether the window cut off part of the last wished drive."""
+        return self._pending.item(BEYOND) != 0.0
+
+    @property
+    def stop(self) -> int:
+        """1 where the last drive or displacement could go no higher, -1 no lower, else 0."""
+        excess = self._pending.item(BEYOND) or self._pending.item(OUTSIDE)
+        return (excess > 0.0) - (excess < 0.0)
 
     @property
     def merged_pairs(self) -> int:
@@ -253,4 +145,4 @@ class Compensator:
         if self._following:
             self._offset += share * (offset - self._offset)
         added = self._zeroed - self._offset + trim
-        return _step(*self._arguments, target, share, self._strength, command, added, low, high)
+        return step(*self._arguments, target, share, self._strength, command, added, low, high)

@@ -1,6 +1,6 @@
 """Adaptation in the loop: pairs samples with voltages, normalises both, takes the creep out."""
 
-from piezod.control.compensator import AT_REST, Slow
+from piezod.control.creep_state import AT_REST, CreepState
 from piezod.control.drive_history import DriveHistory
 from piezod.control.learning_gate import LearningGate
 from piezod.devices.interface import Sample
@@ -22,7 +22,7 @@ class Identifier:
         delay_ns: How long the displacement lags behind the voltage.
         convergence: When the weights count as converged.
         gate: Which samples may teach.
-        slow: Creep of the stage.
+        creep: How far the stage has crept, and where it is.
     """
 
     def __init__(
@@ -34,14 +34,14 @@ class Identifier:
         delay_ns: int,
         convergence: Convergence,
         gate: LearningGate,
-        slow: Slow = AT_REST,
+        creep: CreepState = AT_REST,
     ) -> None:
         self.adaptation, self.gate = adaptation, gate
         self._drive_v, self._position_um = drive_v, position_um
         self._history, self._delay_ns = history, delay_ns
         self._convergence = convergence
-        self._creep, self._zeroed = slow.creep, slow.zeroed
-        self._lags, self._quick = slow.lags.copy(), 0.0
+        self._creep, self._zeroed = creep.creep, creep.zeroed
+        self._lags, self._quick = creep.lags.copy(), creep.quick
         self.converged = False
         """Whether the weights have converged, over a window and up to the last sample."""
 

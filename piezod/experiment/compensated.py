@@ -1,9 +1,14 @@
 """A compensated axis, put together from its configuration and its model."""
 
+from typing import NamedTuple
+
+import numpy as np
+
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import Mode
 from piezod.control.axis import CompensatedAxis, Waveform
-from piezod.control.compensator import Compensator, Slow
+from piezod.control.compensator import Compensator
+from piezod.control.creep_state import CreepState
 from piezod.control.drive_history import DriveHistory
 from piezod.control.identifier import Identifier
 from piezod.control.learning_gate import LearningGate
@@ -11,8 +16,15 @@ from piezod.control.limits import Limits
 from piezod.control.stability import refuse_unstable
 from piezod.control.trim import Trim
 from piezod.experiment.stage_model import StageModel
-from piezod.hysteresis import Convergence, LMSIdentifier, NLMSIdentifier, RLSIdentifier
-from piezod.hysteresis.adaptation import AdaptiveIdentifier, Shadowed
+from piezod.hysteresis import (
+    AdaptiveIdentifier,
+    Convergence,
+    LMSIdentifier,
+    NLMSIdentifier,
+    RLSIdentifier,
+    Shadowed,
+)
+from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S, s_to_ns
 
 FADE_S = 0.1
@@ -23,7 +35,6 @@ CONVERGED_FOR_S = 1.0
 """and have done so for this long."""
 JUDGED_EVERY_S = 1.0
 """What was learned is compared with what was known before after so long of learning."""
-
 SPARE_ENTRIES = 4
 """Cycles that the drive history keeps beyond the delay: both ends, and late samples."""
 
@@ -34,13 +45,35 @@ def limits_of(config: AxisConfig) -> Limits:
     return Limits(limits.drive_min_v, limits.drive_max_v, limits.slew_v_per_s)
 
 
-def check_axis(config: AxisConfig, model: StageModel, period_ns: int) -> None:
-    """Refuse what could not be stable, before anything moves.
+class Start(NamedTuple):
+    """Where an axis is taken over.
+
+    Attributes:
+        t_ns: Instant at which its reference starts.
+        period_ns: Period of the loop.
+        in_force_v: Voltage in force, in V.
+    """
+
+    t_ns: int
+    period_ns: int
+    in_force_v: float
+
+
+def check_identifier(config: AxisConfig, bank: FloatArray) -> None:
+    """Refuse a gain with which the identifier could run away.
 
     Raises:
-        ModelError: If the gain of the identifier or of the trim is too large.
+        ModelError: If there is one.
     """
-    _adaptation(config, model)
+    _adaptation(config, bank, np.zeros(bank.shape[1]))
+
+
+def check_trim(config: AxisConfig, model: StageModel, period_ns: int) -> None:
+    """Refuse a gain of the trim that leaves too little margin on this stage.
+
+    Raises:
+        ModelError: If it does.
+    """
     trim = config.trim
     refuse_unstable(
         trim.gain_per_s,
@@ -54,43 +87,40 @@ def check_axis(config: AxisConfig, model: StageModel, period_ns: int) -> None:
 def compensated_axis(
     config: AxisConfig,
     model: StageModel,
-    slow: Slow,
+    creep: CreepState,
     mode: Mode,
     reference_um: Waveform,
-    in_force_v: float,
-    start_ns: int,
-    period_ns: int,
+    start: Start,
 ) -> CompensatedAxis:
     """Return an axis that follows a reference from rest, its memory relaxed.
 
     Args:
         config: Limits and compensator of the axis.
         model: Its inverse model; the identifier starts from the same weights.
-        slow: How far it has crept.
+        creep: How far it has crept.
         mode: How the drive is made from the command.
         reference_um: Displacement over time since the start, in µm.
-        in_force_v: Voltage in force, in V.
-        start_ns: Instant at which the reference starts.
-        period_ns: Period of the loop.
+        start: Where it is taken over.
     """
-    delay_ns = s_to_ns(model.delay_s)
-    history = DriveHistory(in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
+    period_ns, delay_ns = start.period_ns, s_to_ns(model.delay_s)
+    history = DriveHistory(start.in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
+    adaptation = _adaptation(config, model.bank, model.weights)
     identifier = Identifier(
-        Shadowed(_adaptation(config, model), window=_cycles(JUDGED_EVERY_S, period_ns)),
+        Shadowed(adaptation, window=_cycles(JUDGED_EVERY_S, period_ns)),
         model.drive_v,
         model.position_um,
         history,
         delay_ns,
         Convergence(CONVERGED_WITHIN, window=_cycles(CONVERGED_FOR_S, period_ns)),
         LearningGate(period_ns),
-        slow,
+        creep,
     )
     compensator = Compensator(
         model.bank,
         model.weights,
         mode=mode,
         fade_cycles=_cycles(FADE_S, period_ns),
-        slow=slow,
+        creep=creep,
         trimmed_follows=config.trim.base == "adaptive",
     )
     return CompensatedAxis(
@@ -101,8 +131,8 @@ def compensated_axis(
         identifier=identifier,
         history=history,
         limits=limits_of(config),
-        in_force_v=in_force_v,
-        start_ns=start_ns,
+        in_force_v=start.in_force_v,
+        start_ns=start.t_ns,
         period_ns=period_ns,
         delay_ns=delay_ns,
         sensor_delay_ns=s_to_ns(config.compensator.sensor_delay_s),
@@ -110,14 +140,14 @@ def compensated_axis(
     )
 
 
-def _adaptation(config: AxisConfig, model: StageModel) -> AdaptiveIdentifier:
+def _adaptation(config: AxisConfig, bank: FloatArray, weights: FloatArray) -> AdaptiveIdentifier:
     settings = config.compensator
     deadband = settings.deadband_pct / 100.0
     if settings.identifier == "rls":
-        return RLSIdentifier(model.bank, model.weights, deadband=deadband)
+        return RLSIdentifier(bank, weights, deadband=deadband)
     kind = LMSIdentifier if settings.identifier == "lms" else NLMSIdentifier
-    identifier = kind(model.bank, gain=settings.lms_gain, deadband=deadband)
-    identifier.adopt(model.weights)
+    identifier = kind(bank, gain=settings.lms_gain, deadband=deadband)
+    identifier.adopt(weights)
     return identifier
 
 

@@ -9,7 +9,7 @@ from piezod.hysteresis.memory import FloatArray
 
 LAGS_PER_DECADE = 2
 TIME_CONSTANTS_S: FloatArray = 10.0 ** (np.arange(8) / LAGS_PER_DECADE - 1.5)
-"""From 0.03 to 100 s. Faster creep is a part of the hysteresis, slower creep a part of the drift."""
+"""From 0.03 to 100 s. Faster creep is a part of the hysteresis, slower creep one of the drift."""
 
 
 class CreepLaw(NamedTuple):

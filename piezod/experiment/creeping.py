@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from piezod.control.compensator import Slow
+from piezod.control.creep_state import CreepState
 from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis.creep import remove_creep
 from piezod.hysteresis.memory import FloatArray
@@ -19,9 +19,10 @@ class Creeping:
     def __init__(self, model: StageModel, period_s: float) -> None:
         self._position_um = model.position_um
         self._creep = model.creep.at(period_s)
-        self._lags = np.zeros(model.creep.weights.size)
-        self._quick = 0.0
+        self._rest = self._quick = model.position_um.to_unit(0.0)
+        self._lags = np.full(model.creep.weights.size, self._rest)
         self._zeroed = 0.0
+        self.zero()
 
     def watch(self, position_um: FloatArray) -> None:
         """Follow measured displacements, shape (n,), in µm; NaN where there was none."""
@@ -37,9 +38,9 @@ class Creeping:
     def zero(self) -> None:
         """Count the displacement from here on: the stage rests, and its sensor was zeroed."""
         self._zeroed = float(self._creep.weights @ self._lags)
-        self._quick = 0.0
+        self._quick = self._rest
 
     @property
-    def slow(self) -> Slow:
+    def state(self) -> CreepState:
         """The creep as it is now."""
-        return Slow(self._creep, self._lags, self._zeroed)
+        return CreepState(self._creep, self._lags, self._zeroed, self._quick)

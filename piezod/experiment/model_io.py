@@ -15,8 +15,8 @@ from piezod.experiment.creep_law import CreepLaw
 from piezod.experiment.fit import Fit
 from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis import AffineRange, new_bank
-from piezod.hysteresis.slopes import smallest_slope_of
 from piezod.hysteresis.memory import FloatArray
+from piezod.hysteresis.slopes import smallest_slope_of
 
 
 def to_model_file(

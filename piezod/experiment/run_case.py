@@ -10,10 +10,9 @@ from piezod.config.modes import Mode
 from piezod.control.axis import CompensatedAxis
 from piezod.control.waveforms import Waveform, build_waveform
 from piezod.errors import DataError
-from piezod.experiment.compensated import compensated_axis
+from piezod.experiment.compensated import Start, compensated_axis
 from piezod.experiment.error_rows import errors_pct
 from piezod.experiment.identify_axes import IdentifiedAxis
-from piezod.experiment.stage_model import StageModel
 from piezod.experiment.stage import (
     COMMAND_UM,
     IN_FORCE_V,
@@ -22,6 +21,7 @@ from piezod.experiment.stage import (
     UNCOMPENSATED_V,
     Stage,
 )
+from piezod.experiment.stage_model import StageModel
 from piezod.experiment.warnings import run_warnings
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Recording
@@ -71,12 +71,10 @@ def run_case(
         compensated_axis(
             axis,
             identified[name].model,
-            identified[name].creeping.slow,
+            identified[name].creeping.state,
             mode,
             references[name].value,
-            in_force_v=in_force_v,
-            start_ns=stage.now_ns,
-            period_ns=stage.period_ns,
+            Start(stage.now_ns, stage.period_ns, in_force_v),
         )
         for (name, axis), in_force_v in zip(config.axes.items(), stage.in_force_v, strict=True)
     ]
