@@ -2,8 +2,10 @@
 
 Run it with `python benchmarks/bench_hysteresis.py`. Everything runs on one core, in several rounds
 that alternate between the candidates; the medians are printed, beside a compiled sum of 38
-classical play operators as the reference. What it costs to do without a JIT, or with numba's
-reference counting, is measured in processes of their own.
+classical play operators as the reference. The most that one cycle may cost, a step of the exact
+inverse and one of recursive least squares, is timed step by step, for its median and its worst.
+What it costs to do without a JIT, or with numba's reference counting, is measured in processes of
+their own.
 """
 
 import json
@@ -22,7 +24,15 @@ from numpy.typing import NDArray
 
 from piezod.config.modes import Mode
 from piezod.control.compensator import Compensator
-from piezod.hysteresis import LMSIdentifier, MPIModel, even_thresholds, new_bank
+from piezod.hysteresis import (
+    LMSIdentifier,
+    MPIModel,
+    NLMSIdentifier,
+    RLSIdentifier,
+    Shadowed,
+    even_thresholds,
+    new_bank,
+)
 from piezod.jit import compiled
 
 Array = NDArray[np.float64]
@@ -125,6 +135,7 @@ def steps(count: int) -> dict[str, Callable[[], object]]:
     bank = new_bank(inverse.left_stop_thresholds, inverse.right_stop_thresholds)
     weights = np.concatenate((inverse.left_stop_weights, inverse.right_stop_weights))
     lms, following = LMSIdentifier(bank), LMSIdentifier(bank)
+    nlms, rls = NLMSIdentifier(bank), RLSIdentifier(bank, weights)
     by_mode = {mode: Compensator(bank, weights, mode=mode, fade_cycles=1) for mode in Mode}
     both = Compensator(bank, weights, mode=Mode.ADAPTIVE, fade_cycles=1)
 
@@ -142,9 +153,42 @@ def steps(count: int) -> dict[str, Callable[[], object]]:
         "inverse in closed form": every(inverse.step),
         **{f"compensator, {mode}": compensate(one) for mode, one in by_mode.items()},
         "LMS": every(lambda value: lms.step(value, value)),
+        "normalised LMS": every(lambda value: nlms.step(value, value)),
+        "RLS": every(lambda value: rls.step(value, value)),
         "compensate and adapt": every(
             lambda value: following.step(value, both.step(value, 0.0, 1.0, following.weights))
         ),
+    }
+
+
+def each_us(step: Callable[[float], object], values: list[float]) -> list[float]:
+    """Return the duration of every single step, in us."""
+    step(values[0])
+    durations = []
+    for value in values:
+        start_ns = perf_counter_ns()
+        step(value)
+        durations.append((perf_counter_ns() - start_ns) / 1000)
+    return durations
+
+
+def cycle_steps() -> dict[str, Callable[[float], object]]:
+    """Return what is timed step by step: the reference, and what a cycle may cost at most."""
+    one, out = np.zeros(1), np.zeros(1)
+    plays = (even_thresholds(38) / 2, np.full(38, 1 / 60), np.zeros(38))
+    exact = model(ORDER).exact_inverse()
+    bank = new_bank(even_thresholds(ORDER), even_thresholds(ORDER))
+    rls = RLSIdentifier(bank, np.zeros(2 * ORDER))
+    exact_too, guarded = model(ORDER).exact_inverse(), Shadowed(RLSIdentifier(bank, rls.weights))
+
+    def reference(value: float) -> None:
+        one[0] = value
+        classical_plays(one, *plays, out)
+
+    return {
+        "reference": reference,
+        "exact inverse + RLS": lambda value: rls.step(value, exact.step(value)),
+        "the same, with a shadow": lambda value: guarded.step(value, exact_too.step(value)),
     }
 
 
@@ -201,7 +245,12 @@ def print_arrays() -> None:
     """Measure and print what a sample of an array costs."""
     with_runtime = counting_references()
     costs = interleaved_ns(arrays(), SAMPLES)
-    aims = {"forward, M = 19": 0.5, "forward, M = 200": 0.5, "operators with LMS, M = 19": 2.0}
+    aims = {
+        "forward, M = 19": 0.5,
+        "forward, M = 200": 0.5,
+        "exact inverse, M = 19": 0.5,
+        "operators with LMS, M = 19": 2.0,
+    }
     print(
         "Over an array, per sample                        ns   of reference   counting references"
     )
@@ -219,6 +268,18 @@ def print_steps() -> None:
     for name, cost in compiled_us.items():
         aim = " (at most 2)" if name == "compensate and adapt" else ""
         print(f"  {name + aim:<42}{cost:8.2f}{plain_us[name]:12.1f}")
+
+
+def print_cycle() -> None:
+    """Measure and print the median and the worst step of what runs in a cycle."""
+    values = command(20_000).tolist()
+    durations_us = {name: each_us(step, values) for name, step in cycle_steps().items()}
+    reference_us = median(durations_us["reference"])
+    print("\nFrom Python, each step by itself           median, us   of reference   worst, us")
+    for name, each in durations_us.items():
+        aim = " (at most 10)" if name == "exact inverse + RLS" else ""
+        cost = median(each)
+        print(f"  {name + aim:<38}{cost:13.2f}{cost / reference_us:15.2f}{max(each):12.1f}")
 
 
 def print_starts() -> None:
@@ -244,6 +305,7 @@ def main() -> None:
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     print_arrays()
     print_steps()
+    print_cycle()
     print_starts()
 
 

@@ -9,19 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from piezod.errors import ModelError
-from piezod.hysteresis.bank import GAINS
-from piezod.hysteresis.memory import DEFAULT_CAPACITY, FloatArray, IntArray, Memory
-from piezod.hysteresis.online import (
+from piezod.hysteresis.bank import GAINS, THRESHOLDS
+from piezod.hysteresis.learner import (
     OFFSET,
     REMAINDER,
     Learner,
-    OnlineIdentifier,
     is_finite,
     keep_weights_invertible,
     observe,
     prediction,
     taught,
 )
+from piezod.hysteresis.memory import DEFAULT_CAPACITY, FloatArray, IntArray, Memory
+from piezod.hysteresis.online import OnlineIdentifier
 from piezod.jit import compiled
 
 
@@ -40,6 +40,7 @@ def _adapt(
     learner: Learner,
     gain: float,
     floor: float,
+    reach: float,
     deadband: float,
     position: float,
     drive: float,
@@ -61,7 +62,7 @@ def _adapt(
         scale = rate * taught(error)
         for j in range(weights.size):
             weights[j] += scale * (bank[GAINS, j] * (seen - memory.now[j]))
-        keep_weights_invertible(learner)
+        keep_weights_invertible(learner, reach * abs(scale))
     return error
 
 
@@ -79,6 +80,7 @@ def _step(
     cells: FloatArray,
     gain: float,
     floor: float,
+    reach: float,
     deadband: float,
     position: float,
     drive: float,
@@ -86,7 +88,7 @@ def _step(
 ) -> float:
     memory = Memory(levels, values, now, last, counts)
     learner = Learner(bank, weights, shift, slopes, cells)
-    return _adapt(memory, learner, gain, floor, deadband, position, drive, learn)
+    return _adapt(memory, learner, gain, floor, reach, deadband, position, drive, learn)
 
 
 @compiled
@@ -103,6 +105,7 @@ def _run(
     cells: FloatArray,
     gain: float,
     floor: float,
+    reach: float,
     deadband: float,
     positions: FloatArray,
     drives: FloatArray,
@@ -112,7 +115,7 @@ def _run(
     learner = Learner(bank, weights, shift, slopes, cells)
     for k in range(errors.size):
         position, drive = positions[k], drives[k]
-        errors[k] = _adapt(memory, learner, gain, floor, deadband, position, drive, True)
+        errors[k] = _adapt(memory, learner, gain, floor, reach, deadband, position, drive, True)
 
 
 def largest_stable_gain(bank: FloatArray) -> float:
@@ -129,6 +132,16 @@ def largest_stable_gain(bank: FloatArray) -> float:
     return 1.0 / float(np.max(np.sum(below**2, axis=1) + np.sum(above**2, axis=1)))
 
 
+def _reach(bank: FloatArray, deadband: float) -> float:
+    """Return by how much adding E - x to the weights moves a slope of either side, at most.
+
+    A slope is 1 plus some weights times g less the others, and |E - x| is at most 1 - r, or g δ / 2
+    more behind a dead-band of width δ.
+    """
+    largest = 1.0 - bank[THRESHOLDS] + 0.5 * deadband * bank[GAINS]
+    return float(np.sum(np.maximum(bank[GAINS], 1.0) * largest))
+
+
 class GradientIdentifier(OnlineIdentifier):
     """Moves the weights along the regressor of each pair; a floor above 0 makes it normalised."""
 
@@ -136,7 +149,14 @@ class GradientIdentifier(OnlineIdentifier):
         self, bank: FloatArray, gain: float, floor: float, deadband: float, capacity: int
     ) -> None:
         super().__init__(bank, np.zeros(bank.shape[1]), deadband, capacity)
-        self._arguments = (*self._memory, *self._learner, gain, floor, self._deadband)
+        self._arguments = (
+            *self._memory,
+            *self._learner,
+            gain,
+            floor,
+            _reach(bank, deadband),
+            self._deadband,
+        )
 
     def step(self, position: float, drive: float, learn: bool = True) -> float:
         """Adapt to one pair, as in `OnlineIdentifier`; may be called in the loop."""

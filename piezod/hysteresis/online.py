@@ -1,61 +1,23 @@
-"""What all identifiers that learn pair by pair have in common.
-
-A pair is a displacement and the drive that was in force when it was taken. The operators see the
-displacement less an offset, by which stages drift, and the weights predict the drive from them.
-"""
+"""What all identifiers that learn pair by pair have in common."""
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from piezod.errors import ModelError
-from piezod.hysteresis.bank import (
-    advance_plays,
-    checked_deadband,
-    checked_series,
-    new_bank_memory,
-    weighted_sum,
+from piezod.hysteresis.bank import checked_deadband, checked_series, new_bank_memory
+from piezod.hysteresis.learner import (
+    OFFSET,
+    REMAINDER,
+    SPARE,
+    Learner,
+    new_learner,
+    prediction,
 )
-from piezod.hysteresis.memory import (
-    MERGED,
-    RAW,
-    SEEN,
-    FloatArray,
-    IntArray,
-    Memory,
-    relax,
-)
-from piezod.hysteresis.slopes import cells, fill_slopes, fill_weights, keep_invertible, projected
+from piezod.hysteresis.memory import MERGED, SEEN, FloatArray, IntArray, Memory, relax
+from piezod.hysteresis.slopes import projected
 from piezod.jit import compiled
-
-OFFSET, REMAINDER = 0, 1
-"""Places of a shift: the offset, and by how much the displacement differs from what is seen."""
-
-
-class Learner(NamedTuple):
-    """What is learned, and room to work on it; nothing is allocated later.
-
-    Attributes:
-        bank: (2, 2 M) thresholds and gains of the stops.
-        weights: (2 M,) weights [a^l, a^r].
-        shift: (2,) offset and remainder of the displacement.
-        slopes: (2, M + 1) room for the slopes that the weights make.
-        cells: (2, M + 1) widths of the cells.
-    """
-
-    bank: FloatArray
-    weights: FloatArray
-    shift: FloatArray
-    slopes: FloatArray
-    cells: FloatArray
-
-
-def new_learner(bank: FloatArray) -> Learner:
-    """Return a learner that knows nothing: weights and offset are 0."""
-    widths = cells(bank)
-    return Learner(bank, np.zeros(bank.shape[1]), np.zeros(2), np.zeros_like(widths), widths)
 
 
 def checked_pairs(positions: npt.ArrayLike, drives: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -69,46 +31,6 @@ def checked_pairs(positions: npt.ArrayLike, drives: npt.ArrayLike) -> tuple[Floa
         message = f"need as many drives as positions, got shapes {v.shape} and {x.shape}"
         raise ModelError(message)
     return x, v
-
-
-@compiled
-def is_finite(value: float) -> bool:
-    """Return whether a value is a number, and not an infinite one."""
-    return value - value == 0.0
-
-
-@compiled
-def observe(memory: Memory, learner: Learner, deadband: float, position: float) -> float:
-    """Advance all plays by a finite displacement; return the one they see, within [0, 1]."""
-    shift = learner.shift
-    seen = advance_plays(memory, learner.bank, deadband, position - shift[OFFSET])
-    shift[REMAINDER] = position - seen
-    return seen
-
-
-@compiled
-def prediction(memory: Memory, learner: Learner, weights: FloatArray, offset: float) -> float:
-    """Return the drive that weights and an offset predict for the last displacement.
-
-    What the operators did not see of it, or would have seen with this offset, counts with the slope
-    one: so does what lies outside the range.
-    """
-    within = weighted_sum(memory.now, learner.bank, weights, memory.last[RAW])
-    return within + (learner.shift[REMAINDER] - offset)
-
-
-@compiled
-def keep_weights_invertible(learner: Learner) -> None:
-    """Project the weights where no inverse belongs to them; else they stay, to the bit."""
-    fill_slopes(learner.bank, learner.weights, learner.slopes)
-    if keep_invertible(learner.slopes, learner.cells):
-        fill_weights(learner.bank, learner.slopes, learner.weights)
-
-
-@compiled
-def taught(error: float) -> float:
-    """Return the error to learn from: at most the whole range, whatever a pair claims."""
-    return min(max(error, -1.0), 1.0)
 
 
 @compiled
@@ -203,6 +125,7 @@ class OnlineIdentifier(ABC):
             raise ModelError(message)
         self.weights[:] = projected(self._learner.bank, array)
         self._learner.shift[OFFSET] = offset
+        self._learner.shift[SPARE] = 0.0
 
     def reset(self) -> None:
         """Forget the past displacement, not what was learned."""
@@ -211,7 +134,10 @@ class OnlineIdentifier(ABC):
 
     @property
     def weights(self) -> FloatArray:
-        """Weights [a^l, a^r], shape (2 M,); always the same array, which changes in place."""
+        """Weights [a^l, a^r], shape (2 M,); always the same array, which changes in place.
+
+        Set them by `adopt`.
+        """
         return self._learner.weights
 
     @property

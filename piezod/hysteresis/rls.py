@@ -10,9 +10,7 @@ is far better conditioned than that of the weights:
 The slopes of a side keep Σ s c = 1, and so P and Q live on the plane across its cells c. The offset
 of the displacement is one more state, with the regressor -1: the slope is near one.
 
-Forgetting winds up: where pairs tell nothing, P grows without end, and the first that does throws
-the weights off. Here P decays towards a bound of its own by the share Q / bound at each step, so
-that no variance exceeds it, and where nothing moves nothing is learned at all.
+Where nothing moves nothing is learned at all, and `covariance` bounds P: it cannot wind up.
 
 Source: Ljung, System Identification, 2nd ed., section 11.2 (the Kalman filter interpretation).
 """
@@ -22,6 +20,27 @@ import numpy.typing as npt
 
 from piezod.errors import ModelError
 from piezod.hysteresis.bank import THRESHOLDS
+from piezod.hysteresis.covariance import (
+    DECAY,
+    GAIN,
+    OFFSET_BOUND,
+    OFFSET_VARIANCE,
+    REGRESSOR,
+    SLOPE_BOUND,
+    SLOPE_VARIANCE,
+    checked_walk,
+    fill_gain,
+    on_planes,
+    update_covariance,
+)
+from piezod.hysteresis.learner import (
+    OFFSET,
+    Learner,
+    is_finite,
+    observe,
+    prediction,
+    taught,
+)
 from piezod.hysteresis.memory import (
     DEFAULT_CAPACITY,
     RAW,
@@ -30,25 +49,9 @@ from piezod.hysteresis.memory import (
     IntArray,
     Memory,
 )
-from piezod.hysteresis.online import (
-    OFFSET,
-    Learner,
-    OnlineIdentifier,
-    is_finite,
-    observe,
-    prediction,
-    taught,
-)
+from piezod.hysteresis.online import OnlineIdentifier
 from piezod.hysteresis.slopes import fill_slopes, fill_weights, keep_invertible
 from piezod.jit import compiled
-
-REGRESSOR, GAIN, DECAY = 0, 1, 2
-"""Rows of vectors, shape (3, N): u, K, and the root of what is left of each variance in a step."""
-
-SLOPE_VARIANCE, SLOPE_BOUND = 1e-4, 1e-3
-"""Variance of a slope at the start, and the largest it can have."""
-OFFSET_VARIANCE, OFFSET_BOUND = 1e-6, 1e-4
-"""Variance of the offset at the start, and the largest it can have; in units of the range."""
 
 
 @compiled
@@ -69,39 +72,6 @@ def _fill_regressor(memory: Memory, bank: FloatArray, regressor: FloatArray) -> 
 
 
 @compiled
-def _fill_gain(covariance: FloatArray, vectors: FloatArray) -> float:
-    """Write P u; return u' P u.
-
-    The sum runs row by row, which P being symmetric allows and the processor prefers.
-    """
-    regressor, gain = vectors[REGRESSOR], vectors[GAIN]
-    for j in range(gain.size):
-        gain[j] = 0.0
-    for i in range(gain.size):
-        for j in range(gain.size):
-            gain[j] += covariance[i, j] * regressor[i]
-    told = 0.0
-    for j in range(gain.size):
-        told += regressor[j] * gain[j]
-    return told
-
-
-@compiled
-def _update_covariance(
-    covariance: FloatArray, walk: FloatArray, vectors: FloatArray, told: float
-) -> None:
-    """P ← D (P - (P u) (P u)' / (R + u' P u)) D + Q, symmetric to the bit."""
-    gain, decay = vectors[GAIN], vectors[DECAY]
-    root = 1.0 / np.sqrt(told)
-    for j in range(gain.size):
-        gain[j] *= root
-    for i in range(gain.size):
-        for j in range(gain.size):
-            left = covariance[i, j] - gain[i] * gain[j]
-            covariance[i, j] = left * (decay[i] * decay[j]) + walk[i, j]
-
-
-@compiled
 def _learn(
     memory: Memory,
     learner: Learner,
@@ -113,7 +83,7 @@ def _learn(
 ) -> None:
     bank, slopes, shift = learner.bank, learner.slopes, learner.shift
     _fill_regressor(memory, bank, vectors[REGRESSOR])
-    told = variance + _fill_gain(covariance, vectors)
+    told = variance + fill_gain(covariance, vectors)
     scale, gain = error / told, vectors[GAIN]
     fill_slopes(bank, learner.weights, slopes)
     cells_of_side = slopes.shape[1]
@@ -124,7 +94,7 @@ def _learn(
     fill_weights(bank, slopes, learner.weights)
     offset = shift[OFFSET] + scale * gain[gain.size - 1]
     shift[OFFSET] = min(max(offset, -1.0), 1.0)  # no drift exceeds the range
-    _update_covariance(covariance, walk, vectors, told)
+    update_covariance(covariance, walk, vectors, told)
 
 
 @compiled
@@ -209,25 +179,6 @@ def _run(
         )
 
 
-def _on_planes(cells: FloatArray, slope_variance: float, offset_variance: float) -> FloatArray:
-    """Return a covariance, shape (N, N): slopes vary alike, but for Σ s c; the offset by itself."""
-    count = cells.shape[1]
-    covariance = np.zeros((2 * count + 1, 2 * count + 1))
-    for side, across in enumerate(cells):
-        plane = np.eye(count) - np.outer(across, across) / (across @ across)
-        block = slice(side * count, (side + 1) * count)
-        covariance[block, block] = slope_variance * plane
-    covariance[-1, -1] = offset_variance
-    return covariance
-
-
-def _checked_walk(name: str, walk: float, bound: float) -> float:
-    if not 0.0 <= walk < bound:
-        message = f"the walk of {name} is from 0 to below its bound of {bound:g}, got {walk:g}"
-        raise ModelError(message)
-    return walk
-
-
 class RLSIdentifier(OnlineIdentifier):
     """Follows slopes and an offset, each as fast as the pairs tell and its walk allows.
 
@@ -261,15 +212,15 @@ class RLSIdentifier(OnlineIdentifier):
             raise ModelError(message)
         self.measurement_variance = float(measurement_variance)
         """R; may be set in the loop, above 0, for pairs that are worth less or more."""
-        _checked_walk("weights", weight_walk, SLOPE_BOUND)
-        _checked_walk("the offset", offset_walk, OFFSET_BOUND)
+        checked_walk("weights", weight_walk, SLOPE_BOUND)
+        checked_walk("the offset", offset_walk, OFFSET_BOUND)
         cells = self._learner.cells
-        self._start = _on_planes(cells, SLOPE_VARIANCE, OFFSET_VARIANCE)
+        self._start = on_planes(cells, SLOPE_VARIANCE, OFFSET_VARIANCE)
         self._covariance = self._start.copy()
         vectors = np.zeros((3, len(self._start)))
         vectors[DECAY] = np.sqrt(1.0 - weight_walk / SLOPE_BOUND)
         vectors[DECAY, -1] = np.sqrt(1.0 - offset_walk / OFFSET_BOUND)
-        walk = _on_planes(cells, weight_walk, offset_walk)
+        walk = on_planes(cells, weight_walk, offset_walk)
         self._arguments = (
             *self._memory,
             *self._learner,

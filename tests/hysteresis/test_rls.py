@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from piezod.errors import ModelError
 from piezod.hysteresis import RLSIdentifier, even_thresholds, new_bank, stop_regressors
-from piezod.hysteresis.rls import OFFSET_BOUND, OFFSET_VARIANCE, SLOPE_BOUND, SLOPE_VARIANCE
+from piezod.hysteresis.covariance import OFFSET_BOUND, OFFSET_VARIANCE, SLOPE_BOUND, SLOPE_VARIANCE
 from piezod.hysteresis.slopes import LEAST_SLOPE, cells, smallest_slope_of, to_slopes, to_weights
 from tests.hysteresis import oracle
 from tests.hysteresis.draw import inputs
