@@ -46,7 +46,7 @@ def _angles(whole: int, pole: complex | None = None) -> FloatArray:
     The delay turns it `whole` times; a pole turns it within its real part, near its imaginary one,
     which the sampling folds into 0 to π.
     """
-    parts = [np.geomspace(1e-8, np.pi, 4000), np.linspace(0.001, np.pi, 2000 + 40 * whole)]
+    parts = [np.geomspace(1e-8, np.pi, 4000), np.linspace(0.001, np.pi, 10_000 + 40 * whole)]
     if pole is not None:
         folded = abs((pole.imag + np.pi) % (2.0 * np.pi) - np.pi)
         aside = np.geomspace(-0.01 * pole.real, 4.0, 1000)
