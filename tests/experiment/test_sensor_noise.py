@@ -16,7 +16,7 @@ VELOCITY = np.gradient(TRUTH)
 def noise(rms: float) -> FloatArray:
     """White noise of zero mean."""
     values = np.random.default_rng(7).standard_normal(T_S.size)
-    return rms * values / np.sqrt(np.mean(values**2))
+    return values * (rms / float(np.sqrt(np.mean(values**2))))
 
 
 def test_white_noise_is_found() -> None:
