@@ -2,13 +2,17 @@
 
 from piezod.control.creep_state import AT_REST, CreepState
 from piezod.control.drive_history import DriveHistory
-from piezod.control.learning_gate import LearningGate
+from piezod.control.learning_gate import GateReason, LearningGate
 from piezod.devices.interface import Sample
-from piezod.hysteresis.adaptation import Shadowed
+from piezod.hysteresis.adaptation import AdaptiveIdentifier
 from piezod.hysteresis.creep import advance_creep
 from piezod.hysteresis.lms import Convergence
 from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.normalisation import AffineRange
+
+SPIKE_SAMPLES = 3
+"""Samples in which one spike is seen. They would leave extrema in the memory that never were, and
+wipe out others; what goes on for longer is no spike but more noise."""
 
 
 class Identifier:
@@ -27,7 +31,7 @@ class Identifier:
 
     def __init__(
         self,
-        adaptation: Shadowed,
+        adaptation: AdaptiveIdentifier,
         drive_v: AffineRange,
         position_um: AffineRange,
         history: DriveHistory,
@@ -42,6 +46,7 @@ class Identifier:
         self._convergence = convergence
         self._creep, self._zeroed = creep.creep, creep.zeroed
         self._lags, self._quick = creep.lags.copy(), creep.quick
+        self._spikes = 0
         self.converged = False
         """Whether the weights have converged, over a window and up to the last sample."""
 
@@ -79,10 +84,11 @@ class Identifier:
             drive=drive,
             position=position,
         )
-        if not sample.valid:
+        self._spikes = self._spikes + 1 if self.gate.reason is GateReason.SPIKE else 0
+        if not sample.valid or 0 < self._spikes <= SPIKE_SAMPLES:
             return
-        self._quick = position - crept
-        before = self.adaptation.position
-        error = self.adaptation.step(self._quick, drive, may_teach)
+        quick, before = position - crept, self.adaptation.position
+        error = self.adaptation.step(quick, drive, may_teach)
+        self._quick = quick - self.adaptation.offset
         if may_teach and self.adaptation.position != before:  # at rest any weights predict well
             self.converged = self._convergence.update(error)

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 
 from piezod.control.axis import AxisOutput
+from piezod.control.learning_gate import GateReason, LearningGate
+from piezod.control.trim import Trim
 from piezod.devices.interface import Capabilities, Identity, Sample
 from piezod.hysteresis import LMSIdentifier, even_thresholds, new_bank
 
@@ -88,6 +90,7 @@ class PairsOnly(LMSIdentifier):
     def __init__(self, errors: Sequence[float] = ()) -> None:
         super().__init__(new_bank(even_thresholds(1), even_thresholds(1)))
         self.pairs: list[tuple[float, float]] = []
+        self.taught: list[bool] = []
         self.errors = list(errors)
         self.at_rest = False
 
@@ -96,7 +99,45 @@ class PairsOnly(LMSIdentifier):
         """Move with every pair unless told to rest."""
         return 0.0 if self.at_rest else float(len(self.pairs))
 
-    def step(self, position: float, drive: float) -> float:
-        """Write down a pair."""
+    def step(self, position: float, drive: float, learn: bool = True) -> float:
+        """Write down a pair, and whether it may teach."""
         self.pairs.append((position, drive))
+        self.taught.append(learn)
         return self.errors.pop(0) if self.errors else 1.0
+
+
+class FakeGate(LearningGate):
+    """Gives the verdict that it was told to give, and writes down what it was asked."""
+
+    def __init__(self) -> None:
+        super().__init__(MS)
+        self.asked: list[tuple[bool, int, bool]] = []
+        self.reason = GateReason.OPEN
+
+    def admits(
+        self,
+        *,
+        valid: bool,
+        age_ns: int,
+        limited: bool,
+        drive: float,  # noqa: ARG002 - asked for by LearningGate
+        position: float,  # noqa: ARG002 - asked for by LearningGate
+    ) -> bool:
+        """Give the verdict."""
+        self.asked.append((valid, age_ns, limited))
+        return self.reason is GateReason.OPEN
+
+
+class FakeTrim(Trim):
+    """Writes down the errors that it was given, and adds nothing."""
+
+    def __init__(self) -> None:
+        super().__init__(1.0, 1e-3, 0.05, 1)
+        self.errors: list[float] = []
+        self.stops: list[int] = []
+
+    def step(self, error: float, valid: bool, limited: int) -> float:  # noqa: ARG002 - as above
+        """Write down what was measured."""
+        self.errors.append(error)
+        self.stops.append(limited)
+        return 0.0

@@ -12,9 +12,10 @@ from piezod.control.compensator import Compensator
 from piezod.control.drive_history import DriveHistory
 from piezod.control.identifier import Identifier
 from piezod.control.limits import Limits
+from piezod.control.trim import Trim
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence, even_thresholds, new_bank
-from tests.control.fakes import MS, PairsOnly
+from tests.control.fakes import MS, FakeGate, FakeTrim, PairsOnly
 
 DRIVE_V = AffineRange(0.0, 150.0)
 POSITION_UM = AffineRange(0.0, 10.0)
@@ -30,14 +31,23 @@ def compensated(
     limits: Limits = WIDE,
     *,
     lms: PairsOnly | None = None,
+    gate: FakeGate | None = None,
+    trim: Trim | None = None,
     in_force_v: float = 0.0,
     delay_ns: int = MS // 2,
+    sensor_delay_ns: int = 0,
     weights: tuple[float, float] = (0.0, 0.0),
 ) -> CompensatedAxis:
     """Return an axis; without weights its drive is proportional, by 15 V for a micrometre."""
     history = DriveHistory(in_force_v, entries=256)
     identifier = Identifier(
-        lms or PairsOnly(), DRIVE_V, POSITION_UM, history, delay_ns, Convergence(0.1, window=2)
+        lms or PairsOnly(),
+        DRIVE_V,
+        POSITION_UM,
+        history,
+        delay_ns,
+        Convergence(0.1, window=2),
+        gate or FakeGate(),
     )
     return CompensatedAxis(
         reference_um=reference_um,
@@ -51,6 +61,8 @@ def compensated(
         start_ns=START_NS,
         period_ns=MS,
         delay_ns=delay_ns,
+        sensor_delay_ns=sensor_delay_ns,
+        trim=trim or FakeTrim(),
     )
 
 
@@ -61,6 +73,13 @@ def test_drive_answers_to_the_reference_one_period_and_one_delay_ahead() -> None
     assert output.drive_v == pytest.approx(15 * 4.5)
     assert output.command_um == pytest.approx(3.0)
     assert output.uncompensated_v == pytest.approx(15 * 3.0)
+
+
+def test_the_sensor_s_part_of_the_delay_is_not_read_ahead() -> None:
+    """The stage itself is there earlier than its sensor says."""
+    axis = compensated(lambda t_s: 1000 * t_s, delay_ns=MS // 2, sensor_delay_ns=MS // 5)
+
+    assert axis.update(START_NS + 3 * MS, AT_REST).drive_v == pytest.approx(15 * 4.3)
 
 
 def test_drive_climbs_at_the_slew_rate() -> None:
@@ -155,6 +174,39 @@ def test_first_weights_that_converge_become_the_model() -> None:
 
     assert adopted[1] == [0.0, 0.0]
     assert adopted[-1] == [0.02, 0.03]
+
+
+def test_identifier_learns_whether_the_drive_was_limited_and_how_old_the_sample_is() -> None:
+    """It is the drive in force that counts, which was asked for a cycle earlier."""
+    gate = FakeGate()
+    axis = compensated(lambda _: 3.0 / 15.0, SLOW, gate=gate)
+    for k in range(4):
+        t_ns = START_NS + k * MS
+        axis.applied(axis.update(t_ns, Sample(t_ns - 10 * k, 0.0, valid=True)).drive_v)
+
+    assert gate.asked == [(True, 0, False), (True, 10, True), (True, 20, False), (True, 30, False)]
+
+
+def test_trim_compares_a_sample_with_the_command_of_the_instant_it_shows() -> None:
+    """That is when the sample was taken, less the delay of the sensor."""
+    trim = FakeTrim()
+    axis = compensated(lambda t_s: 1000 * t_s, trim=trim, sensor_delay_ns=MS // 5)
+    taken_ns = START_NS + 3 * MS - MS // 2
+
+    axis.update(START_NS + 3 * MS, Sample(taken_ns, 2.3, valid=True))
+    axis.update(START_NS + 4 * MS, Sample(taken_ns, 1.3, valid=True))
+
+    assert trim.errors == pytest.approx([0.0, 0.1], abs=1e-12)
+
+
+def test_trim_is_told_where_nothing_more_is_to_be_had() -> None:
+    """While the drive runs along its slew rate the trim must not wind up."""
+    trim = FakeTrim()
+    axis = compensated(lambda t_s: 0.3 if t_s < 4e-3 else 0.0, SLOW, trim=trim)
+    for k in range(7):
+        axis.applied(axis.update(START_NS + k * MS, AT_REST).drive_v)
+
+    assert trim.stops == [0, 1, 1, 0, -1, -1, 0]
 
 
 def test_open_loop_axis_drives_its_waveform_within_the_limits() -> None:

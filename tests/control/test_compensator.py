@@ -6,35 +6,25 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from piezod.config.modes import Mode
 from piezod.control.compensator import Compensator
-from piezod.hysteresis import ExactInverse, InverseMPI, MPIModel, new_bank
+from piezod.hysteresis import ExactInverse
+from tests.control.made_up import BANK, WEIGHTS, Array, inverse
 
-Array = NDArray[np.float64]
-
-LEFT = np.array([0.1, 0.3, 0.55, 0.8])
-RIGHT = np.array([0.15, 0.4, 0.6, 0.9])
-BANK = new_bank(LEFT, RIGHT)
-WEIGHTS = np.array([0.01, 0.03, 0.04, 0.05, 0.02, 0.01, 0.03, 0.04])  # left stops first
 OTHER = 1.6 * WEIGHTS
 NONE = np.zeros(8)
 FADE = 100
+OTHER_DRIVES = [p for p in permutations(Mode, 2) if set(p) != {Mode.FEEDFORWARD, Mode.TRIMMED}]
+"""Pairs of modes whose drives differ."""
 
 COMMANDS = st.lists(st.floats(0, 1), min_size=1, max_size=40)
 WINDOWS = st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), min_size=1, max_size=40)
 
 
-def inverse() -> InverseMPI:
-    """Return the inverse model of these weights in closed form."""
-    return InverseMPI(RIGHT, LEFT, WEIGHTS[4:], WEIGHTS[:4], capacity=64)
-
-
 def displacement_of() -> ExactInverse:
     """Return what finds the displacement at which that inverse model gives a drive."""
-    plays = -WEIGHTS * BANK[1]
-    return MPIModel(LEFT, plays[:4], plays[4:], left_thresholds=RIGHT, capacity=64).exact_inverse()
+    return inverse().exact_inverse()
 
 
 def compensator(mode: Mode, weights: Array = WEIGHTS, fade_cycles: int = 1) -> Compensator:
@@ -82,6 +72,60 @@ def test_adaptive_drive_with_the_frozen_weights_is_feedforward(commands: list[fl
     )
 
 
+@pytest.mark.parametrize(
+    ("follows", "base"), [(False, Mode.FEEDFORWARD), (True, Mode.ADAPTIVE)], ids=["fixed", "adapts"]
+)
+def test_trimmed_drive_is_that_of_its_base(follows: bool, base: Mode) -> None:
+    """Without a trim they are the same, to the bit."""
+    trimmed = Compensator(BANK, WEIGHTS, mode=Mode.TRIMMED, fade_cycles=1, trimmed_follows=follows)
+
+    assert drives(trimmed, sine(2), OTHER) == drives(compensator(base), sine(2), OTHER)
+
+
+def test_trim_is_added_to_the_displacement_that_is_compensated() -> None:
+    """It goes through the inverse, as the command does."""
+    one, trims = compensator(Mode.TRIMMED), 0.05 * np.sin(np.arange(2000) / 300)
+
+    trimmed = [one.step(x, 0.0, 1.0, NONE, trim=t) for x, t in zip(sine(2), trims, strict=True)]
+
+    np.testing.assert_allclose(trimmed, inverse().run(sine(2) + trims), rtol=0, atol=1e-12)
+
+
+def test_offset_is_followed_in_adaptive_mode_only() -> None:
+    """What the stage has drifted by is not asked of the hysteresis; it stays when left."""
+    one = compensator(Mode.FEEDFORWARD)
+    assert (
+        one.step(0.5, 0.0, 1.0, WEIGHTS, offset=0.1)
+        == drives(compensator(Mode.FEEDFORWARD), [0.5]).pop()
+    )
+
+    one.switch(Mode.ADAPTIVE)
+    for _ in range(200):
+        one.step(0.5, 0.0, 1.0, WEIGHTS, offset=0.1)
+    one.switch(Mode.FEEDFORWARD)
+    drifted = one.step(0.7, 0.0, 1.0, WEIGHTS, offset=-0.1)
+
+    assert drifted == pytest.approx(inverse().run([0.5, 0.4, 0.6])[-1], abs=1e-12)
+
+
+def test_stop_says_which_way_nothing_more_is_to_be_had() -> None:
+    """Neither from the drive nor from the displacement."""
+    one = compensator(Mode.FEEDFORWARD)
+    seen = []
+    for command, low, high, trim in [
+        (0.5, 0.0, 1.0, 0.0),
+        (0.9, 0.0, 0.6, 0.0),  # drive too low
+        (0.1, 0.4, 1.0, 0.0),  # drive too high
+        (0.0, 0.0, 1.0, -0.01),  # displacement at its lower end
+        (1.0, 0.0, 1.0, 0.01),  # and at its upper one
+        (0.5, 0.0, 1.0, 0.01),
+    ]:
+        one.step(command, low, high, WEIGHTS, trim=trim)
+        seen.append((one.stop, one.limited))
+
+    assert seen == [(0, False), (1, True), (-1, True), (-1, False), (1, False), (0, False)]
+
+
 def test_adaptive_drive_follows_the_identifier() -> None:
     """The weights in use come to those of the identifier, and stay when it is left."""
     one = compensator(Mode.ADAPTIVE)
@@ -115,7 +159,7 @@ def path_with_switch(start: Mode, end: Mode | None, at: int, commands: Array) ->
     return np.array(out)
 
 
-@pytest.mark.parametrize(("start", "end"), list(permutations(Mode, 2)))
+@pytest.mark.parametrize(("start", "end"), OTHER_DRIVES)
 @pytest.mark.parametrize("at", [400, 1000, 1370, 2000, 2805])
 def test_switch_is_bumpless(start: Mode, end: Mode, at: int) -> None:
     """No step is larger than what the command asks for plus some per cent of the difference."""
@@ -131,7 +175,7 @@ def test_switch_is_bumpless(start: Mode, end: Mode, at: int) -> None:
     assert np.max(np.abs(np.diff(switched))) < 1.5 * np.max(np.abs(np.diff(unswitched))) + 1e-3
 
 
-@pytest.mark.parametrize(("start", "end"), list(permutations(Mode, 2)))
+@pytest.mark.parametrize(("start", "end"), OTHER_DRIVES)
 def test_switch_at_a_standstill_glides_to_the_new_drive(start: Mode, end: Mode) -> None:
     """At a constant command the drive goes one way, evenly, and arrives after the fade."""
     one = compensator(start, fade_cycles=FADE)
@@ -153,7 +197,7 @@ def test_switch_in_the_middle_of_a_fade_is_bumpless_too() -> None:
     out = []
     for k, command in enumerate(commands):
         if k % 30 == 0:
-            one.switch(list(Mode)[k // 30 % 3])
+            one.switch(list(Mode)[k // 30 % 4])
         out.append(one.step(command, 0.0, 1.0, OTHER))
 
     assert np.max(np.abs(np.diff(out))) < 1.5 * steady + 1e-3

@@ -3,28 +3,38 @@
 import pytest
 
 from piezod.control.drive_history import DriveHistory
-from piezod.control.identifier import Identifier
+from piezod.control.identifier import SPIKE_SAMPLES, Identifier
+from piezod.control.learning_gate import GateReason
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence
-from tests.control.fakes import MS, PairsOnly
+from tests.control.fakes import MS, FakeGate, PairsOnly
 
 DRIVE_V = AffineRange(0.0, 100.0)
 POSITION_UM = AffineRange(-5.0, 5.0)
 
 
-def identifier(lms: PairsOnly, delay_ns: int = 0, cycles: int = 10) -> Identifier:
+def identifier(
+    lms: PairsOnly, delay_ns: int = 0, cycles: int = 10, gate: FakeGate | None = None
+) -> Identifier:
     """Return an identifier of a stage whose voltage was k volts at k milliseconds."""
     history = DriveHistory(0.0, entries=256)
     for k in range(cycles):
         history.append(k * MS, float(k))
-    return Identifier(lms, DRIVE_V, POSITION_UM, history, delay_ns, Convergence(0.1, window=2))
+    convergence = Convergence(0.1, window=2)
+    gate = gate or FakeGate()
+    return Identifier(lms, DRIVE_V, POSITION_UM, history, delay_ns, convergence, gate)
+
+
+def learn(one: Identifier, position_um: float = 0.0, valid: bool = True) -> None:
+    """Let an identifier take a sample at 8 ms."""
+    one.learn(8 * MS, Sample(8 * MS, position_um, valid), limited=False)
 
 
 def test_pair_is_normalised() -> None:
     """Displacement and voltage arrive in units of their ranges."""
     lms = PairsOnly()
 
-    identifier(lms).learn(Sample(8 * MS, 2.5, valid=True))
+    learn(identifier(lms), 2.5)
 
     assert lms.pairs == [(0.75, 0.08)]
 
@@ -36,31 +46,67 @@ def test_sample_is_paired_with_the_voltage_it_answers_to(delay_ns: int, drive_v:
     """What counts is the voltage in force one delay before the sample was taken."""
     lms = PairsOnly()
 
-    identifier(lms, delay_ns).learn(Sample(8 * MS, 0.0, valid=True))
+    learn(identifier(lms, delay_ns))
 
     assert [drive for _, drive in lms.pairs] == pytest.approx([drive_v / 100], abs=1e-7)
 
 
 def test_age_of_a_sample_counts() -> None:
     """A sample that was taken before the cycle is paired with an earlier voltage."""
-    lms = PairsOnly()
+    lms, gate = PairsOnly(), FakeGate()
+    sample = Sample(8 * MS - MS // 2, 0.0, valid=True)
 
-    identifier(lms, MS).learn(Sample(8 * MS - MS // 2, 0.0, valid=True))
+    identifier(lms, MS, gate=gate).learn(8 * MS, sample, limited=True)
 
     assert [drive for _, drive in lms.pairs] == pytest.approx([0.065])
+    assert gate.asked == [(True, MS // 2, True)]
 
 
-def test_invalid_sample_teaches_nothing() -> None:
-    """Neither the weights nor the verdict on convergence move."""
+@pytest.mark.parametrize("reason", set(GateReason) - {GateReason.OPEN, GateReason.SPIKE})
+def test_sample_that_may_not_teach_goes_on_to_the_memory(reason: GateReason) -> None:
+    """The algorithm sees it, and is told not to learn; the verdict on convergence stays."""
+    lms, gate = PairsOnly(errors=[0.0] * 3), FakeGate()
+    one = identifier(lms, gate=gate)
+    for _ in range(3):
+        learn(one)
+
+    gate.reason = reason
+    learn(one, 3.0)
+
+    assert lms.taught == [True, True, True, False]
+    assert lms.pairs[-1][0] == pytest.approx(0.8)
+    assert one.converged
+
+
+def test_invalid_sample_is_not_seen() -> None:
+    """Neither the memory nor the verdict on convergence move."""
     lms = PairsOnly(errors=[0.0, 0.0, 0.0])
     one = identifier(lms)
     for _ in range(3):
-        one.learn(Sample(8 * MS, 0.0, valid=True))
+        learn(one)
 
-    one.learn(Sample(9 * MS, float("nan"), valid=False))
+    learn(one, float("nan"), valid=False)
 
     assert len(lms.pairs) == 3
     assert one.converged
+
+
+def test_spike_is_not_seen_but_lasting_noise_is() -> None:
+    """A spike is over after three samples; the memory cannot wait for longer."""
+    lms, gate = PairsOnly(), FakeGate()
+    one = identifier(lms, gate=gate)
+    gate.reason = GateReason.SPIKE
+
+    for _ in range(SPIKE_SAMPLES):
+        learn(one, 5.0)
+    assert lms.pairs == []
+
+    learn(one, 5.0)
+    assert lms.taught == [False]
+
+    gate.reason = GateReason.OPEN
+    learn(one)
+    assert lms.taught == [False, True]
 
 
 def test_identifier_converges_and_loses_it_again() -> None:
@@ -68,7 +114,7 @@ def test_identifier_converges_and_loses_it_again() -> None:
     one = identifier(PairsOnly(errors=[0.5, 0.5, 0.5, 0.9, 0.9]))
     verdicts = []
     for _ in range(5):
-        one.learn(Sample(8 * MS, 0.0, valid=True))
+        learn(one)
         verdicts.append(one.converged)
 
     assert verdicts == [False, False, True, False, False]
@@ -80,12 +126,12 @@ def test_rest_proves_nothing() -> None:
     one = identifier(lms)
     lms.at_rest = True
     for _ in range(3):
-        one.learn(Sample(8 * MS, 0.0, valid=True))
+        learn(one)
     assert not one.converged
 
     lms.at_rest = False
     for _ in range(3):
-        one.learn(Sample(8 * MS, 0.0, valid=True))
+        learn(one)
 
     assert one.converged
 

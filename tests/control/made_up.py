@@ -1,0 +1,44 @@
+"""A made-up stage in normalised units: its hysteresis is a model that can be inverted exactly."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezod.hysteresis import Creep, InverseMPI, new_bank
+from piezod.hysteresis.creep import advance_creep
+
+Array = NDArray[np.float64]
+
+LEFT = np.array([0.1, 0.3, 0.55, 0.8])
+RIGHT = np.array([0.15, 0.4, 0.6, 0.9])
+BANK = new_bank(LEFT, RIGHT)
+WEIGHTS = np.array([0.01, 0.03, 0.04, 0.05, 0.02, 0.01, 0.03, 0.04])  # left stops first
+CREEP = Creep(np.array([0.01, 0.02, 0.02]), 1.0 - np.exp(-1e-3 / np.array([0.03, 0.3, 3.0])))
+"""5 % in all, at samples that are 1 ms apart."""
+
+
+def inverse() -> InverseMPI:
+    """Return the inverse model of the stage in closed form."""
+    return InverseMPI(RIGHT, LEFT, WEIGHTS[4:], WEIGHTS[:4], capacity=64)
+
+
+class MadeUpStage:
+    """Answers to drives as the inverse model and the creep say, from rest."""
+
+    def __init__(self, creep: Creep = CREEP, lags: Array | None = None) -> None:
+        self._hysteresis = inverse().exact_inverse()
+        self._creep = creep
+        self.lags = np.zeros(creep.weights.size) if lags is None else lags.copy()
+        self._quick = 0.0
+
+    def step(self, drive: float) -> float:
+        """Return the displacement at a sample, given the drive that is in force then."""
+        crept = advance_creep(self.lags, self._creep.gains, self._creep.weights, self._quick)
+        self._quick = self._hysteresis.step(drive)
+        return self._quick + crept
+
+
+def wander(seconds: float) -> Array:
+    """Return a displacement at 1 kHz, loops of many sizes within [0.1, 0.9], shape (n,)."""
+    t_s = np.arange(0.0, seconds, 1e-3)
+    swing = 0.3 + 0.1 * np.cos(0.7 * t_s)
+    return 0.5 - swing * np.cos(2.0 * np.pi * t_s) + 0.05 * np.sin(3.1 * t_s) - 0.05
