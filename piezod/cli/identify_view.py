@@ -1,5 +1,6 @@
-"""How an identification is told: text for people, a document for programs."""
+"""How an identification is told to people."""
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from rich import box
@@ -7,54 +8,20 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from piezod.experiment.automatic import Choice
 from piezod.experiment.delay import DelayEstimate
+from piezod.experiment.fit import FitSettings
 from piezod.experiment.identify_file import FileFit
+from piezod.experiment.judgement import Judgement
+from piezod.experiment.method import Method
+from piezod.experiment.record import Record
 from piezod.hysteresis.memory import FloatArray
-from piezod.records.labels import metric_label, metric_number
 
 _BARS = "▁▂▃▄▅▆▇█"
 
 
-def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> dict[str, object]:
-    """Return the document of `piezod identify --json`.
-
-    Args:
-        fitted: The model and how good it is.
-        model: Path of the model file, None where none was written.
-        plot: Path of the figure, None where none was drawn.
-    """
-    fit = fitted.fit
-    return {
-        "data": str(fitted.data),
-        "samples": fitted.record.t_s.size,
-        "rate_hz": 1.0 / fitted.record.period_s,
-        "method": fit.settings.method,
-        "order": fit.model.weights.size // 2,
-        "delay_s": fit.model.delay_s,
-        "delay_estimate": _delay_document(fit.delay) if fit.delay else None,
-        "train": fitted.train,
-        "test": fitted.test,
-        "smallest_slope": fit.smallest_slope,
-        "warnings": fitted.warnings,
-        "model": str(model) if model else None,
-        "plot": str(plot) if plot else None,
-    }
-
-
-def _delay_document(delay: DelayEstimate) -> dict[str, object]:
-    return {
-        "delay_s": delay.delay_s,
-        "uncertainty_s": delay.uncertainty_s,
-        "one_frequency": delay.one_frequency,
-        "criterion": {
-            "delay_s": delay.candidates_s.tolist(),
-            "voltage_error_rms_pct": delay.criterion_pct.tolist(),
-        },
-    }
-
-
 def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path | None) -> None:
-    """Print the delay, the errors, what to beware of, and what was written.
+    """Print what was read and chosen, the errors, what to beware of, and what was written.
 
     Args:
         console: Where to.
@@ -62,25 +29,49 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
         model: Path of the model file, None where none was written.
         plot: Path of the figure, None where none was drawn.
     """
-    fit, record = fitted.fit, fitted.record
-    length_s = record.t_s[-1] - record.t_s[0]
-    console.print(
-        f"{fitted.data}: {_count(record.t_s.size, 'sample')} at {1.0 / record.period_s:.6g} Hz, "
-        f"{length_s:.4g} s",
-        soft_wrap=True,
-    )
+    fit = fitted.taken.fit
+    console.print(_read(fitted.data, fitted.record), soft_wrap=True)
+    console.print(_seen(fit.settings, fitted.record))
     _print_delay(console, fit.model.delay_s, fit.delay)
+    if fitted.choice:
+        _print_choice(console, fitted.choice)
     console.print(
-        f"Model by {fit.settings.method}, {_count(fit.model.weights.size // 2, 'operator')} on each side. "
-        "How well it predicts the drive voltage, in % of its range:"
+        f"Model {_named(fit.settings)}. How well it predicts the drive voltage, in % of its range:"
     )
     console.print(_errors(fitted))
+    for line in _offsets(fitted):
+        console.print(line)
     for warning in fitted.warnings:
         console.print(f"! {warning}", style="yellow")
     if model and plot:
         console.print(f"Model: {model}\nFigure: {plot}", soft_wrap=True)
     else:
         console.print("Nothing was written; --out model.yaml keeps the model and draws it.")
+
+
+def _read(data: Path, record: Record) -> str:
+    length_s = record.t_s[-1] - record.t_s[0]
+    text = f"{data}: {_count(record.t_s.size, 'sample')} at {1.0 / record.period_s:.6g} Hz, "
+    text += f"{length_s:.4g} s"
+    return f"{text}; the first {record.run_in_s:.3g} s do not count" if record.run_in_s else text
+
+
+def _seen(settings: FitSettings, record: Record) -> str:
+    window = settings.window(record)
+    if settings.method is Method.LMS:
+        return "The displacement is taken as it is, as the paper's method does."
+    if window == 1:
+        return "The displacement is taken as it is: its drive bends too sharply to smooth it."
+    return (
+        f"The displacement is smoothed over {window} samples, {_ms(window * record.period_s)}, "
+        "which is as much as its drive bears."
+    )
+
+
+def _named(settings: FitSettings) -> str:
+    creep = ", with creep" if settings.creep else ""
+    operators = _count(settings.order, "operator")
+    return f"by {settings.method}, {operators} on each side, thresholds {settings.spacing}{creep}"
 
 
 def _count(number: int, one: str) -> str:
@@ -113,16 +104,81 @@ def _curve(values: FloatArray) -> str:
     return "".join(_BARS[round(share * (len(_BARS) - 1))] for share in above)
 
 
+def _print_choice(console: Console, choice: Choice) -> None:
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("method", "thresholds", "creep"):
+        table.add_column(heading)
+    for heading in ("operators", "parameters", "worst", "rms"):
+        table.add_column(heading, justify="right")
+    table.add_column("")
+    for each in choice.candidates:
+        settings = each.fit.settings
+        marks = ["best" if each is choice.best else "", "taken" if each is choice.taken else ""]
+        table.add_row(
+            settings.method,
+            settings.spacing,
+            "creep" if settings.creep else "",
+            str(settings.order),
+            str(each.n_parameters),
+            *_numbers(each.validation.errors),
+            ", ".join(filter(None, marks)),
+        )
+    console.print("Models tried, and their errors on blocks that they were not fitted to, in %:")
+    console.print(table)
+    console.print(
+        f"The rms error of the best is {choice.best.validation.rms_pct:.3f} %, with its standard "
+        f"error over the blocks {choice.limit_pct:.3f} %. Up to that a model counts as equally "
+        "good, and the one with the fewest parameters is taken.\n"
+    )
+
+
+def _numbers(errors: Mapping[str, float] | None) -> tuple[str, str]:
+    if errors is None:
+        return "–", "–"
+    return f"{errors['voltage_error_max_pct']:.2f}", f"{errors['voltage_error_rms_pct']:.3f}"
+
+
 def _errors(fitted: FileFit) -> Table:
     table = Table(box=box.SIMPLE_HEAD)
     table.add_column("")
     table.add_column("file", overflow="fold")
-    for name in fitted.train:
-        table.add_column(metric_label(name), justify="right")
-    rows = [("train", fitted.data, fitted.train)]
-    if fitted.test_data and fitted.test:
-        rows.append(("test", fitted.test_data, fitted.test))
-    for role, path, errors in rows:
-        numbers = [f"{metric_number(*error)} %" for error in errors.items()]
-        table.add_row(role, Text(path.name), *numbers)
+    judged = _judged(fitted)
+    for name in judged:
+        table.add_column(f"{name}:\nworst", justify="right")
+        table.add_column("\nrms", justify="right")
+    rows = {name: tuple(_rows(each)) for name, each in judged.items()}
+    for row in zip(*rows.values(), strict=True):
+        role = row[0][0]
+        path = fitted.test_data if role.startswith("test") else fitted.data
+        numbers = [number for _, errors in row for number in _numbers(errors)]
+        table.add_row(role, Text(path.name if path else ""), *numbers)
     return table
+
+
+def _judged(fitted: FileFit) -> dict[str, Judgement]:
+    """Return the model, the same with or without creep, and from unsmoothed displacement."""
+    judged = {}
+    for each in (fitted.taken, fitted.other):
+        if each:
+            judged["with creep" if each.fit.settings.creep else "without creep"] = each
+    if fitted.raw:
+        judged["unsmoothed"] = fitted.raw
+    return judged
+
+
+def _rows(judged: Judgement) -> Iterator[tuple[str, Mapping[str, float] | None]]:
+    yield "train", judged.train
+    yield f"{len(judged.validation.blocks)} blocks, each held out", judged.validation.errors
+    if judged.test and judged.test_offset_removed:
+        yield "test", judged.test
+        yield "test, constant offset removed", judged.test_offset_removed.errors
+
+
+def _offsets(fitted: FileFit) -> Iterator[str]:
+    for name, judged in _judged(fitted).items():
+        offset = judged.test_offset_removed
+        if offset:
+            yield (
+                f"Constant offset removed from the test, {name}: {offset.offset_pct:+.2f} %, as a "
+                f"shift of the displacement by {offset.offset_um:+.3g} µm would cause."
+            )

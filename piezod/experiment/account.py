@@ -3,8 +3,8 @@
 import numpy as np
 
 from piezod.experiment.fit import Fit
-from piezod.experiment.stage_model import StageModel
 from piezod.experiment.record import Record
+from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
 
@@ -21,7 +21,8 @@ def account_of(fit: Fit, record: Record, *, axis: str, title: str) -> Identifica
         axis: Name of the axis.
         title: What the record is, for people.
     """
-    at_drive_v = np.interp(record.t_s + fit.model.delay_s, record.t_s, fit.predicted_v(record))
+    predicted_v = fit.predicted_v(fit.seen(record))
+    at_drive_v = np.interp(record.t_s + fit.model.delay_s, record.t_s, predicted_v)
     return Identification(
         axis=axis,
         title=title,

@@ -58,12 +58,14 @@ def estimate_delay(
     first = longest_delay_periods(record.period_s)
     steps = round(first / STEP_PERIODS)
     candidates_s = np.arange(steps + 1, dtype=np.float64) * STEP_PERIODS * record.period_s
-    if record.t_s.size < 10 * first + regressors.shape[1]:
-        message = f"{record.t_s.size} samples are too few to estimate a delay from; give one"
+    n_samples = np.count_nonzero(record.counted())
+    if n_samples < 10 * first + regressors.shape[1]:
+        message = f"{n_samples} samples are too few to estimate a delay from; give one"
         raise DataError(message)
+    counted = record.counted(first * record.period_s)
     drives = np.stack([drive_v.to_unit(record.drive_delayed_by(d)) for d in candidates_s], axis=1)
-    targets = (drives - positions[:, np.newaxis])[first:]
-    basis, _ = np.linalg.qr(regressors[first:])
+    targets = (drives - positions[:, np.newaxis])[counted]
+    basis, _ = np.linalg.qr(regressors[counted])
     residual = np.sum(targets**2, axis=0) - np.sum((basis.T @ targets) ** 2, axis=0)
     criterion_pct = 100.0 * np.sqrt(np.maximum(residual, 0.0) / targets.shape[0])
     alone = _has_one_frequency(drive_v.to_unit(record.drive_v))

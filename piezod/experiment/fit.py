@@ -1,6 +1,6 @@
 """From a record of drive and displacement to an inverse model of the stage, with its delay."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -8,9 +8,15 @@ from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.errors import DataError
 from piezod.experiment.creep_law import NO_CREEP, logarithmic
 from piezod.experiment.delay import DelayEstimate, estimate_delay
-from piezod.experiment.least_squares_fit import Linearised, Series, Slow, fit_least_squares
+from piezod.experiment.least_squares_fit import (
+    LeastSquaresFit,
+    Linearised,
+    Series,
+    Slow,
+    fit_least_squares,
+)
 from piezod.experiment.method import Method, Spacing
-from piezod.experiment.record import Record
+from piezod.experiment.record import Record, Rows
 from piezod.experiment.smoothing import longest_window, smoothed_record
 from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis import (
@@ -46,8 +52,7 @@ class FitSettings:
         deadband: Width of the backlash before the memory, in units of the range, for LMS; least
             squares sees a smoothed displacement and needs none.
         delay_s: The delay in s; estimated from the record if None.
-        run_in_s: The first seconds of the record, which do not count: the stage settles in them.
-        from_rest: Whether the stage had rested where the record begins.
+        smoothing: Whether noise is taken out of the displacement first; for least squares only.
     """
 
     method: Method = Method.LEAST_SQUARES
@@ -57,8 +62,13 @@ class FitSettings:
     lms_gain: float | None = None
     deadband: float = 0.0
     delay_s: float | None = None
-    run_in_s: float = 0.0
-    from_rest: bool = True
+    smoothing: bool = True
+
+    def window(self, record: Record) -> int:
+        """Return over how many samples of a record the displacement is smoothed; 1 for none."""
+        if self.method is Method.LMS or not self.smoothing:
+            return 1
+        return longest_window(record.drive_v)
 
 
 @dataclass(frozen=True)
@@ -70,7 +80,7 @@ class Fit:
         settings: How it was asked for.
         delay: The estimate of the delay, None where the delay was given.
         smallest_slope: The smallest slope of the inverse anywhere; it is monotone if positive.
-        smoothing: Samples under each parabola that took the noise out of the displacement.
+        problem: What was solved.
         linearised: The problem around the solution; None for LMS.
     """
 
@@ -78,16 +88,46 @@ class Fit:
     settings: FitSettings
     delay: DelayEstimate | None
     smallest_slope: float
-    smoothing: int
-    linearised: Linearised | None
+    problem: "Problem" = field(repr=False)
+    linearised: Linearised | None = field(repr=False)
 
-    def predicted_v(self, record: Record) -> FloatArray:
-        """Return the voltage predicted from a record that is seen as by the fit, shape (n,)."""
-        return self.model.predicted_v(
-            smoothed_record(record, self.smoothing),
-            self.settings.deadband if self.settings.method is Method.LMS else 0.0,
-            from_rest=self.settings.from_rest,
-        )
+    def seen(self, record: Record) -> Record:
+        """Return a record as this fit sees it: without noise, as far as its drive bears that."""
+        return smoothed_record(record, self.settings.window(record))
+
+    def without(self, held_out: Rows) -> StageModel:
+        """Return the model that the record of the fit gives without some samples, shape (n,).
+
+        These carry memory and creep on, as a run-in does. Ranges, thresholds and delay are those of
+        the whole record, and the problem of least squares is the one around its solution.
+        """
+        bank, delay_s = self.model.bank, self.model.delay_s
+        if self.linearised is None:
+            weights, slow = self.problem.lms(bank, delay_s, held_out), Slow()
+        else:
+            parameters = self.linearised.solved(self.linearised.counted & ~held_out)
+            weights, slow = parameters[: bank.shape[1]], Slow(*parameters[bank.shape[1] :])
+        return self.problem.model(bank, weights, slow, delay_s)
+
+    def predicted_v(self, record: Record, model: StageModel | None = None) -> FloatArray:
+        """Return the voltage predicted from a record as it is, in V, shape (n,).
+
+        Args:
+            record: Any record of the stage; see `seen`.
+            model: Another model than that of the fit.
+        """
+        deadband = self.settings.deadband if self.settings.method is Method.LMS else 0.0
+        return (model or self.model).predicted_v(record, deadband)
+
+    def residuals_pct(self, record: Record, model: StageModel | None = None) -> FloatArray:
+        """Return predicted minus actual voltage of the samples that count, shape (k,).
+
+        In % of the range that the voltage had in the record of the fit. Arguments are those of
+        `predicted_v`.
+        """
+        delay_s = self.model.delay_s
+        error_v = self.predicted_v(record, model) - record.drive_delayed_by(delay_s)
+        return 100.0 * error_v[record.counted(delay_s)] / self.model.drive_v.width
 
     def errors_pct(self, record: Record) -> dict[str, float]:
         """Return worst and rms error of the predicted voltage, in % of the voltage's range.
@@ -95,15 +135,15 @@ class Fit:
         Args:
             record: The record of the fit, or one like it; its run-in does not count.
         """
-        answers_v = record.drive_delayed_by(self.model.delay_s)
-        start_s = max(self.model.delay_s, self.settings.run_in_s)
-        counted = record.t_s - record.t_s[0] >= start_s
-        error_v = (self.predicted_v(record) - answers_v)[counted]
-        error_pct = 100.0 * error_v / self.model.drive_v.width
-        return {
-            "voltage_error_max_pct": float(np.max(np.abs(error_pct))),
-            "voltage_error_rms_pct": float(np.sqrt(np.mean(error_pct**2))),
-        }
+        return errors_of(self.residuals_pct(self.seen(record)))
+
+
+def errors_of(residuals_pct: FloatArray) -> dict[str, float]:
+    """Return the worst and the rms of residuals of shape (k,), by name."""
+    return {
+        "voltage_error_max_pct": float(np.max(np.abs(residuals_pct))),
+        "voltage_error_rms_pct": float(np.sqrt(np.mean(residuals_pct**2))),
+    }
 
 
 def fit_model(record: Record, settings: FitSettings) -> Fit:
@@ -120,55 +160,50 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
         DataError: If the record is too short, constant, or does not grow with the drive.
         ModelError: If the gain of LMS is not stable for so many operators.
     """
-    _check(record, 2 * settings.order)
-    smoothing = 1 if settings.method is Method.LMS else longest_window(record.drive_v)
-    ranged = _Ranged(smoothed_record(record, smoothing), settings)
-    bank = ranged.bank()
-    estimate, delay_s = ranged.delay(bank, Slow())
-    series = ranged.series(delay_s)
+    problem = Problem(smoothed_record(record, settings.window(record)), settings)
+    bank = problem.bank()
+    estimate, delay_s = problem.delay(bank, Slow())
+    linearised = None
     if settings.method is Method.LMS:
-        weights, slow, linearised = _lms_weights(bank, series, settings), Slow(), None
+        weights, slow = problem.lms(bank, delay_s), Slow()
     else:
-        weights, slow, linearised = fit_least_squares(bank, series, creep=settings.creep)
-        if settings.creep:  # which had looked like a longer delay
-            estimate, delay_s = ranged.delay(bank, slow)
-            series = ranged.series(delay_s)
-            weights, slow, linearised = fit_least_squares(bank, series, creep=True)
-    model = StageModel(
-        bank,
-        weights,
-        ranged.drive_v,
-        ranged.position_um_of(slow),
-        delay_s,
-        logarithmic(slow.creep) if slow.creep else NO_CREEP,
-    )
+        weights, slow, linearised = problem.least_squares(bank, delay_s)
+        # Creep had looked like a delay; where there is one frequency, nothing tells them apart.
+        if settings.creep and not (estimate and estimate.one_frequency):
+            estimate, delay_s = problem.delay(bank, slow)
+            weights, slow, linearised = problem.least_squares(bank, delay_s)
+    model = problem.model(bank, weights, slow, delay_s)
     slope = model.inverse().smallest_slope
-    return Fit(model, settings, estimate, slope, smoothing, linearised)
+    return Fit(model, settings, estimate, slope, problem, linearised)
 
 
-class _Ranged:
+class Problem:
     """A record with its ranges, and what a fit asks of both.
 
     Args:
-        record: Drive and displacement.
+        record: Drive and displacement, as the method sees them.
         settings: How to fit.
+
+    Raises:
+        DataError: If the record is too short, constant, or does not grow with the drive.
     """
 
     def __init__(self, record: Record, settings: FitSettings) -> None:
+        counted = record.counted()
+        _check(record.drive_v[counted], record.position_um[counted], 2 * settings.order)
         self._record, self._settings = record, settings
-        self.drive_v = _range_of(record.drive_v)
-        self._position_um = _range_of(record.position_um)
+        self.drive_v = _range_of(record.drive_v[counted])
+        self._position_um = _range_of(record.position_um[counted])
 
     def series(self, delay_s: float) -> Series:
         """Return the record normalised, each displacement beside its voltage."""
-        aligned = self._record.aligned(delay_s)
-        _check(aligned, 2 * self._settings.order)
+        record = self._record
         return Series(
-            positions=self._position_um.to_unit(aligned.position_um),
-            drives=self.drive_v.to_unit(aligned.drive_v),
-            period_s=aligned.period_s,
-            from_rest=self._settings.from_rest,
-            counted=aligned.t_s - self._record.t_s[0] >= self._settings.run_in_s,
+            positions=self._position_um.to_unit(record.position_um),
+            drives=self.drive_v.to_unit(record.drive_delayed_by(delay_s)),
+            period_s=record.period_s,
+            from_rest=record.from_rest,
+            counted=record.counted(delay_s),
         )
 
     def delay(self, bank: FloatArray, slow: Slow) -> tuple[DelayEstimate | None, float]:
@@ -190,29 +225,61 @@ class _Ranged:
             return new_bank(thresholds, thresholds)
         fine = new_bank(graded_thresholds(FINE_ORDER), graded_thresholds(FINE_ORDER))
         _, delay_s = self.delay(fine, Slow())
-        weights = fit_least_squares(fine, self.series(delay_s), creep=self._settings.creep).weights
-        return placed_thresholds(fine, weights, order)
+        return placed_thresholds(fine, self.least_squares(fine, delay_s).weights, order)
 
-    def position_um_of(self, slow: Slow) -> AffineRange:
-        """Return the range that is [0, 1] for y, the displacement that does not creep."""
+    def least_squares(self, bank: FloatArray, delay_s: float) -> LeastSquaresFit:
+        """Return the weights, and what is slow where the settings want it, all at once."""
+        return fit_least_squares(bank, self.series(delay_s), creep=self._settings.creep)
+
+    def lms(self, bank: FloatArray, delay_s: float, held_out: Rows | None = None) -> FloatArray:
+        """Return the weights [a^l, a^r] by the paper's update, shape (2 M,).
+
+        Args:
+            bank: (2, 2 M) of the stops.
+            delay_s: The delay, in s.
+            held_out: (n,) samples of which nothing is learned; none by default.
+        """
+        series, gain = self.series(delay_s), self._settings.lms_gain
+        if gain is None:
+            gain = min(PAPER_GAIN, 0.9 * largest_stable_gain(bank))
+        learned = series.counted if held_out is None else series.counted & ~held_out
+        drives = np.where(learned, series.drives, np.nan)  # moves the memory, teaches nothing
+        identifier = LMSIdentifier(bank, gain=gain, deadband=self._settings.deadband)
+        for _ in range(LMS_PASSES):
+            identifier.reset()
+            identifier.run(np.clip(series.positions, 0.0, 1.0), drives)
+        return identifier.weights
+
+    def model(
+        self, bank: FloatArray, weights: FloatArray, slow: Slow, delay_s: float
+    ) -> StageModel:
+        """Return the model in volts and micrometres that normalised parameters mean."""
+        # [0, 1] is then the range of y, the displacement that does not creep.
         width_um = self._position_um.width / (1.0 + slow.stretch)
         low_um = self._position_um.low + slow.offset * width_um
-        return AffineRange.checked(low_um, low_um + width_um)
+        return StageModel(
+            bank,
+            weights,
+            self.drive_v,
+            AffineRange.checked(low_um, low_um + width_um),
+            delay_s,
+            logarithmic(slow.creep) if slow.creep else NO_CREEP,
+        )
 
 
 def _range_of(values: FloatArray) -> AffineRange:
     return AffineRange.checked(float(values.min()), float(values.max()))
 
 
-def _check(record: Record, n_weights: int) -> None:
+def _check(drive_v: FloatArray, position_um: FloatArray, n_weights: int) -> None:
     fewest = SAMPLES_PER_WEIGHT * n_weights
-    if record.t_s.size < fewest:
+    if drive_v.size < fewest:
         raise DataError(
-            f"{record.t_s.size} samples are left for {n_weights} weights; allowed are {fewest} or "
+            f"{drive_v.size} samples are left for {n_weights} weights; allowed are {fewest} or "
             "more; record for longer, skip less, or fit fewer operators"
         )
     scaled = []
-    for name, values in (("drive_v", record.drive_v), ("position_um", record.position_um)):
+    for name, values in (("drive_v", drive_v), ("position_um", position_um)):
         low, high = float(values.min()), float(values.max())
         if low == high:
             raise DataError(f"{name} is {low:g} throughout; allowed is a signal that varies")
@@ -224,14 +291,3 @@ def _check(record: Record, n_weights: int) -> None:
             f"{correlation:.2f}; allowed is above 0; change the sign of one of them where the "
             "sensor counts the other way, else check that the sensor is the one of this drive"
         )
-
-
-def _lms_weights(bank: FloatArray, series: Series, settings: FitSettings) -> FloatArray:
-    gain = settings.lms_gain
-    if gain is None:
-        gain = min(PAPER_GAIN, 0.9 * largest_stable_gain(bank))
-    identifier = LMSIdentifier(bank, gain=gain, deadband=settings.deadband)
-    for _ in range(LMS_PASSES):
-        identifier.reset()
-        identifier.run(np.clip(series.positions, 0.0, 1.0), series.drives)
-    return identifier.weights

@@ -1,14 +1,17 @@
 """From a recorded file to a model: read, fit, judge on this file and on another one."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from piezod.errors import DataError
+from piezod.experiment.automatic import Choice, Wanted, choose
 from piezod.experiment.fit import Fit, FitSettings, fit_model
-from piezod.experiment.method import Method
+from piezod.experiment.judgement import Judgement, judge
+from piezod.experiment.past import with_past
 from piezod.experiment.record import Record
 from piezod.experiment.warnings import fit_warnings
 from piezod.hysteresis import AffineRange
@@ -27,19 +30,23 @@ class FileFit:
     Attributes:
         data: The file.
         test_data: The other file on which the model was judged, None without one.
-        record: What was read from it, without the seconds that were skipped.
-        fit: The model, and how it came about.
-        train: Errors of the predicted voltage on the record, by name, in % of the model's range.
-        test: The same on the other file.
+        record: What was read from it.
+        taken: The model, how it came about, and its errors.
+        other: The same with creep if that is without, and without if that is with it; None for
+            LMS, which knows no creep, and where no creep could be fitted.
+        raw: The same as `taken`, but fitted to and judged on the displacement as it was recorded;
+            None where that was not smoothed.
+        choice: Among which the model was chosen, None where it was asked for.
         warnings: What a person should know before using the model, a sentence each.
     """
 
     data: Path
     test_data: Path | None
     record: Record
-    fit: Fit
-    train: Mapping[str, float]
-    test: Mapping[str, float] | None
+    taken: Judgement
+    other: Judgement | None
+    raw: Judgement | None
+    choice: Choice | None
     warnings: tuple[str, ...]
 
 
@@ -49,18 +56,16 @@ def identify_file(
     test: Path | None,
     skip_s: float,
     delay_s: float | None,
-    method: Method,
-    order: int,
+    settings: FitSettings | Wanted,
 ) -> FileFit:
     """Fit a model to a recorded file.
 
     Args:
         data: CSV with the columns t_s, drive_v, position_um.
         test: Another such file, on which the model is judged too.
-        skip_s: The first seconds of each file to leave out.
+        skip_s: The first seconds of each file that do not count.
         delay_s: The delay in s; estimated from the data if None.
-        method: How to find the weights.
-        order: Operators on each side.
+        settings: How to fit, or what is not left to be chosen.
 
     Raises:
         DataError: If a file cannot be used; the text begins with its name.
@@ -68,34 +73,57 @@ def identify_file(
     """
     record = read_record(data, skip_s)
     test_record = read_record(test, skip_s) if test else None
-    try:
-        fit = fit_model(
-            record,
-            FitSettings(method=method, order=order, delay_s=delay_s, from_rest=skip_s == 0.0),
-        )
-    except DataError as error:
-        raise DataError(f"{data}: {error}") from error
+    with _naming(data):
+        if isinstance(settings, Wanted):
+            choice = choose(record, settings, delay_s)
+            fit, validation = choice.taken.fit, choice.taken.validation
+        else:
+            choice, validation = None, None
+            fit = fit_model(record, replace(settings, delay_s=delay_s))
+    other, raw = None, None
+    if fit.linearised:
+        other = _refitted(fit, record, replace(fit.settings, creep=not fit.settings.creep))
+    if fit.settings.window(record) > 1:
+        raw = _refitted(fit, record, replace(fit.settings, smoothing=False))
     return FileFit(
         data=data,
         test_data=test,
         record=record,
-        fit=fit,
-        train=fit.errors_pct(record),
-        test=fit.errors_pct(test_record) if test_record else None,
+        taken=judge(fit, record, test_record, validation),
+        other=judge(other, record, test_record) if other else None,
+        raw=judge(raw, record, test_record) if raw else None,
+        choice=choice,
         warnings=tuple(_warnings(fit, record, test_record)),
     )
 
 
 def read_record(path: Path, skip_s: float) -> Record:
-    """Read a recorded file without its first seconds.
+    """Read a recorded file of which the first seconds do not count.
 
     Raises:
         DataError: If the file cannot be used; the text begins with its name.
         OSError: If the file cannot be read.
     """
-    record = Record(**read_csv(path))
+    columns = read_csv(path)
+    with _naming(path):
+        record = Record(columns["t_s"], columns["drive_v"], columns["position_um"])
+        return with_past(record).after(skip_s)
+
+
+def _refitted(fit: Fit, record: Record, settings: FitSettings) -> Fit | None:
+    """Return the same fit but for its settings; None where the record does not support these."""
     try:
-        return record.after(skip_s)
+        again = fit_model(record, replace(settings, delay_s=fit.model.delay_s))
+    except DataError:
+        return None
+    return replace(again, delay=fit.delay)
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Put the name of the file before what an error says."""
+    try:
+        yield
     except DataError as error:
         raise DataError(f"{path}: {error}") from error
 
@@ -108,21 +136,21 @@ def _warnings(fit: Fit, record: Record, test: Record | None) -> Iterator[str]:
 
 
 def _start_warnings(fit: Fit, record: Record) -> Iterator[str]:
-    aligned = record.aligned(fit.model.delay_s)
-    error_v = np.abs(fit.model.predicted_v(aligned) - aligned.drive_v)
-    at_start = aligned.t_s - record.t_s[0] < START_S
+    t_s = record.t_s[record.counted(fit.model.delay_s)]
+    residuals_pct = np.abs(fit.residuals_pct(fit.seen(record)))
+    at_start = t_s - record.t_s[0] < START_S
     if at_start.all() or not at_start.any():
         return
-    worst = int(error_v.argmax())
-    if at_start[worst] and error_v[worst] > WORSE_AT_START * error_v[~at_start].max():
+    worst = int(residuals_pct.argmax())
+    if at_start[worst] and residuals_pct[worst] > WORSE_AT_START * residuals_pct[~at_start].max():
         yield (
-            f"The worst error is at t = {aligned.t_s[worst]:.4g} s. The record seems not to start "
+            f"The worst error is at t = {t_s[worst]:.4g} s. The record seems not to start "
             "from rest; leave out the first loops with --skip-s."
         )
 
 
 def _range_warnings(position_um: AffineRange, test: Record) -> Iterator[str]:
-    x = position_um.to_unit(test.position_um)
+    x = position_um.to_unit(test.position_um[test.counted()])
     share = float(np.mean((x < 0.0) | (x > 1.0)))
     if share:
         yield (

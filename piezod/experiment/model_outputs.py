@@ -23,10 +23,10 @@ def write_model(path: Path, fitted: FileFit, created_at: datetime) -> Path:
         ModelError: If a number is beyond what a model file may hold.
         OSError: If a file cannot be written.
     """
-    text = dump_model(to_model_file(fitted.fit, fitted.data, fitted.train, created_at))
+    text = dump_model(to_model_file(fitted.taken.fit, fitted.data, fitted.taken.train, created_at))
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    account = account_of(fitted.fit, fitted.record, axis="x", title=fitted.data.name)
+    account = account_of(fitted.taken.fit, fitted.record, axis="x", title=fitted.data.name)
     plot = path.with_suffix(".png")
     save_png(plot, identification_figure(account))
     return plot

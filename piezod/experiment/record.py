@@ -1,11 +1,14 @@
 """A record of one axis: what identification starts from."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from piezod.errors import DataError
 from piezod.hysteresis.memory import FloatArray
+
+Rows = np.ndarray[tuple[int], np.dtype[np.bool_]]
+"""Which samples of a record are meant, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -16,11 +19,15 @@ class Record:
         t_s: Times, in s.
         drive_v: Voltage in force at these times, in V.
         position_um: Displacement measured at these times, in µm.
+        run_in_s: The first seconds, which only carry memory and creep on, and count in no error.
+        from_rest: Whether the stage had rested where the record begins.
     """
 
     t_s: FloatArray
     drive_v: FloatArray
     position_um: FloatArray
+    run_in_s: float = 0.0
+    from_rest: bool = True
 
     @property
     def period_s(self) -> float:
@@ -34,24 +41,24 @@ class Record:
         """
         return np.interp(self.t_s - delay_s, self.t_s, self.drive_v)
 
-    def aligned(self, delay_s: float) -> "Record":
-        """Return the record with each displacement beside the voltage that it answers to.
+    def counted(self, delay_s: float = 0.0) -> Rows:
+        """Return which samples count: those after the run-in whose voltage was recorded.
 
-        The first samples, whose voltage was before the record, are left out.
+        Args:
+            delay_s: How long the displacement lags behind the voltage, in s.
         """
-        known = self.t_s - delay_s >= self.t_s[0]
-        drive_v = self.drive_delayed_by(delay_s)
-        return Record(self.t_s[known], drive_v[known], self.position_um[known])
+        counted: Rows = self.t_s - self.t_s[0] >= max(delay_s, self.run_in_s)
+        return counted
 
-    def after(self, skip_s: float) -> "Record":
-        """Return the record without its first seconds.
+    def after(self, run_in_s: float) -> "Record":
+        """Return the record with its first seconds not counted; longer run-ins stay.
 
         Raises:
             DataError: If nothing would be left.
         """
-        kept = self.t_s - self.t_s[0] >= skip_s
-        if np.count_nonzero(kept) < 2:
+        run_in = replace(self, run_in_s=max(run_in_s, self.run_in_s))
+        if np.count_nonzero(run_in.counted()) < 2:
             length_s = float(self.t_s[-1] - self.t_s[0])
-            message = f"skipping {skip_s:g} s leaves nothing of a record of {length_s:g} s"
+            message = f"skipping {run_in_s:g} s leaves nothing of a record of {length_s:g} s"
             raise DataError(message)
-        return Record(self.t_s[kept], self.drive_v[kept], self.position_um[kept])
+        return run_in

@@ -1,35 +1,45 @@
 """Noise out of a recorded displacement, without moving it in time.
 
 Where noise makes small turning points, the operators turn with it. A least-squares parabola through
-each sample and its neighbours (Savitzky and Golay 1964) takes the noise down and delays nothing. How
-many neighbours a record can bear is asked of its drive, which has no noise: what smoothing would do
-to the drive, it does to the displacement.
+each sample and its neighbours (Savitzky and Golay 1964) takes the noise down and delays nothing.
+How many neighbours a record can bear is asked of its drive, which has no noise: the way up alone,
+the sum of all that it rises, bends at each turn, as the displacement of a stage with hysteresis
+does. Where a drive bends too sharply, as in a jump, the displacement stays as it is.
 """
+
+from dataclasses import replace
 
 import numpy as np
 
-from piezod.experiment.record import Record
+from piezod.experiment.record import Record, Rows
 from piezod.hysteresis.memory import FloatArray
 
-LONGEST = 9
-"""Most samples in a window."""
+WINDOWS = (101, 75, 55, 41, 31, 23, 17, 13, 11, 9, 7, 5)
+"""Samples under a parabola, longest first."""
 BEARABLE = 5e-4
-"""Part of its range by which smoothing may change the drive, at worst."""
+"""Part of its range by which smoothing may change the way up of a drive."""
+RARE = 0.02
+"""Part of a record that may bend more sharply than that."""
 
 
 def smoothed(values: FloatArray, window: int) -> FloatArray:
     """Return values over time, shape (n,), each replaced by a parabola through its neighbours.
 
+    At both ends, the parabola through the outermost ones.
+
     Args:
         values: (n,) evenly in time.
-        window: Samples under each parabola, odd; up to 3 change nothing.
+        window: Samples under each parabola, odd and at most n; up to 3 change nothing.
     """
     if window <= 3:
         return values
     half = window // 2
-    places = np.arange(-half, half + 1, dtype=np.float64)
-    weights = np.linalg.pinv(np.vander(places, 3, increasing=True))[0]
-    return np.convolve(np.pad(values, half, mode="edge"), weights, mode="valid")
+    places = np.arange(-half, half + 1) / half
+    powers = np.vander(places, 3, increasing=True)
+    fit = np.linalg.pinv(powers)
+    first, last = fit @ values[:window], fit @ values[-window:]
+    inside = np.convolve(values, fit[0], mode="valid")
+    return np.concatenate((powers[:half] @ first, inside, powers[-half:] @ last))
 
 
 def longest_window(drive_v: FloatArray) -> int:
@@ -38,13 +48,24 @@ def longest_window(drive_v: FloatArray) -> int:
     Args:
         drive_v: (n,) drive of a record, in V.
     """
-    bearable_v = BEARABLE * float(np.ptp(drive_v))
-    for window in range(LONGEST, 3, -2):
-        if float(np.max(np.abs(smoothed(drive_v, window) - drive_v))) <= bearable_v:
+    for window in WINDOWS:
+        if window <= drive_v.size and np.mean(_too_sharp(drive_v, window)) <= RARE:
             return window
     return 1
 
 
 def smoothed_record(record: Record, window: int) -> Record:
-    """Return a record with its displacement smoothed, its drive as it is."""
-    return Record(record.t_s, record.drive_v, smoothed(record.position_um, window))
+    """Return a record with its displacement smoothed where its drive bears it."""
+    if window <= 3:
+        return record
+    near = np.convolve(_too_sharp(record.drive_v, window), np.ones(2 * window + 1), mode="same")
+    kept = near > 0.5
+    position_um = np.where(kept, record.position_um, smoothed(record.position_um, window))
+    return replace(record, position_um=position_um)
+
+
+def _too_sharp(drive_v: FloatArray, window: int) -> Rows:
+    """Return where a drive bends too sharply for a window, shape (n,)."""
+    way_up = np.cumsum(np.maximum(np.diff(drive_v, prepend=drive_v[0]), 0.0))
+    changed = np.abs(smoothed(way_up, window) - way_up)
+    return np.asarray(changed > BEARABLE * np.ptp(drive_v))

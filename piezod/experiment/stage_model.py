@@ -64,28 +64,23 @@ class StageModel:
         low, high = self.position_um
         return replace(self, position_um=AffineRange(low - rest_um, high - rest_um))
 
-    def quick_positions(self, record: Record, *, from_rest: bool = True) -> FloatArray:
+    def quick_positions(self, record: Record) -> FloatArray:
         """Return recorded displacements without creep, normalised to [0, 1], shape (n,).
 
-        Args:
-            record: What was measured.
-            from_rest: Whether the stage had rested where the record begins. If not, what it did
-                before is taken to have been like the record on average.
+        What a stage did that does not start from rest is taken to have been like the record on
+        average.
         """
         x = self.position_um.to_unit(record.position_um)
-        return without_creep(x, self.creep, record.period_s, from_rest=from_rest)
+        return without_creep(x, self.creep, record.period_s, from_rest=record.from_rest)
 
-    def predicted_v(
-        self, record: Record, deadband: float = 0.0, *, from_rest: bool = True
-    ) -> FloatArray:
+    def predicted_v(self, record: Record, deadband: float = 0.0) -> FloatArray:
         """Return the voltage that the model needs for a recorded displacement, in V, shape (n,).
 
         Args:
             record: What was measured; the memory starts relaxed at its first sample.
             deadband: Width of the backlash before the memory, in units of the range.
-            from_rest: As for `quick_positions`.
         """
-        y = np.clip(self.quick_positions(record, from_rest=from_rest), 0.0, 1.0)
+        y = np.clip(self.quick_positions(record), 0.0, 1.0)
         return self.drive_v.from_unit(y + stop_regressors(self.bank, y, deadband) @ self.weights)
 
 

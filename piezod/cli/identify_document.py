@@ -1,0 +1,111 @@
+"""What `piezod identify --json` prints."""
+
+from pathlib import Path
+
+from piezod.experiment.automatic import Candidate, Choice
+from piezod.experiment.cross_validation import CrossValidation
+from piezod.experiment.delay import DelayEstimate
+from piezod.experiment.fit import Fit
+from piezod.experiment.identify_file import FileFit
+from piezod.experiment.judgement import Judgement
+
+Document = dict[str, object]
+
+
+def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Document:
+    """Return the document of `piezod identify --json`.
+
+    Args:
+        fitted: The model and how good it is.
+        model: Path of the model file, None where none was written.
+        plot: Path of the figure, None where none was drawn.
+    """
+    fit, record = fitted.taken.fit, fitted.record
+    by_creep = {each.fit.settings.creep: each for each in (fitted.taken, fitted.other) if each}
+    return {
+        "data": str(fitted.data),
+        "test_data": str(fitted.test_data) if fitted.test_data else None,
+        "samples": record.t_s.size,
+        "rate_hz": 1.0 / record.period_s,
+        "not_counted_s": record.run_in_s,
+        "smoothed_over_samples": fit.settings.window(record),
+        **_settings(fit),
+        "delay_s": fit.model.delay_s,
+        "delay_estimate": _delay(fit.delay) if fit.delay else None,
+        "smallest_slope": fit.smallest_slope,
+        **_errors(fitted.taken),
+        "with_creep": _errors(by_creep[True]) if True in by_creep else None,
+        "without_creep": _errors(by_creep[False]) if False in by_creep else None,
+        "raw_displacement": _errors(fitted.raw) if fitted.raw else None,
+        "choice": _choice(fitted.choice) if fitted.choice else None,
+        "warnings": fitted.warnings,
+        "model": str(model) if model else None,
+        "plot": str(plot) if plot else None,
+    }
+
+
+def _settings(fit: Fit) -> Document:
+    settings = fit.settings
+    return {
+        "method": settings.method,
+        "order": settings.order,
+        "thresholds": settings.spacing,
+        "creep": settings.creep,
+        "creep_per_decade": fit.model.creep.per_decade,
+    }
+
+
+def _errors(judged: Judgement) -> Document:
+    offset = judged.test_offset_removed
+    return {
+        "train": judged.train,
+        "cross_validation": _cross_validation(judged.validation),
+        "test": judged.test,
+        "test_offset_removed": {
+            **offset.errors,
+            "offset_pct": offset.offset_pct,
+            "offset_um": offset.offset_um,
+        }
+        if offset
+        else None,
+    }
+
+
+def _cross_validation(validation: CrossValidation) -> Document:
+    return {
+        **validation.errors,
+        "voltage_error_rms_with_standard_error_pct": validation.rms_with_standard_error_pct,
+        "blocks": [
+            {"start_s": block.start_s, "end_s": block.end_s, **block.errors}
+            for block in validation.blocks
+        ],
+    }
+
+
+def _choice(choice: Choice) -> Document:
+    return {
+        "limit_rms_pct": choice.limit_pct,
+        "candidates": [_candidate(each, choice) for each in choice.candidates],
+    }
+
+
+def _candidate(candidate: Candidate, choice: Choice) -> Document:
+    return {
+        **_settings(candidate.fit),
+        "parameters": candidate.n_parameters,
+        **candidate.validation.errors,
+        "best": candidate is choice.best,
+        "taken": candidate is choice.taken,
+    }
+
+
+def _delay(delay: DelayEstimate) -> Document:
+    return {
+        "delay_s": delay.delay_s,
+        "uncertainty_s": delay.uncertainty_s,
+        "one_frequency": delay.one_frequency,
+        "criterion": {
+            "delay_s": delay.candidates_s.tolist(),
+            "voltage_error_rms_pct": delay.criterion_pct.tolist(),
+        },
+    }

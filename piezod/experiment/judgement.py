@@ -1,0 +1,76 @@
+"""How good a fit is: on its own record, on what it was not fitted to, and on another record."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from piezod.experiment.cross_validation import CrossValidation, cross_validate
+from piezod.experiment.fit import Fit, errors_of
+from piezod.experiment.record import Record
+
+
+@dataclass(frozen=True)
+class OffsetRemoved:
+    """Errors after one constant was taken off the predicted voltage of a whole record.
+
+    From one day to the next a stage, or the zero of its sensor, drifts; the loops stay.
+
+    Attributes:
+        offset_pct: The constant, in % of the voltage's range.
+        offset_um: Displacement that it stands for, in µm.
+        errors: Errors that are left, by name.
+    """
+
+    offset_pct: float
+    offset_um: float
+    errors: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A fit and its errors, by name, in % of the range of the voltage that it was fitted to.
+
+    Attributes:
+        fit: The fit.
+        train: Errors on its own record.
+        validation: Errors on blocks of that record that it was not fitted to.
+        test: Errors on another record, None without one.
+        test_offset_removed: The same without a constant offset.
+    """
+
+    fit: Fit
+    train: Mapping[str, float]
+    validation: CrossValidation
+    test: Mapping[str, float] | None
+    test_offset_removed: OffsetRemoved | None
+
+
+def judge(
+    fit: Fit, record: Record, test: Record | None, validation: CrossValidation | None = None
+) -> Judgement:
+    """Judge a fit.
+
+    Args:
+        fit: The fit.
+        record: Its record, as it was recorded.
+        test: Another record of the same stage.
+        validation: The cross-validation, where it is known already.
+    """
+    return Judgement(
+        fit=fit,
+        train=fit.errors_pct(record),
+        validation=validation or cross_validate(fit, record),
+        test=fit.errors_pct(test) if test else None,
+        test_offset_removed=_without_offset(fit, test) if test else None,
+    )
+
+
+def _without_offset(fit: Fit, test: Record) -> OffsetRemoved:
+    residuals_pct = fit.residuals_pct(fit.seen(test))
+    offset_pct = float(np.mean(residuals_pct))
+    return OffsetRemoved(
+        offset_pct=offset_pct,
+        offset_um=0.01 * offset_pct * fit.model.position_um.width,
+        errors=errors_of(residuals_pct - offset_pct),
+    )
