@@ -45,7 +45,7 @@ class IdentificationConfig(ConfigModel):
     settle_s: PauseS = Field(description="Rest before the run, s.")
     run_in_s: PauseS = Field(
         default=0.0,
-        description="First part of the run, in which the stage settles and which does not count, s.",
+        description="First part of the run, which does not count: the stage settles in it, s.",
     )
     duration_s: DurationS = Field(description="Length of the run, s.")
     drive_v: WaveformConfig = Field(description="Open-loop drive of all these axes, V.")

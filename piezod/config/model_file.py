@@ -21,8 +21,6 @@ Threshold: TypeAlias = Annotated[float, Quantity(1e-9, 1 - 1e-9)]
 Weight: TypeAlias = Annotated[float, Quantity(-1e6, 1e6)]
 Thresholds: TypeAlias = Annotated[tuple[Threshold, ...], Field(min_length=1, max_length=1000)]
 Weights: TypeAlias = Annotated[tuple[Weight, ...], Field(min_length=1, max_length=1000)]
-
-
 TimeConstants: TypeAlias = Annotated[
     tuple[Annotated[float, Quantity(1e-4, 1e6, "s")], ...], Field(max_length=50)
 ]
@@ -65,7 +63,7 @@ class ModelFile(ConfigModel):
         description="Delay from drive to sensor in the data, s."
     )
     creep_time_constants_s: TimeConstants = Field(
-        default=(), description="Of the lags that creep is made of, s; none: no creep."
+        default=(), description="Time constants of the lags that creep is made of, s."
     )
     creep_weights: CreepWeights = Field(
         default=(), description="What each adds to the displacement, as a share of it."
@@ -89,6 +87,12 @@ class ModelFile(ConfigModel):
             what = (
                 "one for each time constant is needed "
                 f"(got {len(self.creep_weights)} for {len(self.creep_time_constants_s)})"
+            )
+            yield ("creep_weights",), what
+        total = sum(self.creep_weights)
+        if not total < 1.0:
+            what = (
+                f"must add up to less than 1, or nothing could take the creep out (got {total:g})"
             )
             yield ("creep_weights",), what
         yield from _broken_side("right", self.right_stop_thresholds, self.right_stop_weights)

@@ -11,7 +11,7 @@ from piezod.config.messages import show, suggest
 
 if TYPE_CHECKING:
     from piezod.config.combined_waveforms import WaveformConfig
-    from piezod.config.experiment import CaseConfig, ExperimentConfig
+    from piezod.config.experiment import CaseConfig, ExperimentConfig, IdentificationConfig
 
 MIN_JUDGED_SAMPLES: Final = 10
 """Errors of fewer samples than this say nothing of a run."""
@@ -66,26 +66,32 @@ def _identification(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
     if not without_model:
         yield ("identification",), "not used, every axis starts from a model file"
     for name in without_model:
+        if experiment.axes[name].compensator.creep and experiment.identification.method == "lms":
+            path = ("axes", name, "compensator", "creep")
+            yield path, "lms finds no creep, leave it out or identify by least-squares"
         limits = experiment.axes[name].limits
         allowed = limits.drive_min_v, limits.drive_max_v
         drive = experiment.identification.drive_v
         yield from _outside(("identification", "drive_v"), drive, name, allowed, "V")
     if without_model:
-        yield from _too_short(experiment, experiment.identification.duration_s, without_model)
+        yield from _too_short(experiment, experiment.identification, without_model)
 
 
 def _too_short(
-    experiment: "ExperimentConfig", duration_s: float, names: list[str]
+    experiment: "ExperimentConfig", identification: "IdentificationConfig", names: list[str]
 ) -> Iterator[BrokenRule]:
     """Check the length of the identification for the axis with the most operators."""
     largest = max(names, key=lambda name: experiment.axes[name].compensator.operators)
     n_weights = 2 * experiment.axes[largest].compensator.operators
-    shortest_s = SAMPLES_PER_WEIGHT * n_weights / experiment.rate_hz
-    if duration_s < shortest_s:
+    run_in_s = identification.run_in_s
+    shortest_s = run_in_s + SAMPLES_PER_WEIGHT * n_weights / experiment.rate_hz
+    if identification.duration_s < shortest_s:
+        after = f" after run_in_s, {run_in_s:g} s," if run_in_s else ""
         yield (
             ("identification", "duration_s"),
-            f"too short for the {n_weights} weights of axis {largest} at {experiment.rate_hz:g} Hz "
-            f"(got {duration_s:g} s), allowed: at least {shortest_s:g} s",
+            f"too short{after} for the {n_weights} weights of axis {largest} at "
+            f"{experiment.rate_hz:g} Hz (got {identification.duration_s:g} s), "
+            f"allowed: at least {shortest_s:g} s",
         )
 
 

@@ -250,6 +250,48 @@ def test_identification_must_be_long_enough_for_its_weights(
     assert load(("duration_s: 30", "duration_s: 0.19")).identification
 
 
+def test_run_in_does_not_count_for_the_length(problems_of: ProblemsOf, load: Load) -> None:
+    """What is left after it must be long enough for the weights."""
+    assert problems_of(("duration_s: 30", "duration_s: 30\n  run_in_s: 29.9")) == [
+        "test.yaml:16:15: identification.duration_s: too short after run_in_s, 29.9 s, for the 38 "
+        "weights of axis x at 1000 Hz (got 30 s), allowed: at least 30.09 s"
+    ]
+    assert load(("duration_s: 30", "duration_s: 30\n  run_in_s: 29.8")).identification
+
+
+COMPENSATOR = "operators: 19, lms_gain: 0.1"
+
+
+@pytest.mark.parametrize(
+    ("compensator", "problem"),
+    [
+        ("identifier: rls, lms_gain: 0.1", "12:46: axes.x.compensator.lms_gain: not used, "
+         "identifier rls has no gain, leave it out"),
+        ("delay_s: 1e-4, sensor_delay_s: 2e-4", "12:50: axes.x.compensator.sensor_delay_s: must "
+         "not be above delay_s, of which it is a part, 0.0001 s (got 0.0002 s)"),
+        ("thresholds: odd", "12:31: axes.x.compensator.thresholds: unknown value (got 'odd'), "
+         "allowed: even, graded, placed"),
+        ("creep: 1", "12:26: axes.x.compensator.creep: must be true or false (got 1)"),
+    ],
+)  # fmt: skip
+def test_compensator_that_cannot_be(
+    problems_of: ProblemsOf, compensator: str, problem: str
+) -> None:
+    """Keys that would be ignored, or contradict each other, are refused."""
+    assert problems_of((COMPENSATOR, compensator)) == [f"test.yaml:{problem}"]
+
+
+def test_creep_needs_least_squares(problems_of: ProblemsOf, load: Load) -> None:
+    """With LMS it would be ignored."""
+    creep = (COMPENSATOR, "creep: true")
+    assert load(creep).axes["x"].compensator.creep
+
+    assert problems_of(creep, ("method: least-squares", "method: lms")) == [
+        "test.yaml:12:26: axes.x.compensator.creep: lms finds no creep, leave it out or identify "
+        "by least-squares"
+    ]
+
+
 def test_bounds_off_by_rounding_are_allowed(load: Load) -> None:
     """A sum that reaches its limit but for the last digit of a double is within it."""
     levels = (2.6, 10.4, 13.0, 1e-14)

@@ -24,6 +24,8 @@ MODEL = ModelFile(
     position_low_um=-0.1,
     position_high_um=26.123456789012345,
     delay_s=1.1e-4,
+    creep_time_constants_s=(0.1, 10**0.5, 100.0),
+    creep_weights=(0.01, 1 / 300, 0.0),
     right_stop_thresholds=(0.25, 0.5, 0.75),
     right_stop_weights=(0.1, -0.2, 1 / 3),
     left_stop_thresholds=(0.5,),
@@ -74,14 +76,21 @@ WEIGHTS = st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3).map(tuple)
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=255)
 
 
-@given(weights=WEIGHTS, name=NAMES, delay_s=st.floats(0, 1))
-def test_any_model_round_trips(weights: tuple[float, ...], name: str, delay_s: float) -> None:
-    """Any weights and any name of a source survive, also one that looks like a number."""
+CREEP = st.lists(st.tuples(st.floats(1e-4, 1e6), st.floats(0, 0.1)), max_size=9)
+
+
+@given(weights=WEIGHTS, name=NAMES, delay_s=st.floats(0, 1), creep=CREEP)
+def test_any_model_round_trips(
+    weights: tuple[float, ...], name: str, delay_s: float, creep: list[tuple[float, float]]
+) -> None:
+    """Any numbers and any name of a source survive, also one that looks like a number."""
     model = ModelFile.model_validate(
         MODEL.model_dump()
         | {
             "right_stop_weights": weights,
             "delay_s": delay_s,
+            "creep_time_constants_s": tuple(time_constant_s for time_constant_s, _ in creep),
+            "creep_weights": tuple(weight for _, weight in creep),
             "source": {"file": name, "sha256": "0" * 64},
         }
     )
@@ -115,17 +124,23 @@ def test_any_model_round_trips(weights: tuple[float, ...], name: str, delay_s: f
          "drive_low_v, 0 (got 0)"),
         ("position_high_um: 26.123456789012344", "position_high_um: -1", "16:19: "
          "position_high_um: must be above position_low_um, -0.1 (got -1)"),
-        ("[0.25, 0.5, 0.75]", "[0.25, 0.75, 0.5]", "19:16: right_stop_thresholds[2]: "
+        ("[0.1, 3.1622776601683795, 100.0]", "[0, 1, 2]", "19:4: creep_time_constants_s[0]: out of "
+         "range (got 0), allowed range 0.0001 to 1000000 s"),
+        ("[0.01, 0.0033333333333333335, 0.0]", "[0.01]", "21:3: creep_weights: one for each time "
+         "constant is needed (got 1 for 3)"),
+        ("[0.01, 0.0033333333333333335, 0.0]", "[0.1, -0.1, 0]", "21:9: creep_weights[1]: out of "
+         "range (got -0.1), allowed range 0 to 0.1"),
+        ("[0.25, 0.5, 0.75]", "[0.25, 0.75, 0.5]", "23:16: right_stop_thresholds[2]: "
          "must be above the threshold before it (got 0.5)"),
-        ("[0.5]", "[0.5, 0.5]", "23:9: left_stop_thresholds[1]: must be above the threshold "
+        ("[0.5]", "[0.5, 0.5]", "27:9: left_stop_thresholds[1]: must be above the threshold "
          "before it (got 0.5)"),
-        ("[0.5]", "[1]", "23:4: left_stop_thresholds[0]: out of range (got 1), "
+        ("[0.5]", "[1]", "27:4: left_stop_thresholds[0]: out of range (got 1), "
          "allowed range 1e-09 to 0.999999999"),
-        ("[-1e-09]", "[]", "25:3: left_stop_weights: too few entries (got 0), "
+        ("[-1e-09]", "[]", "29:3: left_stop_weights: too few entries (got 0), "
          "allowed: at least 1"),
-        ("[-1e-09]", "[0, 0]", "25:3: left_stop_weights: one for each threshold is needed "
+        ("[-1e-09]", "[0, 0]", "29:3: left_stop_weights: one for each threshold is needed "
          "(got 2 for 1)"),
-        ("[-1e-09]", "[.nan]", "25:4: left_stop_weights[0]: must be a finite number (got .nan), "
+        ("[-1e-09]", "[.nan]", "29:4: left_stop_weights[0]: must be a finite number (got .nan), "
          "allowed range -1000000 to 1000000"),
     ],
 )  # fmt: skip
@@ -135,6 +150,31 @@ def test_one_mistake(tmp_path: Path, old: str, new: str, expected: str) -> None:
 
     assert problem == f"m.yaml:{expected}"
     assert [line for line in others if "one for each" not in line] == []
+
+
+def test_creep_that_cannot_be_taken_out(tmp_path: Path) -> None:
+    """Where it adds up to the displacement itself, its inverse would run away."""
+    creep = MODEL.model_copy(
+        update={"creep_time_constants_s": (10.0,) * 11, "creep_weights": (0.1,) * 11}
+    )
+    path = tmp_path / "m.yaml"
+    path.write_text(dump_model(creep), encoding="utf-8")
+
+    with pytest.raises(ConfigError, match="creep_weights: must add up to less than 1"):
+        load_model(path)
+
+
+def test_file_without_creep_is_a_stage_without_it(tmp_path: Path) -> None:
+    """The keys may be left out, both together."""
+    path = tmp_path / "m.yaml"
+    lines = TEXT.splitlines()
+    assert [line.partition(":")[0] for line in lines[17:20:2]] == [
+        "creep_time_constants_s",
+        "creep_weights",
+    ]
+    path.write_text("\n".join(lines[:17] + lines[21:]), encoding="utf-8")
+
+    assert load_model(path).creep_weights == load_model(path).creep_time_constants_s == ()
 
 
 def test_model_made_in_python_obeys_the_rules() -> None:
@@ -191,16 +231,20 @@ def test_experiment_is_no_model(problems_of: Callable[..., list[str]], tmp_path:
 def test_compensator_keys_that_the_model_decides(
     problems_of: Callable[..., list[str]], tmp_path: Path
 ) -> None:
-    """Operators and delay come from the model file; given as well, they would be ignored."""
+    """They come from the model file; given as well, they would be ignored."""
     (tmp_path / "m.yaml").write_text(TEXT, encoding="utf-8")
     model, compensator = WITH_MODEL
-    both = (compensator[0], "operators: 19, delay_s: auto, ")
+    keys = (compensator[0], "operators: 19, delay_s: auto, creep: true, thresholds: even, ")
 
-    assert problems_of(model, both, (IDENTIFICATION, "")) == [
+    assert problems_of(model, keys, (IDENTIFICATION, "")) == [
         "test.yaml:13:30: axes.x.compensator.operators: not used, the model file has its own "
         "operators, leave it out",
         "test.yaml:13:43: axes.x.compensator.delay_s: not used, the model file has its own delay, "
         "leave it out",
+        "test.yaml:13:58: axes.x.compensator.creep: not used, the model file has its own creep, "
+        "leave it out",
+        "test.yaml:13:76: axes.x.compensator.thresholds: not used, the model file has its own "
+        "thresholds, leave it out",
     ]
 
 

@@ -74,6 +74,8 @@ def test_page_has_ranges_units_and_defaults(model: type[BaseModel]) -> None:
 
 def range_of(schema: dict[str, Any]) -> str:
     """Give what a field may be: the range of its number, or its words."""
+    if schema.get("type") == "boolean":
+        return "`false`, `true`"
     if "enum" in schema:
         return ", ".join(f"`{word}`" for word in schema["enum"])
     choices = schema.get("oneOf", schema.get("anyOf", [schema]))
@@ -85,4 +87,6 @@ def shown(default: object) -> str:
     """Give a default as the page has it."""
     if default is None:
         return "–"
+    if isinstance(default, bool):
+        return str(default).lower()
     return f"{default:g}" if isinstance(default, float) else str(default)
