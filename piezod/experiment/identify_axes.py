@@ -9,10 +9,12 @@ import numpy as np
 
 from piezod.config.axes import AxisConfig
 from piezod.config.experiment import ExperimentConfig, IdentificationConfig
+from piezod.config.modes import Mode
 from piezod.control.axis import Waveform
 from piezod.control.waveforms import build_waveform
 from piezod.errors import DataError, ModelError
 from piezod.experiment.account import account_of, parameters_of
+from piezod.experiment.compensated import check_identifier, check_trim
 from piezod.experiment.creeping import Creeping
 from piezod.experiment.fit import FitSettings, fit_model
 from piezod.experiment.method import Method, Spacing
@@ -21,7 +23,7 @@ from piezod.experiment.record import Record
 from piezod.experiment.stage import IN_FORCE_V, POSITION_UM, Stage
 from piezod.experiment.stage_model import StageModel
 from piezod.experiment.warnings import fit_warnings
-from piezod.hysteresis import LMSIdentifier, even_thresholds, new_bank
+from piezod.hysteresis import even_thresholds, new_bank
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
 from piezod.units import NS_PER_S
@@ -44,25 +46,30 @@ def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, Identi
         ConfigError: If a model file cannot be used.
         DataError: If the record cannot be used, or a model leaves out the rest voltage.
         DeviceError: If a device refuses.
-        ModelError: If the gain of the identifier is not stable.
+        ModelError: If the gain of an identifier or of a trim is not stable.
     """
     from_file: dict[str, IdentifiedAxis] = {}
     for name, axis in config.axes.items():
         if axis.model is None:
             thresholds = even_thresholds(axis.compensator.operators)
-            _check_gain(name, axis, new_bank(thresholds, thresholds))
+            with _naming(name):
+                check_identifier(axis, new_bank(thresholds, thresholds))
         else:
             from_file[name] = _from_file(name, axis, axis.model, stage.period_ns)
+            _check(name, config, from_file[name].model, stage.period_ns)
     settings = config.identification
     if settings is None:
         return from_file
     stage.rest(settings.settle_s)
     traces = _drive(stage, config.axes, settings)
-    return {
+    identified = {
         name: from_file.get(name)
         or _from_record(name, axis, _record(name, stage, traces[name]), settings)
         for name, axis in config.axes.items()
     }
+    for name, one in identified.items():
+        _check(name, config, one.model, stage.period_ns)
+    return identified
 
 
 def _drive(
@@ -100,6 +107,7 @@ def _from_record(
 ) -> IdentifiedAxis:
     compensator = axis.compensator
     with _naming(name):
+        record = record.after(settings.run_in_s)
         fit = fit_model(
             record,
             FitSettings(
@@ -107,10 +115,9 @@ def _from_record(
                 order=compensator.operators,
                 spacing=Spacing(compensator.thresholds),
                 creep=compensator.creep,
-                lms_gain=compensator.lms_gain,
+                lms_gain=compensator.lms_gain if compensator.identifier == "lms" else None,
                 deadband=compensator.deadband_pct / 100.0,
                 delay_s=None if compensator.delay_s == "auto" else compensator.delay_s,
-                run_in_s=settings.run_in_s,
             ),
         )
         model = fit.model.zeroed_at(axis.limits.rest_v)
@@ -125,7 +132,6 @@ def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> Ident
     in_file, file = read_model(path)
     with _naming(name):
         model = in_file.zeroed_at(axis.limits.rest_v)
-    _check_gain(name, axis, model.bank)
     nothing = np.empty(0)
     account = Identification(
         axis=name,
@@ -141,10 +147,12 @@ def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> Ident
     return IdentifiedAxis(model, Creeping(model, period_ns / NS_PER_S), account, ())
 
 
-def _check_gain(name: str, axis: AxisConfig, bank: FloatArray) -> None:
-    """Refuse a gain that would let the identifier run away, before anything moves."""
+def _check(name: str, config: ExperimentConfig, model: StageModel, period_ns: int) -> None:
+    """Refuse gains that are not safe with the model of an axis."""
     with _naming(name):
-        LMSIdentifier(bank, gain=axis.compensator.lms_gain)
+        check_identifier(config.axes[name], model.bank)
+        if Mode.TRIMMED in config.modes:
+            check_trim(config.axes[name], model, period_ns)
 
 
 @contextmanager
