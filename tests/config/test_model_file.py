@@ -241,9 +241,9 @@ def test_compensator_keys_that_the_model_decides(
         "operators, leave it out",
         "test.yaml:13:43: axes.x.compensator.delay_s: not used, the model file has its own delay, "
         "leave it out",
-        "test.yaml:13:58: axes.x.compensator.creep: not used, the model file has its own creep, "
+        "test.yaml:13:56: axes.x.compensator.creep: not used, the model file has its own creep, "
         "leave it out",
-        "test.yaml:13:76: axes.x.compensator.thresholds: not used, the model file has its own "
+        "test.yaml:13:69: axes.x.compensator.thresholds: not used, the model file has its own "
         "thresholds, leave it out",
     ]
 
