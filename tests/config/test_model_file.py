@@ -243,7 +243,7 @@ def test_compensator_keys_that_the_model_decides(
         "leave it out",
         "test.yaml:13:56: axes.x.compensator.creep: not used, the model file has its own creep, "
         "leave it out",
-        "test.yaml:13:69: axes.x.compensator.thresholds: not used, the model file has its own "
+        "test.yaml:13:74: axes.x.compensator.thresholds: not used, the model file has its own "
         "thresholds, leave it out",
     ]
 
