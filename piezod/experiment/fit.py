@@ -160,6 +160,8 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
         DataError: If the record is too short, constant, or does not grow with the drive.
         ModelError: If the gain of LMS is not stable for so many operators.
     """
+    _check_length(record, settings)
+    _check_signals(record)
     problem = Problem(smoothed_record(record, settings.window(record)), settings)
     bank = problem.bank()
     estimate, delay_s = problem.delay(bank, Slow())
@@ -183,14 +185,10 @@ class Problem:
     Args:
         record: Drive and displacement, as the method sees them.
         settings: How to fit.
-
-    Raises:
-        DataError: If the record is too short, constant, or does not grow with the drive.
     """
 
     def __init__(self, record: Record, settings: FitSettings) -> None:
         counted = record.counted()
-        _check(record.drive_v[counted], record.position_um[counted], 2 * settings.order)
         self._record, self._settings = record, settings
         self.drive_v = _range_of(record.drive_v[counted])
         self._position_um = _range_of(record.position_um[counted])
@@ -271,13 +269,19 @@ def _range_of(values: FloatArray) -> AffineRange:
     return AffineRange.checked(float(values.min()), float(values.max()))
 
 
-def _check(drive_v: FloatArray, position_um: FloatArray, n_weights: int) -> None:
+def _check_length(record: Record, settings: FitSettings) -> None:
+    n_weights, n_samples = 2 * settings.order, record.counted(settings.delay_s or 0.0).sum()
     fewest = SAMPLES_PER_WEIGHT * n_weights
-    if drive_v.size < fewest:
+    if n_samples < fewest:
         raise DataError(
-            f"{drive_v.size} samples are left for {n_weights} weights; allowed are {fewest} or "
+            f"{n_samples} samples are left for {n_weights} weights; allowed are {fewest} or "
             "more; record for longer, skip less, or fit fewer operators"
         )
+
+
+def _check_signals(record: Record) -> None:
+    counted = record.counted()
+    drive_v, position_um = record.drive_v[counted], record.position_um[counted]
     scaled = []
     for name, values in (("drive_v", drive_v), ("position_um", position_um)):
         low, high = float(values.min()), float(values.max())

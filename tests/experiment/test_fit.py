@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from piezod.errors import DataError, ModelError
-from piezod.experiment.fit import StageModel, fit_model
+from piezod.experiment.fit import Fit, FitSettings, fit_model
 from piezod.experiment.method import Method
 from piezod.experiment.record import Record
 from piezod.records.csv_file import read_csv
@@ -23,9 +23,22 @@ from tests.experiment.made_up import (
 )
 
 
+def fitted(
+    record: Record,
+    method: Method = Method.LEAST_SQUARES,
+    *,
+    order: int = ORDER,
+    delay_s: float | None = 0.0,
+    lms_gain: float | None = None,
+) -> Fit:
+    """Fit a model of the stage's own order, without delay if not told otherwise."""
+    settings = FitSettings(method=method, order=order, delay_s=delay_s, lms_gain=lms_gain)
+    return fit_model(record, settings)
+
+
 def test_least_squares_finds_the_weights() -> None:
     """A stage made of stops at the thresholds of the fit is found again."""
-    fit = fit_model(record_of(), method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0)
+    fit = fitted(record_of())
 
     inverse = fit.model.inverse()
     assert inverse.left_stop_weights == pytest.approx(LEFT_WEIGHTS, abs=5e-4)
@@ -40,7 +53,7 @@ def test_voltage_is_predicted(method: Method, max_pct: float, rms_pct: float) ->
     """Both methods predict the drive of a stage made of stops, least squares better."""
     record = record_of()
 
-    errors = fit_model(record, method=method, order=ORDER, delay_s=0.0).model.errors_pct(record)
+    errors = fitted(record, method).errors_pct(record)
 
     assert 0.0 < errors["voltage_error_rms_pct"] < errors["voltage_error_max_pct"]
     assert errors["voltage_error_max_pct"] < max_pct
@@ -51,18 +64,18 @@ def test_ranges_of_the_record_become_the_model_s() -> None:
     """What is 0 and 1 in the model are the lowest and highest values that were recorded."""
     record = record_of()
 
-    model = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0).model
+    model = fitted(record).model
 
     assert tuple(model.drive_v) == pytest.approx((0.0, DRIVE_V), rel=1e-4)
-    assert tuple(model.position_um) == pytest.approx((0.0, POSITION_UM), rel=1e-4)
+    assert tuple(model.position_um) == pytest.approx((0.0, POSITION_UM), abs=1e-3)
 
 
 def test_delay_is_estimated_only_when_none_is_given() -> None:
     """The fit says how it came by its delay."""
     record = record_of(delay_periods=2.0)
 
-    given = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.02)
-    found = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER)
+    given = fitted(record, delay_s=0.02)
+    found = fitted(record, delay_s=None)
 
     assert (given.delay, given.model.delay_s) == (None, 0.02)
     assert found.delay is not None
@@ -74,8 +87,7 @@ def test_neglected_delay_costs_accuracy() -> None:
     record = record_of(delay_periods=3.0)
 
     def rms_pct(delay_s: float) -> float:
-        fit = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=delay_s)
-        return fit.model.errors_pct(record)["voltage_error_rms_pct"]
+        return fitted(record, delay_s=delay_s).errors_pct(record)["voltage_error_rms_pct"]
 
     assert rms_pct(0.0) > 10.0 * rms_pct(0.03)
 
@@ -83,7 +95,7 @@ def test_neglected_delay_costs_accuracy() -> None:
 def test_prediction_is_the_inverse_model_s_output() -> None:
     """The voltage predicted by regressors is what the inverse itself gives."""
     record = record_of(duration_s=10.0)
-    model = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0).model
+    model = fitted(record).model
 
     x = np.clip(model.position_um.to_unit(record.position_um), 0.0, 1.0)
 
@@ -140,7 +152,7 @@ def test_record_that_no_model_fits_is_refused(spoil: object, text: str) -> None:
     record = spoil(record_of(duration_s=5.0))
 
     with pytest.raises(DataError) as caught:
-        fit_model(record, method=Method.LEAST_SQUARES, order=ORDER)
+        fitted(record, delay_s=None)
 
     assert str(caught.value).startswith(text)
 
@@ -152,17 +164,17 @@ def test_the_size_of_the_numbers_does_not_matter(scale: float) -> None:
     record = record_of(delay_periods=2.0)
     scaled = replace(record, drive_v=scale * record.drive_v, position_um=scale * record.position_um)
 
-    plain, fit = (fit_model(r, method=Method.LEAST_SQUARES, order=ORDER) for r in (record, scaled))
+    plain, fit = (fitted(r, delay_s=None) for r in (record, scaled))
 
     assert fit.model.weights == pytest.approx(plain.model.weights, rel=1e-6)
     assert fit.model.delay_s == pytest.approx(plain.model.delay_s)
-    assert fit.model.errors_pct(scaled) == pytest.approx(plain.model.errors_pct(record), rel=1e-6)
+    assert fit.errors_pct(scaled) == pytest.approx(plain.errors_pct(record), rel=1e-6)
 
 
 def test_delay_beyond_the_record_is_refused() -> None:
     """Nothing is left to fit where no voltage is known."""
     with pytest.raises(DataError, match="0 samples are left for 12 weights"):
-        fit_model(record_of(duration_s=5.0), method=Method.LMS, order=ORDER, delay_s=10.0)
+        fitted(record_of(duration_s=5.0), Method.LMS, delay_s=10.0)
 
 
 def test_a_gain_that_is_not_stable_is_refused() -> None:
@@ -170,15 +182,15 @@ def test_a_gain_that_is_not_stable_is_refused() -> None:
     with pytest.raises(
         ModelError, match=r"gain of 0\.1 is out of range: with 100 operators.*0\.03"
     ):
-        fit_model(record_of(), method=Method.LMS, order=100, lms_gain=0.1, delay_s=0.0)
+        fitted(record_of(), Method.LMS, order=100, lms_gain=0.1)
 
 
 def test_with_many_operators_the_gain_is_lowered_until_it_is_stable() -> None:
     """Where none is given, LMS makes a model of any order."""
-    fit = fit_model(record_of(), method=Method.LMS, order=100, delay_s=0.0)
+    fit = fitted(record_of(), Method.LMS, order=100)
 
     assert np.all(np.isfinite(fit.model.weights))
-    assert fit.model.errors_pct(record_of())["voltage_error_rms_pct"] < 2.0
+    assert fit.errors_pct(record_of())["voltage_error_rms_pct"] < 2.0
 
 
 @pytest.mark.parametrize("offset_um", [-119.0, 0.0, 50.0])
@@ -186,7 +198,7 @@ def test_a_model_is_zeroed_at_the_displacement_at_rest(offset_um: float) -> None
     """Wherever recorded displacements count from, a stage counts from its rest."""
     record = record_of()
     shifted = replace(record, position_um=record.position_um + offset_um)
-    fit = fit_model(shifted, method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0)
+    fit = fitted(shifted)
     zeroed = fit.model.zeroed_at(float(record.drive_v.min()))
 
     assert zeroed.position_um.low == pytest.approx(0.0, abs=1e-6)
@@ -196,7 +208,7 @@ def test_a_model_is_zeroed_at_the_displacement_at_rest(offset_um: float) -> None
 def test_rest_between_the_ends_is_a_step_up_from_the_lower_one() -> None:
     """The displacement there is that of the first rise, below the diagonal of a loop."""
     record = record_of()
-    model = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0).model
+    model = fitted(record).model
     middle_v = model.drive_v.from_unit(0.5)
     at_rest = model.position_um.low - model.zeroed_at(middle_v).position_um.low
     unit = model.position_um.to_unit(at_rest)
@@ -206,7 +218,7 @@ def test_rest_between_the_ends_is_a_step_up_from_the_lower_one() -> None:
 
 def test_rest_outside_of_the_model_is_refused() -> None:
     """A model that was not identified from rest on cannot tell where rest is."""
-    model = fit_model(record_of(), method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0).model
+    model = fitted(record_of()).model
 
     with pytest.raises(DataError, match=r"leaves out the rest voltage.*identify from rest on"):
         model.zeroed_at(model.drive_v.low - 0.1 * model.drive_v.width)
@@ -214,7 +226,8 @@ def test_rest_outside_of_the_model_is_refused() -> None:
 
 def measured(shared_data: Path, name: str) -> Record:
     """Return a record of the measured flexure stage, without the run-in of the first second."""
-    return Record(**read_csv(shared_data / "data" / "ntu_p885" / name)).after(1.0)
+    columns = read_csv(shared_data / "data" / "ntu_p885" / name)
+    return Record(columns["t_s"], columns["drive_v"], columns["position_um"], run_in_s=1.0)
 
 
 @pytest.mark.parametrize(
@@ -226,9 +239,9 @@ def test_measured_stage_is_predicted(
     """The drive voltage of a measured stage follows from its displacement, by either method."""
     record = measured(shared_data, "identification.csv")
 
-    fit = fit_model(record, method=method)
+    fit = fit_model(record, FitSettings(method=method))
 
-    errors = fit.model.errors_pct(record)
+    errors = fit.errors_pct(record)
     assert errors["voltage_error_max_pct"] < max_pct
     assert errors["voltage_error_rms_pct"] < rms_pct
     assert fit.smallest_slope > 0.2
@@ -236,11 +249,9 @@ def test_measured_stage_is_predicted(
 
 def test_model_of_a_measured_stage_carries_over(shared_data: Path) -> None:
     """On a record with other amplitudes the error grows, but stays far below the loop's width."""
-    model: StageModel = fit_model(
-        measured(shared_data, "identification.csv"), method=Method.LEAST_SQUARES
-    ).model
+    fit = fit_model(measured(shared_data, "identification.csv"), FitSettings())
 
-    errors = model.errors_pct(measured(shared_data, "test.csv"))
+    errors = fit.errors_pct(measured(shared_data, "test.csv"))
 
     assert errors["voltage_error_max_pct"] < 4.5
     assert errors["voltage_error_rms_pct"] < 2.0
