@@ -160,8 +160,7 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
         DataError: If the record is too short, constant, or does not grow with the drive.
         ModelError: If the gain of LMS is not stable for so many operators.
     """
-    _check_length(record, settings)
-    _check_signals(record)
+    _check(record, settings)
     problem = Problem(smoothed_record(record, settings.window(record)), settings)
     bank = problem.bank()
     estimate, delay_s = problem.delay(bank, Slow())
@@ -269,19 +268,16 @@ def _range_of(values: FloatArray) -> AffineRange:
     return AffineRange.checked(float(values.min()), float(values.max()))
 
 
-def _check_length(record: Record, settings: FitSettings) -> None:
-    n_weights, n_samples = 2 * settings.order, record.counted(settings.delay_s or 0.0).sum()
-    fewest = SAMPLES_PER_WEIGHT * n_weights
-    if n_samples < fewest:
+def _check(record: Record, settings: FitSettings) -> None:
+    delay_s, n_weights = settings.delay_s or 0.0, 2 * settings.order
+    counted, fewest = record.counted(delay_s), SAMPLES_PER_WEIGHT * n_weights
+    drive_v = record.drive_delayed_by(delay_s)[counted]
+    position_um = record.position_um[counted]
+    if drive_v.size < fewest:
         raise DataError(
-            f"{n_samples} samples are left for {n_weights} weights; allowed are {fewest} or "
+            f"{drive_v.size} samples are left for {n_weights} weights; allowed are {fewest} or "
             "more; record for longer, skip less, or fit fewer operators"
         )
-
-
-def _check_signals(record: Record) -> None:
-    counted = record.counted()
-    drive_v, position_um = record.drive_v[counted], record.position_um[counted]
     scaled = []
     for name, values in (("drive_v", drive_v), ("position_um", position_um)):
         low, high = float(values.min()), float(values.max())

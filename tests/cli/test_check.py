@@ -22,7 +22,6 @@ def test_good_experiment_for_programs(piezod: Command, experiment_file: Path) ->
         "kind": "experiment",
         "ok": True,
         "problems": [],
-        "warnings": [],
     }
 
 
@@ -54,7 +53,6 @@ def test_mistakes_for_programs(piezod: Command, experiment_file: Path) -> None:
         "kind": "experiment",
         "ok": False,
         "problems": [problem],
-        "warnings": [],
     }
     assert (code, err) == (78, f"short.yaml:2:7: seed: {what}\n")
 
@@ -91,30 +89,30 @@ def spoilt(folder: Path) -> Path:
 
 
 def test_model_that_is_not_monotone(piezod: Command, folder: Path) -> None:
-    """Such a model can be read, and the warning stands in text and document."""
+    """Such a model is a mistake, in text and document, with the remedy."""
     spoilt(folder)
 
     code, out, err = piezod("check", "steep.yaml")
     document = json.loads(piezod("check", "steep.yaml", "--json").out)
 
-    assert (code, err) == (0, "")
-    assert out.startswith("steep.yaml: ok, a model: 1 operator on each side, by lms\n! The inverse")
-    (warning,) = document["warnings"]
-    assert document["ok"] is True
-    assert warning.startswith("The inverse is not monotone: its smallest slope is -")
+    assert (code, out) == (78, "")
+    assert err.startswith("steep.yaml: the model is not monotone: its smallest slope is ")
+    assert err.endswith("identify again\n")
+    assert (document["kind"], document["ok"]) == ("model", False)
+    assert [problem["file"] for problem in document["problems"]] == ["steep.yaml"]
 
 
 def test_experiment_with_a_model_that_is_not_monotone(
     piezod: Command, experiment_file: Path, folder: Path
 ) -> None:
-    """The warning names the axis and the model's file."""
+    """The mistake is that of the model's file."""
     spoilt(folder)
     text = experiment_file.read_text(encoding="utf-8")
     head, tail = text.split("identification:")
     rest = tail[tail.index("settle_s: 0.5\ncases") :]
     experiment_file.write_text(f"{head}    model: steep.yaml\n{rest}", encoding="utf-8")
 
-    document = json.loads(piezod("check", experiment_file, "--json").out)
+    code, out, err = piezod("check", experiment_file)
 
-    (warning,) = document["warnings"]
-    assert warning.startswith("Axis x, model steep.yaml: The inverse is not monotone")
+    assert (code, out) == (78, "")
+    assert "steep.yaml: the model is not monotone" in err

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from piezod.experiment.account import account_of
-from piezod.experiment.fit import fit_model
-from piezod.experiment.method import Method
+from piezod.experiment.fit import FitSettings, fit_model
 from tests.experiment.made_up import ORDER, RATE_HZ, record_of
 
 
@@ -16,7 +15,7 @@ def test_the_record_is_kept_as_it_is_and_the_prediction_stands_beside_it(
     """However late the displacement, the residual is that of the fit, but for the held end."""
     record = record_of(delay_periods=delay_periods)
     delay_s = delay_periods / RATE_HZ
-    fit = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=delay_s)
+    fit = fit_model(record, FitSettings(order=ORDER, delay_s=delay_s))
 
     account = account_of(fit, record, axis="x", title="made up")
 
@@ -26,7 +25,7 @@ def test_the_record_is_kept_as_it_is_and_the_prediction_stands_beside_it(
     held = int(np.ceil(delay_periods))
     known_v = account.residual_v[: account.residual_v.size - held]
     rms_pct = 100.0 * float(np.sqrt(np.mean(known_v**2))) / account.drive_range_v
-    assert rms_pct == pytest.approx(account.fit_errors["voltage_error_rms_pct"], rel=0.2, abs=1e-3)
+    assert rms_pct == pytest.approx(account.fit_errors["voltage_error_rms_pct"], rel=0.3, abs=1e-3)
     assert np.ptp(account.predicted_v[-1 - held :]) <= abs(
         account.predicted_v[-1] - account.predicted_v[-2 - held]
     )

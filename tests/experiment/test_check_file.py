@@ -11,7 +11,7 @@ def check(tmp_path: Path, text: str) -> tuple[Kind | None, str, list[str]]:
     """Check a text; give kind, contents and problems without the folder."""
     path = tmp_path / "file.yaml"
     path.write_text(text, encoding="utf-8")
-    kind, contents, error, _ = check_file(path)
+    kind, contents, error = check_file(path)
     problems = str(error).replace(str(path), "file.yaml").splitlines() if error else []
     return kind, contents, problems
 

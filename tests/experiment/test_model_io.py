@@ -1,6 +1,7 @@
 """Models to files and back."""
 
 import hashlib
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -9,8 +10,8 @@ import pytest
 
 from piezod.config.model_file import ModelFile, dump_model, load_model
 from piezod.errors import ConfigError, ModelError
-from piezod.experiment.fit import Fit, fit_model
-from piezod.experiment.method import Method
+from piezod.experiment.creep_law import logarithmic
+from piezod.experiment.fit import Fit, FitSettings, fit_model
 from piezod.experiment.model_io import from_model_file, read_model, to_model_file
 from piezod.experiment.record import Record
 from tests.experiment.made_up import ORDER, record_of
@@ -27,7 +28,8 @@ def record() -> Record:
 @pytest.fixture(scope="module")
 def fit(record: Record) -> Fit:
     """Return a model with awkward numbers."""
-    return fit_model(record, method=Method.LEAST_SQUARES, order=ORDER)
+    fit = fit_model(record, FitSettings(order=ORDER))
+    return replace(fit, model=replace(fit.model, creep=logarithmic(1.0 / 300.0)))
 
 
 @pytest.fixture
@@ -35,7 +37,7 @@ def file(tmp_path: Path, record: Record, fit: Fit) -> ModelFile:
     """Return the contents of a model file."""
     source = tmp_path / "data.csv"
     source.write_bytes(b"t_s\n")
-    return to_model_file(fit, source, fit.model.errors_pct(record), MADE_AT)
+    return to_model_file(fit, source, fit.errors_pct(record), MADE_AT)
 
 
 def test_file_gives_back_the_model_to_the_bit(tmp_path: Path, fit: Fit, file: ModelFile) -> None:
@@ -50,6 +52,7 @@ def test_file_gives_back_the_model_to_the_bit(tmp_path: Path, fit: Fit, file: Mo
     assert again.drive_v == fit.model.drive_v
     assert again.position_um == fit.model.position_um
     assert again.delay_s == fit.model.delay_s
+    assert np.array_equal(again.creep, fit.model.creep)
 
 
 def test_model_from_a_file_predicts_the_same(record: Record, fit: Fit, file: ModelFile) -> None:
@@ -68,7 +71,7 @@ def test_file_says_where_the_model_came_from(record: Record, fit: Fit, file: Mod
     assert file.created_by.startswith("piezod ")
     assert file.source.file == "data.csv"
     assert file.source.sha256 == hashlib.sha256(b"t_s\n").hexdigest()
-    assert file.fit.model_dump() == fit.model.errors_pct(record)
+    assert file.fit.model_dump() == fit.errors_pct(record)
 
 
 def test_model_beyond_what_a_file_may_hold_is_refused(tmp_path: Path) -> None:
@@ -77,10 +80,37 @@ def test_model_beyond_what_a_file_may_hold_is_refused(tmp_path: Path) -> None:
     source.touch()
     in_volts = record_of()
     record = Record(in_volts.t_s, 1e3 * in_volts.drive_v, in_volts.position_um)
-    fit = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER, delay_s=0.0)
+    fit = fit_model(record, FitSettings(order=ORDER, delay_s=0.0))
 
     with pytest.raises(ModelError, match=r"no model file .* drive_high_v: out of range"):
-        to_model_file(fit, source, fit.model.errors_pct(record), MADE_AT)
+        to_model_file(fit, source, fit.errors_pct(record), MADE_AT)
+
+
+@pytest.mark.parametrize("weight", [-2.0, 0.9])
+def test_model_that_is_not_monotone_is_refused_with_the_file_s_name(
+    tmp_path: Path, file: ModelFile, weight: float
+) -> None:
+    """A drive that goes against the command is of no use; the remedy is said."""
+    steep = {"left_stop_weights": (weight,) * ORDER, "right_stop_weights": (weight,) * ORDER}
+    path = tmp_path / "model.yaml"
+    path.write_text(dump_model(file.model_copy(update=steep)), encoding="utf-8")
+
+    with pytest.raises(ConfigError) as caught:
+        read_model(path)
+
+    assert str(caught.value).startswith(f"{path}: the model is not monotone: its smallest slope is")
+    assert str(caught.value).endswith("identify again")
+
+
+def test_creep_beyond_what_a_file_may_hold_is_refused(tmp_path: Path, fit: Fit) -> None:
+    """A stage that creeps by as much as it moves is no stage."""
+    source = tmp_path / "data.csv"
+    source.touch()
+    creeping = replace(fit, model=replace(fit.model, creep=logarithmic(0.11)))
+    errors_pct = {"voltage_error_max_pct": 1.0, "voltage_error_rms_pct": 0.1}
+
+    with pytest.raises(ModelError, match=r"no model file .* creep_weights.*: out of range"):
+        to_model_file(creeping, source, errors_pct, MADE_AT)
 
 
 def test_uneven_sides_are_refused_with_the_file_s_name(tmp_path: Path, file: ModelFile) -> None:
