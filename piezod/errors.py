@@ -5,7 +5,7 @@
     PiezodError
     ├── ConfigError               a file that a person wrote cannot be used
     ├── DataError                 recorded data cannot be used
-    ├── ModelError                a hysteresis model violates a condition it must meet
+    ├── ModelError                a hysteresis model or a loop with it violates a condition
     ├── RegistryError             a driver's name does not lead to one working plug-in
     └── DeviceError               a device was used out of order or answered wrongly
         └── DeviceUnavailableError    a device is absent, busy or does not answer
@@ -67,7 +67,10 @@ class DataError(PiezodError):
 
 
 class ModelError(PiezodError):
-    """Raised when a model would violate the condition for its inverse to exist."""
+    """Raised when a model has no inverse, or a loop around it would not be safe.
+
+    Such loops are those of an identifier or of a trim whose gain is too large.
+    """
 
 
 class RegistryError(PiezodError):

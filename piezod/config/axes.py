@@ -55,6 +55,15 @@ class LimitsConfig(ConfigModel):
         return self
 
 
+class FirstModeConfig(ConfigModel):
+    """The first mechanical mode of an axis, as its data sheet or a measurement tells it."""
+
+    frequency_hz: Annotated[float, Quantity(1, 100_000, "Hz")] = Field(
+        description="Its undamped frequency, Hz."
+    )
+    damping: Annotated[float, Quantity(0.001, 1)] = Field(description="Its damping ratio.")
+
+
 class CompensatorConfig(ConfigModel):
     """The inverse model of an axis, and how it is identified."""
 
@@ -110,6 +119,9 @@ class AxisConfig(ConfigModel):
     limits: LimitsConfig = Field(description="What the axis may be driven to.")
     command_range_um: tuple[PositionUm, PositionUm] | None = Field(
         default=None, description="Lowest and highest position that may be commanded, µm."
+    )
+    first_mode: FirstModeConfig | None = Field(
+        default=None, description="First mechanical mode; left out: not known."
     )
     compensator: CompensatorConfig = Field(
         default=CompensatorConfig(), description="The inverse model."

@@ -8,7 +8,8 @@ from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.model_file import ModelFile
 from piezod.config.yaml_loader import load_yaml
 from piezod.devices import registry
-from piezod.errors import ConfigError, Problem
+from piezod.errors import ConfigError, ModelError, Problem
+from piezod.experiment.gains import check_known
 from piezod.experiment.model_io import read_model
 
 
@@ -38,10 +39,7 @@ def check_file(path: Path) -> Checked:
     kind = None
     try:
         kind = _kind(path)
-        if kind is Kind.MODEL:
-            contents = _describe_model(path)
-        else:
-            contents = _describe_experiment(load_experiment(path, registry))
+        contents = _describe_model(path) if kind is Kind.MODEL else _describe_experiment(path)
     except ConfigError as error:
         return Checked(kind, "", error)
     return Checked(kind, contents, None)
@@ -60,11 +58,13 @@ def _kind(path: Path) -> Kind:
     return Kind.EXPERIMENT if of_experiment > of_model else Kind.MODEL
 
 
-def _describe_experiment(config: ExperimentConfig) -> str:
+def _describe_experiment(path: Path) -> str:
+    config = load_experiment(path, registry)
+    try:
+        check_known(config)
+    except ModelError as error:
+        raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
     cases, modes = _count(len(config.cases), "case"), _count(len(config.modes), "mode")
-    for axis in config.axes.values():
-        if axis.model is not None:
-            read_model(axis.model)
     axes = _count(len(config.axes), "axis", "axes")
     return f"an experiment: {cases} in {modes} on {axes}"
 

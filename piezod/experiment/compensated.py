@@ -68,19 +68,24 @@ def check_identifier(config: AxisConfig, bank: FloatArray) -> None:
     _adaptation(config, bank, np.zeros(bank.shape[1]))
 
 
-def check_trim(config: AxisConfig, model: StageModel, period_ns: int) -> None:
-    """Refuse a gain of the trim that leaves too little margin on this stage.
+def check_trim(config: AxisConfig, period_s: float, delay_s: float) -> None:
+    """Refuse a gain of the trim that leaves too little margin on a stage.
+
+    Args:
+        config: Trim and first mode of the axis.
+        period_s: Period of the loop, in s.
+        delay_s: Delay from drive to sensor, in s.
 
     Raises:
         ModelError: If it does.
     """
-    trim = config.trim
+    mode = config.first_mode
     refuse_unstable(
-        trim.gain_per_s,
-        period_ns / NS_PER_S,
-        model.delay_s,
-        trim.first_mode_hz,
-        trim.first_mode_damping,
+        config.trim.gain_per_s,
+        period_s,
+        delay_s,
+        mode.frequency_hz if mode else None,
+        mode.damping if mode else None,
     )
 
 

@@ -1,7 +1,6 @@
 """The first phase of an experiment: a model for every axis, recorded and fitted, or from a file."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,21 +8,19 @@ import numpy as np
 
 from piezod.config.axes import AxisConfig
 from piezod.config.experiment import ExperimentConfig, IdentificationConfig
-from piezod.config.modes import Mode
 from piezod.control.axis import Waveform
 from piezod.control.waveforms import build_waveform
-from piezod.errors import DataError, ModelError
+from piezod.errors import DataError
 from piezod.experiment.account import account_of, parameters_of
-from piezod.experiment.compensated import check_identifier, check_trim
 from piezod.experiment.creeping import Creeping
 from piezod.experiment.fit import FitSettings, fit_model
+from piezod.experiment.gains import check_axis, check_known, naming
 from piezod.experiment.method import Method, Spacing
 from piezod.experiment.model_io import read_model
 from piezod.experiment.record import Record
 from piezod.experiment.stage import IN_FORCE_V, POSITION_UM, Stage
 from piezod.experiment.stage_model import StageModel
 from piezod.experiment.warnings import fit_warnings
-from piezod.hysteresis import even_thresholds, new_bank
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
 from piezod.units import NS_PER_S
@@ -46,17 +43,14 @@ def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, Identi
         ConfigError: If a model file cannot be used.
         DataError: If the record cannot be used, or a model leaves out the rest voltage.
         DeviceError: If a device refuses.
-        ModelError: If the gain of an identifier or of a trim is not stable.
+        ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
-    from_file: dict[str, IdentifiedAxis] = {}
-    for name, axis in config.axes.items():
-        if axis.model is None:
-            thresholds = even_thresholds(axis.compensator.operators)
-            with _naming(name):
-                check_identifier(axis, new_bank(thresholds, thresholds))
-        else:
-            from_file[name] = _from_file(name, axis, axis.model, stage.period_ns)
-            _check(name, config, from_file[name].model, stage.period_ns)
+    check_known(config)
+    from_file = {
+        name: _from_file(name, axis, axis.model, stage.period_ns)
+        for name, axis in config.axes.items()
+        if axis.model is not None
+    }
     settings = config.identification
     if settings is None:
         return from_file
@@ -68,7 +62,7 @@ def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, Identi
         for name, axis in config.axes.items()
     }
     for name, one in identified.items():
-        _check(name, config, one.model, stage.period_ns)
+        check_axis(name, config, one.model.bank, one.model.delay_s)
     return identified
 
 
@@ -106,7 +100,7 @@ def _from_record(
     name: str, axis: AxisConfig, record: Record, settings: IdentificationConfig
 ) -> IdentifiedAxis:
     compensator = axis.compensator
-    with _naming(name):
+    with naming(name):
         record = record.after(settings.run_in_s)
         fit = fit_model(
             record,
@@ -130,7 +124,7 @@ def _from_record(
 
 def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> IdentifiedAxis:
     in_file, file = read_model(path)
-    with _naming(name):
+    with naming(name):
         model = in_file.zeroed_at(axis.limits.rest_v)
     nothing = np.empty(0)
     account = Identification(
@@ -145,23 +139,6 @@ def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> Ident
         parameters=parameters_of(model),
     )
     return IdentifiedAxis(model, Creeping(model, period_ns / NS_PER_S), account, ())
-
-
-def _check(name: str, config: ExperimentConfig, model: StageModel, period_ns: int) -> None:
-    """Refuse gains that are not safe with the model of an axis."""
-    with _naming(name):
-        check_identifier(config.axes[name], model.bank)
-        if Mode.TRIMMED in config.modes:
-            check_trim(config.axes[name], model, period_ns)
-
-
-@contextmanager
-def _naming(axis: str) -> Iterator[None]:
-    """Put the name of the axis before what an error says."""
-    try:
-        yield
-    except (DataError, ModelError) as error:
-        raise type(error)(f"axis {axis}: {error}") from error
 
 
 def _of(axis: str, warnings: Iterable[str]) -> tuple[str, ...]:

@@ -32,6 +32,8 @@ def run_experiment(
         ConfigError: If a model file cannot be used.
         DataError: If the identification record cannot be used, or a command leaves its range.
         DeviceError: If a device cannot be opened or refuses a voltage.
+        ModelError: If a gain is not safe: before anything moves, or before the first case where
+            the delay is identified.
     """
     meter = _Meter(_seconds(config) * config.rate_hz, progress)
     with opened(config, meter.advance) as stage:

@@ -8,7 +8,7 @@ from typing import Any, Final, get_args
 import pytest
 from pydantic import BaseModel
 
-from piezod.config.axes import CompensatorConfig, LimitsConfig
+from piezod.config.axes import CompensatorConfig, FirstModeConfig, LimitsConfig
 from piezod.config.experiment import ExperimentConfig, Metric
 from piezod.config.modes import Mode
 from piezod.config.trim import TrimConfig
@@ -59,7 +59,7 @@ def test_page_names_every_mode_and_metric() -> None:
     assert {*Mode, *get_args(Metric)} <= WORDS
 
 
-@pytest.mark.parametrize("model", [LimitsConfig, CompensatorConfig, TrimConfig])
+@pytest.mark.parametrize("model", [LimitsConfig, FirstModeConfig, CompensatorConfig, TrimConfig])
 def test_page_has_ranges_units_and_defaults(model: type[BaseModel]) -> None:
     """The tables of the numbers of an axis agree with the models."""
     properties = model.model_json_schema()["properties"]

@@ -16,25 +16,15 @@ def test_trim_has_defaults(load: Callable[..., ExperimentConfig]) -> None:
     trim = load().axes["x"].trim
 
     assert trim == TrimConfig(base="feedforward", gain_per_s=50.0, authority_pct=5.0)
-    assert (trim.first_mode_hz, trim.first_mode_damping) == (None, None)
 
 
 def test_trim_is_read(load: Callable[..., ExperimentConfig]) -> None:
     """Each key arrives."""
-    text = (
-        "trim: {base: adaptive, gain_per_s: 20, authority_pct: 2, "
-        "first_mode_hz: 734, first_mode_damping: 0.015}"
-    )
+    text = "trim: {base: adaptive, gain_per_s: 20, authority_pct: 2}"
 
     trim = load((LIMITS, f"{LIMITS}\n    {text}")).axes["x"].trim
 
-    assert trim == TrimConfig(
-        base="adaptive",
-        gain_per_s=20.0,
-        authority_pct=2.0,
-        first_mode_hz=734.0,
-        first_mode_damping=0.015,
-    )
+    assert trim == TrimConfig(base="adaptive", gain_per_s=20.0, authority_pct=2.0)
 
 
 @pytest.mark.parametrize(
@@ -52,18 +42,6 @@ def test_trim_is_read(load: Callable[..., ExperimentConfig]) -> None:
         (
             "{authority_pct: 21}",
             "12:27: axes.x.trim.authority_pct: out of range (got 21), allowed range 0.1 to 20 %",
-        ),
-        (
-            "{first_mode_hz: 734}",
-            "12:27: axes.x.trim.first_mode_hz: needs first_mode_damping too, give both or none",
-        ),
-        (
-            "{first_mode_damping: 0.1}",
-            "12:32: axes.x.trim.first_mode_damping: needs first_mode_hz too, give both or none",
-        ),
-        (
-            "{first_mode_hz: 734, first_mode_damping: 0}",
-            "12:52: axes.x.trim.first_mode_damping: out of range (got 0), allowed range 0.001 to 1",
         ),
     ],
 )
