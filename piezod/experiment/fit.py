@@ -37,6 +37,8 @@ LMS_PASSES = 3
 """The paper: the procedure "can be repeated for several times until satisfactory"."""
 FINE_ORDER = 40
 """Operators of the fit that tells where thresholds are needed."""
+_MOST_ROUNDS = 8
+_SETTLED_PERIODS = 0.01  # of the delay, between rounds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,9 +172,13 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
     else:
         weights, slow, linearised = problem.least_squares(bank, delay_s)
         # Creep had looked like a delay; where there is one frequency, nothing tells them apart.
-        if settings.creep and not (estimate and estimate.one_frequency):
+        searched = settings.creep and estimate is not None and not estimate.one_frequency
+        for _ in range(_MOST_ROUNDS if searched else 0):
+            before_s = delay_s
             estimate, delay_s = problem.delay(bank, slow)
             weights, slow, linearised = problem.least_squares(bank, delay_s)
+            if abs(delay_s - before_s) < _SETTLED_PERIODS * record.period_s:
+                break
     model = problem.model(bank, weights, slow, delay_s)
     slope = model.inverse().smallest_slope
     return Fit(model, settings, estimate, slope, problem, linearised)

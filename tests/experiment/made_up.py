@@ -1,11 +1,13 @@
 """Records of a stage that is made of stops, so that a fit can find it exactly."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from piezod.experiment.creep_law import logarithmic
 from piezod.experiment.record import Record
-from piezod.hysteresis import InverseMPI, even_thresholds
+from piezod.hysteresis import InverseMPI, add_creep, even_thresholds
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.csv_file import write_csv
 
@@ -38,21 +40,37 @@ def sine(t_s: FloatArray) -> FloatArray:
     return 0.5 * (1.0 - np.cos(2.0 * np.pi * 0.8 * t_s))
 
 
+def swells(t_s: FloatArray) -> FloatArray:
+    """Return loops that shrink and grow, over the whole range every 12.5 s; (n,) for (n,) in s."""
+    swing = 0.55 + 0.45 * np.cos(2.0 * np.pi * t_s / 12.5)
+    return 0.5 - 0.5 * swing * np.cos(2.0 * np.pi * 0.8 * t_s)
+
+
 def record_of(
-    *, delay_periods: float = 0.0, duration_s: float = 25.0, one_frequency: bool = False
+    *,
+    delay_periods: float = 0.0,
+    duration_s: float = 25.0,
+    path: Callable[[FloatArray], FloatArray] = loops,
+    creep: float = 0.0,
+    noise: float = 0.0,
 ) -> Record:
-    """Return what is recorded of the made-up stage, without noise.
+    """Return what is recorded of the made-up stage.
 
     Args:
         delay_periods: How long the displacement lags behind the drive, in sample periods; rounded
             to 1 / FINER.
         duration_s: Length, in s.
-        one_frequency: Whether all loops are equal.
+        path: Displacement without creep over time, (n,) for (n,) in s.
+        creep: Weight of each lag of its creep.
+        noise: Standard deviation of the sensor's noise, as a share of the range.
     """
     t_s = np.arange(round(duration_s * RATE_HZ) * FINER) / (RATE_HZ * FINER)
-    x = (sine if one_frequency else loops)(t_s)
+    x = path(t_s)
     x /= x.max()
     v = made_up_inverse().run(x)
+    law = logarithmic(creep)
+    x = add_creep(law.at(1.0 / (RATE_HZ * FINER)), x, np.zeros(law.weights.size))
+    x += noise * np.random.default_rng(1).normal(size=x.size)
     late = np.concatenate((np.zeros(round(delay_periods * FINER)), x))
     return Record(t_s[::FINER], DRIVE_V * v[::FINER], POSITION_UM * late[: t_s.size : FINER])
 

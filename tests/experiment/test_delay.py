@@ -12,7 +12,7 @@ from piezod.experiment.delay import DelayEstimate, estimate_delay, longest_delay
 from piezod.experiment.record import Record
 from piezod.hysteresis import AffineRange, even_thresholds, new_bank, stop_regressors
 from piezod.records.csv_file import read_csv
-from tests.experiment.made_up import FINER, ORDER, RATE_HZ, record_of
+from tests.experiment.made_up import FINER, ORDER, RATE_HZ, record_of, sine
 
 
 def estimate(record: Record, order: int = ORDER) -> DelayEstimate:
@@ -48,7 +48,7 @@ def test_noise_moves_the_estimate_by_less_than_a_tenth_of_a_sample() -> None:
 
 def test_one_frequency_is_said_and_leaves_a_sample_of_doubt() -> None:
     """A sine looks alike with a longer delay and a narrower loop."""
-    found = estimate(record_of(delay_periods=1.5, one_frequency=True), order=19)
+    found = estimate(record_of(delay_periods=1.5, path=sine), order=19)
 
     assert found.one_frequency
     assert found.uncertainty_s >= 1.0 / RATE_HZ

@@ -12,7 +12,7 @@ from piezod.errors import DataError
 from piezod.experiment.identify_file import FileFit, identify_file
 from piezod.experiment.method import Method
 from piezod.experiment.model_outputs import write_model
-from tests.experiment.made_up import ORDER, RATE_HZ, record_of, write_record
+from tests.experiment.made_up import ORDER, RATE_HZ, record_of, sine, write_record
 
 Identify = Callable[..., FileFit]
 
@@ -64,7 +64,7 @@ def test_test_beyond_the_model_s_range_is_said(data: Path, tmp_path: Path) -> No
 def test_one_frequency_is_said(tmp_path: Path) -> None:
     """Whoever asks for the delay of such a record learns how little it tells."""
     path = tmp_path / "sine.csv"
-    write_record(path, record_of(delay_periods=2.0, one_frequency=True))
+    write_record(path, record_of(delay_periods=2.0, path=sine))
 
     assert identify(path).warnings == ()
     (warning,) = identify(path, delay_s=None).warnings

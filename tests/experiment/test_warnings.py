@@ -11,7 +11,7 @@ from piezod.experiment.run import run_experiment
 from piezod.experiment.warnings import fit_warnings, inverse_warnings, run_warnings
 from piezod.records.recording import Recording
 from tests.experiment.conftest import Load
-from tests.experiment.made_up import ORDER, record_of
+from tests.experiment.made_up import ORDER, record_of, sine
 
 
 def recording(mode: str = "adaptive", invalid: int = 0) -> Recording:
@@ -77,7 +77,7 @@ def test_an_experiment_tells_model_and_runs(load: Load, short: str) -> None:
 
 def test_one_frequency_is_said_with_its_remedy() -> None:
     """Of a delay that was given nothing is said."""
-    record = record_of(one_frequency=True)
+    record = record_of(path=sine)
     estimated = fit_model(record, method=Method.LEAST_SQUARES, order=ORDER)
 
     (warning,) = fit_warnings(estimated, record.period_s)
