@@ -8,6 +8,7 @@ from piezod.control.compensator import Compensator
 from piezod.control.drive_history import DriveHistory
 from piezod.control.identifier import Identifier
 from piezod.control.limits import Limits
+from piezod.control.shaping import CornerFilter
 from piezod.control.trim import Trim
 from piezod.devices.interface import Sample
 from piezod.hysteresis.normalisation import AffineRange
@@ -75,10 +76,12 @@ class OpenLoopAxis:
 
 
 class CompensatedAxis:
-    """Follows a displacement: reference → normalise → trim → compensate within the limits.
+    """Follows a displacement: reference → shape → normalise → trim → compensate within the limits.
 
     What is written in a cycle answers in the next one, after the delay: the reference is read that
     much ahead. The sensor's part of the delay is not counted: the stage itself is there earlier.
+    Where the first mode is known, what is read ahead is shaped so that corners do not ring it; the
+    record and the trim keep the reference as it is.
 
     Args:
         reference_um: Displacement over time since the start, in µm.
@@ -94,6 +97,7 @@ class CompensatedAxis:
         delay_ns: How long the displacement that is measured lags behind the voltage.
         sensor_delay_ns: Part of it that lies in the sensor: a sample shows the stage so long ago.
         trim: Integral of the measured error, for mode `trimmed`.
+        first_mode_hz: Frequency of the first mechanical mode, in Hz; None where it is not known.
     """
 
     def __init__(
@@ -112,6 +116,7 @@ class CompensatedAxis:
         delay_ns: int,
         sensor_delay_ns: int,
         trim: Trim,
+        first_mode_hz: float | None = None,
     ) -> None:
         self._reference_um = reference_um
         self._drive_v, self._position_um = drive_v, position_um
@@ -120,6 +125,7 @@ class CompensatedAxis:
         self._in_force_v = in_force_v
         self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
         self._awaits_write = False
+        self._shaped_um = CornerFilter(reference_um, first_mode_hz, self._period_s)
         self._ahead_s = (period_ns + delay_ns - sensor_delay_ns) / NS_PER_S
         self._sensor_delay_ns = sensor_delay_ns
         self._trim = trim
@@ -146,7 +152,7 @@ class CompensatedAxis:
         t_s = (t_ns - self._start_ns) / NS_PER_S
         command_um = self._reference_um(t_s)
         trim = self._trim.step(self._lacks(sample), sample.valid, self.compensator.stop)
-        ahead = self._position_um.to_unit(self._reference_um(t_s + self._ahead_s))
+        ahead = self._position_um.to_unit(self._shaped_um.value(t_s + self._ahead_s))
         window = self._limits.window(self._in_force_v, self._period_s)
         drive = self.compensator.step(
             ahead,

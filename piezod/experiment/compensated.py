@@ -142,6 +142,7 @@ def compensated_axis(
         delay_ns=delay_ns,
         sensor_delay_ns=s_to_ns(config.compensator.sensor_delay_s),
         trim=_trim(config, period_ns),
+        first_mode_hz=config.first_mode.frequency_hz if config.first_mode else None,
     )
 
 

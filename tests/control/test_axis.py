@@ -37,6 +37,7 @@ def compensated(
     delay_ns: int = MS // 2,
     sensor_delay_ns: int = 0,
     weights: tuple[float, float] = (0.0, 0.0),
+    first_mode_hz: float | None = None,
 ) -> CompensatedAxis:
     """Return an axis; without weights its drive is proportional, by 15 V for a micrometre."""
     history = DriveHistory(in_force_v, entries=256)
@@ -63,6 +64,7 @@ def compensated(
         delay_ns=delay_ns,
         sensor_delay_ns=sensor_delay_ns,
         trim=trim or FakeTrim(),
+        first_mode_hz=first_mode_hz,
     )
 
 
@@ -80,6 +82,23 @@ def test_the_sensor_s_part_of_the_delay_is_not_read_ahead() -> None:
     axis = compensated(lambda t_s: 1000 * t_s, delay_ns=MS // 2, sensor_delay_ns=MS // 5)
 
     assert axis.update(START_NS + 3 * MS, AT_REST).drive_v == pytest.approx(15 * 4.3)
+
+
+def test_corners_are_rounded_for_the_mode_but_not_in_the_record_nor_for_the_trim() -> None:
+    """At 500 Hz a quarter of the next cycle is in; command and error are of the reference."""
+    trim = FakeTrim()
+    axis = compensated(
+        lambda t_s: max(0.0, 1000 * t_s - 4.5), trim=trim, delay_ns=MS // 2, first_mode_hz=500.0
+    )
+    outputs = []
+    for k in range(6):
+        outputs.append(axis.update(START_NS + k * MS, Sample(START_NS + k * MS, 0.0, valid=True)))
+        axis.applied(outputs[-1].drive_v)
+
+    drives_v, commands_um, *_ = zip(*outputs, strict=True)
+    assert drives_v == pytest.approx([0.0, 0.0, 0.0, 15 * 0.25, 15 * 1.0, 15 * 2.0])
+    assert commands_um == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, 0.5])
+    assert trim.errors == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, 0.05])
 
 
 def test_drive_climbs_at_the_slew_rate() -> None:
