@@ -151,7 +151,8 @@ class CompensatedAxis:
             self.compensator.adopt_first(self.identifier.weights)
         t_s = (t_ns - self._start_ns) / NS_PER_S
         command_um = self._reference_um(t_s)
-        trim = self._trim.step(self._lacks(sample), sample.valid, self.compensator.stop)
+        credible = self.identifier.gate.credible
+        trim = self._trim.step(self._lacks(sample), credible, self.compensator.stop)
         ahead = self._position_um.to_unit(self._shaped_um.value(t_s + self._ahead_s))
         window = self._limits.window(self._in_force_v, self._period_s)
         drive = self.compensator.step(

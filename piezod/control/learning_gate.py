@@ -37,16 +37,19 @@ class LearningGate:
 
     Args:
         period_ns: Period of the loop.
+        latency_ns: How old a sample of this sensor is at best; it is late a period after that.
     """
 
-    def __init__(self, period_ns: int) -> None:
-        self._period_ns = period_ns
+    def __init__(self, period_ns: int, latency_ns: int = 0) -> None:
+        self._late_ns = latency_ns + period_ns
         self._drive_swing = SlidingRange(round(WINDOW_S * NS_PER_S / period_ns))
         self._limited_cycles = 0
         self._stuck = _StuckSensor()
         self._noise = NoiseLevel()
         self.reason = GateReason.QUIET
         """Verdict on the last sample."""
+        self.credible = False
+        """Whether it says something true about the stage: valid, not late, not stuck, no spike."""
         self.counts = dict.fromkeys(GateReason, 0)
         """Cycles with each verdict."""
 
@@ -62,7 +65,7 @@ class LearningGate:
 
         Args:
             valid: Whether the device calls the sample valid.
-            age_ns: How much older the sample is than the newest that could be expected.
+            age_ns: How long before this cycle the sample was taken.
             limited: Whether range or slew rate cut off part of the drive that is in force.
             drive: Drive in force, normalised, finite.
             position: Measured displacement, normalised.
@@ -77,12 +80,14 @@ class LearningGate:
         # Whatever the verdict, all that is followed over several cycles goes on.
         quiet = self._drive_swing.add(drive) < LEAST_SWING
         self._limited_cycles = LIMITED_CYCLES + 1 if limited else max(self._limited_cycles - 1, 0)
+        self.credible = False
         if not (valid and isfinite(position)):
             return GateReason.INVALID
-        if age_ns > self._period_ns:
+        if age_ns > self._late_ns:
             return GateReason.LATE
         stuck = self._stuck.update(position, drive)
         spike = not stuck and self._noise.update(position)  # a stuck sensor has no noise to learn
+        self.credible = not (stuck or spike)
         if self._limited_cycles:
             return GateReason.LIMITED
         if stuck:

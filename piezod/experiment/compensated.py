@@ -108,6 +108,7 @@ def compensated_axis(
         start: Where it is taken over.
     """
     period_ns, delay_ns = start.period_ns, s_to_ns(model.delay_s)
+    sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
     history = DriveHistory(start.in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
     adaptation = _adaptation(config, model.bank, model.weights)
     identifier = Identifier(
@@ -117,7 +118,7 @@ def compensated_axis(
         history,
         delay_ns,
         Convergence(CONVERGED_WITHIN, window=_cycles(CONVERGED_FOR_S, period_ns)),
-        LearningGate(period_ns),
+        LearningGate(period_ns, latency_ns=sensor_delay_ns),
         creep,
     )
     compensator = Compensator(
@@ -140,7 +141,7 @@ def compensated_axis(
         start_ns=start.t_ns,
         period_ns=period_ns,
         delay_ns=delay_ns,
-        sensor_delay_ns=s_to_ns(config.compensator.sensor_delay_s),
+        sensor_delay_ns=sensor_delay_ns,
         trim=_trim(config, period_ns),
         first_mode_hz=config.first_mode.frequency_hz if config.first_mode else None,
     )

@@ -112,7 +112,7 @@ class FakeGate(LearningGate):
     def __init__(self) -> None:
         super().__init__(MS)
         self.asked: list[tuple[bool, int, bool]] = []
-        self.reason = GateReason.OPEN
+        self.reason, self.credible = GateReason.OPEN, True
 
     def admits(
         self,
@@ -134,10 +134,12 @@ class FakeTrim(Trim):
     def __init__(self) -> None:
         super().__init__(1.0, 1e-3, 0.05, 1)
         self.errors: list[float] = []
+        self.valid: list[bool] = []
         self.stops: list[int] = []
 
-    def step(self, error: float, valid: bool, limited: int) -> float:  # noqa: ARG002 - as above
+    def step(self, error: float, valid: bool, limited: int) -> float:
         """Write down what was measured."""
         self.errors.append(error)
+        self.valid.append(valid)
         self.stops.append(limited)
         return 0.0

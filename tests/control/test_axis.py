@@ -218,6 +218,16 @@ def test_trim_compares_a_sample_with_the_command_of_the_instant_it_shows() -> No
     assert trim.errors == pytest.approx([0.0, 0.1], abs=1e-12)
 
 
+def test_trim_is_told_which_samples_cannot_be_believed() -> None:
+    """It is the gate that knows, whatever the device says."""
+    trim, gate = FakeTrim(), FakeGate()
+    axis = compensated(lambda _: 0.0, trim=trim, gate=gate)
+    for k, gate.credible in enumerate((True, False, True)):
+        axis.update(START_NS + k * MS, AT_REST)
+
+    assert trim.valid == [True, False, True]
+
+
 def test_trim_is_told_where_nothing_more_is_to_be_had() -> None:
     """While the drive runs along its slew rate the trim must not wind up."""
     trim = FakeTrim()

@@ -195,6 +195,55 @@ def test_sample_that_says_nothing_closes_the_gate(
     assert verdicts[-2:] == [GateReason.OPEN, reason]
 
 
+@pytest.mark.parametrize(
+    ("change", "credible"),
+    [
+        ({}, True),
+        ({"limited": True}, True),
+        ({"valid": False}, False),
+        ({"position": math.nan}, False),
+        ({"age_ns": MS + 1}, False),
+        ({"position": 0.3}, False),
+        ({"position": 0.3, "limited": True}, False),
+    ],
+)
+@pytest.mark.parametrize("swing", [1.0, 0.01])
+def test_samples_are_believed_whether_they_teach_or_not(
+    change: dict[str, Any], credible: bool, swing: float
+) -> None:
+    """What is invalid, late or a spike is not, also while the gate is closed for other reasons."""
+    gate = LearningGate(MS)
+
+    def spoil(k: int, cycle: Cycle) -> Cycle:
+        return cycle._replace(**change) if k == 1500 else cycle
+
+    reasons(gate, measured(8, 1501, swing), spoil)
+
+    assert gate.credible is credible
+
+
+def test_stuck_sensor_is_not_believed() -> None:
+    """Once it is known to be stuck, until it moves again."""
+    gate, believed = LearningGate(MS), []
+    for k, cycle in enumerate(measured(2, 1400)):
+        stuck = 1200 <= k < 1300
+        gate.admits(**cycle._replace(position=0.3 if stuck else cycle.position)._asdict())
+        believed.append(gate.credible)
+
+    assert not any(believed[1200 + STUCK_SAMPLES : 1300])
+    assert all(believed[1310:])
+
+
+@pytest.mark.parametrize("age_ns", [2 * MS, 3 * MS, 3 * MS + 1])
+def test_sensor_that_is_always_late_is_not_late_for_ever(age_ns: int) -> None:
+    """A sample is late a period after the latency of its sensor."""
+    gate = LearningGate(MS, latency_ns=2 * MS)
+
+    verdicts = reasons(gate, measured(8, 1501), lambda _, cycle: cycle._replace(age_ns=age_ns))
+
+    assert verdicts[-1] is (GateReason.LATE if age_ns > 3 * MS else GateReason.OPEN)
+
+
 def test_gate_stays_closed_after_the_drive_was_limited() -> None:
     """For a few cycles more than the limit lasted."""
 

@@ -10,11 +10,12 @@ from piezod.control.axis import CompensatedAxis
 from piezod.control.compensator import Compensator
 from piezod.control.drive_history import DriveHistory
 from piezod.control.identifier import Identifier
+from piezod.control.learning_gate import LearningGate
 from piezod.control.limits import Limits
 from piezod.control.trim import Trim
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence, NLMSIdentifier
-from tests.control.fakes import MS, FakeGate
+from tests.control.fakes import MS
 from tests.control.made_up import BANK, WEIGHTS, Array, MadeUpStage, wander
 
 RANGE = AffineRange(0.0, 1.0)
@@ -22,10 +23,12 @@ FADE = 100
 AUTHORITY = 0.05
 AT = 2000
 """Cycle in which the mode is switched."""
+SPIKE_AT = 1500
+"""Cycle in which the sensor has a spike."""
 
 
 def axis_of(reference: Callable[[float], float], mode: Mode, *, adapts: bool) -> CompensatedAxis:
-    """Return an axis with the right hysteresis and no creep; its trim fades in 20 ms."""
+    """Return an axis with the right hysteresis and no creep; its trim fades in 100 ms."""
     history = DriveHistory(0.0, entries=8)
     adaptation = NLMSIdentifier(BANK, gain=0.05)
     adaptation.adopt(0.7 * WEIGHTS)
@@ -35,7 +38,7 @@ def axis_of(reference: Callable[[float], float], mode: Mode, *, adapts: bool) ->
         drive_v=RANGE,
         position_um=RANGE,
         compensator=Compensator(BANK, WEIGHTS, mode=mode, fade_cycles=FADE, trimmed_follows=adapts),
-        identifier=Identifier(adaptation, RANGE, RANGE, history, 0, converged, FakeGate()),
+        identifier=Identifier(adaptation, RANGE, RANGE, history, 0, converged, LearningGate(MS)),
         history=history,
         limits=Limits(0.0, 1.0, 1e9),
         in_force_v=0.0,
@@ -47,8 +50,10 @@ def axis_of(reference: Callable[[float], float], mode: Mode, *, adapts: bool) ->
     )
 
 
-def run(start: Mode, end: Mode, commands: Array, *, adapts: bool = False) -> tuple[Array, Array]:
-    """Return drives and displacements, shape (n,), with the mode switched on the way."""
+def run(
+    start: Mode, end: Mode, commands: Array, *, adapts: bool = False, spike: float = 0.0
+) -> tuple[Array, Array]:
+    """Return drives and displacements, shape (n,); on the way a spike, and the mode switched."""
 
     def reference(t_s: float) -> float:
         return float(commands[min(max(round(1e3 * t_s), 0), commands.size - 1)])
@@ -59,7 +64,8 @@ def run(start: Mode, end: Mode, commands: Array, *, adapts: bool = False) -> tup
         if k == AT:
             axis.switch(end)
         position = stage.step(in_force)
-        output = axis.update(k * MS, Sample(k * MS, position, valid=True))
+        measured = position + (spike if k == SPIKE_AT else 0.0)
+        output = axis.update(k * MS, Sample(k * MS, measured, valid=True))
         axis.applied(output.drive_v)
         out.append((in_force, position))
         in_force = output.drive_v
@@ -118,3 +124,14 @@ def test_trim_does_not_wind_up_at_the_end_of_the_range() -> None:
     assert positions[AT - 500 : AT - 1].min() > 0.003
     assert np.abs(positions[AT + 2 : AT + 10] - 0.5).max() < 0.035  # 0.05 more if it were
     assert positions[AT + 200 :] == pytest.approx(0.5, abs=5e-4)
+
+
+@pytest.mark.parametrize("spike", [0.1, -0.1])
+def test_spike_does_not_move_the_trim(spike: float) -> None:
+    """Of one sample that is 10 % off, the drive shows less than a thousandth."""
+    commands = wander(3.0)
+
+    clean, _ = run(Mode.TRIMMED, Mode.TRIMMED, commands)
+    spiked, _ = run(Mode.TRIMMED, Mode.TRIMMED, commands, spike=spike)
+
+    assert np.abs(spiked - clean).max() < 1e-3 * abs(spike)
