@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from piezod.config.modes import Mode
+from piezod.control.compensator import Compensator
 from piezod.hysteresis import Creep, InverseMPI, new_bank
 from piezod.hysteresis.creep import advance_creep
 
@@ -42,3 +44,21 @@ def wander(seconds: float) -> Array:
     t_s = np.arange(0.0, seconds, 1e-3)
     swing = 0.3 + 0.1 * np.cos(0.7 * t_s)
     return 0.5 - swing * np.cos(2.0 * np.pi * t_s) + 0.05 * np.sin(3.1 * t_s) - 0.05
+
+
+def compensator(mode: Mode, weights: Array = WEIGHTS, fade_cycles: int = 1) -> Compensator:
+    """Return a compensator of the stage at rest, which knows of no creep."""
+    return Compensator(BANK, weights, mode=mode, fade_cycles=fade_cycles)
+
+
+def drives(
+    one: Compensator, commands: list[float] | Array, identified: Array = WEIGHTS
+) -> list[float]:
+    """Return the drives for commands when the limits leave everything open."""
+    return [one.step(command, 0.0, 1.0, identified) for command in commands]
+
+
+def sine(seconds: float) -> Array:
+    """Return a command of 0.5 Hz at 1 kHz that grows and shrinks."""
+    t = np.arange(0, seconds, 1e-3)
+    return 0.5 - (0.5 - 0.2 * np.cos(0.3 * t)) * np.cos(np.pi * t) * 0.9
