@@ -146,7 +146,8 @@ class CompensatedAxis:
             self.compensator.refused()
         self._awaits_write = True
         self._history.append(t_ns, self._in_force_v)
-        self.identifier.learn(t_ns, sample, limited=self.compensator.limited)
+        limited, expected = self.compensator.limited, self.compensator.position
+        self.identifier.learn(t_ns, sample, limited=limited, expected=expected)
         if self.identifier.converged:
             self.compensator.adopt_first(self.identifier.weights)
         t_s = (t_ns - self._start_ns) / NS_PER_S

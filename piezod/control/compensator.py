@@ -14,13 +14,15 @@ found at which the model gives the applied voltage. It advances in the next step
 that was refused leaves no trace.
 """
 
+from math import isfinite
+
 import numpy as np
 
 from piezod.config.modes import Mode
 from piezod.control.compensator_step import BEYOND, OUTSIDE, POSITION, step
 from piezod.control.creep_state import AT_REST, CreepState
 from piezod.hysteresis.bank import new_bank_memory
-from piezod.hysteresis.memory import MERGED, FloatArray
+from piezod.hysteresis.memory import MERGED, SEEN, FloatArray
 
 FOLLOWED_SHARE = 0.3
 """Part of the way to the identifier's weights that mode `adaptive` goes in each cycle. All of it,
@@ -88,6 +90,12 @@ class Compensator:
         """1 where the last drive or displacement could go no higher, -1 no lower, else 0."""
         excess = self._pending.item(BEYOND) or self._pending.item(OUTSIDE)
         return (excess > 0.0) - (excess < 0.0)
+
+    @property
+    def position(self) -> float:
+        """Displacement that the operators see once the last drive acts, unless it was refused."""
+        pending: float = self._pending.item(POSITION)
+        return pending if isfinite(pending) else self._memory.last.item(SEEN)
 
     @property
     def merged_pairs(self) -> int:

@@ -2,17 +2,13 @@
 
 from piezod.control.creep_state import AT_REST, CreepState
 from piezod.control.drive_history import DriveHistory
-from piezod.control.learning_gate import GateReason, LearningGate
+from piezod.control.learning_gate import LearningGate
 from piezod.devices.interface import Sample
 from piezod.hysteresis.adaptation import AdaptiveIdentifier
 from piezod.hysteresis.creep import advance_creep
 from piezod.hysteresis.lms import Convergence
 from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.normalisation import AffineRange
-
-SPIKE_SAMPLES = 3
-"""Samples in which one spike is seen. They would leave extrema in the memory that never were, and
-wipe out others; what goes on for longer is no spike but more noise."""
 
 
 class Identifier:
@@ -46,7 +42,6 @@ class Identifier:
         self._convergence = convergence
         self._creep, self._zeroed = creep.creep, creep.zeroed
         self._lags, self._quick = creep.lags.copy(), creep.quick
-        self._spikes = 0
         self.converged = False
         """Whether the weights have converged, over a window and up to the last sample."""
 
@@ -65,13 +60,17 @@ class Identifier:
         """Number of pairs of extrema that a full memory had to give up."""
         return self.adaptation.merged_pairs
 
-    def learn(self, t_ns: int, sample: Sample, *, limited: bool) -> None:
+    def learn(self, t_ns: int, sample: Sample, *, limited: bool, expected: float) -> None:
         """Take the sample of this cycle; adapt if it can teach; may be called in the loop.
+
+        Where the sample is not accurate the memory goes on with what the compensator expects:
+        the stage moves all the same, and an extremum that was missed would be wrong for long.
 
         Args:
             t_ns: Instant of the cycle.
             sample: What was measured.
             limited: Whether range or slew rate cut off part of the drive that is in force.
+            expected: Displacement that the compensator's memory has, normalised.
         """
         lags, gains, weights = self._lags, self._creep.gains, self._creep.weights
         crept = advance_creep(lags, gains, weights, self._quick) - self._zeroed
@@ -84,10 +83,8 @@ class Identifier:
             drive=drive,
             position=position,
         )
-        self._spikes = self._spikes + 1 if self.gate.reason is GateReason.SPIKE else 0
-        if not sample.valid or 0 < self._spikes <= SPIKE_SAMPLES:
-            return
-        quick, before = position - crept, self.adaptation.position
+        accurate, before = self.gate.accurate, self.adaptation.position
+        quick = position - crept if accurate else expected + self.adaptation.offset
         error = self.adaptation.step(quick, drive, may_teach)
         self._quick = quick - self.adaptation.offset
         if may_teach and self.adaptation.position != before:  # at rest any weights predict well

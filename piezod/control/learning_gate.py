@@ -14,6 +14,9 @@ LEAST_SWING: Final = 0.02
 LIMITED_CYCLES: Final = 5
 """After the drive was limited the gate stays closed this long: samples come late, and the stage
 still answers to what was cut off."""
+SPIKE_CYCLES: Final = 20
+"""After a spike the gate stays closed this long: noise that has become larger begins with spikes,
+one in two samples, and until then is known to be noise."""
 STUCK_SAMPLES: Final = 20
 STUCK_SWING: Final = 0.01
 """A sensor is stuck when this many samples are the same to the bit while the drive moves by more
@@ -29,7 +32,9 @@ class GateReason(StrEnum):
     LIMITED = "drive limited"
     STUCK = "sensor stuck"
     SPIKE = "spike"
+    NOISY = "sensor noisier than usual"
     QUIET = "no excitation"
+    REPEATED = "sample repeated"
 
 
 class LearningGate:
@@ -43,20 +48,17 @@ class LearningGate:
     def __init__(self, period_ns: int, latency_ns: int = 0) -> None:
         self._late_ns = latency_ns + period_ns
         self._drive_swing = SlidingRange(round(WINDOW_S * NS_PER_S / period_ns))
-        self._limited_cycles = 0
+        self._limited_cycles = self._spike_cycles = 0
         self._stuck = _StuckSensor()
         self._noise = NoiseLevel()
         self.reason = GateReason.QUIET
         """Verdict on the last sample."""
         self.credible = False
         """Whether it says something true about the stage: valid, not late, not stuck, no spike."""
+        self.accurate = False
+        """Whether it is credible and its noise what it usually is: an operator may remember it."""
         self.counts = dict.fromkeys(GateReason, 0)
         """Cycles with each verdict."""
-
-    @property
-    def noise_variance(self) -> float:
-        """Variance of the sensor's noise, in squares of the range."""
-        return self._noise.variance
 
     def admits(
         self, *, valid: bool, age_ns: int, limited: bool, drive: float, position: float
@@ -80,21 +82,28 @@ class LearningGate:
         # Whatever the verdict, all that is followed over several cycles goes on.
         quiet = self._drive_swing.add(drive) < LEAST_SWING
         self._limited_cycles = LIMITED_CYCLES + 1 if limited else max(self._limited_cycles - 1, 0)
-        self.credible = False
+        self.credible = self.accurate = False
         if not (valid and isfinite(position)):
             return GateReason.INVALID
         if age_ns > self._late_ns:
             return GateReason.LATE
         stuck = self._stuck.update(position, drive)
         spike = not stuck and self._noise.update(position)  # a stuck sensor has no noise to learn
+        self._spike_cycles = SPIKE_CYCLES if spike else max(self._spike_cycles - 1, 0)
         self.credible = not (stuck or spike)
+        self.accurate = not (stuck or self._spike_cycles or self._noise.unusual)
         if self._limited_cycles:
             return GateReason.LIMITED
+        if not self.accurate:
+            return self._inaccuracy(stuck)
+        if quiet:
+            return GateReason.QUIET
+        return GateReason.REPEATED if self._stuck.repeated else GateReason.OPEN
+
+    def _inaccuracy(self, stuck: bool) -> GateReason:
         if stuck:
             return GateReason.STUCK
-        if spike:
-            return GateReason.SPIKE
-        return GateReason.QUIET if quiet else GateReason.OPEN
+        return GateReason.SPIKE if self._spike_cycles else GateReason.NOISY
 
 
 class _StuckSensor:
@@ -104,6 +113,11 @@ class _StuckSensor:
         self._position = nan
         self._samples = 0
         self._low = self._high = 0.0
+
+    @property
+    def repeated(self) -> bool:
+        """Whether the last sample was the same as the one before: it may be the first of many."""
+        return self._samples > 1
 
     def update(self, position: float, drive: float) -> bool:
         """Take a sample and the drive in force; return whether the sensor is stuck."""

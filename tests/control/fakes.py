@@ -112,7 +112,7 @@ class FakeGate(LearningGate):
     def __init__(self) -> None:
         super().__init__(MS)
         self.asked: list[tuple[bool, int, bool]] = []
-        self.reason, self.credible = GateReason.OPEN, True
+        self.reason, self.credible, self.accurate = GateReason.OPEN, True, True
 
     def admits(
         self,

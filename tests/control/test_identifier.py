@@ -1,9 +1,11 @@
 """Adaptation in the loop: which pairs the algorithm sees."""
 
+import math
+
 import pytest
 
 from piezod.control.drive_history import DriveHistory
-from piezod.control.identifier import SPIKE_SAMPLES, Identifier
+from piezod.control.identifier import Identifier
 from piezod.control.learning_gate import GateReason
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence
@@ -27,7 +29,7 @@ def identifier(
 
 def learn(one: Identifier, position_um: float = 0.0, valid: bool = True) -> None:
     """Let an identifier take a sample at 8 ms."""
-    one.learn(8 * MS, Sample(8 * MS, position_um, valid), limited=False)
+    one.learn(8 * MS, Sample(8 * MS, position_um, valid), limited=False, expected=0.3)
 
 
 def test_pair_is_normalised() -> None:
@@ -56,13 +58,13 @@ def test_age_of_a_sample_counts() -> None:
     lms, gate = PairsOnly(), FakeGate()
     sample = Sample(8 * MS - MS // 2, 0.0, valid=True)
 
-    identifier(lms, MS, gate=gate).learn(8 * MS, sample, limited=True)
+    identifier(lms, MS, gate=gate).learn(8 * MS, sample, limited=True, expected=0.3)
 
     assert [drive for _, drive in lms.pairs] == pytest.approx([0.065])
     assert gate.asked == [(True, MS // 2, True)]
 
 
-@pytest.mark.parametrize("reason", set(GateReason) - {GateReason.OPEN, GateReason.SPIKE})
+@pytest.mark.parametrize("reason", [GateReason.LIMITED, GateReason.QUIET, GateReason.REPEATED])
 def test_sample_that_may_not_teach_goes_on_to_the_memory(reason: GateReason) -> None:
     """The algorithm sees it, and is told not to learn; the verdict on convergence stays."""
     lms, gate = PairsOnly(errors=[0.0] * 3), FakeGate()
@@ -78,35 +80,22 @@ def test_sample_that_may_not_teach_goes_on_to_the_memory(reason: GateReason) -> 
     assert one.converged
 
 
-def test_invalid_sample_is_not_seen() -> None:
-    """Neither the memory nor the verdict on convergence move."""
-    lms = PairsOnly(errors=[0.0, 0.0, 0.0])
-    one = identifier(lms)
+@pytest.mark.parametrize(("position_um", "valid"), [(math.nan, False), (4.0, True)])
+def test_memory_goes_on_without_samples_that_are_not_accurate(
+    position_um: float, valid: bool
+) -> None:
+    """It sees the displacement that is expected; the verdict on convergence stays."""
+    lms, gate = PairsOnly(errors=[0.0] * 3), FakeGate()
+    one = identifier(lms, gate=gate)
     for _ in range(3):
         learn(one)
 
-    learn(one, float("nan"), valid=False)
+    gate.reason, gate.accurate = GateReason.SPIKE, False
+    learn(one, position_um, valid)
 
-    assert len(lms.pairs) == 3
+    assert lms.pairs[-1] == (0.3, 0.08)
+    assert lms.taught == [True, True, True, False]
     assert one.converged
-
-
-def test_spike_is_not_seen_but_lasting_noise_is() -> None:
-    """A spike is over after three samples; the memory cannot wait for longer."""
-    lms, gate = PairsOnly(), FakeGate()
-    one = identifier(lms, gate=gate)
-    gate.reason = GateReason.SPIKE
-
-    for _ in range(SPIKE_SAMPLES):
-        learn(one, 5.0)
-    assert lms.pairs == []
-
-    learn(one, 5.0)
-    assert lms.taught == [False]
-
-    gate.reason = GateReason.OPEN
-    learn(one)
-    assert lms.taught == [False, True]
 
 
 def test_identifier_converges_and_loses_it_again() -> None:

@@ -56,7 +56,9 @@ class Bench:
             self.history.append(self.t_ns, drive)
             position = self.stage.step(drive) + drift * self.t_ns / MS
             sample = Sample(self.t_ns, position, valid=True)
-            self.identifier.learn(self.t_ns, spoil(sample) if spoil else sample, limited=limited)
+            self.identifier.learn(
+                self.t_ns, spoil(sample) if spoil else sample, limited=limited, expected=y
+            )
 
 
 def rls(weights: Array = WEIGHTS) -> RLSIdentifier:
@@ -134,6 +136,18 @@ def test_memory_goes_on_while_nothing_is_learned() -> None:
 
     assert bench.gate.counts[GateReason.LIMITED] > 1800
     assert bench.adaptation.weights == pytest.approx(WEIGHTS, abs=1e-9)
+
+
+def test_memory_goes_on_while_samples_are_missing() -> None:
+    """After a way with turns that no sample showed the pairs fit at once: none is missed."""
+    bench = Bench(rls(), MadeUpStage())
+    bench.run(wander(1.0))
+    bench.run(wander(2.8)[1000:], spoil=lambda s: s._replace(valid=False))
+
+    bench.run(wander(2.8)[::-1])
+
+    assert bench.gate.counts[GateReason.INVALID] == 1800
+    assert bench.adaptation.weights == pytest.approx(WEIGHTS, abs=1e-6)
 
 
 def test_a_spike_leaves_no_trace_in_the_memory() -> None:

@@ -8,7 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from piezod.control.noise_level import LEAST_VARIANCE, START_VARIANCE, NoiseLevel
+from piezod.control.noise_level import (
+    LEAST_VARIANCE,
+    START_VARIANCE,
+    USUAL_CYCLES,
+    NoiseLevel,
+)
 
 SIGMA = 6e-4  # of the range: 18 nm on 30 µm
 SEEDS = st.integers(0, 2**32 - 1)
@@ -77,6 +82,21 @@ def test_noise_ten_times_larger_is_learned_and_unlearned() -> None:
     assert not any(spikes[500:])
     assert loud == pytest.approx((10 * SIGMA) ** 2, rel=0.4)
     assert noise.variance == pytest.approx(SIGMA**2, rel=0.4)
+
+
+def test_noise_is_unusual_until_it_is_usual() -> None:
+    """Twice the amplitude is; after three time constants of ten times as much it is no more."""
+    draws = np.random.default_rng(7)
+    noise = settled(draws)
+    assert not noise.unusual
+
+    verdicts = []
+    for _ in range(3 * USUAL_CYCLES):
+        noise.update(draws.normal(0.0, 10 * SIGMA))
+        verdicts.append(noise.unusual)
+
+    assert all(verdicts[500 : 2 * USUAL_CYCLES])
+    assert not verdicts[-1]
 
 
 def test_first_samples_are_no_spikes() -> None:
