@@ -27,6 +27,10 @@ class AdaptiveIdentifier(Protocol):
         """What the operators do not see of the displacement; 0 where it is not learned."""
 
     @property
+    def scale(self) -> float:
+        """By how much more than the displacement they see; 0 where it is not learned."""
+
+    @property
     def position(self) -> float:
         """Displacement that the operators see, behind the dead-band."""
 
@@ -43,11 +47,11 @@ class AdaptiveIdentifier(Protocol):
     def run(self, positions: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:
         """Adapt to a record of pairs, shape (n,) each; return the errors, shape (n,)."""
 
-    def predict(self, weights: FloatArray, offset: float) -> float:
+    def predict(self, weights: FloatArray, offset: float, scale: float) -> float:
         """Return the drive that others predict for the last displacement."""
 
-    def adopt(self, weights: npt.ArrayLike, offset: float = 0.0) -> None:
-        """Take over weights and an offset, and forget how well they were known."""
+    def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
+        """Take over weights, an offset and a scale, and forget how well they were known."""
 
     def reset(self) -> None:
         """Forget the past displacement, not what was learned."""
@@ -59,10 +63,15 @@ class _Model:
 
     weights: FloatArray
     offset: float
+    scale: float
+
+    @classmethod
+    def of(cls, source: AdaptiveIdentifier) -> "_Model":
+        return cls(source.weights.copy(), source.offset, source.scale)
 
     def assign(self, source: "AdaptiveIdentifier | _Model") -> None:
         self.weights[:] = source.weights
-        self.offset = source.offset
+        self.offset, self.scale = source.offset, source.scale
 
 
 class Shadowed:
@@ -93,8 +102,8 @@ class Shadowed:
             raise ModelError(message)
         self._identifier = identifier
         self._window, self._tolerance = window, tolerance
-        self._shadow = _Model(identifier.weights.copy(), identifier.offset)
-        self._candidate = _Model(identifier.weights.copy(), identifier.offset)
+        self._shadow = _Model.of(identifier)
+        self._candidate = _Model.of(identifier)
         self._pairs, self._squares, self._shadow_squares = 0, 0.0, 0.0
         self.restored = 0
         """How often the last good model was restored."""
@@ -103,9 +112,9 @@ class Shadowed:
         """Adapt to one pair, and judge what was learned; return the error."""
         error = self._identifier.step(position, drive, learn)
         if learn and math.isfinite(error):
-            shadow_error = drive - self._identifier.predict(
-                self._shadow.weights, self._shadow.offset
-            )
+            shadow = self._shadow
+            predicted = self._identifier.predict(shadow.weights, shadow.offset, shadow.scale)
+            shadow_error = drive - predicted
             self._squares += error * error
             self._shadow_squares += shadow_error * shadow_error
             self._pairs += 1
@@ -122,17 +131,17 @@ class Shadowed:
         pairs = zip(*checked_pairs(positions, drives), strict=True)
         return np.array([self.step(float(x), float(v)) for x, v in pairs])
 
-    def predict(self, weights: FloatArray, offset: float) -> float:
+    def predict(self, weights: FloatArray, offset: float, scale: float) -> float:
         """Return the drive that others predict for the last displacement."""
-        return self._identifier.predict(weights, offset)
+        return self._identifier.predict(weights, offset, scale)
 
-    def adopt(self, weights: npt.ArrayLike, offset: float = 0.0) -> None:
-        """Take over weights and an offset, as the last good model too.
+    def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
+        """Take over weights, an offset and a scale, as the last good model too.
 
         Raises:
-            ModelError: If they are not 2 M finite weights and a finite offset.
+            ModelError: If the identifier refuses them.
         """
-        self._identifier.adopt(weights, offset)
+        self._identifier.adopt(weights, offset, scale)
         self._candidate.assign(self._identifier)
         self._shadow.assign(self._identifier)
         self._begin()
@@ -153,6 +162,11 @@ class Shadowed:
         return self._identifier.offset
 
     @property
+    def scale(self) -> float:
+        """By how much more than the displacement they see; 0 where it is not learned."""
+        return self._identifier.scale
+
+    @property
     def position(self) -> float:
         """Displacement that the operators see, behind the dead-band."""
         return self._identifier.position
@@ -164,7 +178,8 @@ class Shadowed:
 
     def _judge(self) -> None:
         if self._squares > self._tolerance * self._shadow_squares:
-            self._identifier.adopt(self._shadow.weights, self._shadow.offset)
+            shadow = self._shadow
+            self._identifier.adopt(shadow.weights, shadow.offset, shadow.scale)
             self.restored += 1
         else:
             self._shadow.assign(self._candidate)

@@ -1,4 +1,4 @@
-"""The covariance P of slopes and an offset that walk at random, for recursive least squares.
+"""The covariance P of slopes, offset and scale that walk at random, for recursive least squares.
 
 Forgetting winds up: where pairs tell nothing, P grows without end, and the first that does throws
 the weights off. Here P decays by the share Q / bound at each step while the walk adds Q, so that no
@@ -20,6 +20,8 @@ SLOPE_VARIANCE, SLOPE_BOUND = 1e-4, 1e-3
 """Variance of a slope at the start, and the largest it can have."""
 OFFSET_VARIANCE, OFFSET_BOUND = 1e-6, 1e-4
 """Variance of the offset at the start, and the largest it can have; in units of the range."""
+SCALE_VARIANCE, SCALE_BOUND = 1e-6, 1e-4
+"""The same of the scale, dimensionless."""
 
 
 @compiled
@@ -55,15 +57,21 @@ def update_covariance(
             covariance[i, j] = left * (decay[i] * decay[j]) + walk[i, j]
 
 
-def on_planes(cells: FloatArray, slope_variance: float, offset_variance: float) -> FloatArray:
-    """Return a covariance, shape (N, N): slopes vary alike, but for Σ s c; the offset by itself."""
+def on_planes(
+    cells: FloatArray, slope_variance: float, offset_variance: float, scale_variance: float
+) -> FloatArray:
+    """Return a covariance, shape (N, N): slopes vary alike but for Σ s c, the others alone.
+
+    N is 2 M + 4: slopes of both sides, the offset and the scale.
+    """
     count = cells.shape[1]
-    covariance = np.zeros((2 * count + 1, 2 * count + 1))
+    covariance = np.zeros((2 * count + 2, 2 * count + 2))
     for side, across in enumerate(cells):
         plane = np.eye(count) - np.outer(across, across) / (across @ across)
         block = slice(side * count, (side + 1) * count)
         covariance[block, block] = slope_variance * plane
-    covariance[-1, -1] = offset_variance
+    covariance[-2, -2] = offset_variance
+    covariance[-1, -1] = scale_variance
     return covariance
 
 

@@ -12,12 +12,13 @@ from piezod.errors import ModelError
 from piezod.hysteresis.bank import GAINS, THRESHOLDS
 from piezod.hysteresis.learner import (
     OFFSET,
-    REMAINDER,
+    POSITION,
+    SCALE,
     Learner,
     is_finite,
     keep_weights_invertible,
     observe,
-    prediction,
+    own_prediction,
     taught,
 )
 from piezod.hysteresis.memory import DEFAULT_CAPACITY, FloatArray, IntArray, Memory
@@ -52,17 +53,17 @@ def _adapt(
     """
     if not is_finite(position):
         return np.nan
-    bank, weights, shift = learner.bank, learner.weights, learner.shift
+    bank, weights, scalars = learner.bank, learner.weights, learner.scalars
     seen = observe(memory, learner, deadband, position)
     if floor == 0.0:  # in the paper, what lies outside the range does not count
-        shift[REMAINDER] = shift[OFFSET]
-    error = drive - prediction(memory, learner, weights, shift[OFFSET])
+        scalars[POSITION] = (seen + scalars[OFFSET]) / (1.0 + scalars[SCALE])
+    error = drive - own_prediction(memory, learner)
     if learn and is_finite(error):
         rate = 2.0 * gain if floor == 0.0 else gain / (floor + _power(memory, bank, seen))
-        scale = rate * taught(error)
+        stride = rate * taught(error)
         for j in range(weights.size):
-            weights[j] += scale * (bank[GAINS, j] * (seen - memory.now[j]))
-        keep_weights_invertible(learner, reach * abs(scale))
+            weights[j] += stride * (bank[GAINS, j] * (seen - memory.now[j]))
+        keep_weights_invertible(learner, reach * abs(stride))
     return error
 
 
@@ -75,7 +76,7 @@ def _step(
     counts: IntArray,
     bank: FloatArray,
     weights: FloatArray,
-    shift: FloatArray,
+    scalars: FloatArray,
     slopes: FloatArray,
     cells: FloatArray,
     gain: float,
@@ -87,7 +88,7 @@ def _step(
     learn: bool,
 ) -> float:
     memory = Memory(levels, values, now, last, counts)
-    learner = Learner(bank, weights, shift, slopes, cells)
+    learner = Learner(bank, weights, scalars, slopes, cells)
     return _adapt(memory, learner, gain, floor, reach, deadband, position, drive, learn)
 
 
@@ -100,7 +101,7 @@ def _run(
     counts: IntArray,
     bank: FloatArray,
     weights: FloatArray,
-    shift: FloatArray,
+    scalars: FloatArray,
     slopes: FloatArray,
     cells: FloatArray,
     gain: float,
@@ -112,7 +113,7 @@ def _run(
     errors: FloatArray,
 ) -> None:
     memory = Memory(levels, values, now, last, counts)
-    learner = Learner(bank, weights, shift, slopes, cells)
+    learner = Learner(bank, weights, scalars, slopes, cells)
     for k in range(errors.size):
         position, drive = positions[k], drives[k]
         errors[k] = _adapt(memory, learner, gain, floor, reach, deadband, position, drive, True)
@@ -167,7 +168,7 @@ class GradientIdentifier(OnlineIdentifier):
 
 
 class LMSIdentifier(GradientIdentifier):
-    """The paper's identifier (eqs 29, 30): weights from zero on, no offset, a constant gain.
+    """The paper's identifier (eqs 29, 30): weights from zero on, a constant gain, no more.
 
     Args:
         bank: Thresholds and gains of the stops, from `new_bank`.

@@ -9,7 +9,9 @@ from piezod.errors import ModelError
 from piezod.hysteresis.bank import checked_deadband, checked_series, new_bank_memory
 from piezod.hysteresis.learner import (
     OFFSET,
-    REMAINDER,
+    POSITION,
+    SCALE,
+    SCALE_LIMIT,
     SPARE,
     Learner,
     new_learner,
@@ -42,14 +44,16 @@ def _predict(
     counts: IntArray,
     bank: FloatArray,
     own: FloatArray,
-    shift: FloatArray,
+    scalars: FloatArray,
     slopes: FloatArray,
     widths: FloatArray,
     weights: FloatArray,
     offset: float,
+    scale: float,
 ) -> float:
     memory = Memory(levels, values, now, last, counts)
-    return prediction(memory, Learner(bank, own, shift, slopes, widths), weights, offset)
+    learner = Learner(bank, own, scalars, slopes, widths)
+    return prediction(memory, learner, weights, offset, scale)
 
 
 class OnlineIdentifier(ABC):
@@ -102,35 +106,40 @@ class OnlineIdentifier(ABC):
         self._run(x, v, errors)
         return errors
 
-    def predict(self, weights: FloatArray, offset: float) -> float:
+    def predict(self, weights: FloatArray, offset: float, scale: float) -> float:
         """Return the drive that others predict for the last displacement; for use in the loop.
 
         Args:
             weights: (2 M,) weights [a^l, a^r].
             offset: Offset of the displacement.
+            scale: Scale of the displacement.
         """
-        return _predict(*self._memory, *self._learner, weights, float(offset))
+        return _predict(*self._memory, *self._learner, weights, float(offset), float(scale))
 
-    def adopt(self, weights: npt.ArrayLike, offset: float = 0.0) -> None:
-        """Take over weights and an offset, and with them forget how well they were known.
+    def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
+        """Take over weights, an offset and a scale, and forget how well they were known.
 
         Weights that no inverse belongs to are projected onto the nearest that have one.
 
         Raises:
-            ModelError: If they are not 2 M finite weights and a finite offset.
+            ModelError: If they are not 2 M finite weights, a finite offset and a scale within
+                `SCALE_LIMIT`.
         """
         array = np.asarray(weights, dtype=np.float64)
         if array.shape != self.weights.shape or not np.all(np.isfinite(array + offset)):
             message = f"need {self.weights.size} finite weights and a finite offset, got {array}"
             raise ModelError(message)
+        if not abs(scale) <= SCALE_LIMIT:
+            message = f"a scale is from {-SCALE_LIMIT:g} to {SCALE_LIMIT:g}, got {scale:g}"
+            raise ModelError(message)
         self.weights[:] = projected(self._learner.bank, array)
-        self._learner.shift[OFFSET] = offset
-        self._learner.shift[SPARE] = 0.0
+        scalars = self._learner.scalars
+        scalars[OFFSET], scalars[SCALE], scalars[SPARE] = offset, scale, 0.0
 
     def reset(self) -> None:
         """Forget the past displacement, not what was learned."""
         relax(self._memory)
-        self._learner.shift[REMAINDER] = self.offset
+        self._learner.scalars[POSITION] = self.offset / (1.0 + self.scale)
 
     @property
     def weights(self) -> FloatArray:
@@ -143,7 +152,12 @@ class OnlineIdentifier(ABC):
     @property
     def offset(self) -> float:
         """What the operators do not see of the displacement, in units of the range."""
-        return float(self._learner.shift[OFFSET])
+        return float(self._learner.scalars[OFFSET])
+
+    @property
+    def scale(self) -> float:
+        """By how much more than the displacement the operators see, as a share of it."""
+        return float(self._learner.scalars[SCALE])
 
     @property
     def position(self) -> float:

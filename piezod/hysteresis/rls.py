@@ -1,4 +1,4 @@
-"""Recursive least squares on the slopes of the inverse model, with an offset that drifts.
+"""Recursive least squares on the slopes of the inverse model, with drift and a gain that changes.
 
 This is the Kalman filter of slopes that walk at random: each pair weighs as much as it tells anew,
 and the covariance P says what is not known. In slope coordinates the regressor u of a displacement
@@ -7,8 +7,10 @@ is far better conditioned than that of the weights:
 
     drive = Σ s_J u_J - y,   K = P u / (R + u' P u),   s ← s + K e,   P ← P - K u' P + Q.
 
-The slopes of a side keep Σ s c = 1, and so P and Q live on the plane across its cells c. The offset
-of the displacement is one more state, with the regressor -1: the slope is near one.
+The slopes of a side keep Σ s c = 1, and so P and Q live on the plane across its cells c. That the
+whole range takes another displacement cannot be told by them: the operators see
+y = (1 + scale) x - offset. Offset and scale are two more states, with the regressors -1 and x: the
+slope is near one.
 
 Where nothing moves nothing is learned at all, and `covariance` bounds P: it cannot wind up.
 
@@ -26,6 +28,8 @@ from piezod.hysteresis.covariance import (
     OFFSET_BOUND,
     OFFSET_VARIANCE,
     REGRESSOR,
+    SCALE_BOUND,
+    SCALE_VARIANCE,
     SLOPE_BOUND,
     SLOPE_VARIANCE,
     checked_walk,
@@ -35,10 +39,15 @@ from piezod.hysteresis.covariance import (
 )
 from piezod.hysteresis.learner import (
     OFFSET,
+    OFFSET_LIMIT,
+    POSITION,
+    SCALE,
+    SCALE_LIMIT,
     Learner,
     is_finite,
+    limited,
     observe,
-    prediction,
+    own_prediction,
     taught,
 )
 from piezod.hysteresis.memory import (
@@ -55,8 +64,10 @@ from piezod.jit import compiled
 
 
 @compiled
-def _fill_regressor(memory: Memory, bank: FloatArray, regressor: FloatArray) -> None:
-    """Write u of both sides, then that of the offset."""
+def _fill_regressor(
+    memory: Memory, bank: FloatArray, measured: float, regressor: FloatArray
+) -> None:
+    """Write u of both sides, then those of offset and scale."""
     position, order = memory.last[RAW], memory.now.size // 2
     place = 0
     for side in range(2):
@@ -69,6 +80,7 @@ def _fill_regressor(memory: Memory, bank: FloatArray, regressor: FloatArray) -> 
         regressor[place] = position - before
         place += 1
     regressor[place] = -1.0
+    regressor[place + 1] = limited(measured, 1.0)  # whatever a pair claims, as in `taught`
 
 
 @compiled
@@ -81,19 +93,20 @@ def _learn(
     variance: float,
     error: float,
 ) -> None:
-    bank, slopes, shift = learner.bank, learner.slopes, learner.shift
-    _fill_regressor(memory, bank, vectors[REGRESSOR])
+    bank, slopes, scalars = learner.bank, learner.slopes, learner.scalars
+    _fill_regressor(memory, bank, scalars[POSITION], vectors[REGRESSOR])
     told = variance + fill_gain(covariance, vectors)
-    scale, gain = error / told, vectors[GAIN]
+    stride, gain = error / told, vectors[GAIN]
     fill_slopes(bank, learner.weights, slopes)
     cells_of_side = slopes.shape[1]
     for side in range(2):
         for j in range(cells_of_side):
-            slopes[side, j] += scale * gain[side * cells_of_side + j]
+            slopes[side, j] += stride * gain[side * cells_of_side + j]
     keep_invertible(slopes, learner.cells)
     fill_weights(bank, slopes, learner.weights)
-    offset = shift[OFFSET] + scale * gain[gain.size - 1]
-    shift[OFFSET] = min(max(offset, -1.0), 1.0)  # no drift exceeds the range
+    offset, scale = 2 * cells_of_side, 2 * cells_of_side + 1
+    scalars[OFFSET] = limited(scalars[OFFSET] + stride * gain[offset], OFFSET_LIMIT)
+    scalars[SCALE] = limited(scalars[SCALE] + stride * gain[scale], SCALE_LIMIT)
     update_covariance(covariance, walk, vectors, told)
 
 
@@ -110,12 +123,12 @@ def _adapt(
     drive: float,
     learn: bool,
 ) -> float:
-    """Update slopes, offset and covariance with one pair; return the error before."""
+    """Update all states and their covariance with one pair; return the error before."""
     if not is_finite(position):
         return np.nan
     before = memory.last[SEEN]
     observe(memory, learner, deadband, position)
-    error = drive - prediction(memory, learner, learner.weights, learner.shift[OFFSET])
+    error = drive - own_prediction(memory, learner)
     if learn and is_finite(error) and memory.last[SEEN] != before:
         _learn(memory, learner, covariance, walk, vectors, variance, taught(error))
     return error
@@ -130,7 +143,7 @@ def _step(
     counts: IntArray,
     bank: FloatArray,
     weights: FloatArray,
-    shift: FloatArray,
+    scalars: FloatArray,
     slopes: FloatArray,
     cells: FloatArray,
     covariance: FloatArray,
@@ -143,7 +156,7 @@ def _step(
     learn: bool,
 ) -> float:
     memory = Memory(levels, values, now, last, counts)
-    learner = Learner(bank, weights, shift, slopes, cells)
+    learner = Learner(bank, weights, scalars, slopes, cells)
     return _adapt(
         memory, learner, covariance, walk, vectors, variance, deadband, position, drive, learn
     )
@@ -158,7 +171,7 @@ def _run(
     counts: IntArray,
     bank: FloatArray,
     weights: FloatArray,
-    shift: FloatArray,
+    scalars: FloatArray,
     slopes: FloatArray,
     cells: FloatArray,
     covariance: FloatArray,
@@ -171,7 +184,7 @@ def _run(
     errors: FloatArray,
 ) -> None:
     memory = Memory(levels, values, now, last, counts)
-    learner = Learner(bank, weights, shift, slopes, cells)
+    learner = Learner(bank, weights, scalars, slopes, cells)
     for k in range(errors.size):
         position, drive = positions[k], drives[k]
         errors[k] = _adapt(
@@ -180,13 +193,14 @@ def _run(
 
 
 class RLSIdentifier(OnlineIdentifier):
-    """Follows slopes and an offset, each as fast as the pairs tell and its walk allows.
+    """Follows slopes, an offset and a scale, each as fast as the pairs tell and its walk allows.
 
     Args:
         bank: Thresholds and gains of the stops, from `new_bank`.
         weights: (2 M,) weights [a^l, a^r] to start from, of a model that was identified.
         weight_walk: Variance that each slope gains in a learning step, in [0, `SLOPE_BOUND`).
         offset_walk: The same of the offset, in [0, `OFFSET_BOUND`), in units of the range squared.
+        scale_walk: The same of the scale, in [0, `SCALE_BOUND`).
         measurement_variance: R, variance of the error that no model explains, above 0.
         deadband: Width of the backlash before the memory, in units of the range; above the noise.
         capacity: Extrema remembered on each side.
@@ -202,6 +216,7 @@ class RLSIdentifier(OnlineIdentifier):
         *,
         weight_walk: float = 1e-8,
         offset_walk: float = 3e-9,
+        scale_walk: float = 1e-10,
         measurement_variance: float = 1e-6,
         deadband: float = 0.0,
         capacity: int = DEFAULT_CAPACITY,
@@ -214,13 +229,15 @@ class RLSIdentifier(OnlineIdentifier):
         """R; may be set in the loop, above 0, for pairs that are worth less or more."""
         checked_walk("weights", weight_walk, SLOPE_BOUND)
         checked_walk("the offset", offset_walk, OFFSET_BOUND)
+        checked_walk("the scale", scale_walk, SCALE_BOUND)
         cells = self._learner.cells
-        self._start = on_planes(cells, SLOPE_VARIANCE, OFFSET_VARIANCE)
+        self._start = on_planes(cells, SLOPE_VARIANCE, OFFSET_VARIANCE, SCALE_VARIANCE)
         self._covariance = self._start.copy()
         vectors = np.zeros((3, len(self._start)))
         vectors[DECAY] = np.sqrt(1.0 - weight_walk / SLOPE_BOUND)
-        vectors[DECAY, -1] = np.sqrt(1.0 - offset_walk / OFFSET_BOUND)
-        walk = on_planes(cells, weight_walk, offset_walk)
+        vectors[DECAY, -2] = np.sqrt(1.0 - offset_walk / OFFSET_BOUND)
+        vectors[DECAY, -1] = np.sqrt(1.0 - scale_walk / SCALE_BOUND)
+        walk = on_planes(cells, weight_walk, offset_walk, scale_walk)
         self._arguments = (
             *self._memory,
             *self._learner,
@@ -242,18 +259,19 @@ class RLSIdentifier(OnlineIdentifier):
     def _run(self, positions: FloatArray, drives: FloatArray, errors: FloatArray) -> None:
         _run(*self._arguments, self.measurement_variance, positions, drives, errors)
 
-    def adopt(self, weights: npt.ArrayLike, offset: float = 0.0) -> None:
-        """Take over weights and an offset, and trust them as little as at the start.
+    def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
+        """Take over weights, an offset and a scale, and trust them as little as at the start.
 
         Weights that no inverse belongs to are projected onto the nearest that have one.
 
         Raises:
-            ModelError: If they are not 2 M finite weights and a finite offset.
+            ModelError: If they are not 2 M finite weights, a finite offset and a scale within
+                `SCALE_LIMIT`.
         """
-        super().adopt(weights, offset)
+        super().adopt(weights, offset, scale)
         self._covariance[:] = self._start
 
     @property
     def covariance(self) -> FloatArray:
-        """P of [slopes, offset], shape (2 M + 3, 2 M + 3), symmetric; changes in place."""
+        """P of [slopes, offset, scale], shape (2 M + 4, 2 M + 4), symmetric; changes in place."""
         return self._covariance

@@ -20,6 +20,7 @@ from piezod.hysteresis import (
     new_bank,
     stop_regressors,
 )
+from piezod.hysteresis.learner import OFFSET_LIMIT, SCALE_LIMIT
 from piezod.hysteresis.slopes import LEAST_SLOPE, smallest_slope_of
 from tests.hysteresis.draw import inputs
 
@@ -34,7 +35,7 @@ MAKERS: dict[str, Maker] = {
     "NLMS": lambda bank: NLMSIdentifier(bank, gain=1.9),
     "RLS": lambda bank: RLSIdentifier(bank, np.zeros(bank.shape[1])),
     "RLS that walks far": lambda bank: RLSIdentifier(
-        bank, np.zeros(bank.shape[1]), weight_walk=5e-4, offset_walk=5e-5
+        bank, np.zeros(bank.shape[1]), weight_walk=5e-4, offset_walk=5e-5, scale_walk=5e-5
     ),
     "shadowed RLS": lambda bank: Shadowed(
         RLSIdentifier(bank, np.zeros(bank.shape[1])), window=5, tolerance=1.0
@@ -54,10 +55,16 @@ def drives_for(positions: Array) -> Array:
     return positions + stop_regressors(BANK, positions) @ KNOWN
 
 
+def learned_by(identifier: AdaptiveIdentifier) -> list[float]:
+    """Return all that was learned: weights, offset and scale."""
+    return [*identifier.weights.tolist(), identifier.offset, identifier.scale]
+
+
 def assert_sound(identifier: AdaptiveIdentifier, bank: Array) -> None:
     """Assert that the weights have an inverse, and that a covariance is one."""
     assert np.all(np.isfinite(identifier.weights))
-    assert abs(identifier.offset) <= 1.0
+    assert abs(identifier.offset) <= OFFSET_LIMIT
+    assert abs(identifier.scale) <= SCALE_LIMIT
     assert smallest_slope_of(bank, identifier.weights) >= LEAST_SLOPE - 1e-12
     if isinstance(identifier, RLSIdentifier):
         covariance = identifier.covariance
@@ -108,33 +115,34 @@ def test_tiny_amplitude_and_then_full_swing_do_not_diverge(make: Maker) -> None:
 @every
 @pytest.mark.parametrize("spoiled", [math.nan, math.inf, -math.inf])
 def test_a_pair_that_is_not_finite_teaches_nothing(make: Maker, spoiled: float) -> None:
-    """Weights and offset stay to the bit; without a displacement the memory holds too."""
+    """What was learned stays to the bit; without a displacement the memory holds too."""
     identifier = make(BANK)
     identifier.run(command(1.0), drives_for(command(1.0)))
-    before = (identifier.weights.tolist(), identifier.offset, identifier.position)
+    before = [*learned_by(identifier), identifier.position]
 
     errors = [identifier.step(spoiled, 0.5)]
     held = identifier.position
     errors.append(identifier.step(0.9, spoiled))
 
     assert not np.any(np.isfinite(errors))
-    assert (identifier.weights.tolist(), identifier.offset, held) == before
-    assert identifier.position == pytest.approx(0.9 - identifier.offset)
+    assert [*learned_by(identifier), held] == before
+    expected = (1.0 + identifier.scale) * 0.9 - identifier.offset
+    assert identifier.position == pytest.approx(expected)
 
 
 @every
 def test_without_learning_only_the_memory_goes_on(make: Maker) -> None:
-    """Weights and offset stay to the bit, and afterwards the operators are where they should be."""
+    """The rest stays to the bit, and afterwards the operators are where they should be."""
     identifier, twin = make(BANK), make(BANK)
     for one in (identifier, twin):
         one.run(command(1.0), drives_for(command(1.0)))
-    learned = (identifier.weights.tolist(), identifier.offset)
+    learned = learned_by(identifier)
 
     for position in command(4.0):
         identifier.step(position, 0.7, learn=False)
         twin.step(position, math.nan)
 
-    assert (identifier.weights.tolist(), identifier.offset) == learned
+    assert learned_by(identifier) == learned
     assert identifier.step(0.6, 0.6) == twin.step(0.6, 0.6)
 
 
@@ -147,8 +155,7 @@ def test_steps_are_a_run_to_the_bit(make: Maker) -> None:
     errors = [stepped.step(x, v) for x, v in zip(positions, drives, strict=True)]
 
     assert errors == run.run(positions, drives).tolist()
-    assert stepped.weights.tolist() == run.weights.tolist()
-    assert stepped.offset == run.offset
+    assert learned_by(stepped) == learned_by(run)
 
 
 @every
@@ -159,32 +166,34 @@ def test_prediction_by_its_own_model_is_what_a_step_compares_with(make: Maker) -
     for position in (0.2, 0.8, 1.01, -0.01, 0.4):
         error = identifier.step(position, 0.5, learn=False)
 
-        predicted = identifier.predict(identifier.weights, identifier.offset)
+        predicted = identifier.predict(identifier.weights, identifier.offset, identifier.scale)
         assert error == pytest.approx(0.5 - predicted, abs=1e-15)
 
 
 @every
 def test_others_are_judged_on_the_same_memory(make: Maker) -> None:
-    """What a known model predicts is its drive, and an offset lowers it by as much."""
+    """What a known model predicts is its drive; offset and scale change it by what they add."""
     positions = command(2.0)
     identifier = make(BANK)
     for position in positions:
         identifier.step(position, 0.5, learn=False)
 
-    assert identifier.predict(KNOWN, 0.0) == pytest.approx(drives_for(positions)[-1], abs=1e-12)
-    assert identifier.predict(KNOWN, 0.01) == pytest.approx(identifier.predict(KNOWN, 0.0) - 0.01)
+    known = identifier.predict(KNOWN, 0.0, 0.0)
+    moved = known + 0.05 * positions[-1] - 0.01
+    assert known == pytest.approx(drives_for(positions)[-1], abs=1e-12)
+    assert identifier.predict(KNOWN, 0.01, 0.05) == pytest.approx(moved)
 
 
 @every
 def test_reset_forgets_the_displacement_and_keeps_what_was_learned(make: Maker) -> None:
-    """A new record starts from rest, with the same weights and offset."""
+    """A new record starts from rest, with the same weights, offset and scale."""
     identifier = make(BANK)
     identifier.run(command(3.0), drives_for(command(3.0)))
-    learned = (identifier.weights.tolist(), identifier.offset)
+    learned = learned_by(identifier)
 
     identifier.reset()
 
-    assert (identifier.weights.tolist(), identifier.offset) == learned
+    assert learned_by(identifier) == learned
     assert identifier.position == 0.0
     assert identifier.merged_pairs == 0
 
@@ -195,11 +204,10 @@ def test_adopted_models_are_taken_over_in_place(make: Maker) -> None:
     identifier = make(BANK)
     weights = identifier.weights
 
-    identifier.adopt(KNOWN, 0.01)
+    identifier.adopt(KNOWN, 0.01, 0.05)
 
     assert identifier.weights is weights
-    assert weights.tolist() == KNOWN.tolist()
-    assert identifier.offset == 0.01
+    assert learned_by(identifier) == [*KNOWN.tolist(), 0.01, 0.05]
 
 
 @every
@@ -214,13 +222,16 @@ def test_adopted_models_without_an_inverse_are_projected(make: Maker) -> None:
 
 @every
 def test_models_that_are_none_are_not_adopted(make: Maker) -> None:
-    """What is not finite, or of another size, is refused and nothing changes."""
+    """What is not finite, of another size or out of bounds is refused and nothing changes."""
     identifier = make(BANK)
     for weights, offset in ((KNOWN[1:], 0.0), (np.full(38, np.nan), 0.0), (KNOWN, math.nan)):
         with pytest.raises(ModelError, match="need 38 finite weights and a finite offset"):
             identifier.adopt(weights, offset)
+    for scale in (0.31, -0.31, math.nan):
+        with pytest.raises(ModelError, match=r"a scale is from -0\.3 to 0\.3"):
+            identifier.adopt(KNOWN, 0.0, scale)
 
-    assert identifier.weights.tolist() == [0.0] * 38
+    assert learned_by(identifier) == [0.0] * 40
 
 
 def test_learning_that_made_it_worse_is_undone() -> None:
@@ -253,6 +264,24 @@ def test_a_learner_too_wild_for_the_noise_is_held() -> None:
 
     assert shadowed.restored == 6
     assert shadowed.weights.tolist() == KNOWN.tolist()
+
+
+def test_offset_and_scale_are_restored_with_the_weights() -> None:
+    """Noise that a wild learner takes for drift and for a change of gain leaves nothing behind."""
+    positions = command(3.0)
+    noise = 1e-2 * np.random.default_rng(1).standard_normal(positions.size)
+    shadowed = Shadowed(RLSIdentifier(BANK, KNOWN, weight_walk=1e-4), window=500, tolerance=1.0)
+    shadowed.adopt(KNOWN, 0.01, 0.05)
+    displacements = (positions + 0.01) / 1.05
+
+    shadowed.run(displacements[:2999], (drives_for(positions) + noise)[:2999])
+    went = learned_by(shadowed)
+    shadowed.step(displacements[2999], 0.0)
+
+    assert abs(went[-2] - 0.01) > 1e-3
+    assert abs(went[-1] - 0.05) > 1e-3
+    assert shadowed.restored == 6
+    assert learned_by(shadowed) == [*KNOWN.tolist(), 0.01, 0.05]
 
 
 def test_learning_that_made_it_better_is_kept() -> None:
