@@ -162,6 +162,7 @@ class CompensatedAxis:
             self._drive_v.to_unit(window.high_v),
             self.identifier.weights,
             self.identifier.offset,
+            self.identifier.scale,
             trim,
         )
         drive_v = window.admit(self._drive_v.from_unit(drive), self._in_force_v)

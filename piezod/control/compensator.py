@@ -61,7 +61,7 @@ class Compensator:
         self._following = False
         self.switch(mode)
         self._fading, self._strength = 0, self._strength_aim
-        self._offset = 0.0
+        self._offset, self._scale = 0.0, 0.0
         self._zeroed = creep.zeroed
         self._pending = np.array([creep.quick, creep.quick, 0.0, 0.0])
         self._arguments = (
@@ -133,6 +133,7 @@ class Compensator:
         high: float,
         identified: FloatArray,
         offset: float = 0.0,
+        scale: float = 0.0,
         trim: float = 0.0,
     ) -> float:
         """Return the drive for the next command; may be called in the loop.
@@ -143,6 +144,7 @@ class Compensator:
             high: Highest drive that the limits allow in this cycle.
             identified: (2 M,) the identifier's weights, followed in mode `adaptive`.
             offset: The identifier's drift of the displacement, followed likewise.
+            scale: The identifier's scale of the displacement, followed likewise.
             trim: Displacement to add, in units of the range.
         """
         target = identified if self._following else self._target
@@ -152,5 +154,8 @@ class Compensator:
             self._fading -= 1
         if self._following:
             self._offset += share * (offset - self._offset)
-        added = self._zeroed - self._offset + trim
-        return step(*self._arguments, target, share, self._strength, command, added, low, high)
+            self._scale += share * (scale - self._scale)
+        stretch = 1.0 + self._scale
+        added = stretch * self._zeroed - self._offset + trim
+        wish = command, stretch, added
+        return step(*self._arguments, target, share, self._strength, *wish, low, high)

@@ -72,6 +72,7 @@ def step(
     share: float,
     strength: float,
     command: float,
+    stretch: float,
     added: float,
     low: float,
     high: float,
@@ -97,7 +98,8 @@ def step(
         share: Part of the way there that they go in this step.
         strength: From 0, the drive is in proportion to the command, to 1, compensated.
         command: Displacement asked for.
-        added: Displacement to add to it before it is compensated.
+        stretch: What to multiply it by before it is compensated.
+        added: Displacement to add then.
         low: Lowest drive.
         high: Highest drive.
     """
@@ -108,7 +110,7 @@ def step(
     for j in range(weights.size):
         weights[j] += share * (target[j] - weights[j])
     command = clamp(command, pending[COMMAND])
-    asked = command + added - crept
+    asked = stretch * command + added - crept
     position = clamp(asked, command)
     pending[OUTSIDE] = asked - position
     model = _model(memory, bank, plays, weights, position)

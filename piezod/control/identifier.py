@@ -56,6 +56,11 @@ class Identifier:
         return self.adaptation.offset
 
     @property
+    def scale(self) -> float:
+        """By how much more than the displacement the hysteresis sees; 0 if not identified."""
+        return self.adaptation.scale
+
+    @property
     def merged_pairs(self) -> int:
         """Number of pairs of extrema that a full memory had to give up."""
         return self.adaptation.merged_pairs
@@ -73,7 +78,7 @@ class Identifier:
             expected: Displacement that the compensator's memory has, normalised.
         """
         lags, gains, weights = self._lags, self._creep.gains, self._creep.weights
-        crept = advance_creep(lags, gains, weights, self._quick) - self._zeroed
+        crept = advance_creep(lags, gains, weights, self._quick)
         position = self._position_um.to_unit(sample.position_um)
         drive = self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
         may_teach = self.gate.admits(
@@ -83,9 +88,12 @@ class Identifier:
             drive=drive,
             position=position,
         )
-        accurate, before = self.gate.accurate, self.adaptation.position
-        quick = position - crept if accurate else expected + self.adaptation.offset
-        error = self.adaptation.step(quick, drive, may_teach)
-        self._quick = quick - self.adaptation.offset
+        # What creeps is what the hysteresis sees: so has crept in its units, not in the sensor's.
+        seen = position + self._zeroed - crept / (1.0 + self.scale)
+        if not self.gate.accurate:
+            seen = (expected + self.offset) / (1.0 + self.scale)
+        before = self.adaptation.position
+        error = self.adaptation.step(seen, drive, may_teach)
+        self._quick = (1.0 + self.scale) * seen - self.offset
         if may_teach and self.adaptation.position != before:  # at rest any weights predict well
             self.converged = self._convergence.update(error)

@@ -85,6 +85,31 @@ def test_offset_is_followed_in_adaptive_mode_only() -> None:
     assert drifted == pytest.approx(inverse().run([0.5, 0.4, 0.6])[-1], abs=1e-12)
 
 
+def test_scale_is_followed_in_adaptive_mode_only() -> None:
+    """A stage that moves further is asked for less; an offset counts besides."""
+    one = compensator(Mode.FEEDFORWARD)
+    fixed = one.step(0.5, 0.0, 1.0, WEIGHTS, scale=-0.1)
+    assert fixed == drives(compensator(Mode.FEEDFORWARD), [0.5]).pop()
+
+    one.switch(Mode.ADAPTIVE)
+    for _ in range(200):
+        one.step(0.5, 0.0, 1.0, WEIGHTS, offset=0.05, scale=-0.1)
+    one.switch(Mode.FEEDFORWARD)
+    scaled = one.step(0.8, 0.0, 1.0, WEIGHTS, scale=0.2)
+
+    assert scaled == pytest.approx(inverse().run([0.5, 0.4, 0.67])[-1], abs=1e-12)
+
+
+def test_scale_beyond_the_range_stops_at_its_end() -> None:
+    """A stage that moves less cannot reach the top: the drive stays within the model's range."""
+    one = compensator(Mode.ADAPTIVE)
+
+    top = [one.step(0.95, 0.0, 2.0, WEIGHTS, scale=0.1) for _ in range(200)][-1]
+
+    assert top == pytest.approx(1.0, abs=1e-12)
+    assert (one.stop, one.limited) == (1, False)
+
+
 def test_stop_says_which_way_nothing_more_is_to_be_had() -> None:
     """Neither from the drive nor from the displacement."""
     one = compensator(Mode.FEEDFORWARD)

@@ -174,6 +174,18 @@ def test_offset_follows_the_drift_of_the_sensor() -> None:
     assert bench.adaptation.weights == pytest.approx(WEIGHTS, abs=2e-3)
 
 
+def test_scale_follows_the_gain_of_the_stage() -> None:
+    """What creeps grows with it: once the scale is known nothing is left for weights and offset."""
+    bench = Bench(rls(), MadeUpStage())
+    bench.adaptation.adopt(WEIGHTS, 0.0, 1.0 / 1.1 - 1.0)
+
+    bench.run(wander(10.0), spoil=lambda s: s._replace(position_um=1.1 * s.position_um))
+
+    assert bench.identifier.scale == pytest.approx(1.0 / 1.1 - 1.0, abs=1e-9)
+    assert bench.identifier.offset == pytest.approx(0.0, abs=1e-9)
+    assert bench.adaptation.weights == pytest.approx(WEIGHTS, abs=1e-9)
+
+
 def test_lms_knows_no_offset() -> None:
     """What drifts goes into the weights, as in the paper."""
     bench = Bench(LMSIdentifier(BANK), MadeUpStage())
