@@ -1,6 +1,7 @@
 """Fixtures and settings for the tests of every room."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -23,3 +24,28 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no test data: {folder} is not a folder (set PIEZOD_SHARED_DATA)")
     return folder
+
+
+Figure = Callable[[str], None]
+"""Told a line of text with what a test has measured."""
+
+
+@pytest.fixture
+def figure(record_property: Callable[[str, object], None]) -> Figure:
+    """Return what notes a measured figure: all of them are printed below the results."""
+
+    def note(line: str) -> None:
+        print(line)
+        record_property("figure", line)
+
+    return note
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print the figures that tests have measured, whether these passed or not."""
+    reports = [r for kind in ("passed", "failed") for r in terminalreporter.getreports(kind)]
+    lines = [line for r in reports for name, line in r.user_properties if name == "figure"]
+    if lines:
+        terminalreporter.section("figures")
+    for line in sorted(map(str, lines)):
+        terminalreporter.line(line)

@@ -7,6 +7,7 @@ import pytest
 
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.devices import registry
+from tests.experiment.stress_rig import Identified, identified
 
 SHORT = """\
 rate_hz: 1000
@@ -55,3 +56,22 @@ def load(tmp_path: Path) -> Load:
         return load_experiment(path, registry)
 
     return from_text
+
+
+@pytest.fixture(scope="session")
+def shared_by_workers(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Return a folder of this run that all of its processes share."""
+    own = tmp_path_factory.getbasetemp()
+    return own if worker_id == "master" else own.parent
+
+
+@pytest.fixture(scope="session")
+def beyond_stage(shared_by_workers: Path) -> Identified:
+    """Return the stage of `beyond.yaml` with its model."""
+    return identified(shared_by_workers, "graded")
+
+
+@pytest.fixture(scope="session")
+def even_stage(shared_by_workers: Path) -> Identified:
+    """Return the same with thresholds spaced evenly, which LMS needs."""
+    return identified(shared_by_workers, "even")
