@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 DEMO := build/demo
 STARTED := $(shell date +%s)
 
-.PHONY: help demo test stress check lint bench lock clean
+.PHONY: help demo test stress check lint bench figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-7s %s\n", $$1, $$2 }' Makefile
@@ -34,6 +34,9 @@ lint: $(STAMP) ## check style, types and import directions
 
 bench: $(STAMP) ## measure what a sample and a start cost
 	@for file in benchmarks/bench_*.py; do $(BIN)/python "$$file" || exit; done
+
+figures: $(STAMP) ## make the figures and the table of docs/modes.md anew (some minutes)
+	$(BIN)/python -m docs.figures
 
 lock: ## pin the newest versions of all dependencies (needs uv)
 	uv pip compile --quiet --universal --upgrade --generate-hashes --python-version 3.11 \

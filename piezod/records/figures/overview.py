@@ -30,7 +30,16 @@ _MANY: Final = 30.0
 """Over a wider ratio than this, numbers along an axis stand further apart."""
 
 
-class _Mark(NamedTuple):
+class Mark(NamedTuple):
+    """How a dot looks.
+
+    Attributes:
+        shape: As matplotlib names markers.
+        colour: Of edge and filling.
+        size: In points.
+        edge: Width of the edge, in points.
+    """
+
     shape: str
     colour: str
     size: float = 7.0
@@ -39,6 +48,7 @@ class _Mark(NamedTuple):
     def line(
         self, values: list[float], rows: list[int], label: str = "", *, filled: bool = True
     ) -> Line2D:
+        """Return dots without a line between them, open or filled."""
         return Line2D(
             values,
             rows,
@@ -52,18 +62,18 @@ class _Mark(NamedTuple):
         )
 
 
-# Modes differ in shape as well as in colour, and look the same in every figure.
-_MODE_MARKS: Final = {
-    "uncompensated": _Mark("o", GREY),
-    "feedforward": _Mark("s", BLUE),
-    "adaptive": _Mark("D", GREEN),
-    "trimmed": _Mark("^", VERMILLION),
+MODE_MARKS: Final = {
+    "uncompensated": Mark("o", GREY),
+    "feedforward": Mark("s", BLUE),
+    "adaptive": Mark("D", GREEN),
+    "trimmed": Mark("^", VERMILLION),
 }
+"""Modes differ in shape as well as in colour, and look the same in every figure."""
 _OTHER_MARKS: Final = (
-    _Mark("v", PURPLE),
-    _Mark("P", ORANGE),
+    Mark("v", PURPLE),
+    Mark("P", ORANGE),
 )
-_REFERENCE_MARK: Final = _Mark("|", BLACK, size=14.0, edge=1.8)
+_REFERENCE_MARK: Final = Mark("|", BLACK, size=14.0, edge=1.8)
 
 
 @house_style()
@@ -110,10 +120,10 @@ def _panels(metrics: Iterable[str]) -> list[tuple[str, ...]]:
     return [tuple(sorted(names, key=metric_group)) for names in panels.values()]
 
 
-def _marks(modes: Iterable[str]) -> dict[str, _Mark]:
+def _marks(modes: Iterable[str]) -> dict[str, Mark]:
     """Return the mark of each mode: that of its name, or the next one that is free."""
     others = cycle(_OTHER_MARKS)
-    return {mode: _MODE_MARKS.get(mode) or next(others) for mode in modes}
+    return {mode: MODE_MARKS.get(mode) or next(others) for mode in modes}
 
 
 def _layout(result: ExperimentResult) -> tuple[dict[int, str], dict[int, Recording]]:
@@ -140,7 +150,7 @@ def _draw_metrics(
     axes: Axes,
     names: tuple[str, ...],
     rows: Mapping[int, Recording],
-    marks: Mapping[str, _Mark],
+    marks: Mapping[str, Mark],
     reference: Reference | None,
 ) -> None:
     unit = metric_unit(names[0])

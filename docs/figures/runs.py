@@ -1,0 +1,102 @@
+"""The runs from which the figures and the table of `docs/modes.md` are made."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from piezod.config.experiment import CaseConfig, ExperimentConfig, load_experiment
+from piezod.config.modes import Mode
+from piezod.devices import registry
+from piezod.experiment.creeping import Creeping
+from piezod.experiment.identify_axes import identify_axes
+from piezod.experiment.run import run_experiment
+from piezod.experiment.run_case import run_case
+from piezod.experiment.stage import opened
+from piezod.records.recording import Recording
+from piezod.units import NS_PER_S
+
+EXPERIMENTS: Final = Path(__file__).parents[2] / "config" / "experiments"
+FILES: Final = {
+    "stack": "beyond.yaml",
+    "stack, sensor not calibrated": "beyond-uncalibrated.yaml",
+    "flexure": "beyond-flexure.yaml",
+    "AFM scanner": "beyond-afm.yaml",
+}
+"""Stage → its experiment."""
+COMPENSATED: Final = (Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED)
+
+MOVE_S, HOLD_S = 1.0, 100.0
+WITHOUT_CREEP: Final = "feedforward, creep left out of the model"
+_OTHER_SPECIMEN: Final = 5
+"""Seed of a stack with 11 % less travel than the first, and other loops."""
+
+
+def load(stage: str) -> ExperimentConfig:
+    """Return the experiment of a stage."""
+    return load_experiment(EXPERIMENTS / FILES[stage], registry)
+
+
+def run(config: ExperimentConfig) -> tuple[Recording, ...]:
+    """Run an experiment; return its recordings."""
+    return run_experiment(config, "", config.title, lambda _label, _share: None).recordings
+
+
+def holds() -> Mapping[str, Recording]:
+    """Move the stack and hold it: without a model of its creep, with one, and trimmed."""
+    config = load("stack").model_copy(
+        update={"cases": (_hold_case(),), "modes": (Mode.FEEDFORWARD, Mode.TRIMMED)}
+    )
+    axis = config.axes["x"]
+    plain = axis.compensator.model_copy(update={"creep": False})
+    without = config.model_copy(
+        update={
+            "axes": {"x": axis.model_copy(update={"compensator": plain})},
+            "modes": (Mode.FEEDFORWARD,),
+        }
+    )
+    feedforward, trimmed = run(config)
+    (creeping,) = run(without)
+    return {
+        WITHOUT_CREEP: creeping,
+        "feedforward": feedforward,
+        "trimmed": trimmed,
+    }
+
+
+def on_another_specimen() -> tuple[Recording, ...]:
+    """Identify one stack, then run a case on another one with the model of the first."""
+    config = load("stack")
+    with opened(config, _ignore) as stage:
+        first = identify_axes(stage, config)["x"]
+    other = config.model_copy(update={"seed": _OTHER_SPECIMEN})
+    recordings: list[Recording] = []
+    for mode in COMPENSATED:
+        with opened(other, _ignore) as stage:
+            creeping = Creeping(first.model, stage.period_ns / NS_PER_S)
+            axes = {"x": replace(first, creeping=creeping)}
+            runs = run_case(stage, other, axes, config.cases[1], mode)
+            recordings += [each.recording for each in runs]
+    return tuple(recordings)
+
+
+def _ignore(_cycles: int) -> None:
+    pass
+
+
+def _hold_case() -> CaseConfig:
+    rise = {"kind": "triangle", "low": 0, "high": 20, "frequency_hz": 0.5 / MOVE_S}
+    return CaseConfig.model_validate(
+        {
+            "name": "hold",
+            "period_s": MOVE_S,
+            "duration_s": MOVE_S + HOLD_S,
+            "command_um": {
+                "kind": "sequence",
+                "parts": (
+                    {"duration_s": MOVE_S, "waveform": rise},
+                    {"duration_s": HOLD_S, "waveform": {"kind": "setpoint", "level": 20}},
+                ),
+            },
+        }
+    )
