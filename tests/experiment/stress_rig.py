@@ -20,7 +20,7 @@ from piezod.experiment.creeping import Creeping
 from piezod.experiment.identify_axes import identify_axes
 from piezod.experiment.stage import COMMAND_UM, TRUE_UM, Stage, opened
 from piezod.experiment.stage_model import StageModel
-from piezod.hysteresis import stop_regressors
+from piezod.hysteresis import Shadowed, stop_regressors
 from piezod.hysteresis.memory import FloatArray
 from piezod.plant.plant import Plant
 from piezod.units import NS_PER_S
@@ -173,21 +173,27 @@ class StressRig:
     def learned(self) -> FloatArray:
         """All that the identifier has learned, to be compared to the bit."""
         identifier = self.axis.identifier
-        return np.append(identifier.weights, identifier.offset)
+        return np.array([*identifier.weights, identifier.offset, identifier.scale])
 
     @property
     def merged_pairs(self) -> int:
         """Number of pairs of extrema that a full memory had to give up."""
         return self.axis.compensator.merged_pairs + self.axis.identifier.merged_pairs
 
+    @property
+    def restored(self) -> int:
+        """How often the last good model was restored."""
+        return cast("Shadowed", self.axis.identifier.adaptation).restored
+
     def moved_pct(self, learned: FloatArray, other: FloatArray) -> float:
         """Return by how much the drives of two models differ at most, in % of the range."""
         return float(np.max(np.abs(self._drives(learned) - self._drives(other)))) * 100.0
 
     def _drives(self, learned: FloatArray) -> FloatArray:
-        weights, offset = learned[:-1], learned[-1]
-        y = _PATH - offset
-        return y + stop_regressors(self._model.bank, np.clip(y, 0.0, 1.0)) @ weights
+        weights, offset, scale = learned[:-2], learned[-2], learned[-1]
+        y = (1.0 + scale) * _PATH - offset
+        drives: FloatArray = y + stop_regressors(self._model.bank, np.clip(y, 0.0, 1.0)) @ weights
+        return drives
 
 
 _TURNS = (0.0, 1.0, 0.0, 0.7, 0.2, 0.6, 0.3, 0.5, 0.4, 1.0, 0.4, 0.8, 0.5, 0.7)

@@ -1,0 +1,152 @@
+"""Sensors that fail for a while leave nothing behind in what is learned."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from piezod.devices.interface import Sample
+from piezod.hysteresis.memory import FloatArray
+from tests.conftest import Figure
+from tests.experiment.stress_rig import (
+    SWING_UM,
+    Identified,
+    StressRig,
+    listed,
+    swing_um,
+    worst_pct,
+)
+
+NOISE_UM = 0.018
+"""Of the sensor, rms."""
+AFTER_S = (1.0, 3.0, 10.0)
+
+Fault = Callable[[Sample], Sample]
+
+
+def stuck() -> Fault:
+    """Return a sensor that shows the same for ever."""
+    shown: list[float] = []
+
+    def tamper(sample: Sample) -> Sample:
+        shown.append(sample.position_um)
+        return sample._replace(position_um=shown[0])
+
+    return tamper
+
+
+def noisy() -> Fault:
+    """Return a sensor with ten times its noise."""
+    draws = np.random.default_rng(5)
+    more_um = np.sqrt(10.0**2 - 1.0) * NOISE_UM
+
+    def tamper(sample: Sample) -> Sample:
+        return sample._replace(position_um=sample.position_um + more_um * draws.standard_normal())
+
+    return tamper
+
+
+def spiking() -> Fault:
+    """Return a sensor that is 10 % of the range off."""
+    return lambda sample: sample._replace(position_um=sample.position_um + 0.1 * SWING_UM)
+
+
+def late() -> Fault:
+    """Return a sensor that has its delay twice, and does not say so."""
+    share, before_um = 0.63, float("nan")
+
+    def tamper(sample: Sample) -> Sample:
+        nonlocal before_um
+        last_um, before_um = before_um, sample.position_um
+        if np.isnan(last_um):
+            return sample
+        return sample._replace(position_um=share * last_um + (1.0 - share) * before_um)
+
+    return tamper
+
+
+def gone() -> Fault:
+    """Return a sensor that gives no valid samples."""
+    return lambda sample: sample._replace(position_um=float("nan"), valid=False)
+
+
+@dataclass
+class Course:
+    """What happened in a run through a fault.
+
+    Attributes:
+        rig: What ran.
+        taught: Cycles of the fault in which something was learned.
+        learned: What was known at the beginning of the fault, at its end, and some time after.
+        worst: Worst true error during the fault, and up to each of these times, in %.
+    """
+
+    rig: StressRig
+    taught: int = 0
+    learned: list[FloatArray] = field(default_factory=list)
+    worst: list[float] = field(default_factory=list)
+
+    def watch(self, _cycle: int) -> None:
+        """Notice whether anything was learned in the last cycle."""
+        now = self.rig.learned
+        self.taught += not np.array_equal(now, self.learned[-1])
+        self.learned[-1] = now
+
+    def moved_pct(self, other: "Course") -> FloatArray:
+        """Return how far what was learned is from what was in another run, in % of the range."""
+        pairs = zip(self.learned, other.learned, strict=True)
+        return np.array([self.rig.moved_pct(one, another) for one, another in pairs])
+
+
+def through(stage: Identified, fault: Fault | None, begin_s: float, duration_s: float) -> Course:
+    """Swing fully, with a fault of the sensor from a time on and for a duration."""
+    course = Course(StressRig(stage, swing_um))
+    course.rig.run(begin_s)
+    course.learned += [course.rig.learned] * 2
+    course.rig.channels.tamper = fault
+    course.worst.append(worst_pct(course.rig.run(duration_s, course.watch)))
+    course.watch(0)
+    course.rig.channels.tamper = None
+    for last_s, until_s in zip((0.0, *AFTER_S[:-1]), AFTER_S, strict=True):
+        course.worst.append(worst_pct(course.rig.run(until_s - last_s)))
+        course.learned.append(course.rig.learned)
+    return course
+
+
+FAULTS = {
+    "stuck for 1 s": (stuck, 1.0, 1, 0.05),
+    "no samples for 1 s": (gone, 1.0, 0, 0.0),
+    "noise x10 for 4 s": (noisy, 4.0, 20, 1.0),
+    "spike of 10 %": (spiking, 0.001, 0, 0.0),
+    "delay doubled for 4 s": (late, 4.0, 4000, 0.5),
+}
+"""The fault, how long, in how many of its cycles something may be learned, and how much, in %."""
+
+BEGINS_S = [7.1, *(pytest.param(begin_s, marks=pytest.mark.stress) for begin_s in (7.5, 7.9))]
+"""On the way down; while it turns; on the way up, and before it turns."""
+
+
+@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("begin_s", BEGINS_S)
+def test_fault_of_the_sensor_leaves_nothing_behind(
+    beyond_stage: Identified, figure: Figure, name: str, begin_s: float
+) -> None:
+    """Little is learned during the fault and none of it stays; the true error is below 1 %."""
+    fault, duration_s, most_taught, most_moved_pct = FAULTS[name]
+    course = through(beyond_stage, fault(), begin_s, duration_s)
+    undisturbed = through(beyond_stage, None, begin_s, duration_s)
+    moved_pct = course.moved_pct(undisturbed)[2:]
+    begin, end = course.learned[:2]
+    moved_meanwhile_pct = course.rig.moved_pct(begin, end)
+    figure(
+        f"sensor {name}, from {begin_s:g} s on: learned in {course.taught} cycles, moved "
+        f"{moved_meanwhile_pct:.3f} %; off an undisturbed run 1, 3, 10 s later {listed(moved_pct)} "
+        f"%; worst true error {listed(np.array(course.worst))} % "
+        f"(undisturbed {listed(np.array(undisturbed.worst))} %)"
+    )
+
+    assert course.taught <= most_taught
+    assert moved_meanwhile_pct <= most_moved_pct
+    assert moved_pct[-1] < 0.1
+    assert max(course.worst) < 1.0
