@@ -98,8 +98,9 @@ def random_commands(stage: Identified, duration_s: float, figure: Figure) -> Non
     identifier = stage.config.axes["x"].compensator.identifier
     figure(
         f"random commands for {duration_s:g} s, {identifier}: smallest slope anywhere {least:.9f}; "
-        f"pairs merged {rig.merged_pairs}, models restored {rig.restored}; worst true error {worst.max():.2f} %, rms {np.sqrt(np.mean(rms**2)):.2f} %; "
-        f"worst in the first and in the last minute {listed(worst[[0, -1]])} %"
+        f"pairs merged {rig.merged_pairs}, models restored {rig.restored}; worst true error "
+        f"{worst.max():.2f} %, rms {np.sqrt(np.mean(rms**2)):.2f} %; worst in the first and in the "
+        f"last minute {listed(worst[[0, -1]])} %"
     )
 
     assert least >= LEAST_SLOPE - 1e-12
