@@ -15,6 +15,7 @@ from piezod.experiment.identify_file import FileFit
 from piezod.experiment.judgement import Judgement
 from piezod.experiment.method import Method
 from piezod.experiment.record import Record
+from piezod.experiment.smoothing import longest_window
 from piezod.hysteresis.memory import FloatArray
 
 _BARS = "▁▂▃▄▅▆▇█"
@@ -30,7 +31,7 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
         plot: Path of the figure, None where none was drawn.
     """
     fit = fitted.taken.fit
-    console.print(_read(fitted.data, fitted.record), soft_wrap=True)
+    console.print(_read(fitted.data, fitted.recorded), soft_wrap=True)
     console.print(_seen(fit.settings, fitted.record))
     _print_delay(console, fit.model.delay_s, fit.delay)
     if fitted.choice:
@@ -57,14 +58,14 @@ def _read(data: Path, record: Record) -> str:
 
 
 def _seen(settings: FitSettings, record: Record) -> str:
-    window = settings.window(record)
     if settings.method is Method.LMS:
         return "The displacement is taken as it is, as the paper's method does."
+    window = longest_window(record.drive_v)
     if window == 1:
-        return "The displacement is taken as it is: its drive bends too sharply to smooth it."
+        return "The displacement is taken as it is: the drive moves too sharply to smooth it."
     return (
         f"The displacement is smoothed over {window} samples, {_ms(window * record.period_s)}, "
-        "which is as much as its drive bears."
+        "where the drive does not bend sharply."
     )
 
 

@@ -4,6 +4,7 @@ Each verb has a module of its own, which imports what it works with only when it
 to be quick.
 """
 
+import os
 import sys
 from io import TextIOWrapper
 from typing import Annotated
@@ -54,6 +55,8 @@ def _piezod(
 
 def run() -> None:
     """Run the command of this process's arguments and exit; what `piezod` starts."""
+    # The matrices of a fit are small: threads that share one would mostly wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # A path may hold bytes that no encoding has letters for; better a ? than no output.
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):

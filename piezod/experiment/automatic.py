@@ -5,6 +5,7 @@ Taken is the simplest one whose mean squared error lies within one standard erro
 """
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -95,9 +96,10 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
         delay_s = estimate.delay_s
     candidates = []
     for settings in _settings(record, wanted):
-        fit = fit_model(record, replace(settings, delay_s=delay_s))
-        fit = replace(fit, delay=estimate)
-        candidates.append(Candidate(fit, cross_validate(fit, record)))
+        with suppress(DataError):  # where a record tells nothing of creep
+            fit = fit_model(record, replace(settings, delay_s=delay_s))
+            fit = replace(fit, delay=estimate)
+            candidates.append(Candidate(fit, cross_validate(fit, record)))
     best = min(candidates, key=lambda each: each.validation.rms_pct)
     limit_pct = best.validation.rms_with_standard_error_pct
     as_good = [each for each in candidates if each.validation.rms_pct <= limit_pct]
@@ -106,12 +108,11 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
 
 
 def _delay(record: Record, wanted: Wanted) -> DelayEstimate | None:
-    order = wanted.order or _affordable(record)[-1]
-    settings = FitSettings(
-        order=min(order, REFERENCE_ORDER),
-        spacing=Spacing.GRADED,
-        creep=wanted.creep is not False,
-    )
+    order = min(wanted.order or _affordable(record)[-1], REFERENCE_ORDER)
+    settings = FitSettings(order=order, spacing=Spacing.GRADED)
+    if wanted.creep is not False:
+        with suppress(DataError):
+            return fit_model(record, replace(settings, creep=True)).delay
     return fit_model(record, settings).delay
 
 

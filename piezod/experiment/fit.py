@@ -14,10 +14,11 @@ from piezod.experiment.least_squares_fit import (
     Series,
     Slow,
     fit_least_squares,
+    search_delay,
 )
 from piezod.experiment.method import Method, Spacing
 from piezod.experiment.record import Record, Rows
-from piezod.experiment.smoothing import longest_window, smoothed_record
+from piezod.experiment.smoothing import smoothed_record
 from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis import (
     AffineRange,
@@ -37,8 +38,6 @@ LMS_PASSES = 3
 """The paper: the procedure "can be repeated for several times until satisfactory"."""
 FINE_ORDER = 40
 """Operators of the fit that tells where thresholds are needed."""
-_MOST_ROUNDS = 8
-_SETTLED_PERIODS = 0.01  # of the delay, between rounds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,11 +65,11 @@ class FitSettings:
     delay_s: float | None = None
     smoothing: bool = True
 
-    def window(self, record: Record) -> int:
-        """Return over how many samples of a record the displacement is smoothed; 1 for none."""
+    def seen(self, record: Record) -> Record:
+        """Return a record as the fit sees it: without noise, where that is taken out."""
         if self.method is Method.LMS or not self.smoothing:
-            return 1
-        return longest_window(record.drive_v)
+            return record
+        return smoothed_record(record)
 
 
 @dataclass(frozen=True)
@@ -94,8 +93,8 @@ class Fit:
     linearised: Linearised | None = field(repr=False)
 
     def seen(self, record: Record) -> Record:
-        """Return a record as this fit sees it: without noise, as far as its drive bears that."""
-        return smoothed_record(record, self.settings.window(record))
+        """Return a record as this fit sees it: without noise, where that is taken out."""
+        return self.settings.seen(record)
 
     def without(self, held_out: Rows) -> StageModel:
         """Return the model that the record of the fit gives without some samples, shape (n,).
@@ -163,22 +162,17 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
         ModelError: If the gain of LMS is not stable for so many operators.
     """
     _check(record, settings)
-    problem = Problem(smoothed_record(record, settings.window(record)), settings)
+    problem = Problem(settings.seen(record), settings)
     bank = problem.bank()
     estimate, delay_s = problem.delay(bank, Slow())
     linearised = None
     if settings.method is Method.LMS:
         weights, slow = problem.lms(bank, delay_s), Slow()
     else:
+        # Creep looks like a delay; where there is one frequency, nothing tells them apart.
+        if settings.creep and estimate and not estimate.one_frequency:
+            estimate, delay_s = problem.delay(bank, search_delay(bank, problem.series))
         weights, slow, linearised = problem.least_squares(bank, delay_s)
-        # Creep had looked like a delay; where there is one frequency, nothing tells them apart.
-        searched = settings.creep and estimate is not None and not estimate.one_frequency
-        for _ in range(_MOST_ROUNDS if searched else 0):
-            before_s = delay_s
-            estimate, delay_s = problem.delay(bank, slow)
-            weights, slow, linearised = problem.least_squares(bank, delay_s)
-            if abs(delay_s - before_s) < _SETTLED_PERIODS * record.period_s:
-                break
     model = problem.model(bank, weights, slow, delay_s)
     slope = model.inverse().smallest_slope
     return Fit(model, settings, estimate, slope, problem, linearised)

@@ -13,6 +13,7 @@ from piezod.experiment.fit import Fit, FitSettings, fit_model
 from piezod.experiment.judgement import Judgement, judge
 from piezod.experiment.past import with_past
 from piezod.experiment.record import Record
+from piezod.experiment.thinning import thinned
 from piezod.experiment.warnings import fit_warnings
 from piezod.hysteresis import AffineRange
 from piezod.records.csv_file import read_csv
@@ -30,18 +31,20 @@ class FileFit:
     Attributes:
         data: The file.
         test_data: The other file on which the model was judged, None without one.
-        record: What was read from it.
+        recorded: What was read from it.
+        record: The same as it was fitted to: a long record is averaged.
         taken: The model, how it came about, and its errors.
         other: The same with creep if that is without, and without if that is with it; None for
             LMS, which knows no creep, and where no creep could be fitted.
         raw: The same as `taken`, but fitted to and judged on the displacement as it was recorded;
-            None where that was not smoothed.
+            None for LMS, which is in any case.
         choice: Among which the model was chosen, None where it was asked for.
         warnings: What a person should know before using the model, a sentence each.
     """
 
     data: Path
     test_data: Path | None
+    recorded: Record
     record: Record
     taken: Judgement
     other: Judgement | None
@@ -71,8 +74,9 @@ def identify_file(
         DataError: If a file cannot be used; the text begins with its name.
         OSError: If a file cannot be read.
     """
-    record = read_record(data, skip_s)
-    test_record = read_record(test, skip_s) if test else None
+    recorded = read_record(data, skip_s)
+    record = thinned(recorded)
+    test_record = thinned(read_record(test, skip_s)) if test else None
     with _naming(data):
         if isinstance(settings, Wanted):
             choice = choose(record, settings, delay_s)
@@ -83,11 +87,11 @@ def identify_file(
     other, raw = None, None
     if fit.linearised:
         other = _refitted(fit, record, replace(fit.settings, creep=not fit.settings.creep))
-    if fit.settings.window(record) > 1:
         raw = _refitted(fit, record, replace(fit.settings, smoothing=False))
     return FileFit(
         data=data,
         test_data=test,
+        recorded=recorded,
         record=record,
         taken=judge(fit, record, test_record, validation),
         other=judge(other, record, test_record) if other else None,

@@ -10,13 +10,15 @@ With y the displacement without creep, normalised so that the largest drive belo
 The offset is what the stage has drifted by since it was zeroed, in the run-in.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from piezod.errors import DataError
 from piezod.experiment.creep_law import NO_CREEP, logarithmic
+from piezod.experiment.record import Rows
 from piezod.experiment.stage_model import without_creep
 from piezod.hysteresis import stop_regressors
 from piezod.hysteresis.least_squares import solve_constrained
@@ -24,9 +26,11 @@ from piezod.hysteresis.memory import FloatArray
 
 RIDGE = 1e-6
 """Penalty on the weights, relative to the mean power of their regressors."""
-_ROUNDS = 8
+_ROUNDS = 12
 _STEP = 1e-4  # for differences
-_SETTLED = 1e-6
+_SETTLED = 1e-5
+_FARTHEST = 0.5  # of the range
+_PARTS = (1.0, 0.5, 0.25, 0.125)  # of a step
 
 
 class Slow(NamedTuple):
@@ -59,13 +63,19 @@ class Series:
     drives: FloatArray
     period_s: float
     from_rest: bool
-    counted: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    counted: Rows
 
     def quick(self, slow: Slow) -> FloatArray:
         """Return y, shape (n,)."""
         x = (1.0 + slow.stretch) * self.positions - slow.offset
         law = logarithmic(slow.creep) if slow.creep else NO_CREEP
         return without_creep(x, law, self.period_s, from_rest=self.from_rest)
+
+
+_MUCH = Slow(creep=0.01, stretch=0.04)  # two per cent a decade
+
+SeriesAt: TypeAlias = Callable[[float], Series]
+"""Gives a record aligned by a delay in s."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +93,7 @@ class Linearised:
     bank: FloatArray
     regressors: FloatArray
     target: FloatArray
-    counted: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    counted: Rows
     parameters: FloatArray
 
     @property
@@ -91,7 +101,7 @@ class Linearised:
         """Predicted minus actual drive in units of its range, shape (n,)."""
         return self.regressors @ self.parameters - self.target
 
-    def solved(self, rows: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> FloatArray:
+    def solved(self, rows: Rows) -> FloatArray:
         """Return the parameters that fit some of the rows best, shape (2 M + E,)."""
         return _solve(self.bank, self.regressors[rows], self.target[rows])
 
@@ -110,65 +120,110 @@ class LeastSquaresFit(NamedTuple):
     linearised: Linearised
 
 
-def fit_least_squares(
-    bank: FloatArray, series: Series, *, creep: bool, deadband: float = 0.0
-) -> LeastSquaresFit:
+def fit_least_squares(bank: FloatArray, series: Series, *, creep: bool) -> LeastSquaresFit:
     """Fit weights, and creep if asked for.
 
     Args:
         bank: (2, 2 M) of the stops.
         series: The record.
         creep: Whether creep, offset and stretch are fitted too.
-        deadband: Width of the backlash before the memory, in units of the range.
 
     Raises:
-        DataError: If the search for the creep does not settle.
+        DataError: If the search for the creep goes astray.
     """
-    n_weights = bank.shape[1]
-    slow = Slow()
-    y = series.quick(slow)
-    regressors = _stops(bank, y, deadband)
-    target = series.drives - np.clip(y, 0.0, 1.0)
-    weights = _solve(bank, regressors[series.counted], target[series.counted])
+    point = _Point.at(bank, series, Slow())
     if not creep:
-        return LeastSquaresFit(
-            weights, slow, Linearised(bank, regressors, target, series.counted, weights)
-        )
-    for _ in range(_ROUNDS):
-        linearised = _linearise(bank, series, weights, slow, deadband)
-        before, slow = slow, Slow(*linearised.parameters[n_weights:])
-        weights = linearised.parameters[:n_weights]
-        if max(abs(new - old) for new, old in zip(slow, before, strict=True)) < _SETTLED:
-            break
-    if not (abs(slow.stretch) < 0.5 and abs(slow.offset) < 0.5):
+        return LeastSquaresFit(point.linear.parameters, point.slow, point.linear)
+    point, _ = _search(bank, lambda _: series, point, 0.0, with_delay=False)
+    slow = point.slow
+    if not (abs(slow.stretch) < _FARTHEST and abs(slow.offset) < _FARTHEST):
         raise DataError(
             f"no creep could be fitted: the search went to a stretch of {slow.stretch:.2g} and an "
             f"offset of {slow.offset:.2g} of the range; fit without creep, or record for longer"
         )
-    return LeastSquaresFit(weights, slow, linearised)
+    return LeastSquaresFit(point.linear.parameters, slow, _around(bank, point, with_delay=False))
 
 
-def _linearise(
-    bank: FloatArray, series: Series, weights: FloatArray, slow: Slow, deadband: float
-) -> Linearised:
-    y = series.quick(slow)
-    stops = _stops(bank, y, deadband)
-    drives = np.clip(y, 0.0, 1.0) + stops @ weights
+def search_delay(bank: FloatArray, series_at: SeriesAt) -> Slow:
+    """Return what creeps, searched together with the delay.
+
+    One after the other they would mislead each other, since fast creep looks like a delay. The
+    search begins without delay, since one that is too long hides the creep, and both without creep
+    and with much of it.
+
+    Args:
+        bank: (2, 2 M) of the stops.
+        series_at: Gives the record aligned by a delay in s.
+    """
+    series, found = series_at(0.0), []
+    for start in (Slow(), _MUCH):
+        point = _Point.at(bank, series, start)
+        found.append(_search(bank, series_at, point, 0.0, with_delay=True)[0])
+    return min(found, key=lambda point: point.rms).slow
+
+
+class _Point(NamedTuple):
+    """The best weights for what creeps, and how good they are."""
+
+    series: Series
+    slow: Slow
+    linear: Linearised
+    rms: float
+
+    @classmethod
+    def at(cls, bank: FloatArray, series: Series, slow: Slow) -> "_Point":
+        y = np.clip(series.quick(slow), 0.0, 1.0)
+        linear = _solved(bank, stop_regressors(bank, y), series.drives - y, series.counted)
+        return cls(
+            series, slow, linear, float(np.sqrt(np.mean(linear.misses[series.counted] ** 2)))
+        )
+
+
+def _search(
+    bank: FloatArray, series_at: SeriesAt, point: _Point, delay_s: float, *, with_delay: bool
+) -> tuple[_Point, float]:
+    """Search downhill from a point (Gauss and Newton), in half the step where that went up."""
+    n_weights = bank.shape[1]
+    for _ in range(_ROUNDS):
+        parameters = _around(bank, point, with_delay=with_delay).parameters[n_weights:]
+        later_s = float(parameters[-1]) * point.series.period_s if with_delay else 0.0
+        step = parameters[: len(point.slow)] - np.array(point.slow)
+        for part in _PARTS:
+            there_s = max(0.0, delay_s + part * later_s)
+            slow = Slow(*(np.array(point.slow) + part * step))
+            there = _Point.at(bank, series_at(there_s), slow)
+            if there.rms < point.rms:
+                break
+        else:
+            break
+        point, delay_s = there, there_s
+        if np.max(np.abs(step)) < _SETTLED:
+            break
+    return point, delay_s
+
+
+def _around(bank: FloatArray, point: _Point, *, with_delay: bool) -> Linearised:
+    """Return the problem around a point, linear in what creeps too, and in one period of delay."""
+    series, slow = point.series, point.slow
+    drives = series.drives + point.linear.misses
     columns = []
     for i in range(len(slow)):
-        moved = series.quick(Slow(*(value + _STEP * (i == j) for j, value in enumerate(slow))))
-        there = np.clip(moved, 0.0, 1.0) + _stops(bank, moved, deadband) @ weights
+        moved = Slow(*(value + _STEP * (i == j) for j, value in enumerate(slow)))
+        y = np.clip(series.quick(moved), 0.0, 1.0)
+        there = y + stop_regressors(bank, y) @ point.linear.parameters
         columns.append((there - drives) / _STEP)
-    slow_regressors = np.stack(columns, axis=1)
-    regressors = np.hstack([stops, slow_regressors])
-    target = series.drives - np.clip(y, 0.0, 1.0) + slow_regressors @ np.array(slow)
-    counted = series.counted
+    target = point.linear.target + np.stack(columns, axis=1) @ np.array(slow)
+    if with_delay:
+        columns.append(np.gradient(series.drives))
+    regressors = np.column_stack([point.linear.regressors, *columns])
+    return _solved(bank, regressors, target, series.counted)
+
+
+def _solved(
+    bank: FloatArray, regressors: FloatArray, target: FloatArray, counted: Rows
+) -> Linearised:
     parameters = _solve(bank, regressors[counted], target[counted])
     return Linearised(bank, regressors, target, counted, parameters)
-
-
-def _stops(bank: FloatArray, y: FloatArray, deadband: float) -> FloatArray:
-    return stop_regressors(bank, np.clip(y, 0.0, 1.0), deadband)
 
 
 def _solve(bank: FloatArray, regressors: FloatArray, target: FloatArray) -> FloatArray:

@@ -54,8 +54,9 @@ def longest_window(drive_v: FloatArray) -> int:
     return 1
 
 
-def smoothed_record(record: Record, window: int) -> Record:
+def smoothed_record(record: Record) -> Record:
     """Return a record with its displacement smoothed where its drive bears it."""
+    window = longest_window(record.drive_v)
     if window <= 3:
         return record
     near = np.convolve(_too_sharp(record.drive_v, window), np.ones(2 * window + 1), mode="same")
