@@ -216,7 +216,7 @@ class RLSIdentifier(OnlineIdentifier):
         *,
         weight_walk: float = 1e-8,
         offset_walk: float = 3e-9,
-        scale_walk: float = 1e-10,
+        scale_walk: float = 3e-10,
         measurement_variance: float = 1e-6,
         deadband: float = 0.0,
         capacity: int = DEFAULT_CAPACITY,
