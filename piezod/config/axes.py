@@ -103,12 +103,6 @@ class CompensatorConfig(ConfigModel):
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.identifier == "rls" and "lms_gain" in self.model_fields_set:
             yield ("lms_gain",), "not used, identifier rls has no gain, leave it out"
-        if self.delay_s != "auto" and self.sensor_delay_s > self.delay_s:
-            what = (
-                f"must not be above delay_s, of which it is a part, {self.delay_s:g} s "
-                f"(got {self.sensor_delay_s:g} s)"
-            )
-            yield ("sensor_delay_s",), what
 
 
 class AxisConfig(ConfigModel):

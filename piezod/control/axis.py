@@ -142,7 +142,8 @@ class CompensatedAxis:
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
         """Identify from the sample, compensate the reference; may be called in the loop."""
-        if self._awaits_write:
+        refused = self._awaits_write
+        if refused:
             self.compensator.refused()
         self._awaits_write = True
         self._history.append(t_ns, self._in_force_v)
@@ -152,7 +153,7 @@ class CompensatedAxis:
             self.compensator.adopt_first(self.identifier.weights)
         t_s = (t_ns - self._start_ns) / NS_PER_S
         command_um = self._reference_um(t_s)
-        credible = self.identifier.gate.credible
+        credible = self.identifier.gate.credible and not refused
         trim = self._trim.step(self._lacks(sample), credible, self.compensator.stop)
         ahead = self._position_um.to_unit(self._shaped_um.value(t_s + self._ahead_s))
         window = self._limits.window(self._in_force_v, self._period_s)

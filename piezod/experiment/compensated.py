@@ -83,7 +83,7 @@ def check_trim(config: AxisConfig, period_s: float, delay_s: float) -> None:
     refuse_unstable(
         config.trim.gain_per_s,
         period_s,
-        delay_s,
+        delay_s + 0.5 * period_s,  # it counts from the middle of the cycle in which a voltage holds
         mode.frequency_hz if mode else None,
         mode.damping if mode else None,
     )

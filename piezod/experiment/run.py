@@ -81,5 +81,5 @@ def _seconds(config: ExperimentConfig) -> float:
 
 
 def _versions() -> dict[str, str]:
-    names = ("piezod", "numpy", "numba", "pydantic", "h5py", "matplotlib")
+    names = ("piezod", "numpy", "numba", "scipy", "pydantic", "h5py", "matplotlib")
     return {"python": platform.python_version(), **{name: version(name) for name in names}}

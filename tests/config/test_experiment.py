@@ -267,8 +267,6 @@ COMPENSATOR = "operators: 19, lms_gain: 0.1"
     [
         ("identifier: rls, lms_gain: 0.1", "12:46: axes.x.compensator.lms_gain: not used, "
          "identifier rls has no gain, leave it out"),
-        ("delay_s: 1e-4, sensor_delay_s: 2e-4", "12:50: axes.x.compensator.sensor_delay_s: must "
-         "not be above delay_s, of which it is a part, 0.0001 s (got 0.0002 s)"),
         ("thresholds: odd", "12:31: axes.x.compensator.thresholds: unknown value (got 'odd'), "
          "allowed: even, graded, placed"),
         ("creep: 1", "12:26: axes.x.compensator.creep: must be true or false (got 1)"),

@@ -9,11 +9,13 @@ from piezod.config.modes import Mode
 from piezod.devices import registry
 from piezod.experiment.run import run_experiment
 from piezod.records.recording import Recording
+from tests.conftest import Figure
 
 EXPERIMENTS = Path(__file__).parents[2] / "config" / "experiments"
 
 TARGETS_PCT = {Mode.FEEDFORWARD: 0.9, Mode.ADAPTIVE: 0.4, Mode.TRIMMED: 0.2}
 TRUE = ("true_tracking_max_pct", "true_nonlinearity_pct")
+SHOWN = (*TRUE, "tracking_max_pct", "nonlinearity_pct", "noise_rms_pct")
 
 OTHER_SEEDS = [pytest.param(seed, marks=pytest.mark.stress) for seed in range(2, 12)]
 
@@ -25,10 +27,19 @@ def run(name: str, seed: int) -> dict[tuple[str, str], Recording]:
     return {(r.case, r.mode): r for r in result.recordings}
 
 
+def worst_of(runs: dict[tuple[str, str], Recording], mode: Mode) -> str:
+    """Return the worst errors of a mode over the cases, as text."""
+    metrics = [recording.metrics for (_, of), recording in runs.items() if of == mode]
+    numbers = " / ".join(f"{max(m[name] for m in metrics):.2f}" for name in SHOWN)
+    return f"{mode} {numbers}"
+
+
 @pytest.mark.parametrize("seed", [1, *OTHER_SEEDS])
-def test_true_errors_are_within_the_targets(seed: int) -> None:
+def test_true_errors_are_within_the_targets(seed: int, figure: Figure) -> None:
     """Worst tracking error and nonlinearity of the true displacement, in every case and mode."""
     runs = run("beyond.yaml", seed)
+    shown = ", ".join(worst_of(runs, mode) for mode in TARGETS_PCT)
+    figure(f"beyond.yaml, seed {seed:2}, true worst / nonlinearity, measured, noise: {shown} %")
     errors_pct = {
         (case, mode, metric): recording.metrics[metric]
         for (case, mode), recording in runs.items()
@@ -45,9 +56,11 @@ def test_true_errors_are_within_the_targets(seed: int) -> None:
 @pytest.mark.stress
 @pytest.mark.parametrize("name", ["beyond-afm.yaml", "beyond-flexure.yaml"])
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_adaptive_halves_the_errors_of_other_stages(name: str, seed: int) -> None:
+def test_adaptive_halves_the_errors_of_other_stages(name: str, seed: int, figure: Figure) -> None:
     """A skewed scanner and a stage that drifts: adaptive at most half of feedforward."""
     runs = run(name, seed)
+    shown = ", ".join(worst_of(runs, mode) for mode in TARGETS_PCT)
+    figure(f"{name}, seed {seed}, true worst / nonlinearity, measured, noise: {shown} %")
     for case in {case for case, _ in runs}:
         for metric in TRUE:
             feedforward = runs[case, Mode.FEEDFORWARD].metrics[metric]
