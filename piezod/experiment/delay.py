@@ -68,7 +68,7 @@ def estimate_delay(
     basis, _ = np.linalg.qr(regressors[counted])
     residual = np.sum(targets**2, axis=0) - np.sum((basis.T @ targets) ** 2, axis=0)
     criterion_pct = 100.0 * np.sqrt(np.maximum(residual, 0.0) / targets.shape[0])
-    alone = _has_one_frequency(drive_v.to_unit(record.drive_v))
+    alone = has_one_frequency(drive_v.to_unit(record.drive_v))
     speed = float(np.std(np.diff(drives[:, 0]))) / record.period_s
     hidden_s = 0.01 * float(criterion_pct.min()) / speed
     least_s = (1.0 if alone else 0.5 * STEP_PERIODS) * record.period_s
@@ -86,6 +86,15 @@ def longest_delay_periods(period_s: float) -> int:
     return min(max(int(np.ceil(LONGEST_DELAY_S / period_s)), FEWEST_PERIODS), MOST_PERIODS)
 
 
+def has_one_frequency(drive: FloatArray) -> bool:
+    """Return whether one line holds nearly all power of a drive over time, shape (n,)."""
+    window = np.hanning(drive.size)
+    power = np.abs(np.fft.rfft((drive - drive.mean()) * window)) ** 2
+    strongest = int(np.argmax(power))
+    line = power[max(strongest - 3, 0) : strongest + 4]
+    return bool(np.sum(line) > ONE_FREQUENCY_SHARE * np.sum(power))
+
+
 def _lowest(candidates: FloatArray, criterion: FloatArray) -> float:
     """Return where the parabola through the least value and its neighbours is lowest."""
     best = int(np.argmin(criterion))
@@ -95,11 +104,3 @@ def _lowest(candidates: FloatArray, criterion: FloatArray) -> float:
     bend = before - 2.0 * at + after
     offset = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
     return float(candidates[best] + offset * (candidates[1] - candidates[0]))
-
-
-def _has_one_frequency(drive: FloatArray) -> bool:
-    window = np.hanning(drive.size)
-    power = np.abs(np.fft.rfft((drive - drive.mean()) * window)) ** 2
-    strongest = int(np.argmax(power))
-    line = power[max(strongest - 3, 0) : strongest + 4]
-    return bool(np.sum(line) > ONE_FREQUENCY_SHARE * np.sum(power))

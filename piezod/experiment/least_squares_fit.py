@@ -21,7 +21,7 @@ from piezod.experiment.creep_law import NO_CREEP, logarithmic
 from piezod.experiment.record import Rows
 from piezod.experiment.stage_model import without_creep
 from piezod.hysteresis import stop_regressors
-from piezod.hysteresis.least_squares import solve_constrained
+from piezod.hysteresis.least_squares import parameter_covariance, solve_constrained
 from piezod.hysteresis.memory import FloatArray
 
 RIDGE = 1e-6
@@ -100,6 +100,15 @@ class Linearised:
     def misses(self) -> FloatArray:
         """Predicted minus actual drive in units of its range, shape (n,)."""
         return self.regressors @ self.parameters - self.target
+
+    def covariance(self, residual_variance: float) -> FloatArray:
+        """Return the covariance of the parameters as if no constraint bound, shape (p, p).
+
+        Args:
+            residual_variance: Mean squared residual for each independent sample.
+        """
+        gram = _penalised_gram(self.bank, self.regressors[self.counted])
+        return parameter_covariance(gram, residual_variance)
 
     def solved(self, rows: Rows) -> FloatArray:
         """Return the parameters that fit some of the rows best, shape (2 M + E,)."""
@@ -229,13 +238,17 @@ def _solved(
 def _solve(bank: FloatArray, regressors: FloatArray, target: FloatArray) -> FloatArray:
     """Solve one linear problem; creep, where it is looked for, is not negative."""
     n_weights = bank.shape[1]
+    nonnegative = (n_weights,) if regressors.shape[1] > n_weights else ()
+    gram = _penalised_gram(bank, regressors)
+    return solve_constrained(gram, regressors.T @ target, bank, nonnegative=nonnegative)
+
+
+def _penalised_gram(bank: FloatArray, regressors: FloatArray) -> FloatArray:
+    n_weights = bank.shape[1]
     gram = regressors.T @ regressors
     powers = np.diag(gram)
     penalties = np.full(powers.size, RIDGE * float(np.mean(powers[:n_weights])))
     if penalties[0] == 0.0:
         raise DataError("the displacement does not move: there is nothing to identify from")
     penalties[n_weights:] = 1e-9 * powers[n_weights:]
-    nonnegative = (n_weights,) if powers.size > n_weights else ()
-    return solve_constrained(
-        gram + np.diag(penalties), regressors.T @ target, bank, nonnegative=nonnegative
-    )
+    return gram + np.diag(penalties)
