@@ -5,6 +5,7 @@ from pathlib import Path
 from piezod.experiment.automatic import Candidate, Choice
 from piezod.experiment.cross_validation import CrossValidation
 from piezod.experiment.delay import DelayEstimate
+from piezod.experiment.excitation import recommended_drive
 from piezod.experiment.fit import Fit
 from piezod.experiment.identify_file import FileFit
 from piezod.experiment.judgement import Judgement
@@ -39,6 +40,10 @@ def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Docum
         "without_creep": _errors(by_creep[False]) if False in by_creep else None,
         "raw_displacement": _errors(fitted.raw) if fitted.raw else None,
         "choice": _choice(fitted.choice) if fitted.choice else None,
+        "excitation": {
+            "missing": fitted.untold,
+            "recommended": recommended_drive(*fit.model.drive_v),
+        },
         "warnings": fitted.warnings,
         "model": str(model) if model else None,
         "plot": str(plot) if plot else None,

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from piezod.experiment.automatic import Choice
 from piezod.experiment.delay import DelayEstimate
+from piezod.experiment.excitation import recommended_drive
 from piezod.experiment.fit import FitSettings
 from piezod.experiment.identify_file import FileFit
 from piezod.experiment.judgement import Judgement
@@ -42,6 +43,7 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     console.print(_errors(fitted))
     for line in _offsets(fitted):
         console.print(line)
+    _print_excitation(console, fitted)
     for warning in fitted.warnings:
         console.print(f"! {warning}", style="yellow")
     if model and plot:
@@ -165,6 +167,18 @@ def _judged(fitted: FileFit) -> dict[str, Judgement]:
     if fitted.raw:
         judged["unsmoothed"] = fitted.raw
     return judged
+
+
+def _print_excitation(console: Console, fitted: FileFit) -> None:
+    if not fitted.untold:
+        console.print("The record has swings of all sizes and speeds that the model needs.")
+        return
+    console.print("The record leaves untold what these would tell:")
+    for each in fitted.untold:
+        console.print(f"- {each}")
+    console.print("A drive that tells it, for an experiment:\n")
+    drive_v = fitted.taken.fit.model.drive_v
+    console.print(recommended_drive(*drive_v), markup=False, highlight=False, soft_wrap=True)
 
 
 def _rows(judged: Judgement) -> Iterator[tuple[str, Mapping[str, float] | None]]:

@@ -94,17 +94,28 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
     estimate = None if delay_s is not None else _delay(record, wanted)
     if estimate is not None:
         delay_s = estimate.delay_s
-    candidates = []
-    for settings in _settings(record, wanted):
-        with suppress(DataError):  # where a record tells nothing of creep
-            fit = fit_model(record, replace(settings, delay_s=delay_s))
-            fit = replace(fit, delay=estimate)
-            candidates.append(Candidate(fit, cross_validate(fit, record)))
+    candidates = _candidates(record, wanted, delay_s, estimate)
     best = min(candidates, key=lambda each: each.validation.rms_pct)
     limit_pct = best.validation.rms_with_standard_error_pct
     as_good = [each for each in candidates if each.validation.rms_pct <= limit_pct]
     taken = min(as_good, key=lambda each: (each.n_parameters, each.validation.rms_pct))
-    return Choice(tuple(candidates), best, taken, limit_pct)
+    return Choice(candidates, best, taken, limit_pct)
+
+
+def _candidates(
+    record: Record, wanted: Wanted, delay_s: float | None, estimate: DelayEstimate | None
+) -> tuple[Candidate, ...]:
+    """Return the models that the record supports, at least one."""
+    candidates, refused = [], None
+    for settings in _settings(record, wanted):
+        try:
+            fit = replace(fit_model(record, replace(settings, delay_s=delay_s)), delay=estimate)
+            candidates.append(Candidate(fit, cross_validate(fit, record)))
+        except DataError as error:  # where a record tells nothing of creep, for one
+            refused = error
+    if refused and not candidates:
+        raise refused
+    return tuple(candidates)
 
 
 def _delay(record: Record, wanted: Wanted) -> DelayEstimate | None:

@@ -86,6 +86,7 @@ def recommended_drive(low_v: float, high_v: float) -> str:
     """
     low_mv, high_mv = ceil(round(1e3 * low_v, 6)), floor(round(1e3 * high_v, 6))
     half_v = (high_mv - low_mv) // 2 / 1e3
+    middle = f"{low_mv / 1e3 + half_v:.10g}"
 
     def at(share: float) -> str:
         return f"{round(low_mv + share * (high_mv - low_mv)) / 1e3:.10g}"
@@ -121,7 +122,7 @@ identification:
         waveform:
           kind: sum
           parts:
-            - {{kind: triangle, low: {at(0)}, high: {low_mv / 1e3 + half_v:.10g}, frequency_hz: 0.7}}
+            - {{kind: triangle, low: {at(0)}, high: {middle}, frequency_hz: 0.7}}
             - {{kind: triangle, low: 0, high: {half_v:.10g}, frequency_hz: 0.1}}
       # fast, for the delay
       {sine(2, 0, 0.7, 5)}

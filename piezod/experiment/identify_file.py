@@ -9,11 +9,13 @@ import numpy as np
 
 from piezod.errors import DataError
 from piezod.experiment.automatic import Choice, Wanted, choose
+from piezod.experiment.excitation import missing
 from piezod.experiment.fit import Fit, FitSettings, fit_model
 from piezod.experiment.judgement import Judgement, judge
 from piezod.experiment.past import with_past
 from piezod.experiment.record import Record
-from piezod.experiment.thinning import thinned
+from piezod.experiment.smoothing import smoothed_record
+from piezod.experiment.thinning import MOST, thinned
 from piezod.experiment.warnings import fit_warnings
 from piezod.hysteresis import AffineRange
 from piezod.records.csv_file import read_csv
@@ -39,6 +41,7 @@ class FileFit:
         raw: The same as `taken`, but fitted to and judged on the displacement as it was recorded;
             None for LMS, which is in any case.
         choice: Among which the model was chosen, None where it was asked for.
+        untold: What the record leaves untold of the stage, a sentence each.
         warnings: What a person should know before using the model, a sentence each.
     """
 
@@ -50,6 +53,7 @@ class FileFit:
     other: Judgement | None
     raw: Judgement | None
     choice: Choice | None
+    untold: tuple[str, ...]
     warnings: tuple[str, ...]
 
 
@@ -76,7 +80,8 @@ def identify_file(
     """
     recorded = read_record(data, skip_s)
     record = thinned(recorded)
-    test_record = thinned(read_record(test, skip_s)) if test else None
+    test_recorded = read_record(test, skip_s) if test else None
+    test_record = thinned(test_recorded) if test_recorded else None
     with _naming(data):
         if isinstance(settings, Wanted):
             choice = choose(record, settings, delay_s)
@@ -97,7 +102,12 @@ def identify_file(
         other=judge(other, record, test_record) if other else None,
         raw=judge(raw, record, test_record) if raw else None,
         choice=choice,
-        warnings=tuple(_warnings(fit, record, test_record)),
+        untold=missing(smoothed_record(record)),
+        warnings=(
+            *_length_warnings("record", recorded, record),
+            *_length_warnings("test", test_recorded, test_record),
+            *_warnings(fit, record, test_record),
+        ),
     )
 
 
@@ -137,6 +147,18 @@ def _warnings(fit: Fit, record: Record, test: Record | None) -> Iterator[str]:
     yield from _start_warnings(fit, record)
     if test is not None:
         yield from _range_warnings(fit.model.position_um, test)
+
+
+def _length_warnings(name: str, recorded: Record | None, used: Record | None) -> Iterator[str]:
+    if not (recorded and used):
+        return
+    left_out_s = float(recorded.t_s[-1] - used.t_s[-1])
+    if left_out_s > 2.0 * used.period_s:  # averaging may leave out parts of one
+        yield (
+            f"The last {left_out_s:.4g} s of the {name} are left out: it has {recorded.t_s.size} "
+            f"samples, its drive moves too sharply to average them, and {MOST} are used at most. "
+            "Record at a lower rate, or for a shorter time."
+        )
 
 
 def _start_warnings(fit: Fit, record: Record) -> Iterator[str]:

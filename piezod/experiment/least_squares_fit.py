@@ -30,6 +30,7 @@ _ROUNDS = 12
 _STEP = 1e-4  # for differences
 _SETTLED = 1e-5
 _FARTHEST = 0.5  # of the range
+_MOST_CREEP = 0.1  # weight of each lag: with all eight, most of a displacement would be creep
 _PARTS = (1.0, 0.5, 0.25, 0.125)  # of a step
 
 
@@ -145,6 +146,11 @@ def fit_least_squares(bank: FloatArray, series: Series, *, creep: bool) -> Least
         return LeastSquaresFit(point.linear.parameters, point.slow, point.linear)
     point, _ = _search(bank, lambda _: series, point, 0.0, with_delay=False)
     slow = point.slow
+    if not slow.creep <= _MOST_CREEP:
+        raise DataError(
+            f"no creep could be fitted: the search went to {slow.creep:.2g} for each lag, allowed "
+            f"is up to {_MOST_CREEP:g}; fit without creep, or record for longer"
+        )
     if not (abs(slow.stretch) < _FARTHEST and abs(slow.offset) < _FARTHEST):
         raise DataError(
             f"no creep could be fitted: the search went to a stretch of {slow.stretch:.2g} and an "

@@ -19,7 +19,8 @@ PER_WINDOW = 8
 def thinned(record: Record) -> Record:
     """Return a record with neighbouring samples averaged, as far as it is long and its drive slow.
 
-    Drive and displacement are averaged alike, so that neither is moved against the other.
+    Drive and displacement are averaged alike, so that neither is moved against the other. What is
+    still too long then ends earlier.
     """
     while record.t_s.size > ENOUGH:
         bears = longest_window(record.drive_v) // PER_WINDOW
