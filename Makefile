@@ -35,7 +35,7 @@ lint: $(STAMP) ## check style, types and import directions
 bench: $(STAMP) ## measure what a sample and a start cost
 	@for file in benchmarks/bench_*.py; do $(BIN)/python "$$file" || exit; done
 
-figures: $(STAMP) ## make the figures and the table of docs/modes.md anew (some minutes)
+figures: $(STAMP) ## make the figures of the documentation anew (some minutes)
 	$(BIN)/python -m docs.figures
 
 lock: ## pin the newest versions of all dependencies (needs uv)

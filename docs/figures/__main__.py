@@ -1,7 +1,7 @@
-"""Make the figures and the table of `docs/modes.md` anew: `make figures`.
+"""Make all figures of the documentation anew, and its tables beyond the paper: `make figures`.
 
-Runs the experiments beyond the paper on all stages, in virtual time; the same code gives the same
-numbers. Takes some minutes.
+Runs the experiment of the paper, and those beyond it on all stages, in virtual time; the same code
+gives the same numbers. Takes some minutes.
 """
 
 from pathlib import Path
@@ -14,12 +14,13 @@ from docs.figures.drawings import (
     tracking_figure,
     variants_figure,
 )
-from docs.figures.errors import markdown_table, worst_of_cases
-from docs.figures.runs import FILES, holds, load, on_another_specimen, run
-from piezod.records.figures import save_png
+from docs.figures.errors import full_table, short_table, worst_of_cases
+from docs.figures.runs import FILES, holds, load, of_the_paper, on_another_specimen, run
+from piezod.config.modes import Mode
+from piezod.records.figures import mode_figure, overview_figure, save_png
 
 DOCS: Final = Path(__file__).parents[1]
-PAGE, IMAGES = DOCS / "modes.md", DOCS / "images"
+PAGE, README, IMAGES = DOCS / "modes.md", DOCS.parent / "README.md", DOCS / "images"
 BEGIN, END = "<!-- made by `make figures`, begin -->\n", "<!-- end -->\n"
 SHOWN_CASE: Final = "case 2"
 
@@ -27,28 +28,39 @@ SHOWN_CASE: Final = "case 2"
 def main() -> None:
     """Run, draw, and write the table into the page."""
     start_s = perf_counter()
+    draw_paper()
     recordings = {}
     for stage in FILES:
-        recordings[stage] = run(load(stage))
+        recordings[stage] = run(load(stage)).recordings
         print(f"{perf_counter() - start_s:4.0f} s: {stage}")
     errors = {stage: worst_of_cases(runs) for stage, runs in recordings.items()}
     shown = [each for each in recordings["stack"] if each.case == SHOWN_CASE]
     save_png(IMAGES / "modes-tracking.png", tracking_figure(shown))
     save_png(IMAGES / "modes-stages.png", variants_figure(errors))
-    write_table(markdown_table(errors))
+    write_table(PAGE, full_table(errors))
+    write_table(README, short_table(errors["stack"]))
     save_png(IMAGES / "modes-holding.png", holding_figure(holds()))
     save_png(IMAGES / "modes-exchanged.png", specimen_figure(on_another_specimen()))
-    print(f"{perf_counter() - start_s:4.0f} s: done, {PAGE} and {IMAGES}/modes-*.png are new")
+    print(f"{perf_counter() - start_s:4.0f} s: done, {PAGE} and {IMAGES} are new")
 
 
-def write_table(table: str) -> None:
-    """Put the table between its marks in the page."""
-    text = PAGE.read_text(encoding="utf-8")
+def draw_paper() -> None:
+    """Draw what the README shows of the experiment of the paper."""
+    result, reference = of_the_paper()
+    save_png(IMAGES / "errors.png", overview_figure(result, reference))
+    for recording in result.recordings:
+        if recording.case == SHOWN_CASE and recording.mode != Mode.FEEDFORWARD:
+            save_png(IMAGES / f"{recording.mode}.png", mode_figure(recording))
+
+
+def write_table(page: Path, table: str) -> None:
+    """Put a table between its marks in a page."""
+    text = page.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not end:
-        raise SystemExit(f"{PAGE} lacks the marks of the table")
-    PAGE.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
+        raise SystemExit(f"{page} lacks the marks of the table")
+    page.write_text(f"{before}{BEGIN}\n{table}\n{END}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -18,6 +18,13 @@ COLUMNS: Final = {
     "noise_rms_pct": "noise",
 }
 """Metric → head of its column."""
+SHORT_COLUMNS: Final = {
+    "true_tracking_max_pct": "worst error, true",
+    "true_nonlinearity_pct": "nonlinearity, true",
+    "tracking_max_pct": "worst error, measured",
+    "nonlinearity_pct": "nonlinearity, measured",
+    "noise_rms_pct": "noise of the sensor, rms",
+}
 _COMPUTED_HERE: Final = "true_tracking_rms_pct"
 
 Errors = Mapping[str, Mapping[str, Mapping[str, float]]]
@@ -46,14 +53,28 @@ def _true_rms_pct(command_um: FloatArray, true_um: FloatArray) -> float:
     return 100.0 * tracking_rms(command_um, true_um)
 
 
-def markdown_table(errors: Errors) -> str:
-    """Return the errors as a table, one row for each stage and mode."""
-    lines = [
-        "| stage | mode | " + " | ".join(COLUMNS.values()) + " |",
-        "|---|---|" + "--:|" * len(COLUMNS),
+def full_table(errors: Errors) -> str:
+    """Return all errors as a table, one row for each stage and mode."""
+    rows = [
+        ["" if i else stage, mode, *_numbers(values, COLUMNS)]
+        for stage, modes in errors.items()
+        for i, (mode, values) in enumerate(modes.items())
     ]
-    for stage, modes in errors.items():
-        for i, (mode, values) in enumerate(modes.items()):
-            numbers = " | ".join(f"{values[name]:.2f}" for name in COLUMNS)
-            lines.append(f"| {'' if i else stage} | {mode} | {numbers} |")
-    return "\n".join(lines) + "\n"
+    return _table(["stage", "mode"], COLUMNS.values(), rows)
+
+
+def short_table(modes: Mapping[str, Mapping[str, float]]) -> str:
+    """Return the errors of one stage that tell most as a table, one row for each mode."""
+    rows = [[mode, *_numbers(values, SHORT_COLUMNS)] for mode, values in modes.items()]
+    return _table(["mode"], SHORT_COLUMNS.values(), rows)
+
+
+def _numbers(values: Mapping[str, float], names: Iterable[str]) -> list[str]:
+    return [f"{values[name]:.2f}" for name in names]
+
+
+def _table(texts: list[str], numbers: Iterable[str], rows: Iterable[list[str]]) -> str:
+    """Return Markdown: columns of texts at the left, of numbers at the right."""
+    heads = [*texts, *numbers]
+    rule = ["---"] * len(texts) + ["--:"] * (len(heads) - len(texts))
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in (heads, rule, *rows))

@@ -1,4 +1,4 @@
-"""The runs from which the figures and the table of `docs/modes.md` are made."""
+"""The runs from which the figures and tables of the documentation are made."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,10 +10,12 @@ from piezod.config.modes import Mode
 from piezod.devices import registry
 from piezod.experiment.creeping import Creeping
 from piezod.experiment.identify_axes import identify_axes
+from piezod.experiment.reference import reference_of
 from piezod.experiment.run import run_experiment
 from piezod.experiment.run_case import run_case
 from piezod.experiment.stage import opened
-from piezod.records.recording import Recording
+from piezod.records.recording import ExperimentResult, Recording
+from piezod.records.reference import Reference
 from piezod.units import NS_PER_S
 
 EXPERIMENTS: Final = Path(__file__).parents[2] / "config" / "experiments"
@@ -37,9 +39,15 @@ def load(stage: str) -> ExperimentConfig:
     return load_experiment(EXPERIMENTS / FILES[stage], registry)
 
 
-def run(config: ExperimentConfig) -> tuple[Recording, ...]:
-    """Run an experiment; return its recordings."""
-    return run_experiment(config, "", config.title, lambda _label, _share: None).recordings
+def of_the_paper() -> tuple[ExperimentResult, Reference | None]:
+    """Run the experiment of the paper; return it with the errors of the paper."""
+    config = load_experiment(EXPERIMENTS / "qiu.yaml", registry)
+    return run(config), reference_of(config)
+
+
+def run(config: ExperimentConfig) -> ExperimentResult:
+    """Run an experiment."""
+    return run_experiment(config, "", config.title, lambda _label, _share: None)
 
 
 def holds() -> Mapping[str, Recording]:
@@ -55,8 +63,8 @@ def holds() -> Mapping[str, Recording]:
             "modes": (Mode.FEEDFORWARD,),
         }
     )
-    feedforward, trimmed = run(config)
-    (creeping,) = run(without)
+    feedforward, trimmed = run(config).recordings
+    (creeping,) = run(without).recordings
     return {
         WITHOUT_CREEP: creeping,
         "feedforward": feedforward,

@@ -1,0 +1,27 @@
+"""The pages of the documentation hold together."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), ROOT / "drivers" / "README.md"]
+LINK = re.compile(r"\]\(([^)\s#]+)(?:#[^)]*)?\)")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_to_files(page: Path) -> None:
+    """Whatever a page links to or shows, unless it is elsewhere in the world, exists."""
+    targets = [link for link in LINK.findall(page.read_text(encoding="utf-8")) if ":" not in link]
+
+    assert [target for target in targets if not (page.parent / target).exists()] == []
+
+
+def test_the_index_names_all_pages() -> None:
+    """A page that the index does not name is not found."""
+    index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+
+    assert [page.name for page in ROOT.glob("docs/*.md") if f"({page.name})" not in index] == [
+        "README.md"
+    ]
