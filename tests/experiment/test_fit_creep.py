@@ -154,3 +154,11 @@ def test_every_fit_can_be_inverted(
         reject()
 
     assert fit.smallest_slope >= LEAST_SLOPE - 1e-12
+
+
+def test_more_creep_than_a_stage_can_have_is_refused() -> None:
+    """Lags that would add up to nearly the whole displacement are no creep."""
+    record = record_of(creep=0.15, duration_s=12.0)
+
+    with pytest.raises(DataError, match="no creep could be fitted: the search went to"):
+        fit_model(record, FitSettings(order=ORDER, creep=True, delay_s=0.0))
