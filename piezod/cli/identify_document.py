@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from piezod.experiment.automatic import Candidate, Choice
 from piezod.experiment.cross_validation import CrossValidation
 from piezod.experiment.delay import DelayEstimate
@@ -9,6 +11,8 @@ from piezod.experiment.excitation import recommended_drive
 from piezod.experiment.fit import Fit
 from piezod.experiment.identify_file import FileFit
 from piezod.experiment.judgement import Judgement
+from piezod.experiment.uncertainty import Uncertainty
+from piezod.hysteresis.memory import FloatArray
 
 Document = dict[str, object]
 
@@ -39,6 +43,7 @@ def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Docum
         "with_creep": _errors(by_creep[True]) if True in by_creep else None,
         "without_creep": _errors(by_creep[False]) if False in by_creep else None,
         "raw_displacement": _errors(fitted.raw) if fitted.raw else None,
+        "uncertainty": _uncertainty(fitted.uncertainty),
         "choice": _choice(fitted.choice) if fitted.choice else None,
         "excitation": {
             "missing": fitted.untold,
@@ -85,6 +90,27 @@ def _cross_validation(validation: CrossValidation) -> Document:
             {"start_s": block.start_s, "end_s": block.end_s, **block.errors}
             for block in validation.blocks
         ],
+    }
+
+
+def _uncertainty(uncertainty: Uncertainty) -> Document:
+    return {
+        "delay_95_s": uncertainty.delay_s,
+        "creep_per_decade_95": uncertainty.creep_per_decade,
+        "voltage_band_95": spread(uncertainty.band_pct),
+        "independent_samples": uncertainty.independent_samples,
+        "voltage_spread_over_blocks": spread(uncertainty.spread_pct),
+        "creep_per_decade_of_blocks": uncertainty.block_creep_per_decade,
+    }
+
+
+def spread(values_pct: FloatArray | None) -> dict[str, float] | None:
+    """Return the worst and the rms of what is given for each sample, by name."""
+    if values_pct is None:
+        return None
+    return {
+        "max_pct": float(np.max(values_pct)),
+        "rms_pct": float(np.sqrt(np.mean(values_pct**2))),
     }
 
 

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from piezod.cli.identify_document import spread
 from piezod.experiment.automatic import Choice
 from piezod.experiment.delay import DelayEstimate
 from piezod.experiment.excitation import recommended_drive
@@ -43,6 +44,7 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     console.print(_errors(fitted))
     for line in _offsets(fitted):
         console.print(line)
+    console.print(_uncertainty(fitted))
     _print_excitation(console, fitted)
     for warning in fitted.warnings:
         console.print(f"! {warning}", style="yellow")
@@ -167,6 +169,24 @@ def _judged(fitted: FileFit) -> dict[str, Judgement]:
     if fitted.raw:
         judged["unsmoothed"] = fitted.raw
     return judged
+
+
+def _uncertainty(fitted: FileFit) -> str:
+    """Return how certain the model is, in words."""
+    uncertain, parts = fitted.uncertainty, []
+    if uncertain.delay_s is not None:
+        parts.append(f"delay ± {_ms(uncertain.delay_s)}")
+    if uncertain.creep_per_decade is not None:
+        creep = fitted.taken.fit.model.creep.per_decade
+        parts.append(f"creep {100 * creep:.2f} ± {100 * uncertain.creep_per_decade:.2f} % a decade")
+    band = spread(uncertain.band_pct)
+    if band:
+        parts.append(
+            f"predicted voltage ± {band['rms_pct']:.2f} % rms, ± {band['max_pct']:.2f} % at worst"
+        )
+    text = f"Uncertain by noise (95 %): {'; '.join(parts)}. " if parts else ""
+    blocks = spread(uncertain.spread_pct) or {}
+    return f"{text}Models without one of the blocks differ by {blocks['rms_pct']:.2f} % rms."
 
 
 def _print_excitation(console: Console, fitted: FileFit) -> None:

@@ -13,7 +13,8 @@ def account_of(fit: Fit, record: Record, *, axis: str, title: str) -> Identifica
     """Return the record as it is, beside what the model predicts from it.
 
     A displacement answers to the voltage a delay before it, so that what is predicted from it is
-    moved there; at the end, where no later displacement was recorded, the last one is held.
+    moved there. Nothing is predicted in the run-in, nor at the end, where no later displacement was
+    recorded.
 
     Args:
         fit: The model.
@@ -22,7 +23,9 @@ def account_of(fit: Fit, record: Record, *, axis: str, title: str) -> Identifica
         title: What the record is, for people.
     """
     predicted_v = fit.predicted_v(fit.seen(record))
-    at_drive_v = np.interp(record.t_s + fit.model.delay_s, record.t_s, predicted_v)
+    later_s = record.t_s + fit.model.delay_s
+    at_drive_v = np.interp(later_s, record.t_s, predicted_v, right=np.nan)
+    at_drive_v[~record.counted()] = np.nan
     return Identification(
         axis=axis,
         title=title,

@@ -16,6 +16,7 @@ from piezod.experiment.past import with_past
 from piezod.experiment.record import Record
 from piezod.experiment.smoothing import smoothed_record
 from piezod.experiment.thinning import MOST, thinned
+from piezod.experiment.uncertainty import Uncertainty, uncertainty_of
 from piezod.experiment.warnings import fit_warnings
 from piezod.hysteresis import AffineRange
 from piezod.records.csv_file import read_csv
@@ -40,6 +41,7 @@ class FileFit:
             LMS, which knows no creep, and where no creep could be fitted.
         raw: The same as `taken`, but fitted to and judged on the displacement as it was recorded;
             None for LMS, which is in any case.
+        uncertainty: How far the model may be off.
         choice: Among which the model was chosen, None where it was asked for.
         untold: What the record leaves untold of the stage, a sentence each.
         warnings: What a person should know before using the model, a sentence each.
@@ -52,6 +54,7 @@ class FileFit:
     taken: Judgement
     other: Judgement | None
     raw: Judgement | None
+    uncertainty: Uncertainty
     choice: Choice | None
     untold: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -93,14 +96,16 @@ def identify_file(
     if fit.linearised:
         other = _refitted(fit, record, replace(fit.settings, creep=not fit.settings.creep))
         raw = _refitted(fit, record, replace(fit.settings, smoothing=False))
+    taken = judge(fit, record, test_record, validation)
     return FileFit(
         data=data,
         test_data=test,
         recorded=recorded,
         record=record,
-        taken=judge(fit, record, test_record, validation),
+        taken=taken,
         other=judge(other, record, test_record) if other else None,
         raw=judge(raw, record, test_record) if raw else None,
+        uncertainty=uncertainty_of(fit, taken.validation, record),
         choice=choice,
         untold=missing(smoothed_record(record)),
         warnings=(

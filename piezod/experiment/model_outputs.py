@@ -3,10 +3,13 @@
 from datetime import datetime
 from pathlib import Path
 
+import numpy as np
+
 from piezod.config.model_file import dump_model
 from piezod.experiment.account import account_of
 from piezod.experiment.identify_file import FileFit
 from piezod.experiment.model_io import to_model_file
+from piezod.hysteresis.memory import FloatArray
 from piezod.records.atomic import replacing
 from piezod.records.figures import identification_figure, save_png
 
@@ -28,5 +31,15 @@ def write_model(path: Path, fitted: FileFit, created_at: datetime) -> Path:
         temporary.write_text(text, encoding="utf-8")
     account = account_of(fitted.taken.fit, fitted.record, axis="x", title=fitted.data.name)
     plot = path.with_suffix(".png")
-    save_png(plot, identification_figure(account))
+    save_png(plot, identification_figure(account, _band_v(fitted)))
     return plot
+
+
+def _band_v(fitted: FileFit) -> FloatArray | None:
+    """Return what noise leaves open of each prediction, in V, shape (n,); NaN in the run-in."""
+    band_pct, model = fitted.uncertainty.band_pct, fitted.taken.fit.model
+    if band_pct is None:
+        return None
+    band_v = np.full(fitted.record.t_s.size, np.nan)
+    band_v[fitted.record.counted(model.delay_s)] = 0.01 * band_pct * model.drive_v.width
+    return band_v

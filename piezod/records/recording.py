@@ -134,8 +134,8 @@ class Identification(Comparable):
         position_um: Displacement measured at the same time, in µm, same shape; it lags behind the
             voltage by the model's delay.
         predicted_v: Voltage that the model predicts, in V, same shape; at each time from the
-            displacement a delay later, so that it stands beside the voltage applied. At the end,
-            where no later displacement was recorded, the last prediction is held.
+            displacement a delay later, so that it stands beside the voltage applied. NaN in the
+            run-in, and at the end, where no later displacement was recorded.
         fit_errors: Errors of the prediction by name; the name ends in the unit.
         parameters: The model's parameters by name, each of any shape.
     """

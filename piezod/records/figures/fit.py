@@ -1,15 +1,18 @@
 """The figure of a model beside the record that it was fitted to, or is tested on."""
 
-from typing import Any
+from typing import Final
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from piezod.records.figures.style import (
+    BLUE,
     BROAD_DRIVE,
     ERROR,
     ERROR_DOTS,
     PREDICTED,
+    VERMILLION,
     add_percent_axis,
     house_style,
     legend_above,
@@ -21,13 +24,19 @@ from piezod.records.frozen import FloatArray
 from piezod.records.labels import metric_text
 from piezod.records.recording import Identification
 
+_STEPS: Final = 200  # of displacement, for the band
+
 
 @house_style()
-def identification_figure(identification: Identification) -> Figure:
+def identification_figure(
+    identification: Identification, band_v: FloatArray | None = None
+) -> Figure:
     """Draw data and model: (a) over time, (b) as a loop, (c) and (d) their difference.
 
     Args:
         identification: What to draw, with at least one sample.
+        band_v: Half width of what noise leaves open of the prediction, in V, shape (n_samples,),
+            NaN where it is not known.
     """
     title = f"Model by {identification.method} · axis {identification.axis}: {identification.title}"
     errors = ", ".join(metric_text(*item) for item in identification.fit_errors.items())
@@ -39,13 +48,15 @@ def identification_figure(identification: Identification) -> Figure:
     residual_loop = figure.add_subplot(grid[1, 1], sharex=loop, sharey=residual)
     _draw_both(over_time, identification.t_s, identification)
     _draw_both(loop, identification.position_um, identification)
-    _draw_residual(residual, identification.t_s, identification, ERROR)
-    _draw_residual(residual_loop, identification.position_um, identification, ERROR_DOTS)
+    _draw_residual(residual, identification)
+    if band_v is not None:
+        _draw_band(residual_loop, identification.position_um, band_v)
+    _draw_residual_loop(residual_loop, identification)
     over_time.set_title("(a) Drive over time")
     loop.set_title("(b) Loop")
     residual.set_title("(c) Residual: predicted minus measured")
     round_time_ticks(residual)
-    residual_loop.set(title="(d) Residual in the loop", xlabel="measured displacement (µm)")
+    residual_loop.set(title="(d) In the loop", xlabel="measured displacement (µm)")
     add_percent_axis(residual_loop, identification.drive_range_v, "% of voltage range")
     for axes in (over_time, loop):
         axes.tick_params(labelbottom=False)
@@ -59,9 +70,31 @@ def _draw_both(axes: Axes, x: FloatArray, identification: Identification) -> Non
     legend_above(axes)
 
 
-def _draw_residual(
-    axes: Axes, x: FloatArray, identification: Identification, style: dict[str, Any]
-) -> None:
-    draw_trace(axes, x, identification.residual_v, **style)
+def _draw_residual(axes: Axes, identification: Identification) -> None:
+    draw_trace(axes, identification.t_s, identification.residual_v, **ERROR)
     axes.axhline(0.0, color="black", linewidth=0.6)
     axes.set_ylabel("residual (V)")
+
+
+def _draw_residual_loop(axes: Axes, identification: Identification) -> None:
+    """Draw the residual over displacement, apart for the ways up and down; holds go with either."""
+    rises = np.gradient(identification.drive_v) >= 0.0
+    for label, here, colour in (("rising", rises, BLUE), ("falling", ~rises, VERMILLION)):
+        residual_v = np.where(here, identification.residual_v, np.nan)
+        style = {**ERROR_DOTS, "color": colour}
+        draw_trace(axes, identification.position_um, residual_v, label=label, **style)
+    axes.axhline(0.0, color="black", linewidth=0.6)
+    axes.set_ylabel("residual (V)")
+    legend_above(axes)
+
+
+def _draw_band(axes: Axes, position_um: FloatArray, band_v: FloatArray) -> None:
+    """Shade what noise leaves open, the worst of each small step of displacement."""
+    known = np.isfinite(band_v)
+    edges = np.linspace(position_um[known].min(), position_um[known].max(), _STEPS + 1)
+    places = np.clip(np.digitize(position_um[known], edges) - 1, 0, _STEPS - 1)
+    widest = np.zeros(_STEPS)
+    np.maximum.at(widest, places, band_v[known])
+    axes.fill_between(
+        edges[:-1], -widest, widest, step="post", color="#DDDDDD", label="noise, 95 %"
+    )
