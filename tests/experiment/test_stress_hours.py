@@ -24,6 +24,8 @@ REST_RATE_HZ = 200.0
 HOUR_S = 3600.0
 GRADIENTS_S = 600.0
 """Random commands at 1 kHz, for identifiers that are here for comparison."""
+UNSEEN_PCT = 1.5
+"""At rest, only a trim sees what creeps for longer than the slowest lag that is identified."""
 PART_S = 60.0
 """So much is recorded at a time."""
 
@@ -56,7 +58,7 @@ def rest(stage: Identified, mode: Mode, duration_s: float, figure: Figure) -> No
     assert moved_pct > 0.0
     assert same
     assert np.array_equal(rig.axis.compensator.weights, in_use)
-    assert max(worst) < 1.0
+    assert max(worst) < (0.5 if mode is Mode.TRIMMED else UNSEEN_PCT)
 
 
 @pytest.mark.parametrize("duration_s", hours(60.0))
@@ -77,7 +79,7 @@ def test_nothing_is_learned_at_rest_by_gradients(
     rest(even_stage.learning_by(identifier), Mode.ADAPTIVE, HOUR_S, figure)
 
 
-def random_commands(stage: Identified, duration_s: float, figure: Figure) -> None:
+def random_commands(stage: Identified, duration_s: float, most_pct: float, figure: Figure) -> None:
     """Follow random commands; assert that the model can be inverted at every step."""
     command = Reversals(
         kind="reversals", low=LOW_UM, high=HIGH_UM, min_swing=0.5, min_speed=1, max_speed=50, seed=4
@@ -105,7 +107,7 @@ def random_commands(stage: Identified, duration_s: float, figure: Figure) -> Non
 
     assert least >= LEAST_SLOPE - 1e-12
     assert rig.merged_pairs == 0
-    assert worst.max() < 1.0
+    assert worst.max() < most_pct
 
 
 @pytest.mark.parametrize("duration_s", hours(60.0))
@@ -113,13 +115,13 @@ def test_random_commands_leave_a_model_that_can_be_inverted(
     beyond_stage: Identified, figure: Figure, duration_s: float
 ) -> None:
     """RLS: the existence condition holds at every step, no loop is lost, errors stay small."""
-    random_commands(beyond_stage, duration_s, figure)
+    random_commands(beyond_stage, duration_s, 1.0, figure)
 
 
 @pytest.mark.stress
-@pytest.mark.parametrize("identifier", ["lms", "nlms"])
+@pytest.mark.parametrize(("identifier", "most_pct"), [("lms", 3.0), ("nlms", 1.5)])
 def test_random_commands_leave_gradients_a_model_that_can_be_inverted(
-    even_stage: Identified, figure: Figure, identifier: str
+    even_stage: Identified, figure: Figure, identifier: str, most_pct: float
 ) -> None:
     """LMS and normalised LMS: likewise."""
-    random_commands(even_stage.learning_by(identifier), GRADIENTS_S, figure)
+    random_commands(even_stage.learning_by(identifier), GRADIENTS_S, most_pct, figure)
