@@ -4,7 +4,9 @@ Where noise makes small turning points, the operators turn with it. A least-squa
 each sample and its neighbours (Savitzky and Golay 1964) takes the noise down and delays nothing.
 How many neighbours a record can bear is asked of its drive, which has no noise: the way up alone,
 the sum of all that it rises, bends at each turn, as the displacement of a stage with hysteresis
-does. Where a drive bends too sharply, as in a jump, the displacement stays as it is.
+does. Where a drive bends too sharply, as in a jump, the displacement stays as it is. There is one
+window for a whole record: with longer ones where the drive is slow, models of the simulated stage
+tracked worse (worst true error 0.30 instead of 0.24 %).
 """
 
 from dataclasses import replace
