@@ -1,13 +1,16 @@
 """How good a fit is: on its own record, on what it was not fitted to, and on another record."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from piezod.experiment.cross_validation import CrossValidation, cross_validate
 from piezod.experiment.fit import Fit, errors_of
 from piezod.experiment.record import Record
+
+_STEP = 0.01  # of the range, to see what a shift changes
 
 
 @dataclass(frozen=True)
@@ -18,7 +21,7 @@ class OffsetRemoved:
 
     Attributes:
         offset_pct: The constant, in % of the voltage's range.
-        offset_um: Displacement that it stands for, in µm.
+        offset_um: Shift of the displacement that would cause it, in µm.
         errors: Errors that are left, by name.
     """
 
@@ -67,10 +70,14 @@ def judge(
 
 
 def _without_offset(fit: Fit, test: Record) -> OffsetRemoved:
-    residuals_pct = fit.residuals_pct(fit.seen(test))
+    seen = fit.seen(test)
+    residuals_pct = fit.residuals_pct(seen)
     offset_pct = float(np.mean(residuals_pct))
+    step_um = _STEP * fit.model.position_um.width
+    shifted = replace(seen, position_um=seen.position_um - math.copysign(step_um, offset_pct))
+    changed_pct = abs(offset_pct - float(np.mean(fit.residuals_pct(shifted))))
     return OffsetRemoved(
         offset_pct=offset_pct,
-        offset_um=0.01 * offset_pct * fit.model.position_um.width,
+        offset_um=step_um * offset_pct / changed_pct if changed_pct else 0.0,
         errors=errors_of(residuals_pct - offset_pct),
     )
