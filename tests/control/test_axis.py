@@ -223,9 +223,21 @@ def test_trim_is_told_which_samples_cannot_be_believed() -> None:
     trim, gate = FakeTrim(), FakeGate()
     axis = compensated(lambda _: 0.0, trim=trim, gate=gate)
     for k, gate.credible in enumerate((True, False, True)):
-        axis.update(START_NS + k * MS, AT_REST)
+        axis.applied(axis.update(START_NS + k * MS, AT_REST).drive_v)
 
     assert trim.valid == [True, False, True]
+
+
+def test_trim_holds_after_a_write_that_was_refused() -> None:
+    """What was asked for is not in force, so that the sample is no answer to it."""
+    trim = FakeTrim()
+    axis = compensated(lambda _: 0.0, trim=trim)
+    for k in range(3):
+        output = axis.update(START_NS + k * MS, AT_REST)
+        if k != 1:
+            axis.applied(output.drive_v)
+
+    assert trim.valid == [True, True, False]
 
 
 def test_trim_is_told_where_nothing_more_is_to_be_had() -> None:

@@ -70,7 +70,7 @@ def test_check_of_a_file_refuses_what_an_experiment_would(
 
 def test_first_mode_counts(load: Load, short: str) -> None:
     """A gain that the delay alone would allow is refused for the mode, which the text names."""
-    modest = "    trim: {gain_per_s: 300}\n" + GIVEN
+    modest = "    trim: {gain_per_s: 250}\n" + GIVEN.replace("0.00065", "0.0001")
     without = short.replace(LIMITS, modest + LIMITS) + TRIMMED
 
     check_known(load(without))
