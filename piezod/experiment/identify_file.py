@@ -24,7 +24,9 @@ from piezod.records.csv_file import read_csv
 START_S = 2.0
 """How long a stage that does not start from rest shows it most, in s."""
 WORSE_AT_START = 3.0
-"""The worst error of the start is suspicious from this many times that of the remainder."""
+"""The worst error of the start is suspicious from this many times that of the remainder"""
+SUSPICIOUS_PCT = 1.0
+"""and from this part of the voltage's range, in %."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,8 @@ def _start_warnings(fit: Fit, record: Record) -> Iterator[str]:
     if at_start.all() or not at_start.any():
         return
     worst = int(residuals_pct.argmax())
-    if at_start[worst] and residuals_pct[worst] > WORSE_AT_START * residuals_pct[~at_start].max():
+    usual_pct = max(WORSE_AT_START * float(residuals_pct[~at_start].max()), SUSPICIOUS_PCT)
+    if at_start[worst] and residuals_pct[worst] > usual_pct:
         yield (
             f"The worst error is at t = {t_s[worst]:.4g} s. The record seems not to start "
             "from rest; leave out the first loops with --skip-s."
