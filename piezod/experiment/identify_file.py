@@ -17,7 +17,7 @@ from piezod.experiment.record import Record
 from piezod.experiment.smoothing import smoothed_record
 from piezod.experiment.thinning import MOST, thinned
 from piezod.experiment.uncertainty import Uncertainty, uncertainty_of
-from piezod.experiment.warnings import fit_warnings
+from piezod.experiment.warnings import fit_warnings, saturation_warnings
 from piezod.hysteresis import AffineRange
 from piezod.records.csv_file import read_csv
 
@@ -27,6 +27,7 @@ WORSE_AT_START = 3.0
 """The worst error of the start is suspicious from this many times that of the remainder"""
 SUSPICIOUS_PCT = 1.0
 """and from this part of the voltage's range, in %."""
+_BEYOND = 0.01  # of the range: noise, and what creeps, may leave it by that
 
 
 @dataclass(frozen=True)
@@ -151,6 +152,7 @@ def _naming(path: Path) -> Iterator[None]:
 
 def _warnings(fit: Fit, record: Record, test: Record | None) -> Iterator[str]:
     yield from fit_warnings(fit, record.period_s)
+    yield from saturation_warnings(record)
     yield from _start_warnings(fit, record)
     if test is not None:
         yield from _range_warnings(fit.model.position_um, test)
@@ -185,7 +187,7 @@ def _start_warnings(fit: Fit, record: Record) -> Iterator[str]:
 
 def _range_warnings(position_um: AffineRange, test: Record) -> Iterator[str]:
     x = position_um.to_unit(test.position_um[test.counted()])
-    share = float(np.mean((x < 0.0) | (x > 1.0)))
+    share = float(np.mean((x < -_BEYOND) | (x > 1.0 + _BEYOND)))
     if share:
         yield (
             f"{100.0 * share:.2g} % of the test's displacements are outside of what the model was "

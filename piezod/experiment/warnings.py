@@ -6,7 +6,11 @@ import numpy as np
 
 from piezod.experiment.delay import DelayEstimate
 from piezod.experiment.fit import Fit
+from piezod.experiment.record import Record
 from piezod.records.recording import Recording
+
+SATURATED = 0.1
+"""Part of its range over which a drive may move while a sensor that works shows one value."""
 
 
 def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
@@ -18,6 +22,26 @@ def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
     """
     if fit.delay is not None:
         yield from _delay_warnings(fit.delay, period_s)
+
+
+def saturation_warnings(record: Record) -> Iterator[str]:
+    """Yield what is to be said of a sensor that stands still at an end while the drive goes on.
+
+    Args:
+        record: The record, as it was recorded.
+    """
+    x, counted = record.position_um, record.counted()
+    range_v = float(np.ptp(record.drive_v[counted]))
+    for name, end_um in (("highest", np.max(x[counted])), ("lowest", np.min(x[counted]))):
+        there = counted & (x == end_um)
+        moved = float(np.ptp(record.drive_v[there])) / range_v
+        if moved > SATURATED:
+            yield (
+                f"The displacement stands at its {name} value, {end_um:.6g} µm, in "
+                f"{np.count_nonzero(there)} samples, while the drive moves over "
+                f"{100.0 * moved:.2g} % of its range: the sensor seems to saturate. Drive less "
+                "far, or move the sensor's range."
+            )
 
 
 def run_warnings(recording: Recording, merged_pairs: int) -> Iterator[str]:

@@ -3,13 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from piezod.experiment.fit import FitSettings, fit_model
 from piezod.experiment.run import run_experiment
-from piezod.experiment.warnings import fit_warnings, run_warnings
+from piezod.experiment.warnings import fit_warnings, run_warnings, saturation_warnings
 from piezod.records.recording import Recording
 from tests.experiment.conftest import Load
-from tests.experiment.made_up import ORDER, record_of, sine
+from tests.experiment.made_up import ORDER, POSITION_UM, record_of, sine
 
 
 def recording(mode: str = "adaptive", invalid: int = 0) -> Recording:
@@ -34,6 +35,28 @@ def test_invalid_samples_are_counted() -> None:
 
     assert warning.startswith("slow, adaptive, axis x: 5 of 200 samples, 2.5 %, were invalid")
     assert "See that the sensor" in warning
+
+
+@pytest.mark.parametrize(("low", "high", "end"), [(0.0, 0.7, "highest"), (0.2, 1.0, "lowest")])
+def test_a_sensor_that_saturates_is_said(low: float, high: float, end: str) -> None:
+    """At either end, with the remedy."""
+    record = record_of()
+    position_um = np.clip(record.position_um, low * POSITION_UM, high * POSITION_UM)
+
+    (warning,) = saturation_warnings(replace(record, position_um=position_um))
+
+    assert warning.startswith(f"The displacement stands at its {end} value")
+    assert "Drive less far" in warning
+
+
+@pytest.mark.parametrize("digits", [0, 1, 3])
+def test_a_sensor_that_counts_in_steps_is_no_reason(digits: int) -> None:
+    """At a turning point a coarse sensor shows the same value for some time."""
+    record = record_of()
+
+    rounded = replace(record, position_um=np.round(record.position_um, digits))
+
+    assert list(saturation_warnings(rounded)) == []
 
 
 def test_loops_that_were_forgotten_are_said() -> None:
