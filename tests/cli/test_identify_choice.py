@@ -1,0 +1,143 @@
+"""`piezod identify`: what is chosen, and how good and how certain that is."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Command
+from tests.experiment.made_up import record_of, swells, write_record
+
+AUTO = ("--method", "auto")
+
+
+@pytest.fixture
+def data(folder: Path) -> Path:
+    """Return a data file of a made-up stage that creeps, with noise."""
+    write_record(folder / "data.csv", record_of(path=swells, creep=0.004, noise=0.001))
+    return Path("data.csv")
+
+
+def test_the_candidates_and_the_choice_are_told(piezod: Command, data: Path) -> None:
+    """A person reads what was tried, what was taken, and why."""
+    code, out, err = piezod("identify", data, *AUTO, "--delay-s", 0)
+
+    assert (code, err) == (0, "")
+    rows = [line.split() for line in out.splitlines()]
+    tried = [row for row in rows if row and row[0] in {"lms", "least-squares"}]
+    assert 20 < len(tried) < 50
+    assert {row[1] for row in tried} == {"even", "graded", "placed"}
+    assert sum("taken" in row for row in tried) == 1
+    assert sum("best" in " ".join(row) for row in tried) == 1
+    assert "the one with the fewest parameters is taken" in " ".join(out.split())
+
+
+def test_the_document_tells_the_choice(piezod: Command, data: Path) -> None:
+    """The model taken has no more parameters than the best, and an error within the limit."""
+    document = json.loads(piezod("identify", data, *AUTO, "--delay-s", 0, "--json").out)
+
+    choice = document["choice"]
+    (best,) = [each for each in choice["candidates"] if each["best"]]
+    (taken,) = [each for each in choice["candidates"] if each["taken"]]
+    assert taken["parameters"] <= best["parameters"]
+    assert best["voltage_error_rms_pct"] <= taken["voltage_error_rms_pct"]
+    assert taken["voltage_error_rms_pct"] <= choice["limit_rms_pct"]
+    for key in ("method", "order", "thresholds", "creep"):
+        assert document[key] == taken[key]
+    assert document["creep"] is True
+    assert document["creep_per_decade"] == pytest.approx(0.008, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("options", "fixed"),
+    [
+        (("--order", 8), {"order": 8}),
+        (("--thresholds", "even", "--no-creep"), {"thresholds": "even", "creep": False}),
+        (("--creep", "--order", 5), {"creep": True, "order": 5, "method": "least-squares"}),
+    ],
+)
+def test_what_is_given_is_not_chosen(
+    piezod: Command, data: Path, options: tuple[object, ...], fixed: dict[str, object]
+) -> None:
+    """All candidates have it."""
+    arguments = ("identify", data, *AUTO, "--delay-s", 0, *options, "--json")
+    document = json.loads(piezod(*arguments).out)
+
+    for candidate in document["choice"]["candidates"]:
+        assert {key: candidate[key] for key in fixed} == fixed
+    assert {key: document[key] for key in fixed} == fixed
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ((), ("least-squares", 19, "graded", False)),
+        (("--creep", "--thresholds", "placed"), ("least-squares", 19, "placed", True)),
+        (("--method", "lms"), ("lms", 19, "even", False)),
+    ],
+)
+def test_without_a_choice_there_are_defaults(
+    piezod: Command, data: Path, options: tuple[str, ...], expected: tuple[object, ...]
+) -> None:
+    """Graded thresholds, but for the paper's method the paper's."""
+    document = json.loads(piezod("identify", data, "--delay-s", 0, *options, "--json").out)
+
+    assert tuple(document[key] for key in ("method", "order", "thresholds", "creep")) == expected
+    assert document["choice"] is None
+
+
+def test_creep_by_lms_is_wrong_usage(piezod: Command, data: Path) -> None:
+    """It is told before anything is fitted."""
+    code, out, err = piezod("identify", data, "--method", "lms", "--creep")
+
+    assert (code, out) == (2, "")
+    assert "'--creep': creep is fitted by least squares, not by lms" in err
+
+
+def test_blocks_and_raw_displacement_are_in_the_document(piezod: Command, data: Path) -> None:
+    """With and without creep, smoothed and as it was recorded, block by block."""
+    document = json.loads(piezod("identify", data, "--delay-s", 0, "--json").out)
+
+    assert document["cross_validation"] == document["without_creep"]["cross_validation"]
+    for which in ("with_creep", "without_creep", "raw_displacement"):
+        validation = document[which]["cross_validation"]
+        assert len(validation["blocks"]) == 5
+        worst = max(block["voltage_error_max_pct"] for block in validation["blocks"])
+        assert validation["voltage_error_max_pct"] == worst
+    with_creep = document["with_creep"]["cross_validation"]
+    assert (
+        with_creep["voltage_error_rms_pct"] < document["cross_validation"]["voltage_error_rms_pct"]
+    )
+
+
+def test_a_constant_offset_is_named(piezod: Command, data: Path, folder: Path) -> None:
+    """What was taken off the test is told with its size, in % and µm."""
+    other = record_of(path=swells, creep=0.004, noise=0.001)
+    other.position_um[:] += 0.5
+    write_record(folder / "other.csv", other)
+    arguments = ("identify", data, "--test", "other.csv", "--delay-s", 0, "--creep")
+
+    document = json.loads(piezod(*arguments, "--json").out)
+    out = " ".join(piezod(*arguments).out.split())
+
+    removed = document["test_offset_removed"]
+    assert removed["offset_um"] == pytest.approx(0.5, rel=0.2)
+    assert removed["voltage_error_rms_pct"] < document["test"]["voltage_error_rms_pct"]
+    assert document["with_creep"]["test_offset_removed"] == removed
+    assert document["without_creep"]["test_offset_removed"]["offset_um"] != removed["offset_um"]
+    assert f"with creep: {removed['offset_pct']:+.2f} %" in out
+
+
+def test_uncertainty_is_told(piezod: Command, data: Path) -> None:
+    """Of the delay, the creep and the voltage; in the document by name, to people in words."""
+    document = json.loads(piezod("identify", data, "--creep", "--json").out)
+    out = " ".join(piezod("identify", data, "--creep").out.split())
+
+    uncertainty = document["uncertainty"]
+    assert uncertainty["delay_95_s"] == document["delay_estimate"]["uncertainty_s"]
+    assert 0.0 < uncertainty["creep_per_decade_95"] < document["creep_per_decade"]
+    band = uncertainty["voltage_band_95"]
+    assert 0.0 < band["rms_pct"] <= band["max_pct"] < 1.0
+    assert 0.0 < uncertainty["voltage_spread_over_blocks"]["rms_pct"] < 1.0
+    assert "Uncertain by noise (95 %): delay ±" in out
+    assert f"predicted voltage ± {band['rms_pct']:.2f} % rms" in out
