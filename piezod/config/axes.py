@@ -8,7 +8,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.config.files import ExistingFile
-from piezod.config.model_file import load_model
+from piezod.config.model_file import ModelFile, load_model
 from piezod.config.quantities import DriveV, Name, PositionUm
 from piezod.config.trim import TrimConfig
 from piezod.errors import ConfigError
@@ -31,6 +31,9 @@ _OF_THE_MODEL: Final = {
     "creep": "creep",
     "delay_s": "delay",
 }
+
+
+_RANGE_SLACK: Final = 0.02  # part of the limits by which a model may exceed them
 
 
 class LimitsConfig(ConfigModel):
@@ -103,6 +106,10 @@ class CompensatorConfig(ConfigModel):
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.identifier == "rls" and "lms_gain" in self.model_fields_set:
             yield ("lms_gain",), "not used, identifier rls has no gain, leave it out"
+        if self.identifier != "rls" and self.thresholds != "even":
+            # At thresholds that are close to 0 the noise of the sensor runs away with LMS.
+            what = f"{self.thresholds} needs identifier rls (identifier is {self.identifier})"
+            yield ("thresholds",), what
 
 
 class AxisConfig(ConfigModel):
@@ -138,10 +145,20 @@ class AxisConfig(ConfigModel):
 
     def _broken_model(self, model: Path) -> Iterator[BrokenRule]:
         try:
-            load_model(model)
+            yield from self._broken_range(load_model(model))
         except ConfigError as error:
             yield ("model",), str(error.problems[0])
         for key, own in _OF_THE_MODEL.items():
             if key in self.compensator.model_fields_set:
                 what = f"not used, the model file has its own {own}, leave it out"
                 yield ("compensator", key), what
+
+    def _broken_range(self, model: ModelFile) -> Iterator[BrokenRule]:
+        low, high = self.limits.drive_min_v, self.limits.drive_max_v
+        slack = _RANGE_SLACK * (high - low)
+        if model.drive_low_v < low - slack or model.drive_high_v > high + slack:
+            what = (
+                f"holds from {model.drive_low_v:g} to {model.drive_high_v:g} V, beyond the limits "
+                f"of the axis, {low:g} to {high:g} V; is it the model of another stage?"
+            )
+            yield ("model",), what

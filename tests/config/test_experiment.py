@@ -267,6 +267,8 @@ COMPENSATOR = "operators: 19, lms_gain: 0.1"
     [
         ("identifier: rls, lms_gain: 0.1", "12:46: axes.x.compensator.lms_gain: not used, "
          "identifier rls has no gain, leave it out"),
+        ("thresholds: graded", "12:31: axes.x.compensator.thresholds: graded needs identifier rls "
+         "(identifier is lms)"),
         ("thresholds: odd", "12:31: axes.x.compensator.thresholds: unknown value (got 'odd'), "
          "allowed: even, graded, placed"),
         ("creep: 1", "12:26: axes.x.compensator.creep: must be true or false (got 1)"),
