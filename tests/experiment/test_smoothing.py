@@ -32,9 +32,10 @@ def test_a_slower_drive_bears_a_longer_window() -> None:
     assert 5 <= fast < slow <= WINDOWS[0]
 
 
-def test_a_step_is_not_rounded() -> None:
+@pytest.mark.parametrize("end_v", [10.0, -10.0])
+def test_a_step_is_not_rounded(end_v: float) -> None:
     """Around a jump of the drive the displacement stays as it was recorded."""
-    step = np.where(T_S < 1.0, 0.0, 10.0)
+    step = np.where(T_S < 1.0, 0.0, end_v)
     noise = 0.01 * np.random.default_rng(1).standard_normal(T_S.size)
 
     seen = smoothed_record(Record(T_S, step, step + noise)).position_um
@@ -55,3 +56,10 @@ def test_the_drive_of_a_record_is_not_smoothed() -> None:
 
     assert record.drive_v is drive_v
     assert not np.array_equal(record.position_um, drive_v)
+
+
+def test_a_short_record_is_smoothed_too() -> None:
+    """A window is no longer than the record, what is near a bend ends where the record ends."""
+    drive_v = np.sin(5.0 * T_S[:120])
+
+    assert smoothed_record(Record(T_S[:120], drive_v, drive_v.copy())).position_um.shape == (120,)
