@@ -110,7 +110,7 @@ def _candidates(
     for settings in _settings(record, wanted):
         try:
             fit = replace(fit_model(record, replace(settings, delay_s=delay_s)), delay=estimate)
-            candidates.append(Candidate(fit, cross_validate(fit, record)))
+            candidates.append(Candidate(fit, cross_validate(fit)))
         except DataError as error:  # where a record tells nothing of creep, for one
             refused = error
     if refused and not candidates:

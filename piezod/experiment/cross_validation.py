@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from piezod.experiment.fit import Fit, errors_of
-from piezod.experiment.record import Record
 from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis.memory import FloatArray
 
@@ -66,15 +65,14 @@ class CrossValidation:
         return float(np.sqrt(np.mean(squares) + standard_error))
 
 
-def cross_validate(fit: Fit, record: Record, blocks: int = BLOCKS) -> CrossValidation:
+def cross_validate(fit: Fit, blocks: int = BLOCKS) -> CrossValidation:
     """Judge a fit on blocks of its record, each predicted by a model that does not know it.
 
     Args:
         fit: The fit.
-        record: Its record, as it was recorded.
         blocks: How many.
     """
-    seen = fit.seen(record)
+    record = fit.record
     counted = np.flatnonzero(record.counted(fit.model.delay_s))
     held_out = []
     for places in np.array_split(np.arange(counted.size), blocks):
@@ -86,7 +84,7 @@ def cross_validate(fit: Fit, record: Record, blocks: int = BLOCKS) -> CrossValid
                 start_s=float(record.t_s[counted[places[0]]]),
                 end_s=float(record.t_s[counted[places[-1]]]),
                 model=model,
-                residuals_pct=fit.residuals_pct(seen, model)[places],
+                residuals_pct=fit.residuals_pct(record, model)[places],
             )
         )
     return CrossValidation(tuple(held_out))

@@ -7,7 +7,7 @@ import numpy as np
 from piezod.config.rules import SAMPLES_PER_WEIGHT
 from piezod.errors import DataError
 from piezod.experiment.creep_law import NO_CREEP, logarithmic
-from piezod.experiment.delay import DelayEstimate, estimate_delay
+from piezod.experiment.delay import DelayEstimate, estimate_delay, has_one_frequency
 from piezod.experiment.least_squares_fit import (
     LeastSquaresFit,
     Linearised,
@@ -92,8 +92,13 @@ class Fit:
     problem: "Problem" = field(repr=False)
     linearised: Linearised | None = field(repr=False)
 
+    @property
+    def record(self) -> Record:
+        """The record of the fit, as it was seen."""
+        return self.problem.record
+
     def seen(self, record: Record) -> Record:
-        """Return a record as this fit sees it: without noise, where that is taken out."""
+        """Return another record as this fit sees it: without noise, where that is taken out."""
         return self.settings.seen(record)
 
     def without(self, held_out: Rows) -> StageModel:
@@ -163,15 +168,14 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
     """
     _check(record, settings)
     problem = Problem(settings.seen(record), settings)
-    bank = problem.bank()
-    estimate, delay_s = problem.delay(bank, Slow())
-    linearised = None
+    bank, slow, linearised = problem.bank(), Slow(), None
+    # Creep looks like a delay; where there is one frequency, nothing tells them apart.
+    if settings.creep and settings.delay_s is None and not has_one_frequency(record.drive_v):
+        slow = search_delay(bank, problem.series)
+    estimate, delay_s = problem.delay(bank, slow)
     if settings.method is Method.LMS:
-        weights, slow = problem.lms(bank, delay_s), Slow()
+        weights = problem.lms(bank, delay_s)
     else:
-        # Creep looks like a delay; where there is one frequency, nothing tells them apart.
-        if settings.creep and estimate and not estimate.one_frequency:
-            estimate, delay_s = problem.delay(bank, search_delay(bank, problem.series))
         weights, slow, linearised = problem.least_squares(bank, delay_s)
     model = problem.model(bank, weights, slow, delay_s)
     slope = model.inverse().smallest_slope
@@ -188,13 +192,13 @@ class Problem:
 
     def __init__(self, record: Record, settings: FitSettings) -> None:
         counted = record.counted()
-        self._record, self._settings = record, settings
+        self.record, self._settings = record, settings
         self.drive_v = _range_of(record.drive_v[counted])
         self._position_um = _range_of(record.position_um[counted])
 
     def series(self, delay_s: float) -> Series:
         """Return the record normalised, each displacement beside its voltage."""
-        record = self._record
+        record = self.record
         return Series(
             positions=self._position_um.to_unit(record.position_um),
             drives=self.drive_v.to_unit(record.drive_delayed_by(delay_s)),
@@ -208,7 +212,7 @@ class Problem:
         if self._settings.delay_s is not None:
             return None, self._settings.delay_s
         y = np.clip(self.series(0.0).quick(slow), 0.0, 1.0)
-        estimate = estimate_delay(self._record, stop_regressors(bank, y), y, self.drive_v)
+        estimate = estimate_delay(self.record, stop_regressors(bank, y), y, self.drive_v)
         return estimate, estimate.delay_s
 
     def bank(self) -> FloatArray:

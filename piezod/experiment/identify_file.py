@@ -108,7 +108,7 @@ def identify_file(
         taken=taken,
         other=judge(other, record, test_record) if other else None,
         raw=judge(raw, record, test_record) if raw else None,
-        uncertainty=uncertainty_of(fit, taken.validation, record),
+        uncertainty=uncertainty_of(fit, taken.validation),
         choice=choice,
         untold=missing(smoothed_record(record)),
         warnings=(
@@ -153,7 +153,7 @@ def _naming(path: Path) -> Iterator[None]:
 def _warnings(fit: Fit, record: Record, test: Record | None) -> Iterator[str]:
     yield from fit_warnings(fit, record.period_s)
     yield from saturation_warnings(record)
-    yield from _start_warnings(fit, record)
+    yield from _start_warnings(fit)
     if test is not None:
         yield from _range_warnings(fit.model.position_um, test)
 
@@ -170,9 +170,10 @@ def _length_warnings(name: str, recorded: Record | None, used: Record | None) ->
         )
 
 
-def _start_warnings(fit: Fit, record: Record) -> Iterator[str]:
+def _start_warnings(fit: Fit) -> Iterator[str]:
+    record = fit.record
     t_s = record.t_s[record.counted(fit.model.delay_s)]
-    residuals_pct = np.abs(fit.residuals_pct(fit.seen(record)))
+    residuals_pct = np.abs(fit.residuals_pct(record))
     at_start = t_s - record.t_s[0] < START_S
     if at_start.all() or not at_start.any():
         return

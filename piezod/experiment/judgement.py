@@ -63,7 +63,7 @@ def judge(
     return Judgement(
         fit=fit,
         train=fit.errors_pct(record),
-        validation=validation or cross_validate(fit, record),
+        validation=validation or cross_validate(fit),
         test=fit.errors_pct(test) if test else None,
         test_offset_removed=_without_offset(fit, test) if test else None,
     )

@@ -16,12 +16,12 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from piezod.errors import DataError
+from piezod.errors import DataError, ModelError
 from piezod.experiment.creep_law import NO_CREEP, logarithmic
 from piezod.experiment.record import Rows
 from piezod.experiment.stage_model import without_creep
 from piezod.hysteresis import stop_regressors
-from piezod.hysteresis.least_squares import parameter_covariance, solve_constrained
+from piezod.hysteresis.least_squares import parameter_covariance, ridge_penalty, solve_constrained
 from piezod.hysteresis.memory import FloatArray
 
 RIDGE = 1e-6
@@ -252,9 +252,9 @@ def _solve(bank: FloatArray, regressors: FloatArray, target: FloatArray) -> Floa
 def _penalised_gram(bank: FloatArray, regressors: FloatArray) -> FloatArray:
     n_weights = bank.shape[1]
     gram = regressors.T @ regressors
-    powers = np.diag(gram)
-    penalties = np.full(powers.size, RIDGE * float(np.mean(powers[:n_weights])))
-    if penalties[0] == 0.0:
-        raise DataError("the displacement does not move: there is nothing to identify from")
-    penalties[n_weights:] = 1e-9 * powers[n_weights:]
+    penalties = 1e-9 * np.diag(gram)
+    try:
+        penalties[:n_weights] = ridge_penalty(gram[:n_weights, :n_weights], RIDGE)
+    except ModelError as error:  # the record is to blame, and whoever reads it says so
+        raise DataError(str(error)) from error
     return gram + np.diag(penalties)

@@ -8,7 +8,6 @@ from piezod.experiment.creep_law import LAGS_PER_DECADE
 from piezod.experiment.cross_validation import CrossValidation
 from piezod.experiment.fit import Fit
 from piezod.experiment.least_squares_fit import Linearised
-from piezod.experiment.record import Record
 from piezod.hysteresis.memory import FloatArray
 
 CERTAIN = 1.96
@@ -40,17 +39,15 @@ class Uncertainty:
     block_creep_per_decade: tuple[float, ...]
 
 
-def uncertainty_of(fit: Fit, validation: CrossValidation, record: Record) -> Uncertainty:
+def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
     """Return how uncertain a fit is.
 
     Args:
         fit: The fit.
         validation: Its cross-validation.
-        record: Its record.
     """
-    seen = fit.seen(record)
     models = [block.model for block in validation.blocks]
-    predicted_pct = np.stack([fit.residuals_pct(seen, model) for model in models])
+    predicted_pct = np.stack([fit.residuals_pct(fit.record, model) for model in models])
     samples, creep, band_pct = None, None, None
     if fit.linearised:
         samples, covariance = covariance_of(fit.linearised)
@@ -85,7 +82,7 @@ def covariance_of(linearised: Linearised) -> tuple[float, FloatArray]:
     sums = np.add.reduceat(rows * misses[:, np.newaxis], starts, axis=0)
     seen = float(np.einsum("bi,ij,bj->", sums, per_variance, sums, optimize=True))
     inflation = max(seen / (n_parameters * variance), 1.0) if variance > 0.0 else 1.0
-    return n_samples / inflation, linearised.covariance(variance * inflation)
+    return n_samples / inflation, variance * inflation * per_variance
 
 
 def _creep_error(fit: Fit, covariance: FloatArray) -> float | None:

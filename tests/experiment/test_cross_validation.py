@@ -27,7 +27,7 @@ def test_blocks_are_contiguous_and_make_up_all_that_counts(blocks: int) -> None:
     """Each sample after the run-in is held out once."""
     record = record_of(path=swells).after(2.0)
 
-    validation = cross_validate(fit_model(record, SETTINGS), record, blocks)
+    validation = cross_validate(fit_model(record, SETTINGS), blocks)
 
     found = validation.blocks
     assert len(found) == blocks
@@ -49,7 +49,7 @@ def test_a_block_s_model_does_not_know_the_block(method: Method, creep: bool) ->
     record = with_a_fault(record_of(path=swells), 5.0, 10.0)
     fit = fit_model(record, replace(SETTINGS, method=method, creep=creep))
 
-    models = [block.model for block in cross_validate(fit, record).blocks]
+    models = [block.model for block in cross_validate(fit).blocks]
 
     clean = fit_model(record_of(path=swells), replace(SETTINGS, method=method)).model.weights
     far = [float(np.max(np.abs(model.weights - clean))) for model in models]
@@ -60,7 +60,7 @@ def test_a_block_s_model_does_not_know_the_block(method: Method, creep: bool) ->
 def test_errors_are_those_of_all_blocks_together() -> None:
     """The worst of all, and the rms over all samples; that of a block is its own."""
     record = with_a_fault(record_of(path=swells), 5.0, 10.0)
-    validation = cross_validate(fit_model(record, SETTINGS), record)
+    validation = cross_validate(fit_model(record, SETTINGS))
 
     own = [block.errors for block in validation.blocks]
     assert validation.errors["voltage_error_max_pct"] == max(
@@ -74,7 +74,7 @@ def test_errors_are_those_of_all_blocks_together() -> None:
 def test_standard_error_is_that_of_the_mean_square_over_blocks() -> None:
     """By hand, from the blocks' mean squares."""
     record = with_a_fault(record_of(path=swells), 5.0, 10.0)
-    validation = cross_validate(fit_model(record, SETTINGS), record)
+    validation = cross_validate(fit_model(record, SETTINGS))
 
     squares = [float(np.mean(block.residuals_pct**2)) for block in validation.blocks]
     expected = np.sqrt(np.mean(squares) + np.std(squares, ddof=1) / np.sqrt(5.0))
@@ -87,6 +87,4 @@ def test_a_stage_that_is_like_the_model_is_predicted_as_well_where_it_was_not_se
     record = record_of(path=swells)
     fit = fit_model(record, SETTINGS)
 
-    assert (
-        cross_validate(fit, record).rms_pct < 3.0 * fit.errors_pct(record)["voltage_error_rms_pct"]
-    )
+    assert cross_validate(fit).rms_pct < 3.0 * fit.errors_pct(record)["voltage_error_rms_pct"]

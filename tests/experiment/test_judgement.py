@@ -19,12 +19,12 @@ def test_without_another_record_there_is_no_test() -> None:
 
     assert (judged.test, judged.test_offset_removed) == (None, None)
     assert judged.train == FIT.errors_pct(RECORD)
-    assert judged.validation.errors == cross_validate(FIT, RECORD).errors
+    assert judged.validation.errors == cross_validate(FIT).errors
 
 
 def test_a_cross_validation_that_is_known_is_not_made_again() -> None:
     """It takes its time."""
-    known = cross_validate(FIT, RECORD, blocks=2)
+    known = cross_validate(FIT, blocks=2)
 
     assert judge(FIT, RECORD, None, known).validation is known
 

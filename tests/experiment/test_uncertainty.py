@@ -37,7 +37,7 @@ def fitted(record: Record, **changed: object) -> Fit:
 def judged(record: Record, **changed: object) -> tuple[Fit, Uncertainty]:
     """Fit a model, and tell how uncertain it is."""
     fit = fitted(record, **changed)
-    return fit, uncertainty_of(fit, cross_validate(fit, record), record)
+    return fit, uncertainty_of(fit, cross_validate(fit))
 
 
 def test_the_band_is_where_the_true_prediction_is() -> None:
