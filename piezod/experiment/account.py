@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from piezod.control.stage_model import StageModel
 from piezod.experiment.fit import Fit
 from piezod.experiment.record import Record
-from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
 

@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.model_file import ModelFile
+from piezod.config.modes import Mode
 from piezod.config.yaml_loader import load_yaml
+from piezod.control.gains import check_known
+from piezod.control.model_files import read_model
 from piezod.devices import registry
 from piezod.errors import ConfigError, ModelError, Problem
-from piezod.experiment.gains import check_known
-from piezod.experiment.model_io import read_model
 
 
 class Kind(StrEnum):
@@ -61,7 +62,7 @@ def _kind(path: Path) -> Kind:
 def _describe_experiment(path: Path) -> str:
     config = load_experiment(path, registry)
     try:
-        check_known(config)
+        check_known(config.axes, 1.0 / config.rate_hz, trimmed=Mode.TRIMMED in config.modes)
     except ModelError as error:
         raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
     cases, modes = _count(len(config.cases), "case"), _count(len(config.modes), "mode")

@@ -3,7 +3,7 @@
 import numpy as np
 
 from piezod.control.creep_state import CreepState
-from piezod.experiment.stage_model import StageModel
+from piezod.control.stage_model import StageModel
 from piezod.hysteresis.creep import remove_creep
 from piezod.hysteresis.memory import FloatArray
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from piezod.control.stage_model import StageModel
 from piezod.experiment.fit import Fit, errors_of
-from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis.memory import FloatArray
 
 BLOCKS = 5

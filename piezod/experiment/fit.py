@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from piezod.config.rules import SAMPLES_PER_WEIGHT
+from piezod.control.creep_law import NO_CREEP, logarithmic
+from piezod.control.stage_model import StageModel
 from piezod.errors import DataError
-from piezod.experiment.creep_law import NO_CREEP, logarithmic
 from piezod.experiment.delay import DelayEstimate, estimate_delay, has_one_frequency
 from piezod.experiment.least_squares_fit import (
     LeastSquaresFit,
@@ -17,9 +18,9 @@ from piezod.experiment.least_squares_fit import (
     search_delay,
 )
 from piezod.experiment.method import Method, Spacing
+from piezod.experiment.prediction import predicted_v
 from piezod.experiment.record import Record, Rows
 from piezod.experiment.smoothing import smoothed_record
-from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis import (
     AffineRange,
     LMSIdentifier,
@@ -123,7 +124,7 @@ class Fit:
             model: Another model than that of the fit.
         """
         deadband = self.settings.deadband if self.settings.method is Method.LMS else 0.0
-        return (model or self.model).predicted_v(record, deadband)
+        return predicted_v(model or self.model, record, deadband)
 
     def residuals_pct(self, record: Record, model: StageModel | None = None) -> FloatArray:
         """Return predicted minus actual voltage of the samples that count, shape (k,).

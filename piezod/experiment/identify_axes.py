@@ -8,18 +8,19 @@ import numpy as np
 
 from piezod.config.axes import AxisConfig
 from piezod.config.experiment import ExperimentConfig, IdentificationConfig
+from piezod.config.modes import Mode
 from piezod.control.axis import Waveform
+from piezod.control.gains import Known, check_axis, check_known, naming
+from piezod.control.model_files import read_model
+from piezod.control.stage_model import StageModel
 from piezod.control.waveforms import build_waveform
 from piezod.errors import DataError
 from piezod.experiment.account import account_of, parameters_of
 from piezod.experiment.creeping import Creeping
 from piezod.experiment.fit import FitSettings, fit_model
-from piezod.experiment.gains import check_axis, check_known, naming
 from piezod.experiment.method import Method, Spacing
-from piezod.experiment.model_io import read_model
 from piezod.experiment.record import Record
 from piezod.experiment.stage import IN_FORCE_V, POSITION_UM, Stage
-from piezod.experiment.stage_model import StageModel
 from piezod.experiment.warnings import fit_warnings
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
@@ -45,7 +46,8 @@ def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, Identi
         DeviceError: If a device refuses.
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
-    check_known(config)
+    period_s, trimmed = stage.period_ns / NS_PER_S, Mode.TRIMMED in config.modes
+    check_known(config.axes, period_s, trimmed=trimmed)
     from_file = {
         name: _from_file(name, axis, axis.model, stage.period_ns)
         for name, axis in config.axes.items()
@@ -62,7 +64,8 @@ def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, Identi
         for name, axis in config.axes.items()
     }
     for name, one in identified.items():
-        check_axis(name, config, one.model.bank, one.model.delay_s)
+        known = Known(one.model.bank, one.model.delay_s, period_s)
+        check_axis(name, config.axes[name], known, trimmed=trimmed)
     return identified
 
 

@@ -16,10 +16,10 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from piezod.control.creep_law import NO_CREEP, logarithmic
 from piezod.errors import DataError, ModelError
-from piezod.experiment.creep_law import NO_CREEP, logarithmic
+from piezod.experiment.prediction import without_creep
 from piezod.experiment.record import Rows
-from piezod.experiment.stage_model import without_creep
 from piezod.hysteresis import stop_regressors
 from piezod.hysteresis.least_squares import parameter_covariance, ridge_penalty, solve_constrained
 from piezod.hysteresis.memory import FloatArray

@@ -8,9 +8,10 @@ import numpy as np
 from piezod.config.experiment import CaseConfig, ExperimentConfig
 from piezod.config.modes import Mode
 from piezod.control.axis import CompensatedAxis
+from piezod.control.compensated import Start, compensated_axis
+from piezod.control.stage_model import StageModel
 from piezod.control.waveforms import Waveform, build_waveform
 from piezod.errors import DataError
-from piezod.experiment.compensated import Start, compensated_axis
 from piezod.experiment.error_rows import errors_pct
 from piezod.experiment.identify_axes import IdentifiedAxis
 from piezod.experiment.stage import (
@@ -21,7 +22,6 @@ from piezod.experiment.stage import (
     UNCOMPENSATED_V,
     Stage,
 )
-from piezod.experiment.stage_model import StageModel
 from piezod.experiment.warnings import run_warnings
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Recording

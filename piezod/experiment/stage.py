@@ -7,12 +7,12 @@ import numpy as np
 
 from piezod.config.experiment import ExperimentConfig
 from piezod.control.axis import Axis, OpenLoopAxis, Waveform
+from piezod.control.compensated import limits_of
 from piezod.control.cycle import Cycle, CycleRecord
 from piezod.devices import registry
 from piezod.devices.channels import ChannelPair, Channels, served_axes
 from piezod.devices.interface import Device, KnowsTruth
 from piezod.errors import DeviceError
-from piezod.experiment.compensated import limits_of
 from piezod.experiment.error_rows import NEED_TRUTH
 from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S, s_to_ns

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from piezod.experiment.creep_law import LAGS_PER_DECADE
+from piezod.control.creep_law import LAGS_PER_DECADE
 from piezod.experiment.cross_validation import CrossValidation
 from piezod.experiment.fit import Fit
 from piezod.experiment.least_squares_fit import Linearised

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from piezod.experiment.creep_law import logarithmic
+from piezod.control.creep_law import logarithmic
 from piezod.experiment.record import Record
 from piezod.hysteresis import InverseMPI, add_creep, even_thresholds
 from piezod.hysteresis.memory import FloatArray

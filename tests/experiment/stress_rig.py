@@ -12,14 +12,14 @@ import numpy as np
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.modes import Mode
 from piezod.control.axis import Waveform
+from piezod.control.compensated import Start, compensated_axis
+from piezod.control.stage_model import StageModel
 from piezod.devices import registry
 from piezod.devices.channels import ChannelPair, Channels
 from piezod.devices.interface import Sample
-from piezod.experiment.compensated import Start, compensated_axis
 from piezod.experiment.creeping import Creeping
 from piezod.experiment.identify_axes import identify_axes
 from piezod.experiment.stage import COMMAND_UM, TRUE_UM, Stage, opened
-from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis import Shadowed, stop_regressors
 from piezod.hysteresis.memory import FloatArray
 from piezod.plant.plant import Plant

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.experiment.creep_law import CreepLaw
+from piezod.control.creep_law import CreepLaw
+from piezod.control.stage_model import StageModel
 from piezod.experiment.creeping import Creeping
-from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis import AffineRange, add_creep, even_thresholds, new_bank
 from piezod.hysteresis.memory import FloatArray
 

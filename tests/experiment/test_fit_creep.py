@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
+from piezod.control.creep_law import TIME_CONSTANTS_S
 from piezod.errors import DataError
-from piezod.experiment.creep_law import TIME_CONSTANTS_S
 from piezod.experiment.fit import Fit, FitSettings, fit_model
 from piezod.experiment.method import Spacing
 from piezod.experiment.record import Record

@@ -6,7 +6,6 @@ import pytest
 
 from piezod.errors import ModelError
 from piezod.experiment.check_file import check_file
-from piezod.experiment.gains import check_known
 from piezod.experiment.run import run_experiment
 from tests.experiment.conftest import Load
 
@@ -17,6 +16,11 @@ GIVEN = "    compensator: {delay_s: 0.00065}\n"
 WITH_MODE = "    first_mode: {frequency_hz: 734, damping: 0.03}\n"
 
 REFUSED = r"^axis x: a trim gain of 700 1/s is not safe: .*"
+
+
+def check_gains(config: ExperimentConfig) -> None:
+    """Check what is known before anything moves."""
+    check_known(config.axes, 1.0 / config.rate_hz, trimmed=True)
 
 
 def phases(load: Load, text: str) -> list[str]:
@@ -73,6 +77,6 @@ def test_first_mode_counts(load: Load, short: str) -> None:
     modest = "    trim: {gain_per_s: 250}\n" + GIVEN.replace("0.00065", "0.0001")
     without = short.replace(LIMITS, modest + LIMITS) + TRIMMED
 
-    check_known(load(without))
+    check_gains(load(without))
     with pytest.raises(ModelError, match=r"first mode 734 Hz with damping 0\.03"):
-        check_known(load(without.replace(LIMITS, WITH_MODE + LIMITS)))
+        check_gains(load(without.replace(LIMITS, WITH_MODE + LIMITS)))

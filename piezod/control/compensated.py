@@ -14,8 +14,8 @@ from piezod.control.identifier import Identifier
 from piezod.control.learning_gate import LearningGate
 from piezod.control.limits import Limits
 from piezod.control.stability import refuse_unstable
+from piezod.control.stage_model import StageModel
 from piezod.control.trim import Trim
-from piezod.experiment.stage_model import StageModel
 from piezod.hysteresis import (
     AdaptiveIdentifier,
     Convergence,

@@ -4,11 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from piezod.control.creep_law import NO_CREEP, CreepLaw
 from piezod.errors import DataError
-from piezod.experiment.creep_law import NO_CREEP, CreepLaw
-from piezod.experiment.record import Record
-from piezod.hysteresis import AffineRange, InverseMPI, stop_regressors
-from piezod.hysteresis.creep import remove_creep
+from piezod.hysteresis import AffineRange, InverseMPI
 from piezod.hysteresis.memory import FloatArray
 
 REST_BEYOND = 0.01
@@ -63,41 +61,3 @@ class StageModel:
         rest_um = self.position_um.from_unit(float(np.interp(rest, z, x)))
         low, high = self.position_um
         return replace(self, position_um=AffineRange(low - rest_um, high - rest_um))
-
-    def quick_positions(self, record: Record) -> FloatArray:
-        """Return recorded displacements without creep, normalised to [0, 1], shape (n,).
-
-        What a stage did that does not start from rest is taken to have been like the record on
-        average.
-        """
-        x = self.position_um.to_unit(record.position_um)
-        return without_creep(x, self.creep, record.period_s, from_rest=record.from_rest)
-
-    def predicted_v(self, record: Record, deadband: float = 0.0) -> FloatArray:
-        """Return the voltage that the model needs for a recorded displacement, in V, shape (n,).
-
-        Args:
-            record: What was measured; the memory starts relaxed at its first sample.
-            deadband: Width of the backlash before the memory, in units of the range.
-        """
-        y = np.clip(self.quick_positions(record), 0.0, 1.0)
-        return self.drive_v.from_unit(y + stop_regressors(self.bank, y, deadband) @ self.weights)
-
-
-def without_creep(
-    positions: FloatArray, creep: CreepLaw, period_s: float, *, from_rest: bool
-) -> FloatArray:
-    """Return displacements over time without creep, in the same unit, shape (n,).
-
-    Args:
-        positions: (n,) displacement, evenly in time.
-        creep: The creep.
-        period_s: Time from sample to sample, in s.
-        from_rest: Whether the lags begin at the first displacement; at the mean if not.
-    """
-    if not creep.weights.size:
-        return positions
-    before = float(positions[0] if from_rest else np.mean(positions))
-    quick = before / (1.0 + float(np.sum(creep.weights)))
-    lags = np.full(creep.weights.size, quick)
-    return remove_creep(creep.at(period_s), positions, lags, quick)
