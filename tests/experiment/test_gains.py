@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from piezod.config.experiment import ExperimentConfig
+from piezod.control.gains import check_known
 from piezod.errors import ModelError
 from piezod.experiment.check_file import check_file
 from piezod.experiment.run import run_experiment
