@@ -10,6 +10,7 @@ from piezod.config.waveforms import (
     Bounds,
     Csv,
     Multisine,
+    Points,
     Reversals,
     Setpoint,
     Sine,
@@ -41,7 +42,7 @@ class SequencePart(ConfigModel):
 
     duration_s: DurationS = Field(description="How long it lasts, s.")
     waveform: Annotated[
-        Setpoint | Sine | Triangle | Multisine | Staircase | Reversals | Csv | Sum,
+        Setpoint | Sine | Triangle | Multisine | Staircase | Reversals | Points | Csv | Sum,
         Field(discriminator="kind"),
     ] = Field(description="The waveform; its time starts with the part.")
 
@@ -61,6 +62,6 @@ class Sequence(ConfigModel):
 
 
 WaveformConfig: TypeAlias = Annotated[
-    Setpoint | Sine | Triangle | Multisine | Staircase | Reversals | Csv | Sum | Sequence,
+    Setpoint | Sine | Triangle | Multisine | Staircase | Reversals | Points | Csv | Sum | Sequence,
     Field(discriminator="kind"),
 ]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Literal, Self, TypeAlias
+from typing import Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -21,12 +21,11 @@ from piezod.config.quantities import (
     RateHz,
     Seed,
 )
+from piezod.config.requests import ModeName
 from piezod.config.rules import broken_rules
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
 
-# A file has a mode's name; strict validation would ask for the enumeration's member itself.
-ModeName: TypeAlias = Annotated[Mode, Field(strict=False)]
 Metric: TypeAlias = Literal[
     "tracking_max_pct",
     "tracking_rms_pct",

@@ -27,6 +27,7 @@ Name: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$",
 RateHz: TypeAlias = Annotated[float, Quantity(10, 20_000, "Hz")]
 FrequencyHz: TypeAlias = Annotated[float, Quantity(1e-4, 10_000, "Hz")]
 DurationS: TypeAlias = Annotated[float, Quantity(1e-3, 86_400, "s")]
+TimeS: TypeAlias = Annotated[float, Quantity(0, 86_400, "s")]
 PauseS: TypeAlias = Annotated[float, Quantity(0, 3600, "s")]
 DriveV: TypeAlias = Annotated[float, Quantity(-2000, 2000, "V")]
 PositionUm: TypeAlias = Annotated[float, Quantity(-100_000, 100_000, "µm")]

@@ -1,6 +1,6 @@
 """The rules of an experiment that concern more than one of its parts."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Final
 
@@ -10,6 +10,7 @@ from piezod.config.fields import BrokenRule
 from piezod.config.messages import show, suggest
 
 if TYPE_CHECKING:
+    from piezod.config.axes import AxisConfig
     from piezod.config.combined_waveforms import WaveformConfig
     from piezod.config.experiment import CaseConfig, ExperimentConfig, IdentificationConfig
 
@@ -23,8 +24,7 @@ def broken_rules(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
     """Find everything in an experiment that does not fit together."""
     names = [case.name for case in experiment.cases]
     return chain(
-        _devices(experiment),
-        _unused_devices(experiment),
+        broken_devices(experiment.devices, experiment.axes),
         _identification(experiment),
         _duplicates(("modes",), experiment.modes),
         _duplicates(("metrics",), experiment.metrics),
@@ -40,19 +40,18 @@ def broken_rules(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
     )
 
 
-def _devices(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
-    known = list(experiment.devices)
-    for name, axis in experiment.axes.items():
+def broken_devices(
+    devices: Iterable[str], axes: Mapping[str, "AxisConfig"]
+) -> Iterator[BrokenRule]:
+    """Find devices that axes name and that are not there, and devices that no axis names."""
+    known = list(devices)
+    for name, axis in axes.items():
         for role, device in (("amplifier", axis.amplifier), ("sensor", axis.sensor)):
             if device not in known:
                 what = f"no such device (got {show(device)}), {suggest(device, known, 'known')}"
                 yield ("axes", name, role), what
-
-
-def _unused_devices(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
-    used = {axis.amplifier for axis in experiment.axes.values()}
-    used |= {axis.sensor for axis in experiment.axes.values()}
-    for name in experiment.devices:
+    used = {device for axis in axes.values() for device in (axis.amplifier, axis.sensor)}
+    for name in known:
         if name not in used:
             yield ("devices", name), "no axis uses this device, leave it out or name it in an axis"
 

@@ -6,6 +6,7 @@ A waveform starts at t = 0. One that swings starts at its lowest value and rises
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Annotated, Final, Literal, Self, TypeAlias
 
 from pydantic import Field, PrivateAttr, model_validator
@@ -13,7 +14,7 @@ from pydantic import Field, PrivateAttr, model_validator
 from piezod.config.envelopes import ConstantEnvelope, Envelope
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.config.files import ExistingFile, Point, read_points
-from piezod.config.quantities import DurationS, FrequencyHz, Level, Seed, Size
+from piezod.config.quantities import DurationS, FrequencyHz, Level, Seed, Size, TimeS
 
 Bounds: TypeAlias = tuple[float, float]
 
@@ -140,6 +141,28 @@ class Reversals(Swinging):
             yield ("max_speed",), f"{what}, allowed: at most {fastest:g}"
 
 
+class Points(ConfigModel):
+    """Points joined by straight lines; the first and the last value are held."""
+
+    kind: Literal["points"]
+    points: tuple[tuple[TimeS, Level], ...] = Field(
+        min_length=1, max_length=10_000, description="Times in s, increasing, each with its value."
+    )
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        for index, ((before_s, _), (time_s, _)) in enumerate(pairwise(self.points), start=1):
+            if not before_s < time_s:
+                what = f"must be later than the point before it (got {time_s:g} s)"
+                raise_rules([(("points", index), what)])
+        return self
+
+    def bounds(self) -> Bounds:
+        """Give the lowest and the highest value there can be."""
+        values = [value for _, value in self.points]
+        return min(values), max(values)
+
+
 class Csv(ConfigModel):
     """Points from a file, joined by straight lines; the first and the last value are held."""
 
@@ -168,6 +191,6 @@ class Csv(ConfigModel):
 
 
 SingleWaveform: TypeAlias = Annotated[
-    Setpoint | Sine | Triangle | Multisine | Staircase | Reversals | Csv,
+    Setpoint | Sine | Triangle | Multisine | Staircase | Reversals | Points | Csv,
     Field(discriminator="kind"),
 ]

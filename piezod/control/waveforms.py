@@ -15,7 +15,16 @@ import numpy as np
 import numpy.typing as npt
 
 from piezod.config.combined_waveforms import Sequence, Sum, WaveformConfig
-from piezod.config.waveforms import Csv, Multisine, Reversals, Setpoint, Sine, Staircase, Triangle
+from piezod.config.waveforms import (
+    Csv,
+    Multisine,
+    Points,
+    Reversals,
+    Setpoint,
+    Sine,
+    Staircase,
+    Triangle,
+)
 from piezod.control import waveform_shapes as shapes
 from piezod.control.random_path import random_path
 
@@ -74,7 +83,7 @@ def _value(config: WaveformConfig, duration_s: float) -> Value:
             value = shapes.staircase(config)
         case Reversals():
             value = shapes.polyline(random_path(config, duration_s))
-        case Csv(points=points):
+        case Csv(points=points) | Points(points=points):
             value = shapes.polyline(points)
         case Sum():
             value = _sum([_value(part, duration_s) for part in config.parts])

@@ -1,0 +1,1 @@
+"""Everything with time and processes: the loop process, its supervisor, the service."""

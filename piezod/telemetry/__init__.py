@@ -1,0 +1,1 @@
+"""Between loop and supervisor: the record of a cycle, the shared ring, the command mailbox."""
