@@ -186,13 +186,13 @@ ProblemsOf = Callable[..., list[str]]
             "kind: triangle",
             "kind: [1]",
             "23:24: cases[0].command_um.kind: unknown value (got a list), allowed: setpoint, sine, "
-            "triangle, multisine, staircase, reversals, csv, sum, sequence",
+            "triangle, multisine, staircase, reversals, points, csv, sum, sequence",
         ),
         (
             "kind: triangle",
             "kind: 1",
             "23:24: cases[0].command_um.kind: unknown value (got 1), allowed: setpoint, sine, "
-            "triangle, multisine, staircase, reversals, csv, sum, sequence",
+            "triangle, multisine, staircase, reversals, points, csv, sum, sequence",
         ),
         (
             "  x:\n",

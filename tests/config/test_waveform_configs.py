@@ -58,7 +58,12 @@ COMMAND = "{kind: triangle, low: 0, high: 25, frequency_hz: 0.5}"
         (
             "{kind: sum, parts: [{kind: setpoint, level: 1}, {kind: sum, parts: []}]}",
             "23:72: cases[0].command_um.parts[1].kind: unknown value (got 'sum'), allowed: "
-            "setpoint, sine, triangle, multisine, staircase, reversals, csv",
+            "setpoint, sine, triangle, multisine, staircase, reversals, points, csv",
+        ),
+        (
+            "{kind: points, points: [[0, 1], [0, 2]]}",
+            "23:41: cases[0].command_um.points[1]: must be later than the point before it "
+            "(got 0 s)",
         ),
         (
             "{kind: csv, path: none.csv, column: command_um}",

@@ -145,6 +145,18 @@ def test_csv(tmp_path: Any) -> None:
     ]  # fmt: skip
 
 
+def test_points_are_what_a_file_with_them_is(tmp_path: Any) -> None:
+    """The same points, in the file or beside it, are the same waveform with the same bounds."""
+    path = tmp_path / "w.csv"
+    path.write_text("t_s,command_um\n1,2\n2,6\n4,-2\n")
+    filed = waveform_of("csv", path=path, column="command_um")
+    here = waveform_of("points", points=((1.0, 2.0), (2.0, 6.0), (4.0, -2.0)))
+
+    times_s = (0.0, 1.0, 1.25, 2.0, 3.0, 4.0, 9.0)
+    assert [here.value(t_s) for t_s in times_s] == [filed.value(t_s) for t_s in times_s]
+    assert (here.low, here.high) == (filed.low, filed.high) == (-2.0, 6.0)
+
+
 def test_csv_of_one_point(tmp_path: Any) -> None:
     """A single point is a setpoint."""
     path = tmp_path / "w.csv"
