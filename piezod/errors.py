@@ -7,8 +7,14 @@
     ├── DataError                 recorded data cannot be used
     ├── ModelError                a hysteresis model or a loop with it violates a condition
     ├── RegistryError             a driver's name does not lead to one working plug-in
-    └── DeviceError               a device was used out of order or answered wrongly
-        └── DeviceUnavailableError    a device is absent, busy or does not answer
+    ├── DeviceError               a device was used out of order or answered wrongly
+    │   └── DeviceUnavailableError    a device is absent, busy or does not answer
+    └── ServiceError              a running daemon could not be talked to
+        ├── NotRunningError           no daemon runs, or not the one that is meant
+        ├── AmbiguousStageError       several daemons run, and none is named
+        ├── NotAllowedError           the daemon knows who asks and does not let them
+        └── RefusedError              the daemon does not do what it is asked to
+            └── NotReachedError           a movement ended before its target, or takes too long
 
 Errors are for configuration, opening and mistakes of the caller. Inside a control cycle a fault is
 a value, never an exception. Which exit code an error leads to is decided in `piezod.cli` alone.
@@ -83,3 +89,43 @@ class DeviceError(PiezodError):
 
 class DeviceUnavailableError(DeviceError):
     """Raised when a device cannot be opened: absent, held by somebody else, or silent."""
+
+
+class ServiceError(PiezodError):
+    """Raised when a daemon answers nothing, or something that a client does not understand.
+
+    Args:
+        what: What is wrong.
+        remedy: What would help; empty where nobody knows.
+        code: The daemon's short name for it, as in "state"; empty where it is not its answer.
+    """
+
+    def __init__(self, what: str, remedy: str = "", code: str = "") -> None:
+        super().__init__(what, remedy, code)
+        self.what = what
+        self.remedy = remedy
+        self.code = code
+
+    def __str__(self) -> str:
+        """Give what is wrong, then what would help."""
+        return f"{self.what}; {self.remedy}" if self.remedy else self.what
+
+
+class NotRunningError(ServiceError):
+    """Raised when no daemon listens, or it ended during the conversation."""
+
+
+class AmbiguousStageError(ServiceError):
+    """Raised when several stages run and nothing says which one is meant."""
+
+
+class NotAllowedError(ServiceError):
+    """Raised when a daemon, or its socket's permissions, keep this user out."""
+
+
+class RefusedError(ServiceError):
+    """Raised when a daemon refuses a request: because of its state, a range, a lease, a limit."""
+
+
+class NotReachedError(RefusedError):
+    """Raised when a movement was accepted, but its target is not reached, or not in time."""
