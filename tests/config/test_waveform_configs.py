@@ -62,7 +62,7 @@ COMMAND = "{kind: triangle, low: 0, high: 25, frequency_hz: 0.5}"
         ),
         (
             "{kind: points, points: [[0, 1], [0, 2]]}",
-            "23:41: cases[0].command_um.points[1]: must be later than the point before it "
+            "23:49: cases[0].command_um.points[1]: must be later than the point before it "
             "(got 0 s)",
         ),
         (
