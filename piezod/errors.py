@@ -9,6 +9,7 @@
     ├── RegistryError             a driver's name does not lead to one working plug-in
     ├── DeviceError               a device was used out of order or answered wrongly
     │   └── DeviceUnavailableError    a device is absent, busy or does not answer
+    ├── AlreadyRunningError       another daemon owns the stage
     └── ServiceError              a running daemon could not be talked to
         ├── NotRunningError           no daemon runs, or not the one that is meant
         ├── AmbiguousStageError       several daemons run, and none is named
@@ -89,6 +90,10 @@ class DeviceError(PiezodError):
 
 class DeviceUnavailableError(DeviceError):
     """Raised when a device cannot be opened: absent, held by somebody else, or silent."""
+
+
+class AlreadyRunningError(PiezodError):
+    """Raised when a stage is to be taken over that a living daemon owns."""
 
 
 class ServiceError(PiezodError):

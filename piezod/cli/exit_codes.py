@@ -2,10 +2,11 @@
 
 import os
 
-from piezod.errors import ConfigError, DeviceUnavailableError, PiezodError
+from piezod.errors import AlreadyRunningError, ConfigError, DeviceUnavailableError, PiezodError
 
 FAILED = 1
 DEVICE_UNAVAILABLE = 69
+ALREADY_RUNNING = 75
 NO_PERMISSION = 77
 CONFIGURATION = 78
 """As in sysexits.h; 2 for wrong usage comes from typer, 130 for Ctrl-C is in `interrupt`."""
@@ -18,6 +19,8 @@ def exit_code(error: PiezodError | OSError) -> int:
         return NO_PERMISSION
     if isinstance(error, ConfigError):
         return CONFIGURATION
+    if isinstance(error, AlreadyRunningError):
+        return ALREADY_RUNNING
     if isinstance(error, DeviceUnavailableError):
         return DEVICE_UNAVAILABLE
     return FAILED

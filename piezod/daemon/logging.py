@@ -1,0 +1,118 @@
+"""The log: lines for people on a terminal, JSON with a priority for the journal; to stderr."""
+
+import logging
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, Final, TextIO
+
+import structlog
+from structlog.typing import EventDict, Processor, WrappedLogger
+
+PER_SECOND: Final = 10
+# What the journal calls them (syslog(3)); "critical" and "exception" do not occur.
+_PRIORITIES: Final = {"debug": 7, "info": 6, "warning": 4, "error": 3, "critical": 2}
+
+
+class RateLimit:
+    """Lets ten lines of a kind through in a second and counts the others.
+
+    The first line of a kind after that second tells how many were left out. Kinds are event and
+    fault id, of which there are few.
+
+    Args:
+        now_s: The clock, in s.
+    """
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
+        self._kinds: dict[tuple[str, str], tuple[float, int]] = {}
+
+    def __call__(self, _logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
+        """Return the event, or drop it."""
+        kind = (str(event.get("event")), str(event.get("fault", "")))
+        now_s = self._now_s()
+        begun_s, count = self._kinds.get(kind, (now_s, 0))
+        if now_s - begun_s >= 1:
+            if count > PER_SECOND:
+                event["suppressed"] = count - PER_SECOND
+            begun_s, count = now_s, 0
+        self._kinds[kind] = (begun_s, count + 1)
+        if count >= PER_SECOND:
+            raise structlog.DropEvent
+        return event
+
+
+def set_up_logging(stream: TextIO = sys.stderr, environ: Mapping[str, str] = os.environ) -> None:
+    """Send the log of this process to a stream, in the form that its reader wants.
+
+    The libraries' own loggers end up there too, from warnings on.
+    """
+    shared: list[Processor] = [
+        structlog.contextvars.merge_contextvars,
+        structlog.processors.add_log_level,
+        _finite,
+    ]
+    last = _for_journal() if _is_journal(stream, environ) else _for_people(stream)
+    structlog.configure(
+        processors=[RateLimit(), *shared, *last],
+        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
+        logger_factory=structlog.WriteLoggerFactory(stream),
+        cache_logger_on_first_use=False,
+    )
+    handler = logging.StreamHandler(stream)
+    handler.setFormatter(
+        structlog.stdlib.ProcessorFormatter(
+            foreign_pre_chain=shared,
+            processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *last],
+        )
+    )
+    logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
+
+
+def logger(room: str) -> Any:
+    """Return the logger of a part of the daemon, as in `logger("supervisor").info("ready")`."""
+    return structlog.get_logger(room=room)
+
+
+def _is_journal(stream: TextIO, environ: Mapping[str, str]) -> bool:
+    """Tell whether a stream leads to the journal, which is what systemd names by its inode."""
+    try:
+        found = os.fstat(stream.fileno())
+    except (OSError, ValueError):
+        return False
+    return environ.get("JOURNAL_STREAM") == f"{found.st_dev}:{found.st_ino}"
+
+
+def _for_people(stream: TextIO) -> list[Processor]:
+    return [
+        structlog.processors.TimeStamper(fmt="%H:%M:%S.%f", utc=False),
+        structlog.dev.ConsoleRenderer(
+            colors=stream.isatty(),
+            pad_event_to=0,
+            exception_formatter=structlog.dev.plain_traceback,
+        ),
+    ]
+
+
+def _for_journal() -> list[Processor]:
+    return [
+        structlog.processors.format_exc_info,
+        structlog.processors.JSONRenderer(sort_keys=True),
+        _with_priority,
+    ]
+
+
+def _with_priority(_logger: WrappedLogger, level: str, line: Any) -> str:
+    return f"<{_PRIORITIES.get(level, 6)}>{line}"
+
+
+def _finite(_logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
+    """Leave out numbers that say nothing and that JSON does not have."""
+    return {
+        key: value
+        for key, value in event.items()
+        if not (isinstance(value, float) and not math.isfinite(value))
+    }

@@ -1,0 +1,48 @@
+"""The mark of a running stage: found at the start, it says that the last run ended by violence."""
+
+import os
+from pathlib import Path
+
+
+class Marker:
+    """A file that is there from the start of a run until its orderly end.
+
+    Args:
+        path: The file; its folder must exist.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.unclean = path.exists()
+        """Whether the run before this one did not end in order."""
+
+    def put(self) -> None:
+        """Make the file, so that it survives a loss of power.
+
+        Raises:
+            OSError: If that is not possible.
+        """
+        file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            os.ftruncate(file, 0)
+            os.write(file, f"{os.getpid()}\n".encode())
+            os.fsync(file)
+        finally:
+            os.close(file)
+        self._sync_folder()
+
+    def remove(self) -> None:
+        """Remove the file: the run has ended in order.
+
+        Raises:
+            OSError: If that is not possible.
+        """
+        self._path.unlink(missing_ok=True)
+        self._sync_folder()
+
+    def _sync_folder(self) -> None:
+        folder = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)

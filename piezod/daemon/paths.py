@@ -1,0 +1,140 @@
+"""Where a running stage has its files; imports nothing but the standard library.
+
+`$RUNTIME_DIRECTORY` and `$STATE_DIRECTORY` are what systemd sets; without them a user's own folders
+are taken.
+"""
+
+import errno
+import os
+import stat
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from piezod.errors import ConfigError, Problem
+
+# Of the 108 bytes of a unix socket's address the last is a zero.
+LONGEST_SOCKET_PATH: Final = 107
+
+
+class StagePaths(NamedTuple):
+    """The files of one stage.
+
+    Attributes:
+        name: Name of the stage: that of its configuration file, without the ending.
+        runtime: Folder that lasts until the machine goes down.
+        state: Folder that stays.
+    """
+
+    name: str
+    runtime: Path
+    state: Path
+
+    @property
+    def lock(self) -> Path:
+        """The file that the supervisor keeps locked for life, its process id inside."""
+        return self.runtime / "lock"
+
+    @property
+    def api_socket(self) -> Path:
+        """The unix socket of the HTTP interface."""
+        return self.runtime / "api.sock"
+
+    @property
+    def loop_map(self) -> Path:
+        """What supervisor and loop process share."""
+        return self.runtime / "loop.map"
+
+    @property
+    def output_map(self) -> Path:
+        """The voltage written last on each axis, for `piezod safe`."""
+        return self.runtime / "output.map"
+
+    @property
+    def running(self) -> Path:
+        """The mark that is there while the stage is running."""
+        return self.state / "running"
+
+    @property
+    def parameters(self) -> Path:
+        """Folder of the parameter store."""
+        return self.state / "parameters"
+
+    @property
+    def recordings(self) -> Path:
+        """Folder of the recordings."""
+        return self.state / "recordings"
+
+    @property
+    def flights(self) -> Path:
+        """Folder of the flight recorder."""
+        return self.state / "flights"
+
+    @property
+    def audit(self) -> Path:
+        """The record of who did what."""
+        return self.state / "audit.jsonl"
+
+    def make_folders(self) -> None:
+        """Make the folders, for this user only; those that are there keep their mode.
+
+        Raises:
+            OSError: If one cannot be made or belongs to somebody else, or if the path is too long
+                for a socket.
+        """
+        for folder in (self.runtime, self.state):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            _check_ours(folder.parent)
+            _check_ours(folder)
+        if len(os.fsencode(self.api_socket)) > LONGEST_SOCKET_PATH:
+            what = f"too long for a socket, allowed: {LONGEST_SOCKET_PATH} bytes; "
+            remedy = "set XDG_RUNTIME_DIR to a shorter path"
+            raise OSError(errno.ENAMETOOLONG, what + remedy, str(self.api_socket))
+
+
+def stage_paths(config: Path, environ: Mapping[str, str] = os.environ) -> StagePaths:
+    """Return where the stage of a configuration file has its files; makes none of them.
+
+    Args:
+        config: The configuration file.
+        environ: The environment variables.
+
+    Raises:
+        ConfigError: If no folder can have the file's name.
+    """
+    name = config.stem
+    if not name or name.startswith("."):
+        what = f"its name is that of the stage and must not begin with a dot (got {name!r})"
+        raise ConfigError(Problem(str(config), 0, 0, "", what))
+    return StagePaths(name, _runtime(name, environ), _state(name, environ))
+
+
+def _runtime(name: str, environ: Mapping[str, str]) -> Path:
+    if given := _given("RUNTIME_DIRECTORY", environ):
+        return given
+    if users := _given("XDG_RUNTIME_DIR", environ):
+        return users / "piezod" / name
+    return Path(tempfile.gettempdir()) / f"piezod-{os.getuid()}" / name
+
+
+def _state(name: str, environ: Mapping[str, str]) -> Path:
+    if given := _given("STATE_DIRECTORY", environ):
+        return given
+    users = _given("XDG_STATE_HOME", environ) or Path.home() / ".local" / "state"
+    return users / "piezod" / name
+
+
+def _given(variable: str, environ: Mapping[str, str]) -> Path | None:
+    """Return the folder that a variable names: the first of several, and only an absolute one."""
+    folder = Path(environ.get(variable, "").split(":")[0])
+    return folder if folder.is_absolute() else None
+
+
+def _check_ours(folder: Path) -> None:
+    """Refuse a folder that others made or may write to: they could put their own socket there."""
+    found = folder.lstat()
+    shared = found.st_mode & stat.S_IWOTH and not found.st_mode & stat.S_ISVTX
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid not in (os.getuid(), 0) or shared:
+        what = "must be a folder of this user that nobody else may write to; remove it"
+        raise PermissionError(errno.EACCES, what, str(folder))

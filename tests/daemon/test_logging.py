@@ -1,0 +1,102 @@
+"""The log, for the journal and for people."""
+
+import io
+import json
+import logging
+import math
+import os
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import structlog
+
+from piezod.daemon.logging import PER_SECOND, RateLimit, logger, set_up_logging
+
+
+@pytest.fixture(autouse=True)
+def _restored() -> Iterator[None]:
+    root = logging.getLogger()
+    level, handlers = root.level, root.handlers[:]
+    yield
+    structlog.reset_defaults()
+    root.setLevel(level)
+    root.handlers[:] = handlers
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Path:
+    """Return a file that the log takes for the journal."""
+    path = tmp_path / "journal"
+    with path.open("w", encoding="utf-8") as stream:
+        found = os.fstat(stream.fileno())
+        set_up_logging(stream, {"JOURNAL_STREAM": f"{found.st_dev}:{found.st_ino}"})
+        logger("loop").error("fault", fault="S5", measured=3.5, limit=math.nan)
+        logger("supervisor").info("ready")
+        logging.getLogger("some.library").warning("odd %s", "thing")
+    return path
+
+
+def test_journal_gets_priority_and_json(journal: Path) -> None:
+    """Each line begins with what systemd takes for its priority; a library's lines too."""
+    lines = journal.read_text(encoding="utf-8").splitlines()
+
+    assert [line[:3] for line in lines] == ["<3>", "<6>", "<4>"]
+    assert [json.loads(line[3:])["event"] for line in lines] == ["fault", "ready", "odd thing"]
+
+
+def test_journal_gets_no_number_that_json_does_not_have(journal: Path) -> None:
+    """A limit that does not apply is left out."""
+    first = json.loads(journal.read_text(encoding="utf-8").splitlines()[0][3:])
+
+    assert first["measured"] == 3.5
+    assert "limit" not in first
+
+
+def test_people_get_plain_lines() -> None:
+    """Where nobody said that it is the journal there is no JSON, and an exception is told."""
+    stream = io.StringIO()
+    set_up_logging(stream, {"JOURNAL_STREAM": "1:2"})
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            int("out of luck")
+        except ValueError:
+            logger("supervisor").exception("loop gone", code=-9)
+
+    text = stream.getvalue()
+    assert "loop gone" in text
+    assert "code=-9" in text
+    assert "out of luck" in text
+    assert "{" not in text
+
+
+@pytest.mark.fault("P15")
+def test_flood_is_cut_and_counted() -> None:
+    """Of a kind ten lines pass in a second; the first one after it tells how many did not."""
+    now_s = 0.0
+    limit = RateLimit(lambda: now_s)
+    kept = 0
+    for _ in range(100_000):
+        try:
+            limit(None, "warning", {"event": "fault", "fault": "S4"})
+            kept += 1
+        except structlog.DropEvent:
+            pass
+
+    now_s = 1.0
+    after = limit(None, "warning", {"event": "fault", "fault": "S4"})
+
+    assert kept == PER_SECOND
+    assert after["suppressed"] == 100_000 - PER_SECOND
+
+
+def test_flood_of_one_fault_hides_no_other() -> None:
+    """Kinds are counted each for itself."""
+    limit = RateLimit(lambda: 0.0)
+    for _ in range(PER_SECOND):
+        limit(None, "warning", {"event": "fault", "fault": "S4"})
+
+    assert limit(None, "error", {"event": "fault", "fault": "A1"})["fault"] == "A1"
