@@ -1,0 +1,174 @@
+"""Who asked for what, and what became of it: lines of JSON that are only ever added."""
+
+import json
+import os
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import structlog
+
+MAX_BYTES: Final = 4 << 20
+"""A file that would become larger is put aside."""
+KEPT: Final = 5
+"""How many files are kept, the one that is written included."""
+
+_MAX_TEXT: Final = 1000
+
+_log = structlog.get_logger(__name__)
+
+
+class AuditEntry(NamedTuple):
+    """One request and its outcome.
+
+    Attributes:
+        when: ISO 8601 with the offset from UTC.
+        uid: User id of the process that asked.
+        user: Name of that user; empty where it has none.
+        client: What the client calls itself.
+        what: What it asked for, as in "goto x 12.5 µm".
+        accepted: Whether that was carried out.
+        why: Why not; empty where it was.
+    """
+
+    when: str
+    uid: int
+    user: str
+    client: str
+    what: str
+    accepted: bool
+    why: str = ""
+
+
+def _utc_now() -> datetime:
+    return datetime.now(UTC)
+
+
+class AuditLog:
+    """Appends entries to a file; a disk that is full costs entries, never a request.
+
+    Not for several threads at a time, but for `sync`.
+
+    Args:
+        path: The file, made where absent; older ones have `.1`, `.2` behind their names.
+        now: The time of day.
+        max_bytes: Size at which the file is put aside.
+
+    Raises:
+        OSError: If the file cannot be opened.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        now: Callable[[], datetime] = _utc_now,
+        max_bytes: int = MAX_BYTES,
+    ) -> None:
+        path.parent.mkdir(mode=0o750, parents=True, exist_ok=True)
+        self._path, self._now, self._max_bytes = path, now, max_bytes
+        self._descriptor = _open(path)
+        self._size = os.fstat(self._descriptor).st_size
+        # Whatever cut the last line off, the next entry gets a line of its own.
+        self._torn = self._size > 0 and _last_byte(path) != b"\n"
+        self.failed = 0
+        """Entries that could not be written."""
+
+    def write(
+        self, uid: int, user: str, client: str, what: str, accepted: bool, why: str = ""
+    ) -> None:
+        """Add an entry; it survives the end of this process, and a loss of power after `sync`.
+
+        Texts are cut at 1000 characters.
+
+        Args:
+            uid: User id of the process that asks.
+            user: Name of that user.
+            client: What the client calls itself.
+            what: What it asks for.
+            accepted: Whether that is carried out.
+            why: Why not.
+        """
+        when = self._now().isoformat(timespec="milliseconds")
+        texts = [text[:_MAX_TEXT] for text in (user, client, what, why)]
+        entry = AuditEntry(when, uid, *texts[:3], accepted, texts[3])
+        line = (json.dumps(entry._asdict()) + "\n").encode()
+        try:
+            self._append(line)
+        except OSError as error:
+            if not self.failed:
+                _log.error("audit entry lost", file=str(self._path), why=error.strerror)
+            self.failed += 1
+
+    def last(self, number: int) -> tuple[AuditEntry, ...]:
+        """Return the newest entries of the file and of the one before, oldest first.
+
+        Args:
+            number: How many at most.
+
+        Raises:
+            OSError: If the file cannot be read.
+        """
+        found: list[AuditEntry] = []
+        for path in (self._older(1), self._path):
+            if path.exists():
+                lines = path.read_bytes().splitlines()
+                found += [entry for entry in map(_entry, lines[-number:]) if entry]
+        return tuple(found[-number:]) if number > 0 else ()
+
+    def sync(self) -> None:
+        """Have what was written reach the disk; may block, so call it in a worker thread.
+
+        Raises:
+            OSError: If it does not get there.
+        """
+        os.fsync(self._descriptor)
+
+    def close(self) -> None:
+        """Sync and close the file; once."""
+        try:
+            os.fsync(self._descriptor)
+        finally:
+            os.close(self._descriptor)
+
+    def _append(self, line: bytes) -> None:
+        if self._size and self._size + len(line) > self._max_bytes:
+            self._rotate()
+        if self._torn:
+            line = b"\n" + line
+        # One write for a line: nothing can come between its parts.
+        written = os.write(self._descriptor, line)
+        self._size += written
+        self._torn = written < len(line)
+        if self._torn:
+            raise OSError(0, "the disk took only a part of it")
+
+    def _rotate(self) -> None:
+        for number in range(KEPT - 1, 0, -1):
+            newer = self._older(number - 1) if number > 1 else self._path
+            if newer.exists():
+                newer.replace(self._older(number))
+        descriptor = _open(self._path)
+        os.close(self._descriptor)
+        self._descriptor, self._size, self._torn = descriptor, 0, False
+
+    def _older(self, number: int) -> Path:
+        return self._path.with_name(f"{self._path.name}.{number}")
+
+
+def _open(path: Path) -> int:
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW
+    return os.open(path, flags, 0o640)
+
+
+def _last_byte(path: Path) -> bytes:
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read(1)
+
+
+def _entry(line: bytes) -> AuditEntry | None:
+    try:
+        return AuditEntry(**json.loads(line))
+    except (ValueError, TypeError):  # cut off by a loss of power
+        return None
