@@ -1,13 +1,14 @@
 """What happens to one axis in one cycle; two ways to drive it."""
 
 from collections.abc import Callable
+from math import nan
 from typing import NamedTuple, Protocol
 
 from piezod.config.modes import Mode
 from piezod.control.compensator import Compensator
 from piezod.control.drive_history import DriveHistory
 from piezod.control.identifier import Identifier
-from piezod.control.limits import Limits
+from piezod.control.limits import Limits, Window
 from piezod.control.shaping import CornerFilter
 from piezod.control.trim import Trim
 from piezod.devices.interface import Sample
@@ -125,10 +126,12 @@ class CompensatedAxis:
         self._in_force_v = in_force_v
         self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
         self._awaits_write = False
+        self._first_mode_hz = first_mode_hz
         self._shaped_um = CornerFilter(reference_um, first_mode_hz, self._period_s)
         self._ahead_s = (period_ns + delay_ns - sensor_delay_ns) / NS_PER_S
         self._sensor_delay_ns = sensor_delay_ns
-        self._trim = trim
+        self.trim = trim
+        self._forced_v = nan
         self.switch(compensator.mode)
 
     def switch(self, mode: Mode) -> None:
@@ -136,9 +139,54 @@ class CompensatedAxis:
         if mode is not self.compensator.mode:
             self.compensator.switch(mode)
         if mode is Mode.TRIMMED:
-            self._trim.enable()
+            self.trim.enable()
         else:
-            self._trim.disable()
+            self.trim.disable()
+
+    @property
+    def in_force_v(self) -> float:
+        """Voltage in force, in V."""
+        return self._in_force_v
+
+    @property
+    def command_here_um(self) -> float:
+        """Command that leaves the drive as it is, in µm; may be called in the loop."""
+        drive = self._drive_v.to_unit(self._in_force_v)
+        return self._position_um.from_unit(self.compensator.command_here(drive, self.trim.value))
+
+    @property
+    def expected_um(self) -> float:
+        """Displacement that the model expects the sensor to show, in µm; call it in the loop."""
+        return self._position_um.from_unit(self.compensator.expected)
+
+    @property
+    def zeroed_range_um(self) -> AffineRange:
+        """Range of the displacement that the model covers, in µm from rest."""
+        return self._position_um
+
+    def follow(self, reference_um: Waveform, start_ns: int) -> None:
+        """Follow another reference from now on; may be called in the loop.
+
+        Args:
+            reference_um: Displacement over time since its start, in µm.
+            start_ns: Instant at which it starts.
+        """
+        self._reference_um, self._start_ns = reference_um, start_ns
+        self._shaped_um = CornerFilter(reference_um, self._first_mode_hz, self._period_s)
+        self._forced_v = nan
+
+    def force(self, drive_v: float) -> None:
+        """Go to a voltage, whatever the reference; the memory follows; call it in the loop.
+
+        Args:
+            drive_v: Voltage for the next cycles, in V; within the limits as any other.
+        """
+        self._forced_v = drive_v
+
+    def zero(self) -> None:
+        """Count displacements from here on, where the stage rests; may be called in the loop."""
+        self.compensator.zero()
+        self.identifier.zero()
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
         """Identify from the sample, compensate the reference; may be called in the loop."""
@@ -153,10 +201,14 @@ class CompensatedAxis:
             self.compensator.adopt_first(self.identifier.weights)
         t_s = (t_ns - self._start_ns) / NS_PER_S
         command_um = self._reference_um(t_s)
-        credible = self.identifier.gate.credible and not refused
-        trim = self._trim.step(self._lacks(sample), credible, self.compensator.stop)
+        forced = self._forced_v == self._forced_v
+        credible = self.identifier.gate.credible and not (refused or forced)
+        trim = self.trim.step(self._lacks(sample), credible, self.compensator.stop)
         ahead = self._position_um.to_unit(self._shaped_um.value(t_s + self._ahead_s))
         window = self._limits.window(self._in_force_v, self._period_s)
+        if forced:
+            drive_v = window.admit(self._forced_v, self._in_force_v)
+            window = Window(drive_v, drive_v)
         drive = self.compensator.step(
             ahead,
             self._drive_v.to_unit(window.low_v),

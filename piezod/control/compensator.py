@@ -62,7 +62,8 @@ class Compensator:
         self.switch(mode)
         self._fading, self._strength = 0, self._strength_aim
         self._offset, self._scale = 0.0, 0.0
-        self._zeroed = creep.zeroed
+        self._zeroed, self._lags = creep.zeroed, creep.lags.copy()
+        self._creep_weights = creep.creep.weights
         self._pending = np.array([creep.quick, creep.quick, 0.0, 0.0])
         self._arguments = (
             *self._memory,
@@ -70,9 +71,9 @@ class Compensator:
             np.empty(bank.shape[1]),
             self._pending,
             self.weights,
-            creep.lags.copy(),
+            self._lags,
             creep.creep.gains,
-            creep.creep.weights,
+            self._creep_weights,
         )
 
     @property
@@ -121,6 +122,25 @@ class Compensator:
         """Adopt weights that have converged if there are none yet; may be called in the loop."""
         if not self._has_model:
             self.adopt(weights)
+
+    def zero(self) -> None:
+        """Count from here on: the stage rests, and its sensor was zeroed; call it in the loop."""
+        self._zeroed = float(self._creep_weights @ self._lags)
+
+    @property
+    def expected(self) -> float:
+        """Displacement that the sensor is expected to show once the last drive acts, normalised."""
+        crept = float(self._creep_weights @ self._lags)
+        return (self.position + crept + self._offset) / (1.0 + self._scale) - self._zeroed
+
+    def command_here(self, drive: float, trim: float) -> float:
+        """Return the command that asks for what a drive has brought; may be called in the loop.
+
+        Args:
+            drive: Drive in force, normalised.
+            trim: Displacement that is added, in units of the range.
+        """
+        return self.expected - trim / (1.0 + self._scale) if self._strength_aim else drive
 
     def refused(self) -> None:
         """Learn that the last drive was not applied; may be called in the loop."""

@@ -65,6 +65,10 @@ class Identifier:
         """Number of pairs of extrema that a full memory had to give up."""
         return self.adaptation.merged_pairs
 
+    def zero(self) -> None:
+        """Count from here on: the stage rests, and its sensor was zeroed; call it in the loop."""
+        self._zeroed = float(self._creep.weights @ self._lags)
+
     def learn(self, t_ns: int, sample: Sample, *, limited: bool, expected: float) -> None:
         """Take the sample of this cycle; adapt if it can teach; may be called in the loop.
 

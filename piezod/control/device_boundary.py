@@ -1,0 +1,69 @@
+"""The edge between the cycle and the devices: what a driver raises becomes a value here.
+
+The same edge decides whether anything is written at all. Where nothing is, a write is refused; in
+shadow it is taken and goes nowhere.
+"""
+
+from collections.abc import Sequence
+from math import nan
+from typing import Protocol
+
+from piezod.devices.interface import Amplifier, Sample, Sensor
+
+
+class StageDevices(Sensor, Amplifier, Protocol):
+    """All devices of a stage as one; `devices.channels.Channels` is it."""
+
+    def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
+        """Call these displacements zero from now on."""
+        ...
+
+
+class DeviceBoundary:
+    """The sensor and the amplifier that the cycle sees.
+
+    Args:
+        devices: The devices.
+        n_axes: Number of their axes.
+        reads_back: Whether the amplifiers tell what is in force.
+    """
+
+    def __init__(self, devices: StageDevices, n_axes: int, *, reads_back: bool) -> None:
+        self.devices, self._reads_back = devices, reads_back
+        self._nothing = [nan] * n_axes
+        self.open = False
+        """Whether writes go through to the amplifier."""
+        self.shadow = False
+        """Whether writes are taken and go nowhere."""
+        self.crash: Exception | None = None
+        """What a driver raised last in this cycle, if it did; whoever looks at it clears it."""
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Take one sample of each axis; invalid ones where the driver fails; call it in the loop"""
+        try:
+            return self.devices.read(now_ns)
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way
+            self.crash = error
+            return [Sample(now_ns, nan, False)] * len(self._nothing)
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Set the voltage of every axis where that is allowed; may be called in the loop."""
+        if self.shadow:
+            return True
+        if not self.open:
+            return False
+        try:
+            return self.devices.write(drive_v, now_ns)
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way
+            self.crash = error
+            return False
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Tell what is in force on each axis, in V, NaN where nobody can; call it in the loop."""
+        if not self._reads_back:
+            return self._nothing
+        try:
+            return self.devices.read_back(now_ns)
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way
+            self.crash = error
+            return self._nothing

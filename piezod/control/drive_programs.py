@@ -1,0 +1,56 @@
+"""Voltages over time that need no model: the way to a voltage, and the swing that conditions."""
+
+from collections.abc import Callable
+from math import asin, sin, tau
+from typing import NamedTuple
+
+from piezod.config.axes import LimitsConfig
+from piezod.config.daemon import ConditioningConfig
+
+DriveProgram = Callable[[float], float]
+"""Voltage over time: seconds since its start to V."""
+
+
+class Drive(NamedTuple):
+    """A voltage over time that comes to an end.
+
+    Attributes:
+        drive_v: Voltage over time since its start, in V.
+        duration_s: When it ends, in s; its last value is held.
+    """
+
+    drive_v: DriveProgram
+    duration_s: float
+
+
+def ramp(from_v: float, to_v: float, rate_v_per_s: float) -> Drive:
+    """Return the way from a voltage to another at a rate, in V/s."""
+    duration_s = abs(to_v - from_v) / rate_v_per_s
+    slope_v_per_s = rate_v_per_s if to_v > from_v else -rate_v_per_s
+
+    def drive_v(t_s: float) -> float:
+        if t_s >= duration_s:
+            return to_v
+        return from_v + slope_v_per_s * max(t_s, 0.0)
+
+    return Drive(drive_v, duration_s)
+
+
+def conditioning(config: ConditioningConfig, limits: LimitsConfig) -> Drive:
+    """Return a swing over the whole range that decays onto the rest voltage, where it starts.
+
+    Each swing is smaller than the one before: the largest one wipes out what the hysteresis
+    remembers, and the others leave a memory that is known.
+    """
+    low_v, high_v, rest_v = limits.drive_min_v, limits.drive_max_v, limits.rest_v
+    middle_v, half_v = 0.5 * (low_v + high_v), 0.5 * (high_v - low_v)
+    phase = asin((rest_v - middle_v) / half_v)
+    duration_s = config.cycles / config.frequency_hz
+
+    def drive_v(t_s: float) -> float:
+        if not 0.0 <= t_s < duration_s:
+            return rest_v
+        swing_v = middle_v - rest_v + half_v * sin(phase + tau * config.frequency_hz * t_s)
+        return rest_v + (1.0 - t_s / duration_s) * swing_v
+
+    return Drive(drive_v, duration_s)
