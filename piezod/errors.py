@@ -10,7 +10,7 @@
     ├── DeviceError               a device was used out of order or answered wrongly
     │   └── DeviceUnavailableError    a device is absent, busy or does not answer
     ├── AlreadyRunningError       another daemon owns the stage
-    └── ServiceError              a running daemon could not be talked to
+    └── ClientError               a running daemon could not be talked to
         ├── NotRunningError           no daemon runs, or not the one that is meant
         ├── AmbiguousStageError       several daemons run, and none is named
         ├── NotAllowedError           the daemon knows who asks and does not let them
@@ -96,7 +96,7 @@ class AlreadyRunningError(PiezodError):
     """Raised when a stage is to be taken over that a living daemon owns."""
 
 
-class ServiceError(PiezodError):
+class ClientError(PiezodError):
     """Raised when a daemon answers nothing, or something that a client does not understand.
 
     Args:
@@ -116,19 +116,19 @@ class ServiceError(PiezodError):
         return f"{self.what}; {self.remedy}" if self.remedy else self.what
 
 
-class NotRunningError(ServiceError):
+class NotRunningError(ClientError):
     """Raised when no daemon listens, or it ended during the conversation."""
 
 
-class AmbiguousStageError(ServiceError):
+class AmbiguousStageError(ClientError):
     """Raised when several stages run and nothing says which one is meant."""
 
 
-class NotAllowedError(ServiceError):
+class NotAllowedError(ClientError):
     """Raised when a daemon, or its socket's permissions, keep this user out."""
 
 
-class RefusedError(ServiceError):
+class RefusedError(ClientError):
     """Raised when a daemon refuses a request: because of its state, a range, a lease, a limit."""
 
 

@@ -1,1 +1,7 @@
-"""The typed client of a running daemon, sync and async."""
+"""The typed client of a running daemon, the way for scripts and other programs to move a stage."""
+
+from piezod.client.async_stage_client import AsyncStageClient
+from piezod.client.places import find_socket, running_stages
+from piezod.client.stage_client import StageClient
+
+__all__ = ["AsyncStageClient", "StageClient", "find_socket", "running_stages"]

@@ -1,0 +1,191 @@
+"""The daemon's interface as a table: what each call asks for, and how its answer is read.
+
+Nothing here talks to anybody; `StageClient` and `AsyncStageClient` both carry out these calls.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, TypeAlias, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from piezod.client.results import Answer, Document, Status, reader
+from piezod.client.waveforms import sendable
+from piezod.config import requests
+from piezod.config.combined_waveforms import WaveformConfig
+from piezod.config.messages import describe
+from piezod.config.model_file import ModelFile
+from piezod.config.modes import Mode
+from piezod.errors import RefusedError
+
+ResultT = TypeVar("ResultT")
+Waveforms: TypeAlias = Mapping[str, WaveformConfig | Mapping[str, Any]]
+"""Waveforms by axis, as models or as a file would have them."""
+_answer = reader(Answer)
+
+
+@dataclass(frozen=True)
+class Call(Generic[ResultT]):
+    """One question to a daemon.
+
+    Attributes:
+        method: Of HTTP.
+        path: Below `/v1/`.
+        read: Makes the result of the answer's document.
+        body: Document to send, None for none.
+    """
+
+    method: str
+    path: str
+    read: Callable[[Document], ResultT]
+    body: Document | None = None
+
+
+def status() -> Call[Status]:
+    """Return state, mode, faults, and each axis in its newest cycle."""
+    return Call("GET", "status", reader(Status))
+
+
+def arm(*, shadow: bool = False) -> Call[Answer]:
+    """Take over the voltage that is read back, and hold it: SAFE to READY.
+
+    Args:
+        shadow: Compute everything, write nothing.
+    """
+    return _request("arm", requests.Arm, shadow=shadow)
+
+
+def disarm() -> Call[Answer]:
+    """Ramp to the safe voltage, then SAFE."""
+    return _request("disarm", requests.Disarm)
+
+
+def mode(name: Mode | str, *, axis: str | None = None) -> Call[Answer]:
+    """Choose how the drive is made from the command; from READY on this starts RUN.
+
+    Args:
+        name: One of `piezod.config.modes.Mode`.
+        axis: Left out: all axes.
+    """
+    return _request("mode", requests.SelectMode, mode=name, axis=axis)
+
+
+def goto(
+    position_um: float, *, axis: str | None = None, speed_um_per_s: float | None = None
+) -> Call[Answer]:
+    """Set off to a position, and stay there; from READY on this starts RUN.
+
+    Args:
+        position_um: Where to, in µm.
+        axis: Left out: the only one.
+        speed_um_per_s: How fast, in µm/s; left out: as the configuration says.
+    """
+    return _request(
+        "goto",
+        requests.Goto,
+        position_um=position_um,
+        axis=axis,
+        speed_um_per_s=speed_um_per_s,
+    )
+
+
+def wave(command_um: Waveforms, duration_s: float) -> Call[Answer]:
+    """Follow a waveform from where the stage is; its last value is held at the end.
+
+    Args:
+        command_um: Axis: position over time in µm, a waveform as experiments have them.
+        duration_s: How long, in s.
+    """
+    return _request("wave", requests.Wave, command_um=sendable(command_um), duration_s=duration_s)
+
+
+def hold() -> Call[Answer]:
+    """Hold the voltage that is in force."""
+    return _request("hold", requests.Hold)
+
+
+def resume() -> Call[Answer]:
+    """Go on after a hold, from where the stage is: HOLD to RUN."""
+    return _request("resume", requests.Resume)
+
+
+def condition(*, axis: str | None = None) -> Call[Answer]:
+    """Drive a decaying swing, so that the hysteresis' memory is known.
+
+    Args:
+        axis: Left out: all axes.
+    """
+    return _request("condition", requests.Condition, axis=axis)
+
+
+def zero(*, axis: str | None = None) -> Call[Answer]:
+    """Call the displacement at the rest voltage zero.
+
+    Args:
+        axis: Left out: all axes.
+    """
+    return _request("zero", requests.Zero, axis=axis)
+
+
+def stop() -> Call[Answer]:
+    """Ramp to the safe voltage, then SAFE; whoever has the lease."""
+    return _request("stop", requests.Stop)
+
+
+def estop() -> Call[Answer]:
+    """Stop in an emergency, as the configuration says; whoever has the lease."""
+    return _request("estop", requests.Estop)
+
+
+def reset(*, engineer: bool = False) -> Call[Answer]:
+    """Leave FAULT for SAFE, where no fault is present any more.
+
+    Args:
+        engineer: Reset also what only an engineer may.
+    """
+    return _request("reset", requests.Reset, engineer=engineer)
+
+
+def identify(drive_v: Waveforms, duration_s: float) -> Call[Answer]:
+    """Drive voltages from rest, for a record to fit a model to; ends at the rest voltage.
+
+    Args:
+        drive_v: Axis: drive over time in V, a waveform as experiments have them; others rest.
+        duration_s: How long, in s.
+    """
+    return _request("identify", requests.Identify, drive_v=sendable(drive_v), duration_s=duration_s)
+
+
+def adopt(
+    model: ModelFile, *, axis: str | None = None, zero_um: float | None = None
+) -> Call[Answer]:
+    """Use another model from now on; only while disarmed.
+
+    Args:
+        model: The model, as `piezod.config.model_file.load_model` reads it.
+        axis: Left out: the only one.
+        zero_um: Sensor zero to restore, in µm.
+    """
+    return _request("model", requests.AdoptModel, model=model, axis=axis, zero_um=zero_um)
+
+
+def shutdown() -> Call[Answer]:
+    """Ramp to the safe voltage and end the daemon."""
+    return _request("shutdown", requests.Shutdown)
+
+
+def _request(path: str, request: type[BaseModel], /, **fields: object) -> Call[Answer]:
+    """Return the call of a request whose values have been checked here already."""
+    try:
+        body = request(**{key: value for key, value in fields.items() if value is not None})
+    except ValidationError as error:
+        raise _refused(error) from error
+    document = body.model_dump(mode="json", exclude={"kind"}, exclude_none=True)
+    return Call("POST", path, _answer, document)
+
+
+def _refused(error: ValidationError) -> RefusedError:
+    problems = (
+        f"{'.'.join(map(str, each['loc']))}: {describe(each, ())}" for each in error.errors()
+    )
+    return RefusedError("; ".join(problems), code="value")

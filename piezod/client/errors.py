@@ -1,0 +1,77 @@
+"""What a failed conversation with a daemon becomes: one of piezod's errors, with a remedy."""
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+
+from piezod.errors import NotAllowedError, NotRunningError, RefusedError, ClientError
+
+OTHER_VERSION = "are client and daemon of the same version?"
+
+
+def error_of(status: int, body: bytes) -> ClientError:
+    """Return the error that an answer tells.
+
+    Args:
+        status: HTTP status, 400 to 599.
+        body: The answer, an error document where it is the daemon's.
+    """
+    try:
+        told = json.loads(body)["error"]
+        code, what, remedy = (str(told.get(key) or "") for key in ("code", "what", "remedy"))
+    except (ValueError, LookupError, TypeError, AttributeError):
+        return ClientError(f"the daemon answered with HTTP status {status}", OTHER_VERSION)
+    if status in (401, 403):
+        return NotAllowedError(what, remedy, code)
+    if status >= 500 and status not in (503, 504):
+        return ClientError(what, remedy, code)
+    return RefusedError(what, remedy, code)
+
+
+@contextmanager
+def translated(socket: Path) -> Iterator[None]:
+    """Raise what goes wrong on the way to a daemon, and back, as piezod's errors.
+
+    Args:
+        socket: The daemon's socket, for the text.
+
+    Raises:
+        ClientError: The more specific ones where that is known.
+    """
+    try:
+        yield
+    except httpx.TimeoutException as error:
+        what = f"{socket}: the daemon does not answer in time"
+        raise ClientError(what, "try again, and look at its log") from error
+    except httpx.TransportError as error:
+        raise _of_transport(error, socket) from error
+
+
+def _of_transport(error: httpx.TransportError, socket: Path) -> ClientError:
+    causes = list(_causes(error))
+    if any(isinstance(each, PermissionError) for each in causes):
+        what = f"{socket}: this user may not talk to the daemon"
+        return NotAllowedError(
+            what, "become a member of the group piezod-view, piezod or piezod-eng"
+        )
+    if isinstance(error, httpx.ConnectError):
+        what = f"{socket}: no daemon is running there"
+        return NotRunningError(what, "start it with `piezod run CONFIG`")
+    return NotRunningError(f"{socket}: the daemon ended the conversation", "is it still running?")
+
+
+def _causes(error: BaseException | None) -> Iterator[BaseException]:
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
+
+
+def unexpected(document: object, why: str) -> ClientError:
+    """Return the error of an answer that does not look as it should."""
+    keys = (
+        ", ".join(map(str, document)) if isinstance(document, Mapping) else type(document).__name__
+    )
+    return ClientError(f"the daemon's answer ({keys}) is not understood: {why}", OTHER_VERSION)

@@ -1,0 +1,92 @@
+"""Where the daemons of a machine listen, and which of them is meant."""
+
+import errno
+import os
+import socket
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+from piezod.errors import AmbiguousStageError, NotRunningError
+
+SOCKET_NAME: Final = "api.sock"
+_SYSTEM: Final = Path("/run/piezod")
+_START_IT: Final = "start it with `piezod run CONFIG`"
+
+
+def find_socket(
+    stage: str | None = None,
+    environ: Mapping[str, str] = os.environ,
+    system: Path = _SYSTEM,
+) -> Path:
+    """Return the socket of the stage that is meant.
+
+    A path in `PIEZOD_SOCKET` is taken as it is, unless a stage is named. A stage, named here or in
+    `PIEZOD_STAGE`, is looked for where services and where this user's daemons have their files.
+    Without a name, the only one that runs is meant.
+
+    Args:
+        stage: Name of the stage, the stem of its configuration's file name.
+        environ: Environment variables.
+        system: Folder of the services.
+
+    Raises:
+        NotRunningError: If no daemon listens, or none of that name.
+        AmbiguousStageError: If several do, and none was named.
+    """
+    if stage is None and (path := environ.get("PIEZOD_SOCKET")):
+        return Path(path)
+    name = stage or environ.get("PIEZOD_STAGE")
+    running = running_stages(environ, system)
+    if name is None and len(running) == 1:
+        return next(iter(running.values()))
+    if name is None and running:
+        what = f"several stages are running: {', '.join(running)}"
+        raise AmbiguousStageError(what, "name one with --stage, or in PIEZOD_STAGE")
+    if name is None:
+        raise NotRunningError("no daemon is running", _START_IT)
+    if name not in running:
+        others = f", running: {', '.join(running)}" if running else ""
+        raise NotRunningError(f"no daemon is running for stage {name!r}{others}", _START_IT)
+    return running[name]
+
+
+def running_stages(
+    environ: Mapping[str, str] = os.environ, system: Path = _SYSTEM
+) -> dict[str, Path]:
+    """Return the sockets on which somebody listens, by the names of their stages, sorted."""
+    found: dict[str, Path] = {}
+    for folder in _folders(environ, system):
+        for path in sorted(folder.glob(f"*/{SOCKET_NAME}")):
+            if path.parent.name not in found and _is_alive(path):
+                found[path.parent.name] = path
+    return dict(sorted(found.items()))
+
+
+def _folders(environ: Mapping[str, str], system: Path) -> Iterator[Path]:
+    yield system
+    if runtime := environ.get("XDG_RUNTIME_DIR"):
+        yield Path(runtime) / "piezod"
+    own = Path(tempfile.gettempdir()) / f"piezod-{os.getuid()}"
+    if _is_ours(own):
+        yield own
+
+
+def _is_ours(folder: Path) -> bool:
+    # Anybody can make a folder in /tmp, and wait there for commands that are meant for a stage.
+    try:
+        found = folder.lstat()
+    except OSError:
+        return False
+    return found.st_uid == os.getuid() and not folder.is_symlink() and not found.st_mode & 0o022
+
+
+def _is_alive(path: Path) -> bool:
+    # What a killed daemon left refuses connections; one that keeps us out is alive.
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as probe:
+        try:
+            code = probe.connect_ex(os.fsencode(path))
+        except OSError:  # the path is longer than a socket's may be
+            return False
+    return code in (0, errno.EACCES, errno.EAGAIN)

@@ -1,0 +1,121 @@
+"""What a daemon answers, typed. Numbers are None where there is none, as JSON has no NaN.
+
+Every result keeps the daemon's whole `document`: a newer daemon may tell more than is named here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from piezod.client.errors import unexpected
+
+Document: TypeAlias = dict[str, Any]
+ResultT = TypeVar("ResultT", bound="Result")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """Base of everything that a daemon answers.
+
+    Attributes:
+        document: The answer as it came.
+    """
+
+    document: Document
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer(Result):
+    """A request that is being carried out.
+
+    Attributes:
+        motion: Number of the movement that it started, 0 where it started none.
+    """
+
+    motion: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A fault that is present, or was and is latched.
+
+    Attributes:
+        id: As in docs/faults.md, "S5".
+        name: What it is, in a few words.
+        present: Whether it is there now.
+        latched: Whether it stays until it is reset.
+        remedy: What to do about it.
+    """
+
+    id: str
+    name: str = ""
+    present: bool = True
+    latched: bool = False
+    remedy: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisStatus:
+    """One axis in the newest cycle.
+
+    Attributes:
+        position_um: Measured displacement.
+        command_um: Displacement asked for.
+        drive_v: Voltage in force.
+        target_um: Where the movement ends.
+        mode: How the drive is made from the command.
+        on_target: Whether the target has been reached, and held.
+        motion: Number of the movement.
+    """
+
+    position_um: float | None
+    command_um: float | None
+    drive_v: float | None
+    target_um: float | None = None
+    mode: str = ""
+    on_target: bool = False
+    motion: int = 0
+
+    @property
+    def error_um(self) -> float | None:
+        """The command less the position, None where one of them is missing."""
+        if self.command_um is None or self.position_um is None:
+            return None
+        return self.command_um - self.position_um
+
+
+@dataclass(frozen=True, kw_only=True)
+class Status(Result):
+    """A stage in its newest cycle.
+
+    Attributes:
+        state: One of `piezod.config.states.State`.
+        mode: Of the only axis; "mixed" where axes differ.
+        faults: What is present or latched.
+        skipped_cycles: Cycles that the loop has missed since it started.
+        axes: By name.
+    """
+
+    state: str
+    mode: str
+    faults: tuple[Fault, ...]
+    skipped_cycles: int
+    axes: dict[str, AxisStatus]
+
+
+def reader(result: type[ResultT]) -> Callable[[Document], ResultT]:
+    """Return a function that makes a result of a document.
+
+    The function raises ClientError where the document does not fit.
+    """
+    adapter = TypeAdapter(result)
+
+    def read(document: Document) -> ResultT:
+        try:
+            return adapter.validate_python({**document, "document": document})
+        except ValidationError as error:
+            raise unexpected(document, str(error)) from error
+
+    return read

@@ -1,0 +1,103 @@
+"""The client for ordinary programs and scripts; `AsyncStageClient` is the same for asyncio."""
+
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Concatenate, ParamSpec, Self, TypeVar
+
+import httpx
+
+from piezod.client import calls
+from piezod.client.calls import Call
+from piezod.client.errors import translated
+from piezod.client.places import find_socket
+from piezod.client.wire import BASE_URL, TIMEOUT, as_method, headers, new_name, read_answer
+
+ParametersT = ParamSpec("ParametersT")
+ResultT = TypeVar("ResultT")
+
+
+def _method(
+    make: Callable[ParametersT, Call[ResultT]],
+) -> Callable[Concatenate["StageClient", ParametersT], ResultT]:
+    def method(
+        self: "StageClient", /, *args: ParametersT.args, **kwargs: ParametersT.kwargs
+    ) -> ResultT:
+        return self.call(make(*args, **kwargs))
+
+    return as_method(method, make)
+
+
+class StageClient:
+    """A connection to the daemon of one stage; use it in a `with` statement.
+
+    ::
+
+        with StageClient() as stage:
+            stage.arm()
+            stage.mode("adaptive")
+            stage.goto_and_wait(12.5)
+
+    Not for several threads at a time. Every method raises ClientError, or one of its kinds, where
+    the daemon cannot be reached or refuses.
+
+    Args:
+        stage: Name of the stage; left out: `PIEZOD_STAGE`, or the only one that runs.
+        socket: Path of the daemon's socket, in place of a name.
+        name: What the daemon calls this client; the lease belongs to user and name. Left out: a
+            name that no other client has.
+
+    Raises:
+        NotRunningError: If no daemon listens.
+        AmbiguousStageError: If several do, and none is named.
+    """
+
+    def __init__(
+        self, stage: str | None = None, *, socket: Path | None = None, name: str | None = None
+    ) -> None:
+        self.socket = socket or find_socket(stage)
+        self.name = name or new_name()
+        self._http = httpx.Client(
+            transport=httpx.HTTPTransport(uds=str(self.socket)),
+            base_url=BASE_URL,
+            headers=headers(self.name),
+            timeout=TIMEOUT,
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection; the stage goes on with what it does."""
+        self._http.close()
+
+    def call(self, call: Call[ResultT]) -> ResultT:
+        """Carry out one call of `piezod.client.calls`."""
+        with translated(self.socket):
+            response = self._http.request(call.method, call.path, json=call.body)
+        return read_answer(call, response)
+
+    status = _method(calls.status)
+    arm = _method(calls.arm)
+    disarm = _method(calls.disarm)
+    mode = _method(calls.mode)
+    goto = _method(calls.goto)
+    wave = _method(calls.wave)
+    hold = _method(calls.hold)
+    resume = _method(calls.resume)
+    condition = _method(calls.condition)
+    zero = _method(calls.zero)
+    stop = _method(calls.stop)
+    estop = _method(calls.estop)
+    reset = _method(calls.reset)
+    identify = _method(calls.identify)
+    adopt = _method(calls.adopt)
+    shutdown = _method(calls.shutdown)
