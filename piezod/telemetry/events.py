@@ -1,0 +1,85 @@
+"""What happened in the loop, handed to the supervisor for log and audit; the oldest give way."""
+
+from struct import Struct
+from typing import Final, NamedTuple
+
+from piezod.telemetry.layout import EVENT_BYTES, EVENT_SLOTS
+from piezod.telemetry.shared_map import SharedMap
+from piezod.telemetry.words import Word
+
+_NUMBERS: Final = Struct("<qddq")  # instant, measured, limit, length of the text
+_TEXT_AT: Final = 8 + _NUMBERS.size
+_TEXT_BYTES: Final = EVENT_BYTES - _TEXT_AT
+_BETWEEN: Final = "\x1f"
+
+
+class LoopEvent(NamedTuple):
+    """An event; the fields are those of `control.stage_record.StageEvent`."""
+
+    t_ns: int
+    severity: str
+    kind: str
+    text: str
+    fault: str
+    axis: str
+    measured: float
+    limit: float
+
+
+class EventWriter:
+    """The loop's end.
+
+    Args:
+        shared: The memory, writable; there is one writer.
+    """
+
+    def __init__(self, shared: SharedMap) -> None:
+        self._bytes, self._words = shared.part("events"), shared.words
+        self._numbers = self._bytes.cast("q")
+        self._seq = shared.words[Word.NEWEST_EVENT]
+
+    def append(self, event: LoopEvent) -> None:
+        """Hand an event over; a long text is cut off; may be called in the loop."""
+        t_ns, severity, kind, text, fault, axis, measured, limit = event
+        texts = _BETWEEN.join((severity, kind, fault, axis, text)).encode()[:_TEXT_BYTES]
+        self._seq = seq = self._seq + 1
+        at = seq % EVENT_SLOTS * EVENT_BYTES
+        self._numbers[at >> 3] = seq
+        _NUMBERS.pack_into(self._bytes, at + 8, t_ns, measured, limit, len(texts))
+        self._bytes[at + _TEXT_AT : at + _TEXT_AT + len(texts)] = texts
+        self._words[Word.NEWEST_EVENT] = seq
+
+
+class EventReader:
+    """Follows the events from where they were when this was made; any number of them.
+
+    Args:
+        shared: The memory.
+    """
+
+    def __init__(self, shared: SharedMap) -> None:
+        self._bytes, self._words = shared.part("events"), shared.words
+        self._position = self._words[Word.NEWEST_EVENT]
+
+    def read(self) -> tuple[list[LoopEvent], int]:
+        """Return the events since the last call, oldest first, and how many were lost."""
+        newest = self._words[Word.NEWEST_EVENT]
+        start = max(self._position, newest - EVENT_SLOTS + 1)
+        copied = [(seq, self._copy(seq)) for seq in range(start + 1, newest + 1)]
+        # The writer may be at the event after the newest, in the place of one this much older.
+        oldest = self._words[Word.NEWEST_EVENT] + 2 - EVENT_SLOTS
+        events = [_event(slot) for seq, slot in copied if seq >= oldest]
+        lost = newest - self._position - len(events)
+        self._position = newest
+        return events, lost
+
+    def _copy(self, seq: int) -> bytes:
+        at = seq % EVENT_SLOTS * EVENT_BYTES
+        return bytes(self._bytes[at : at + EVENT_BYTES])
+
+
+def _event(slot: bytes) -> LoopEvent:
+    t_ns, measured, limit, length = _NUMBERS.unpack_from(slot, 8)
+    text = slot[_TEXT_AT : _TEXT_AT + length].decode(errors="ignore")
+    severity, kind, fault, axis, text = text.split(_BETWEEN, 4)
+    return LoopEvent(t_ns, severity, kind, text, fault, axis, measured, limit)

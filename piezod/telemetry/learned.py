@@ -1,0 +1,89 @@
+"""What the identifier of each axis has learned, published by the loop some 20 times a second."""
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from piezod.telemetry.layout import LEARNED_HEADER, MAX_WEIGHTS
+from piezod.telemetry.shared_map import SharedMap
+
+_TRIES: Final = 1000
+_AREA: Final = np.dtype(
+    [
+        ("begun", "<i8"),
+        ("done", "<i8"),
+        ("count", "<i8"),
+        ("offset", "<f8"),
+        ("scale", "<f8"),
+        ("zero_um", "<f8"),
+        ("_gap", "V8", (LEARNED_HEADER - 6,)),
+        ("weights", "<f8", (MAX_WEIGHTS,)),
+    ]
+)
+
+
+class LearnedAxis(NamedTuple):
+    """What is known of an axis.
+
+    Attributes:
+        weights: Of the operators, in the order of the compensator's bank.
+        offset: Offset of the displacement, normalised.
+        scale: Scale of the displacement.
+        zero_um: Displacement, as the sensor gives it, that is called zero.
+    """
+
+    weights: NDArray[np.float64]
+    offset: float
+    scale: float
+    zero_um: float
+
+
+class LearnedWriter:
+    """The loop's end.
+
+    Args:
+        shared: The memory, writable; there is one writer.
+    """
+
+    def __init__(self, shared: SharedMap) -> None:
+        areas = shared.array("learned", _AREA)
+        self._weights = [area["weights"] for area in areas]
+        part = shared.part("learned")
+        self._words, self._values = part.cast("q"), part.cast("d")
+
+    def publish(
+        self, axis: int, weights: ArrayLike, offset: float, scale: float, zero_um: float
+    ) -> None:
+        """Publish what is known of an axis; up to 2048 weights; may be called in the loop."""
+        count = len(weights)  # type: ignore[arg-type]  # a row of numbers, of whatever kind
+        at = axis * _AREA.itemsize // 8
+        self._words[at] = turn = self._words[at] + 1
+        self._words[at + 2] = count
+        self._values[at + 3] = offset
+        self._values[at + 4] = scale
+        self._values[at + 5] = zero_um
+        self._weights[axis][:count] = weights
+        self._words[at + 1] = turn
+
+
+class LearnedReader:
+    """The other end; any number of them.
+
+    Args:
+        shared: The memory.
+    """
+
+    def __init__(self, shared: SharedMap) -> None:
+        self._areas = shared.array("learned", _AREA)
+
+    def read(self, axis: int) -> LearnedAxis | None:
+        """Return what is known of an axis, None before the first time."""
+        for _ in range(_TRIES):
+            done = int(self._areas[axis]["done"])
+            area: Any = self._areas[axis].copy()
+            if done and int(self._areas[axis]["begun"]) == done:
+                weights = area["weights"][: area["count"]]
+                numbers = (float(area[name]) for name in ("offset", "scale", "zero_um"))
+                return LearnedAxis(weights, *numbers)
+        return None

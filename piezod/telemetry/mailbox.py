@@ -1,0 +1,166 @@
+"""Requests from the supervisor to the loop, and what became of each.
+
+Two bounded lanes, each with one writer and one reader that never wait for each other: an urgent one
+for what must not queue behind others (stop, hold), and an ordinary one. The loop takes one request
+in a cycle, urgent ones first. A number is common to both lanes; the answer is found by it.
+"""
+
+from struct import Struct
+from typing import Final, NamedTuple
+
+from piezod.errors import PiezodError
+from piezod.telemetry.layout import (
+    ANSWER_BYTES,
+    ANSWER_SLOTS,
+    REQUEST_BYTES,
+    REQUEST_SLOTS,
+    SLOT_HEADER,
+    URGENT_BYTES,
+    URGENT_SLOTS,
+)
+from piezod.telemetry.shared_map import SharedMap
+from piezod.telemetry.words import Word
+
+_REQUEST: Final = Struct("<qqq")  # number, instant of expiry, length of the payload
+_ANSWER: Final = Struct("<qqq")  # accepted, motion, length of the text
+_ANSWER_AT: Final = 8  # after the number, which is stored by itself
+EXPIRED: Final = "expired: the loop did not take it in time"
+
+
+class MailboxFullError(PiezodError):
+    """Raised when the loop has not yet taken what was posted before."""
+
+
+class MailboxAnswer(NamedTuple):
+    """What became of a request; the fields are those of `control.stage_record.Answer`."""
+
+    accepted: bool
+    why: str
+    motion: int
+
+
+class _Lane:
+    """A row of slots, and the two words that say how many were posted and taken."""
+
+    def __init__(self, shared: SharedMap, name: str, slots: int, size: int, posted: Word) -> None:
+        self.name, self.slots, self.size = name, slots, size
+        self._bytes, self._words = shared.part(name), shared.words
+        self._posted, self._taken = int(posted), int(posted) + 1
+
+    @property
+    def waiting(self) -> int:
+        return self._words[self._posted] - self._words[self._taken]
+
+    def put(self, number: int, payload: bytes, expires_ns: int) -> None:
+        posted = self._words[self._posted]
+        at = posted % self.slots * (SLOT_HEADER + self.size)
+        _REQUEST.pack_into(self._bytes, at, number, expires_ns, len(payload))
+        at += SLOT_HEADER
+        self._bytes[at : at + len(payload)] = payload
+        self._words[self._posted] = posted + 1
+
+    def get(self) -> tuple[int, int, bytes]:
+        taken = self._words[self._taken]
+        at = taken % self.slots * (SLOT_HEADER + self.size)
+        number, expires_ns, length = _REQUEST.unpack_from(self._bytes, at)
+        at += SLOT_HEADER
+        payload = bytes(self._bytes[at : at + length])
+        self._words[self._taken] = taken + 1
+        return number, expires_ns, payload
+
+
+def _lanes(shared: SharedMap) -> tuple[_Lane, _Lane]:
+    return (
+        _Lane(shared, "urgent", URGENT_SLOTS, URGENT_BYTES, Word.URGENT_POSTED),
+        _Lane(shared, "requests", REQUEST_SLOTS, REQUEST_BYTES, Word.REQUESTS_POSTED),
+    )
+
+
+class MailboxWriter:
+    """The supervisor's end.
+
+    Args:
+        shared: The memory, writable; there is one writer.
+    """
+
+    def __init__(self, shared: SharedMap) -> None:
+        self._urgent, self._ordinary = _lanes(shared)
+        self._answers = shared.part("answers")
+        self._numbers = self._answers.cast("q")
+        words = shared.words
+        self._number = words[Word.URGENT_POSTED] + words[Word.REQUESTS_POSTED]
+
+    def post(self, payload: bytes, expires_ns: int, *, urgent: bool = False) -> int:
+        """Hand a request over; does not wait.
+
+        Args:
+            payload: What `requests_codec.encode` made.
+            expires_ns: Until when the loop may take it.
+            urgent: Whether it goes before all others that wait; at most 1 KiB.
+
+        Returns:
+            Its number, for `answer`; they start at 1.
+
+        Raises:
+            MailboxFullError: If too many wait, or it is too large.
+        """
+        lane = self._urgent if urgent else self._ordinary
+        if len(payload) > lane.size:
+            what = f"a request of {len(payload)} bytes is too large, at most {lane.size} bytes"
+            raise MailboxFullError(f"{what}; send fewer points")
+        if lane.waiting >= lane.slots:
+            raise MailboxFullError(f"{lane.slots} requests wait for the loop already; try later")
+        self._number += 1
+        lane.put(self._number, payload, expires_ns)
+        return self._number
+
+    def answer(self, number: int) -> MailboxAnswer | None:
+        """Return what became of a request, None while that is open.
+
+        Answers to the newest 64 requests are kept.
+        """
+        at = number % ANSWER_SLOTS * (SLOT_HEADER + ANSWER_BYTES)
+        if self._numbers[at >> 3] != number:
+            return None
+        accepted, motion, length = _ANSWER.unpack_from(self._answers, at + _ANSWER_AT)
+        start = at + SLOT_HEADER
+        text = bytes(self._answers[start : start + length])
+        return MailboxAnswer(bool(accepted), text.decode(errors="ignore"), motion)
+
+
+class MailboxReader:
+    """The loop's end.
+
+    Args:
+        shared: The memory, writable; there is one reader.
+    """
+
+    def __init__(self, shared: SharedMap) -> None:
+        self._lanes = _lanes(shared)
+        self._words = shared.words
+        self._answers = shared.part("answers")
+        self._numbers = self._answers.cast("q")
+
+    def take(self, now_ns: int) -> tuple[int, bytes] | None:
+        """Take the next request that has not expired, as number and payload; None if none waits.
+
+        May be called in the loop.
+        """
+        for lane in self._lanes:
+            while lane.waiting:
+                number, expires_ns, payload = lane.get()
+                if now_ns <= expires_ns:
+                    return number, payload
+                self._words[Word.REQUESTS_EXPIRED] += 1
+                self.answer(number, accepted=False, motion=0, why=EXPIRED)
+        return None
+
+    def answer(self, number: int, *, accepted: bool, motion: int, why: str) -> None:
+        """Tell what became of a request; a long text is cut off; may be called in the loop."""
+        text = why.encode()[:ANSWER_BYTES]
+        at = number % ANSWER_SLOTS * (SLOT_HEADER + ANSWER_BYTES)
+        self._numbers[at >> 3] = 0
+        _ANSWER.pack_into(self._answers, at + _ANSWER_AT, accepted, motion, len(text))
+        start = at + SLOT_HEADER
+        self._answers[start : start + len(text)] = text
+        self._numbers[at >> 3] = number

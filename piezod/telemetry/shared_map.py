@@ -1,0 +1,119 @@
+"""The file that loop and supervisor map into their memory: RUNTIME/loop.map.
+
+The supervisor makes it before it starts the loop, and removes it. A file and not
+`multiprocessing.shared_memory`, whose resource tracker unlinks segments under living readers before
+Python 3.13. It stays mapped as long as a view of it is held; nothing needs to be closed.
+"""
+
+import json
+import mmap
+import os
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezod.errors import PiezodError
+from piezod.telemetry.layout import Layout
+from piezod.telemetry.words import Word
+
+_MAGIC: Final = int.from_bytes(b"piezodLM", "little")
+_VERSION: Final = 1
+_HEADER_WORDS: Final = 3
+_TEXT_AT: Final = _HEADER_WORDS * 8
+
+
+class MapError(PiezodError):
+    """Raised when a file is no shared memory of this version of piezod."""
+
+
+class SharedMap:
+    """The parts of a mapped file; made by `create` and `attach`.
+
+    Args:
+        memory: The mapped file.
+        layout: What lies where in it.
+    """
+
+    def __init__(self, memory: mmap.mmap, layout: Layout) -> None:
+        self.layout = layout
+        self._memory = memory
+        self._parts = layout.parts()
+        self.words = self.part("words").cast("q")
+        """The numbers of `Word`."""
+
+    def part(self, name: str) -> "memoryview[int]":
+        """Give the bytes of a part of `Layout.parts`; they are the memory, no copy."""
+        return memoryview(self._memory)[self._parts[name]]
+
+    def array(self, name: str, dtype: Any) -> NDArray[Any]:
+        """Give a part as an array over the memory, no copy."""
+        return np.frombuffer(self.part(name), dtype)
+
+    def set_report(self, report: Any) -> None:
+        """Publish once what the loop obtained from the system; at most 16 KiB of JSON."""
+        text = json.dumps(report).encode()
+        self.part("report")[: len(text)] = text
+        self.words[Word.REPORT_BYTES] = len(text)
+
+    def report(self) -> Any:
+        """Return what `set_report` published, None before that."""
+        length = self.words[Word.REPORT_BYTES]
+        return json.loads(bytes(self.part("report")[:length])) if length else None
+
+
+def create(path: Path, layout: Layout) -> SharedMap:
+    """Make the file, readable by its owner only, in place of one left by an earlier run.
+
+    Raises:
+        OSError: If it cannot be made; ENOSPC also where only the memory for it is missing.
+    """
+    path.unlink(missing_ok=True)
+    file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    try:
+        # Takes the memory now: a file with holes would kill the loop when memory runs out later.
+        os.posix_fallocate(file, 0, layout.size)
+        memory = mmap.mmap(file, layout.size, mmap.MAP_SHARED)
+    finally:
+        os.close(file)
+    text = layout.dump()
+    memory[_TEXT_AT : _TEXT_AT + len(text)] = text
+    header = memoryview(memory)[:_TEXT_AT].cast("q")
+    header[1], header[2] = _VERSION, len(text)
+    header[0] = _MAGIC  # last: whoever attaches earlier sees that it is not complete
+    return SharedMap(memory, layout)
+
+
+def attach(path: Path, *, writable: bool = False) -> SharedMap:
+    """Map a file that `create` has made.
+
+    Args:
+        path: The file.
+        writable: Whether the caller writes; readers cannot even by mistake.
+
+    Raises:
+        OSError: If it cannot be read.
+        MapError: If it is not complete, or of another version of piezod.
+    """
+    flags = os.O_RDWR if writable else os.O_RDONLY
+    file = os.open(path, flags | os.O_CLOEXEC)
+    try:
+        size = os.fstat(file).st_size
+        access = mmap.PROT_READ | (mmap.PROT_WRITE if writable else 0)
+        memory = mmap.mmap(file, size, mmap.MAP_SHARED, access) if size else None
+    finally:
+        os.close(file)
+    layout = _layout(memory) if memory else None
+    if memory is None or layout is None or layout.size != size:
+        raise MapError(f"{path} is no shared memory of this version of piezod; restart the daemon")
+    return SharedMap(memory, layout)
+
+
+def _layout(memory: mmap.mmap) -> Layout | None:
+    if len(memory) < _TEXT_AT:
+        return None
+    magic, version, length = memoryview(memory)[:_TEXT_AT].cast("q")
+    if (magic, version) != (_MAGIC, _VERSION):
+        return None
+    return Layout.load(memory[_TEXT_AT : _TEXT_AT + length])
