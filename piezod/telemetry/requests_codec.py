@@ -1,27 +1,23 @@
 """Requests as bytes, for the mailbox.
 
-`marshal` is right here and nowhere else: both ends are the same interpreter, the file is private,
-and reading is ten times faster than JSON.
+The sender has validated them. To do that again would take the loop 5 ms for a path of 10 000
+points, so they travel as objects, by `pickle`: 0.6 ms. That is right here and nowhere else: both
+ends are the same program under the same user, and nobody else can write to the mapped file.
 """
 
-import marshal
-from typing import Any, Final
-
-from pydantic import TypeAdapter
+import pickle
 
 from piezod.config.requests import Goto, Request
-
-_ADAPTER: Final[TypeAdapter[Any]] = TypeAdapter(Request)
 
 
 def encode(request: Request) -> bytes:
     """Write a request."""
-    return marshal.dumps(request.model_dump(mode="python", warnings=False))
+    return pickle.dumps(request, pickle.HIGHEST_PROTOCOL)
 
 
 def decode(payload: bytes) -> Request:
     """Read what `encode` wrote; may be called in the loop, after `warm_up`."""
-    request: Request = _ADAPTER.validate_python(marshal.loads(payload))  # noqa: S302 - see above
+    request: Request = pickle.loads(payload)  # noqa: S301 - see above
     return request
 
 
