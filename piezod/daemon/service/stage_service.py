@@ -48,52 +48,54 @@ class Peer(NamedTuple):
     role: Role
 
 
-class ServiceError(PiezodError):
+class StageError(PiezodError):
     """Base of what makes a request fail; becomes an error document with a status code.
 
     Args:
         what: What is wrong: where, what was found, what is allowed.
         remedy: What would help.
+        details: Further keys of the error document.
     """
 
     status: ClassVar[int] = 500
     code: ClassVar[str] = "internal"
 
-    def __init__(self, what: str, remedy: str = "") -> None:
+    def __init__(self, what: str, remedy: str = "", details: Document | None = None) -> None:
         super().__init__(what)
         self.what = what
         self.remedy = remedy
+        self.details = details or {}
 
 
-class UnknownNameError(ServiceError):
+class UnknownNameError(StageError):
     """Raised when there is nothing of that name or number."""
 
     status = 404
     code = "not_found"
 
 
-class RefusedError(ServiceError):
+class NotNowError(StageError):
     """Raised when something cannot be done now, in this state."""
 
     status = 409
     code = "refused"
 
 
-class InvalidError(ServiceError):
+class BadValueError(StageError):
     """Raised when a value is of the right type and not allowed."""
 
     status = 422
     code = "invalid"
 
 
-class UnavailableError(ServiceError):
+class UnavailableError(StageError):
     """Raised when there is no loop that could be asked, or it has too much to do."""
 
     status = 503
     code = "unavailable"
 
 
-class NoAnswerError(ServiceError):
+class NoAnswerError(StageError):
     """Raised when the loop did not answer in time; the request has expired, or is carried out."""
 
     status = 504
@@ -162,8 +164,8 @@ class StageService(Protocol):
         a second.
 
         Raises:
-            InvalidError: If an axis' command range does not allow its value; none is set then.
-            RefusedError: If the stage does not follow the stream any more.
+            BadValueError: If an axis' command range does not allow its value; none is set then.
+            NotNowError: If the stage does not follow the stream any more.
             UnavailableError: If there is no loop.
         """
         ...
@@ -196,8 +198,8 @@ class StageService(Protocol):
         """Read the configuration again; it is swapped as a whole, or kept.
 
         Raises:
-            InvalidError: If the file is not valid; the text has every problem.
-            RefusedError: If it cannot be swapped in this state.
+            BadValueError: If the file is not valid; the text has every problem.
+            NotNowError: If it cannot be swapped in this state.
         """
         ...
 
@@ -209,7 +211,7 @@ class StageService(Protocol):
         """
         ...
 
-    def params(self) -> Document:
+    async def params(self) -> Document:
         """Return the parameters that the loop uses now: `{"axes": {"x": {…}}, "sequence"}`."""
         ...
 
@@ -230,7 +232,7 @@ class StageService(Protocol):
 
         Raises:
             UnknownNameError: If there are none of that number.
-            RefusedError: If the loop does not take them now, or the file is corrupt or foreign.
+            NotNowError: If the loop does not take them now, or the file is corrupt or foreign.
         """
         ...
 
@@ -238,7 +240,7 @@ class StageService(Protocol):
         """Start recording every cycle; returns at least `{"name"}`.
 
         Raises:
-            RefusedError: If one is under way, or there is no room.
+            NotNowError: If one is under way, or there is no room.
         """
         ...
 
@@ -246,7 +248,7 @@ class StageService(Protocol):
         """End the recording and close its file; returns at least `{"name", "records", "lost"}`.
 
         Raises:
-            RefusedError: If none is under way.
+            NotNowError: If none is under way.
         """
         ...
 
