@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import structlog
+from piezod.daemon.logging import logger
 
 MAX_BYTES: Final = 4 << 20
 """A file that would become larger is put aside."""
@@ -15,8 +15,6 @@ KEPT: Final = 5
 """How many files are kept, the one that is written included."""
 
 _MAX_TEXT: Final = 1000
-
-_log = structlog.get_logger(__name__)
 
 
 class AuditEntry(NamedTuple):
@@ -48,7 +46,7 @@ def _utc_now() -> datetime:
 class AuditLog:
     """Appends entries to a file; a disk that is full costs entries, never a request.
 
-    Not for several threads at a time, but for `sync`.
+    For one thread; `sync` and `last` may be called in another meanwhile.
 
     Args:
         path: The file, made where absent; older ones have `.1`, `.2` behind their names.
@@ -90,18 +88,18 @@ class AuditLog:
             why: Why not.
         """
         when = self._now().isoformat(timespec="milliseconds")
-        texts = [text[:_MAX_TEXT] for text in (user, client, what, why)]
-        entry = AuditEntry(when, uid, *texts[:3], accepted, texts[3])
+        user, client, what, why = (text[:_MAX_TEXT] for text in (user, client, what, why))
+        entry = AuditEntry(when, uid, user, client, what, accepted, why)
         line = (json.dumps(entry._asdict()) + "\n").encode()
         try:
             self._append(line)
         except OSError as error:
             if not self.failed:
-                _log.error("audit entry lost", file=str(self._path), why=error.strerror)
+                logger("audit").error("audit entry lost", file=str(self._path), why=error.strerror)
             self.failed += 1
 
     def last(self, number: int) -> tuple[AuditEntry, ...]:
-        """Return the newest entries of the file and of the one before, oldest first.
+        """Return the newest entries of the file and of the one before, newest first.
 
         Args:
             number: How many at most.
@@ -110,11 +108,10 @@ class AuditLog:
             OSError: If the file cannot be read.
         """
         found: list[AuditEntry] = []
-        for path in (self._older(1), self._path):
-            if path.exists():
-                lines = path.read_bytes().splitlines()
-                found += [entry for entry in map(_entry, lines[-number:]) if entry]
-        return tuple(found[-number:]) if number > 0 else ()
+        for path in (self._path, self._older(1)):
+            lines = path.read_bytes().splitlines() if path.exists() else []
+            found += [entry for entry in map(_entry, reversed(lines)) if entry]
+        return tuple(found[:number])
 
     def sync(self) -> None:
         """Have what was written reach the disk; may block, so call it in a worker thread.
@@ -122,7 +119,12 @@ class AuditLog:
         Raises:
             OSError: If it does not get there.
         """
-        os.fsync(self._descriptor)
+        # By a descriptor of its own: the other may be closed meanwhile, when a file is put aside.
+        descriptor = _open(self._path)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
 
     def close(self) -> None:
         """Sync and close the file; once."""

@@ -87,9 +87,7 @@ class ParameterStore:
         OSError: If the folder cannot be made or read.
     """
 
-    def __init__(
-        self, folder: Path, stage_id: str, now: Callable[[], datetime] = _utc_now
-    ) -> None:
+    def __init__(self, folder: Path, stage_id: str, now: Callable[[], datetime] = _utc_now) -> None:
         folder.mkdir(mode=0o750, parents=True, exist_ok=True)
         sweep_temporaries(folder)
         self._folder, self._stage_id, self._now = folder, stage_id, now
@@ -142,8 +140,8 @@ class ParameterStore:
                 return Loaded(document, copy, tuple(rejected))
         return Loaded(None, "", tuple(rejected))
 
-    def list(self) -> tuple[Stored, ...]:
-        """Return the history, newest first, what cannot be used included."""
+    def history(self) -> tuple[Stored, ...]:
+        """Return what is stored, newest first, what cannot be used included."""
         return tuple(self._stored(number) for number in self._newest_first())
 
     def _stored(self, number: int) -> Stored:
@@ -194,7 +192,7 @@ def _content(path: Path) -> bytes:
     """Return what a file holds, at most a byte more than is allowed; links are not followed."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     try:
-        with open(descriptor, "rb", closefd=False) as file:  # noqa: PTH123 - it is no path
+        with open(descriptor, "rb", closefd=False) as file:
             return file.read(MAX_BYTES + 1)
     finally:
         os.close(descriptor)

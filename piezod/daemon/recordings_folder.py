@@ -1,0 +1,78 @@
+"""A folder of recordings, whose names nobody but the daemon makes."""
+
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final, NamedTuple
+
+_LABEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
+_NAME: Final = re.compile(r"[0-9]{8}T[0-9]{6}Z(-[0-9]+)?(-[A-Za-z0-9][A-Za-z0-9_-]{0,31})?")
+_SUFFIX: Final = ".h5"
+
+
+class RecordingFile(NamedTuple):
+    """A file in the folder.
+
+    Attributes:
+        name: Its name, without the ending.
+        size_bytes: Its size.
+    """
+
+    name: str
+    size_bytes: int
+
+
+class RecordingsFolder:
+    """Makes names, lists and finds files, and keeps their number down.
+
+    Args:
+        path: The folder; made where absent.
+
+    Raises:
+        OSError: If it cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        path.mkdir(mode=0o750, parents=True, exist_ok=True)
+        self.path = path
+
+    def new(self, when: datetime, label: str = "") -> Path:
+        """Return the path of a file that is not there yet, as `20240501T120000Z-label.h5`.
+
+        Args:
+            when: Time of day, with its zone.
+            label: What to write behind it: up to 32 letters, digits, `_` and `-`.
+
+        Raises:
+            ValueError: If the label has other signs or is longer.
+        """
+        if label and not _LABEL.fullmatch(label):
+            raise ValueError(
+                f"label {label[:40]!r}: allowed are up to 32 letters, digits, _ and -, "
+                "the first a letter or digit"
+            )
+        time = f"{when.astimezone(UTC):%Y%m%dT%H%M%SZ}"
+        number = 1
+        while True:
+            parts = [time] + [str(number)] * (number > 1) + [label] * bool(label)
+            path = self.path / ("-".join(parts) + _SUFFIX)
+            if not path.exists():
+                return path
+            number += 1
+
+    def find(self, name: str) -> Path | None:
+        """Return the file of a name, None where there is none; no name leads out of the folder."""
+        path = self.path / f"{name}{_SUFFIX}"
+        found = _NAME.fullmatch(name) and path.is_file() and not path.is_symlink()
+        return path if found else None
+
+    def files(self) -> tuple[RecordingFile, ...]:
+        """Return the files, newest first."""
+        names = sorted((path.stem for path in self.path.glob(f"*{_SUFFIX}")), reverse=True)
+        found = [(name, path) for name in names if (path := self.find(name))]
+        return tuple(RecordingFile(name, path.stat().st_size) for name, path in found)
+
+    def keep_newest(self, number: int) -> None:
+        """Remove all but the newest files."""
+        for file in self.files()[number:]:
+            (self.path / f"{file.name}{_SUFFIX}").unlink(missing_ok=True)

@@ -1,0 +1,127 @@
+"""Read back what `telemetry_file` wrote, whole or in part."""
+
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from piezod.errors import DataError
+from piezod.records.recording import Recording
+from piezod.records.telemetry_file import TelemetryHeader
+
+
+@dataclass(frozen=True, eq=False)
+class Telemetry:
+    """A recording of a running stage, or a part of one.
+
+    Attributes:
+        header: What is said of it as a whole.
+        lost: Records that were lost in all of it.
+        gaps: Rows of (index of the first record after it, records lost) in all of it, shape (n, 2).
+        cycles: Columns by name, each of shape (n_records,); numbers where the header has names.
+        axes: The same for each axis, by its name.
+    """
+
+    header: TelemetryHeader
+    lost: int
+    gaps: NDArray[np.int64]
+    cycles: dict[str, NDArray[Any]]
+    axes: dict[str, dict[str, NDArray[Any]]]
+
+    def recordings(self) -> tuple[Recording, ...]:
+        """Return the axes as those of an experiment; nothing is known of true displacement.
+
+        Raises:
+            DataError: If there is no record.
+        """
+        return tuple(map(self._recording, self.axes))
+
+    def _recording(self, axis: str) -> Recording:
+        columns = self.axes[axis]
+        t_s = self.cycles["t_s"]
+        return Recording(
+            axis=axis,
+            case=self.header.started_at,
+            mode=self._mode(columns["mode"]),
+            title=self.header.title,
+            t_s=t_s,
+            drive_v=columns["drive_v"],
+            position_um=columns["position_um"],
+            command_um=columns["command_um"],
+            uncompensated_v=columns["uncompensated_v"],
+            true_um=np.full(t_s.size, np.nan),
+        )
+
+    def _mode(self, numbers: NDArray[Any]) -> str:
+        found = np.unique(numbers)
+        return self.header.names["mode"][int(found[0])] if found.size == 1 else "mixed"
+
+
+def read_telemetry(path: Path, begin_s: float = -inf, end_s: float = inf) -> Telemetry:
+    """Read a recording; it may be one that is still being written, or was cut off.
+
+    Args:
+        path: The file.
+        begin_s: Leave out what is before, in s.
+        end_s: Leave out what is at this instant and after, in s.
+
+    Raises:
+        DataError: If the file is no recording of a stage.
+        OSError: If the file cannot be opened, or is not HDF5.
+    """
+    with h5py.File(path, "r", swmr=True, libver="v110") as file:
+        try:
+            return _read(file["recording"], begin_s, end_s)
+        except KeyError as error:
+            raise DataError(
+                f"{path}: this is not the recording of a stage: {error.args[0]}; allowed are "
+                "files of `piezod record`; look at others with any HDF5 viewer"
+            ) from error
+
+
+def _read(entry: h5py.Group, begin_s: float, end_s: float) -> Telemetry:
+    t_s = entry["cycles/t_s"][()]
+    part = slice(*np.searchsorted(t_s, [begin_s, end_s]))
+    names = list(entry.attrs["axes"])
+    return Telemetry(
+        header=_read_header(entry),
+        lost=int(entry.attrs["lost"]),
+        gaps=entry["gaps"][()],
+        cycles=_columns(entry["cycles"], part, t_s.size),
+        axes={name: _columns(entry[f"axis_{name}"], part, t_s.size) for name in names},
+    )
+
+
+def _columns(group: h5py.Group, part: slice, size: int) -> dict[str, NDArray[Any]]:
+    # A write that was cut off may have got further in one column than in another.
+    return {name: dataset[: min(part.stop, size)][part] for name, dataset in group.items()}
+
+
+def _read_header(entry: h5py.Group) -> TelemetryHeader:
+    enumerations = {
+        name: h5py.check_enum_dtype(dataset.dtype)
+        for group in entry.values()
+        if group.attrs.get("NX_class") == "NXdata"
+        for name, dataset in group.items()
+    }
+    return TelemetryHeader(
+        title=str(entry["title"].asstr()[()]),
+        axes=tuple(entry.attrs["axes"]),
+        rate_hz=float(entry.attrs["rate_hz"]),
+        started_at=str(entry["start_time"].asstr()[()]),
+        start_ns=int(entry.attrs["start_ns"]),
+        names={
+            name: tuple(sorted(numbers, key=numbers.__getitem__))
+            for name, numbers in enumerations.items()
+            if numbers and set(numbers) != {"FALSE", "TRUE"}
+        },
+        notes={
+            name: str(group["data"].asstr()[()])
+            for name, group in entry.items()
+            if group.attrs.get("NX_class") == "NXnote"
+        },
+    )
