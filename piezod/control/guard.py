@@ -1,0 +1,86 @@
+"""The last thing before the write: finite, in range, no faster than allowed, and of this cycle.
+
+Nothing above is trusted. A voltage that is not a number leaves the one in force as it is: a clamp
+alone would make full scale of it.
+"""
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import NamedTuple
+
+from piezod.control.limits import Limits
+
+
+class Admitted(NamedTuple):
+    """What may be written in this cycle; axes by their index.
+
+    Attributes:
+        drive_v: Voltage of each axis; not finite where what is in force is unknown.
+        writable: Whether all of it is known: else nothing at all may be written.
+        refused: Axes whose voltage, asked for or in force, is not a number: theirs stays.
+        range_limited: Axes that asked for a voltage outside their range.
+        slew_limited: Axes that asked for a faster change than theirs.
+        stale: Whether it was planned for another cycle: every voltage stays.
+    """
+
+    drive_v: list[float]
+    writable: bool
+    refused: tuple[int, ...]
+    range_limited: tuple[int, ...]
+    slew_limited: tuple[int, ...]
+    stale: bool
+
+
+class Guard:
+    """Lets through what is allowed, for all axes; it remembers nothing.
+
+    Args:
+        limits: What the drive of each axis may do.
+        longest_s: Longest time that counts for the slew rate, in s: after a pause the loop must not
+            make up for it in one step.
+    """
+
+    def __init__(self, limits: Sequence[Limits], longest_s: float) -> None:
+        self._limits, self._longest_s = tuple(limits), longest_s
+
+    def admit(
+        self,
+        planned_t_ns: int,
+        t_ns: int,
+        asked_v: Sequence[float],
+        in_force_v: Sequence[float],
+        elapsed_s: float,
+    ) -> Admitted:
+        """Return what may be written; may be called in the loop.
+
+        Args:
+            planned_t_ns: Instant of the cycle for which the voltages were made.
+            t_ns: Instant of this cycle.
+            asked_v: Voltage of each axis, in V; any float.
+            in_force_v: Voltage in force on each axis, in V; not finite where it is unknown.
+            elapsed_s: Time since the voltages in force were written, in s; any float.
+        """
+        if planned_t_ns != t_ns:
+            kept_v = list(in_force_v)
+            return Admitted(kept_v, all(map(isfinite, kept_v)), (), (), (), True)
+        elapsed_s = min(max(elapsed_s, 0.0), self._longest_s) if isfinite(elapsed_s) else 0.0
+        drive_v: list[float] = []
+        writable = True
+        refused: tuple[int, ...] = ()
+        range_limited: tuple[int, ...] = ()
+        slew_limited: tuple[int, ...] = ()
+        for axis, limits in enumerate(self._limits):
+            wished_v, previous_v = asked_v[axis], in_force_v[axis]
+            if not (isfinite(wished_v) and isfinite(previous_v)):
+                refused += (axis,)
+                writable = writable and isfinite(previous_v)
+                drive_v.append(previous_v)
+                continue
+            target_v = min(max(wished_v, limits.drive_min_v), limits.drive_max_v)
+            admitted_v = limits.window(previous_v, elapsed_s).admit(target_v, previous_v)
+            if target_v != wished_v:
+                range_limited += (axis,)
+            if admitted_v != target_v:
+                slew_limited += (axis,)
+            drive_v.append(admitted_v)
+        return Admitted(drive_v, writable, refused, range_limited, slew_limited, False)
