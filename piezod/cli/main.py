@@ -14,6 +14,7 @@ import typer
 import piezod
 from piezod.cli.check import check
 from piezod.cli.drivers import drivers
+from piezod.cli.emulate import emulate
 from piezod.cli.exit_codes import exit_code, text_of
 from piezod.cli.experiment import experiment
 from piezod.cli.identify import identify
@@ -31,7 +32,7 @@ app = typer.Typer(
     "78 configuration, 130 interrupted, 1 anything else. Errors go to stderr; so does progress, "
     "on a terminal.",
 )
-for verb in (experiment, identify, check, drivers):
+for verb in (experiment, identify, check, drivers, emulate):
     app.command()(verb)
 
 

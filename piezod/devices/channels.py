@@ -83,7 +83,10 @@ class Channels:
         """Tell what all devices can do together."""
         each = [device.capabilities() for device in self._devices.values()]
         return Capabilities(
-            self._axes, all(one.read_back for one in each), min(one.max_rate_hz for one in each)
+            self._axes,
+            all(one.read_back for one in each),
+            min(one.max_rate_hz for one in each),
+            any(one.holds for one in each),
         )
 
     def activate(self, now_ns: int) -> None:

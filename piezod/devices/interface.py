@@ -6,8 +6,9 @@ A device lives through these steps, in this order::
     no I/O                              once per cycle, in the loop
 
 - Constructing a device only stores its options. The first byte on a wire is sent by `open`.
-- Between `open` and `activate`, and after `deactivate`, the outputs rest: `write` is refused and
-  changes nothing. `capabilities` and `read_back` answer as long as the device is open.
+- Between `open` and `activate`, and after `deactivate`, the outputs rest, or stay as they are where
+  `Capabilities.holds`: `write` is refused and changes nothing. `capabilities` and `read_back` answer
+  as long as the device is open.
 - `deactivate` and `close` may be called at any time, any number of times, and always leave the
   outputs safe; `close` deactivates first. If they cannot be graceful, they are safe nevertheless.
 - Nothing here reads a clock. `now_ns` is an instant on the caller's monotonic clock; from call to
@@ -50,11 +51,15 @@ class Capabilities(NamedTuple):
         read_back: Whether `read_back` asks the device. Where it does not, `read_back` gives the
             voltage written last.
         max_rate_hz: The fastest loop that the device can follow.
+        holds: Whether the outputs stay as they are when the device is deactivated or closed, and do
+            not go to rest. They must be brought to a safe voltage before; after the death of the
+            process that drove them it is `piezod safe` that does it.
     """
 
     axes: tuple[str, ...]
     read_back: bool
     max_rate_hz: float
+    holds: bool = False
 
 
 class Sample(NamedTuple):
@@ -101,7 +106,7 @@ class Device(Protocol):
         ...
 
     def deactivate(self, now_ns: int) -> None:
-        """Bring the outputs to rest and refuse writes from now on. Never raises."""
+        """Bring the outputs to rest, or hold them, and refuse writes from now on. Never raises."""
         ...
 
     def close(self) -> None:

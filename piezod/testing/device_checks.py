@@ -30,7 +30,7 @@ def opening_tells_the_identity(factory: DeviceFactory) -> None:
 def capabilities_make_sense(factory: DeviceFactory) -> None:
     """An open device has axes, each named once, and a rate."""
     with opened(factory) as device:
-        axes, _, max_rate_hz = device.capabilities()
+        axes, max_rate_hz = device.capabilities().axes, device.capabilities().max_rate_hz
 
     assert axes, "there are no axes"
     assert len(set(axes)) == len(axes), f"an axis is named twice in {axes}"

@@ -1,0 +1,160 @@
+"""A rig in another process as a device: sensor and amplifier of all its axes in one."""
+
+from collections.abc import Sequence
+from math import nan
+from typing import Final
+
+from piezod.devices.interface import Capabilities, DriverPlugin, Identity, Sample
+from piezod.errors import DeviceError
+from piezod_drivers.emulated.link import Link
+from piezod_drivers.emulated.options import Options, socket_path
+from piezod_drivers.emulated.wire import Greeting, Op, Reply, Request
+
+_NUMBERS: Final = 1 << 32
+
+
+class EmulatedRig:
+    """A rig that `piezod emulate` hosts; implements `Sensor` and `Amplifier`.
+
+    Its time is real: the physics goes on whether anybody calls or not. A sample carries the instant
+    of the call, the rig takes it within the exchange, some 50 µs later. An answer also tells the
+    output of the amplifiers, so `read_back` at the instant of a `read` or `write` asks nobody.
+
+    The amplifiers hold: `deactivate` and `close` leave the voltage as it is, as does the death of
+    this process. It is what most real amplifiers do, and it is safer than a step to 0 V by a
+    process that may be out of order. Ramp down before, or run `piezod safe` after.
+
+    If the rig is gone, samples are invalid, writes are refused and the voltage in force is NaN;
+    each `read` tries now and then to find it again.
+
+    Args:
+        options: What a configuration says.
+        axes: Names of the axes, at least one.
+    """
+
+    def __init__(self, options: Options, axes: tuple[str, ...]) -> None:
+        self._axes = axes
+        self._link = Link(socket_path(options.socket), options.deadline_ms * 1e-3)
+        self._greeting: Greeting | None = None
+        self._active = False
+        self._number = 0
+        self._no_drive = (0.0,) * len(axes)
+        self._unknown_v = [nan] * len(axes)
+        self._in_force_v: Sequence[float] = self._unknown_v
+        self._in_force_ns: int | None = None
+
+    def open(self) -> Identity:
+        """Connect to the rig; its voltages stay as they are.
+
+        Raises:
+            DeviceUnavailableError: If nobody listens at the socket, or another client is served.
+            DeviceError: If it is already open, or the rig has other axes.
+        """
+        if self._greeting is not None:
+            raise DeviceError("the emulated rig is already open")
+        greeting = self._link.connect()
+        if greeting.axes != self._axes:
+            self._link.close()
+            has, wanted = ", ".join(greeting.axes), ", ".join(self._axes)
+            raise DeviceError(f"the emulated rig has axes {has}, the configuration wants {wanted}")
+        self._greeting = greeting
+        return greeting.identity
+
+    def capabilities(self) -> Capabilities:
+        """Tell axes and fastest loop.
+
+        Raises:
+            DeviceError: If the rig is not open.
+        """
+        greeting = self._require_open()
+        return Capabilities(greeting.axes, True, greeting.max_rate_hz, holds=True)
+
+    def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's, time is the rig's own
+        """Take writes from now on.
+
+        Raises:
+            DeviceError: If the rig is not open.
+        """
+        self._require_open()
+        self._active = True
+
+    def deactivate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's, time is the rig's own
+        """Refuse writes from now on; the voltages are held."""
+        self._active = False
+
+    def close(self) -> None:
+        """Let go of the rig; the voltages are held."""
+        self._active = False
+        self._greeting = None
+        self._in_force_ns = None
+        self._link.close()
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Take a sample of each axis now; invalid where there is no answer in time.
+
+        May be called in the loop.
+
+        Raises:
+            DeviceError: If the rig is not active.
+        """
+        if not self._active or self._greeting is None:
+            raise DeviceError("the emulated rig is not active")
+        self._link.reconnect(self._greeting, now_ns)
+        reply = self._ask(Op.READ, now_ns, self._no_drive)
+        if reply is None:
+            return [Sample(now_ns, 0.0, False)] * len(self._axes)
+        return [
+            Sample(now_ns, position_um, valid)
+            for position_um, valid in zip(reply.position_um, reply.valid, strict=True)
+        ]
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Command a voltage for each axis, in V; all are taken or none.
+
+        May be called in the loop.
+
+        Returns:
+            Whether the rig says in time that they were taken.
+        """
+        if not self._active or len(drive_v) != len(self._axes):
+            return False
+        reply = self._ask(Op.WRITE, now_ns, drive_v)
+        return reply is not None and reply.taken
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Measure the output of each amplifier, in V; NaN where there is no answer in time.
+
+        May be called in the loop.
+
+        Raises:
+            DeviceError: If the rig is not open.
+        """
+        self._require_open()
+        if now_ns != self._in_force_ns:
+            self._ask(Op.READ_BACK, now_ns, self._no_drive)
+        return self._in_force_v
+
+    def _ask(self, op: Op, now_ns: int, drive_v: Sequence[float]) -> Reply | None:
+        self._number = (self._number + 1) % _NUMBERS
+        reply = self._link.exchange(Request(op, self._number, now_ns, drive_v))
+        self._in_force_ns = now_ns
+        self._in_force_v = self._unknown_v if reply is None else reply.in_force_v
+        return reply
+
+    def _require_open(self) -> Greeting:
+        if self._greeting is None:
+            raise DeviceError("the emulated rig is not open")
+        return self._greeting
+
+
+def _create(options: Options, axes: tuple[str, ...], _seed: int) -> EmulatedRig:
+    return EmulatedRig(options, axes)  # what is random in it is the rig's own
+
+
+PLUGIN: Final = DriverPlugin(
+    name="emulated",
+    summary="a stage in another process, hosted by `piezod emulate`, over a unix socket",
+    options_model=Options,
+    create=_create,
+    confirmed_on_hardware=False,
+)

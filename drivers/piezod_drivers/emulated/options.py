@@ -1,0 +1,32 @@
+"""What a configuration may say about a rig in another process."""
+
+import os
+import tempfile
+from pathlib import Path
+from typing import Annotated, Final
+
+from pydantic import Field, StringConstraints
+
+from piezod.config.fields import ConfigModel, Quantity
+
+DEFAULT_SOCKET: Final = "rig.sock"
+
+
+class Options(ConfigModel):
+    """Options of a rig in another process."""
+
+    socket: Annotated[str, StringConstraints(min_length=1, max_length=100)] = Field(
+        default=DEFAULT_SOCKET,
+        description="The rig's socket: an absolute path, or a name in the folder for sockets, "
+        "$XDG_RUNTIME_DIR/piezod or else /tmp/piezod-UID.",
+    )
+    deadline_ms: Annotated[float, Quantity(0.1, 1000, "ms")] = Field(
+        default=5.0, description="How long to wait for each answer, ms."
+    )
+
+
+def socket_path(socket: str) -> Path:
+    """Return where a socket is, an absolute path or a name in the folder for sockets."""
+    users = os.environ.get("XDG_RUNTIME_DIR")
+    own = Path(users) / "piezod" if users else Path(tempfile.gettempdir()) / f"piezod-{os.getuid()}"
+    return own / socket

@@ -1,0 +1,143 @@
+"""A rig in another process: what becomes of it and of its driver when the other end goes."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from piezod.devices.interface import Amplifier, Sensor
+from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod_drivers.emulated.driver import EmulatedRig
+from tests.drivers.emulated_bench import MS, T0_NS, driver_of, serving
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Return where the rig's socket is."""
+    return tmp_path / "rig.sock"
+
+
+def active(path: Path) -> EmulatedRig:
+    """Open and activate a driver."""
+    driver = driver_of(path)
+    driver.open()
+    driver.activate(T0_NS)
+    return driver
+
+
+def test_driver_is_sensor_and_amplifier(path: Path) -> None:
+    """One device plays both roles."""
+    driver = driver_of(path)
+
+    assert isinstance(driver, Sensor)
+    assert isinstance(driver, Amplifier)
+
+
+def test_driven_stage_moves(path: Path) -> None:
+    """A voltage that is written moves the stage, and both are told."""
+    with serving(path):
+        driver = active(path)
+        assert driver.write([50.0], T0_NS)
+        (sample,) = driver.read(T0_NS + 100 * MS)
+        (in_force_v,) = driver.read_back(T0_NS + 100 * MS)
+        driver.close()
+
+    assert sample.valid
+    assert sample.position_um > 5
+    assert in_force_v == pytest.approx(50, abs=1)
+
+
+def test_voltage_outlives_its_driver(path: Path) -> None:
+    """What a driver has written stays in force after it has closed, for the next one to read."""
+    with serving(path):
+        first = active(path)
+        assert first.write([50.0], T0_NS)
+        first.close()
+        second = active(path)
+        (in_force_v,) = second.read_back(T0_NS + 100 * MS)
+        second.close()
+
+    assert in_force_v == pytest.approx(50, abs=1)
+
+
+def test_rig_serves_one_at_a_time(path: Path) -> None:
+    """A second driver is refused, and told who uses the rig."""
+    with serving(path):
+        first = active(path)
+        with pytest.raises(DeviceUnavailableError, match="used by process"):
+            driver_of(path).open()
+        first.close()
+
+
+def test_rig_is_free_when_its_driver_has_gone(path: Path) -> None:
+    """A driver that opens at once after another has closed is never taken for a second one."""
+    with serving(path):
+        for _ in range(50):
+            active(path).close()
+
+
+def test_nobody_there(path: Path) -> None:
+    """Without a rig the device is unavailable; the text names the socket."""
+    with pytest.raises(DeviceUnavailableError, match=str(path)):
+        driver_of(path).open()
+
+
+def test_other_axes_are_refused(path: Path) -> None:
+    """A rig with other axes than configured is refused: both are named."""
+    with (
+        serving(path, ("x", "y")),
+        pytest.raises(DeviceError, match="has axes x, y, the configuration wants x"),
+    ):
+        driver_of(path).open()
+
+
+def test_lost_rig_is_a_value(path: Path) -> None:
+    """With the rig gone samples are invalid, writes are refused and the voltage is unknown."""
+    with serving(path):
+        driver = active(path)
+    samples = driver.read(T0_NS)
+
+    assert [sample.valid for sample in samples] == [False]
+    assert driver.write([1.0], T0_NS + MS) is False
+    assert math.isnan(driver.read_back(T0_NS + MS)[0])
+    driver.close()
+
+
+def test_driver_finds_its_rig_again(path: Path) -> None:
+    """A rig that comes back is found by reading, but never so soon that its absence is missed."""
+    with serving(path):
+        driver = active(path)
+    driver.read(T0_NS)
+    with serving(path):
+        soon = driver.read(T0_NS + MS)
+        later = driver.read(T0_NS + 200 * MS)
+        driver.close()
+
+    assert [sample.valid for sample in (*soon, *later)] == [False, True]
+
+
+def test_another_rig_is_not_taken_for_the_lost_one(path: Path) -> None:
+    """A rig with other axes that comes at the same socket is left alone."""
+    with serving(path):
+        driver = active(path)
+    driver.read(T0_NS)
+    with serving(path, ("x", "y")):
+        (sample,) = driver.read(T0_NS + 200 * MS)
+        driver.close()
+
+    assert not sample.valid
+
+
+def test_trace_tells_every_write_that_was_taken(path: Path, tmp_path: Path) -> None:
+    """The trace has the instant, the caller and the voltages of each write."""
+    trace = tmp_path / "trace.csv"
+    with serving(path, trace=trace):
+        driver = active(path)
+        driver.write([1.5], T0_NS)
+        driver.write([math.nan], T0_NS + MS)
+        driver.write([2.5], T0_NS + 2 * MS)
+        driver.close()
+    header, *rows = [line.split(",") for line in trace.read_text().splitlines()]
+
+    assert header == ["t_ns", "asked_ns", "pid", "x_v"]
+    assert [(int(row[1]), float(row[3])) for row in rows] == [(T0_NS, 1.5), (T0_NS + 2 * MS, 2.5)]
