@@ -1,7 +1,8 @@
 """Which state follows which: pure, total, and never up by itself."""
 
+from collections.abc import Callable, Mapping
 from enum import Enum, auto
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from piezod.config.states import State
 
@@ -81,3 +82,161 @@ class Step(NamedTuple):
 
     state: State
     refusal: str = ""
+
+
+_BOOT, _SAFE, _READY, _RUN, _IDENT = State.BOOT, State.SAFE, State.READY, State.RUN, State.IDENT
+_HOLD, _RAMP, _BLIND, _FAULT = State.HOLD, State.RAMP, State.BLIND, State.FAULT
+_ESTOP, _STOPPING = State.ESTOP, State.STOPPING
+_MOVABLE: Final = (_READY, _RUN, _IDENT)
+_HELD: Final = (*_MOVABLE, _HOLD)
+_LIVE: Final = (_BOOT, _SAFE, *_HELD, _RAMP)
+
+_EDGES: Final[Mapping[Event, Mapping[State, State]]] = {
+    Event.SELF_TEST_PASSED: {_BOOT: _SAFE},
+    Event.SELF_TEST_FAILED: {_BOOT: _FAULT},
+    Event.DISARM: dict.fromkeys(_HELD, _RAMP),
+    Event.IDENTIFY_DONE: {_IDENT: _READY},
+    Event.HOLD: dict.fromkeys(_MOVABLE, _HOLD),
+    Event.STOP: dict.fromkeys(_HELD, _RAMP),
+    Event.ESTOP: dict.fromkeys((*_LIVE, _BLIND, _FAULT), _ESTOP),
+    Event.ESTOP_RELEASED: {_ESTOP: _FAULT},
+    Event.SHUTDOWN: {
+        **dict.fromkeys((*_HELD, _ESTOP), _RAMP),
+        **dict.fromkeys((_BOOT, _SAFE, _BLIND, _FAULT), _STOPPING),
+    },
+    Event.FAULT_HOLD: {**dict.fromkeys(_MOVABLE, _HOLD), _HOLD: _RAMP},
+    Event.FAULT_RAMP: dict.fromkeys(_HELD, _RAMP),
+    Event.FAULT_BLIND: dict.fromkeys(_LIVE, _BLIND),
+    Event.FAULT_CUT: dict.fromkeys((*_LIVE, _BLIND), _FAULT),
+    Event.HOLD_EXPIRED: {_HOLD: _RAMP},
+    Event.AT_SAFE: {_RAMP: _SAFE},
+    Event.RAMP_TIMEOUT: {_RAMP: _FAULT},
+    Event.LINK_BACK: {_BLIND: _RAMP},
+}
+"""Edges that nobody is refused: down, or found by the daemon. From any other state: none."""
+
+_HELP: Final[Mapping[State, str]] = {
+    _BOOT: "wait for the end of the self-test",
+    _SAFE: "`piezod arm` first",
+    _READY: "`piezod goto`, `piezod wave` or `piezod mode` start a movement",
+    _RUN: "`piezod stop` and `piezod arm` first",
+    _IDENT: "wait for the end of the waveform, or `piezod stop`",
+    _HOLD: "`piezod resume` or `piezod stop` first",
+    _RAMP: "wait until the safe voltage is reached",
+    _BLIND: "the amplifier does not answer: check its power and cable",
+    _FAULT: "remove the cause that `piezod faults` shows, then `piezod reset`",
+    _ESTOP: "release the emergency stop first, then `piezod reset`",
+    _STOPPING: "the daemon is on its way out: start it again",
+}
+
+
+def step(state: State, event: Event, facts: Facts) -> Step:
+    """Return what becomes of an event; total and pure; may be called in the loop.
+
+    What leads down is never refused. RUN and IDENT begin from READY only, RUN also goes on from
+    HOLD; what a fault has stopped comes back through SAFE.
+    """
+    request = _REQUESTS.get(event)
+    if request is not None:
+        return request(state, facts)
+    return Step(_settled(_following(state, event, facts), event, facts))
+
+
+def _following(state: State, event: Event, facts: Facts) -> State:
+    if event is Event.LINK_BACK and state is _BLIND:
+        if not facts.output_known:
+            return _BLIND
+        return _RAMP if facts.self_tested else _BOOT
+    if event is Event.ESTOP_RELEASED and facts.estop_active:
+        return state
+    return _EDGES[event].get(state, state)
+
+
+def _settled(state: State, event: Event, facts: Facts) -> State:
+    """Return where a state leads at once: out of the daemon, or to FAULT with what is latched."""
+    if facts.shutting_down:
+        arrived = state is _ESTOP and event in {Event.AT_SAFE, Event.RAMP_TIMEOUT}
+        return _STOPPING if arrived or state in {_SAFE, _BLIND, _FAULT} else state
+    return _FAULT if state is _SAFE and facts.latched else state
+
+
+def _arm(state: State, facts: Facts) -> Step:
+    if state in {_READY, _RUN}:
+        return Step(state)
+    if state is not _SAFE:
+        return _refused(state, "arm")
+    if facts.estop_active:
+        return _refused(state, "arm", "release the emergency stop first")
+    if facts.latched:
+        return _refused(state, "arm", _HELP[_FAULT])
+    if not facts.output_known:
+        return _refused(state, "arm", "the voltage in force is not known: check the amplifier")
+    return _entered(_READY, state, facts, "arm")
+
+
+def _run(state: State, facts: Facts) -> Step:
+    if state is _RUN:
+        return Step(_RUN)
+    return _entered(_RUN, state, facts, "move")
+
+
+def _run_adaptive(state: State, facts: Facts) -> Step:
+    if state in {_READY, _RUN}:
+        if not facts.sensor_valid:
+            return _refused(state, "adapt", "the sensor gives no valid sample: see `piezod faults`")
+        if not facts.adapt_allowed:
+            return _refused(state, "adapt", "a fault forbids it: see `piezod faults`")
+        if not facts.model_known:
+            return _refused(state, "adapt", "the hysteresis is not known: `piezod condition` first")
+    return _run(state, facts)
+
+
+def _identify(state: State, facts: Facts) -> Step:
+    return _entered(_IDENT, state, facts, "drive a waveform for identification")
+
+
+def _resume(state: State, facts: Facts) -> Step:
+    if state is not _HOLD:
+        help_text = "nothing is held" if state in {_SAFE, *_MOVABLE} else _HELP[state]
+        return _refused(state, "resume", help_text)
+    if facts.latched or not facts.resumable:
+        return _refused(state, "resume", "the fault is not over: see `piezod faults`")
+    return Step(_RUN if facts.was_running else _READY)
+
+
+def _reset(state: State, facts: Facts) -> Step:
+    if state in {_SAFE, *_MOVABLE}:
+        return Step(state)  # only what forbids to adapt can be latched here
+    if state is not _FAULT:
+        return _refused(state, "reset")
+    if facts.estop_active:
+        return _refused(state, "reset", "release the emergency stop first")
+    if facts.latched:
+        return _refused(state, "reset", "a fault is not over: see `piezod faults`")
+    return Step(_SAFE)
+
+
+def _entered(target: State, state: State, facts: Facts, what: str) -> Step:
+    """Go up to a state that begins something, from the only one that leads there."""
+    if state is not (_SAFE if target is _READY else _READY):
+        return _refused(state, what)
+    if facts.shutting_down:
+        return _refused(state, what, _HELP[_STOPPING])
+    if facts.no_entry:
+        return _refused(state, what, facts.no_entry)
+    return Step(target)
+
+
+def _refused(state: State, what: str, help_text: str = "") -> Step:
+    return Step(state, f"cannot {what} in {state}: {help_text or _HELP[state]}")
+
+
+_REQUESTS: Final[Mapping[Event, Callable[[State, Facts], Step]]] = {
+    Event.ARM: _arm,
+    Event.RUN: _run,
+    Event.RUN_ADAPTIVE: _run_adaptive,
+    Event.IDENTIFY: _identify,
+    Event.RESUME: _resume,
+    Event.RESET: _reset,
+}
+"""What leads up, and may be refused."""
