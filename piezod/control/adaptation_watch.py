@@ -35,9 +35,7 @@ class AdaptationWatch:
     ) -> None:
         self._axis = axis
 
-    def check(
-        self, command_um: float, position_um: float, *, closed: bool
-    ) -> Sequence[Detection]:
+    def check(self, command_um: float, position_um: float, *, closed: bool) -> Sequence[Detection]:
         """Return what is wrong with the adaptation; call it once in each cycle, after the axes.
 
         May be called in the loop.

@@ -1,11 +1,12 @@
 """Whether a sample may teach the identifier: only one that says something true about the stage."""
 
 from enum import StrEnum
-from math import isfinite, nan
+from math import isfinite
 from typing import Final
 
 from piezod.control.noise_level import NoiseLevel
 from piezod.control.sliding_range import SlidingRange
+from piezod.control.stuck_sensor import StuckSensor
 from piezod.units import NS_PER_S
 
 WINDOW_S: Final = 1.0
@@ -17,10 +18,9 @@ still answers to what was cut off."""
 SPIKE_CYCLES: Final = 20
 """After a spike the gate stays closed this long: noise that has become larger begins with spikes,
 one in two samples, and until then is known to be noise."""
-STUCK_SAMPLES: Final = 20
 STUCK_SWING: Final = 0.01
-"""A sensor is stuck when this many samples are the same to the bit while the drive moves by more
-than this share of its range."""
+"""A sensor is stuck when its samples stay the same while the drive moves by more than this share of
+its range."""
 
 
 class GateReason(StrEnum):
@@ -49,7 +49,7 @@ class LearningGate:
         self._late_ns = latency_ns + period_ns
         self._drive_swing = SlidingRange(round(WINDOW_S * NS_PER_S / period_ns))
         self._limited_cycles = self._spike_cycles = 0
-        self._stuck = _StuckSensor()
+        self._stuck = StuckSensor(STUCK_SWING)
         self._noise = NoiseLevel()
         self.reason = GateReason.QUIET
         """Verdict on the last sample."""
@@ -104,26 +104,3 @@ class LearningGate:
         if stuck:
             return GateReason.STUCK
         return GateReason.SPIKE if self._spike_cycles else GateReason.NOISY
-
-
-class _StuckSensor:
-    """Watches for samples that stay the same while the drive moves."""
-
-    def __init__(self) -> None:
-        self._position = nan
-        self._samples = 0
-        self._low = self._high = 0.0
-
-    @property
-    def repeated(self) -> bool:
-        """Whether the last sample was the same as the one before: it may be the first of many."""
-        return self._samples > 1
-
-    def update(self, position: float, drive: float) -> bool:
-        """Take a sample and the drive in force; return whether the sensor is stuck."""
-        if position != self._position:
-            self._position, self._samples = position, 0
-            self._low = self._high = drive
-        self._samples += 1
-        self._low, self._high = min(self._low, drive), max(self._high, drive)
-        return self._samples >= STUCK_SAMPLES and self._high - self._low > STUCK_SWING

@@ -58,11 +58,81 @@ class LoopWatch:
 
     def __init__(self, period_ns: int) -> None:
         self._period_ns = period_ns
+        self._late_ns = round(LATE_PART * period_ns)
+        cycles = max(round(WINDOW_S * NS_PER_S / period_ns), LEAST_WINDOW_CYCLES)
+        self._lost, self._late = _Share(cycles), _Share(cycles)
+        self._overruns = LeakyBucket()
+        self._clocks: tuple[int, int] | None = None
 
     def check(self, timing: CycleTiming) -> Sequence[Detection]:
         """Return what is wrong with the loop in this cycle; call it first in each cycle.
 
-        Measured and limit are in periods for L1, in s for L4 and L5, and shares of the periods, or
-        periods where the limit is 1 or more, for L2 and L7.
+        Measured and limit are periods for L1 and for a gap (L2, L5), a share of the periods for L2
+        and L7 where it lasts, and s for L4 and a suspended machine (L5).
         """
-        return _NOTHING
+        lost = max(timing.skipped, timing.busy_ns // self._period_ns)
+        late = lost > 0 or timing.late_ns > self._late_ns
+        lost_share = self._lost.add(lost)
+        late_share = self._late.add(max(lost, 1) if late else 0)
+        tripped = self._overruns.update(lost > 0)
+        jumps = self._jumps(timing)
+        if not (lost or tripped or jumps or late_share > LATE_SHARE):
+            return _NOTHING
+        found = list(jumps)
+        if lost:
+            found.append(Detection("L1", measured=lost, limit=0.0))
+        if timing.skipped >= PAUSE_PERIODS:
+            found.append(Detection("L5", measured=timing.skipped, limit=PAUSE_PERIODS))
+        if timing.skipped >= LONG_GAP_PERIODS:
+            found.append(Detection("L2", measured=timing.skipped, limit=LONG_GAP_PERIODS))
+        elif tripped or lost_share > LOST_SHARE:
+            found.append(Detection("L2", measured=lost_share, limit=LOST_SHARE))
+        if late_share > LATE_SHARE:
+            found.append(Detection("L7", measured=late_share, limit=LATE_SHARE))
+        return found
+
+    def _jumps(self, timing: CycleTiming) -> Sequence[Detection]:
+        before, now = self._clocks, (timing.wall_offset_ns, timing.boot_offset_ns)
+        if before == now:
+            return _NOTHING
+        self._clocks = now
+        if before is None:
+            return _NOTHING
+        found = []
+        wall_ns, boot_ns = abs(now[0] - before[0]), now[1] - before[1]
+        # A machine that wakes up finds its wall clock ahead by as long as it slept: that is L5.
+        if boot_ns > SUSPENDED_NS:
+            found.append(_in_seconds("L5", boot_ns, SUSPENDED_NS))
+        elif wall_ns > WALL_CLOCK_JUMP_NS:
+            found.append(_in_seconds("L4", wall_ns, WALL_CLOCK_JUMP_NS))
+        return found
+
+
+def _in_seconds(fault: str, measured_ns: int, limit_ns: int) -> Detection:
+    return Detection(fault, measured=measured_ns / NS_PER_S, limit=limit_ns / NS_PER_S)
+
+
+class _Share:
+    """How large a part of the last periods was bad, over a window that slides by parts.
+
+    Args:
+        cycles: Length of the window.
+    """
+
+    def __init__(self, cycles: int) -> None:
+        self._part_cycles = max(cycles // _PARTS, 1)
+        self._cycles = self._part_cycles * _PARTS
+        self._parts = [0] * _PARTS
+        self._part = self._filled = self._sum = 0
+
+    def add(self, bad: int) -> float:
+        """Take the bad periods of this cycle; return their share of the window's length."""
+        if self._filled == self._part_cycles:
+            self._part = (self._part + 1) % _PARTS
+            self._sum -= self._parts[self._part]
+            self._parts[self._part] = self._filled = 0
+        self._filled += 1
+        if bad:
+            self._parts[self._part] += bad
+            self._sum += bad
+        return self._sum / self._cycles

@@ -44,7 +44,12 @@ class NoiseLevel:
     @property
     def unusual(self) -> bool:
         """Whether the noise is now much larger than it usually is."""
-        return self.variance > UNUSUAL * self._usual
+        return self.excess > UNUSUAL
+
+    @property
+    def excess(self) -> float:
+        """How many times its usual variance the noise has now."""
+        return self.variance / self._usual
 
     def update(self, position: float) -> bool:
         """Take a displacement, in units of the range; return whether it is part of a spike.

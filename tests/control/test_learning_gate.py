@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from piezod.control.learning_gate import (
     LIMITED_CYCLES,
     SPIKE_CYCLES,
-    STUCK_SAMPLES,
     GateReason,
     LearningGate,
 )
+from piezod.control.stuck_sensor import STUCK_SAMPLES
 from tests.control.fakes import MS
 
 SIGMA = 6e-4  # of the range: 18 nm on 30 µm
