@@ -7,8 +7,8 @@ A device lives through these steps, in this order::
 
 - Constructing a device only stores its options. The first byte on a wire is sent by `open`.
 - Between `open` and `activate`, and after `deactivate`, the outputs rest, or stay as they are where
-  `Capabilities.holds`: `write` is refused and changes nothing. `capabilities` and `read_back` answer
-  as long as the device is open.
+  `Capabilities.holds`: `write` is refused and changes nothing. As long as the device is open,
+  `capabilities` and `read_back` answer.
 - `deactivate` and `close` may be called at any time, any number of times, and always leave the
   outputs safe; `close` deactivates first. If they cannot be graceful, they are safe nevertheless.
 - Nothing here reads a clock. `now_ns` is an instant on the caller's monotonic clock; from call to
