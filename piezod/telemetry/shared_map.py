@@ -34,10 +34,11 @@ class SharedMap:
     Args:
         memory: The mapped file.
         layout: What lies where in it.
+        path: The file.
     """
 
-    def __init__(self, memory: mmap.mmap, layout: Layout) -> None:
-        self.layout = layout
+    def __init__(self, memory: mmap.mmap, layout: Layout, path: Path) -> None:
+        self.layout, self.path = layout, path
         self._memory = memory
         self._parts = layout.parts()
         self.words = self.part("words").cast("q")
@@ -82,7 +83,7 @@ def create(path: Path, layout: Layout) -> SharedMap:
     header = memoryview(memory)[:_TEXT_AT].cast("q")
     header[1], header[2] = _VERSION, len(text)
     header[0] = _MAGIC  # last: whoever attaches earlier sees that it is not complete
-    return SharedMap(memory, layout)
+    return SharedMap(memory, layout, path)
 
 
 def attach(path: Path, *, writable: bool = False) -> SharedMap:
@@ -107,7 +108,7 @@ def attach(path: Path, *, writable: bool = False) -> SharedMap:
     layout = _layout(memory) if memory else None
     if memory is None or layout is None or layout.size != size:
         raise MapError(f"{path} is no shared memory of this version of piezod; restart the daemon")
-    return SharedMap(memory, layout)
+    return SharedMap(memory, layout, path)
 
 
 def _layout(memory: mmap.mmap) -> Layout | None:

@@ -52,3 +52,7 @@ class Word(IntEnum):
     """Blocks of memory that the loop's interpreter holds."""
     DEVICES_OPEN = 20
     """1 while the devices are open, 0 while they are absent."""
+    UNCLEAN = 21
+    """1 where the daemon before this one did not end properly; set before the loop starts."""
+    STRICT_RT = 22
+    """1 where arming is to be refused unless everything real-time was obtained; likewise."""

@@ -1,0 +1,38 @@
+"""The loop counts by itself what must not happen to it: faults, collections, memory that grows."""
+
+import gc
+import resource
+import sys
+
+from piezod.telemetry.words import Word
+
+
+class ProcessCounters:
+    """Publishes the counters of this process, as they have grown since `restart`.
+
+    Args:
+        words: The words of the shared memory, writable.
+    """
+
+    def __init__(self, words: "memoryview[int]") -> None:
+        self._words = words
+        self.restart()
+
+    def restart(self) -> None:
+        """Count from now on; to be called when the loop has become real-time."""
+        self._before = (0, 0, 0)
+        self._before = self._counts()
+
+    def publish(self) -> None:
+        """Publish; takes some µs, may be called in the loop once in a while."""
+        minor, major, collections = self._counts()
+        words = self._words
+        words[Word.MINOR_FAULTS], words[Word.MAJOR_FAULTS] = minor, major
+        words[Word.GC_COLLECTIONS] = collections
+        words[Word.ALLOCATED_BLOCKS] = sys.getallocatedblocks()
+
+    def _counts(self) -> tuple[int, int, int]:
+        usage = resource.getrusage(resource.RUSAGE_SELF)
+        collections = sum(generation["collections"] for generation in gc.get_stats())
+        minor, major, collected = self._before
+        return usage.ru_minflt - minor, usage.ru_majflt - major, collections - collected

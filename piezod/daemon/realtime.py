@@ -1,0 +1,154 @@
+"""What the loop asks of the operating system so that it is on time, in the order that works.
+
+To be called when everything is imported, compiled, opened and used once. Each step tells what it
+obtained; none of them raises: a loop without them runs too, and is late more often.
+"""
+
+import ctypes
+import gc
+import os
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from piezod.config.daemon import LoopConfig
+from piezod.telemetry.layout import PAGE
+from piezod.telemetry.shared_map import SharedMap
+
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+_KEEP_BYTES: Final = 1 << 30
+_MMAP_BYTES: Final = 32 << 20  # the largest that glibc takes
+_MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
+_PR_SET_TIMERSLACK: Final = 29
+_OWN_PARTS: Final = ("answers", "learned", "events", "ring")
+_DMA_LATENCY: Final = Path("/dev/cpu_dma_latency")
+
+
+class RealtimeStep(NamedTuple):
+    """One thing that was asked for.
+
+    Attributes:
+        name: What it is.
+        wanted: What was asked for.
+        obtained: What there is now; why, where it is not what was asked for, and the remedy.
+        ok: Whether it is what was asked for.
+    """
+
+    name: str
+    wanted: str
+    obtained: str
+    ok: bool
+
+
+class Realtime:
+    """The set-up; what must be held as long as the process lives is held by this object.
+
+    Args:
+        config: Priority and processor.
+        shared: The shared memory, writable.
+    """
+
+    def __init__(self, config: LoopConfig, shared: SharedMap) -> None:
+        self._config, self._shared = config, shared
+        self._libc = ctypes.CDLL(None, use_errno=True)
+        self._latency_file: int | None = None
+
+    def set_up(self) -> list[RealtimeStep]:
+        """Ask for everything; return what was obtained."""
+        steps: tuple[tuple[str, str, Callable[[], str]], ...] = (
+            ("threads", "1", _only_thread),
+            ("heap", "kept", self._keep_heap),
+            ("memory", "locked", self._lock_memory),
+            ("shared memory", "in RAM, touched", self._touch_shared),
+            ("cpu latency", "0 us", self._request_latency),
+            ("timer slack", "1 ns", self._cut_timer_slack),
+            ("garbage collection", "off", _stop_collecting),
+            ("processor", self._cpu_wanted, self._pin),
+            ("scheduling", f"SCHED_FIFO {self._config.priority}", self._raise_priority),
+        )
+        return list(_carried_out(steps))
+
+    def _keep_heap(self) -> str:
+        # Before memory is locked: what malloc gives back and takes again would be locked anew.
+        for option, value in (
+            (_M_TRIM_THRESHOLD, _KEEP_BYTES),
+            (_M_MMAP_THRESHOLD, _MMAP_BYTES),
+        ):
+            if not self._libc.mallopt(option, value):
+                raise OSError(None, "mallopt refused; this C library has another one")
+        return "kept"
+
+    def _lock_memory(self) -> str:
+        if self._libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0:
+            return "locked"
+        error = ctypes.get_errno()
+        if self._libc.mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT) == 0:
+            return "locked as it is used"
+        raise OSError(error, f"{os.strerror(error)}; allow it by LimitMEMLOCK=infinity")
+
+    def _touch_shared(self) -> str:
+        for name in _OWN_PARTS:
+            part = self._shared.part(name)
+            for at in range(0, len(part), PAGE):
+                part[at] = part[at]
+        return "in RAM, touched" if _in_ram(self._shared.path) else "touched, on a disk"
+
+    def _request_latency(self) -> str:
+        file = os.open(_DMA_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
+        self._latency_file = file  # the request lasts as long as it is open
+        os.write(file, struct.pack("=i", 0))
+        return "0 us"
+
+    def _cut_timer_slack(self) -> str:
+        if self._libc.prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(1)) != 0:
+            raise OSError(ctypes.get_errno(), "prctl refused")
+        return "1 ns"
+
+    @property
+    def _cpu_wanted(self) -> str:
+        cpu = self._config.cpu
+        return str(max(os.sched_getaffinity(0)) if cpu is None else cpu)
+
+    def _pin(self) -> str:
+        wanted = self._cpu_wanted
+        os.sched_setaffinity(0, {int(wanted)})
+        return wanted
+
+    def _raise_priority(self) -> str:
+        # Last: from here on nothing that takes long may happen. Children are ordinary again.
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(self._config.priority))
+        return f"SCHED_FIFO {self._config.priority}"
+
+
+def _carried_out(
+    steps: tuple[tuple[str, str, Callable[[], str]], ...],
+) -> Iterator[RealtimeStep]:
+    for name, wanted, step in steps:
+        try:
+            obtained = step()
+        except OSError as error:
+            obtained = error.strerror or str(error)
+            if isinstance(error, PermissionError) and "Limit" not in obtained:
+                obtained += "; run as the service does, or as root"
+        yield RealtimeStep(name, wanted, obtained, obtained == wanted)
+
+
+def _only_thread() -> str:
+    return str(len(list(Path("/proc/self/task").iterdir())))
+
+
+def _stop_collecting() -> str:
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    return "off"
+
+
+def _in_ram(path: Path) -> bool:
+    """Tell whether a file lies on a tmpfs: on others, writing to a page waits for the disk."""
+    mounts = [line.split() for line in Path("/proc/self/mounts").read_text().splitlines()]
+    resolved = path.resolve()
+    under = [mount for mount in mounts if resolved.is_relative_to(mount[1])]
+    return bool(under) and max(under, key=lambda mount: len(mount[1]))[2] in {"tmpfs", "ramfs"}
