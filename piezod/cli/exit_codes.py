@@ -1,15 +1,35 @@
 """What an error is to the shell: an exit code, and a text without a traceback."""
 
 import os
+from typing import Final
 
-from piezod.errors import AlreadyRunningError, ConfigError, DeviceUnavailableError, PiezodError
+from piezod.errors import (
+    AlreadyRunningError,
+    AmbiguousStageError,
+    ConfigError,
+    DeviceUnavailableError,
+    NotAllowedError,
+    NotRunningError,
+    PiezodError,
+)
 
 FAILED = 1
+USAGE = 2
 DEVICE_UNAVAILABLE = 69
 ALREADY_RUNNING = 75
 NO_PERMISSION = 77
 CONFIGURATION = 78
-"""As in sysexits.h; 2 for wrong usage comes from typer, 130 for Ctrl-C is in `interrupt`."""
+"""As in sysexits.h; 2 for wrong usage comes mostly from typer, 130 for Ctrl-C is in `interrupt`."""
+
+
+_CODES: Final[dict[type[PiezodError], int]] = {
+    AlreadyRunningError: ALREADY_RUNNING,
+    AmbiguousStageError: USAGE,
+    ConfigError: CONFIGURATION,
+    DeviceUnavailableError: DEVICE_UNAVAILABLE,
+    NotAllowedError: NO_PERMISSION,
+    NotRunningError: DEVICE_UNAVAILABLE,
+}
 
 
 def exit_code(error: PiezodError | OSError) -> int:
@@ -17,13 +37,7 @@ def exit_code(error: PiezodError | OSError) -> int:
     # A file that may not be read is a matter of permission, whoever tried to read it.
     if isinstance(error, PermissionError) or isinstance(error.__cause__, PermissionError):
         return NO_PERMISSION
-    if isinstance(error, ConfigError):
-        return CONFIGURATION
-    if isinstance(error, AlreadyRunningError):
-        return ALREADY_RUNNING
-    if isinstance(error, DeviceUnavailableError):
-        return DEVICE_UNAVAILABLE
-    return FAILED
+    return next((code for kind, code in _CODES.items() if isinstance(error, kind)), FAILED)
 
 
 def text_of(error: PiezodError | OSError) -> str:

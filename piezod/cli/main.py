@@ -13,6 +13,7 @@ import typer
 
 import piezod
 from piezod.cli.check import check
+from piezod.cli.client_verbs import add_client_verbs
 from piezod.cli.drivers import drivers
 from piezod.cli.emulate import emulate
 from piezod.cli.exit_codes import exit_code, text_of
@@ -24,16 +25,16 @@ from piezod.errors import PiezodError
 # Plain help and plain tracebacks: drawing them with rich costs twice the start of the command.
 app = typer.Typer(
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Exit codes: 0 ok, 2 usage or no such FILE, 69 device unavailable, 77 permission, "
-    "78 configuration, 130 interrupted, 1 anything else. Errors go to stderr; so does progress, "
-    "on a terminal.",
+    epilog="Exit codes: 0 ok, 2 usage or no such FILE, 69 device or daemon unavailable, 75 already "
+    "running, 77 permission, 78 configuration, 130 interrupted, 1 anything else. Errors go to "
+    "stderr; so does progress, on a terminal.",
 )
 for verb in (experiment, identify, check, drivers, emulate):
     app.command()(verb)
+add_client_verbs(app)
 
 
 def _print_version(wanted: bool) -> None:

@@ -7,3 +7,6 @@ import typer
 JsonOption: TypeAlias = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")
 ]
+JsonLinesOption: TypeAlias = Annotated[
+    bool, typer.Option("--json", help="Print one JSON document in each line of stdout.")
+]

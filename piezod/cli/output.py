@@ -15,6 +15,13 @@ def print_json(document: Mapping[str, object]) -> None:
     sys.stdout.flush()  # here a full disk is still an error with an exit code
 
 
+def print_json_line(document: Mapping[str, object]) -> None:
+    """Print a document as one line, likewise, and at once: somebody may be waiting for it."""
+    json.dump(_finite(document), sys.stdout, allow_nan=False)
+    sys.stdout.write("\n")
+    sys.stdout.flush()
+
+
 def new_console() -> Console:
     """Return a console for people, on stdout."""
     # Numbers are not to be coloured; brackets and colons in paths mean nothing.

@@ -1,6 +1,8 @@
 """The client for programs that run under asyncio; `StageClient` is the same for all others."""
 
-from collections.abc import Callable, Coroutine
+import time
+from collections.abc import AsyncGenerator, AsyncIterable, Callable, Coroutine, Mapping, Sequence
+from contextlib import aclosing
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, Self, TypeVar
@@ -8,10 +10,29 @@ from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 import httpx
 
 from piezod.client import calls
+from piezod.client.arrival import Arrival, arrival, too_late
 from piezod.client.calls import Call
-from piezod.client.errors import translated
+from piezod.client.errors import ended, translated
 from piezod.client.places import find_socket
-from piezod.client.wire import BASE_URL, TIMEOUT, as_method, headers, new_name, read_answer
+from piezod.client.results import Result
+from piezod.client.telemetry import Telemetry, TelemetryReader
+from piezod.client.wire import (
+    BASE_URL,
+    NDJSON,
+    TIMEOUT,
+    WAITING_RATE_HZ,
+    as_method,
+    check,
+    headers,
+    new_name,
+    no_tls,
+    read_answer,
+    read_document,
+    recording_path,
+    setpoint_line,
+    telemetry_query,
+    whole_file,
+)
 
 ParametersT = ParamSpec("ParametersT")
 ResultT = TypeVar("ResultT")
@@ -58,10 +79,11 @@ class AsyncStageClient:
         self.socket = socket or find_socket(stage)
         self.name = name or new_name()
         self._http = httpx.AsyncClient(
-            transport=httpx.AsyncHTTPTransport(uds=str(self.socket)),
+            transport=httpx.AsyncHTTPTransport(uds=str(self.socket), verify=no_tls()),
             base_url=BASE_URL,
             headers=headers(self.name),
             timeout=TIMEOUT,
+            trust_env=False,
         )
 
     async def __aenter__(self) -> Self:
@@ -85,7 +107,100 @@ class AsyncStageClient:
             response = await self._http.request(call.method, call.path, json=call.body)
         return read_answer(call, response)
 
+    async def goto_and_wait(
+        self,
+        position_um: float,
+        *,
+        axis: str | None = None,
+        speed_um_per_s: float | None = None,
+        timeout_s: float = 30.0,
+    ) -> Arrival:
+        """Move to a position, and return once it has been reached and held.
+
+        Args:
+            position_um: Where to, in µm.
+            axis: Left out: the only one.
+            speed_um_per_s: How fast, in µm/s; left out: as the configuration says.
+            timeout_s: How long to wait at most, in s; the stage goes on after that.
+
+        Raises:
+            NotReachedError: If it is not reached, or not in time; the text says why.
+            ClientError: As for every method.
+        """
+        begun_s = time.monotonic()
+        answer = await self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
+        async with aclosing(self.telemetry(WAITING_RATE_HZ)) as intervals:
+            async for told in intervals:
+                if there := arrival(told, answer.motion, axis):
+                    return there
+                if time.monotonic() - begun_s > timeout_s:
+                    raise too_late(told, axis, timeout_s)
+        raise ended(self.socket)
+
+    async def telemetry(
+        self, rate_hz: float = 10.0, axes: Sequence[str] = ()
+    ) -> AsyncGenerator[Telemetry, None]:
+        """Yield what happens, interval by interval, until the generator is closed.
+
+        Args:
+            rate_hz: Intervals per second, 1 to 50.
+            axes: Which axes; none: all of them.
+
+        Raises:
+            NotRunningError: If the daemon ends.
+            ClientError: As for every method.
+        """
+        reader, query = TelemetryReader(), telemetry_query(rate_hz, axes)
+        with translated(self.socket):
+            async with self._http.stream("GET", "telemetry", params=query) as response:
+                if response.is_error:
+                    await response.aread()
+                check(response)
+                async for line in response.aiter_lines():
+                    if told := reader.feed(line):
+                        yield told
+        raise ended(self.socket)
+
+    async def stream(self, setpoints_um: AsyncIterable[Mapping[str, float]]) -> Result:
+        """Have the stage follow setpoints, each from the moment at which it is sent.
+
+        The stage goes to HOLD as soon as they stop.
+
+        Args:
+            setpoints_um: Axis: position in µm; each should come at the instant it is meant for.
+        """
+        lines = (setpoint_line(each) async for each in setpoints_um)
+        with translated(self.socket):
+            response = await self._http.post("stream", content=lines, headers=NDJSON)
+        return calls.ended_stream(read_document(response))
+
+    async def fetch_recording(self, name: str, file: Path) -> int:
+        """Copy a recording; return its size in bytes.
+
+        Args:
+            name: As `recordings` tells it.
+            file: Where to; what is there is replaced.
+
+        Raises:
+            OSError: If the file cannot be written.
+            ClientError: As for every method.
+        """
+        with translated(self.socket):
+            async with self._http.stream("GET", recording_path(name)) as response:
+                if response.is_error:
+                    await response.aread()
+                check(response)
+                with whole_file(file) as opened:
+                    async for block in response.aiter_bytes():
+                        opened.write(block)
+                    return opened.tell()
+
     status = _method(calls.status)
+    faults = _method(calls.faults)
+    health = _method(calls.health)
+    realtime = _method(calls.realtime)
+    config = _method(calls.config)
+    audit = _method(calls.audit)
     arm = _method(calls.arm)
     disarm = _method(calls.disarm)
     mode = _method(calls.mode)
@@ -101,3 +216,14 @@ class AsyncStageClient:
     identify = _method(calls.identify)
     adopt = _method(calls.adopt)
     shutdown = _method(calls.shutdown)
+    reload = _method(calls.reload)
+    params = _method(calls.params)
+    params_history = _method(calls.params_history)
+    save_params = _method(calls.save_params)
+    load_params = _method(calls.load_params)
+    restore_params = _method(calls.restore_params)
+    start_recording = _method(calls.start_recording)
+    stop_recording = _method(calls.stop_recording)
+    recordings = _method(calls.recordings)
+    renew_lease = _method(calls.renew_lease)
+    release_lease = _method(calls.release_lease)

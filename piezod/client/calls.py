@@ -9,7 +9,19 @@ from typing import Any, Generic, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from piezod.client.results import Answer, Document, Status, reader
+from piezod.client.results import (
+    Answer,
+    Document,
+    Faults,
+    History,
+    Parameters,
+    Recording,
+    Recordings,
+    Result,
+    Saved,
+    Status,
+    reader,
+)
 from piezod.client.waveforms import sendable
 from piezod.config import requests
 from piezod.config.combined_waveforms import WaveformConfig
@@ -21,7 +33,16 @@ from piezod.errors import RefusedError
 ResultT = TypeVar("ResultT")
 Waveforms: TypeAlias = Mapping[str, WaveformConfig | Mapping[str, Any]]
 """Waveforms by axis, as models or as a file would have them."""
-_answer = reader(Answer)
+_answer, _status, _faults = reader(Answer), reader(Status), reader(Faults)
+_parameters, _saved, _history = reader(Parameters), reader(Saved), reader(History)
+_recording, _recordings = reader(Recording), reader(Recordings)
+
+
+ended_stream = reader(Result)
+
+
+def _as_it_is(document: Document) -> Document:
+    return document
 
 
 @dataclass(frozen=True)
@@ -43,7 +64,32 @@ class Call(Generic[ResultT]):
 
 def status() -> Call[Status]:
     """Return state, mode, faults, and each axis in its newest cycle."""
-    return Call("GET", "status", reader(Status))
+    return Call("GET", "status", _status)
+
+
+def faults() -> Call[Faults]:
+    """Return what is present or latched, and what to do about it."""
+    return Call("GET", "faults", _faults)
+
+
+def health() -> Call[Document]:
+    """Return what tells whether the loop runs on schedule."""
+    return Call("GET", "health", _as_it_is)
+
+
+def realtime() -> Call[Document]:
+    """Return what the loop asked of the operating system, and what it obtained."""
+    return Call("GET", "realtime", _as_it_is)
+
+
+def config() -> Call[Document]:
+    """Return the configuration in force."""
+    return Call("GET", "config", _as_it_is)
+
+
+def audit() -> Call[Document]:
+    """Return who asked for what, newest first."""
+    return Call("GET", "audit", _as_it_is)
 
 
 def arm(*, shadow: bool = False) -> Call[Answer]:
@@ -172,6 +218,69 @@ def adopt(
 def shutdown() -> Call[Answer]:
     """Ramp to the safe voltage and end the daemon."""
     return _request("shutdown", requests.Shutdown)
+
+
+def reload() -> Call[Result]:
+    """Have the daemon read its configuration again; one that is not valid changes nothing."""
+    return Call("POST", "reload", reader(Result), {})
+
+
+def params() -> Call[Parameters]:
+    """Return the parameters in use."""
+    return Call("GET", "params", _parameters)
+
+
+def params_history() -> Call[History]:
+    """Return what is saved, newest first."""
+    return Call("GET", "params/history", _history)
+
+
+def save_params() -> Call[Saved]:
+    """Save the parameters in use; a start of the daemon begins with them."""
+    return Call("POST", "params/save", _saved, {})
+
+
+def load_params() -> Call[Saved]:
+    """Use the parameters that were saved last; only while disarmed."""
+    return Call("POST", "params/load", _saved, {})
+
+
+def restore_params(sequence: int) -> Call[Saved]:
+    """Use parameters that were saved earlier; only while disarmed.
+
+    Args:
+        sequence: Their number, as the history has it.
+    """
+    return Call("POST", "params/restore", _saved, {"sequence": sequence})
+
+
+def start_recording(label: str | None = None) -> Call[Recording]:
+    """Start recording every cycle.
+
+    Args:
+        label: Becomes part of the name, which the daemon makes.
+    """
+    return Call("POST", "recordings/start", _recording, {"label": label} if label else {})
+
+
+def stop_recording() -> Call[Recording]:
+    """End the recording and close its file."""
+    return Call("POST", "recordings/stop", _recording, {})
+
+
+def recordings() -> Call[Recordings]:
+    """Return what is recorded."""
+    return Call("GET", "recordings", _recordings)
+
+
+def renew_lease() -> Call[Document]:
+    """Keep the right to move the stage for 30 s more; every command does that, too."""
+    return Call("POST", "lease", _as_it_is, {})
+
+
+def release_lease() -> Call[Document]:
+    """Give the right to move the stage back, so that others need not wait for its end."""
+    return Call("DELETE", "lease", _as_it_is)
 
 
 def _request(path: str, request: type[BaseModel], /, **fields: object) -> Call[Answer]:

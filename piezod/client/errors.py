@@ -7,7 +7,7 @@ from pathlib import Path
 
 import httpx
 
-from piezod.errors import NotAllowedError, NotRunningError, RefusedError, ClientError
+from piezod.errors import ClientError, NotAllowedError, NotRunningError, RefusedError
 
 OTHER_VERSION = "are client and daemon of the same version?"
 
@@ -60,6 +60,11 @@ def _of_transport(error: httpx.TransportError, socket: Path) -> ClientError:
     if isinstance(error, httpx.ConnectError):
         what = f"{socket}: no daemon is running there"
         return NotRunningError(what, "start it with `piezod run CONFIG`")
+    return ended(socket)
+
+
+def ended(socket: Path) -> NotRunningError:
+    """Return the error of a daemon that has gone in the middle of a conversation."""
     return NotRunningError(f"{socket}: the daemon ended the conversation", "is it still running?")
 
 

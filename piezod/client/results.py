@@ -105,6 +105,106 @@ class Status(Result):
     axes: dict[str, AxisStatus]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Faults(Result):
+    """What is present or latched.
+
+    Attributes:
+        faults: The faults.
+    """
+
+    faults: tuple[Fault, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameters(Result):
+    """The parameters that the loop uses now.
+
+    Attributes:
+        axes: By name: what belongs to the axis, as the daemon names it.
+        sequence: Number under which they were saved last, None where they never were.
+    """
+
+    axes: dict[str, Document]
+    sequence: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Saved(Result):
+    """Parameters in the daemon's store.
+
+    Attributes:
+        sequence: Their number, larger for later ones.
+    """
+
+    sequence: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class HistoryEntry:
+    """Saved parameters in the history.
+
+    Attributes:
+        sequence: Their number.
+        saved_at: When, ISO 8601.
+        saved_by: By whom.
+    """
+
+    sequence: int
+    saved_at: str = ""
+    saved_by: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class History(Result):
+    """What is saved.
+
+    Attributes:
+        history: Newest first.
+    """
+
+    history: tuple[HistoryEntry, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingName:
+    """A recording.
+
+    Attributes:
+        name: The daemon made it.
+    """
+
+    name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording(Result):
+    """A recording that was begun or ended.
+
+    Attributes:
+        name: Its name.
+        records: How many cycles are in it.
+        lost: How many are missing.
+    """
+
+    name: str
+    records: int = 0
+    lost: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recordings(Result):
+    """What is recorded.
+
+    Attributes:
+        running: The one that is being made, None where there is none.
+        recordings: Those that are finished.
+    """
+
+    running: RecordingName | None
+    recordings: tuple[RecordingName, ...]
+
+
 def reader(result: type[ResultT]) -> Callable[[Document], ResultT]:
     """Return a function that makes a result of a document.
 

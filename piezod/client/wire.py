@@ -2,18 +2,28 @@
 
 import functools
 import inspect
+import json
+import ssl
 import uuid
-from collections.abc import Callable
-from typing import Any, Final, TypeVar, get_args
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO, Final, TypeVar, get_args
+from urllib.parse import quote
 
 import httpx
 
 from piezod.client.calls import Call
 from piezod.client.errors import error_of, unexpected
+from piezod.client.results import Document
+from piezod.errors import RefusedError
 
 BASE_URL: Final = "http://piezod/v1/"
 """The host's name means nothing on a unix socket."""
 TIMEOUT: Final = httpx.Timeout(10.0, connect=2.0)
+NDJSON: Final = {"Content-Type": "application/x-ndjson"}
+WAITING_RATE_HZ: Final = 20.0
+"""How often telemetry is looked at while a movement is waited for."""
 
 ResultT = TypeVar("ResultT")
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
@@ -24,9 +34,54 @@ def new_name() -> str:
     return f"python-{uuid.uuid4().hex[:12]}"
 
 
+def no_tls() -> ssl.SSLContext:
+    """Return an empty context: httpx else loads certificates that a unix socket has no use for."""
+    return ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+
+
 def headers(name: str) -> dict[str, str]:
     """Return what every request of a client carries."""
     return {"X-Piezod-Client": name}
+
+
+def telemetry_query(rate_hz: float, axes: Sequence[str]) -> dict[str, str]:
+    """Return the query of a telemetry stream."""
+    query = {"rate_hz": f"{rate_hz:g}"}
+    return {**query, "axes": ",".join(axes)} if axes else query
+
+
+def recording_path(name: str) -> str:
+    """Return the path of a recording."""
+    return f"recordings/{quote(name, safe='')}"
+
+
+def setpoint_line(setpoints_um: Mapping[str, float]) -> bytes:
+    """Return one line of a setpoint stream.
+
+    Raises:
+        RefusedError: If a setpoint is not finite.
+    """
+    try:
+        return json.dumps(dict(setpoints_um), allow_nan=False).encode() + b"\n"
+    except ValueError as error:
+        what = f"setpoints must be finite (got {dict(setpoints_um)})"
+        raise RefusedError(what, code="value") from error
+
+
+@contextmanager
+def whole_file(file: Path) -> Iterator[BinaryIO]:
+    """Open a file that gets its name once it is complete; what was there is replaced then.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    partial = file.with_name(f".{file.name}.part")
+    try:
+        with partial.open("wb") as opened:
+            yield opened
+        partial.replace(file)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def read_answer(call: Call[ResultT], response: httpx.Response) -> ResultT:
@@ -35,6 +90,15 @@ def read_answer(call: Call[ResultT], response: httpx.Response) -> ResultT:
     Raises:
         ClientError: If it is an error, or nothing that the call could lead to.
     """
+    return call.read(read_document(response))
+
+
+def read_document(response: httpx.Response) -> Document:
+    """Return the object that an answer, read to its end, holds.
+
+    Raises:
+        ClientError: If it is an error, or no object.
+    """
     check(response)
     try:
         document = response.json()
@@ -42,7 +106,7 @@ def read_answer(call: Call[ResultT], response: httpx.Response) -> ResultT:
         raise unexpected(response.content, str(error)) from error
     if not isinstance(document, dict):
         raise unexpected(document, "must be an object")
-    return call.read(document)
+    return document
 
 
 def check(response: httpx.Response) -> None:

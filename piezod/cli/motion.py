@@ -1,0 +1,118 @@
+"""`piezod goto` and `piezod wave`: movements."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeAlias
+
+import typer
+
+from piezod.cli.options import JsonOption
+from piezod.cli.paths import existing_file
+from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect, tell
+
+if TYPE_CHECKING:
+    from piezod.client import StageClient
+    from piezod.client.calls import Waveforms
+    from piezod.config.requests import Wave
+
+Swing: TypeAlias = tuple[float, float, float]
+"""Lowest and highest position in µm, frequency in Hz."""
+
+
+def goto(  # noqa: PLR0913, PLR0917 - an argument is an option of the command
+    position_um: Annotated[float, typer.Argument(metavar="POSITION", help="Where to, in µm.")],
+    axis: AxisOption = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(metavar="UM_PER_S", help="How fast, µm/s; left out: as configured."),
+    ] = None,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Return when it is there, or say why it is not.")
+    ] = False,
+    timeout: Annotated[
+        float, typer.Option(metavar="S", min=0.0, help="How long to wait at most, s.")
+    ] = 30.0,
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Move to a position and stay there.
+
+    With --wait it exits with 0 once the position has been within its tolerance for the settling
+    time, and with 1 if that does not come about.
+    """
+    with connect(stage, socket) as client:
+        if wait:
+            there = client.goto_and_wait(
+                position_um, axis=axis, speed_um_per_s=speed, timeout_s=timeout
+            )
+            tell(there, f"at {there.position_um:.3f} µm", json=json)
+        else:
+            answer = client.goto(position_um, axis=axis, speed_um_per_s=speed)
+            tell(answer, f"going to {position_um:g} µm", json=json)
+
+
+def wave(  # noqa: PLR0913, PLR0917 - likewise
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[FILE]",
+            readable=False,
+            callback=existing_file,
+            help="YAML with the keys `command_um`, a waveform for each axis, and `duration_s`.",
+        ),
+    ] = None,
+    sine: Annotated[
+        Swing | None, typer.Option(metavar="LOW HIGH HZ", help="A sine between two positions, µm.")
+    ] = None,
+    triangle: Annotated[
+        Swing | None, typer.Option(metavar="LOW HIGH HZ", help="The same, with straight lines.")
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", help="How long, s; in place of the file's.")
+    ] = None,
+    axis: AxisOption = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Follow the waveform of a file, or a sine or triangle.
+
+    Its last position is held at the end.
+    """
+    if [file, sine, triangle].count(None) != 2:
+        raise typer.BadParameter("give one of FILE, --sine and --triangle")
+    if file is None and duration is None:
+        raise typer.BadParameter("--sine and --triangle need --duration")
+    if file is not None and axis is not None:
+        raise typer.BadParameter("--axis goes with --sine and --triangle, FILE names its axes")
+    loaded = _load(file) if file else None
+    with connect(stage, socket) as client:
+        if loaded:
+            waveforms: Waveforms = loaded.command_um
+        else:
+            waveforms = {axis or _only_axis(client): _swing(sine, triangle)}
+        duration_s = duration or (loaded.duration_s if loaded else 0.0)
+        answer = client.wave(waveforms, duration_s)
+    tell(answer, f"following for {duration_s:g} s", json=json)
+
+
+def _load(file: Path) -> "Wave":
+    from piezod.config.fields import Context
+    from piezod.config.requests import Wave
+    from piezod.config.validate import validate
+    from piezod.config.yaml_loader import load_yaml
+
+    return validate(load_yaml(file), Wave, Context(file.parent))
+
+
+def _swing(sine: Swing | None, triangle: Swing | None) -> dict[str, str | float]:
+    low, high, frequency_hz = sine or triangle or (0.0, 0.0, 0.0)
+    kind = "sine" if sine else "triangle"
+    return {"kind": kind, "low": low, "high": high, "frequency_hz": frequency_hz}
+
+
+def _only_axis(client: "StageClient") -> str:
+    axes = list(client.status().axes)
+    if len(axes) != 1:
+        raise typer.BadParameter(f"name one of the axes {', '.join(axes)} with --axis")
+    return axes[0]

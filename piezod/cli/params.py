@@ -1,0 +1,86 @@
+"""`piezod params`: the parameters that a stage has learned, and those that are saved."""
+
+from typing import Annotated
+
+import typer
+
+from piezod.cli.options import JsonOption
+from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
+
+params = typer.Typer(
+    no_args_is_help=True, rich_markup_mode=None, help="List, save and restore learned parameters."
+)
+
+
+@params.command("list")
+def list_params(
+    stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
+) -> None:
+    """Show the parameters in use."""
+    from piezod.cli.output import new_console, print_json
+
+    with connect(stage, socket) as client:
+        found = client.params()
+    if json:
+        print_json(found.document)
+        return
+    console = new_console()
+    for name, values in found.axes.items():
+        console.print(f"axis {name}")
+        for key, value in values.items():
+            console.print(f"  {key}: {value}", soft_wrap=True)
+    console.print(f"saved as {found.sequence}" if found.sequence else "never saved")
+
+
+@params.command()
+def save(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:
+    """Save the parameters in use, for the next start too."""
+    with connect(stage, socket) as client:
+        saved = client.save_params()
+    tell(saved, f"saved as {saved.sequence}", json=json)
+
+
+@params.command()
+def load(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:
+    """Use the parameters that were saved last; only while disarmed."""
+    with connect(stage, socket) as client:
+        loaded = client.load_params()
+    tell(loaded, f"loaded {loaded.sequence}", json=json)
+
+
+@params.command()
+def restore(
+    sequence: Annotated[
+        int, typer.Argument(metavar="NUMBER", min=1, help="As `piezod params history` lists it.")
+    ],
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Use parameters that were saved earlier; only while disarmed."""
+    with connect(stage, socket) as client:
+        restored = client.restore_params(sequence)
+    tell(restored, f"restored {restored.sequence}", json=json)
+
+
+@params.command()
+def history(
+    stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
+) -> None:
+    """List what is saved, newest first."""
+    from rich import box
+    from rich.table import Table
+
+    from piezod.cli.output import new_console, print_json
+
+    with connect(stage, socket) as client:
+        found = client.params_history()
+    if json:
+        print_json(found.document)
+        return
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("number", "saved at", "by"):
+        table.add_column(heading)
+    for each in found.history:
+        table.add_row(str(each.sequence), each.saved_at, each.saved_by)
+    new_console().print(table if found.history else "nothing is saved")

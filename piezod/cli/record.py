@@ -1,0 +1,81 @@
+"""`piezod record`: every cycle of a stage, in a file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from piezod.cli.options import JsonOption
+from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
+
+record = typer.Typer(
+    no_args_is_help=True, rich_markup_mode=None, help="Record every cycle, list and get records."
+)
+
+
+@record.command()
+def start(
+    label: Annotated[
+        str | None, typer.Argument(metavar="[LABEL]", help="Becomes part of the file's name.")
+    ] = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Start recording every cycle."""
+    with connect(stage, socket) as client:
+        started = client.start_recording(label)
+    tell(started, f"recording {started.name}", json=json)
+
+
+@record.command()
+def stop(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:
+    """End the recording and close its file."""
+    with connect(stage, socket) as client:
+        ended = client.stop_recording()
+    text = f"recorded {ended.records} cycles as {ended.name}"
+    tell(ended, f"{text}, {ended.lost} were lost" if ended.lost else text, json=json)
+
+
+@record.command("list")
+def list_records(
+    stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
+) -> None:
+    """List the records, and the one that is being made."""
+    from piezod.cli.output import new_console, print_json
+
+    with connect(stage, socket) as client:
+        found = client.recordings()
+    if json:
+        print_json(found.document)
+        return
+    console = new_console()
+    for each in found.recordings:
+        console.print(each.name)
+    if found.running:
+        console.print(f"{found.running.name} (running)")
+    elif not found.recordings:
+        console.print("nothing is recorded")
+
+
+@record.command()
+def get(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="As `piezod record list` tells it.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Where to; left out: NAME.h5 in the current folder."),
+    ] = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Copy a record, an HDF5 file."""
+    from piezod.cli.output import new_console, print_json
+
+    file = out or Path(f"{name}.h5")
+    with connect(stage, socket) as client:
+        size_bytes = client.fetch_recording(name, file)
+    if json:
+        print_json({"name": name, "file": str(file), "size_bytes": size_bytes})
+    else:
+        new_console().print(f"{file}: {size_bytes} bytes", soft_wrap=True)

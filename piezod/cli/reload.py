@@ -1,0 +1,16 @@
+"""`piezod reload`: a daemon takes its configuration anew."""
+
+from piezod.cli.options import JsonOption
+from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
+
+
+def reload(
+    stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
+) -> None:
+    """Have the daemon read its configuration again.
+
+    One that is not valid changes nothing.
+    """
+    with connect(stage, socket) as client:
+        answer = client.reload()
+    tell(answer, "the configuration has been read again", json=json)

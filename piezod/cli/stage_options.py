@@ -1,0 +1,76 @@
+"""Which stage a verb talks to, and what verbs that talk to one have in common."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
+
+import typer
+
+if TYPE_CHECKING:
+    from piezod.client import StageClient
+    from piezod.client.results import Result
+
+CLIENT_NAME: Final = "cli"
+"""The same for every command: a lease belongs to a user and a name, and commands follow another."""
+
+
+def _stages(incomplete: str) -> list[str]:
+    from piezod.client.places import running_stages
+
+    return [name for name in running_stages() if name.startswith(incomplete)]
+
+
+StageOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--stage",
+        metavar="NAME",
+        autocompletion=_stages,
+        help="Stage: the name of its configuration file, without the ending. Left out: "
+        "$PIEZOD_STAGE, or the only one that runs.",
+    ),
+]
+SocketOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--socket",
+        metavar="PATH",
+        help="Socket of the daemon, in place of a name. Left out: $PIEZOD_SOCKET.",
+    ),
+]
+AxisOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option("--axis", metavar="NAME", help="Axis; left out: the only one."),
+]
+AxesOption: TypeAlias = Annotated[
+    str | None, typer.Option("--axis", metavar="NAME", help="Axis; left out: all of them.")
+]
+
+
+def connect(stage: str | None, socket: Path | None) -> "StageClient":
+    """Return a client of the stage that is meant.
+
+    Raises:
+        typer.BadParameter: If both a name and a socket are given.
+        ClientError: If there is no such stage.
+    """
+    from piezod.client import StageClient
+
+    if stage is not None and socket is not None:
+        raise typer.BadParameter("--stage and --socket exclude each other")
+    return StageClient(stage, socket=socket, name=CLIENT_NAME)
+
+
+def tell(answer: "Result", text: str, *, json: bool) -> None:
+    """Print what a request has led to.
+
+    Args:
+        answer: The daemon's answer.
+        text: For people.
+        json: Whether to print the answer in place of the text.
+    """
+    from piezod.cli.output import new_console, print_json
+
+    if json:
+        print_json(answer.document)
+    else:
+        new_console().print(text, soft_wrap=True)

@@ -1,0 +1,84 @@
+"""`piezod status` and `piezod faults`: how a stage is now."""
+
+from typing import TYPE_CHECKING
+
+from piezod.cli.options import JsonOption
+from piezod.cli.stage_options import SocketOption, StageOption, connect
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.table import Table
+
+    from piezod.client.results import Fault, Status
+
+
+def status(
+    stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
+) -> None:
+    """Tell state, mode, faults, and where each axis is."""
+    from piezod.cli.output import new_console, print_json
+
+    with connect(stage, socket) as client:
+        found = client.status()
+    if json:
+        print_json(found.document)
+        return
+    console = new_console()
+    console.print(_summary(found))
+    console.print(_axes(found))
+    if found.faults:
+        console.print(_faults(found.faults))
+
+
+def faults(
+    stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
+) -> None:
+    """List the faults, and what to do about them."""
+    from piezod.cli.output import new_console, print_json
+
+    with connect(stage, socket) as client:
+        found = client.faults()
+    if json:
+        print_json(found.document)
+    else:
+        new_console().print(_faults(found.faults) if found.faults else "no fault")
+
+
+def _summary(found: "Status") -> str:
+    skipped = f"{found.skipped_cycles} skipped cycles" if found.skipped_cycles else ""
+    return ", ".join(filter(None, (found.state, f"mode {found.mode}", skipped)))
+
+
+def _axes(found: "Status") -> "Table":
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD)
+    table.add_column("axis")
+    for heading in ("position/µm", "command/µm", "error/µm", "drive/V"):
+        table.add_column(heading, justify="right")
+    table.add_column("")
+    for name, axis in found.axes.items():
+        numbers = (axis.position_um, axis.command_um, axis.error_um)
+        shown = [number(each, 3) for each in numbers]
+        table.add_row(name, *shown, number(axis.drive_v, 2), "on target" if axis.on_target else "")
+    return table
+
+
+def number(value: float | None, decimals: int) -> str:
+    """Return a number as people read it; a dash where there is none."""
+    return "–" if value is None else f"{value:.{decimals}f}"
+
+
+def _faults(found: "Sequence[Fault]") -> "Table":
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("fault", "what", "", "remedy"):
+        table.add_column(heading)
+    for each in found:
+        marks = ("present" if each.present else "", "latched" if each.latched else "")
+        table.add_row(each.id, each.name, ", ".join(filter(None, marks)), each.remedy)
+    return table

@@ -1,0 +1,44 @@
+"""`piezod stream`: setpoints of another program."""
+
+import sys
+from collections.abc import Iterable, Iterator
+
+from piezod.cli.options import JsonOption
+from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
+from piezod.errors import DataError
+
+
+def stream(
+    stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
+) -> None:
+    """Follow setpoints from stdin, one in a line.
+
+    A line is a JSON object as in {"x": 12.3}, position by axis in µm. It counts from the moment at
+    which it is read, at up to some thousand lines a second. The stage holds when they end.
+    """
+    with connect(stage, socket) as client:
+        ended = client.stream(_setpoints(sys.stdin))
+    tell(ended, "the stream has ended, the stage holds", json=json)
+
+
+def _setpoints(lines: Iterable[str]) -> Iterator[dict[str, float]]:
+    for number, line in enumerate(lines, start=1):
+        if line.strip():
+            yield _setpoint(line, number)
+
+
+def _setpoint(line: str, number: int) -> dict[str, float]:
+    import json
+
+    try:
+        setpoint = json.loads(line)
+    except ValueError:
+        setpoint = None
+    if not isinstance(setpoint, dict) or not all(map(_is_number, setpoint.values())):
+        what = f'stdin:{number}: must be positions by axis, as in {{"x": 12.3}}'
+        raise DataError(f"{what} (got {line.strip()[:40]})")
+    return setpoint
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

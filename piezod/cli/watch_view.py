@@ -1,0 +1,116 @@
+"""What `piezod watch` shows of one interval of time."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, TypeAlias
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from piezod.cli.status import number
+from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
+from piezod.config.states import State
+
+Bounds: TypeAlias = tuple[float, float]
+
+_BAR_WIDTH = 16
+_STYLES: Mapping[str, str] = {
+    State.RUN: "bold green",
+    State.IDENT: "bold green",
+    State.READY: "bold cyan",
+    State.SAFE: "bold",
+    State.BOOT: "bold",
+    State.FAULT: "bold red",
+    State.ESTOP: "bold red",
+    State.BLIND: "bold red",
+}
+
+
+class AxisRanges(NamedTuple):
+    """What the bars of an axis span; None where that is not known.
+
+    Attributes:
+        position_um: Range of the command.
+        drive_v: Range of the voltage.
+    """
+
+    position_um: Bounds | None
+    drive_v: Bounds | None
+
+
+def ranges_of(config: Mapping[str, Any]) -> dict[str, AxisRanges]:
+    """Return the ranges of the axes of a daemon's configuration."""
+    ranges = {}
+    for name, axis in config.get("axes", {}).items():
+        limits, command_um = axis.get("limits") or {}, axis.get("command_range_um")
+        drive_v = limits.get("drive_min_v"), limits.get("drive_max_v")
+        ranges[name] = AxisRanges(_bounds(command_um), _bounds(drive_v))
+    return ranges
+
+
+def _bounds(found: Sequence[float | None] | None) -> Bounds | None:
+    low, high = found or (None, None)
+    return None if low is None or high is None else (low, high)
+
+
+def view(told: Telemetry, ranges: Mapping[str, AxisRanges]) -> RenderableType:
+    """Return what is shown of an interval on a terminal."""
+    state = Text(told.state, _STYLES.get(told.state, "bold yellow"))
+    head = Text.assemble(state, f"   {told.skipped_cycles} skipped cycles")
+    return Group(head, _table(told, ranges), _faults(told))
+
+
+def view_line(told: Telemetry) -> str:
+    """Return the same as one line."""
+    axes = (
+        f"{name}: {number(axis.position_um.last, 3)} µm, error {number(axis.error_um.last, 3)} µm, "
+        f"{number(axis.drive_v.last, 2)} V"
+        for name, axis in told.axes.items()
+    )
+    faults = f"faults {', '.join(told.faults)}" if told.faults else ""
+    return "; ".join(filter(None, (told.state, *axes, faults)))
+
+
+def _table(told: Telemetry, ranges: Mapping[str, AxisRanges]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD)
+    table.add_column("axis")
+    table.add_column("position/µm", justify="right")
+    table.add_column("", width=_BAR_WIDTH)
+    for heading in ("command/µm", "error/µm", "worst"):
+        table.add_column(heading, justify="right")
+    table.add_column("drive/V", justify="right")
+    table.add_column("", width=_BAR_WIDTH)
+    for name, axis in told.axes.items():
+        table.add_row(name, *_cells(axis, ranges.get(name, AxisRanges(None, None))))
+    return table
+
+
+def _cells(axis: AxisTelemetry, ranges: AxisRanges) -> Iterator[RenderableType]:
+    yield number(axis.position_um.last, 3)
+    yield _bar(axis.position_um.last, ranges.position_um)
+    yield number(axis.command_um.last, 3)
+    yield number(axis.error_um.last, 3)
+    yield number(_worst(axis.error_um), 3)
+    yield number(axis.drive_v.last, 2)
+    yield _bar(axis.drive_v.last, ranges.drive_v)
+
+
+def _worst(error_um: Range) -> float | None:
+    found = [each for each in (error_um.min, error_um.max) if each is not None]
+    return max(found, key=abs, default=None)
+
+
+def _bar(value: float | None, bounds: Bounds | None) -> RenderableType:
+    if value is None or bounds is None:
+        return ""
+    low, high = bounds
+    share = min(max((value - low) / (high - low), 0.0), 1.0)
+    return ProgressBar(total=1.0, completed=share, width=_BAR_WIDTH, finished_style="bar.complete")
+
+
+def _faults(told: Telemetry) -> Text:
+    if not told.faults:
+        return Text("no fault")
+    return Text(f"faults {', '.join(told.faults)}: `piezod faults` tells more", "bold red")
