@@ -1,0 +1,136 @@
+"""What every guard must hold, and guards that do not: properties that miss those prove nothing."""
+
+from collections.abc import Callable, Sequence
+from math import inf, isfinite, isnan, nan
+
+from hypothesis import strategies as st
+
+from piezod.control.guard import Admitted, Guard
+from piezod.control.limits import Limits
+
+LIMITS = (Limits(-10.0, 150.0, 20_000.0), Limits(0.0, 100.0, 500.0))
+LONGEST_S = 2e-3
+Admit = Callable[[int, int, Sequence[float], Sequence[float], float], Admitted]
+
+_EDGES_V = (-10.0, 0.0, -0.0, 100.0, 150.0, 5e-324, 1e308, -1e308, nan, inf, -inf)
+ASKED_V = st.one_of(st.floats(), st.floats(-20, 200), st.sampled_from(_EDGES_V))
+IN_FORCE_V = st.one_of(st.floats(-10, 150), st.floats(-1e3, 1e3), st.sampled_from((nan, inf)))
+ELAPSED_S = st.one_of(st.floats(0, 5e-3), st.floats(), st.sampled_from((0.0, 1e-3, nan, inf)))
+PAIR_V = st.tuples(ASKED_V, ASKED_V)
+PAIR_IN_FORCE_V = st.tuples(IN_FORCE_V, IN_FORCE_V)
+
+
+def check_all(
+    admit: Admit,
+    planned_t_ns: int,
+    asked_v: Sequence[float],
+    in_force_v: Sequence[float],
+    elapsed_s: float,
+) -> None:
+    """Check a guard for `LIMITS` in the cycle at 0 ns, with whatever it is asked."""
+    admitted = admit(planned_t_ns, 0, asked_v, in_force_v, elapsed_s)
+    allowed_s = min(max(elapsed_s, 0.0), LONGEST_S) if isfinite(elapsed_s) else 0.0
+    assert admitted.stale == (planned_t_ns != 0)
+    assert admitted.writable == all(map(isfinite, in_force_v))
+    assert len(admitted.drive_v) == len(LIMITS)
+    for axis, limits in enumerate(LIMITS):
+        before_v, after_v = in_force_v[axis], admitted.drive_v[axis]
+        unusable = not (isfinite(asked_v[axis]) and isfinite(before_v))
+        if admitted.stale or unusable:
+            assert same(after_v, before_v)
+            assert (axis in admitted.refused) == (unusable and not admitted.stale)
+            continue
+        check_allowed(limits, before_v, after_v, allowed_s)
+        check_told(admitted, axis, asked_v[axis], after_v)
+
+
+def check_allowed(limits: Limits, before_v: float, after_v: float, allowed_s: float) -> None:
+    """Check one voltage: in range, or on its way there; no faster than the slew rate."""
+    reach_v = limits.slew_v_per_s * allowed_s
+    rounding_v = 1e-12 * (1.0 + abs(before_v))
+    assert isfinite(after_v)
+    assert abs(after_v - before_v) <= reach_v + rounding_v
+    low_v, high_v = limits.drive_min_v, limits.drive_max_v
+    assert after_v <= max(before_v - reach_v, high_v) + rounding_v
+    assert after_v >= min(before_v + reach_v, low_v) - rounding_v
+    if low_v <= before_v <= high_v:
+        assert low_v <= after_v <= high_v
+
+
+def check_told(admitted: Admitted, axis: int, asked_v: float, after_v: float) -> None:
+    """Check that what was cut off is told, and only that."""
+    limits = LIMITS[axis]
+    outside = not limits.drive_min_v <= asked_v <= limits.drive_max_v
+    limited = axis in admitted.range_limited or axis in admitted.slew_limited
+    assert axis not in admitted.refused
+    assert (axis in admitted.range_limited) == outside
+    assert limited == (outside or after_v != asked_v)
+
+
+def same(first: float, second: float) -> bool:
+    """Return whether two floats are the same, also where they are no number."""
+    return first == second or (isnan(first) and isnan(second))
+
+
+def _broken(drive_v: Callable[[float, float, Limits, float], float]) -> Admit:
+    """Make a guard that tells the truth about all but the voltages, which a function makes."""
+    good = Guard(LIMITS, LONGEST_S)
+
+    def admit(
+        planned_t_ns: int,
+        t_ns: int,
+        asked_v: Sequence[float],
+        in_force_v: Sequence[float],
+        elapsed_s: float,
+    ) -> Admitted:
+        admitted = good.admit(planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s)
+        made_v = map(drive_v, asked_v, in_force_v, LIMITS, (elapsed_s, elapsed_s))
+        return admitted._replace(drive_v=list(made_v))
+
+    return admit
+
+
+def _clamped(asked_v: float, _: float, limits: Limits, __: float) -> float:
+    return max(limits.drive_min_v, min(limits.drive_max_v, asked_v))
+
+
+def _slew_then_clamp(asked_v: float, before_v: float, limits: Limits, elapsed_s: float) -> float:
+    reach_v = limits.slew_v_per_s * elapsed_s
+    return _clamped(max(before_v - reach_v, min(before_v + reach_v, asked_v)), 0.0, limits, 0.0)
+
+
+def _unclamped_time(asked_v: float, before_v: float, limits: Limits, elapsed_s: float) -> float:
+    return limits.admit(asked_v, before_v, elapsed_s)
+
+
+def _without_range(asked_v: float, before_v: float, limits: Limits, elapsed_s: float) -> float:
+    del limits
+    wide = Limits(-1e9, 1e9, 500.0)
+    return wide.admit(asked_v, before_v, min(max(elapsed_s, 0.0), LONGEST_S))
+
+
+def _deaf_to_staleness(
+    _: int, t_ns: int, asked_v: Sequence[float], in_force_v: Sequence[float], elapsed_s: float
+) -> Admitted:
+    return Guard(LIMITS, LONGEST_S).admit(t_ns, t_ns, asked_v, in_force_v, elapsed_s)
+
+
+def _to_zero_when_unknown(
+    planned_t_ns: int,
+    t_ns: int,
+    asked_v: Sequence[float],
+    in_force_v: Sequence[float],
+    elapsed_s: float,
+) -> Admitted:
+    known_v = [v if isfinite(v) else 0.0 for v in in_force_v]
+    return Guard(LIMITS, LONGEST_S).admit(planned_t_ns, t_ns, asked_v, known_v, elapsed_s)
+
+
+BROKEN_GUARDS: dict[str, Admit] = {
+    "a clamp makes full scale of what is not a number": _broken(_clamped),
+    "slew, then clamp": _broken(_slew_then_clamp),
+    "a pause is made up for in one step": _broken(_unclamped_time),
+    "no range": _broken(_without_range),
+    "any cycle's plan will do": _deaf_to_staleness,
+    "the unknown is taken for 0 V": _to_zero_when_unknown,
+}

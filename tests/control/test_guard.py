@@ -1,0 +1,143 @@
+"""What the last check before the write lets through."""
+
+from collections.abc import Sequence
+from math import inf, isfinite, nan
+
+import pytest
+from hypothesis import HealthCheck, Phase, example, given, settings
+from hypothesis import strategies as st
+
+from piezod.control.guard import Guard
+from tests.control.guard_properties import (
+    ASKED_V,
+    BROKEN_GUARDS,
+    ELAPSED_S,
+    IN_FORCE_V,
+    LIMITS,
+    LONGEST_S,
+    PAIR_IN_FORCE_V,
+    PAIR_V,
+    Admit,
+    check_all,
+    same,
+)
+
+GUARD = Guard(LIMITS, LONGEST_S)
+T_NS = 5_000_000
+PERIOD_S = 1e-3
+PLANNED_NS = st.sampled_from((0, 0, 0, 1, -1_000_000))
+
+
+@pytest.mark.fault("A5")
+@pytest.mark.fault("A6")
+@given(PLANNED_NS, PAIR_V, PAIR_IN_FORCE_V, ELAPSED_S)
+@example(0, (nan, -inf), (150.0, 0.0), PERIOD_S)
+@example(0, (150.0, 100.0), (-0.0, 5e-324), inf)
+@settings(max_examples=500)
+def test_whatever_is_asked_what_comes_out_is_allowed(
+    planned_ns: int, asked_v: Sequence[float], in_force_v: Sequence[float], elapsed_s: float
+) -> None:
+    """Finite, in range, no faster than the slew rate, of this cycle; else nothing moves."""
+    check_all(GUARD.admit, planned_ns, asked_v, in_force_v, elapsed_s)
+
+
+@pytest.mark.parametrize("broken", BROKEN_GUARDS.values(), ids=BROKEN_GUARDS.keys())
+def test_the_properties_catch_a_broken_guard(broken: Admit) -> None:
+    """Each mistake that others have made is found."""
+
+    @settings(
+        max_examples=1000,
+        database=None,
+        derandomize=True,
+        phases=[Phase.generate],
+        report_multiple_bugs=False,
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(PLANNED_NS, PAIR_V, PAIR_IN_FORCE_V, ELAPSED_S)
+    def hunt(
+        planned_ns: int, asked_v: Sequence[float], in_force_v: Sequence[float], elapsed_s: float
+    ) -> None:
+        check_all(broken, planned_ns, asked_v, in_force_v, elapsed_s)
+
+    with pytest.raises(AssertionError):
+        hunt()
+
+
+@given(ASKED_V, IN_FORCE_V, ELAPSED_S)
+def test_what_it_lets_through_it_lets_through_again(
+    asked_v: float, in_force_v: float, elapsed_s: float
+) -> None:
+    """A voltage that has passed passes unchanged."""
+    before_v = [in_force_v, 0.0]
+    first = GUARD.admit(0, 0, [asked_v, 0.0], before_v, elapsed_s)
+    second = GUARD.admit(0, 0, first.drive_v, before_v, elapsed_s)
+
+    assert all(map(same, first.drive_v, second.drive_v))
+
+
+@pytest.mark.fault("A5")
+@pytest.mark.parametrize("asked_v", [nan, inf, -inf])
+def test_a_voltage_that_is_not_a_number_moves_nothing(asked_v: float) -> None:
+    """The axis is told as refused; the other one goes on."""
+    admitted = GUARD.admit(T_NS, T_NS, [asked_v, 40.1], [75.0, 40.0], PERIOD_S)
+
+    assert admitted == ([75.0, 40.1], True, (0,), (), (), False)
+
+
+def test_an_unknown_voltage_in_force_forbids_to_write() -> None:
+    """Nothing is said about a voltage that nobody knows."""
+    admitted = GUARD.admit(T_NS, T_NS, [20.0, 40.1], [nan, 40.0], PERIOD_S)
+
+    assert not admitted.writable
+    assert admitted.refused == (0,)
+    assert not isfinite(admitted.drive_v[0])
+
+
+@pytest.mark.parametrize("planned_ns", [T_NS - 1_000_000, T_NS - 1, T_NS + 1, 0])
+def test_what_was_planned_for_another_cycle_moves_nothing(planned_ns: int) -> None:
+    """Every voltage stays, and it is told why."""
+    admitted = GUARD.admit(planned_ns, T_NS, [20.0, 60.0], [30.0, 40.0], PERIOD_S)
+
+    assert admitted == ([30.0, 40.0], True, (), (), (), True)
+
+
+def test_range_and_slew_rate_are_told_apart() -> None:
+    """Outside the range, too fast, or both."""
+    too_far = GUARD.admit(T_NS, T_NS, [160.0, 0.0], [149.0, 0.0], PERIOD_S)
+    too_fast = GUARD.admit(T_NS, T_NS, [0.0, 1.0], [0.0, 0.0], PERIOD_S)
+    both = GUARD.admit(T_NS, T_NS, [0.0, 200.0], [0.0, 0.0], PERIOD_S)
+
+    assert too_far == ([150.0, 0.0], True, (), (0,), (), False)
+    assert too_fast == ([0.0, 0.5], True, (), (), (1,), False)
+    assert both == ([0.0, 0.5], True, (), (1,), (1,), False)
+
+
+@pytest.mark.parametrize("elapsed_s", [LONGEST_S, 0.1, 10.0, 1e300])
+def test_a_pause_is_not_made_up_for(elapsed_s: float) -> None:
+    """However long it was, the step after it is one of two periods."""
+    admitted = GUARD.admit(T_NS, T_NS, [150.0, 100.0], [0.0, 0.0], elapsed_s)
+
+    assert admitted.drive_v == [40.0, 1.0]
+
+
+@pytest.mark.parametrize("elapsed_s", [0.0, -1.0, nan, inf, -inf])
+def test_without_a_sensible_time_nothing_moves(elapsed_s: float) -> None:
+    """A time that is not finite, or runs backwards, is none."""
+    admitted = GUARD.admit(T_NS, T_NS, [20.0, 60.0], [30.0, 40.0], elapsed_s)
+
+    assert admitted.drive_v == [30.0, 40.0]
+
+
+@pytest.mark.parametrize(("start_v", "end_v"), [(215.0, 150.0), (-75.0, -10.0)])
+def test_a_stage_found_outside_its_range_comes_back_at_the_slew_rate(
+    start_v: float, end_v: float
+) -> None:
+    """In four cycles, without a step, told as limited until it is there."""
+    in_force_v, limited = [start_v, 0.0], []
+    for _ in range(4):
+        admitted = GUARD.admit(T_NS, T_NS, [end_v, 0.0], in_force_v, PERIOD_S)
+        limited.append(admitted.slew_limited)
+        in_force_v = admitted.drive_v
+
+    assert in_force_v[0] == end_v
+    assert limited == [(0,), (0,), (0,), ()]
