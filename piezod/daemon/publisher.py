@@ -1,12 +1,11 @@
 """Turns what a cycle leaves into what goes through the shared memory."""
 
 from collections.abc import Iterable
-from typing import Final
+from typing import Any, Final, Protocol
 
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.learning_gate import GateReason
-from piezod.control.stage_controller import StageController
 from piezod.control.stage_record import StageEvent, StageRecord
 from piezod.daemon.pacer import Tick
 from piezod.daemon.timed_channels import NOT_WRITTEN, TimedChannels
@@ -25,6 +24,14 @@ _LEARNED_HZ: Final = 20
 # As plain numbers: a member of an enumeration costs several times as much to index with.
 _BEAT, _HEALTHY = int(Word.LOOP_BEAT_NS), int(Word.HEALTHY_CYCLES)
 _STATE, _SKIPPED = int(Word.LOOP_STATE), int(Word.SKIPPED_CYCLES)
+
+
+class KnowsLearned(Protocol):
+    """What can tell what its axes have learned."""
+
+    def learned(self, axis: int) -> tuple[Any, float, float, float]:
+        """Return weights, offset, scale and sensor zero of an axis."""
+        ...
 
 
 class Publisher:
@@ -92,7 +99,7 @@ class Publisher:
         for event in events:
             self._events.append(LoopEvent(*event))
 
-    def learned(self, controller: StageController) -> None:
+    def learned(self, controller: KnowsLearned) -> None:
         """Publish what the next axis has learned when it is its turn, each 20 times a second."""
         self._countdown -= 1
         if not self._countdown:
