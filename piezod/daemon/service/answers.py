@@ -1,0 +1,100 @@
+"""What goes back to a client: JSON, and errors that are all of one form."""
+
+import json
+import math
+from typing import Any, cast
+
+from fastapi import FastAPI
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse
+
+from piezod.config.messages import describe
+from piezod.daemon.service.stage_service import Document, StageError
+
+
+class ErrorText(BaseModel):
+    """What is wrong; some errors have further keys."""
+
+    code: str
+    what: str
+    remedy: str
+
+
+class ErrorDocument(BaseModel):
+    """The answer to what could not be done."""
+
+    error: ErrorText
+
+
+class JsonAnswer(JSONResponse):
+    """A JSON document in which a number that is not finite is null."""
+
+    def render(self, content: Any) -> bytes:
+        """Write it."""
+        return dump(content)
+
+
+def dump(content: Any) -> bytes:
+    """Write compact JSON; a number that is not finite becomes null."""
+    try:
+        text = json.dumps(content, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
+    except ValueError:
+        return dump(_finite(content))
+    return text.encode()
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def error_answer(error: StageError) -> JsonAnswer:
+    """Make the error document of what was raised."""
+    return _answer(error.status, error.code, error.what, error.remedy, error.details)
+
+
+def add_error_answers(app: FastAPI) -> None:
+    """Have an application answer every error with an error document."""
+    app.add_exception_handler(StageError, _stage_error)
+    app.add_exception_handler(RequestValidationError, _not_valid)
+    app.add_exception_handler(HTTPException, _http_error)
+    app.add_exception_handler(Exception, _mistake)
+
+
+def _answer(
+    status: int, code: str, what: str, remedy: str, details: Document | None = None
+) -> JsonAnswer:
+    error = {"code": code, "what": what, "remedy": remedy, **(details or {})}
+    return JsonAnswer({"error": error}, status)
+
+
+def _stage_error(_request: Request, error: Exception) -> JsonAnswer:
+    return error_answer(cast("StageError", error))
+
+
+def _not_valid(_request: Request, error: Exception) -> JsonAnswer:
+    problems = []
+    for found in cast("RequestValidationError", error).errors():
+        where = ".".join(str(part) for part in found["loc"][1:])
+        what = describe(found, ())
+        problems.append(f"{where}: {what}" if where else what)
+    return _answer(422, "invalid", "; ".join(problems), "GET /v1/openapi describes what is allowed")
+
+
+def _http_error(request: Request, error: Exception) -> JsonAnswer:
+    status = cast("HTTPException", error).status_code
+    codes = {404: "not_found", 405: "method_not_allowed"}
+    what = f"{request.method} {request.url.path}: {cast('HTTPException', error).detail}"
+    remedy = "GET /v1/openapi lists what there is"
+    return _answer(status, codes.get(status, "http"), what, remedy)
+
+
+def _mistake(_request: Request, error: Exception) -> JsonAnswer:
+    what = f"a mistake in the daemon: {type(error).__name__}"
+    return _answer(500, "internal", what, "the daemon's log has more; please report it")

@@ -1,0 +1,37 @@
+"""The application: all endpoints, behind the gate."""
+
+import time
+from collections.abc import Callable
+
+from fastapi import FastAPI
+
+from piezod import __version__
+from piezod.daemon.service import routes_commands, routes_look, routes_stores
+from piezod.daemon.service.answers import add_error_answers
+from piezod.daemon.service.gate import Gate
+from piezod.daemon.service.lease import Lease
+from piezod.daemon.service.rate_limit import RateLimit
+from piezod.daemon.service.roles import Roles
+from piezod.daemon.service.stage_service import StageService
+from piezod.daemon.service.visit import Office
+
+
+def create_app(
+    stage: StageService, roles: Roles, now_s: Callable[[], float] = time.monotonic
+) -> FastAPI:
+    """Make the application of a stage.
+
+    Args:
+        stage: The stage.
+        roles: Who may do what; `roles.GroupRoles`.
+        now_s: A clock that never goes back, in s.
+    """
+    app = FastAPI(
+        title="piezod", version=__version__, openapi_url=None, docs_url=None, redoc_url=None
+    )
+    app.state.office = Office(stage, roles, Lease(now_s), set())
+    app.add_middleware(Gate, rate_limit=RateLimit(now_s))
+    add_error_answers(app)
+    for routes in (routes_look, routes_commands, routes_stores):
+        app.include_router(routes.router)
+    return app

@@ -1,0 +1,60 @@
+"""The first to see a request: whoever asks too often gets no further."""
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from piezod.daemon.service.answers import error_answer
+from piezod.daemon.service.peer_protocol import PeerProtocol, connection_of
+from piezod.daemon.service.rate_limit import RateLimit
+from piezod.daemon.service.refusals import TooManyError, UnknownPeerError
+from piezod.daemon.service.roles import URGENT
+from piezod.daemon.service.stage_service import StageError
+
+_MALFORMED = (400, 413, 415, 422)
+
+
+class Gate:
+    """Admits requests by rate and by connection; what makes a stage safe is always admitted.
+
+    Args:
+        app: What comes next.
+        rate_limit: How often may be asked.
+    """
+
+    def __init__(self, app: ASGIApp, rate_limit: RateLimit) -> None:
+        self._app, self._rate_limit = app, rate_limit
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request."""
+        connection = connection_of(scope)
+        try:
+            self._admit(scope, connection)
+        except StageError as error:
+            await error_answer(error)(scope, receive, send)
+            return
+
+        async def send_and_watch(message: Message) -> None:
+            if message["type"] == "http.response.start" and connection is not None:
+                _close_where_needed(message, connection)
+            await send(message)
+
+        await self._app(scope, receive, send_and_watch)
+
+    def _admit(self, scope: Scope, connection: PeerProtocol | None) -> None:
+        if connection is None or connection.credentials is None:
+            raise UnknownPeerError("only connections to the unix socket tell who asks")
+        if (scope["method"], scope["path"]) in URGENT:
+            return
+        if connection.crowded:
+            most = connection.limits.per_user
+            what = f"this user has more than {most} connections, all others can only stop the stage"
+            raise TooManyError(what, "close some")
+        if not self._rate_limit.admit((connection.credentials.uid, connection.credentials.pid)):
+            what = "too many requests, allowed: 50/s for one process and 200/s for all"
+            raise TooManyError(what, "ask less often; GET /v1/telemetry and POST /v1/stream last")
+
+
+def _close_where_needed(start: Message, connection: PeerProtocol) -> None:
+    """Have a connection closed after an answer to half a body, or to the tenth malformed one."""
+    too_bad = start["status"] in _MALFORMED and connection.note_bad_request()
+    if too_bad or connection.receiving:
+        start["headers"] = [*start["headers"], (b"connection", b"close")]

@@ -1,0 +1,123 @@
+"""The way of every request to its endpoint: role, then body; both before FastAPI sees it."""
+
+import re
+from collections.abc import Callable, Coroutine
+from typing import Any, Final, NoReturn
+
+from fastapi.routing import APIRoute
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+
+from piezod.daemon.service.peer_protocol import connection_of
+from piezod.daemon.service.refusals import (
+    BadRequestError,
+    ForbiddenError,
+    MediaTypeError,
+    TooLargeError,
+    UnknownPeerError,
+)
+from piezod.daemon.service.roles import ACCESS, Access
+from piezod.daemon.service.stage_service import BadValueError, Peer
+from piezod.daemon.service.strict_json import loads
+from piezod.daemon.service.visit import Office, Visit
+
+MAX_BODY: Final = 256 * 1024
+STREAMED: Final = "/v1/stream"
+"""The endpoint that reads its body itself."""
+_CLIENT = re.compile(r"[A-Za-z0-9_.:@-]{0,64}")
+_JSON_TYPE: Final = (b"content-type", b"application/json")
+
+
+class GuardedRoute(APIRoute):
+    """An endpoint that is in the table of `roles.ACCESS`."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """Put role and body before what FastAPI does."""
+        handler = super().get_route_handler()
+        method = "".join(self.methods or ())  # they have one each
+        access = ACCESS[method, self.path]
+        reads_body = method == "POST" and self.path != STREAMED
+
+        async def guarded(request: Request) -> Response:
+            request.state.visit = await _let_in(request, access)
+            try:
+                return await handler(await _with_body(request) if reads_body else request)
+            except ClientDisconnect:
+                return Response(status_code=400)  # nobody is there to read it
+
+        return guarded
+
+
+class _StrictRequest(Request):
+    """A request whose body has been read strictly already."""
+
+    def __init__(self, request: Request, body: bytes, document: Any) -> None:
+        scope = request.scope
+        if not body:  # the same as an empty object
+            scope = {**scope, "headers": [*scope["headers"], _JSON_TYPE]}
+        super().__init__(scope, request.receive)
+        self._body, self._document = body or b"{}", document
+
+    async def json(self) -> Any:
+        """Return the document."""
+        return self._document
+
+
+async def _let_in(request: Request, access: Access) -> Visit:
+    office: Office = request.app.state.office
+    peer = await _peer(request, office)
+    visit = Visit(office, peer, access)
+    if peer.role < access.role:
+        needed = access.role.name.lower()
+        what = f"{peer.user} is {peer.role.name.lower()} here, this needs {needed}"
+        if request.method != "GET":
+            visit.note(f"{request.method} {request.url.path}", what)
+        raise ForbiddenError(what, "become a member of the group piezod or piezod-eng")
+    return visit
+
+
+async def _peer(request: Request, office: Office) -> Peer:
+    connection = connection_of(request.scope)
+    if connection is None or connection.credentials is None:
+        raise UnknownPeerError("only connections to the unix socket tell who asks")
+    client = request.headers.get("x-piezod-client", "")
+    if not _CLIENT.fullmatch(client):
+        what = "header X-Piezod-Client: allowed are up to 64 letters, digits and _.:@-"
+        raise BadRequestError(what)
+    uid, pid = connection.credentials.uid, connection.credentials.pid
+    user = await office.roles.user(connection.credentials)
+    return Peer(uid, pid, user.name, client, user.role)
+
+
+async def _with_body(request: Request) -> _StrictRequest:
+    if int(request.headers.get("content-length", "0")) > MAX_BODY:
+        _too_large()
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > MAX_BODY:
+            _too_large()
+    if not body:
+        return _StrictRequest(request, b"", {})
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind != "application/json":
+        raise MediaTypeError(f"content-type {kind[:40]!r}, allowed: application/json")
+    document = loads(bytes(body))
+    _refuse_files(document)
+    return _StrictRequest(request, bytes(body), document)
+
+
+def _refuse_files(document: Any) -> None:
+    """Refuse waveforms from files: validation would read whatever file a client names."""
+    if isinstance(document, dict):
+        if document.get("kind") == "csv":
+            what = "kind: csv is not allowed here, the daemon reads no files of clients"
+            raise BadValueError(what, "send the values, as a waveform of kind points")
+        document = tuple(document.values())
+    if isinstance(document, tuple):
+        for entry in document:
+            _refuse_files(entry)
+
+
+def _too_large() -> NoReturn:
+    raise TooLargeError(f"the body is too long, allowed: at most {MAX_BODY} bytes")

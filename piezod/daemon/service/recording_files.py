@@ -1,0 +1,89 @@
+"""Recordings on their way to a client: nothing but a plain file of the one folder."""
+
+import asyncio
+import os
+import re
+import stat
+from pathlib import Path
+from typing import Final
+
+from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
+
+from piezod.daemon.service.bounded_send import send_in_time
+from piezod.daemon.service.peer_protocol import PeerProtocol
+from piezod.daemon.service.stage_service import UnknownNameError
+
+_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}")
+_CHUNK: Final = 256 * 1024
+
+
+def open_recording(folder: Path, name: str) -> int:
+    """Open the file of a recording, and return its descriptor.
+
+    Raises:
+        UnknownNameError: If it is no name of a recording, or not one of a plain file in the folder.
+    """
+    unknown = UnknownNameError(f"no recording {name[:100]!r}", "GET /v1/recordings lists them")
+    if not _NAME.fullmatch(name):
+        raise unknown
+    try:
+        inside = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+            descriptor = os.open(f"{name}.h5", flags, dir_fd=inside)
+        finally:
+            os.close(inside)
+    except OSError as error:
+        raise unknown from error
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise unknown
+    return descriptor
+
+
+class RecordingAnswer(Response):
+    """The file of a recording, as it is.
+
+    Args:
+        descriptor: The open file; closed at the end.
+        name: Name of the recording.
+        connection: Where the client is.
+        downloads: Users who are getting a recording; he is one of them until the end.
+        uid: The user.
+    """
+
+    media_type = "application/x-hdf5"
+
+    def __init__(
+        self, descriptor: int, name: str, connection: PeerProtocol, downloads: set[int], uid: int
+    ) -> None:
+        self._descriptor, self._connection = descriptor, connection
+        self._downloads, self._uid = downloads, uid
+        downloads.add(uid)
+        self._left = os.fstat(descriptor).st_size
+        headers = {
+            "content-length": str(self._left),
+            "content-disposition": f'attachment; filename="{name}.h5"',
+        }
+        super().__init__(headers=headers)
+
+    async def __call__(self, _scope: Scope, _receive: Receive, send: Send) -> None:
+        """Send the file."""
+        try:
+            await send(
+                {"type": "http.response.start", "status": 200, "headers": self.raw_headers},
+            )
+            while self._left and await self._send_chunk(send):
+                pass
+            await send({"type": "http.response.body", "body": b""})
+        finally:
+            self._downloads.discard(self._uid)
+            os.close(self._descriptor)
+
+    async def _send_chunk(self, send: Send) -> bool:
+        # Never more than was announced, should the file grow; a disk may take its time.
+        chunk = await asyncio.to_thread(os.read, self._descriptor, min(_CHUNK, self._left))
+        self._left -= len(chunk)
+        message = {"type": "http.response.body", "body": chunk, "more_body": True}
+        return bool(chunk) and await send_in_time(send, message, self._connection)

@@ -1,0 +1,102 @@
+"""A stream of setpoints from another program: lines of JSON, each takes effect as it arrives."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from typing import Any, Final
+
+from starlette.requests import ClientDisconnect, Request
+
+from piezod.config.requests import Stream
+from piezod.daemon.service.peer_protocol import PeerProtocol
+from piezod.daemon.service.refusals import SilentError, TooLargeError
+from piezod.daemon.service.stage_service import BadValueError, Document, StageError
+from piezod.daemon.service.strict_json import loads
+from piezod.daemon.service.visit import Visit
+
+MAX_LINE: Final = 1024
+_REMEDY: Final = 'each line must be like {"x": 12.5}, in µm, with the axes of the first line'
+_GONE_LEASE_S: Final = 2.0
+_LINES_AT_ONCE: Final = 100
+
+
+class SetpointStream:
+    """Follows one stream to its end.
+
+    Args:
+        visit: Whose it is.
+        connection: Where it comes from.
+    """
+
+    def __init__(self, visit: Visit, connection: PeerProtocol) -> None:
+        self._visit, self._connection = visit, connection
+        self._axes: frozenset[str] = frozenset()
+        self.count = 0
+
+    async def follow(self, request: Request) -> Document:
+        """Take setpoints until the client ends the stream.
+
+        Returns:
+            How many there were.
+
+        Raises:
+            StageError: If the stage does not follow, a line is not valid, or none comes for 5 s.
+        """
+        self._visit.claim()
+        self._connection.let_body_last()
+        why = ""
+        try:
+            async for line in _lines(request, self._connection.limits.message_s):
+                await self._take(loads(line))
+        except StageError as error:
+            why = error.what
+            raise
+        except ClientDisconnect:
+            why = "the client went away"
+            self._visit.office.lease.shorten(self._visit.peer, _GONE_LEASE_S)
+            raise
+        finally:
+            self._visit.note(f"stream ended after {self.count} setpoints", why)
+        return {"accepted": True, "setpoints": self.count}
+
+    async def _take(self, document: Any) -> None:
+        setpoints_um = _setpoints(document)
+        if not self._axes:
+            await self._visit.ask(Stream(axes=tuple(setpoints_um)))
+            self._axes = frozenset(setpoints_um)
+        if not setpoints_um.keys() <= self._axes:
+            raise BadValueError("a line names an axis that the first one does not", _REMEDY)
+        self._visit.claim()
+        self._visit.stage.stream_setpoint(setpoints_um)
+        self.count += 1
+        if self.count % _LINES_AT_ONCE == 0:
+            await asyncio.sleep(0)  # others want to be served, too
+
+
+def _setpoints(document: Any) -> dict[str, float]:
+    if not isinstance(document, dict) or not document:
+        raise BadValueError("a line is no object with a setpoint", _REMEDY)
+    for axis, value in document.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise BadValueError(f"{axis[:32]}: must be a number", _REMEDY)
+    return {axis: float(value) for axis, value in document.items()}
+
+
+async def _lines(request: Request, silence_s: float) -> AsyncIterator[bytes]:
+    rest = b""
+    chunks = request.stream()
+    while True:
+        try:
+            async with asyncio.timeout(silence_s):
+                chunk = await anext(chunks, None)
+        except TimeoutError:
+            what = f"no setpoint came for {silence_s:g} s"
+            raise SilentError(what, "begin a new stream when there are setpoints again") from None
+        *complete, rest = (rest + (b"\n" if chunk is None else chunk)).split(b"\n")
+        for line in (*complete, rest):
+            if len(line) > MAX_LINE:
+                raise TooLargeError(f"a line is too long, allowed: at most {MAX_LINE} bytes")
+        for line in complete:
+            if line.strip():
+                yield line
+        if chunk is None:
+            return

@@ -1,0 +1,72 @@
+"""Telemetry as server-sent events: one for each interval, however slowly they are read."""
+
+import asyncio
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Final
+
+from starlette.responses import Response
+from starlette.types import Message, Receive, Scope, Send
+
+from piezod.daemon.service.answers import dump
+from piezod.daemon.service.bounded_send import send_in_time
+from piezod.daemon.service.peer_protocol import PeerProtocol
+from piezod.daemon.service.stage_service import RecordReader, StageService
+from piezod.daemon.service.summary import summarise
+
+_MOST_RECORDS: Final = 40_000
+"""In one event: two seconds of the fastest loop; what is more comes with the next."""
+_NOTHING_NEW: Final = b": nothing new\n\n"
+
+
+class TelemetryAnswer(Response):
+    """Goes on until the client leaves, does not read any more, or the server ends.
+
+    While a client does not read, nothing is made for him: his next event is about more cycles.
+
+    Args:
+        stage: The stage.
+        axes: Names of the axes that are wanted, and their places in a record.
+        rate_hz: Events per second.
+        connection: Where the client is.
+
+    Raises:
+        UnavailableError: If there is no ring yet.
+    """
+
+    media_type = "text/event-stream"
+
+    def __init__(
+        self,
+        stage: StageService,
+        axes: Mapping[str, int],
+        rate_hz: float,
+        connection: PeerProtocol,
+    ) -> None:
+        super().__init__(headers={"cache-control": "no-store"})
+        del self.headers["content-length"]
+        self._stage, self._axes, self._connection = stage, axes, connection
+        self._interval_s = 1.0 / rate_hz
+        self._records: RecordReader = stage.open_reader()
+
+    async def __call__(self, _scope: Scope, _receive: Receive, send: Send) -> None:
+        """Send events."""
+        loop, closing = asyncio.get_running_loop(), self._connection.closing
+        await send(
+            {"type": "http.response.start", "status": 200, "headers": self.raw_headers},
+        )
+        due_s = loop.time()
+        while await send_in_time(send, self._event(), self._connection):
+            due_s = max(due_s + self._interval_s, loop.time())
+            with suppress(TimeoutError):
+                async with asyncio.timeout_at(due_s):
+                    await closing.wait()
+        await send({"type": "http.response.body", "body": b""})
+
+    def _event(self) -> Message:
+        records, lost = self._records.read(_MOST_RECORDS)
+        body = _NOTHING_NEW
+        if len(records):
+            document = summarise(records, lost, self._axes, self._stage.fault_ids)
+            body = b"event: telemetry\ndata: " + dump(document) + b"\n\n"
+        return {"type": "http.response.body", "body": body, "more_body": True}

@@ -1,0 +1,39 @@
+"""Services for the tests of this folder."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import httpx
+import pytest
+
+from piezod.daemon.service.peer_protocol import ConnectionLimits
+from tests.daemon.service.fakes import Served
+
+Serve = Callable[[ConnectionLimits], Served]
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Serve]:
+    """Return what starts a service with limits of one's own."""
+    with ExitStack() as stack:
+
+        def start(limits: ConnectionLimits) -> Served:
+            served = Served(tmp_path, limits)
+            stack.enter_context(served.running())
+            return served
+
+        yield start
+
+
+@pytest.fixture
+def served(serve: Serve) -> Served:
+    """Return a running service."""
+    return serve(ConnectionLimits())
+
+
+@pytest.fixture
+def client(served: Served) -> Iterator[httpx.Client]:
+    """Return a client of the service."""
+    with served.client() as client:
+        yield client

@@ -1,0 +1,190 @@
+"""A stage that only notes what it is asked, and its service on a real socket."""
+
+import asyncio
+import os
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+from numpy.typing import NDArray
+
+from piezod.config.requests import Request
+from piezod.control.stage_record import Answer
+from piezod.daemon.service.app import create_app
+from piezod.daemon.service.peer_protocol import ConnectionLimits, Credentials
+from piezod.daemon.service.roles import User
+from piezod.daemon.service.server import bind, make_server
+from piezod.daemon.service.stage_service import (
+    AuditEntry,
+    Document,
+    NotNowError,
+    Peer,
+    Role,
+    UnavailableError,
+    UnknownNameError,
+)
+from piezod.telemetry.layout import record_dtype
+
+NAN = float("nan")
+
+
+class FakeReader:
+    """Gives the records that a test has put there."""
+
+    def __init__(self) -> None:
+        self.waiting: list[NDArray[Any]] = []
+        self.lost = 0
+        self.reads = 0
+
+    def read(self, limit: int) -> tuple[NDArray[Any], int]:
+        self.reads += 1
+        records = self.waiting.pop(0) if self.waiting else np.zeros(0, record_dtype(2))
+        return records[:limit], self.lost
+
+
+class FakeStage:
+    """Accepts everything, unless a test says why not."""
+
+    def __init__(self, folder: Path) -> None:
+        self.axes: Sequence[str] = ("x", "y")
+        self.recordings_folder = folder
+        self.requests: list[Request] = []
+        self.setpoints: list[Mapping[str, float]] = []
+        self.audited: list[AuditEntry] = []
+        self.refusal = ""
+        self.lost_link = False
+        self.stream_refusal = ""
+        self.running: Document | None = None
+        self.healthy = True
+        self.reader = FakeReader()
+
+    async def request(self, request: Request, peer: Peer) -> Answer:  # noqa: ARG002 - a protocol
+        if self.lost_link:
+            raise UnavailableError("there is no loop")
+        if self.refusal:
+            return Answer(False, self.refusal)
+        self.requests.append(request)
+        return Answer(True, "", 7)
+
+    def stream_setpoint(self, setpoints_um: Mapping[str, float]) -> None:
+        if self.stream_refusal:
+            raise NotNowError(self.stream_refusal)
+        self.setpoints.append(setpoints_um)
+
+    def status(self) -> Document:
+        axes = {"x": {"position_um": NAN, "command_um": 1.5, "drive_v": 20.0}}
+        return {"state": "SAFE", "mode": "adaptive", "faults": [], "skipped_cycles": 0, "axes": axes}
+
+    def health(self) -> tuple[bool, Document]:
+        return self.healthy, {"healthy_cycles": 12}
+
+    def faults(self) -> list[Document]:
+        return [{"id": "S5", "name": "stuck", "present": True, "latched": False, "remedy": "look"}]
+
+    def fault_ids(self, mask: int) -> Sequence[str]:
+        return [f"F{bit}" for bit in range(128) if mask >> bit & 1]
+
+    def realtime(self) -> Document:
+        return {"steps": []}
+
+    def config(self) -> Document:
+        return {"rate_hz": 1000.0}
+
+    async def reload(self, peer: Peer) -> Document:
+        return {"reloaded_by": peer.user}
+
+    def open_reader(self) -> FakeReader:
+        return self.reader
+
+    async def params(self) -> Document:
+        return {"axes": {}, "sequence": 3}
+
+    async def params_history(self) -> list[Document]:
+        return [{"sequence": 3}]
+
+    async def save_params(self, peer: Peer) -> Document:
+        return {"sequence": 4, "saved_by": peer.user}
+
+    async def load_params(self, sequence: int | None, peer: Peer) -> Document:  # noqa: ARG002 - a protocol
+        if sequence == 99:
+            raise UnknownNameError("no parameters of number 99")
+        return {"sequence": sequence or 3}
+
+    async def start_recording(self, label: str | None, peer: Peer) -> Document:  # noqa: ARG002 - a protocol
+        return {"name": f"20261121T120000Z-{label}"}
+
+    async def stop_recording(self, peer: Peer) -> Document:  # noqa: ARG002 - a protocol
+        return {"name": "20261121T120000Z", "records": 5, "lost": 0}
+
+    async def recordings(self) -> tuple[Document | None, list[Document]]:
+        return self.running, [{"name": path.stem} for path in self.recordings_folder.glob("*.h5")]
+
+    def audit(self, entry: AuditEntry) -> None:
+        self.audited.append(entry)
+
+    async def audit_log(self, limit: int) -> list[Document]:
+        return [{"what": entry.what} for entry in self.audited[::-1][:limit]]
+
+
+class FakeRoles:
+    """Everybody has the role that the test gives."""
+
+    def __init__(self) -> None:
+        self.role = Role.ENGINEER
+
+    async def user(self, credentials: Credentials) -> User:  # noqa: ARG002 - a protocol
+        return User("somebody", self.role)
+
+
+class FakeNow:
+    """A clock that goes only where a test puts it."""
+
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+class Served:
+    """A service that runs in a thread, and what it was made of."""
+
+    def __init__(self, folder: Path, limits: ConnectionLimits) -> None:
+        self.stage, self.roles, self.now = FakeStage(folder), FakeRoles(), FakeNow()
+        self.socket = folder / "api.sock"
+        self.app = create_app(self.stage, self.roles, self.now)
+        self.server = make_server(self.app, limits)
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Serve until the end of the block."""
+        with bind(self.socket) as endpoint:
+            thread = threading.Thread(
+                target=lambda: asyncio.run(self.server.serve(sockets=[endpoint]))
+            )
+            endpoint.listen()
+            thread.start()
+            try:
+                yield
+            finally:
+                self.server.should_exit = True
+                thread.join()
+        os.unlink(self.socket)  # noqa: PTH108 - as the supervisor does
+
+    @contextmanager
+    def client(self, name: str = "test") -> Iterator[httpx.Client]:
+        """Give a client of its own connection."""
+        transport = httpx.HTTPTransport(uds=str(self.socket))
+        headers = {"x-piezod-client": name}
+        with httpx.Client(
+            transport=transport, base_url="http://piezod/v1/", headers=headers, timeout=20
+        ) as client:
+            yield client
+
+    def called(self) -> int:
+        """Tell how many requests reached the stage."""
+        return len(self.stage.requests)
