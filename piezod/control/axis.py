@@ -144,6 +144,16 @@ class CompensatedAxis:
             self.trim.disable()
 
     @property
+    def limits(self) -> Limits:
+        """What the drive may do."""
+        return self._limits
+
+    @property
+    def at_end_of_range(self) -> bool:
+        """Whether the voltage in force is the lowest or the highest that the range allows."""
+        return self._in_force_v in {self._limits.drive_min_v, self._limits.drive_max_v}
+
+    @property
     def in_force_v(self) -> float:
         """Voltage in force, in V."""
         return self._in_force_v

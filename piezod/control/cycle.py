@@ -1,10 +1,11 @@
-"""One cycle of the loop: read, identify, compensate, limit, write. Time is an argument."""
+"""One cycle of the loop: read, judge, compensate, guard, write. Time is an argument."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from piezod.control.axis import Axis, AxisOutput
-from piezod.devices.interface import Amplifier, Sample, Sensor
+from piezod.control.guard import Admitted, Guard
+from piezod.devices.interface import Sample
 
 
 class CycleRecord(NamedTuple):
@@ -12,15 +13,49 @@ class CycleRecord(NamedTuple):
 
     Attributes:
         t_ns: Instant of the cycle.
-        samples: Measured displacements.
+        samples: Measured displacements, as they were used.
         outputs: What the axes asked for.
+        admitted: What the guard let through.
         written: Whether the amplifier took the voltages.
     """
 
     t_ns: int
     samples: Sequence[Sample]
     outputs: Sequence[AxisOutput]
+    admitted: Admitted
     written: bool
+
+
+class Senses(Protocol):
+    """What the cycle needs of a sensor."""
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Take one sample of each axis; may be called in the loop."""
+        ...
+
+
+class Drives(Protocol):
+    """What the cycle needs of an amplifier."""
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Set the voltage of every axis; return whether it was taken; call it in the loop."""
+        ...
+
+
+class Overseer(Protocol):
+    """Whoever decides, between reading and compensating, what is true and what is done."""
+
+    def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:
+        """Return the samples that may be used; may be called in the loop."""
+        ...
+
+
+class Unwatched:
+    """Nobody: samples are used as they are."""
+
+    def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:  # noqa: ARG002
+        """Return the samples; may be called in the loop."""
+        return samples
 
 
 class Cycle:
@@ -29,20 +64,36 @@ class Cycle:
     Args:
         sensor: Gives one sample per axis.
         amplifier: Takes one voltage per axis.
-        axes: The axes, in the devices' order.
+        axes: The axes, in the devices' order; whoever owns the list may exchange them.
+        guard: The last thing before the write.
+        period_s: Period of the loop, in s.
+        overseer: Who judges the samples.
     """
 
-    def __init__(self, sensor: Sensor, amplifier: Amplifier, axes: Sequence[Axis]) -> None:
+    def __init__(
+        self,
+        sensor: Senses,
+        amplifier: Drives,
+        axes: Sequence[Axis],
+        guard: Guard,
+        period_s: float,
+        overseer: Overseer | None = None,
+    ) -> None:
         self._sensor, self._amplifier, self._axes = sensor, amplifier, axes
+        self._guard, self._period_s = guard, period_s
+        self._overseer = overseer or Unwatched()
 
     def run(self, t_ns: int) -> CycleRecord:
         """Run one cycle; may be called in the loop; a fault is a value in the record."""
-        samples = self._sensor.read(t_ns)
+        samples = self._overseer.watch(t_ns, self._sensor.read(t_ns))
         outputs = [
             axis.update(t_ns, sample) for axis, sample in zip(self._axes, samples, strict=True)
         ]
-        written = self._amplifier.write([output.drive_v for output in outputs], t_ns)
+        asked_v = [output.drive_v for output in outputs]
+        in_force_v = [output.in_force_v for output in outputs]
+        admitted = self._guard.admit(t_ns, t_ns, asked_v, in_force_v, self._period_s)
+        written = admitted.writable and self._amplifier.write(admitted.drive_v, t_ns)
         if written:
-            for axis, output in zip(self._axes, outputs, strict=True):
-                axis.applied(output.drive_v)
-        return CycleRecord(t_ns, samples, outputs, written)
+            for axis, drive_v in zip(self._axes, admitted.drive_v, strict=True):
+                axis.applied(drive_v)
+        return CycleRecord(t_ns, samples, outputs, admitted, written)

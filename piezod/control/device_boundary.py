@@ -9,9 +9,10 @@ from math import nan
 from typing import Protocol
 
 from piezod.devices.interface import Amplifier, Sample, Sensor
+from piezod.devices.status import NO_FLAGS, Flags, TellsStatus
 
 
-class StageDevices(Sensor, Amplifier, Protocol):
+class StageDevices(Sensor, Amplifier, TellsStatus, Protocol):
     """All devices of a stage as one; `devices.channels.Channels` is it."""
 
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
@@ -30,7 +31,8 @@ class DeviceBoundary:
 
     def __init__(self, devices: StageDevices, n_axes: int, *, reads_back: bool) -> None:
         self.devices, self._reads_back = devices, reads_back
-        self._nothing = [nan] * n_axes
+        self._nothing, self._no_flags = [nan] * n_axes, [NO_FLAGS] * n_axes
+        self._true_zero_um = [0.0] * n_axes
         self.open = False
         """Whether writes go through to the amplifier."""
         self.shadow = False
@@ -39,7 +41,7 @@ class DeviceBoundary:
         """What a driver raised last in this cycle, if it did; whoever looks at it clears it."""
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take one sample of each axis; invalid ones where the driver fails; call it in the loop"""
+        """Take one sample of each axis; invalid ones where the driver fails."""
         try:
             return self.devices.read(now_ns)
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
@@ -67,3 +69,33 @@ class DeviceBoundary:
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             self.crash = error
             return self._nothing
+
+    def status(self, now_ns: int) -> Sequence[Flags]:
+        """Tell what the devices say is the matter with each axis; may be called in the loop."""
+        try:
+            return self.devices.status(now_ns)
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way
+            self.crash = error
+            return self._no_flags
+
+    def activate(self, now_ns: int) -> bool:
+        """Make the devices ready for writes; return whether they are; may be called in the loop."""
+        try:
+            self.devices.activate(now_ns)
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way
+            self.crash = error
+            return False
+        return True
+
+    def deactivate(self, now_ns: int) -> bool:
+        """Have the amplifiers rest; return whether all went well; call it in the loop."""
+        try:
+            self.devices.deactivate(now_ns)
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way
+            self.crash = error
+            return False
+        return True
+
+    def zero(self, zero_um: Sequence[float]) -> None:
+        """Call these displacements, in µm as the devices give them, zero from now on."""
+        self.devices.zero(zero_um, self._true_zero_um)

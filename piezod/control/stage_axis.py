@@ -38,7 +38,10 @@ class StageAxis:
         self.pace = _pace(config, live, self._period_s)
         self._voltage: Callable[[int], float] = lambda _t_ns: self.live.in_force_v
         self._forced = True
-        self._ends_ns = 0
+        self.ends_ns = 0
+        """When what is driven comes to its end."""
+        self.command_um = nan
+        """Command of the last cycle, NaN where there was none."""
         self._motion, self._started_ns = rest_at(nan), 0
         self.stream: StreamedReference | None = None
         self.motion = 0
@@ -88,10 +91,10 @@ class StageAxis:
 
     def drive_ended(self, t_ns: int) -> bool:
         """Tell whether what is driven has come to its end."""
-        return t_ns >= self._ends_ns
+        return t_ns >= self.ends_ns
 
     def _force(self, voltage: Callable[[int], float], ends_ns: int) -> None:
-        self._voltage, self._forced, self._ends_ns = voltage, True, ends_ns
+        self._voltage, self._forced, self.ends_ns = voltage, True, ends_ns
         self._motion, self.stream, self._reached = rest_at(nan), None, False
 
     # ------------------------------------------------------------------ movements
@@ -150,6 +153,7 @@ class StageAxis:
         except Exception as error:  # noqa: BLE001 - a mistake in the law must not drop the voltage
             self.crash = error
             return AxisOutput(self.live.in_force_v, nan, nan, self.live.in_force_v)
+        self.command_um = nan if self._forced else output.command_um
         self._judge(t_ns, sample, output)
         return output
 
@@ -177,7 +181,7 @@ class StageAxis:
         return AxisRecord(
             sample.t_ns,
             sample.position_um if sample.valid else nan,
-            nan if self._forced else output.command_um,
+            self.command_um,
             self._motion.target_um,
             nan if self._forced else output.uncompensated_v,
             output.drive_v,

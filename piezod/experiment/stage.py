@@ -9,6 +9,7 @@ from piezod.config.experiment import ExperimentConfig
 from piezod.control.axis import Axis, OpenLoopAxis, Waveform
 from piezod.control.compensated import limits_of
 from piezod.control.cycle import Cycle, CycleRecord
+from piezod.control.guard import Guard
 from piezod.devices import registry
 from piezod.devices.channels import ChannelPair, Channels, served_axes
 from piezod.devices.interface import Device, KnowsTruth
@@ -106,7 +107,8 @@ class Stage:
             DeviceError: If the amplifier refuses a voltage.
         """
         cycles = s_to_ns(duration_s) // self.period_ns
-        cycle = Cycle(self._channels, self._channels, axes)
+        guard = Guard([limits_of(axis) for axis in self._axes], self.period_ns / NS_PER_S)
+        cycle = Cycle(self._channels, self._channels, axes, guard, self.period_ns / NS_PER_S)
         trace = np.full((len(axes), cycles, COLUMNS), np.nan)
         for k in range(cycles):
             if before is not None:
@@ -162,7 +164,7 @@ class Stage:
             row[i, UNCOMPENSATED_V] = output.uncompensated_v
             if sample.valid:
                 row[i, POSITION_UM] = sample.position_um
-            self.in_force_v[i] = output.drive_v
+            self.in_force_v[i] = record.admitted.drive_v[i]
 
 
 def _ramp(from_v: float, to_v: float, over_s: float) -> Waveform:

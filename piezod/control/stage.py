@@ -1,0 +1,202 @@
+"""A stage: its axes, its devices, its state, and what happens on the way to another one."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final, NamedTuple
+
+from piezod.config.model_file import ModelFile
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.control.axis_watch import AxisWatch
+from piezod.control.device_boundary import DeviceBoundary
+from piezod.control.drive_programs import Drive
+from piezod.control.fault_register import FaultRegister
+from piezod.control.stage_axis import StageAxis
+from piezod.control.stage_record import StageEvent
+from piezod.control.state_machine import Event, Facts, step
+from piezod.control.zeroing import Zeroing
+
+DRIVEN: Final = frozenset(
+    {State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP, State.ESTOP}
+)
+"""States in which voltages are written."""
+SENSED: Final = frozenset({Mode.ADAPTIVE, Mode.TRIMMED})
+"""Modes that need the sensor."""
+_ALARMING: Final = frozenset({State.HOLD, State.BLIND, State.FAULT, State.ESTOP})
+_NOT_HELD: Final = frozenset({State.RUN, State.IDENT, State.RAMP, State.ESTOP})
+
+
+class WatchedAxis(NamedTuple):
+    """An axis, and what watches it."""
+
+    axis: StageAxis
+    watches: AxisWatch
+
+
+Rebuild = Callable[[str, ModelFile, float], WatchedAxis]
+"""Makes an axis anew: its name, its model, the voltage in force."""
+
+
+class Owned(NamedTuple):
+    """What a stage consists of.
+
+    Attributes:
+        axes: The axes, by name.
+        boundary: The devices.
+        period_ns: Period of the loop.
+        rebuild: Makes an axis anew with another model.
+    """
+
+    axes: Mapping[str, WatchedAxis]
+    boundary: DeviceBoundary
+    period_ns: int
+    rebuild: Rebuild
+
+
+class Stage:
+    """All axes of a stage in one state.
+
+    Args:
+        owned: What it consists of.
+        register: Its faults.
+        memory_known: Whether the hysteresis' memory is known, the stage being at rest and relaxed.
+    """
+
+    def __init__(self, owned: Owned, register: FaultRegister, *, memory_known: bool) -> None:
+        self.names = tuple(owned.axes)
+        self.axes = [watched.axis for watched in owned.axes.values()]
+        self.watches = [watched.watches for watched in owned.axes.values()]
+        self.boundary, self.period_ns = owned.boundary, owned.period_ns
+        self.rebuild = owned.rebuild
+        self.register = register
+        self.state, self.since_ns = State.BOOT, 0
+        """The state, and since when."""
+        self.memory_known = memory_known
+        """Whether the hysteresis' memory is known; adapting needs it."""
+        self.output_known = False
+        """Whether it is known which voltages are in force."""
+        self.sensors_valid = False
+        """Whether the last sample of every axis may be used."""
+        self.adapt_allowed = True
+        """Whether no fault speaks against adapting."""
+        self.tested = False
+        """Whether the self-test has been passed."""
+        self.no_entry = ""
+        """Why nothing may be armed, for people; empty where it may."""
+        self.shutting_down = self.estop_pressed = False
+        self.held_by_request = False
+        """Whether HOLD was asked for: it lasts until it is ended."""
+        self.steps: list[Mapping[int, Drive]] = []
+        """What is still to be driven in IDENT, step by step: axis and voltage over time."""
+        self.conditions = False
+        """Whether what is driven in IDENT makes the memory known."""
+        self.zeroing: Zeroing | None = None
+        self.zero_um = [0.0] * len(self.axes)
+        """Zero of each sensor, in µm as the device gives it."""
+        self.stream_ns = 0
+        """When the newest setpoint of a stream came."""
+        self.resumable = True
+        self._before = State.BOOT
+        self._events: list[StageEvent] = []
+
+    def note(self, event: StageEvent) -> None:
+        """Keep something that happened until it is taken; may be called in the loop."""
+        self._events.append(event)
+
+    def take_events(self) -> list[StageEvent]:
+        """Return what has happened since the last call, oldest first; may be called in the loop."""
+        events, self._events = self._events, []
+        return events
+
+    def go(self, event: Event, t_ns: int) -> str:
+        """Take an edge; return why not, empty where it is taken; may be called in the loop."""
+        before = self.state
+        state, refusal = step(before, event, self._facts())
+        if state is not before:
+            self.state, self.since_ns = state, t_ns
+            if before is not State.HOLD:
+                self._before = before
+            self._enter(state, before, t_ns)
+            severity = "warning" if state in _ALARMING else "info"
+            self.note(StageEvent(t_ns, severity, "state", f"{before} to {state}"))
+        return refusal
+
+    def drive(self, steps: Sequence[Mapping[int, Drive]], t_ns: int, *, conditions: bool) -> None:
+        """Begin to drive voltages, step by step; in IDENT; may be called in the loop.
+
+        Args:
+            steps: Axis and voltage over time, one mapping for each step; other axes hold.
+            t_ns: Now.
+            conditions: Whether the memory is known at the end.
+        """
+        self.steps, self.conditions = list(steps), conditions
+        self.next_step(t_ns)
+
+    def next_step(self, t_ns: int) -> bool:
+        """Begin the next step of what is driven; return whether there was one."""
+        if not self.steps:
+            return False
+        step_now = self.steps.pop(0)
+        for i, axis in enumerate(self.axes):
+            if i in step_now:
+                axis.drive(step_now[i], t_ns)
+            else:
+                axis.hold()
+        return True
+
+    def replace_axis(self, index: int, model: ModelFile) -> None:
+        """Make an axis anew, with another model; while nothing is written.
+
+        Raises:
+            ModelError: If the axis cannot use it; nothing has changed then.
+        """
+        in_force_v = self.axes[index].live.in_force_v
+        self.axes[index], self.watches[index] = self.rebuild(self.names[index], model, in_force_v)
+
+    def set_zero(self, index: int, zero_um: float) -> None:
+        """Count the displacement of an axis from another reading of its sensor on.
+
+        May be called in the loop.
+        """
+        self.zero_um[index] = zero_um
+        self.boundary.zero(self.zero_um)
+
+    def cut(self, t_ns: int) -> bool:
+        """Have the amplifiers switch their outputs off; return whether they did."""
+        if self.boundary.shadow or self.state not in DRIVEN:
+            return False
+        self.memory_known = False
+        return self.boundary.deactivate(t_ns)
+
+    def _enter(self, state: State, before: State, t_ns: int) -> None:
+        self.boundary.open = state in DRIVEN
+        self.held_by_request = False
+        if state is State.RUN:
+            for axis in self.axes:
+                axis.stay(t_ns)
+        elif state in {State.RAMP, State.ESTOP}:
+            for axis in self.axes:
+                axis.ramp_to(axis.config.safe_v, t_ns)
+        elif state not in _NOT_HELD:
+            for axis in self.axes:
+                axis.hold()
+        if state in {State.SAFE, State.FAULT}:
+            self.boundary.shadow = False
+        if state is State.BLIND:
+            self.output_known = self.memory_known = False
+        if before is State.IDENT:
+            self.steps.clear()
+
+    def _facts(self) -> Facts:
+        return Facts(
+            output_known=self.output_known,
+            sensor_valid=self.sensors_valid,
+            adapt_allowed=self.adapt_allowed,
+            model_known=self.memory_known,
+            latched=bool(self.register.blocking),
+            resumable=self.resumable,
+            shutting_down=self.shutting_down,
+            estop_active=self.estop_pressed,
+            no_entry=self.no_entry or self.register.no_entry,
+            was_running=self._before is State.RUN,
+            self_tested=self.tested,
+        )

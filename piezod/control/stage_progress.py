@@ -1,0 +1,121 @@
+"""What a stage goes on with by itself: ramps that arrive, drives that end, holds that expire."""
+
+from collections.abc import Sequence
+from math import isfinite
+
+from piezod.config.states import State
+from piezod.control.stage import Stage
+from piezod.control.stage_record import StageEvent
+from piezod.control.state_machine import Event
+from piezod.devices.interface import Sample
+from piezod.units import s_to_ns
+
+HOLD_NS = s_to_ns(2.0)
+"""A fault may hold the stage so long; then it goes to the safe voltage."""
+RAMP_GRACE_NS = s_to_ns(2.0)
+"""A ramp has failed when it takes so much longer than it should."""
+AT_SAFE_V = 0.05
+"""A voltage that is written is the safe one within this."""
+READ_BACK_V = 0.5
+"""A voltage that is read back is the safe one within this: outputs have noise and offset."""
+STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
+"""A stream has stopped when nothing came for so many cycles and for so long."""
+
+
+def go_on(stage: Stage, t_ns: int, samples: Sequence[Sample], read_back_v: Sequence[float]) -> None:
+    """Take the edges that time and the devices give; may be called in the loop.
+
+    Args:
+        stage: The stage.
+        t_ns: Instant of the cycle.
+        samples: What was measured.
+        read_back_v: What the amplifiers tell, NaN where they do not.
+    """
+    match stage.state:
+        case State.BOOT:
+            _boot(stage, t_ns)
+        case State.HOLD:
+            if not stage.held_by_request and t_ns - stage.since_ns >= HOLD_NS:
+                stage.go(Event.HOLD_EXPIRED, t_ns)
+        case State.RUN:
+            _check_stream(stage, t_ns)
+        case State.IDENT:
+            _drive_on(stage, t_ns)
+        case State.RAMP | State.ESTOP:
+            _arrive(stage, t_ns, read_back_v)
+        case State.BLIND:
+            if all(map(isfinite, read_back_v)):
+                stage.output_known = True
+                _track(stage, read_back_v)
+                stage.go(Event.LINK_BACK, t_ns)
+        case _:
+            pass
+    if stage.state in {State.BOOT, State.SAFE, State.FAULT, State.BLIND}:
+        _track(stage, read_back_v)
+    if stage.zeroing is not None:
+        _zero(stage, t_ns, samples)
+
+
+def _boot(stage: Stage, t_ns: int) -> None:
+    """Pass the self-test: configuration and devices were checked before the first cycle."""
+    stage.tested = not stage.register.blocking
+    stage.go(Event.SELF_TEST_PASSED if stage.tested else Event.SELF_TEST_FAILED, t_ns)
+    stage.tested = True
+
+
+def _track(stage: Stage, read_back_v: Sequence[float]) -> None:
+    """Have the axes follow what others may do to the output while we write nothing."""
+    for axis, drive_v in zip(stage.axes, read_back_v, strict=True):
+        if isfinite(drive_v):
+            axis.track(drive_v)
+
+
+def _check_stream(stage: Stage, t_ns: int) -> None:
+    quiet_ns = max(STREAM_CYCLES * stage.period_ns, STREAM_NS)
+    streaming = any(axis.stream is not None for axis in stage.axes)
+    if streaming and t_ns - stage.stream_ns > quiet_ns:
+        text = f"no setpoint for {quiet_ns / 1e6:g} ms: the stream has stopped"
+        stage.note(StageEvent(t_ns, "warning", "stream", text))
+        stage.go(Event.HOLD, t_ns)
+        stage.held_by_request = True
+
+
+def _drive_on(stage: Stage, t_ns: int) -> None:
+    if not all(axis.drive_ended(t_ns) for axis in stage.axes) or stage.next_step(t_ns):
+        return
+    stage.memory_known |= stage.conditions
+    stage.go(Event.IDENTIFY_DONE, t_ns)
+
+
+def _arrive(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
+    at_safe = all(
+        axis.drive_ended(t_ns)
+        and abs(axis.live.in_force_v - axis.config.safe_v) <= AT_SAFE_V
+        and not abs(drive_v - axis.config.safe_v) > READ_BACK_V  # NaN where there is none
+        for axis, drive_v in zip(stage.axes, read_back_v, strict=True)
+    )
+    if at_safe and stage.estop_pressed:
+        stage.estop_pressed = False
+        stage.go(Event.ESTOP_RELEASED, t_ns)
+    elif at_safe:
+        stage.go(Event.AT_SAFE, t_ns)
+    elif t_ns > max(axis.ends_ns for axis in stage.axes) + RAMP_GRACE_NS:
+        stage.estop_pressed = False
+        stage.go(Event.RAMP_TIMEOUT, t_ns)
+
+
+def _zero(stage: Stage, t_ns: int, samples: Sequence[Sample]) -> None:
+    zeroing = stage.zeroing
+    if zeroing is None:
+        return
+    if stage.state not in {State.SAFE, State.READY} or t_ns > zeroing.until_ns:
+        text = "the sensor was not zeroed: too few valid samples, or the stage did not stay at rest"
+        stage.note(StageEvent(t_ns, "warning", "zero", text))
+        stage.zeroing = None
+    elif zeroing.take(samples):
+        for i in zeroing.axes:
+            stage.set_zero(i, stage.zero_um[i] + zeroing.mean_um(i))
+            stage.axes[i].live.zero()
+            text = f"sensor zeroed at {stage.zero_um[i]:.6g} µm"
+            stage.note(StageEvent(t_ns, "info", "zero", text, axis=stage.names[i]))
+        stage.zeroing = None

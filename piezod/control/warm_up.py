@@ -1,0 +1,92 @@
+"""Every path of the cycle, run once before it counts: what is compiled is compiled then."""
+
+from collections.abc import Sequence
+
+from piezod.config import requests
+from piezod.config.daemon import DaemonConfig
+from piezod.config.modes import Mode
+from piezod.config.waveforms import Sine
+from piezod.control.loop_watch import CycleTiming
+from piezod.control.stage_assembly import assemble
+from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.devices.status import NO_FLAGS, Flags
+from piezod.units import NS_PER_S
+
+_CYCLES = 50
+
+
+class _Obedient:
+    """Devices that take everything, and a stage that moves in proportion."""
+
+    def __init__(self, config: DaemonConfig) -> None:
+        self._axes = tuple(config.axes)
+        self._rest_v = [axis.limits.rest_v for axis in config.axes.values()]
+        self._drive_v: Sequence[float] = self._rest_v
+
+    def open(self) -> Identity:
+        return Identity("piezod", "warm-up", "0", "0")
+
+    def capabilities(self) -> Capabilities:
+        return Capabilities(self._axes, read_back=True, max_rate_hz=1e6)
+
+    def activate(self, now_ns: int) -> None:
+        pass
+
+    def deactivate(self, now_ns: int) -> None:  # noqa: ARG002 - asked for by Device
+        self._drive_v = self._rest_v
+
+    def close(self) -> None:
+        pass
+
+    def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
+        pass
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        return [
+            Sample(now_ns, 0.1 * (drive_v - rest_v), True)
+            for drive_v, rest_v in zip(self._drive_v, self._rest_v, strict=True)
+        ]
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - the same
+        self._drive_v = list(drive_v)
+        return True
+
+    def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the same
+        return self._drive_v
+
+    def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - the same
+        return [NO_FLAGS] * len(self._axes)
+
+
+def warm_up(config: DaemonConfig) -> None:
+    """Run a stage like the one configured through all its states and modes, on no devices.
+
+    Raises:
+        ConfigError: If a model file cannot be used.
+        DataError: If a model leaves out the rest voltage.
+        ModelError: If a gain is not safe.
+    """
+    controller = assemble(config, _Obedient(config), reads_back=True, memory_known=True)
+    period_ns, t_ns = round(NS_PER_S / config.rate_hz), NS_PER_S
+    waves = {
+        name: Sine(kind="sine", low=axis.pace.low_um, high=axis.pace.high_um, frequency_hz=1.0)
+        for name, axis in zip(config.axes, controller.stage.axes, strict=True)
+    }
+    for request in (
+        None,
+        requests.Zero(),
+        requests.Arm(),
+        *(requests.SelectMode(mode=mode) for mode in Mode),
+        requests.Wave(command_um=waves, duration_s=1.0),
+        requests.Hold(),
+        requests.Resume(),
+        requests.Stop(),
+    ):
+        if request is not None:
+            controller.execute(request, t_ns)
+        for _ in range(_CYCLES):
+            t_ns += period_ns
+            controller.cycle(t_ns, CycleTiming(0, 0, 0, 0, 0))
+            for i in range(len(waves)):
+                controller.learned(i)
+        controller.take_events()
