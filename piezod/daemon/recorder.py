@@ -153,12 +153,9 @@ class Recorder:
             self._thread = None
 
     def _record(self, reader: Reader, writer: TelemetryWriter) -> None:
-        why = ""
-        try:
-            with writer:
-                why = self._drain_until_end(reader, writer)
-        except (OSError, RuntimeError) as error:  # RuntimeError is what h5py makes of some
-            why = f"the disk did not take it: {error}"
+        why = _failure_of(lambda: self._drain_until_end(reader, writer))
+        why_not_closed = _failure_of(writer.close)
+        why = why or why_not_closed
         name = self.status.name
         self._note(RecorderStatus(False, name, writer.records, writer.lost, why))
         if why:
@@ -172,14 +169,25 @@ class Recorder:
             times += 1
             if times % _CHECK_EVERY == 0 and (why := self._no_room(self.folder.path)):
                 return why
-        self._drain(reader, writer)
+        while self._drain(reader, writer) == MAX_RECORDS:
+            pass
         return ""
 
-    def _drain(self, reader: Reader, writer: TelemetryWriter) -> None:
+    def _drain(self, reader: Reader, writer: TelemetryWriter) -> int:
+        """Return how many records there were."""
         records, lost = reader.read(MAX_RECORDS)
         writer.append(records, lost)
         self._note(self.status._replace(records=writer.records, lost=writer.lost))
+        return len(records)
 
     def _note(self, status: RecorderStatus) -> None:
         with self._lock:
             self._status = status
+
+
+def _failure_of(action: Callable[[], str | None]) -> str:
+    """Return why something ends, be it what it returns or what it raises."""
+    try:
+        return action() or ""
+    except Exception as error:  # noqa: BLE001 - a thread's end, whatever its cause, must be told
+        return f"the file did not take it: {error}"

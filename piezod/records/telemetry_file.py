@@ -17,7 +17,6 @@ after the writer was killed or the disk was full. Viewers then want that mode to
 `h5py.File(path, swmr=True)`.
 """
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,12 +26,15 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from piezod.records.reserved import Reserved
 from piezod.units import NS_PER_S
 
 _ENTRY: Final = "recording"
 _UNITS: Final = {"ns": "ns", "um": "um", "v": "V", "s": "s"}
 _CHUNK_RANGE: Final = (10, 8192)
 """Records that are written at once; about a second's, so that this is what a crash costs."""
+_SPARE_BYTES: Final = 64 * 1024
+"""Room for what HDF5 keeps beside the values of a column."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +63,8 @@ class TelemetryHeader:
 class TelemetryWriter:
     """Writes records to a new file, in portions of about a second.
 
-    For one thread at a time; every call but the constructor of the records may block on the disk.
-    After an error of `append` the file ends with what was written before; `close` it.
+    For one thread at a time; every call may block on the disk. After an error of `append` the file
+    ends with what was written before; `close` it.
 
     Args:
         path: The file; it must not exist, its folder must.
@@ -75,22 +77,26 @@ class TelemetryWriter:
     """
 
     def __init__(self, path: Path, header: TelemetryHeader, dtype: np.dtype[np.void]) -> None:
-        # h5py neither refuses links nor takes a mode for the file.
-        flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_NOFOLLOW
-        os.close(os.open(path, flags, 0o640))
         self._header = header
         self._chunk = int(np.clip(round(header.rate_hz), *_CHUNK_RANGE))
         self._pending = np.empty(0, dtype)
+        self._gaps: list[tuple[int, int]] = []
         self.records = 0
         """Records that `append` took."""
         self.lost = 0
         """Records that were lost before or between them."""
-        self._file = h5py.File(path, "w", libver="v110", track_order=True)
+        names = len(dtype.names or ()) + len(header.axes) * len(dtype["axes"].base.names or ())
+        self._spare_bytes = names * _SPARE_BYTES + sum(map(len, header.notes.values())) * 4
+        self._reserved = Reserved(path)
         try:
+            self._reserved.reserve(self._spare_bytes)
+            self._file = h5py.File(path, "w", libver="v110", track_order=True)
+            self._reserved.reserve(self._spare_bytes)  # again: what was there is gone
             self._columns = self._lay_out(dtype)
             self._file.swmr_mode = True
         except BaseException:
-            self._file.close()
+            self._reserved.release()
+            path.unlink()
             raise
 
     def __enter__(self) -> Self:
@@ -110,53 +116,46 @@ class TelemetryWriter:
             OSError: If the disk does not take them.
         """
         if lost:
-            self._grow(self._gaps, np.array([[self.records, lost]]))
+            self._gaps.append((self.records, lost))
             self.lost += lost
         self.records += len(records)
         self._pending = np.concatenate((self._pending, records))
         whole = len(self._pending) // self._chunk * self._chunk
         if whole:
-            portion, self._pending = self._pending[:whole], self._pending[whole:].copy()
-            self._write(portion)
+            self._write(whole)
 
     def close(self) -> None:
         """Write what is left and close the file; a second time this does nothing.
 
         Raises:
-            OSError: If the disk does not take it; the file is closed as well as can be.
+            OSError: If the disk does not take it; the file is closed nevertheless.
         """
         if not self._file:
             return
-        portion, self._pending = self._pending, self._pending[:0]
         try:
-            if len(portion):
-                self._write(portion)
+            self._write(len(self._pending))
         finally:
-            self._close_file()
-
-    def _close_file(self) -> None:
-        try:
             self._file.close()
-        except RuntimeError as error:  # what h5py makes of a close that fails
-            raise OSError(f"{self._file.filename}: not closed cleanly: {error}") from error
+            self._reserved.release()
 
-    def _write(self, portion: NDArray[Any]) -> None:
+    def _write(self, count: int) -> None:
+        portion, rest = self._pending[:count], self._pending[count:].copy()
+        gaps, self._gaps = self._gaps, []
+        self._pending = self._pending[:0]  # where it fails, nothing more is to be written
+        size = self._file.id.get_filesize() + 2 * portion.nbytes + self._spare_bytes
+        self._reserved.reserve(size)
         for dataset, values in self._columns_of(portion):
-            self._grow(dataset, values)
+            _grow(dataset, values)
+        _grow(self._gaps_dataset, np.array(gaps, "i8").reshape(-1, 2))
         self._entry.attrs.modify("lost", np.int64(self.lost))
         self._file.flush()
+        self._pending = rest
 
     def _columns_of(self, portion: NDArray[Any]) -> Iterator[tuple[h5py.Dataset, NDArray[Any]]]:
         for (axis, name), dataset in self._columns.items():
             yield dataset, portion[name] if axis < 0 else portion["axes"][:, axis][name]
         # Time comes last: what has a time has everything.
         yield self._t_s, (portion["t_ns"] - self._header.start_ns) / NS_PER_S
-
-    @staticmethod
-    def _grow(dataset: h5py.Dataset, values: NDArray[Any]) -> None:
-        before = len(dataset)
-        dataset.resize(before + len(values), axis=0)
-        dataset[before:] = values
 
     def _lay_out(self, dtype: np.dtype[np.void]) -> dict[tuple[int, str], h5py.Dataset]:
         header = self._header
@@ -167,7 +166,9 @@ class TelemetryWriter:
         entry.attrs["rate_hz"], entry.attrs["start_ns"] = header.rate_hz, header.start_ns
         entry.attrs["axes"], entry.attrs["lost"] = list(header.axes), np.int64(0)
         entry.attrs["default"] = f"axis_{header.axes[0]}"
-        self._gaps = entry.create_dataset("gaps", (0, 2), "i8", maxshape=(None, 2), chunks=(64, 2))
+        self._gaps_dataset = entry.create_dataset(
+            "gaps", (0, 2), "i8", maxshape=(None, 2), chunks=(64, 2)
+        )
         for name, text in header.notes.items():
             _group(entry, name, "NXnote")["data"] = text
         cycles = self._data_group("cycles", "late_ns")
@@ -209,6 +210,12 @@ class TelemetryWriter:
         )
         dataset.attrs["units"] = _UNITS.get(name.rsplit("_", 1)[-1], "")
         return dataset
+
+
+def _grow(dataset: h5py.Dataset, values: NDArray[Any]) -> None:
+    before = len(dataset)
+    dataset.resize(before + len(values), axis=0)
+    dataset[before:] = values
 
 
 def _shown(dtype: np.dtype[np.void]) -> list[str]:

@@ -1,0 +1,36 @@
+"""A process that saves parameters until it is killed, again and again.
+
+For each line on its input it forks a child, which tells its process id and then the number of each
+save; when the child has been killed, the parent tells "gone". Started by `test_parameter_crash`.
+"""
+
+import os
+import sys
+from itertools import count
+from pathlib import Path
+
+from piezod.daemon.parameter_store import ParameterStore
+from tests.daemon.stored import WHEN, parameters
+
+
+def save_for_ever(folder: Path) -> None:
+    """Save parameters that can be told apart by their number."""
+    tell(os.getpid())
+    store = ParameterStore(folder, "rig 1", lambda: WHEN)
+    newest = store.load().document
+    for number in count(1 if newest is None else newest.sequence + 1):
+        tell(store.save(parameters(float(number)), "saver"))
+
+
+def tell(what: object) -> None:
+    """Write a line in one piece."""
+    os.write(1, f"{what}\n".encode())
+
+
+if __name__ == "__main__":
+    for _ in sys.stdin:
+        child = os.fork()
+        if not child:
+            save_for_ever(Path(sys.argv[1]))
+        os.waitpid(child, 0)
+        tell("gone")

@@ -1,0 +1,218 @@
+"""Recordings of every cycle: complete, readable at any time, and after any end."""
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from piezod.errors import DataError
+from piezod.records.recording import ExperimentResult
+from piezod.records.telemetry_file import TelemetryWriter
+from piezod.records.telemetry_reader import read_telemetry
+from tests.records.telemetry import header, record_dtype, records
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """Return the path of the file that a test writes."""
+    return tmp_path / "run.h5"
+
+
+def write(path: Path, *portions: tuple[int, int], axes: tuple[str, ...] = ("x",)) -> None:
+    """Write portions of made-up records."""
+    with TelemetryWriter(path, header(axes), record_dtype(len(axes))) as writer:
+        for begin, end in portions:
+            writer.append(records(begin, end, len(axes)))
+
+
+def test_every_record_comes_back(file: Path) -> None:
+    """Whatever the portions, all columns of all axes are there to the last bit."""
+    write(file, (0, 1), (1, 2500), (2500, 2500), (2500, 3001), axes=("x", "cycles"))
+    expected = records(0, 3001, 2)
+    read = read_telemetry(file)
+
+    assert (read.lost, read.gaps.shape) == (0, (0, 2))
+    for name in ("seq", "t_ns", "late_ns", "state"):
+        np.testing.assert_array_equal(read.cycles[name], expected[name])
+    for index, axis in enumerate(("x", "cycles")):
+        for name in ("sample_ns", "position_um", "drive_v", "mode", "on_target"):
+            np.testing.assert_array_equal(read.axes[axis][name], expected["axes"][:, index][name])
+    np.testing.assert_array_equal(read.cycles["t_s"], np.arange(3001) / 1000)
+
+
+def test_header_comes_back(file: Path) -> None:
+    """Title, axes, instants, names of numbers and notes are what was written."""
+    written = header(("x", "y"), {"configuration": "rate_hz: 1000  # µ", "events": ""})
+    TelemetryWriter(file, written, record_dtype(2)).close()
+
+    assert read_telemetry(file).header == written
+
+
+def test_recording_of_a_part(file: Path) -> None:
+    """A slice of time becomes the recording of an experiment, one for each axis."""
+    write(file, (0, 3000), axes=("x", "y"))
+    x, y = read_telemetry(file, 1.0, 1.5).recordings()
+
+    assert (x.axis, x.mode, x.title) == ("x", "feedforward", "made up, µm")
+    assert (x.t_s[0], x.t_s[-1], x.t_s.size) == (1.0, 1.499, 500)
+    np.testing.assert_array_equal(y.position_um, np.arange(1000, 1500) / 7 + 1000)
+    assert not x.knows_truth
+    assert ExperimentResult("both", (x, y), (), "", {}, 1, 1000.0).axes == ("x", "y")
+
+
+def test_recording_of_several_modes(file: Path) -> None:
+    """Where the mode changed it is called mixed."""
+    with TelemetryWriter(file, header(), record_dtype()) as writer:
+        writer.append(records(0, 10, mode=1))
+        writer.append(records(10, 20, mode=2))
+
+    assert read_telemetry(file).recordings()[0].mode == "mixed"
+    assert read_telemetry(file, 0.010).recordings()[0].mode == "adaptive"
+
+
+def test_recording_of_no_time_is_refused(file: Path) -> None:
+    """A slice without a sample is no recording."""
+    write(file, (0, 10))
+
+    assert read_telemetry(file, 5.0).cycles["seq"].size == 0
+    with pytest.raises(DataError, match="no samples"):
+        read_telemetry(file, 5.0).recordings()
+
+
+def test_lost_records_are_told(file: Path) -> None:
+    """How many were lost, and before which record, stands in the file."""
+    with TelemetryWriter(file, header(), record_dtype()) as writer:
+        writer.append(records(0, 1500))
+        writer.append(records(1507, 1600), 7)
+        writer.append(records(1600, 1600), 3)
+    read = read_telemetry(file)
+
+    assert read.lost == 10
+    assert read.gaps.tolist() == [[1500, 7], [1593, 3]]
+    assert read.cycles["seq"].size == 1593
+
+
+def test_viewers_find_a_plot(file: Path) -> None:
+    """The default leads to the position of the first axis over time, with units and names."""
+    write(file, (0, 100))
+    with h5py.File(file) as root:
+        entry = root[root.attrs["default"]]
+        group = entry[entry.attrs["default"]]
+        plotted = group[group.attrs["signal"]]
+        states = h5py.check_enum_dtype(entry["cycles/state"].dtype)
+
+        assert (group.attrs["NX_class"], group.attrs["signal"]) == ("NXdata", "position_um")
+        assert group[group.attrs["axes"]].shape == plotted.shape == (100,)
+        assert (plotted.attrs["units"], group["t_s"].attrs["units"]) == ("um", "s")
+        assert states == {"SAFE": 0, "RUN": 1}
+
+
+def test_file_can_be_read_while_it_is_written(file: Path) -> None:
+    """What was written more than about a second ago is there for others."""
+    with TelemetryWriter(file, header(), record_dtype()) as writer:
+        writer.append(records(0, 2500))
+        meanwhile = read_telemetry(file).cycles["seq"]
+
+    np.testing.assert_array_equal(meanwhile, np.arange(2000))
+    assert read_telemetry(file).cycles["seq"].size == 2500
+
+
+def test_existing_file_is_never_touched(file: Path, tmp_path: Path) -> None:
+    """Neither a file nor what a link points at is overwritten."""
+    target = tmp_path / "target"
+    target.write_text("mine", encoding="utf-8")
+    file.symlink_to(target)
+    with pytest.raises(FileExistsError):
+        TelemetryWriter(file, header(), record_dtype())
+
+    assert target.read_text(encoding="utf-8") == "mine"
+
+
+def test_file_is_not_for_everybody(file: Path) -> None:
+    """Owner and group may read it, others may not."""
+    write(file, (0, 1))
+
+    assert file.stat().st_mode & 0o137 == 0
+
+
+def test_foreign_file_is_refused(file: Path, tmp_path: Path) -> None:
+    """What is no recording says so; what is not HDF5 fails to open."""
+    with h5py.File(file, "w") as root:
+        root["a"] = 1
+    other = tmp_path / "text.h5"
+    other.write_text("text", encoding="utf-8")
+
+    with pytest.raises(DataError, match="not the recording of a stage"):
+        read_telemetry(file)
+    with pytest.raises(OSError, match="signature"):
+        read_telemetry(other)
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from piezod.records.telemetry_file import TelemetryWriter
+from tests.records.telemetry import header, record_dtype, records
+writer = TelemetryWriter(Path(sys.argv[1]), header(), record_dtype())
+for begin in range(0, 5250, 50):
+    writer.append(records(begin, begin + 50))
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+FULL = """
+import resource, sys
+from pathlib import Path
+from piezod.records.telemetry_file import TelemetryWriter
+from tests.records.telemetry import header, record_dtype, records
+resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, 3_000_000))
+writer = TelemetryWriter(Path(sys.argv[1]), header(), record_dtype())
+try:
+    for begin in range(0, 1_000_000, 1000):
+        writer.append(records(begin, begin + 1000))
+except OSError as error:
+    print(error)
+try:
+    writer.close()
+except OSError as error:
+    print(error)
+writer.close()
+"""
+
+
+def run(script: str, path: Path) -> subprocess.CompletedProcess[str]:
+    """Run a script in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-c", script, str(path)],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+
+
+@pytest.mark.fault("P8")
+def test_recording_survives_a_kill(file: Path) -> None:
+    """After kill -9 all but about the last second is there."""
+    done = run(KILLED, file)
+
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    np.testing.assert_array_equal(read_telemetry(file).cycles["seq"], np.arange(5000))
+
+
+@pytest.mark.fault("P6")
+def test_recording_survives_a_full_disk(file: Path) -> None:
+    """The writer says so, the process goes on and ends well, what was written can be read."""
+    done = run(FULL, file)
+    seqs = read_telemetry(file).cycles["seq"]
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert os.strerror(errno.EFBIG) in done.stdout
+    assert seqs.size >= 1000
+    np.testing.assert_array_equal(seqs, np.arange(seqs.size))
