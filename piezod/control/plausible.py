@@ -21,18 +21,19 @@ class Plausible:
         up = np.maximum.accumulate(drives[: rise.size])
         down = np.maximum.accumulate(drives[rise.size :][::-1])
         one, other = np.interp(grid, up, rise), np.interp(grid, down, rise)
-        low, width = model.position_um.low, model.position_um.width
-        self._low_um: list[float] = (low + width * np.minimum(one, other)).tolist()
-        self._high_um: list[float] = (low + width * np.maximum(one, other)).tolist()
+        self._low: list[float] = np.minimum(one, other).tolist()
+        self._high: list[float] = np.maximum(one, other).tolist()
         self._drive_v = model.drive_v
 
-    def low_um(self, drive_v: float) -> float:
-        """Return the lowest displacement at a finite voltage; may be called in the loop."""
-        return self._at(drive_v, self._low_um)
+    def bounds(self, low_v: float, high_v: float) -> tuple[float, float]:
+        """Return between what a stage is while its drive is between two finite voltages.
 
-    def high_um(self, drive_v: float) -> float:
-        """Return the highest displacement at a finite voltage; may be called in the loop."""
-        return self._at(drive_v, self._high_um)
+        May be called in the loop.
+
+        Returns:
+            Lowest and highest displacement without creep, in units of the model's range.
+        """
+        return self._at(low_v, self._low), self._at(high_v, self._high)
 
     def _at(self, drive_v: float, table: list[float]) -> float:
         place = min(max(self._drive_v.to_unit(drive_v), 0.0), 1.0) * (_POINTS - 1)
