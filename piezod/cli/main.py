@@ -20,6 +20,7 @@ from piezod.cli.exit_codes import exit_code, text_of
 from piezod.cli.experiment import experiment
 from piezod.cli.identify import identify
 from piezod.cli.interrupt import INTERRUPTED, TEXT, Interrupted, interruptible
+from piezod.cli.safe import safe
 from piezod.errors import PiezodError
 
 # Plain help and plain tracebacks: drawing them with rich costs twice the start of the command.
@@ -32,7 +33,7 @@ app = typer.Typer(
     "running, 77 permission, 78 configuration, 130 interrupted, 1 anything else. Errors go to "
     "stderr; so does progress, on a terminal.",
 )
-for verb in (experiment, identify, check, drivers, emulate):
+for verb in (experiment, identify, check, drivers, emulate, safe):
     app.command()(verb)
 add_client_verbs(app)
 

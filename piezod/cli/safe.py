@@ -1,0 +1,123 @@
+"""`piezod safe`: to the safe voltage, without a daemon."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from piezod.cli.options import JsonOption
+from piezod.cli.paths import existing_file
+
+if TYPE_CHECKING:
+    from piezod.config.daemon import DaemonConfig
+    from piezod.daemon.amplifier_ramp import AxisOutcome
+    from piezod.daemon.lock import Lock
+    from piezod.daemon.paths import StagePaths
+
+LOCK_WAIT_S = 2.0
+"""A daemon that is ending lets go of its stage within this time."""
+LOOP_ENDS_S = 3.0
+"""A loop that has lost its supervisor begins to ramp after 1 s; the rest is for its end."""
+
+
+def safe(
+    config: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CONFIG",
+            help="Configuration of the daemon, YAML.",
+            readable=False,
+            callback=existing_file,
+        ),
+    ],
+    unless_clean: Annotated[
+        bool,
+        typer.Option("--unless-clean", help="Do nothing if the daemon has ended in order."),
+    ] = False,
+    json: JsonOption = False,
+) -> None:
+    """Ramp a stage to its safe voltage after its daemon has died.
+
+    The ramp starts from the voltage read back, or, where the amplifier tells none, from the one
+    that the daemon wrote last. Exits with 0 if all axes are there. Else it says UNKNOWN and why, and
+    exits with 1. Exits with 75 if the daemon lives.
+    """
+    from piezod.daemon.paths import stage_paths
+
+    paths = stage_paths(config)
+    if unless_clean and not paths.running.exists():
+        _tell({}, json=json)
+        return
+    paths.make_folders()
+    with _lock(paths):
+        outcomes = _ramp_down(_in_force(config, paths), paths)
+    _tell(outcomes, json=json)
+    _raise_unknown(outcomes)
+
+
+def _lock(paths: "StagePaths") -> "Lock":
+    from time import monotonic, sleep
+
+    from piezod.daemon.lock import Lock
+    from piezod.errors import AlreadyRunningError
+
+    end_s = monotonic() + LOCK_WAIT_S
+    while True:
+        try:
+            return Lock(paths.lock)
+        except AlreadyRunningError:
+            if monotonic() > end_s:
+                raise
+            sleep(0.05)
+
+
+def _in_force(config: Path, paths: "StagePaths") -> "DaemonConfig":
+    """Load the configuration that the daemon runs or ran, whatever became of the file since."""
+    from piezod.config.daemon import load_daemon
+    from piezod.devices import registry
+
+    return load_daemon(config, registry)
+
+
+def _ramp_down(config: "DaemonConfig", paths: "StagePaths") -> "dict[str, AxisOutcome]":
+    from piezod.daemon.clock import MonotonicClock
+    from piezod.daemon.last_output import read_last_output
+    from piezod.daemon.ramp_down import ramp_down
+
+    noted = read_last_output(paths.output_map)
+    noted_v: dict[str, float] = {}
+    if len(noted) == len(config.axes):
+        noted_v = {name: each.drive_v for name, each in zip(config.axes, noted, strict=True)}
+    # A loop that still lives, as it has just lost its supervisor, holds the device while it ramps.
+    longest_s = max(
+        (axis.limits.drive_max_v - axis.limits.drive_min_v) / axis.safety.ramp_v_per_s
+        for axis in config.axes.values()
+    )
+    return ramp_down(config, noted_v, LOOP_ENDS_S + longest_s, MonotonicClock())
+
+
+def _tell(outcomes: "dict[str, AxisOutcome]", *, json: bool) -> None:
+    if json:
+        from piezod.cli.output import print_json
+
+        axes = {name: each._asdict() for name, each in outcomes.items()}
+        print_json({"safe": not any(each.why for each in outcomes.values()), "axes": axes})
+        return
+    if not outcomes:
+        typer.echo("the daemon has ended in order: nothing to do")
+    for name, each in outcomes.items():
+        if not each.why:
+            came = "last written" if each.from_noted else "read back"
+            told = f"{each.read_back_v:.2f} V read back"
+            told = told if each.read_back_v == each.read_back_v else "the amplifier tells nothing"
+            typer.echo(f"{name}: from {each.from_v:.2f} V ({came}) to {each.safe_v:g} V, {told}")
+
+
+def _raise_unknown(outcomes: "dict[str, AxisOutcome]") -> None:
+    from piezod.errors import DeviceError
+
+    unknown = [
+        f"{name}: voltage UNKNOWN: {each.why}" for name, each in outcomes.items() if each.why
+    ]
+    if unknown:
+        raise DeviceError("\n".join(unknown))

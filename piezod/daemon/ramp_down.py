@@ -1,0 +1,82 @@
+"""Brings a stage to its safe voltage when there is no loop to do it; imports no numpy.
+
+Each amplifier goes its own way: one that fails leaves the others to their ramps.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from math import nan
+
+from piezod.config.daemon import DaemonConfig
+from piezod.daemon.amplifier_ramp import STEP_S, AmplifierRamp, AxisOutcome
+from piezod.daemon.clock import Clock
+from piezod.devices import registry
+from piezod.devices.channels import ChannelPair, Channels, served_axes
+from piezod.units import s_to_ns
+
+
+def ramp_down(
+    config: DaemonConfig, noted_v: Mapping[str, float], wait_s: float, clock: Clock
+) -> dict[str, AxisOutcome]:
+    """Ramp every axis of a stage from the voltage in force to its safe voltage.
+
+    Args:
+        config: The stage.
+        noted_v: Voltage written last on each axis, in V, where that is known.
+        wait_s: For how long an amplifier may be unavailable.
+        clock: Paces the steps.
+
+    Returns:
+        What became of each axis; a device's fault is among it, and no exception.
+
+    Raises:
+        DeviceError: If a device that drives an axis is no amplifier.
+        RegistryError: If a driver cannot be loaded.
+    """
+    amplifiers = list(dict.fromkeys(axis.amplifier for axis in config.axes.values()))
+    outcomes: dict[str, AxisOutcome] = {}
+    with _ramps(config, amplifiers, noted_v, wait_s, clock) as ramps:
+        while not all(ramp.done for ramp in ramps):
+            for ramp in ramps:
+                if not ramp.done:
+                    ramp.step(clock.now_ns())
+            # From now on, and not from the last step on: what is late is not made up for.
+            clock.sleep_until_ns(clock.now_ns() + s_to_ns(STEP_S))
+        for amplifier, ramp in zip(amplifiers, ramps, strict=True):
+            outcomes.update(zip(_driven(config, amplifier), ramp.outcomes(), strict=True))
+    return {axis: outcomes[axis] for axis in config.axes}
+
+
+@contextmanager
+def _ramps(
+    config: DaemonConfig,
+    amplifiers: list[str],
+    noted_v: Mapping[str, float],
+    wait_s: float,
+    clock: Clock,
+) -> Iterator[list[AmplifierRamp]]:
+    ramps = []
+    try:
+        for name in amplifiers:
+            driven = _driven(config, name)
+            noted = [noted_v.get(axis, nan) for axis in driven]
+            axes = [config.axes[axis] for axis in driven]
+            ramps.append(AmplifierRamp(_channels(config, name, driven), axes, noted, wait_s))
+        yield ramps
+    finally:
+        for ramp in ramps:
+            ramp.close(clock.now_ns())
+
+
+def _driven(config: DaemonConfig, amplifier: str) -> list[str]:
+    return [name for name, axis in config.axes.items() if axis.amplifier == amplifier]
+
+
+def _channels(config: DaemonConfig, amplifier: str, driven: list[str]) -> Channels:
+    """Construct an amplifier as the loop would, and leave out every other device."""
+    pairs = {name: ChannelPair(axis.sensor, axis.amplifier) for name, axis in config.axes.items()}
+    device = config.devices[amplifier]
+    plugin = registry.load(device.driver)
+    served = served_axes(amplifier, pairs)
+    made = plugin.create(device.options, served, config.seed)
+    return Channels({amplifier: made}, {axis: pairs[axis] for axis in driven})
