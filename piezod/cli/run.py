@@ -1,0 +1,41 @@
+"""`piezod run`: the daemon of a stage, in the foreground."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from piezod.cli.exit_codes import FAILED
+from piezod.cli.paths import existing_file
+
+
+def run(
+    config: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CONFIG",
+            help="Configuration of the stage, YAML; its name is that of the stage.",
+            readable=False,
+            callback=existing_file,
+        ),
+    ],
+    strict_rt: Annotated[
+        bool, typer.Option("--strict-rt", help="Refuse to arm where the loop is not real-time.")
+    ] = False,
+    require_device: Annotated[
+        bool, typer.Option("--require-device", help="End with 69 where a device is absent.")
+    ] = False,
+    shadow: Annotated[
+        bool, typer.Option("--shadow", help="Compute everything, never write a voltage.")
+    ] = False,
+) -> None:
+    """Run the daemon of a stage until Ctrl-C or SIGTERM.
+
+    Nothing is driven before `piezod arm`. On the way out the voltage goes to the safe one. Exits
+    with 75 where the stage has a daemon already, and with 1 where its loop ended by itself.
+    """
+    from piezod.daemon.run_stage import run_stage
+    from piezod.daemon.supervisor import Options
+
+    if not run_stage(config, Options(strict_rt, require_device, shadow)):
+        raise typer.Exit(FAILED)

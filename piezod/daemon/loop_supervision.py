@@ -1,0 +1,140 @@
+"""The loop process as its supervisor sees it: started, asked to end, replaced when it is gone."""
+
+import asyncio
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Final
+
+from piezod.config.daemon import DaemonConfig
+from piezod.config.requests import Shutdown
+from piezod.daemon import accepted_config
+from piezod.daemon.logging import logger
+from piezod.daemon.loop_connection import LoopConnection
+from piezod.daemon.notify import without_manager
+from piezod.daemon.paths import StagePaths
+from piezod.daemon.service.stage_service import UnavailableError
+from piezod.telemetry.layout import Layout
+from piezod.telemetry.shared_map import create
+from piezod.telemetry.words import Word
+from piezod.units import NS_PER_S
+
+END_GRACE_S: Final = 10.0
+"""So much longer than its ramp the loop may take to end."""
+RAMP_DOWN_WITHIN_S: Final = 60.0
+"""A ramp-down that has not ended by then has failed."""
+_POLL_S: Final = 0.02
+
+_log = logger("supervisor")
+
+
+class LoopRun:
+    """One run of the loop process, with one configuration.
+
+    Args:
+        paths: The files of the stage.
+        config: The configuration; a copy is kept for the loop to read.
+        slot: Name of the folder for the copy; another than that of a configuration to go back to.
+
+    Raises:
+        OSError: If the copy or the memory shared with the loop cannot be made.
+    """
+
+    def __init__(self, paths: StagePaths, config: DaemonConfig, slot: str) -> None:
+        self.config_file = accepted_config.keep(config, paths.runtime / slot, paths.name)
+        shared = create(paths.loop_map, Layout.of(config))
+        shared.words[Word.SUPERVISOR_PID] = os.getpid()
+        self.loop = LoopConnection(config, shared)
+        self.loop.beat(time.monotonic_ns())
+        self._paths = paths
+        self._process: subprocess.Popen[bytes] | None = None
+        self._overdue_ns = 0
+
+    def start(self) -> None:
+        """Start the process.
+
+        Raises:
+            OSError: If there is no memory or no process left for it.
+        """
+        runtime, config_file = str(self._paths.runtime), str(self.config_file)
+        self._process = _start("piezod.daemon.loop_process", runtime, config_file)
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit code of the process, negative for a signal; None while it runs."""
+        return self._process.poll() if self._process else None
+
+    def ask_to_end(self) -> bool:
+        """Ask the loop to ramp down and end; tell whether it was asked in time until now."""
+        now_ns = time.monotonic_ns()
+        if not self._overdue_ns:
+            within_s = ramp_s(self.loop.config) + END_GRACE_S
+            expires_ns = now_ns + int(within_s * NS_PER_S)
+            try:
+                self.loop.requests.post(Shutdown(), expires_ns)
+            except UnavailableError:
+                return True  # its mailbox is full: next time
+            self._overdue_ns = expires_ns
+        return now_ns < self._overdue_ns
+
+    def kill(self) -> None:
+        """End the process at once."""
+        if self._process is not None:
+            self._process.kill()
+
+    async def wait(self) -> int:
+        """Wait for the end of the process; return its exit code."""
+        while (code := self.exit_code) is None:
+            await asyncio.sleep(_POLL_S)
+        return code
+
+
+class RampDown:
+    """`piezod safe` at work: brings a stage without a loop to its safe voltage.
+
+    It takes the lock of the stage, so whoever starts this lets go of that first.
+
+    Args:
+        config_file: The configuration that was in force.
+    """
+
+    def __init__(self, config_file: Path) -> None:
+        self._process = _start("piezod.cli.main", "safe", str(config_file))
+
+    def wait(self) -> bool:
+        """Wait for its end; tell whether the safe voltage was reached and verified."""
+        try:
+            code = self._process.wait(RAMP_DOWN_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            code = self._process.wait()
+        if code:
+            _log.error("ramp-down failed", code=code, what="the voltage in force is UNKNOWN")
+        else:
+            _log.warning("ramped down", what="the safe voltage was reached without the loop")
+        return code == 0
+
+
+def ramp_s(config: DaemonConfig) -> float:
+    """Return how long the longest way to a safe voltage takes, in s."""
+    return max(
+        (axis.limits.drive_max_v - axis.limits.drive_min_v) / axis.safety.ramp_v_per_s
+        for axis in config.axes.values()
+    )
+
+
+def _start(module: str, *arguments: str) -> "subprocess.Popen[bytes]":
+    """Start a module of ours as a process that signals of our terminal do not reach.
+
+    What it prints goes to our stderr. Not asyncio's processes: those kill the child when the parent
+    ends by an error, and a loop without its supervisor has to ramp down.
+    """
+    return subprocess.Popen(  # noqa: S603 - our own interpreter and module
+        [sys.executable, "-m", module, *arguments],
+        stdin=subprocess.DEVNULL,
+        stdout=sys.stderr,
+        env=without_manager(os.environ),
+        start_new_session=True,
+    )

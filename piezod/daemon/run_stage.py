@@ -1,0 +1,61 @@
+"""A stage from its configuration file to the end of its daemon."""
+
+import asyncio
+import faulthandler
+from pathlib import Path
+
+from piezod.daemon import accepted_config
+from piezod.daemon.lock import Lock
+from piezod.daemon.logging import set_up_logging
+from piezod.daemon.loop_supervision import RampDown
+from piezod.daemon.marker import Marker
+from piezod.daemon.notify import Notifier
+from piezod.daemon.paths import stage_paths
+from piezod.daemon.supervisor import Ending, Options, Supervisor
+from piezod.errors import DeviceUnavailableError
+
+
+def run_stage(source: Path, options: Options) -> bool:
+    """Run the daemon of a stage until it is told to stop, or its loop is gone.
+
+    Args:
+        source: The configuration file.
+        options: What the command line adds to it.
+
+    Returns:
+        Whether it ended in order, the output at the safe voltage.
+
+    Raises:
+        AlreadyRunningError: If another daemon owns the stage; nothing of it was touched.
+        ConfigError: If the configuration is not valid; no device was opened.
+        DeviceUnavailableError: If a device had to be there and was absent.
+        OSError: If a file of the stage cannot be made.
+    """
+    set_up_logging()
+    faulthandler.enable()  # says where we were when systemd's watchdog ends us
+    paths = stage_paths(source)
+    paths.make_folders()
+    with Lock(paths.lock) as lock:
+        config = accepted_config.load(source, strict_rt=options.strict_rt)
+        marker = Marker(paths.running)
+        marker.put()
+        supervisor = Supervisor(source, paths, config, options, Notifier())
+        ending = asyncio.run(_run(supervisor, lock))
+        if ending is not Ending.LOST:
+            marker.remove()
+    if ending is Ending.ABSENT:
+        raise DeviceUnavailableError("a device of this stage is absent; the log says which")
+    return ending is Ending.IN_ORDER
+
+
+async def _run(supervisor: Supervisor, lock: Lock) -> Ending:
+    ending = await supervisor.run()
+    if ending is not Ending.LOST:
+        await supervisor.close()
+        return ending
+    # The stage first, the files afterwards.
+    lock.release()
+    ramp_down = RampDown(supervisor.run_of_loop.config_file)
+    await supervisor.close()
+    ramp_down.wait()
+    return ending

@@ -1,0 +1,234 @@
+"""The supervisor: owns the lock of a stage, starts the loop process, and answers for both.
+
+It has no handle of a device. Everything happens in one event loop, looked after by `_watch`: the
+loop process hears that we live, systemd hears that the loop is healthy, and a loop that is gone is
+replaced by `piezod safe`.
+"""
+
+import asyncio
+import os
+import signal
+import time
+from enum import Enum
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from piezod.config.daemon import DaemonConfig
+from piezod.config.states import State
+from piezod.daemon.api_server import ApiServer
+from piezod.daemon.logging import logger
+from piezod.daemon.loop_supervision import LoopRun
+from piezod.daemon.notify import Notifier
+from piezod.daemon.paths import StagePaths
+from piezod.daemon.reload import AT_REST, changes, exchange, read_again
+from piezod.daemon.service.app import create_app
+from piezod.daemon.service.roles import GroupRoles
+from piezod.daemon.service.stage_service import Document, NotNowError, Peer, Role, StageError
+from piezod.daemon.stage_link import StageLink
+from piezod.telemetry.words import Word
+
+TICK_S: Final = 0.1
+"""How often everything is looked after; the loop takes a supervisor for dead after 1 s."""
+HOUSEKEEPING_S: Final = 0.5
+
+_log = logger("supervisor")
+
+
+class Options(NamedTuple):
+    """What the command line adds to a configuration.
+
+    Attributes:
+        strict_rt: Whether arming is refused where the loop is not real-time.
+        require_device: Whether to end where a device is absent at the start.
+        shadow: Whether nothing is ever written.
+    """
+
+    strict_rt: bool = False
+    require_device: bool = False
+    shadow: bool = False
+
+
+class Ending(Enum):
+    """How a run ended."""
+
+    IN_ORDER = "in order"
+    """The loop ramped down and ended because it was asked to."""
+    ABSENT = "no device"
+    """Likewise, because a device was absent that had to be there."""
+    LOST = "lost"
+    """The loop ended by itself, by violence, or not in time."""
+
+
+class Supervisor:
+    """Runs a stage until it is told to stop or the loop is gone.
+
+    Args:
+        source: The configuration file, read again by a reload.
+        paths: The files of the stage; its lock is held.
+        config: What the file said.
+        options: What the command line adds.
+        notifier: The way to the service manager.
+    """
+
+    def __init__(
+        self,
+        source: Path,
+        paths: StagePaths,
+        config: DaemonConfig,
+        options: Options,
+        notifier: Notifier,
+    ) -> None:
+        self._source, self._paths, self._options = source, paths, options
+        self._notifier = notifier
+        self._ending = Ending.IN_ORDER
+        self._stopping = self._ready = self._exchanging = False
+        self._state: State | None = None
+        self.run_of_loop = LoopRun(paths, config, "config-a")
+        self._link = StageLink(
+            paths,
+            self.run_of_loop.loop,
+            stop=self.stop,
+            reload=self.reload,
+            shadow=options.shadow,
+        )
+        self._server = ApiServer(
+            create_app(self._link, GroupRoles(os.getuid(), time.monotonic)), paths.api_socket
+        )
+        self._tasks: set[asyncio.Task[object]] = set()
+
+    async def run(self) -> Ending:
+        """Run until the end; the loop process has ended then, or hears no more of us."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            loop.add_signal_handler(number, self.stop, signal.Signals(number).name)
+        loop.add_signal_handler(signal.SIGHUP, self._reload_on_signal)
+        await self._server.start()
+        self.run_of_loop.start()
+        housekeeping = asyncio.create_task(self._keep_house())
+        try:
+            return await self._watch()
+        finally:
+            housekeeping.cancel()
+
+    async def close(self) -> None:
+        """Write out and close everything; after `run`."""
+        self._log_events()
+        await self._link.recordings_of_stage.write_flight(self.run_of_loop.loop, at_once=True)
+        await self._server.stop()
+        await self._link.recordings_of_stage.close()
+        self._link.audit_of_stage.close()
+
+    def stop(self, why: str) -> None:
+        """Have the loop ramp down and end, then end; again it does nothing."""
+        if not self._stopping:
+            self._stopping = True
+            self._notifier.stopping(f"ramping down: {why}")
+            _log.info("stopping", why=why)
+
+    async def _watch(self) -> Ending:
+        while True:
+            now_ns = time.monotonic_ns()
+            run = self.run_of_loop
+            run.loop.beat(now_ns)
+            healthy = run.loop.health.look(now_ns)
+            if healthy or self._exchanging:
+                self._notifier.alive()
+            self._log_events()
+            if not self._exchanging:
+                self._note_state(run, healthy=healthy)
+                if run.exit_code is not None:
+                    return self._ended(run.exit_code)
+                self._see_to_its_end(run, now_ns)
+            await asyncio.sleep(TICK_S)
+
+    def _see_to_its_end(self, run: LoopRun, now_ns: int) -> None:
+        """Ask the loop to end where it shall, and kill it where it does not answer any more."""
+        overdue = self._stopping and not run.ask_to_end()
+        if overdue or run.loop.health.hung(now_ns):
+            what = "it did not end in time" if overdue else "it runs no cycles any more"
+            _log.error("loop killed", what=what)
+            self._ending = Ending.LOST
+            run.kill()
+
+    def _ended(self, code: int) -> Ending:
+        if self._stopping and code == 0:
+            return self._ending
+        _log.error("loop gone", code=code, what="piezod safe takes over")
+        return Ending.LOST
+
+    def _note_state(self, run: LoopRun, *, healthy: bool) -> None:
+        if healthy and not self._ready:
+            self._ready = True
+            self._notifier.ready(run.loop.state.value)
+            _log.info("ready", stage=self._paths.name, socket=str(self._paths.api_socket))
+            if self._options.require_device and not run.loop.shared.words[Word.DEVICES_OPEN]:
+                self._ending = Ending.ABSENT
+                self.stop("a device is absent")
+        if run.loop.state is not self._state and not self._stopping:
+            self._state = run.loop.state
+            self._notifier.status(self._state.value)
+
+    def _log_events(self) -> None:
+        events, lost = self.run_of_loop.loop.events.read()
+        for event in events:
+            self._link.recordings_of_stage.note(event)
+            told = {name: value for name, value in event._asdict().items() if value != ""}
+            severity, kind = told.pop("severity"), told.pop("kind")
+            getattr(_log, severity, _log.error)(kind, **told)
+        if lost:
+            _log.warning("events lost", count=lost)
+
+    async def _keep_house(self) -> None:
+        while True:
+            await asyncio.sleep(HOUSEKEEPING_S)
+            await self._link.recordings_of_stage.write_flight(self.run_of_loop.loop)
+            await asyncio.to_thread(self._link.audit_of_stage.sync)
+
+    async def reload(self, peer: Peer) -> Document:
+        """Read the configuration again; swap it where nothing is driven, or keep the old one.
+
+        Raises:
+            BadValueError: If it is not valid.
+            NotNowError: If it cannot be swapped now.
+        """
+        old = self.run_of_loop.loop.config
+        new = await read_again(self._source, old, strict_rt=self._options.strict_rt)
+        different = changes(old, new)
+        self._check_exchange()
+        _log.info("reload", user=peer.user, changes=different)
+        self._exchanging, self._link.available = True, False
+        try:
+            came_up = await exchange(self.run_of_loop, self._paths, new, self._use)
+        finally:
+            self._exchanging, self._link.available = False, True
+        if not came_up:
+            _log.error("reload failed", what="the configuration before is in force")
+            what = "the loop did not come up with the new configuration; the one before is in force"
+            raise NotNowError(what, "the log says why")
+        return {"changes": different}
+
+    def _check_exchange(self) -> None:
+        state = self.run_of_loop.loop.state
+        if self._stopping or self._exchanging:
+            raise NotNowError("the loop is being exchanged or stopped", "try again later")
+        if state not in AT_REST:
+            raise NotNowError(f"not in state {state}", "disarm first")
+        if name := self._link.recordings_of_stage.under_way:
+            raise NotNowError(f"recording {name} goes on", "stop it first")
+
+    def _use(self, run: LoopRun) -> None:
+        self.run_of_loop, self._link.loop = run, run.loop
+
+    def _reload_on_signal(self) -> None:
+        """Do what `systemctl reload` asks for."""
+        task: asyncio.Task[object] = asyncio.create_task(self._reload_for_manager())
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _reload_for_manager(self) -> None:
+        self._notifier.reloading()
+        try:
+            await self.reload(Peer(os.getuid(), os.getpid(), "SIGHUP", "", Role.ENGINEER))
+        except StageError as error:
+            _log.error("reload refused", why=str(error))
+        self._notifier.ready(self.run_of_loop.loop.state.value)
