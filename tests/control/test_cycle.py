@@ -1,10 +1,24 @@
 """One cycle: what happens in it, in which order, and what a refused write leaves behind."""
 
+from collections.abc import Sequence
+
 import pytest
 
 from piezod.control.cycle import Cycle
+from piezod.control.guard import Guard
+from piezod.control.limits import Limits
 from piezod.devices.interface import Sample
 from tests.control.fakes import MS, FakeAmplifier, FakeAxis, FakeSensor
+
+GUARD = Guard([Limits(0.0, 150.0, 5000.0)] * 2, longest_s=2e-3)
+
+
+class Doubter:
+    """Uses no sample at all."""
+
+    def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:
+        """Call each sample invalid."""
+        return [Sample(t_ns, float("nan"), False) for _ in samples]
 
 
 def two_axes() -> tuple[list[str], FakeAmplifier, Cycle]:
@@ -13,7 +27,7 @@ def two_axes() -> tuple[list[str], FakeAmplifier, Cycle]:
     sensor = FakeSensor(log, [Sample(0, 1.5, valid=True), Sample(0, 2.5, valid=True)])
     amplifier = FakeAmplifier(log)
     axes = [FakeAxis(log, "x", 3.0), FakeAxis(log, "y", 4.0)]
-    return log, amplifier, Cycle(sensor, amplifier, axes)
+    return log, amplifier, Cycle(sensor, amplifier, axes, GUARD, 1e-3)
 
 
 def test_cycle_reads_updates_writes_and_tells_the_axes() -> None:
@@ -73,4 +87,29 @@ def test_sensor_with_a_sample_too_few_is_a_mistake() -> None:
     axes = [FakeAxis(log, "x", 3.0), FakeAxis(log, "y", 4.0)]
 
     with pytest.raises(ValueError, match="shorter"):
-        Cycle(sensor, FakeAmplifier(log), axes).run(0)
+        Cycle(sensor, FakeAmplifier(log), axes, GUARD, 1e-3).run(0)
+
+
+def test_the_guard_is_the_last_thing_before_the_write() -> None:
+    """What an axis asks for is cut to what the limits allow in a cycle, and nothing else written."""
+    log: list[str] = []
+    sensor = FakeSensor(log, [Sample(0, 1.5, valid=True), Sample(0, 2.5, valid=True)])
+    axes = [FakeAxis(log, "x", float("nan")), FakeAxis(log, "y", 400.0)]
+    cycle = Cycle(sensor, FakeAmplifier(log), axes, GUARD, 1e-3)
+
+    record = cycle.run(0)
+
+    assert record.admitted.drive_v == [0.0, 5.0]
+    assert log[-3:] == ["write [0.0, 5.0] at 0", "x has 0.0 V", "y has 5.0 V"]
+
+
+def test_the_overseer_says_which_samples_are_used() -> None:
+    """It stands between reading and compensating."""
+    log: list[str] = []
+    sensor = FakeSensor(log, [Sample(0, 1.5, valid=True)])
+    axes = [FakeAxis(log, "x", 3.0)]
+
+    one = Guard([Limits(0.0, 150.0, 5000.0)], longest_s=2e-3)
+    record = Cycle(sensor, FakeAmplifier(log), axes, one, 1e-3, Doubter()).run(0)
+
+    assert not record.samples[0].valid
