@@ -97,7 +97,8 @@ LOOP, BUS, AMPLIFIER, SENSOR, ADAPTATION, PROCESS = Source
 NONE, WARN, DEGRADE, HOLD, RAMP, BLIND, CUT = Reaction
 L0, L1, L2, L3 = Latch
 
-# fmt: off - a table: two or three lines a row
+# A table reads best with two or three lines a row.
+# fmt: off
 FAULTS: Final[tuple[FaultRule, ...]] = (
     # Sensor.
     FaultRule("S1", "sensor value stuck while the stage should move", SENSOR, HOLD, L2, "error",
