@@ -91,7 +91,7 @@ def test_sensor_with_a_sample_too_few_is_a_mistake() -> None:
 
 
 def test_the_guard_is_the_last_thing_before_the_write() -> None:
-    """What an axis asks for is cut to what the limits allow in a cycle, and nothing else written."""
+    """What an axis asks for is cut to what the limits allow, and nothing else is written."""
     log: list[str] = []
     sensor = FakeSensor(log, [Sample(0, 1.5, valid=True), Sample(0, 2.5, valid=True)])
     axes = [FakeAxis(log, "x", float("nan")), FakeAxis(log, "y", 400.0)]
