@@ -1,0 +1,331 @@
+"""What becomes of faults from cycle to cycle."""
+
+from collections.abc import Sequence
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.control.fault_register import CAUSE_CYCLES, GOOD_CYCLES, Detection, FaultRegister
+from piezod.control.fault_table import FAULTS, INDEX, FaultRule, Latch, Reaction, ids, mask
+
+PERIOD_NS = 1_000_000
+SECOND = 1000
+S5 = Detection("S5", 0, 4.0, 3.0)
+
+
+class Stage:
+    """A register whose time goes on by a period with each cycle."""
+
+    def __init__(self) -> None:
+        self.register = FaultRegister(reset_after_cycles=SECOND)
+        self.t_ns = 0
+        self.told: list[tuple[str, bool]] = []
+
+    def cycle(self, *faults: str | Detection) -> Reaction:
+        """Run a cycle in which these faults are found; return the reaction."""
+        self.t_ns += PERIOD_NS
+        found = [Detection(fault) if isinstance(fault, str) else fault for fault in faults]
+        reaction = self.register.update(found, self.t_ns)
+        self.told += [(news.rule.id, news.appeared) for news in self.register.news]
+        return reaction
+
+    def cycles(self, count: int, *faults: str) -> list[Reaction]:
+        """Run cycles in each of which these faults are found; return the reactions."""
+        return [self.cycle(*faults) for _ in range(count)]
+
+    @property
+    def present(self) -> list[str]:
+        """Ids of the faults that are present."""
+        return ids(self.register.present)
+
+    @property
+    def latched(self) -> list[str]:
+        """Ids of the faults that are latched."""
+        return ids(self.register.latched)
+
+
+@pytest.fixture
+def stage() -> Stage:
+    """A stage without a fault."""
+    return Stage()
+
+
+def test_without_a_fault_nothing_happens(stage: Stage) -> None:
+    """No reaction, no news, no mask."""
+    assert set(stage.cycles(100)) == {Reaction.NONE}
+    assert (stage.present, stage.latched, stage.told) == ([], [], [])
+
+
+@pytest.mark.parametrize("rule", FAULTS, ids=lambda rule: rule.id)
+def test_each_fault_has_its_reaction_at_once_and_only_once(stage: Stage, rule: FaultRule) -> None:
+    """In the cycle in which it is found; while it stays it is not new."""
+    assert stage.cycle(rule.id) is rule.reaction
+    assert stage.cycle(rule.id) is Reaction.NONE
+    assert stage.present == [rule.id]
+    assert stage.latched == ([rule.id] if rule.latch else [])
+    assert stage.told == [(rule.id, True)]
+
+
+def test_the_worst_reaction_wins(stage: Stage) -> None:
+    """In whichever order the watches tell."""
+    assert stage.cycle("L4", "A3", "A12", "S5") is Reaction.CUT
+
+
+def test_a_fault_is_gone_after_twenty_good_cycles(stage: Stage) -> None:
+    """Not after nineteen; being found once more, it starts to count anew."""
+    stage.cycle("A6")
+    stage.cycles(GOOD_CYCLES - 1)
+    assert stage.present == ["A6"]
+    stage.cycle("A6")
+    stage.cycles(GOOD_CYCLES - 1)
+    assert stage.present == ["A6"]
+    stage.cycle()
+
+    assert stage.present == []
+    assert stage.told == [("A6", True), ("A6", False)]
+
+
+def test_a_latched_fault_stays_until_somebody_ends_it(stage: Stage) -> None:
+    """It is no longer present, but latched; its end is told when it is dropped."""
+    stage.cycle("S5")
+    stage.cycles(10 * SECOND)
+    assert (stage.present, stage.latched) == ([], ["S5"])
+    assert stage.register.resume() == ""
+    stage.cycle()
+
+    assert stage.latched == []
+    assert stage.told == [("S5", True), ("S5", False)]
+
+
+def test_resume_waits_for_the_fault_to_go(stage: Stage) -> None:
+    """Twenty good cycles; then it drops what is latched until `resume`."""
+    stage.cycle("S5")
+    stage.cycles(GOOD_CYCLES - 1)
+    why = stage.register.resume()
+
+    assert why == "S5 is present: no valid sample; check cable, power and light of the sensor"
+    stage.cycle()
+    assert stage.register.resume() == ""
+
+
+def test_resume_does_not_drop_what_needs_a_reset(stage: Stage) -> None:
+    """And drops nothing else then, either."""
+    stage.cycle("A3", "S5")
+    stage.cycles(SECOND)
+
+    assert stage.register.resume().startswith("A3 was found: ")
+    assert "A3" in stage.latched
+
+
+def test_reset_needs_the_fault_gone_for_a_second(stage: Stage) -> None:
+    """Not a cycle less."""
+    stage.cycle("A3")
+    stage.cycles(SECOND - 1)
+    assert stage.register.reset(engineer=True).startswith("A3 was found: ")
+    stage.cycle()
+
+    assert stage.register.reset(engineer=False) == ""
+    assert stage.latched == []
+
+
+def test_the_gravest_faults_need_an_engineer(stage: Stage) -> None:
+    """An operator is told so."""
+    stage.cycle("A12")
+    stage.cycles(SECOND)
+
+    assert "an engineer's `piezod reset`" in stage.register.reset(engineer=False)
+    assert stage.latched == ["A12"]
+    assert stage.register.reset(engineer=True) == ""
+    assert stage.latched == []
+
+
+def test_reset_drops_what_resume_would(stage: Stage) -> None:
+    """After a ramp there is nothing to resume; twenty good cycles are enough."""
+    stage.cycle("L5")
+    stage.cycles(GOOD_CYCLES)
+
+    assert stage.register.reset(engineer=False) == ""
+    assert stage.latched == []
+
+
+def test_reset_tells_where_it_could_drop_nothing(stage: Stage) -> None:
+    """Also of faults that only forbid to adapt; a stopped stage may leave those."""
+    stage.cycle("D1")
+    assert stage.register.reset(engineer=False).startswith("D1 is present: ")
+    stage.cycles(SECOND)
+    stage.cycle("A3")
+    stage.cycles(SECOND)
+    stage.cycle("D10")
+
+    assert stage.register.reset(engineer=False) == ""
+    assert stage.latched == ["D10"]
+
+
+def test_only_faults_that_stop_the_stage_forbid_to_arm(stage: Stage) -> None:
+    """Present or latched; what is latched until `resume` does not block a ramp's end in SAFE."""
+    stage.cycle("D1", "A6", "L7")
+    assert (stage.register.no_entry, stage.register.blocking) == ("", 0)
+    stage.cycles(CAUSE_CYCLES)
+    stage.cycle("S5")
+    assert stage.register.no_entry.startswith("S5 is present: ")
+    assert stage.register.blocking == 0
+    stage.cycle("A3")
+
+    assert stage.register.blocking == mask(["A3"])
+
+
+@pytest.mark.parametrize(("fault", "last_cycle"), [("A3", 7), ("A4", 9), ("S9", 20)])
+def test_a_fault_that_stays_for_cycles_becomes_worse(
+    stage: Stage, fault: str, last_cycle: int
+) -> None:
+    """HOLD becomes RAMP, once, in the cycle that the table names."""
+    reactions = stage.cycles(50, fault)
+
+    assert [k for k, r in enumerate(reactions) if r is Reaction.HOLD] == [0]
+    assert [k for k, r in enumerate(reactions) if r is Reaction.RAMP] == [last_cycle]
+    assert stage.told == [(fault, True)] * 2
+    assert ids(stage.register.blocking) == [fault]
+
+
+@pytest.mark.fault("S5")
+@pytest.mark.fault("A1")
+@pytest.mark.parametrize(("fault", "worse"), [("S5", Reaction.RAMP), ("A1", Reaction.BLIND)])
+def test_a_fault_that_stays_for_a_second_needs_a_reset(
+    stage: Stage, fault: str, worse: Reaction
+) -> None:
+    """Below that, `resume` ends it."""
+    before = stage.cycles(SECOND, fault)
+    assert set(before[1:]) == {Reaction.NONE}
+    assert stage.register.blocking == 0
+
+    assert stage.cycle(fault) is worse
+    assert ids(stage.register.blocking) == [fault]
+
+
+def test_a_fault_that_comes_back_reacts_anew_but_keeps_its_latch(stage: Stage) -> None:
+    """Once it needed a reset it needs one, though the second time was short."""
+    stage.cycles(SECOND + 1, "S5")
+    stage.cycles(GOOD_CYCLES)
+
+    assert stage.cycle("S5") is Reaction.HOLD
+    assert ids(stage.register.blocking) == ["S5"]
+
+
+def test_a_consequence_is_not_told_with_its_cause(stage: Stage) -> None:
+    """Though the watch of the consequence tells first."""
+    reaction = stage.cycle("S5", "A1")
+
+    assert reaction is Reaction.BLIND
+    assert (stage.present, stage.latched) == (["A1"], ["A1"])
+
+
+def test_a_consequence_that_outlasts_its_cause_is_a_fault(stage: Stage) -> None:
+    """Ten cycles after the cause appeared."""
+    reactions = [stage.cycle("L2"), *stage.cycles(CAUSE_CYCLES + 1, "S5")]
+
+    assert reactions == [Reaction.HOLD] + [Reaction.NONE] * CAUSE_CYCLES + [Reaction.HOLD]
+    assert stage.told == [("L2", True), ("S5", True)]
+
+
+def test_a_mild_cause_excuses_nothing_grave(stage: Stage) -> None:
+    """A single late cycle does not hide a stuck sensor."""
+    assert stage.cycle("L1", "S1") is Reaction.HOLD
+    assert stage.present == ["S1", "L1"]
+
+
+def test_what_concerns_the_process_is_never_a_consequence(stage: Stage) -> None:
+    """A failed control law is told beside a hung bus."""
+    stage.cycle("B1", "P4")
+
+    assert stage.present == ["B1", "P4"]
+
+
+def test_two_faults_of_one_source_hold_once(stage: Stage) -> None:
+    """A sensor that gives no number soon gives no sample: one trouble, both told, one HOLD."""
+    assert stage.cycle("S5") is Reaction.HOLD
+    stage.cycles(3, "S5")
+
+    assert stage.cycle("S5", "S2") is Reaction.NONE
+    assert stage.present == ["S2", "S5"]
+
+
+def test_a_fault_of_another_source_holds_again(stage: Stage) -> None:
+    """The state machine then makes RAMP of it."""
+    stage.cycle("S5")
+
+    assert stage.cycle("S5", "A3") is Reaction.HOLD
+
+
+def test_a_fault_that_comes_to_another_axis_is_new(stage: Stage) -> None:
+    """It is told for each axis, and reacted to for each."""
+    first = stage.cycle(Detection("D1", 0))
+    second = stage.cycle(Detection("D1", 0), Detection("D1", 1))
+    third = stage.cycle(Detection("D1", 1), Detection("D1", 0))
+
+    assert (first, second, third) == (Reaction.DEGRADE, Reaction.DEGRADE, Reaction.NONE)
+    assert stage.told == [("D1", True)] * 2
+
+
+def test_news_carry_what_was_measured(stage: Stage) -> None:
+    """The value and the limit that it was compared with, and the rule that holds now."""
+    stage.cycle(S5)
+
+    assert stage.register.news == [(FAULTS[INDEX["S5"]], S5, True)]
+
+
+def test_news_of_an_escalation_carry_the_worse_reaction(stage: Stage) -> None:
+    """What the log shows is what is done."""
+    stage.cycles(7, "A3")
+    stage.cycle("A3")
+
+    assert [news.rule.reaction for news in stage.register.news] == [Reaction.RAMP]
+
+
+FOUND = st.lists(st.sets(st.sampled_from([rule.id for rule in FAULTS]), max_size=4), max_size=60)
+
+
+@given(found=FOUND)
+def test_suppression_never_weakens_the_reaction(found: Sequence[set[str]]) -> None:
+    """Whatever is found: something at least as strict is present, and was reacted to."""
+    stage = Stage()
+    for faults in found:
+        stage.cycle(*faults)
+        present = max((FAULTS[INDEX[fault]].reaction for fault in stage.present), default=0)
+
+        assert all(FAULTS[INDEX[fault]].reaction <= present for fault in faults)
+
+
+@given(found=FOUND, engineer=st.booleans(), wait=st.integers(0, 2 * SECOND))
+def test_after_a_second_without_faults_a_reset_ends_all(
+    found: Sequence[set[str]], engineer: bool, wait: int
+) -> None:
+    """What is then left needs an engineer; before, nothing present is dropped."""
+    stage = Stage()
+    for faults in found:
+        stage.cycle(*faults)
+    stage.cycles(wait)
+    present = stage.register.present & stage.register.latched
+    stage.register.reset(engineer)
+    left = {FAULTS[INDEX[fault]].latch for fault in stage.latched}
+
+    assert stage.register.latched & present == present
+    if wait >= SECOND:
+        assert left <= (set() if engineer else {Latch.L3})
+
+
+@given(found=FOUND)
+def test_each_fault_that_ends_has_begun(found: Sequence[set[str]]) -> None:
+    """The log pairs up: nothing ends twice, and what is over is in no mask."""
+    stage = Stage()
+    for faults in found:
+        stage.cycle(*faults)
+    stage.cycles(SECOND)
+    stage.register.reset(engineer=True)
+    stage.cycle()
+    begun = {fault for fault, appeared in stage.told if appeared}
+    last = dict(stage.told)
+
+    assert set(last) == begun
+    assert not any(last.values())
+    assert stage.register.present == stage.register.latched == 0
