@@ -13,6 +13,7 @@ from piezod.devices.interface import (
     Sample,
     Sensor,
 )
+from piezod.devices.status import NO_FLAGS, Flags, TellsStatus
 from piezod.errors import DeviceError
 
 
@@ -34,7 +35,7 @@ def served_axes(device: str, axes: Mapping[str, ChannelPair]) -> tuple[str, ...]
 
 
 class Channels:
-    """Implements `Sensor`, `Amplifier` and `KnowsTruth` for all axes, over their devices.
+    """Implements `Sensor`, `Amplifier`, `KnowsTruth` and `TellsStatus` for all axes.
 
     Args:
         devices: Constructed devices by name, each for its `served_axes`.
@@ -51,6 +52,7 @@ class Channels:
         self._sensors: list[tuple[Sensor, list[tuple[int, int]]]] = []
         self._amplifiers: list[tuple[Amplifier, list[int]]] = []
         self._truths: list[tuple[KnowsTruth, list[tuple[int, int]]]] = []
+        self._tellers: list[tuple[TellsStatus, list[tuple[int, int]]]] = []
         for name, device in devices.items():
             served = served_axes(name, axes)
             measured = [(i, place[a]) for i, a in enumerate(served) if axes[a].sensor == name]
@@ -65,8 +67,12 @@ class Channels:
                 if not isinstance(device, Amplifier):
                     raise _wrong_role(name, "amplifier")
                 self._amplifiers.append((device, driven))
+            if isinstance(device, TellsStatus):
+                served_places = [(channel, place[axis]) for channel, axis in enumerate(served)]
+                self._tellers.append((device, served_places))
         self._zero_um = [0.0] * len(axes)
         self._true_zero_um = [0.0] * len(axes)
+        self._no_flags = [NO_FLAGS] * len(axes)
 
     def open(self) -> Identity:
         """Open every device; if one cannot be, those before it are closed again."""
@@ -156,6 +162,20 @@ class Channels:
             for axis, value in zip(driven, amplifier.read_back(now_ns), strict=True):
                 drive_v[axis] = value
         return drive_v
+
+    def status(self, now_ns: int) -> list[Flags]:
+        """Tell what is the matter with each axis, in either role; may be called in the loop.
+
+        Nothing is where a device does not tell its status.
+        """
+        if not self._tellers:
+            return self._no_flags
+        flags = self._no_flags.copy()
+        for device, served in self._tellers:
+            told = device.status(now_ns)
+            for channel, axis in served:
+                flags[axis] |= told[channel]
+        return flags
 
 
 def _wrong_role(name: str, role: str) -> DeviceError:

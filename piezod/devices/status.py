@@ -9,13 +9,21 @@ class DeviceFlag(StrEnum):
     """Something that a device says is the matter with a channel."""
 
     OVERLOAD = "overload"
+    """The amplifier gives less than it should, its current being limited."""
     OVER_TEMPERATURE = "over-temperature"
+    """The amplifier is too hot."""
     LOCAL_MODE = "local mode"
+    """The amplifier does not obey: somebody else does, or it is disabled."""
     WATCHDOG_TRIPPED = "watchdog tripped"
+    """The amplifier has waited too long for the host, and went to its own safe state."""
     SHORT_OR_OPEN = "short or open"
+    """The actuator is shorted, or is not there."""
     RESTARTED = "restarted"
+    """The amplifier was switched off and on again; never said of a sensor."""
     LOW_LIGHT = "low light"
+    """The sensor has not enough light: what it shows is not to be trusted."""
     SATURATED = "saturated"
+    """The sensor is at the end of its converter's range."""
 
 
 Flags: TypeAlias = frozenset[DeviceFlag]
