@@ -1,5 +1,6 @@
 """`piezod safe`: to the safe voltage, without a daemon."""
 
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -39,8 +40,8 @@ def safe(
     """Ramp a stage to its safe voltage after its daemon has died.
 
     The ramp starts from the voltage read back, or, where the amplifier tells none, from the one
-    that the daemon wrote last. Exits with 0 if all axes are there. Else it says UNKNOWN and why, and
-    exits with 1. Exits with 75 if the daemon lives.
+    that the daemon wrote last. Exits with 0 if all axes are there; else it says UNKNOWN and why,
+    and exits with 1. Exits with 75 if the daemon lives.
     """
     from piezod.daemon.paths import stage_paths
 
@@ -72,10 +73,18 @@ def _lock(paths: "StagePaths") -> "Lock":
 
 
 def _in_force(config: Path, paths: "StagePaths") -> "DaemonConfig":
-    """Load the configuration that the daemon runs or ran, whatever became of the file since."""
+    """Load what the daemon ran when it died: of the file there may be a newer version."""
     from piezod.config.daemon import load_daemon
     from piezod.devices import registry
+    from piezod.errors import ConfigError
 
+    # The daemon keeps a copy of what it has accepted, in one of two folders, and starts us with it.
+    copies = list(paths.runtime.glob(f"config-*/{config.name}"))
+    if config not in copies and copies and paths.running.exists():
+        try:
+            return load_daemon(max(copies, key=lambda copy: copy.stat().st_mtime), registry)
+        except ConfigError:
+            pass  # it died while it wrote that one
     return load_daemon(config, registry)
 
 
@@ -105,19 +114,20 @@ def _tell(outcomes: "dict[str, AxisOutcome]", *, json: bool) -> None:
         return
     if not outcomes:
         typer.echo("the daemon has ended in order: nothing to do")
-    for name, each in outcomes.items():
-        if not each.why:
-            came = "last written" if each.from_noted else "read back"
-            told = f"{each.read_back_v:.2f} V read back"
-            told = told if each.read_back_v == each.read_back_v else "the amplifier tells nothing"
-            typer.echo(f"{name}: from {each.from_v:.2f} V ({came}) to {each.safe_v:g} V, {told}")
+    for name, (from_v, noted, safe_v, read_back_v, why) in outcomes.items():
+        if not why:
+            source = "written last, the amplifier tells nothing" if noted else "read back"
+            end = "not read back" if isnan(read_back_v) else f"{read_back_v:.2f} V read back"
+            typer.echo(f"{name}: from {from_v:.2f} V ({source}) to {safe_v:g} V, {end}")
 
 
 def _raise_unknown(outcomes: "dict[str, AxisOutcome]") -> None:
     from piezod.errors import DeviceError
 
     unknown = [
-        f"{name}: voltage UNKNOWN: {each.why}" for name, each in outcomes.items() if each.why
+        f"axis {name}: the voltage is UNKNOWN: {each.why}"
+        for name, each in outcomes.items()
+        if each.why
     ]
     if unknown:
         raise DeviceError("\n".join(unknown))
