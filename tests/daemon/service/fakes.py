@@ -77,7 +77,13 @@ class FakeStage:
 
     def status(self) -> Document:
         axes = {"x": {"position_um": NAN, "command_um": 1.5, "drive_v": 20.0}}
-        return {"state": "SAFE", "mode": "adaptive", "faults": [], "skipped_cycles": 0, "axes": axes}
+        return {
+            "state": "SAFE",
+            "mode": "adaptive",
+            "faults": [],
+            "skipped_cycles": 0,
+            "axes": axes,
+        }
 
     def health(self) -> tuple[bool, Document]:
         return self.healthy, {"healthy_cycles": 12}

@@ -1,0 +1,126 @@
+import httpx
+import pytest
+
+from piezod.config import requests
+from piezod.config.modes import Mode
+from piezod.daemon.service.routes_commands import COMMANDS
+from piezod.daemon.service.stage_service import Role
+from tests.daemon.service.bodies import BODIES
+from tests.daemon.service.fakes import Served
+
+
+def test_goto_is_carried_out(served: Served, client: httpx.Client) -> None:
+    """A request reaches the stage as a model, and its movement is told."""
+    answer = client.post("goto", json={"position_um": 12.5, "axis": "x"})
+
+    assert answer.json() == {"accepted": True, "motion": 7}
+    assert served.stage.requests == [requests.Goto(position_um=12.5, axis="x")]
+
+
+@pytest.mark.parametrize("path", sorted(COMMANDS))
+def test_every_command_reaches_the_stage(served: Served, path: str) -> None:
+    """The path says what kind of request the body is."""
+    with served.client() as client:
+        answer = client.post(path, json=BODIES.get(path, {}))
+
+    assert answer.status_code == 200, answer.text
+    assert type(served.stage.requests[0]) is COMMANDS[path]
+
+
+def test_empty_body_is_an_empty_object(served: Served, client: httpx.Client) -> None:
+    """Commands without parameters need no body."""
+    client.post("hold")
+
+    assert served.stage.requests == [requests.Hold()]
+
+
+def test_lists_are_taken_by_strict_models(served: Served, client: httpx.Client) -> None:
+    """A waveform of points, lists in JSON, arrives as tuples."""
+    points = {"kind": "points", "points": [[0.0, 1.0], [1.0, 2.0]]}
+    client.post("wave", json={"command_um": {"x": points}, "duration_s": 1.0}).raise_for_status()
+
+    request = served.stage.requests[0]
+    assert isinstance(request, requests.Wave)
+    assert request.command_um["x"].model_dump()["points"] == ((0.0, 1.0), (1.0, 2.0))
+
+
+def test_mode_is_a_name(served: Served, client: httpx.Client) -> None:
+    """A mode is asked for as files name it."""
+    client.post("mode", json={"mode": "trimmed"})
+
+    assert served.stage.requests == [requests.SelectMode(mode=Mode.TRIMMED)]
+
+
+@pytest.mark.fault("C13")
+def test_refusal_tells_the_stages_reason(served: Served, client: httpx.Client) -> None:
+    """What a state does not allow is answered with 409 and why."""
+    served.stage.refusal = "the stage is SAFE; arm it first"
+    answer = client.post("goto", json={"position_um": 1.0})
+
+    assert answer.status_code == 409
+    assert answer.json()["error"]["code"] == "refused"
+    assert answer.json()["error"]["what"] == "the stage is SAFE; arm it first"
+
+
+def test_no_loop_is_503(served: Served, client: httpx.Client) -> None:
+    """Where there is no loop, that is what the error says."""
+    served.stage.lost_link = True
+    answer = client.post("stop")
+
+    assert (answer.status_code, answer.json()["error"]["code"]) == (503, "unavailable")
+
+
+@pytest.mark.fault("C10")
+@pytest.mark.parametrize("position_um", [1e9, "1.0", True, None, [1.0]])
+def test_setpoint_that_is_not_allowed_is_refused(
+    served: Served, client: httpx.Client, position_um: object
+) -> None:
+    """It is not clamped, and no text is taken for a number."""
+    answer = client.post("goto", json={"position_um": position_um})
+
+    assert answer.status_code == 422
+    assert answer.json()["error"]["what"].startswith("position_um: ")
+    assert "100000 µm" in answer.json()["error"]["what"]
+    assert served.called() == 0
+
+
+def test_unknown_key_is_refused(served: Served, client: httpx.Client) -> None:
+    """A key that is misspelt does not go unnoticed."""
+    answer = client.post("goto", json={"position_um": 1.0, "sped": 3})
+
+    assert answer.json()["error"]["what"] == "sped: unknown key"
+    assert served.called() == 0
+
+
+@pytest.mark.parametrize("part", [{"kind": "csv", "path": "/etc/passwd", "column": "x"}])
+def test_files_are_not_read_for_clients(
+    served: Served, client: httpx.Client, part: dict[str, object]
+) -> None:
+    """A waveform from a file is refused before validation would look at the file."""
+    sequence = {"kind": "sequence", "parts": [{"duration_s": 1.0, "waveform": part}]}
+    answer = client.post("wave", json={"command_um": {"x": sequence}, "duration_s": 1.0})
+
+    assert answer.status_code == 422
+    assert "points" in answer.json()["error"]["remedy"]
+    assert served.called() == 0
+
+
+def test_only_engineers_reset_level_3(served: Served, client: httpx.Client) -> None:
+    """An operator resets what operators may, and is told what he may not."""
+    served.roles.role = Role.OPERATOR
+    codes = [client.post("reset", json={"engineer": asked}).status_code for asked in (True, False)]
+
+    assert codes == [403, 200]
+    assert served.stage.requests == [requests.Reset(engineer=False)]
+
+
+def test_who_did_what_is_noted(served: Served, client: httpx.Client) -> None:
+    """The audit has the user, the client, the request, and why it was not carried out."""
+    client.post("goto", json={"position_um": 1.5})
+    served.stage.refusal = "no"
+    client.post("arm")
+
+    assert [(e.peer.user, e.peer.client, e.what, e.why) for e in served.stage.audited] == [
+        ("somebody", "test", "goto {'position_um': 1.5}", ""),
+        ("somebody", "test", "arm", "no"),
+    ]

@@ -1,0 +1,126 @@
+import httpx
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.daemon.service.lease import LEASE_S, Lease
+from piezod.daemon.service.refusals import LeaseHeldError
+from piezod.daemon.service.roles import ACCESS
+from piezod.daemon.service.stage_service import Peer, Role
+from tests.daemon.service.bodies import answer_of
+from tests.daemon.service.fakes import FakeNow, Served
+
+PEERS = [Peer(1000, 1, "ann", "", Role.OPERATOR), Peer(1000, 2, "ann", "b", Role.OPERATOR)]
+PEERS.append(Peer(1001, 3, "bob", "", Role.OPERATOR))
+NEEDS_LEASE = sorted(key for key, access in ACCESS.items() if access.lease)
+NEEDS_NONE = sorted(ACCESS.keys() - set(NEEDS_LEASE))
+STEPS = st.lists(
+    st.tuples(st.sampled_from(["claim", "release", "wait"]), st.integers(0, 2), st.floats(0, 40))
+)
+
+
+@pytest.mark.fault("C8")
+@given(STEPS)
+def test_one_at_a_time_has_the_lease(steps: list[tuple[str, int, float]]) -> None:
+    """Whatever three clients do, nobody gets it while another had it within 30 s."""
+    now = FakeNow()
+    lease = Lease(now)
+    holder, until_s = -1, 0.0
+
+    for what, who, wait_s in steps:
+        free = holder in (-1, who) or now.now_s >= until_s
+        if what == "wait":
+            now.now_s += wait_s
+        elif what == "release":
+            assert lease.release(PEERS[who]) == (holder == who)
+            holder = -1 if holder == who else holder
+        elif free:
+            lease.claim(PEERS[who])
+            holder, until_s = who, now.now_s + LEASE_S
+        else:
+            with pytest.raises(LeaseHeldError):
+                lease.claim(PEERS[who])
+
+
+@pytest.mark.fault("C8")
+def test_command_of_another_is_refused_with_the_holder(served: Served) -> None:
+    """Who moves the stage is told to whoever wants to, and for how long."""
+    with served.client("first") as first, served.client("second") as second:
+        first.post("goto", json={"position_um": 1.0})
+        served.now.now_s += 10.0
+        answer = second.post("goto", json={"position_um": 2.0})
+
+    assert answer.status_code == 409
+    error = answer.json()["error"]
+    assert (error["code"], error["expires_in_s"]) == ("lease_held", 20.0)
+    assert error["holder"] == {"user": "somebody", "uid": served.stage.audited[0].peer.uid} | {
+        "client": "first"
+    }
+    assert served.called() == 1
+
+
+@pytest.mark.fault("C8")
+@pytest.mark.parametrize("endpoint", NEEDS_LEASE, ids=" ".join)
+def test_endpoint_that_moves_needs_the_lease(served: Served, endpoint: tuple[str, str]) -> None:
+    """Each of them is refused while another has the lease."""
+    with served.client("first") as first, served.client("second") as second:
+        first.post("lease").raise_for_status()
+        answer = answer_of(second, endpoint)
+
+    assert (answer.status_code, answer.json()["error"]["code"]) == (409, "lease_held")
+    assert served.called() == 0
+
+
+@pytest.mark.fault("C8")
+def test_other_endpoints_need_none(served: Served) -> None:
+    """Looking, and going towards safety, is for everybody."""
+    with served.client("first") as first:
+        first.post("lease").raise_for_status()
+    for endpoint in NEEDS_NONE:
+        served.now.now_s += 0.1  # the rate limit is another test's
+        with served.client("second") as second:
+            assert answer_of(second, endpoint).status_code in (200, 404), endpoint
+
+
+@pytest.mark.fault("C9")
+def test_lease_of_nobody_runs_out(served: Served) -> None:
+    """After 30 s without a command another gets it."""
+    with served.client("first") as first, served.client("second") as second:
+        first.post("lease").raise_for_status()
+        served.now.now_s += LEASE_S
+        answer = second.post("arm")
+
+    assert answer.status_code == 200
+
+
+def test_command_renews_the_lease(served: Served) -> None:
+    """Whoever goes on commanding keeps it."""
+    with served.client("first") as first, served.client("second") as second:
+        first.post("arm")
+        served.now.now_s += 20.0
+        first.post("goto", json={"position_um": 1.0})
+        served.now.now_s += 20.0
+        answer = second.post("arm")
+
+    assert answer.status_code == 409
+
+
+def test_malformed_command_takes_no_lease(served: Served) -> None:
+    """A lease is for those who can say what they want."""
+    with served.client("first") as first, served.client("second") as second:
+        first.post("goto", json={})
+        answer = second.post("arm")
+
+    assert answer.status_code == 200
+
+
+def test_lease_is_given_back(served: Served, client: httpx.Client) -> None:
+    """Another need not wait for its end then."""
+    lease = client.post("lease").json()
+    released = [client.delete("lease").json()["released"] for _ in range(2)]
+
+    assert lease["expires_in_s"] == LEASE_S
+    assert lease["holder"]["client"] == "test"
+    assert released == [True, False]
+    with served.client("second") as second:
+        assert second.post("arm").status_code == 200
