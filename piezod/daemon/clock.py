@@ -34,3 +34,10 @@ class MonotonicClock:
         left_ns = t_ns - time.monotonic_ns()
         if left_ns > 0:
             time.sleep(left_ns / NS_PER_S)
+
+
+def clock_offsets_ns() -> tuple[int, int]:
+    """Return how far CLOCK_REALTIME and CLOCK_BOOTTIME are ahead of CLOCK_MONOTONIC."""
+    monotonic_ns = time.monotonic_ns()
+    wall_ns, boot_ns = time.time_ns(), time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+    return wall_ns - monotonic_ns, boot_ns - monotonic_ns

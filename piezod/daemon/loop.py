@@ -1,14 +1,14 @@
 """The loop on one screen: wait, run a cycle, publish it, take a request."""
 
-import time
 from collections.abc import Sequence
 from typing import Final, Protocol
 
 from piezod.config.requests import Request, Shutdown
+from piezod.control.fault_register import Detection
 from piezod.control.loop_watch import CycleTiming
 from piezod.control.stage_record import Answer, StageEvent, StageRecord
-from piezod.daemon.clock import Clock
-from piezod.daemon.pacer import Pacer, Tick
+from piezod.daemon.clock import Clock, clock_offsets_ns
+from piezod.daemon.pacer import Pacer
 from piezod.daemon.process_counters import ProcessCounters
 from piezod.daemon.publisher import KnowsLearned, Publisher
 from piezod.daemon.timed_channels import TimedChannels
@@ -42,6 +42,10 @@ class Controller(KnowsLearned, Protocol):
 
     def cycle(self, t_ns: int, timing: CycleTiming) -> StageRecord:
         """Run one cycle."""
+        ...
+
+    def found(self, detection: Detection) -> None:
+        """Take a fault that was found outside, for the next cycle."""
         ...
 
     def take_events(self) -> Sequence[StageEvent]:
@@ -89,23 +93,13 @@ class Loop:
         timed.start()
         for axis, position_um, came_ns in self._stream.take():
             controller.stream_um(axis, position_um, came_ns)
-        record = controller.cycle(t_ns, self._timing(tick))
+        timing = CycleTiming(tick.late_ns, tick.skipped, self._busy_ns, *clock_offsets_ns())
+        record = controller.cycle(t_ns, timing)
         publisher.record(record, tick, timed, self._now_ns())
         publisher.events(controller.take_events())
         publisher.learned(controller)
         self._look_around(t_ns, tick.skipped)
         self._busy_ns = self._now_ns() - t_ns
-
-    def _timing(self, tick: Tick) -> CycleTiming:
-        monotonic_ns = self._now_ns()
-        wall_ns, boot_ns = time.time_ns(), time.clock_gettime_ns(time.CLOCK_BOOTTIME)
-        return CycleTiming(
-            tick.late_ns,
-            tick.skipped,
-            self._busy_ns,
-            wall_ns - monotonic_ns,
-            boot_ns - monotonic_ns,
-        )
 
     def _look_around(self, t_ns: int, skipped: int) -> None:
         """Do what need not be done before the write."""
@@ -115,7 +109,8 @@ class Loop:
             accepted, why, motion = self._execute(payload, t_ns)
             self._mailbox.answer(number, accepted=accepted, motion=motion, why=why)
         if self._supervisor.lost(t_ns, skipped):
-            self.publisher.events([_supervisor_lost(t_ns)])
+            limit_s = SUPERVISOR_LOST_NS / NS_PER_S
+            self._controller.found(Detection("H1", measured=limit_s, limit=limit_s))
             self._controller.execute(Shutdown(), t_ns)
         if t_ns - self._counted_ns >= _COUNTED_EACH_NS:
             self._counted_ns = t_ns
@@ -158,9 +153,3 @@ class SupervisorWatch:
 
 
 _SUPERVISOR_BEAT: Final = int(Word.SUPERVISOR_BEAT_NS)
-
-
-def _supervisor_lost(t_ns: int) -> StageEvent:
-    limit_s = SUPERVISOR_LOST_NS / NS_PER_S
-    text = f"the supervisor has been silent for {limit_s:g} s: to the safe voltage, then out"
-    return StageEvent(t_ns, "error", "fault", text, "H1", limit=limit_s)

@@ -6,6 +6,7 @@ from piezod.control.device_boundary import StageDevices
 from piezod.daemon.clock import Clock
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.devices.status import Flags
 
 NOT_WRITTEN = -1
 
@@ -57,6 +58,10 @@ class TimedChannels:
             return self._devices.write(drive_v, now_ns)
         finally:
             self.write_ns += self._now_ns() - begin_ns
+
+    def status(self, now_ns: int) -> Sequence[Flags]:
+        """Tell what the devices say is the matter with each axis; may be called in the loop."""
+        return self._devices.status(now_ns)
 
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
         """Call these displacements zero from now on."""

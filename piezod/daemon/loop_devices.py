@@ -1,0 +1,76 @@
+"""The devices of a stage, opened by a thread that tries again until they are there."""
+
+import threading
+from typing import Final
+
+from piezod.config.daemon import DaemonConfig
+from piezod.daemon.clock import Clock
+from piezod.devices import registry
+from piezod.devices.channels import ChannelPair, Channels, served_axes
+from piezod.devices.interface import Device
+from piezod.errors import DeviceError
+
+FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 2.0
+IN_MEMORY: Final = frozenset({"simulated"})
+"""Drivers whose stages live in this process: at rest, and relaxed, whenever they are opened."""
+
+
+def make_channels(config: DaemonConfig) -> Channels:
+    """Construct the devices; nothing is opened.
+
+    Raises:
+        DeviceError: If a device cannot play the role that an axis gives it.
+        RegistryError: If a driver cannot be loaded.
+    """
+    axes = {name: ChannelPair(axis.sensor, axis.amplifier) for name, axis in config.axes.items()}
+    devices: dict[str, Device] = {}
+    for name, device in config.devices.items():
+        plugin = registry.load(device.driver)
+        devices[name] = plugin.create(device.options, served_axes(name, axes), config.seed)
+    return Channels(devices, axes)
+
+
+def starts_relaxed(config: DaemonConfig) -> bool:
+    """Tell whether the memory of every stage is known when its devices have been opened."""
+    amplifiers = {config.devices[axis.amplifier].driver for axis in config.axes.values()}
+    return amplifiers <= IN_MEMORY
+
+
+class Opening(threading.Thread):
+    """Opens and activates devices, again and again; the loop's process lives on meanwhile.
+
+    Args:
+        channels: The devices; nobody else uses them until this thread has ended.
+        clock: The clock of the loop.
+    """
+
+    def __init__(self, channels: Channels, clock: Clock) -> None:
+        super().__init__(name="opening", daemon=True)
+        self._channels, self._clock = channels, clock
+        self._stopped = threading.Event()
+        self.absent = ""
+        """Why the last attempt failed; empty as long as none has."""
+        self.crash: Exception | None = None
+        """What ended it other than success, if anything did."""
+
+    def run(self) -> None:
+        """Try until it succeeds, or until `stop`."""
+        wait_s = FIRST_WAIT_S
+        while not self._stopped.is_set():
+            try:
+                self._channels.open()
+                self._channels.activate(self._clock.now_ns())
+            except DeviceError as error:
+                self._channels.close()
+                self.absent = str(error)
+            except Exception as error:  # noqa: BLE001 - a driver may fail in any way; told by main
+                self.crash = error
+                return
+            else:
+                return
+            self._stopped.wait(wait_s)
+            wait_s = min(2 * wait_s, LONGEST_WAIT_S)
+
+    def stop(self) -> None:
+        """Give up after the attempt that is under way."""
+        self._stopped.set()

@@ -1,0 +1,107 @@
+"""The loop process: `python -m piezod.daemon.loop_process RUNTIME_FOLDER CONFIG`.
+
+Started by the supervisor, which has made the shared memory. It owns the devices and nothing else:
+no HTTP, no log, no disk. It ends when it is told to, or when its supervisor is gone, in both cases
+at the safe voltage: exit code 0. With any other code the voltage in force stays where it is, and
+`piezod safe` has to be run.
+"""
+
+import signal
+import sys
+from os import getpid
+from pathlib import Path
+from typing import Final
+
+from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.control.fault_register import Detection
+from piezod.control.stage_assembly import assemble
+from piezod.control.stage_controller import StageController
+from piezod.control.stage_record import StageEvent
+from piezod.control.warm_up import warm_up
+from piezod.daemon.clock import MonotonicClock
+from piezod.daemon.last_output import LastOutputWriter
+from piezod.daemon.loop import Loop
+from piezod.daemon.loop_devices import make_channels, starts_relaxed
+from piezod.daemon.loop_start import wait_for_devices
+from piezod.daemon.pacer import Pacer
+from piezod.daemon.rate import measure_busy_ns, sustained_rate_hz, usable_spin_ns
+from piezod.daemon.realtime import Realtime, RealtimeStep
+from piezod.daemon.timed_channels import TimedChannels
+from piezod.devices import registry
+from piezod.devices.channels import Channels
+from piezod.telemetry import requests_codec
+from piezod.telemetry.shared_map import SharedMap, attach
+from piezod.telemetry.words import Word
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""What these end is the supervisor, and that tells the loop."""
+
+
+def main(runtime: Path, config_file: Path) -> None:
+    """Run the loop of a stage until it is told to end.
+
+    Raises:
+        PiezodError: If configuration or shared memory cannot be used.
+        Exception: Whatever else goes wrong; the voltage in force stays where it is.
+    """
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    shared = attach(runtime / "loop.map", writable=True)
+    shared.words[Word.LOOP_PID] = getpid()
+    config = load_daemon(config_file, registry)
+    requests_codec.warm_up()
+    warm_up(config)
+    channels, clock = make_channels(config), MonotonicClock()
+    if not wait_for_devices(channels, shared, clock):
+        return
+    noted = LastOutputWriter(runtime / "output.map", len(config.axes))
+    timed = TimedChannels(channels, clock, noted)
+    known = starts_relaxed(config) and not shared.words[Word.UNCLEAN]
+    reads_back = channels.capabilities().read_back
+    controller = assemble(config, timed, reads_back=reads_back, memory_known=known)
+    # Kept in a name: what it holds is held as long as the loop runs.
+    realtime = Realtime(config.loop, shared)
+    steps = realtime.set_up()
+    shared.set_report([step._asdict() for step in steps])
+    busy_ns = measure_busy_ns(controller, clock)
+    _admit(controller, config, shared, channels, steps, busy_ns)
+    spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, shared.layout.period_ns)
+    loop = Loop(controller, timed, shared, clock, Pacer(clock, shared.layout.period_ns, spin_ns))
+    try:
+        loop.run()
+    except Exception as error:
+        text = f"the loop failed: {error!r}; report it, with the log"
+        loop.publisher.events([StageEvent(clock.now_ns(), "error", "crash", text)])
+        raise
+    channels.deactivate(clock.now_ns())
+    channels.close()
+
+
+def _admit(
+    controller: StageController,
+    config: DaemonConfig,
+    shared: SharedMap,
+    channels: Channels,
+    steps: list[RealtimeStep],
+    busy_ns: int,
+) -> None:
+    """Say what speaks against arming, if anything does."""
+    words, rate_hz = shared.words, sustained_rate_hz(busy_ns)
+    words[Word.MEASURED_RATE_HZ] = int(rate_hz)
+    rate_hz = min(rate_hz, channels.capabilities().max_rate_hz)
+    missing = [step.name for step in steps if not step.ok]
+    if config.rate_hz > rate_hz:
+        controller.stage.no_entry = (
+            f"rate_hz is {config.rate_hz:g}, this machine with these devices keeps {rate_hz:.0f}"
+            " Hz: choose a lower rate"
+        )
+    elif missing and (config.loop.strict_rt or words[Word.STRICT_RT]):
+        controller.stage.no_entry = (
+            f"not obtained: {', '.join(missing)}, and strict_rt is set: see `piezod status`"
+        )
+    if words[Word.UNCLEAN]:
+        controller.found(Detection("P2"))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
