@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
 from piezod.devices.channels import Channels
-from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod.errors import DeviceUnavailableError
 from piezod.units import NS_PER_S
 
 STEP_S: Final = 0.01
@@ -75,10 +75,15 @@ class AmplifierRamp:
         self._since_ns: int | None = None
 
     def step(self, now_ns: int) -> None:
-        """Do what is next."""
+        """Do what is next; whatever a driver raises is a reason, so that others go on."""
         if self._since_ns is None:
             self._since_ns = now_ns
-        if self._phase(now_ns):
+        try:
+            progress = self._phase(now_ns)
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way; the reason is told
+            self._give_up(str(error) or type(error).__name__)
+            return
+        if progress:
             self._since_ns = None
         elif not self.done and self._failing_s(now_ns) > self._patience_s:
             self._give_up(self._trouble)
@@ -100,10 +105,8 @@ class AmplifierRamp:
             self._channels.open()
             self._channels.activate(now_ns)
         except DeviceUnavailableError as error:
+            self._channels.close()
             self._trouble = str(error)
-            return False
-        except DeviceError as error:
-            self._give_up(str(error))
             return False
         self._reads_back = self._channels.capabilities().read_back
         self._phase, self._patience_s = self._find_start, PATIENCE_S

@@ -73,10 +73,10 @@ def _driven(config: DaemonConfig, amplifier: str) -> list[str]:
 
 
 def _channels(config: DaemonConfig, amplifier: str, driven: list[str]) -> Channels:
-    """Construct an amplifier as the loop would, and leave out every other device."""
+    """Construct an amplifier as the loop would; what measures is left out."""
     pairs = {name: ChannelPair(axis.sensor, axis.amplifier) for name, axis in config.axes.items()}
     device = config.devices[amplifier]
     plugin = registry.load(device.driver)
     served = served_axes(amplifier, pairs)
     made = plugin.create(device.options, served, config.seed)
-    return Channels({amplifier: made}, {axis: pairs[axis] for axis in driven})
+    return Channels({amplifier: made}, {axis: ChannelPair("", amplifier) for axis in driven})

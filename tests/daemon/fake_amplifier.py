@@ -1,0 +1,102 @@
+"""An amplifier with every fault that a ramp-down may meet."""
+
+from collections.abc import Callable, Sequence
+from math import nan
+from typing import Any
+
+from piezod.config.daemon import DaemonConfig
+from piezod.config.fields import ConfigModel, Context
+from piezod.config.validate import validate
+from piezod.config.yaml_loader import parse_yaml
+from piezod.devices import registry
+from piezod.devices.interface import Capabilities, Device, DriverPlugin, Identity
+from piezod.errors import DeviceUnavailableError
+
+AXIS = """
+  {name}:
+    amplifier: {amplifier}
+    sensor: {amplifier}
+    limits: {{drive_min_v: -20, drive_max_v: 120, slew_v_per_s: 1000, rest_v: 0}}
+    command_range_um: [0, 10]
+    safety: {{safe_v: {safe_v}, ramp_v_per_s: 50}}
+"""
+
+
+class FakeAmplifier:
+    """Gives at once what it is told to give.
+
+    Attributes:
+        drive_v: The voltage of each axis.
+        writes: Instant and voltages of each write that was taken.
+        reads_back: Whether it tells its voltage.
+        silent: Whether it tells NaN instead.
+        refuses: Whether it takes no write.
+        stuck: Whether it takes writes and does nothing.
+        absent: How often it cannot be opened.
+        wrong: What its driver raises instead of opening it.
+        closed: Whether it was let go of.
+    """
+
+    def __init__(self, axes: tuple[str, ...], drive_v: float = 75.0) -> None:
+        self.axes = axes
+        self.drive_v = [drive_v] * len(axes)
+        self.writes: list[tuple[int, list[float]]] = []
+        self.reads_back = True
+        self.silent = self.refuses = self.stuck = self.closed = False
+        self.absent = 0
+        self.wrong: Exception | None = None
+
+    def open(self) -> Identity:
+        if self.wrong:
+            raise self.wrong
+        if self.absent:
+            self.absent -= 1
+            raise DeviceUnavailableError("it is away")
+        return Identity("piezod", "fake", "0", "0")
+
+    def capabilities(self) -> Capabilities:
+        return Capabilities(self.axes, self.reads_back, 1e3, holds=True)
+
+    def activate(self, now_ns: int) -> None:
+        """Be ready."""
+
+    def deactivate(self, now_ns: int) -> None:
+        """Hold."""
+
+    def close(self) -> None:
+        self.closed = True
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        if self.refuses:
+            return False
+        self.writes.append((now_ns, list(drive_v)))
+        if not self.stuck:
+            self.drive_v = list(drive_v)
+        return True
+
+    def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's
+        return [nan] * len(self.axes) if self.silent else self.drive_v
+
+
+class NoOptions(ConfigModel):
+    """There are none."""
+
+
+def stage_of(axes: dict[str, tuple[str, float]]) -> DaemonConfig:
+    """Return the configuration of a stage: the amplifier and the safe voltage of each axis."""
+    devices = "".join(f"\n  {name}: {{driver: fake}}" for name in {a for a, _ in axes.values()})
+    text = "".join(
+        AXIS.format(name=name, amplifier=amplifier, safe_v=safe_v)
+        for name, (amplifier, safe_v) in axes.items()
+    )
+    document = parse_yaml(f"rate_hz: 1000\ndevices:{devices}\naxes:{text}", "fake.yaml")
+    return validate(document, DaemonConfig, Context(drivers=registry))
+
+
+def plugin_of(create: Callable[[tuple[str, ...]], Device]) -> DriverPlugin[Any]:
+    """Return a driver that constructs what a test wants it to."""
+
+    def make(_options: NoOptions, axes: tuple[str, ...], _seed: int) -> Device:
+        return create(axes)
+
+    return DriverPlugin("fake", "a fake", NoOptions, make, confirmed_on_hardware=False)
