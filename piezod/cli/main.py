@@ -20,6 +20,7 @@ from piezod.cli.exit_codes import exit_code, text_of
 from piezod.cli.experiment import experiment
 from piezod.cli.identify import identify
 from piezod.cli.interrupt import INTERRUPTED, TEXT, Interrupted, interruptible
+from piezod.cli.run import run as run_daemon
 from piezod.cli.safe import safe
 from piezod.errors import PiezodError
 
@@ -35,6 +36,7 @@ app = typer.Typer(
 )
 for verb in (experiment, identify, check, drivers, emulate, safe):
     app.command()(verb)
+app.command(name="run")(run_daemon)
 add_client_verbs(app)
 
 

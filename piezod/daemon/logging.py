@@ -88,6 +88,7 @@ def _is_journal(stream: TextIO, environ: Mapping[str, str]) -> bool:
 
 def _for_people(stream: TextIO) -> list[Processor]:
     return [
+        _shortened,
         structlog.processors.TimeStamper(fmt="%H:%M:%S.%f", utc=False),
         structlog.dev.ConsoleRenderer(
             colors=stream.isatty(),
@@ -116,3 +117,12 @@ def _finite(_logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
         for key, value in event.items()
         if not (isinstance(value, float) and not math.isfinite(value))
     }
+
+
+def _shortened(_logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
+    """Put the text of an event first, and leave out what only programs read."""
+    if text := event.pop("text", ""):
+        event["event"] = f"{event['event']}: {text}"
+    for name in ("room", "t_ns", "measured", "limit"):
+        event.pop(name, None)
+    return event

@@ -52,12 +52,16 @@ class LoopRun:
         self._process: subprocess.Popen[bytes] | None = None
         self._overdue_ns = 0
 
-    def start(self) -> None:
+    def start(self, *, unclean: bool = False) -> None:
         """Start the process.
+
+        Args:
+            unclean: Whether the daemon did not end in order last time.
 
         Raises:
             OSError: If there is no memory or no process left for it.
         """
+        self.loop.shared.words[Word.UNCLEAN] = unclean
         runtime, config_file = str(self._paths.runtime), str(self.config_file)
         self._process = _start("piezod.daemon.loop_process", runtime, config_file)
 

@@ -40,16 +40,17 @@ def run_stage(source: Path, options: Options) -> bool:
         marker = Marker(paths.running)
         marker.put()
         supervisor = Supervisor(source, paths, config, options, Notifier())
-        ending = asyncio.run(_run(supervisor, lock))
+        ending = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
         if ending is not Ending.LOST:
+            paths.loop_map.unlink(missing_ok=True)
             marker.remove()
     if ending is Ending.ABSENT:
         raise DeviceUnavailableError("a device of this stage is absent; the log says which")
     return ending is Ending.IN_ORDER
 
 
-async def _run(supervisor: Supervisor, lock: Lock) -> Ending:
-    ending = await supervisor.run()
+async def _run(supervisor: Supervisor, lock: Lock, *, unclean: bool) -> Ending:
+    ending = await supervisor.run(unclean=unclean)
     if ending is not Ending.LOST:
         await supervisor.close()
         return ending

@@ -32,6 +32,7 @@ TICK_S: Final = 0.1
 HOUSEKEEPING_S: Final = 0.5
 
 _log = logger("supervisor")
+_loop_log = logger("loop")
 
 
 class Options(NamedTuple):
@@ -96,14 +97,18 @@ class Supervisor:
         )
         self._tasks: set[asyncio.Task[object]] = set()
 
-    async def run(self) -> Ending:
-        """Run until the end; the loop process has ended then, or hears no more of us."""
+    async def run(self, *, unclean: bool) -> Ending:
+        """Run until the end; the loop process has ended then, or hears no more of us.
+
+        Args:
+            unclean: Whether the daemon did not end in order last time.
+        """
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self.stop, signal.Signals(number).name)
         loop.add_signal_handler(signal.SIGHUP, self._reload_on_signal)
         await self._server.start()
-        self.run_of_loop.start()
+        self.run_of_loop.start(unclean=unclean)
         housekeeping = asyncio.create_task(self._keep_house())
         try:
             return await self._watch()
@@ -174,7 +179,7 @@ class Supervisor:
             self._link.recordings_of_stage.note(event)
             told = {name: value for name, value in event._asdict().items() if value != ""}
             severity, kind = told.pop("severity"), told.pop("kind")
-            getattr(_log, severity, _log.error)(kind, **told)
+            getattr(_loop_log, severity)(kind, **told)
         if lost:
             _log.warning("events lost", count=lost)
 

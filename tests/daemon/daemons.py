@@ -1,0 +1,154 @@
+"""Daemons as processes of their own, for tests."""
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import httpx
+
+from piezod.daemon.paths import StagePaths, stage_paths
+from piezod.telemetry.shared_map import MapError, attach
+from piezod.telemetry.words import Word
+from tests.daemon.waiting import eventually
+
+REPOSITORY = Path(__file__).parents[2]
+UP_WITHIN_S = 90.0
+"""On a fresh clone a loop compiles its kernels before its first cycle."""
+
+
+class Daemon:
+    """`piezod run` with folders of its own; whatever a test does, no process is left behind.
+
+    Args:
+        config: The configuration file.
+        arguments: Options of `piezod run`.
+        environ: Further environment variables.
+    """
+
+    def __init__(self, config: Path, *arguments: str, **environ: str) -> None:
+        # A socket's path is short, and pytest's folders are not.
+        self.folder = Path(tempfile.mkdtemp(prefix="pz-"))
+        self.config = config
+        self.environ = {
+            **os.environ,
+            "XDG_RUNTIME_DIR": str(self.folder),
+            "XDG_STATE_HOME": str(self.folder),
+            **environ,
+        }
+        self.log = self.folder / "log"
+        self.paths: StagePaths = stage_paths(config, self.environ)
+        self._arguments = arguments
+        self.process = self.start()
+
+    def start(self) -> "subprocess.Popen[bytes]":
+        """Start it, at first or again."""
+        command = [sys.executable, "-m", "piezod.cli.main", "run", *self._arguments]
+        with self.log.open("ab") as log:
+            self.process = subprocess.Popen(
+                [*command, str(self.config)], env=self.environ, stdout=log, stderr=log
+            )
+        return self.process
+
+    def command(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
+        """Run another command of ours with the same folders."""
+        command = [sys.executable, "-m", "piezod.cli.main", *arguments]
+        return subprocess.run(
+            command, env=self.environ, capture_output=True, text=True, check=False
+        )
+
+    @property
+    def text(self) -> str:
+        """What it has printed, without colours."""
+        return re.sub("\x1b\\[[0-9;]*m", "", self.log.read_text(encoding="utf-8"))
+
+    @property
+    def loop_pid(self) -> int:
+        """The process id of its loop; 0 as long as there is none."""
+        try:
+            return attach(self.paths.loop_map).words[Word.LOOP_PID]
+        except (OSError, MapError):
+            return 0
+
+    def ask(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
+        """Send a request to its HTTP interface."""
+        transport = httpx.HTTPTransport(uds=str(self.paths.api_socket))
+        with httpx.Client(transport=transport, base_url="http://stage/v1", timeout=20) as client:
+            return client.request(method, path, json=body)
+
+    def do(self, verb: str, **fields: Any) -> dict[str, Any]:
+        """Have it carry out a request."""
+        response = self.ask("POST", verb, fields)
+        assert response.status_code == 200, response.text
+        answer: dict[str, Any] = response.json()
+        return answer
+
+    def status(self) -> dict[str, Any]:
+        """Return its status; empty where it does not answer."""
+        try:
+            response = self.ask("GET", "status")
+        except httpx.TransportError:
+            return {}
+        status: dict[str, Any] = response.json()
+        return status
+
+    def until(self, state: str, within_s: float = 20.0) -> dict[str, Any]:
+        """Wait for a state; return the status in it."""
+
+        def there() -> dict[str, Any]:
+            assert self.process.poll() is None, self.text
+            status = self.status()
+            return status if status.get("state") == state and self.loop_pid else {}
+
+        try:
+            return eventually(there, within_s)
+        except AssertionError as error:
+            raise AssertionError(f"{error}\n{json.dumps(self.status())}\n{self.text}") from error
+
+    def up(self) -> Self:
+        """Wait until it has started."""
+        self.until("SAFE", UP_WITHIN_S)
+        return self
+
+    def signal(self, number: int) -> None:
+        """Send it a signal."""
+        self.process.send_signal(number)
+
+    def exit_code(self, within_s: float = 40.0) -> int:
+        """Wait for its end; return its exit code."""
+        return self.process.wait(within_s)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End its processes and remove its files."""
+        pid = self.loop_pid
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        if pid and is_alive(pid):
+            os.kill(pid, signal.SIGKILL)
+            eventually(lambda: not is_alive(pid))
+        shutil.rmtree(self.folder)
+
+
+def is_alive(pid: int) -> bool:
+    """Tell whether a process lives; one that nobody has waited for yet does not."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text(encoding="ascii")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return stat.rpartition(")")[2].split()[0] != "Z"
