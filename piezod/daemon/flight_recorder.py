@@ -22,7 +22,7 @@ PAUSE_NS: Final = 10 * NS_PER_S
 KEPT: Final = 50
 """How many files are kept."""
 MAX_EVENTS: Final = 1000
-"""How many events a file may hold."""
+"""How many events a file may hold, at most half of them from before the fault."""
 
 
 class FlightRecorder:
@@ -55,13 +55,15 @@ class FlightRecorder:
     def note(self, event: StageEvent) -> None:
         """Take an event; the first fault of severity "error" makes a file due 2 s later."""
         with self._lock:
-            self._events.append(event)
-            if self._fault is None:
-                oldest_ns = event.t_ns - BEFORE_NS
-                recent = [each for each in self._events if each.t_ns >= oldest_ns]
-                self._events = recent[-MAX_EVENTS:]
-                if event.kind == "fault" and event.severity == "error" and self._may(event.t_ns):
-                    self._fault = event
+            if self._fault is not None:
+                if len(self._events) < MAX_EVENTS:
+                    self._events.append(event)
+                return
+            oldest_ns = event.t_ns - BEFORE_NS
+            recent = [each for each in self._events if each.t_ns >= oldest_ns]
+            self._events = [*recent[-MAX_EVENTS // 2 :], event]
+            if event.kind == "fault" and event.severity == "error" and self._may(event.t_ns):
+                self._fault = event
 
     def write_due(self, header: TelemetryHeader, now_ns: int) -> Path | None:
         """Write the file that is due, if one is.
@@ -88,7 +90,7 @@ class FlightRecorder:
         Args, return value and errors are those of `write_due`.
         """
         with self._lock:
-            fault, events = self._fault, self._events[-MAX_EVENTS:]
+            fault, events = self._fault, self._events
             self._fault, self._events = None, []
             if fault is None:
                 return None

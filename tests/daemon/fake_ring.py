@@ -1,0 +1,60 @@
+"""A ring of records as the loop fills it, without the loop."""
+
+from threading import Lock
+from typing import Any
+
+from numpy.typing import NDArray
+
+from tests.records.telemetry import records
+
+
+class FakeRing:
+    """Holds so many of the newest records; a reader begins with what comes next."""
+
+    def __init__(self, capacity: int = 100_000) -> None:
+        self._capacity = capacity
+        self._lock = Lock()
+        self.newest = 0
+
+    def run(self, cycles: int) -> None:
+        """Append the records of some cycles."""
+        with self._lock:
+            self.newest += cycles
+
+    def open_reader(self) -> "FakeReader":
+        """Return a reader."""
+        return FakeReader(self)
+
+    def last(self, count: int) -> NDArray[Any]:
+        """Return up to so many of the newest records."""
+        return records(max(0, self.newest - min(count, self._capacity)), self.newest)
+
+    def oldest(self) -> int:
+        """Return the number of the oldest record that is still there."""
+        return max(0, self.newest - self._capacity)
+
+
+class FakeReader:
+    """Reads a ring from where it was."""
+
+    def __init__(self, ring: FakeRing) -> None:
+        self._ring, self.position = ring, ring.newest
+
+    def read(self, limit: int) -> tuple[NDArray[Any], int]:
+        begin = max(self.position, self._ring.oldest())
+        end = min(begin + limit, self._ring.newest)
+        lost = begin - self.position
+        self.position = end
+        return records(begin, end), lost
+
+
+class EndlessReader:
+    """Gives a thousand records whenever it is asked."""
+
+    def __init__(self) -> None:
+        self._position = 0
+
+    def read(self, limit: int) -> tuple[NDArray[Any], int]:
+        begin = self._position
+        self._position += min(limit, 1000)
+        return records(begin, self._position), 0
