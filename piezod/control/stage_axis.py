@@ -91,7 +91,7 @@ class StageAxis:
 
     def drive_ended(self, t_ns: int) -> bool:
         """Tell whether what is driven has come to its end."""
-        return t_ns >= self.ends_ns
+        return t_ns > self.ends_ns  # its last value has been written
 
     def _force(self, voltage: Callable[[int], float], ends_ns: int) -> None:
         self._voltage, self._forced, self.ends_ns = voltage, True, ends_ns

@@ -148,7 +148,9 @@ class StageController:
         The cycle calls it between reading and compensating; may be called in the loop.
         """
         stage = self.stage
-        self._read_back_v = stage.boundary.read_back(t_ns)
+        read_back_v = stage.boundary.read_back(t_ns)
+        shadow = stage.boundary.shadow  # what is in force says nothing then of what is asked for
+        self._read_back_v = [nan] * len(stage.axes) if shadow else read_back_v
         stage.output_known |= all(map(isfinite, self._read_back_v))
         reaction = stage.register.update(self._detect(t_ns, samples), t_ns)
         for news in stage.register.news:
@@ -165,7 +167,8 @@ class StageController:
         stage = self.stage
         found = [*self._loop_watch.check(self._timing), *self._found_outside]
         self._found_outside.clear()
-        driven, running = stage.state in DRIVEN, stage.state is State.RUN
+        driven = stage.state in DRIVEN and not stage.boundary.shadow
+        running = stage.state is State.RUN
         flags = stage.boundary.status(t_ns)
         for i, (axis, watches) in enumerate(zip(stage.axes, stage.watches, strict=True)):
             closed = running and axis.mode in SENSED

@@ -14,7 +14,7 @@ HOLD_NS = s_to_ns(2.0)
 """A fault may hold the stage so long; then it goes to the safe voltage."""
 RAMP_GRACE_NS = s_to_ns(2.0)
 """A ramp has failed when it takes so much longer than it should."""
-AT_SAFE_V = 0.05
+AT_SAFE_V = 1e-3
 """A voltage that is written is the safe one within this."""
 READ_BACK_V = 0.5
 """A voltage that is read back is the safe one within this: outputs have noise and offset."""

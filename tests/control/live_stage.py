@@ -1,0 +1,126 @@
+"""A stage on the simulated rig, in virtual time, with everything between client and devices."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.config.requests import Request
+from piezod.control.loop_watch import CycleTiming
+from piezod.control.stage_assembly import assemble
+from piezod.control.stage_record import Answer, AxisRecord, StageEvent, StageRecord
+from piezod.devices import registry
+from piezod.devices.channels import ChannelPair, Channels, served_axes
+from piezod.devices.interface import Device
+from piezod.units import NS_PER_S
+
+CONFIG = Path(__file__).parents[2] / "config" / "simulated.yaml"
+ON_TIME = CycleTiming(0, 0, 10_000, 0, 0)
+
+Wrap = Callable[[Device], Device]
+
+
+class Watched(Channels):
+    """Writes down every write that reaches the devices."""
+
+    def __init__(self, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair]) -> None:
+        super().__init__(devices, axes)
+        self.writes: list[tuple[int, Sequence[float]]] = []
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Write it down, and set the voltage."""
+        self.writes.append((now_ns, tuple(drive_v)))
+        return super().write(drive_v, now_ns)
+
+
+class LiveStage:
+    """A controller with a rig, driven by a clock that a test turns.
+
+    Args:
+        config: The configuration; the one that ships if not given.
+        wrap: What each device is wrapped into, for faults.
+        memory_known: Whether the hysteresis' memory is known at the start.
+    """
+
+    def __init__(
+        self,
+        config: DaemonConfig | None = None,
+        wrap: Wrap = lambda device: device,
+        *,
+        memory_known: bool = True,
+    ) -> None:
+        self.config = config or load_daemon(CONFIG, registry)
+        axes = {
+            name: ChannelPair(axis.sensor, axis.amplifier)
+            for name, axis in self.config.axes.items()
+        }
+        devices = {
+            name: wrap(
+                registry.load(device.driver).create(
+                    device.options, served_axes(name, axes), self.config.seed
+                )
+            )
+            for name, device in self.config.devices.items()
+        }
+        self.period_ns = round(NS_PER_S / self.config.rate_hz)
+        self.t_ns = 0
+        self.channels = Watched(devices, axes)
+        self.channels.open()
+        self.channels.activate(0)
+        self.controller = assemble(
+            self.config, self.channels, reads_back=True, memory_known=memory_known
+        )
+        self.events: list[StageEvent] = []
+        self.records: list[StageRecord] = []
+
+    @property
+    def x(self) -> AxisRecord:
+        """The first axis in the last cycle."""
+        return self.records[-1].axes[0]
+
+    @property
+    def state(self) -> str:
+        """The state now."""
+        return self.controller.state.value
+
+    def run(self, duration_s: float, timing: CycleTiming = ON_TIME) -> list[StageRecord]:
+        """Run cycles for a time; return their records."""
+        first = len(self.records)
+        for _ in range(max(1, round(duration_s * NS_PER_S / self.period_ns))):
+            self.cycle(timing)
+        return self.records[first:]
+
+    def cycle(self, timing: CycleTiming = ON_TIME) -> StageRecord:
+        """Run one cycle, as late as it is told to be; return its record."""
+        self.t_ns += self.period_ns * (1 + timing.skipped)
+        record = self.controller.cycle(self.t_ns, timing)
+        self.records.append(record)
+        self.events += self.controller.take_events()
+        return record
+
+    def ask(self, request: Request) -> Answer:
+        """Ask for something, and run a cycle."""
+        answer = self.controller.execute(request, self.t_ns)
+        self.cycle()
+        return answer
+
+    def do(self, *requests: Request) -> None:
+        """Ask for things that have to be accepted, one after the other."""
+        for request in requests:
+            answer = self.ask(request)
+            assert answer.accepted, f"{request}: {answer.why}"
+
+    def until(self, state: str, within_s: float = 10.0) -> None:
+        """Run until a state is reached.
+
+        Raises:
+            TimeoutError: If it is not reached in time.
+        """
+        for _ in range(round(within_s * NS_PER_S / self.period_ns)):
+            if self.state == state:
+                return
+            self.cycle()
+        raise TimeoutError(f"{state} was not reached, the stage is in {self.state}")
+
+    def faults(self) -> list[str]:
+        """Return the ids of the faults that appeared, in their order."""
+        return [event.fault for event in self.events if event.kind == "fault"]

@@ -1,0 +1,369 @@
+"""A stage from arming to shutdown: what each request does, and what is refused."""
+
+import numpy as np
+import pytest
+
+from piezod.config import requests as rq
+from piezod.config.daemon import DaemonConfig
+from piezod.config.model_file import load_model
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.config.waveforms import Sine, Triangle
+from tests.control.live_stage import CONFIG, LiveStage
+
+SINE = Sine(kind="sine", low=0.0, high=20.0, frequency_hz=1.0)
+
+
+@pytest.fixture
+def stage() -> LiveStage:
+    """Return the stage that ships, after its first cycle."""
+    live = LiveStage()
+    live.cycle()
+    return live
+
+
+def running(stage: LiveStage, mode: Mode = Mode.FEEDFORWARD) -> LiveStage:
+    """Arm a stage and run it."""
+    stage.do(rq.Arm(), rq.SelectMode(mode=mode))
+    return stage
+
+
+def with_axis(config: DaemonConfig, **changed: object) -> DaemonConfig:
+    """Return a configuration whose axis x is changed."""
+    axis = config.axes["x"].model_copy(update=changed)
+    return config.model_copy(update={"axes": {"x": axis}})
+
+
+def test_a_healthy_stage_starts_disarmed_and_writes_nothing(stage: LiveStage) -> None:
+    """The first cycle passes the self-test; a second of SAFE leaves the amplifier alone."""
+    stage.run(1.0)
+
+    assert stage.state == State.SAFE
+    assert stage.channels.writes == []
+
+
+def test_arming_holds_what_is_read_back(stage: LiveStage) -> None:
+    """The first voltage that is written is the one that was in force."""
+    stage.channels.write([30.0], stage.t_ns)  # somebody else's voltage
+    stage.run(0.5)
+    stage.channels.writes.clear()
+    stage.do(rq.Arm())
+    stage.run(0.1)
+
+    written = [drive_v[0] for _, drive_v in stage.channels.writes]
+    assert stage.state == State.READY
+    assert written == pytest.approx([30.0] * len(written), abs=0.5)
+    assert np.ptp(written) == 0.0
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_a_position_is_reached_in_every_mode(stage: LiveStage, mode: Mode) -> None:
+    """Compensated to within 1 % of the travel; uncompensated to within its hysteresis."""
+    running(stage, mode).do(rq.Goto(position_um=12.5))
+    stage.run(1.0)
+
+    assert stage.x.command_um == 12.5
+    assert stage.x.position_um == pytest.approx(
+        12.5, abs=4.0 if mode is Mode.UNCOMPENSATED else 0.3
+    )
+    assert stage.x.on_target is (mode is not Mode.UNCOMPENSATED)
+
+
+def test_going_from_ready_starts_the_mode_that_was_chosen(stage: LiveStage) -> None:
+    """In SAFE a mode is chosen for later; `goto` in READY runs in it."""
+    stage.do(rq.SelectMode(mode=Mode.ADAPTIVE), rq.Arm(), rq.Goto(position_um=5.0))
+
+    assert (stage.state, stage.x.mode) == (State.RUN, Mode.ADAPTIVE)
+
+
+def test_each_movement_has_a_number(stage: LiveStage) -> None:
+    """So that whoever waits for one knows when another took its place."""
+    running(stage)
+    first = stage.ask(rq.Goto(position_um=5.0))
+    second = stage.ask(rq.Goto(position_um=6.0))
+
+    assert second.motion == first.motion + 1 == stage.x.motion
+
+
+def test_switching_while_running_does_not_jump(stage: LiveStage) -> None:
+    """The drive moves by a twentieth of what the slew rate allows in a cycle at most."""
+    running(stage).do(rq.Goto(position_um=12.5))
+    stage.run(1.0)
+    records = []
+    for mode in (Mode.ADAPTIVE, Mode.UNCOMPENSATED, Mode.TRIMMED, Mode.FEEDFORWARD):
+        stage.do(rq.SelectMode(mode=mode))
+        records += stage.run(0.5)
+
+    drive_v = np.array([record.axes[0].drive_v for record in records])
+    assert np.max(np.abs(np.diff(drive_v))) < 1.0
+
+
+def test_a_waveform_is_followed_and_its_end_held(stage: LiveStage) -> None:
+    """From where the stage is: the way to its start comes first."""
+    running(stage).do(rq.Goto(position_um=12.5))
+    stage.run(0.5)
+    stage.do(rq.Wave(command_um={"x": SINE}, duration_s=2.25))
+    records = stage.run(4.0)
+
+    command_um = np.array([record.axes[0].command_um for record in records])
+    position_um = np.array([record.axes[0].position_um for record in records])
+    assert command_um.max() == pytest.approx(20.0)
+    assert command_um[-1] == pytest.approx(10.0)
+    assert np.max(np.abs(np.diff(command_um))) < 0.25
+    assert np.max(np.abs(position_um - command_um)) < 0.5
+
+
+def test_a_stream_is_followed_until_it_stops(stage: LiveStage) -> None:
+    """A tenth of a second after the last setpoint the voltage is held."""
+    running(stage).do(rq.Stream(axes=("x",)))
+    for k in range(50):
+        stage.controller.stream_um(0, 0.1 * k, stage.t_ns)
+        stage.run(0.01)
+    reached_um = stage.x.position_um
+    stage.controller.stream_um(0, 99.0, stage.t_ns)  # counts as none
+    stage.run(0.15)
+
+    assert reached_um == pytest.approx(4.9, abs=0.3)
+    assert stage.state == State.HOLD
+    assert any(event.kind == "stream" for event in stage.events)
+
+
+def test_hold_stays_and_resume_goes_on_without_a_jump(stage: LiveStage) -> None:
+    """A hold that was asked for does not expire."""
+    running(stage).do(rq.Wave(command_um={"x": SINE}, duration_s=100.0))
+    stage.run(0.3)
+    stage.do(rq.Hold())
+    held = stage.run(5.0)
+    held_v = {record.axes[0].drive_v for record in held}
+    stage.do(rq.Resume())
+    resumed = stage.run(0.2)
+
+    assert (len(held_v), held[-1].state) == (1, State.HOLD)
+    assert stage.state == State.RUN
+    assert resumed[-1].axes[0].drive_v == pytest.approx(held_v.pop(), abs=1.0)
+
+
+@pytest.mark.parametrize("request_", [rq.Stop(), rq.Disarm()])
+def test_stopping_ramps_to_the_safe_voltage(stage: LiveStage, request_: rq.Request) -> None:
+    """At 50 V/s, as configured, down to the last millivolt."""
+    running(stage).do(rq.Goto(position_um=20.0))
+    stage.run(1.0)
+    from_v, from_ns = stage.x.drive_v, stage.t_ns
+    stage.do(request_)
+    stage.until("SAFE")
+
+    last_v = stage.channels.writes[-1][1][0]
+    assert last_v == pytest.approx(0.0, abs=1e-3)
+    assert (stage.t_ns - from_ns) / 1e9 == pytest.approx(from_v / 50.0, rel=0.02)
+
+
+@pytest.mark.parametrize("state", ["SAFE", "READY", "RUN", "HOLD", "IDENT", "RAMP", "ESTOP"])
+def test_shutdown_ends_at_the_safe_voltage_from_every_state(stage: LiveStage, state: str) -> None:
+    """Whatever it was doing."""
+    if state != "SAFE":
+        running(stage).do(rq.Goto(position_um=20.0))
+        stage.run(0.3)
+    match state:
+        case "READY":
+            stage.do(rq.Stop())
+            stage.until("SAFE")
+            stage.do(rq.Arm())
+        case "HOLD":
+            stage.do(rq.Hold())
+        case "IDENT":
+            stage.do(rq.Stop())
+            stage.until("SAFE")
+            stage.do(rq.Arm(), rq.Condition())
+            stage.run(0.7)
+        case "RAMP":
+            stage.do(rq.Stop())
+        case "ESTOP":
+            stage.do(rq.Estop())
+    assert stage.state == state
+    stage.do(rq.Shutdown())
+    stage.until("STOPPING")
+
+    assert stage.controller.finished
+    assert stage.channels.read_back(stage.t_ns)[0] == pytest.approx(0.0, abs=0.5)
+
+
+@pytest.mark.fault("E1")
+def test_emergency_stop_ramps_latches_and_needs_a_reset(stage: LiveStage) -> None:
+    """ESTOP until the safe voltage, then FAULT; arming is refused; a reset leads to SAFE."""
+    running(stage).do(rq.Goto(position_um=20.0))
+    stage.run(0.5)
+    stage.do(rq.Estop())
+    refused = stage.ask(rq.Goto(position_um=1.0))
+    stage.until("FAULT")
+    too_early = stage.ask(rq.Arm())
+    stage.run(1.5)
+    stage.do(rq.Reset(), rq.Arm())
+
+    assert not refused.accepted
+    assert not too_early.accepted
+    assert "E1" in stage.faults()
+    assert stage.state == State.READY
+
+
+@pytest.mark.fault("E1")
+def test_emergency_stop_cuts_where_the_axis_says_so() -> None:
+    """The amplifier lets go at once, in less than two cycles, instead of ramping."""
+    config = LiveStage().config
+    safety = config.axes["x"].safety.model_copy(update={"estop": "cut"})
+    stage = LiveStage(with_axis(config, safety=safety))
+    stage.cycle()
+    running(stage).do(rq.Goto(position_um=20.0))
+    stage.run(0.5)
+    stage.do(rq.Estop())
+    stage.run(0.05)
+
+    assert stage.channels.read_back(stage.t_ns)[0] < 1.0
+
+
+def test_conditioning_makes_the_memory_known() -> None:
+    """Before, adapting is refused; the swing covers the range and ends at rest."""
+    stage = LiveStage(memory_known=False)
+    stage.cycle()
+    stage.do(rq.Arm())
+    refused = stage.ask(rq.SelectMode(mode=Mode.ADAPTIVE))
+    stage.do(rq.Condition())
+    records = stage.run(9.0)
+    stage.until("READY")
+    stage.do(rq.SelectMode(mode=Mode.ADAPTIVE))
+
+    drive_v = [record.axes[0].drive_v for record in records]
+    assert not refused.accepted
+    assert "condition" in refused.why
+    assert max(drive_v) == pytest.approx(142.5, abs=1.0)
+    assert stage.state == State.RUN
+
+
+def test_arming_conditions_where_the_axis_asks_for_it() -> None:
+    """`arm` goes on to IDENT, and READY comes after it."""
+    config = LiveStage().config
+    swing = config.axes["x"].conditioning.model_copy(update={"on_arm": True})
+    stage = LiveStage(with_axis(config, conditioning=swing))
+    stage.cycle()
+    stage.do(rq.Arm())
+    during = stage.state
+    stage.until("READY", within_s=20.0)
+
+    assert during == State.IDENT
+
+
+def test_identification_drives_the_waveform_from_rest_to_rest(stage: LiveStage) -> None:
+    """Every voltage of it is recorded; READY afterwards."""
+    triangle = Triangle(kind="triangle", low=0.0, high=100.0, frequency_hz=1.0)
+    stage.do(rq.Arm(), rq.Identify(drive_v={"x": triangle}, duration_s=1.5))
+    records = stage.run(1.6)
+    stage.until("READY")
+
+    drive_v = [record.axes[0].drive_v for record in records]
+    assert max(drive_v) == pytest.approx(100.0)
+    assert stage.x.drive_v == 0.0
+
+
+def test_identification_beyond_the_limits_is_refused(stage: LiveStage) -> None:
+    """With the range that is allowed."""
+    triangle = Triangle(kind="triangle", low=0.0, high=151.0, frequency_hz=1.0)
+    stage.do(rq.Arm())
+    answer = stage.ask(rq.Identify(drive_v={"x": triangle}, duration_s=1.5))
+
+    assert answer.why == ("axis x: drive_v out of range (got 0 to 151 V), allowed range 0 to 150 V")
+
+
+def test_the_sensor_is_zeroed_where_the_stage_rests(stage: LiveStage) -> None:
+    """The mean of what it shows is what is counted from."""
+    stage.do(rq.Zero())
+    stage.run(0.3)
+    after_um = [record.axes[0].position_um for record in stage.run(0.5)]
+
+    assert np.mean(after_um) == pytest.approx(0.0, abs=0.01)
+    assert stage.controller.learned(0).zero_um != 0.0
+
+
+def test_the_sensor_is_not_zeroed_elsewhere(stage: LiveStage) -> None:
+    """The answer says where it would be."""
+    running(stage).do(rq.Goto(position_um=5.0))
+    stage.run(0.5)
+    answer = stage.ask(rq.Zero())
+
+    assert answer.why == "the stage is in RUN; the sensor is zeroed in SAFE or READY"
+
+
+def test_another_model_is_adopted_while_disarmed(stage: LiveStage) -> None:
+    """The axis starts from its weights; armed, it is refused."""
+    file = load_model(CONFIG.parent / "models" / "simulated-stack.yaml")
+    scaled = tuple(1.01 * weight for weight in file.right_stop_weights)
+    model = file.model_copy(update={"right_stop_weights": scaled})
+    stage.do(rq.AdoptModel(model=model, zero_um=0.25), rq.Arm())
+    answer = stage.ask(rq.AdoptModel(model=file))
+
+    learned = stage.controller.learned(0)
+    assert learned.weights[len(scaled) :] == pytest.approx(scaled)
+    assert learned.zero_um == 0.25
+    assert answer.why == "the stage is in READY; a model is changed in SAFE: `piezod disarm` first"
+
+
+def test_shadow_computes_everything_and_writes_nothing(stage: LiveStage) -> None:
+    """The state is RUN, the voltages are asked for, the amplifier hears nothing."""
+    stage.do(rq.Arm(shadow=True), rq.Goto(position_um=12.5))
+    records = stage.run(1.0)
+    stage.do(rq.Stop())
+    stage.until("SAFE")
+
+    assert records[-1].shadow
+    assert records[-1].axes[0].drive_v > 50.0
+    assert stage.channels.writes == []
+
+
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [
+        (
+            rq.Goto(position_um=26.5),
+            "position out of range (got 26.5 µm), allowed range 0 to 26 µm",
+        ),
+        (rq.Goto(position_um=1.0, axis="y"), "no axis 'y'; this stage has x"),
+        (
+            rq.Wave(
+                command_um={"x": Sine(kind="sine", low=0, high=30, frequency_hz=1)}, duration_s=1
+            ),
+            "position out of range (got 0 to 30 µm), allowed range 0 to 26 µm",
+        ),
+        (rq.Stream(axes=("z",)), "no axis 'z'; this stage has x"),
+    ],
+)
+@pytest.mark.fault("C10")
+def test_what_cannot_be_commanded_is_refused_and_moves_nothing(
+    stage: LiveStage, request_: rq.Request, why: str
+) -> None:
+    """Refused, not clamped; the stage stays READY."""
+    stage.do(rq.Arm())
+    answer = stage.ask(request_)
+
+    assert (answer.accepted, answer.why, stage.state) == (False, why, State.READY)
+
+
+@pytest.mark.fault("C13")
+@pytest.mark.parametrize(
+    "request_",
+    [
+        rq.Goto(position_um=1.0),
+        rq.SelectMode(mode=Mode.FEEDFORWARD),
+        rq.Wave(command_um={"x": SINE}, duration_s=1.0),
+        rq.Stream(axes=("x",)),
+        rq.Condition(),
+        rq.Resume(),
+    ],
+)
+def test_nothing_moves_in_a_stage_that_is_latched(stage: LiveStage, request_: rq.Request) -> None:
+    """After an emergency stop only a reset does anything."""
+    stage.do(rq.Arm(), rq.Estop())
+    stage.until("FAULT")
+    stage.channels.writes.clear()
+    answer = stage.ask(request_)
+    stage.run(0.5)
+
+    assert not answer.accepted
+    assert stage.channels.writes == []
