@@ -79,8 +79,8 @@ def history(
         print_json(found.document)
         return
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("number", "saved at", "by"):
+    for heading in ("number", "saved at", "by", "axes", ""):
         table.add_column(heading)
     for each in found.history:
-        table.add_row(str(each.sequence), each.saved_at, each.saved_by)
+        table.add_row(str(each.sequence), each.saved_at, each.saved_by, ", ".join(each.axes), each.why)
     new_console().print(table if found.history else "nothing is saved")

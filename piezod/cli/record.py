@@ -33,8 +33,9 @@ def stop(stage: StageOption = None, socket: SocketOption = None, json: JsonOptio
     """End the recording and close its file."""
     with connect(stage, socket) as client:
         ended = client.stop_recording()
+    lost = f"{ended.lost} were lost" if ended.lost else ""
     text = f"recorded {ended.records} cycles as {ended.name}"
-    tell(ended, f"{text}, {ended.lost} were lost" if ended.lost else text, json=json)
+    tell(ended, "; ".join(filter(None, (text, lost, ended.why))), json=json)
 
 
 @record.command("list")
@@ -51,9 +52,9 @@ def list_records(
         return
     console = new_console()
     for each in found.recordings:
-        console.print(each.name)
+        console.print(f"{each.name}  {(each.size_bytes or 0) / 1e6:.1f} MB")
     if found.running:
-        console.print(f"{found.running.name} (running)")
+        console.print(f"{found.running.name}  {found.running.records} cycles, going on")
     elif not found.recordings:
         console.print("nothing is recorded")
 

@@ -46,8 +46,10 @@ def faults(
 
 
 def _summary(found: "Status") -> str:
+    shadow = "in shadow: nothing is written" if found.shadow else ""
     skipped = f"{found.skipped_cycles} skipped cycles" if found.skipped_cycles else ""
-    return ", ".join(filter(None, (found.state, f"mode {found.mode}", skipped)))
+    text = ", ".join(filter(None, (found.state, shadow, f"mode {found.mode}", skipped)))
+    return f"{found.stage}: {text}" if found.stage else text
 
 
 def _axes(found: "Status") -> "Table":

@@ -18,7 +18,7 @@ def stream(
     """
     with connect(stage, socket) as client:
         ended = client.stream(_setpoints(sys.stdin))
-    tell(ended, "the stream has ended, the stage holds", json=json)
+    tell(ended, f"{ended.setpoints} setpoints followed, the stage holds", json=json)
 
 
 def _setpoints(lines: Iterable[str]) -> Iterator[dict[str, float]]:

@@ -13,8 +13,8 @@ from piezod.client import calls
 from piezod.client.arrival import Arrival, arrival, too_late
 from piezod.client.calls import Call
 from piezod.client.errors import ended, translated
-from piezod.client.places import find_socket
-from piezod.client.results import Result
+from piezod.client.places import check_socket, find_socket
+from piezod.client.results import StreamEnd
 from piezod.client.telemetry import Telemetry, TelemetryReader
 from piezod.client.wire import (
     BASE_URL,
@@ -70,13 +70,14 @@ class AsyncStageClient:
 
     Raises:
         NotRunningError: If no daemon listens.
+        NotAllowedError: If this user may not connect.
         AmbiguousStageError: If several do, and none is named.
     """
 
     def __init__(
         self, stage: str | None = None, *, socket: Path | None = None, name: str | None = None
     ) -> None:
-        self.socket = socket or find_socket(stage)
+        self.socket = check_socket(socket or find_socket(stage))
         self.name = name or new_name()
         self._http = httpx.AsyncClient(
             transport=httpx.AsyncHTTPTransport(uds=str(self.socket), verify=no_tls()),
@@ -161,7 +162,7 @@ class AsyncStageClient:
                         yield told
         raise ended(self.socket)
 
-    async def stream(self, setpoints_um: AsyncIterable[Mapping[str, float]]) -> Result:
+    async def stream(self, setpoints_um: AsyncIterable[Mapping[str, float]]) -> StreamEnd:
         """Have the stage follow setpoints, each from the moment at which it is sent.
 
         The stage goes to HOLD as soon as they stop.
@@ -172,7 +173,7 @@ class AsyncStageClient:
         lines = (setpoint_line(each) async for each in setpoints_um)
         with translated(self.socket):
             response = await self._http.post("stream", content=lines, headers=NDJSON)
-        return calls.ended_stream(read_document(response))
+        return calls.stream_end(read_document(response))
 
     async def fetch_recording(self, name: str, file: Path) -> int:
         """Copy a recording; return its size in bytes.

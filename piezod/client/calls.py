@@ -13,6 +13,7 @@ from piezod.client.results import (
     Answer,
     Document,
     Faults,
+    Health,
     History,
     Parameters,
     Recording,
@@ -20,9 +21,10 @@ from piezod.client.results import (
     Result,
     Saved,
     Status,
+    StreamEnd,
     reader,
 )
-from piezod.client.waveforms import sendable
+from piezod.client.waveforms import sendable, tupled
 from piezod.config import requests
 from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.messages import describe
@@ -38,7 +40,7 @@ _parameters, _saved, _history = reader(Parameters), reader(Saved), reader(Histor
 _recording, _recordings = reader(Recording), reader(Recordings)
 
 
-ended_stream = reader(Result)
+stream_end = reader(StreamEnd)
 
 
 def _as_it_is(document: Document) -> Document:
@@ -54,12 +56,14 @@ class Call(Generic[ResultT]):
         path: Below `/v1/`.
         read: Makes the result of the answer's document.
         body: Document to send, None for none.
+        also_fine: A status of HTTP that else is an error.
     """
 
     method: str
     path: str
     read: Callable[[Document], ResultT]
     body: Document | None = None
+    also_fine: int = 200
 
 
 def status() -> Call[Status]:
@@ -72,9 +76,9 @@ def faults() -> Call[Faults]:
     return Call("GET", "faults", _faults)
 
 
-def health() -> Call[Document]:
-    """Return what tells whether the loop runs on schedule."""
-    return Call("GET", "health", _as_it_is)
+def health() -> Call[Health]:
+    """Return whether the loop runs on schedule, and what tells so."""
+    return Call("GET", "health", reader(Health), also_fine=503)
 
 
 def realtime() -> Call[Document]:
@@ -142,7 +146,7 @@ def wave(command_um: Waveforms, duration_s: float) -> Call[Answer]:
         command_um: Axis: position over time in µm, a waveform as experiments have them.
         duration_s: How long, in s.
     """
-    return _request("wave", requests.Wave, command_um=sendable(command_um), duration_s=duration_s)
+    return _request("wave", requests.Wave, command_um=tupled(command_um), duration_s=duration_s)
 
 
 def hold() -> Call[Answer]:
@@ -199,7 +203,7 @@ def identify(drive_v: Waveforms, duration_s: float) -> Call[Answer]:
         drive_v: Axis: drive over time in V, a waveform as experiments have them; others rest.
         duration_s: How long, in s.
     """
-    return _request("identify", requests.Identify, drive_v=sendable(drive_v), duration_s=duration_s)
+    return _request("identify", requests.Identify, drive_v=tupled(drive_v), duration_s=duration_s)
 
 
 def adopt(
@@ -287,9 +291,10 @@ def _request(path: str, request: type[BaseModel], /, **fields: object) -> Call[A
     """Return the call of a request whose values have been checked here already."""
     try:
         body = request(**{key: value for key, value in fields.items() if value is not None})
+        document = {name: sendable(value) for name, value in body if value is not None}
     except ValidationError as error:
         raise _refused(error) from error
-    document = body.model_dump(mode="json", exclude={"kind"}, exclude_none=True)
+    del document["kind"]
     return Call("POST", path, _answer, document)
 
 

@@ -47,25 +47,12 @@ def translated(socket: Path) -> Iterator[None]:
         what = f"{socket}: the daemon does not answer in time"
         raise ClientError(what, "try again, and look at its log") from error
     except httpx.TransportError as error:
-        raise _of_transport(error, socket) from error
-
-
-def _of_transport(error: httpx.TransportError, socket: Path) -> ClientError:
-    causes = list(_causes(error))
-    if any(isinstance(each, PermissionError) for each in causes):
-        what = f"{socket}: this user may not talk to the daemon"
-        return NotAllowedError(
-            what, "become a member of the group piezod-view, piezod or piezod-eng"
-        )
-    if isinstance(error, httpx.ConnectError):
-        what = f"{socket}: no daemon is running there"
-        return NotRunningError(what, "start it with `piezod run CONFIG`")
-    return ended(socket)
+        raise ended(socket) from error
 
 
 def ended(socket: Path) -> NotRunningError:
-    """Return the error of a daemon that has gone in the middle of a conversation."""
-    return NotRunningError(f"{socket}: the daemon ended the conversation", "is it still running?")
+    """Return the error of a daemon that has gone after it was found."""
+    return NotRunningError(f"{socket}: the daemon has gone", "is it still running?")
 
 
 def _causes(error: BaseException | None) -> Iterator[BaseException]:

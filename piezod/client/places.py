@@ -3,12 +3,13 @@
 import errno
 import os
 import socket
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
-from piezod.errors import AmbiguousStageError, NotRunningError
+from piezod.errors import AmbiguousStageError, NotAllowedError, NotRunningError
 
 SOCKET_NAME: Final = "api.sock"
 _SYSTEM: Final = Path("/run/piezod")
@@ -79,14 +80,37 @@ def _is_ours(folder: Path) -> bool:
         found = folder.lstat()
     except OSError:
         return False
-    return found.st_uid == os.getuid() and not folder.is_symlink() and not found.st_mode & 0o022
+    return (
+        found.st_uid == os.getuid() and not folder.is_symlink() and not found.st_mode & stat.S_IWOTH
+    )
+
+
+def check_socket(path: Path) -> Path:
+    """Return the path of a socket on which a daemon listens.
+
+    Raises:
+        NotRunningError: If nobody does.
+        NotAllowedError: If this user may not connect to it.
+    """
+    code = _probe(path)
+    if code in (errno.EACCES, errno.EPERM):
+        what = f"{path}: this user may not talk to the daemon"
+        raise NotAllowedError(
+            what, "become a member of the group piezod-view, piezod or piezod-eng"
+        )
+    if code not in (0, errno.EAGAIN):
+        raise NotRunningError(f"{path}: no daemon is running there", _START_IT)
+    return path
 
 
 def _is_alive(path: Path) -> bool:
     # What a killed daemon left refuses connections; one that keeps us out is alive.
+    return _probe(path) in (0, errno.EACCES, errno.EPERM, errno.EAGAIN)
+
+
+def _probe(path: Path) -> int:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as probe:
         try:
-            code = probe.connect_ex(os.fsencode(path))
-        except OSError:  # the path is longer than a socket's may be
-            return False
-    return code in (0, errno.EACCES, errno.EAGAIN)
+            return probe.connect_ex(os.fsencode(path))
+        except OSError:
+            return errno.ENAMETOOLONG

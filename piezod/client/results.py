@@ -38,6 +38,17 @@ class Answer(Result):
 
 
 @dataclass(frozen=True, kw_only=True)
+class StreamEnd(Result):
+    """A stream of setpoints that has ended.
+
+    Attributes:
+        setpoints: How many there were.
+    """
+
+    setpoints: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class Fault:
     """A fault that is present, or was and is latched.
 
@@ -92,10 +103,13 @@ class Status(Result):
 
     Attributes:
         state: One of `piezod.config.states.State`.
+        shadow: Whether everything is computed and nothing written.
         mode: Of the only axis; "mixed" where axes differ.
         faults: What is present or latched.
         skipped_cycles: Cycles that the loop has missed since it started.
         axes: By name.
+        stage: Name of the stage.
+        title: What it is, for people.
     """
 
     state: str
@@ -103,6 +117,20 @@ class Status(Result):
     faults: tuple[Fault, ...]
     skipped_cycles: int
     axes: dict[str, AxisStatus]
+    shadow: bool = False
+    stage: str = ""
+    title: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Health(Result):
+    """How the loop is.
+
+    Attributes:
+        healthy: Whether it runs on schedule; `document` has what tells so.
+    """
+
+    healthy: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,11 +176,15 @@ class HistoryEntry:
         sequence: Their number.
         saved_at: When, ISO 8601.
         saved_by: By whom.
+        axes: Of which axes.
+        why: What is wrong with them; empty where they can be used.
     """
 
     sequence: int
     saved_at: str = ""
     saved_by: str = ""
+    axes: tuple[str, ...] = ()
+    why: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,14 +199,20 @@ class History(Result):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecordingName:
-    """A recording.
+class RecordingFile:
+    """A recording that is finished, or the one that is being made.
 
     Attributes:
         name: The daemon made it.
+        size_bytes: Its size, None while it is being made.
+        records: How many cycles are in it, None once it is finished.
+        lost: How many are missing, likewise.
     """
 
     name: str
+    size_bytes: int | None = None
+    records: int | None = None
+    lost: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,11 +223,13 @@ class Recording(Result):
         name: Its name.
         records: How many cycles are in it.
         lost: How many are missing.
+        why: Why it ended by itself; empty where it did not.
     """
 
     name: str
     records: int = 0
     lost: int = 0
+    why: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,8 +241,8 @@ class Recordings(Result):
         recordings: Those that are finished.
     """
 
-    running: RecordingName | None
-    recordings: tuple[RecordingName, ...]
+    running: RecordingFile | None
+    recordings: tuple[RecordingFile, ...]
 
 
 def reader(result: type[ResultT]) -> Callable[[Document], ResultT]:

@@ -31,6 +31,8 @@ class AxisTelemetry:
         command_um: Displacement asked for.
         drive_v: Voltage written.
         error_um: Command less position.
+        target_um: Where the movement ends.
+        mode: How the drive is made from the command.
         on_target: Whether the target had been reached in the last cycle, and held.
         motion: Number of the movement in the last cycle.
     """
@@ -39,8 +41,10 @@ class AxisTelemetry:
     command_um: Range
     drive_v: Range
     error_um: Range
-    on_target: bool
-    motion: int
+    target_um: float | None = None
+    mode: str = ""
+    on_target: bool = False
+    motion: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,13 +52,21 @@ class Telemetry(Result):
     """All axes in one interval.
 
     Attributes:
+        t_s: Instant of the last cycle, s, on a clock of the daemon that never goes back.
+        cycles: How many cycles the interval had.
+        lost: How many more it had, which this client was too slow for.
         state: In the last cycle.
+        shadow: Whether everything is computed and nothing written.
         faults: Ids of the faults that were present in any cycle or are latched.
         skipped_cycles: Cycles that the loop has missed since it started.
         axes: By name.
     """
 
+    t_s: float
+    cycles: int
+    lost: int
     state: str
+    shadow: bool = False
     faults: tuple[str, ...]
     skipped_cycles: int
     axes: dict[str, AxisTelemetry]
@@ -90,4 +102,6 @@ class TelemetryReader:
             document = json.loads(text)
         except ValueError as error:
             raise unexpected(text, str(error)) from error
+        if not isinstance(document, dict):
+            raise unexpected(document, "must be an object")
         return _read(document)

@@ -1,34 +1,33 @@
-"""Waveforms as they are sent: with points in place of files, which a daemon does not read."""
+"""Requests as they are sent: with points in place of files, which a daemon does not read."""
 
 from collections.abc import Mapping
-from typing import Any
 
 from pydantic import BaseModel
 
-from piezod.config.waveforms import Csv
+from piezod.config.waveforms import Csv, Points
+
+
+def tupled(value: object) -> object:
+    """Return plain data with tuples in place of lists, as strict validation wants it."""
+    if isinstance(value, Mapping):
+        return {key: tupled(each) for key, each in value.items()}
+    return tuple(map(tupled, value)) if isinstance(value, list | tuple) else value
 
 
 def sendable(value: object) -> object:
-    """Return waveforms, or anything they are made of, as plain data with points in place of files.
+    """Return a request, or anything it is made of, as plain data; files become their points.
 
     Args:
-        value: Models, mappings, lists and plain values, nested in any way.
+        value: Models, mappings, tuples and plain values, nested in any way.
 
     Raises:
-        ValidationError: If a file named in it cannot be read.
+        ValidationError: If a file has more points than may be sent.
     """
     if isinstance(value, Csv):
-        return {"kind": "points", "points": value.points}
+        value = Points(kind="points", points=value.points)
     if isinstance(value, BaseModel):
-        return {name: sendable(getattr(value, name)) for name in type(value).model_fields}
+        fields = {name: getattr(value, name) for name in type(value).model_fields}
+        return sendable({name: each for name, each in fields.items() if each is not None})
     if isinstance(value, Mapping):
-        return _sendable_mapping(value)
-    if isinstance(value, list | tuple):
-        return tuple(map(sendable, value))
-    return value
-
-
-def _sendable_mapping(value: Mapping[str, Any]) -> object:
-    if value.get("kind") == "csv":
-        return sendable(Csv.model_validate(dict(value)))
-    return {key: sendable(each) for key, each in value.items()}
+        return {key: sendable(each) for key, each in value.items()}
+    return tuple(map(sendable, value)) if isinstance(value, tuple) else value

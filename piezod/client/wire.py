@@ -90,16 +90,17 @@ def read_answer(call: Call[ResultT], response: httpx.Response) -> ResultT:
     Raises:
         ClientError: If it is an error, or nothing that the call could lead to.
     """
-    return call.read(read_document(response))
+    return call.read(read_document(response, call.also_fine))
 
 
-def read_document(response: httpx.Response) -> Document:
+def read_document(response: httpx.Response, also_fine: int = 200) -> Document:
     """Return the object that an answer, read to its end, holds.
 
     Raises:
         ClientError: If it is an error, or no object.
     """
-    check(response)
+    if response.status_code != also_fine:
+        check(response)
     try:
         document = response.json()
     except ValueError as error:

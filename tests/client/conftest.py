@@ -1,0 +1,24 @@
+"""A daemon to talk to."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from piezod.client import StageClient
+from tests.client.fake_daemon import FakeDaemon
+
+
+@pytest.fixture
+def daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
+    """Return a daemon that accepts everything."""
+    daemon = FakeDaemon(tmp_path / "api.sock")
+    with daemon.running():
+        yield daemon
+
+
+@pytest.fixture
+def stage(daemon: FakeDaemon) -> Iterator[StageClient]:
+    """Return a client of that daemon."""
+    with StageClient(socket=daemon.socket_path, name="test") as stage:
+        yield stage

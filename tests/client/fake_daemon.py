@@ -1,0 +1,192 @@
+"""A daemon that answers what a test tells it to, on a real socket."""
+
+import json
+import socketserver
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler
+from pathlib import Path
+from typing import Any, NamedTuple
+
+Document = dict[str, Any]
+
+ACCEPTED = {"accepted": True, "motion": 7}
+
+
+class Asked(NamedTuple):
+    """A request that came.
+
+    Attributes:
+        what: Method and path with its query, as in "GET status".
+        body: The document, or those of the lines; None for none.
+        client: What the client calls itself.
+    """
+
+    what: str
+    body: Any
+    client: str
+
+
+class Raw(NamedTuple):
+    """An answer that is not a document.
+
+    Attributes:
+        status: Of HTTP.
+        body: What follows.
+        kind: Media type.
+    """
+
+    status: int
+    body: bytes
+    kind: str = "application/json"
+
+
+class FakeDaemon(socketserver.ThreadingMixIn, socketserver.UnixStreamServer):
+    """Notes what it is asked; `answers` has what it says, by method and path.
+
+    Args:
+        socket: Where to listen.
+    """
+
+    def __init__(self, socket: Path) -> None:
+        super().__init__(str(socket), _Handler)
+        self.socket_path = socket
+        self.asked: list[Asked] = []
+        self.answers: dict[str, Document | Raw] = {}
+        self.telemetry: list[Document] = []
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Serve until the end of the block."""
+        thread = threading.Thread(target=self.serve_forever, args=(0.01,))
+        thread.start()
+        try:
+            yield
+        finally:
+            self.shutdown()
+            thread.join()
+            self.server_close()
+            self.socket_path.unlink()
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Say nothing of a client that has gone: that is what a test wants."""
+
+    def refuse(self, what: str, status: int, code: str, text: str, remedy: str = "") -> None:
+        """Answer a request with an error from now on."""
+        document = {"error": {"code": code, "what": text, "remedy": remedy}}
+        self.answers[what] = Raw(status, json.dumps(document).encode())
+
+
+class _Handler(BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+    server: FakeDaemon
+
+    def do_GET(self) -> None:
+        self._handle(None)
+
+    def do_DELETE(self) -> None:
+        self._handle(None)
+
+    def do_POST(self) -> None:
+        if self.headers.get("Transfer-Encoding") == "chunked":
+            self._handle([json.loads(line) for line in b"".join(self._chunks()).splitlines()])
+        else:
+            length = int(self.headers.get("Content-Length", "0"))
+            self._handle(json.loads(self.rfile.read(length) or b"null"))
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Say nothing."""
+
+    def _chunks(self) -> Iterator[bytes]:
+        while size := int(self.rfile.readline(), 16):
+            yield self.rfile.read(size)
+            self.rfile.readline()
+        self.rfile.readline()
+
+    def _handle(self, body: Any) -> None:
+        what = f"{self.command} {self.path.removeprefix('/v1/')}"
+        self.server.asked.append(Asked(what, body, self.headers["X-Piezod-Client"]))
+        answer = self.server.answers.get(what.partition("?")[0], ACCEPTED)
+        if what.startswith("GET telemetry") and self.server.telemetry:
+            answer = Raw(200, events(self.server.telemetry), "text/event-stream")
+        if not isinstance(answer, Raw):
+            answer = Raw(200, json.dumps(answer).encode())
+        self.send_response(answer.status)
+        self.send_header("Content-Type", answer.kind)
+        self.send_header("Content-Length", str(len(answer.body)))
+        self.end_headers()
+        self.wfile.write(answer.body)
+
+
+def events(documents: Sequence[Document]) -> bytes:
+    """Return documents as an event stream, with what else may be in one between them."""
+    texts = (
+        f"event: telemetry\ndata: {json.dumps(each)}\n\n: nothing new\n\n" for each in documents
+    )
+    return "".join(texts).encode()
+
+
+def ranged(value: float | None) -> Document:
+    """Return a quantity that did not change in an interval."""
+    return {"min": value, "max": value, "last": value}
+
+
+def told(
+    position_um: float | None = 12.4,
+    *,
+    state: str = "RUN",
+    motion: int = 7,
+    on_target: bool = False,
+    faults: Sequence[str] = (),
+    axis: str = "x",
+    t_s: float = 100.0,
+) -> Document:
+    """Return the telemetry of an interval in which axis x stood still."""
+    error_um = None if position_um is None else 12.5 - position_um
+    return {
+        "t_s": t_s,
+        "cycles": 50,
+        "lost": 0,
+        "state": state,
+        "shadow": False,
+        "faults": list(faults),
+        "skipped_cycles": 3,
+        "late_max_us": 20.0,
+        "axes": {
+            axis: {
+                "mode": "adaptive",
+                "on_target": on_target,
+                "motion": motion,
+                "target_um": 12.5,
+                "position_um": ranged(position_um),
+                "command_um": ranged(12.5),
+                "drive_v": ranged(60.0),
+                "error_um": ranged(error_um),
+            }
+        },
+    }
+
+
+STATUS: Document = {
+    "stage": "simulated",
+    "title": "A stage",
+    "state": "RUN",
+    "mode": "adaptive",
+    "shadow": False,
+    "faults": [
+        {"id": "S5", "name": "stuck", "present": True, "latched": False, "remedy": "look at it"}
+    ],
+    "skipped_cycles": 3,
+    "axes": {
+        "x": {
+            "position_um": 12.4,
+            "command_um": 12.5,
+            "drive_v": 60.0,
+            "target_um": 12.5,
+            "mode": "adaptive",
+            "on_target": True,
+            "motion": 7,
+        }
+    },
+}

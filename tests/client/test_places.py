@@ -1,0 +1,122 @@
+"""Which daemon is meant."""
+
+import os
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from piezod.client.places import check_socket, find_socket, running_stages
+from piezod.errors import AmbiguousStageError, NotAllowedError, NotRunningError
+
+Listen = Callable[[Path], Path]
+
+
+@pytest.fixture
+def listen() -> Iterator[Listen]:
+    """Return what makes a stage's folder with a socket on which somebody listens."""
+    with ExitStack() as stack:
+
+        def start(folder: Path) -> Path:
+            folder.mkdir(parents=True)
+            listening = stack.enter_context(socket.socket(socket.AF_UNIX))
+            listening.bind(str(folder / "api.sock"))
+            listening.listen()
+            return folder / "api.sock"
+
+        yield start
+
+
+@pytest.fixture(autouse=True)
+def own_tmp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder for temporary files, in which no daemon of the tester is."""
+    folder = tmp_path / "tmp"
+    folder.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    return folder
+
+
+def test_the_only_one_is_meant(tmp_path: Path, listen: Listen) -> None:
+    """Who has one stage need not name it."""
+    path = listen(tmp_path / "r" / "piezod" / "bench")
+
+    assert find_socket(None, {"XDG_RUNTIME_DIR": str(tmp_path / "r")}, tmp_path) == path
+
+
+def test_one_of_several_is_named(tmp_path: Path, listen: Listen, own_tmp: Path) -> None:
+    """Services, a user's daemons and those without a runtime folder are all found by their name."""
+    service = listen(tmp_path / "run" / "afm")
+    users = listen(tmp_path / "r" / "piezod" / "bench")
+    own = listen(own_tmp / f"piezod-{os.getuid()}" / "test")
+    environ = {"XDG_RUNTIME_DIR": str(tmp_path / "r")}
+
+    assert running_stages(environ, tmp_path / "run") == {
+        "afm": service,
+        "bench": users,
+        "test": own,
+    }
+    assert find_socket("afm", environ, tmp_path / "run") == service
+    assert find_socket(None, {**environ, "PIEZOD_STAGE": "test"}, tmp_path / "run") == own
+    with pytest.raises(AmbiguousStageError, match="afm, bench, test; name one with --stage"):
+        find_socket(None, environ, tmp_path / "run")
+    with pytest.raises(NotRunningError, match="for stage 'no', running: afm, bench, test; start"):
+        find_socket("no", environ, tmp_path / "run")
+
+
+def test_socket_of_the_environment_is_taken_as_it_is(tmp_path: Path) -> None:
+    """A path in the environment counts, unless a stage is named."""
+    environ = {"PIEZOD_SOCKET": "/a/b.sock"}
+
+    assert find_socket(None, environ, tmp_path) == Path("/a/b.sock")
+    with pytest.raises(NotRunningError, match="no daemon is running for stage 'x'"):
+        find_socket("x", environ, tmp_path)
+
+
+def test_nobody_listens(tmp_path: Path) -> None:
+    """What a killed daemon has left is none that runs."""
+    folder = tmp_path / "run" / "killed"
+    folder.mkdir(parents=True)
+    with socket.socket(socket.AF_UNIX) as gone:
+        gone.bind(str(folder / "api.sock"))
+
+    with pytest.raises(NotRunningError, match=r"^no daemon is running; start it"):
+        find_socket(None, {}, tmp_path / "run")
+    with pytest.raises(NotRunningError, match="no daemon is running there"):
+        check_socket(folder / "api.sock")
+
+
+def test_path_longer_than_sockets_may_have(tmp_path: Path) -> None:
+    """No daemon can listen there."""
+    with pytest.raises(NotRunningError, match="no daemon is running there"):
+        check_socket(tmp_path / ("a" * 120))
+
+
+@pytest.mark.skipif(os.getuid() == 0, reason="root may connect to everything")
+def test_socket_that_keeps_us_out(tmp_path: Path, listen: Listen) -> None:
+    """A daemon whose socket this user may not use is running; the groups are named."""
+    path = listen(tmp_path / "run" / "afm")
+    path.chmod(0)
+
+    assert find_socket("afm", {}, tmp_path / "run") == path
+    with pytest.raises(NotAllowedError, match="become a member of the group piezod-view"):
+        check_socket(path)
+
+
+def test_folder_that_everybody_may_write_to_is_not_trusted(
+    tmp_path: Path, listen: Listen, own_tmp: Path
+) -> None:
+    """Somebody else could listen there for commands that are meant for a stage."""
+    listen(own_tmp / f"piezod-{os.getuid()}" / "test")
+    (own_tmp / f"piezod-{os.getuid()}").chmod(0o777)
+
+    assert running_stages({}, tmp_path / "run") == {}
+
+
+def test_link_is_not_trusted(tmp_path: Path, listen: Listen, own_tmp: Path) -> None:
+    """A link in a folder for everybody may be anybody's."""
+    listen(tmp_path / "elsewhere" / "test")
+    (own_tmp / f"piezod-{os.getuid()}").symlink_to(tmp_path / "elsewhere")
+
+    assert running_stages({}, tmp_path / "run") == {}
