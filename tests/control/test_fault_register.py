@@ -267,6 +267,25 @@ def test_a_fault_that_comes_to_another_axis_is_new(stage: Stage) -> None:
     assert stage.told == [("D1", True)] * 2
 
 
+def test_a_hold_for_another_axis_is_no_second_one(stage: Stage) -> None:
+    """All axes are held already; it is told all the same."""
+    stage.cycle(S5)
+
+    assert stage.cycle(S5, S5._replace(axis=1)) is Reaction.NONE
+    assert stage.told == [("S5", True)] * 2
+
+
+def test_resume_leaves_what_forbids_to_adapt(stage: Stage) -> None:
+    """It needs a reset, but keeps nobody from going on."""
+    stage.cycle("D1")
+    stage.cycles(CAUSE_CYCLES, "D1")
+    stage.cycle("S5")
+    stage.cycles(GOOD_CYCLES)
+
+    assert stage.register.resume() == ""
+    assert stage.latched == ["D1"]
+
+
 def test_news_carry_what_was_measured(stage: Stage) -> None:
     """The value and the limit that it was compared with, and the rule that holds now."""
     stage.cycle(S5)

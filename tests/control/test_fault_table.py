@@ -1,0 +1,122 @@
+"""The table of faults, and the page that shows it."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from piezod.control.fault_table import (
+    FAULTS,
+    INDEX,
+    FaultRule,
+    Latch,
+    Reaction,
+    Source,
+    ids,
+    mask,
+)
+from piezod.units import NS_PER_S
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
+ENDS = {Latch.L0: "itself", Latch.L1: "resume", Latch.L2: "reset", Latch.L3: "engineer"}
+ROWS = re.findall(r"^\| ([A-Z]\d+) \| .*$", PAGE, re.MULTILINE)
+
+
+def shown(rule: FaultRule) -> str:
+    """Return the row of the page for a fault."""
+    reaction, end, worse = rule.reaction.name, ENDS[rule.latch], rule.escalation
+    if worse is not None:
+        seconds = f"{worse.after_ns / NS_PER_S:g} s"
+        when = seconds if worse.after_ns else f"{worse.cycles} cycles"
+        if worse.reaction is not rule.reaction:
+            reaction += f", {worse.reaction.name} after {when}"
+        if worse.latch is not rule.latch:
+            end += f", {ENDS[worse.latch]} after {when}"
+    return f"| {rule.id} | {rule.name} | {reaction} | {end} | {rule.remedy} |"
+
+
+@pytest.mark.parametrize("rule", FAULTS, ids=lambda rule: rule.id)
+def test_the_page_shows_each_fault_as_it_is(rule: FaultRule) -> None:
+    """Name, reaction, latch and remedy; in words of the program."""
+    assert shown(rule) in PAGE.splitlines()
+
+
+def test_the_page_shows_no_fault_twice_and_all_in_the_order_of_the_table() -> None:
+    """What the table does not have is what never reaches the loop."""
+    assert len(ROWS) == len(set(ROWS))
+    assert [fault for fault in ROWS if fault in INDEX] == list(INDEX)
+
+
+def test_the_page_says_which_faults_nobody_looks_for() -> None:
+    """No module but the table names them; the bus drivers will."""
+    table = ROOT / "piezod" / "control" / "fault_table.py"
+    modules = [path for path in (ROOT / "piezod").rglob("*.py") if path != table]
+    named = set(re.findall(r'"([SABLDPEH]\d+)"', "\n".join(p.read_text("utf-8") for p in modules)))
+    line = re.search(r"^Not looked for in this version: (.*)\.$", PAGE, re.MULTILINE)
+
+    assert line is not None
+    assert line[1] == ", ".join(rule.id for rule in FAULTS if rule.id not in named)
+
+
+def test_tests_prove_faults_that_the_page_shows() -> None:
+    """A mark that names no fault proves nothing."""
+    marks = re.compile(r'mark\.fault\("(.*?)"\)')
+    marked = {
+        fault
+        for path in (ROOT / "tests").rglob("test_*.py")
+        for fault in marks.findall(path.read_text("utf-8"))
+    }
+
+    assert marked - set(ROWS) == set()
+
+
+def test_ids_are_unique_and_fit_the_masks_of_a_record() -> None:
+    """Two words of 64 bits."""
+    assert len(INDEX) == len(FAULTS) <= 128
+
+
+@pytest.mark.parametrize("rule", FAULTS, ids=lambda rule: rule.id)
+def test_each_rule_is_consistent(rule: FaultRule) -> None:
+    """What stops the stage is latched, what is latched is told; it only becomes worse."""
+    letter = {"S": Source.SENSOR, "A": Source.AMPLIFIER, "B": Source.BUS, "L": Source.LOOP}
+    assert rule.source is {**letter, "D": Source.ADAPTATION}.get(rule.id[0], Source.PROCESS)
+    assert (rule.severity == "error") >= (rule.reaction >= Reaction.HOLD)
+    assert (rule.latch >= Latch.L1) >= (rule.reaction >= Reaction.HOLD)
+    assert (rule.severity != "info") >= (rule.latch >= Latch.L1)
+    assert "|" not in rule.name + rule.remedy
+    assert rule.name
+    assert rule.remedy
+    if rule.escalation is not None:
+        worse = (rule.escalation.reaction, rule.escalation.latch)
+        assert worse > (rule.reaction, rule.latch)
+        assert rule.escalation.latch >= rule.latch
+
+
+@pytest.mark.parametrize(
+    ("reaction", "faults"),
+    [
+        (Reaction.CUT, ["A11", "A12", "A13"]),
+        (Reaction.BLIND, ["A1", "A2", "A7", "B1", "B2", "B8", "B9", "B13", "B14", "B15"]),
+        (Reaction.RAMP, ["S10", "A9", "B10", "L3", "L5", "L8", "P2", "E1", "H1"]),
+    ],
+)
+def test_the_grave_reactions_are_for_these_faults(reaction: Reaction, faults: list[str]) -> None:
+    """Whoever changes that changes it here, too."""
+    assert [rule.id for rule in FAULTS if rule.reaction is reaction] == faults
+
+
+def test_masks_and_ids_are_the_same_in_two_forms() -> None:
+    """Of one fault, of all, of none."""
+    everything = [rule.id for rule in FAULTS]
+
+    assert mask(["S1"]) == 1
+    assert ids(mask(everything)) == everything
+    assert (mask([]), ids(0)) == (0, [])
+    assert ids(mask(["D1", "S5"])) == ["S5", "D1"]
+
+
+def test_an_unknown_fault_is_a_mistake() -> None:
+    """It is not passed over."""
+    with pytest.raises(KeyError):
+        mask(["S99"])
