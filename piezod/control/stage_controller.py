@@ -178,7 +178,10 @@ class StageController:
             found += watches.amplifier.check(self._read_back_v[i], flags[i])
             sample = watches.sensor.sample
             position_um = sample.position_um if sample.valid else nan
-            found += watches.adaptation.check(axis.command_um, position_um, closed=closed)
+            noise_um = watches.sensor.noise_um
+            found += watches.adaptation.check(
+                axis.command_um, position_um, closed=closed, noise_um=noise_um
+            )
             if axis.crash is not None:
                 found.append(Detection("P4", i))
                 text = f"axis {stage.names[i]}: {axis.crash!r}"
