@@ -1,15 +1,27 @@
 """Watches what is learned on one axis, and the loop that is closed over it.
 
-Detects D1, D2, D5 and D6.
+Detects D1, D2, D5 and D6. That weights cannot be inverted (D3) the identifiers prevent themselves;
+what may not teach them (D4, D7) the gate keeps away and counts.
 """
 
 from collections.abc import Sequence
+from math import isfinite
 from typing import Final
 
 from piezod.control.fault_register import Detection
+from piezod.control.model_drift import ModelDrift
+from piezod.control.oscillation import Oscillation
 from piezod.control.stage_model import StageModel
-from piezod.hysteresis.adaptation import AdaptiveIdentifier
+from piezod.hysteresis.adaptation import AdaptiveIdentifier, Shadowed
 from piezod.hysteresis.normalisation import AffineRange
+from piezod.units import NS_PER_S
+
+DRIFT_LIMIT: Final = 0.3
+"""The drive may differ by this part of its range from that of the identified model,"""
+DRIFT_NS: Final = 10 * NS_PER_S
+"""and by more for so long."""
+MEASURED_NS: Final = NS_PER_S // 10
+"""How often that is measured."""
 
 _NOTHING: Final[Sequence[Detection]] = ()
 
@@ -33,16 +45,71 @@ class AdaptationWatch:
         position_um: AffineRange,
         period_ns: int,
     ) -> None:
-        self._axis = axis
+        self._axis, self._position_um = axis, position_um
+        self._adaptation = adaptation
+        self._shadowed = adaptation if isinstance(adaptation, Shadowed) else None
+        self._restored = 0
+        self._drift = ModelDrift(identified, adaptation) if identified is not None else None
+        self._measured_cycles = max(MEASURED_NS // period_ns, 1)
+        self._drift_cycles = max(DRIFT_NS // period_ns, 1)
+        self._cycle = self._drifted_cycles = 0
+        self._drifted, self._broken = 0.0, False
+        self._oscillation = Oscillation(period_ns)
 
-    def check(self, command_um: float, position_um: float, *, closed: bool) -> Sequence[Detection]:
-        """Return what is wrong with the adaptation; call it once in each cycle, after the axes.
-
-        May be called in the loop.
+    def check(
+        self, command_um: float, position_um: float, *, closed: bool, noise_um: float
+    ) -> Sequence[Detection]:
+        """Return what is wrong with the adaptation; call it once in each cycle, in the loop.
 
         Args:
             command_um: Displacement asked for, NaN where there is none.
             position_um: Measured displacement, NaN where the sample may not be used.
             closed: Whether the sample acts on the drive: mode `adaptive` or `trimmed`, in RUN.
+            noise_um: Standard deviation of the sensor's noise.
         """
-        return _NOTHING
+        self._cycle += 1
+        if self._cycle >= self._measured_cycles:
+            self._measure()
+        restored = self._restores()
+        if not closed:
+            self._oscillation.forget()
+            return (Detection("D2", self._axis),) if self._broken else _NOTHING
+        if isfinite(command_um) and isfinite(position_um):
+            self._oscillation.update(
+                self._position_um.to_unit(command_um),
+                self._position_um.to_unit(position_um),
+                noise_um / self._position_um.width,
+            )
+        drifted = self._drifted_cycles >= self._drift_cycles
+        if not (restored or drifted or self._broken or self._oscillation.found):
+            return _NOTHING
+        return self._found(restored, drifted)
+
+    def _restores(self) -> int:
+        """Return how often the last good model was restored since it was asked last."""
+        if self._shadowed is None:
+            return 0
+        before, self._restored = self._restored, self._shadowed.restored
+        return self._restored - before
+
+    def _measure(self) -> None:
+        drifted = self._drift.measure() if self._drift else 0.0
+        self._broken = not isfinite(drifted + self._adaptation.offset + self._adaptation.scale)
+        over = drifted > DRIFT_LIMIT
+        self._drifted_cycles = self._drifted_cycles + self._cycle if over else 0
+        self._drifted, self._cycle = drifted, 0
+
+    def _found(self, restored: int, drifted: bool) -> Sequence[Detection]:
+        found = []
+        if self._broken:
+            found.append(Detection("D2", self._axis))
+        if restored:
+            found.append(Detection("D1", self._axis, restored, 0.0))
+        if drifted:
+            found.append(Detection("D5", self._axis, self._drifted, DRIFT_LIMIT))
+        if self._oscillation.found:
+            width_um, wave = self._position_um.width, self._oscillation
+            found.append(
+                Detection("D6", self._axis, wave.amplitude * width_um, wave.limit * width_um)
+            )
+        return found

@@ -72,6 +72,8 @@ class AmplifierWatch:
             read_back_v: Voltage that the amplifier tells is in force now, NaN where it does not.
             flags: What the device says is the matter.
         """
+        if not self._written and self._taken_v == self._taken_v:
+            self.forget()
         before_v, self._read_back_v = self._read_back_v, read_back_v
         wrong = bool(flags) or self._not_taken or self._not_finite
         wrong |= self._in_range_end >= RANGE_CYCLES or self._at_slew_rate >= SLEW_CYCLES
@@ -108,7 +110,7 @@ class AmplifierWatch:
             range_limited: Whether more was wanted than the range allows.
             slew_limited: Whether more was wanted than the slew rate allows.
         """
-        if self._taken_v != self._taken_v:  # noqa: PLR0124 - the first write since `forget`
+        if self._taken_v != self._taken_v:  # not a number: the first write since `forget`
             known = self._read_back_v - self._read_back_v == 0.0
             self._taken_v = self._read_back_v if known else drive_v
             self._written_v.add(self._taken_v)
@@ -126,8 +128,7 @@ class AmplifierWatch:
     def forget(self) -> None:
         """Forget what was written: from here on the amplifier is taken over from its read-back.
 
-        May be called in the loop: before arming, when the link is back, after a cut or deactivation
-        and whenever writing ends.
+        May be called in the loop. A cycle in which nothing is written does the same.
         """
         self._written_v.forget()
         self._taken_v = nan

@@ -53,9 +53,16 @@ class SampleScreen:
         self.usable = False
         """Whether the last sample may be used."""
 
-    def check(self, t_ns: int, sample: Sample, flags: Flags) -> Sequence[Detection]:
-        """Return what is wrong with a sample, or with those before it; call it in the loop."""
+    def check(
+        self, t_ns: int, sample: Sample, flags: Flags, *, driven: bool
+    ) -> Sequence[Detection]:
+        """Return what is wrong with a sample, or with those before it; call it in the loop.
+
+        A stage that is not driven may not even be zeroed yet: its samples may be anywhere.
+        """
         cause = self._find_cause(t_ns, sample, flags)
+        if cause == "S3" and not driven:
+            cause = ""
         late = cause == "S6"
         self.usable = not cause or (late and t_ns - sample.t_ns <= self._too_late_ns)
         if self.usable or self._usable_ns is None:

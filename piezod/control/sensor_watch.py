@@ -20,6 +20,7 @@ from piezod.control.still_sensor import STILL_SAMPLES, StillSensor
 from piezod.control.stuck_sensor import STUCK_SAMPLES, StuckSensor
 from piezod.devices.interface import Sample
 from piezod.devices.status import Flags
+from piezod.errors import ModelError
 from piezod.hysteresis.normalisation import AffineRange
 from piezod.units import s_to_ns
 
@@ -63,6 +64,9 @@ class WatchedSensor(NamedTuple):
             config: Of the axis.
             model: Its model, counted from the same zero as the samples will be. Without one the
                 range of the commands says roughly where the stage can be.
+
+        Raises:
+            ModelError: If there is neither.
         """
         drive_v = AffineRange(config.limits.drive_min_v, config.limits.drive_max_v)
         answer_ns, ringing_ns = ANSWER_NS, RINGING_NS
@@ -74,7 +78,10 @@ class WatchedSensor(NamedTuple):
             answer_ns += 2 * s_to_ns(model.delay_s)
             plausible = Plausible(model)
             return cls(drive_v, model.position_um, plausible, 0, answer_ns, ringing_ns)
-        low_um, high_um = config.command_range_um or (0.0, float("inf"))
+        if config.command_range_um is None:
+            message = "a sensor is watched by a model or by a command range: there is neither"
+            raise ModelError(message)
+        low_um, high_um = config.command_range_um
         width_um = high_um - low_um
         position_um = AffineRange(low_um - width_um, high_um + width_um)
         return cls(drive_v, position_um, None, 0, answer_ns, ringing_ns)
@@ -120,11 +127,11 @@ class SensorWatch:
             sample: As the device gave it.
             flags: What the device says is the matter.
             in_force_v: Voltage in force when the sample was taken, NaN where it is not known.
-            driven: Whether this daemon drives the stage. If not, it is free to go anywhere: S1, S4
-                and S9 are not judged.
+            driven: Whether this daemon drives the stage. If not, it is free to go anywhere, and may
+                not be zeroed yet: S1, S3, S4 and S9 are not judged.
             needed: Whether the sample acts on the drive; where it does not, S13 stands for S1.
         """
-        found = self._screen.check(t_ns, sample, flags)
+        found = self._screen.check(t_ns, sample, flags, driven=driven)
         known = self._take_drive(in_force_v)
         if not self._screen.usable:
             self._jumps.missed()
@@ -144,6 +151,11 @@ class SensorWatch:
         if self._still.still:
             found = (*found, Detection("S13", self._axis, self._still.samples, STILL_SAMPLES))
         return found
+
+    @property
+    def noise_um(self) -> float:
+        """Standard deviation of the sensor's noise."""
+        return self._jumps.noise * self._position_um.width
 
     def _take_drive(self, in_force_v: float) -> bool:
         if in_force_v - in_force_v != 0.0:
