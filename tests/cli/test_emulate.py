@@ -1,0 +1,163 @@
+"""`piezod emulate` as a process, and what it says where it cannot be one."""
+
+import json
+import os
+import signal
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from piezod.devices.interface import Identity
+from piezod.errors import DeviceUnavailableError
+from piezod_drivers.emulated.driver import EmulatedRig
+from piezod_drivers.emulated.options import Options
+from tests.cli.conftest import Command
+from tests.daemon.waiting import eventually
+from tests.hosted_rig import hosted
+
+STAGE = """
+rate_hz: 1000
+seed: 7
+devices:
+  rig: {driver: simulated, options: {variant: afm}}
+  other: {driver: simulated}
+axes:
+  x:
+    amplifier: rig
+    sensor: rig
+    limits: {drive_min_v: 0, drive_max_v: 150, slew_v_per_s: 20000, rest_v: 0}
+    command_range_um: [0, 26]
+  y:
+    amplifier: other
+    sensor: rig
+    limits: {drive_min_v: 0, drive_max_v: 150, slew_v_per_s: 20000, rest_v: 0}
+    command_range_um: [0, 26]
+"""
+
+
+@pytest.fixture
+def stage(folder: Path) -> str:
+    """Return the name of a configuration with two rigs."""
+    (folder / "stage.yaml").write_text(STAGE)
+    return "stage.yaml"
+
+
+@contextmanager
+def ended_by(number: signal.Signals, driver: EmulatedRig) -> Iterator[list[Identity]]:
+    """Have a thread open a driver as soon as there is a rig in this process, then end that.
+
+    Yields:
+        Who the rig was, once it has ended.
+    """
+    found: list[Identity] = []
+
+    def open_it() -> Identity | None:
+        try:
+            return driver.open()
+        except DeviceUnavailableError:
+            return None
+
+    def run() -> None:
+        try:
+            found.append(eventually(open_it))
+            driver.close()
+        finally:
+            os.kill(os.getpid(), number)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    yield found
+    thread.join()
+
+
+def test_rig_is_that_of_a_configuration(piezod: Command, folder: Path, stage: str) -> None:
+    """Options, axes and seed are those of the device; --json says where it is."""
+    path = folder / "rig.sock"
+    arguments = ["--config", stage, "--device", "rig", "--socket", path, "--json"]
+    driver = EmulatedRig(Options(socket=str(path)), ("x", "y"))
+    with ended_by(signal.SIGINT, driver) as found:
+        code, out, _ = piezod("emulate", "simulated", *arguments)
+
+    assert code == 0
+    assert json.loads(out) == {"socket": str(path), "driver": "simulated", "axes": ["x", "y"]}
+    assert (found[0].model, found[0].serial) == ("simulated afm", "seed 7")
+    assert not path.exists()
+
+
+def test_rig_is_where_drivers_look_by_default(
+    piezod: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without --socket it serves that of the driver's default options, and makes its folder."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    with ended_by(signal.SIGTERM, EmulatedRig(Options(), ("x",))) as found:
+        code, out, _ = piezod("emulate", "simulated")
+
+    assert code == 0
+    assert str(folder / "piezod" / "rig.sock") in out
+    assert found[0].serial == "seed 1"
+
+
+def test_folder_of_somebody_else_is_not_used(
+    piezod: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Others could put their own rig there: the text asks for another socket."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    monkeypatch.setattr("os.getuid", lambda: 4_000_000)
+    code, _, err = piezod("emulate", "simulated")
+
+    assert code == 69
+    assert "belongs to somebody else" in err
+
+
+def test_second_rig_at_a_socket_is_refused(piezod: Command, folder: Path) -> None:
+    """A socket that somebody serves is not taken over: exit code 69."""
+    path = folder / "rig.sock"
+    with hosted(path, folder / "trace.csv"):
+        code, _, err = piezod("emulate", "simulated", "--socket", path)
+
+    assert code == 69
+    assert "another rig is hosted at" in err
+
+
+def test_socket_of_a_dead_rig_is_replaced(folder: Path) -> None:
+    """What a rig has left that was killed is no hindrance."""
+    path = folder / "rig.sock"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as left:
+        left.bind(str(path))
+
+    with hosted(path, folder / "trace.csv"):
+        assert path.is_socket()
+
+
+def test_only_the_user_may_use_the_rig(folder: Path) -> None:
+    """The socket is for its owner."""
+    with hosted(folder / "rig.sock", folder / "trace.csv"):
+        assert (folder / "rig.sock").stat().st_mode & 0o777 == 0o600
+
+
+def test_socket_that_cannot_be_made(piezod: Command, folder: Path) -> None:
+    """The text names the path; exit code 69."""
+    code, _, err = piezod("emulate", "simulated", "--socket", folder / "none" / "rig.sock")
+
+    assert code == 69
+    assert "no socket can be made at" in err
+
+
+def test_device_has_to_be_named_among_several(piezod: Command, stage: str) -> None:
+    """The text lists the rigs of the file."""
+    code, _, err = piezod("emulate", "simulated", "--config", stage)
+
+    assert code == 2
+    assert "rig, other" in err
+
+
+def test_driver_that_nothing_hosts(piezod: Command) -> None:
+    """The text lists what can be hosted."""
+    code, _, err = piezod("emulate", "acme")
+
+    assert code == 1
+    assert "nothing hosts rigs of driver 'acme', known: simulated" in err

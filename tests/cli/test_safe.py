@@ -1,0 +1,175 @@
+"""`piezod safe` with a rig in another process."""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from piezod.daemon.last_output import LastOutputWriter
+from piezod.daemon.lock import Lock
+from piezod.daemon.paths import StagePaths, stage_paths
+from piezod_drivers.emulated.driver import EmulatedRig
+from piezod_drivers.emulated.options import Options
+from tests.cli.conftest import Command
+from tests.daemon.waiting import eventually
+from tests.hosted_rig import hosted, writes
+
+STAGE = """
+rate_hz: 1000
+devices:
+  rig: {driver: emulated, options: {socket: SOCKET}}
+axes:
+  x:
+    amplifier: rig
+    sensor: rig
+    limits: {drive_min_v: 0, drive_max_v: 150, slew_v_per_s: 20000, rest_v: 0}
+    command_range_um: [0, 26]
+    safety: {safe_v: 10, ramp_v_per_s: 200}
+"""
+
+
+@pytest.fixture
+def paths(folder: Path, monkeypatch: pytest.MonkeyPatch) -> StagePaths:
+    """Return where the stage of `stage.yaml` has its files; its folders are there."""
+    for variable in ("RUNTIME_DIRECTORY", "STATE_DIRECTORY"):
+        monkeypatch.setenv(variable, str(folder / variable.lower()))
+    (folder / "stage.yaml").write_text(STAGE.replace("SOCKET", str(folder / "rig.sock")))
+    paths = stage_paths(Path("stage.yaml"))
+    paths.make_folders()
+    return paths
+
+
+@pytest.fixture
+def rig(folder: Path) -> Iterator[EmulatedRig]:
+    """Return a driver that is closed, of a rig that is at 60 V."""
+    driver = EmulatedRig(Options(socket=str(folder / "rig.sock"), deadline_ms=1000.0), ("x",))
+    with hosted(folder / "rig.sock", folder / "trace.csv"):
+        driver.open()
+        driver.activate(time.monotonic_ns())
+        assert driver.write([60.0], time.monotonic_ns())
+        eventually(lambda: driver.read_back(time.monotonic_ns())[0] > 59.5)
+        driver.close()
+        yield driver
+
+
+def in_force_v(driver: EmulatedRig) -> float:
+    """Return the voltage that a rig has now, in V."""
+    driver.open()
+    (drive_v,) = driver.read_back(time.monotonic_ns())
+    driver.close()
+    return drive_v
+
+
+@pytest.mark.usefixtures("paths")
+def test_stage_is_ramped_to_its_safe_voltage(
+    piezod: Command, folder: Path, rig: EmulatedRig
+) -> None:
+    """It starts from the voltage read back, goes down in small steps and ends at the safe one."""
+    code, out, err = piezod("safe", "stage.yaml")
+    ramp_v = [write.drive_v for write in writes(folder / "trace.csv")][1:]
+
+    assert (code, err) == (0, "")
+    assert out.startswith("x: from 60.")
+    assert ramp_v[0] > 57
+    assert max(a - b for a, b in pairwise(ramp_v)) <= 2 + 1e-9
+    assert in_force_v(rig) == pytest.approx(10, abs=0.5)
+
+
+@pytest.mark.usefixtures("paths", "rig")
+def test_json_tells_each_axis(piezod: Command) -> None:
+    """With --json there is one document with what became of each axis."""
+    code, out, _ = piezod("safe", "stage.yaml", "--json")
+    document = json.loads(out)
+
+    assert (code, document["safe"]) == (0, True)
+    assert document["axes"]["x"]["from_v"] == pytest.approx(60, abs=0.5)
+    assert document["axes"]["x"]["from_noted"] is False
+
+
+def test_rig_that_has_gone_is_unknown(
+    piezod: Command, paths: StagePaths, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a device the exit code is 1 and the text says that the voltage is unknown."""
+    monkeypatch.setattr("piezod.cli.safe.LOOP_ENDS_S", 0.0)
+    LastOutputWriter(paths.output_map, 1).note([60.0], 1)
+    code, out, err = piezod("safe", "stage.yaml")
+
+    assert (code, out) == (1, "")
+    assert "axis x: the voltage is UNKNOWN: no rig at" in err
+
+
+@pytest.mark.usefixtures("rig")
+def test_living_daemon_is_left_alone(
+    piezod: Command, paths: StagePaths, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While another process owns the stage the exit code is 75 and nothing is written."""
+    monkeypatch.setattr("piezod.cli.safe.LOCK_WAIT_S", 0.0)
+    with Lock(paths.lock):
+        code, _, err = piezod("safe", "stage.yaml")
+
+    assert code == 75
+    assert "already running" in err
+    assert len(writes(folder / "trace.csv")) == 1
+
+
+def test_clean_end_needs_no_ramp(
+    piezod: Command, paths: StagePaths, folder: Path, rig: EmulatedRig
+) -> None:
+    """With --unless-clean only a daemon that has not ended in order is followed by a ramp."""
+    clean = piezod("safe", "stage.yaml", "--unless-clean")
+    untouched = len(writes(folder / "trace.csv"))
+    paths.running.touch()
+    unclean = piezod("safe", "stage.yaml", "--unless-clean")
+
+    assert (clean.code, untouched) == (0, 1)
+    assert "nothing to do" in clean.out
+    assert unclean.code == 0
+    assert in_force_v(rig) == pytest.approx(10, abs=0.5)
+
+
+@pytest.mark.usefixtures("rig")
+def test_broken_file_is_no_hindrance(piezod: Command, paths: StagePaths, folder: Path) -> None:
+    """After a crash the copy counts that the daemon ran, whatever became of the file since."""
+    copies = [paths.runtime / f"config-{letter}" / "stage.yaml" for letter in "ab"]
+    for copy in copies:
+        copy.parent.mkdir()
+        copy.write_text((folder / "stage.yaml").read_text())
+    (folder / "stage.yaml").write_text("rate_hz: [")
+    paths.running.touch()
+
+    assert piezod("safe", "stage.yaml").code == 0
+
+
+@pytest.mark.usefixtures("paths")
+def test_half_a_copy_is_not_used(piezod: Command, paths: StagePaths, rig: EmulatedRig) -> None:
+    """A copy that the daemon could not finish is passed over for the file itself."""
+    copy = paths.runtime / "config-a" / "stage.yaml"
+    copy.parent.mkdir()
+    copy.write_text("rate_hz: [")
+    paths.running.touch()
+
+    assert piezod("safe", "stage.yaml").code == 0
+    assert in_force_v(rig) == pytest.approx(10, abs=0.5)
+
+
+@pytest.mark.usefixtures("paths", "rig")
+def test_nothing_heavy_is_imported() -> None:
+    """The whole ramp needs no numpy, numba, scipy, fastapi and uvicorn, which may be what broke."""
+    code = """if True:
+        import sys
+        from piezod.cli import main
+        sys.argv = ["piezod", "safe", "stage.yaml"]
+        try:
+            main.run()
+        finally:
+            heavy = {"numpy", "numba", "scipy", "fastapi", "uvicorn", "h5py"} & set(sys.modules)
+            print(sorted(heavy))
+        """
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert ended.stdout.splitlines()[-1] == "[]"

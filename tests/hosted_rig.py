@@ -1,0 +1,49 @@
+"""The simulated rig in a process of its own, as `piezod emulate` makes it."""
+
+import csv
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+
+class Write(NamedTuple):
+    """A voltage that was written to axis x.
+
+    Attributes:
+        asked_ns: The instant that the caller gave.
+        pid: The caller's process.
+        drive_v: The voltage, in V.
+    """
+
+    asked_ns: int
+    pid: int
+    drive_v: float
+
+
+@contextmanager
+def hosted(socket: Path, trace: Path, *arguments: str) -> Iterator["subprocess.Popen[str]"]:
+    """Host a rig with one axis while the block runs; it has ended in order afterwards."""
+    command = [sys.executable, "-m", "piezod.cli.main", "emulate", "simulated"]
+    options = ["--socket", str(socket), "--trace", str(trace), *arguments]
+    with subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            assert "serving" in process.stdout.readline()
+            yield process
+        finally:
+            process.send_signal(signal.SIGTERM)
+            process.wait()
+    assert process.returncode == 0
+
+
+def writes(trace: Path) -> list[Write]:
+    """Read a trace."""
+    with trace.open() as file:
+        return [
+            Write(int(row["asked_ns"]), int(row["pid"]), float(row["x_v"]))
+            for row in csv.DictReader(file)
+        ]
