@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -20,6 +21,7 @@ from piezod.telemetry.words import Word
 from tests.daemon.waiting import eventually
 
 REPOSITORY = Path(__file__).parents[2]
+SHIPPED = REPOSITORY / "config" / "simulated.yaml"
 UP_WITHIN_S = 90.0
 """On a fresh clone a loop compiles its kernels before its first cycle."""
 
@@ -46,16 +48,19 @@ class Daemon:
         self.log = self.folder / "log"
         self.paths: StagePaths = stage_paths(config, self.environ)
         self._arguments = arguments
-        self.process = self.start()
+        self.process = self.another()
 
-    def start(self) -> "subprocess.Popen[bytes]":
-        """Start it, at first or again."""
+    def start(self) -> None:
+        """Start it again after its end."""
+        self.process = self.another()
+
+    def another(self) -> "subprocess.Popen[bytes]":
+        """Start `piezod run` with the same files; the caller waits for its end."""
         command = [sys.executable, "-m", "piezod.cli.main", "run", *self._arguments]
         with self.log.open("ab") as log:
-            self.process = subprocess.Popen(
+            return subprocess.Popen(
                 [*command, str(self.config)], env=self.environ, stdout=log, stderr=log
             )
-        return self.process
 
     def command(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
         """Run another command of ours with the same folders."""
@@ -92,11 +97,14 @@ class Daemon:
 
     def status(self) -> dict[str, Any]:
         """Return its status; empty where it does not answer."""
+        # Asked first, because httpx does not close a socket that could not be connected.
+        with socket.socket(socket.AF_UNIX) as probe:
+            if probe.connect_ex(str(self.paths.api_socket)):
+                return {}
         try:
-            response = self.ask("GET", "status")
+            status: dict[str, Any] = self.ask("GET", "status").json()
         except httpx.TransportError:
             return {}
-        status: dict[str, Any] = response.json()
         return status
 
     def until(self, state: str, within_s: float = 20.0) -> dict[str, Any]:
@@ -143,6 +151,25 @@ class Daemon:
             os.kill(pid, signal.SIGKILL)
             eventually(lambda: not is_alive(pid))
         shutil.rmtree(self.folder)
+
+
+def configuration(folder: Path, **replaced: str) -> Path:
+    """Write the configuration of a simulated stage; return its path.
+
+    It is the one that is shipped, at a rate at which a busy machine keeps its cycles.
+
+    Args:
+        folder: Where to write it.
+        **replaced: Lines by their key, to have another value.
+    """
+    text = SHIPPED.read_text(encoding="utf-8")
+    text = text.replace("models/", f"{SHIPPED.parent}/models/")
+    for key, value in {"rate_hz": "100", **replaced}.items():
+        text, count = re.subn(rf"^( *{key}:).*$", rf"\1 {value}", text, flags=re.MULTILINE)
+        assert count == 1, key
+    path = folder / "rig.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
 
 
 def is_alive(pid: int) -> bool:
