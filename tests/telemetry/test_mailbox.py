@@ -1,0 +1,143 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.telemetry.layout import (
+    ANSWER_BYTES,
+    ANSWER_SLOTS,
+    REQUEST_BYTES,
+    REQUEST_SLOTS,
+    URGENT_BYTES,
+    URGENT_SLOTS,
+    Layout,
+)
+from piezod.telemetry.mailbox import EXPIRED, MailboxFullError, MailboxReader, MailboxWriter
+from piezod.telemetry.shared_map import SharedMap, create
+from piezod.telemetry.words import Word
+
+LATER = 1000
+
+
+def test_request_arrives_once(shared: SharedMap) -> None:
+    """What is posted is taken, with its number, and then gone."""
+    writer, reader = MailboxWriter(shared), MailboxReader(shared)
+
+    number = writer.post(b"move", LATER)
+
+    assert reader.take(0) == (number, b"move")
+    assert reader.take(0) is None
+
+
+def test_requests_keep_their_order(shared: SharedMap) -> None:
+    """First come, first served; their numbers go up."""
+    writer, reader = MailboxWriter(shared), MailboxReader(shared)
+    sent = [(writer.post(str(i).encode(), LATER), str(i).encode()) for i in range(REQUEST_SLOTS)]
+
+    taken = [reader.take(0) for _ in range(REQUEST_SLOTS)]
+
+    assert taken == sent
+    assert [number for number, _ in sent] == list(range(1, REQUEST_SLOTS + 1))
+
+
+def test_urgent_request_overtakes(shared: SharedMap) -> None:
+    """A stop does not queue behind movements, even where their lane is full."""
+    writer, reader = MailboxWriter(shared), MailboxReader(shared)
+    for _ in range(REQUEST_SLOTS):
+        writer.post(b"move", LATER)
+
+    number = writer.post(b"stop", LATER, urgent=True)
+
+    assert reader.take(0) == (number, b"stop")
+
+
+@pytest.mark.parametrize(("urgent", "slots"), [(False, REQUEST_SLOTS), (True, URGENT_SLOTS)])
+def test_full_lane_refuses(shared: SharedMap, urgent: bool, slots: int) -> None:
+    """Nothing is overwritten; there is room again once one was taken."""
+    writer, reader = MailboxWriter(shared), MailboxReader(shared)
+    for i in range(slots):
+        writer.post(str(i).encode(), LATER, urgent=urgent)
+
+    with pytest.raises(MailboxFullError, match=f"{slots} requests wait"):
+        writer.post(b"more", LATER, urgent=urgent)
+    first = reader.take(0)
+    writer.post(b"more", LATER, urgent=urgent)
+
+    assert first is not None
+    assert first[1] == b"0"
+
+
+@pytest.mark.parametrize(("urgent", "size"), [(False, REQUEST_BYTES), (True, URGENT_BYTES)])
+def test_payload_may_fill_its_slot_and_no_more(shared: SharedMap, urgent: bool, size: int) -> None:
+    """The largest arrives whole; a larger one is refused."""
+    writer, reader = MailboxWriter(shared), MailboxReader(shared)
+    payload = bytes(i % 251 for i in range(size))
+
+    number = writer.post(payload, LATER, urgent=urgent)
+
+    assert reader.take(0) == (number, payload)
+    with pytest.raises(MailboxFullError, match=f"at most {size} bytes"):
+        writer.post(payload + b"x", LATER, urgent=urgent)
+
+
+def test_answer_is_found_by_number(shared: SharedMap) -> None:
+    """Before it is given there is none."""
+    writer, reader = MailboxWriter(shared), MailboxReader(shared)
+    number = writer.post(b"move", LATER)
+    before = writer.answer(number)
+
+    reader.answer(number, accepted=True, motion=3, why="")
+
+    assert before is None
+    assert writer.answer(number) == (True, "", 3)
+
+
+def test_long_answer_is_cut_off_between_letters(shared: SharedMap) -> None:
+    """The text fits into its slot and is valid, whatever was in it."""
+    writer, reader = MailboxWriter(shared), MailboxReader(shared)
+    reader.answer(1, accepted=False, motion=0, why="x" + "µ" * ANSWER_BYTES)
+
+    answer = writer.answer(1)
+
+    assert answer is not None
+    assert answer.why == "x" + "µ" * (ANSWER_BYTES // 2 - 1)
+
+
+def test_old_answers_give_way(shared: SharedMap) -> None:
+    """The answers to the newest requests are kept, those before are gone."""
+    writer, reader = MailboxWriter(shared), MailboxReader(shared)
+    for number in range(1, ANSWER_SLOTS + 2):
+        reader.answer(number, accepted=True, motion=number, why="")
+
+    assert writer.answer(1) is None
+    assert writer.answer(2) == (True, "", 2)
+
+
+def test_expired_request_is_answered_and_dropped(shared: SharedMap) -> None:
+    """The loop gets the next one that is still wanted, and the count goes up."""
+    writer, reader = MailboxWriter(shared), MailboxReader(shared)
+    late, wanted = writer.post(b"late", 10), writer.post(b"wanted", 30)
+
+    taken = reader.take(20)
+
+    assert taken == (wanted, b"wanted")
+    assert writer.answer(late) == (False, EXPIRED, 0)
+    assert shared.words[Word.REQUESTS_EXPIRED] == 1
+
+
+def test_numbers_go_on_after_a_new_start(shared: SharedMap) -> None:
+    """Another writer of the same memory does not give a number twice."""
+    MailboxWriter(shared).post(b"a", LATER)
+    MailboxWriter(shared).post(b"b", LATER, urgent=True)
+
+    assert MailboxWriter(shared).post(b"c", LATER) == 3
+
+
+@given(payloads=st.lists(st.binary(max_size=2000), max_size=40))
+def test_any_bytes_pass(tmp_path_factory: pytest.TempPathFactory, payloads: list[bytes]) -> None:
+    """Slots are used again and again, and no request leaves anything in the next."""
+    shared = create(tmp_path_factory.mktemp("m") / "loop.map", Layout(("x",), 64, 10**6))
+    writer, reader = MailboxWriter(shared), MailboxReader(shared)
+
+    for payload in payloads:
+        number = writer.post(payload, LATER)
+        assert reader.take(0) == (number, payload)

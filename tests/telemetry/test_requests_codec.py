@@ -1,0 +1,78 @@
+from pathlib import Path
+
+import pytest
+
+from piezod.config import requests
+from piezod.config.combined_waveforms import WaveformConfig
+from piezod.config.model_file import load_model
+from piezod.config.modes import Mode
+from piezod.config.waveforms import Points, Setpoint, Sine, Staircase
+from piezod.telemetry.layout import REQUEST_BYTES
+from piezod.telemetry.requests_codec import decode, encode, warm_up
+
+MODEL = Path(__file__).parents[2] / "config" / "models" / "simulated-stack.yaml"
+SINE = Sine(kind="sine", low=0.0, high=1.0, frequency_hz=1.0)
+
+
+def wave(command_um: WaveformConfig) -> requests.Wave:
+    """Return the request to follow a waveform."""
+    return requests.Wave(command_um={"x": command_um}, duration_s=1.0)
+
+
+EVERY_KIND = [
+    requests.Arm(shadow=True),
+    requests.Disarm(),
+    *(requests.SelectMode(mode=mode, axis="x") for mode in Mode),
+    requests.Goto(axis="x", position_um=12.5, speed_um_per_s=3.0),
+    wave(SINE),
+    wave(Points(kind="points", points=((0.0, 1.0), (0.5, 2.0)))),
+    wave(Staircase(kind="staircase", levels=(1.0, 2.0), dwell_s=0.1)),
+    requests.Stream(axes=("x", "y")),
+    requests.Hold(),
+    requests.Resume(),
+    requests.Stop(),
+    requests.Estop(),
+    requests.Reset(engineer=True),
+    requests.Condition(),
+    requests.Zero(axis="x"),
+    requests.Identify(drive_v={"x": Setpoint(kind="setpoint", level=3.0)}, duration_s=1.0),
+    requests.AdoptModel(axis="x", model=load_model(MODEL), zero_um=0.3),
+    requests.Shutdown(),
+]
+
+
+@pytest.mark.parametrize("request_", EVERY_KIND, ids=lambda request: request.kind)
+def test_request_survives_the_way(request_: requests.Request) -> None:
+    """What arrives equals what was sent, of every kind there is."""
+    assert decode(encode(request_)) == request_
+
+
+def test_every_kind_is_tried() -> None:
+    """A new request must be added above."""
+    tried = {type(request) for request in EVERY_KIND}
+    known = {each for each in vars(requests).values() if hasattr(each, "model_fields")}
+
+    assert {each for each in known if "kind" in each.model_fields} == tried
+
+
+def test_longest_path_fits() -> None:
+    """A path of as many points as a waveform may have goes through the mailbox."""
+    points = tuple((0.001 * i, 1e-9 + i / 7) for i in range(10_000))
+    request = wave(Points(kind="points", points=points))
+
+    payload = encode(request)
+
+    assert len(payload) <= REQUEST_BYTES
+    assert decode(payload) == request
+
+
+@pytest.mark.parametrize("payload", [b"", b"\x00", b"junk", encode(requests.Stop())[:-1]])
+def test_what_is_no_request_is_an_error_that_the_loop_knows(payload: bytes) -> None:
+    """It answers these with a refusal and goes on."""
+    with pytest.raises((ValueError, TypeError, EOFError, KeyError)):
+        decode(payload)
+
+
+def test_warming_up_leaves_no_trace() -> None:
+    """It may be called at any time."""
+    warm_up()

@@ -1,0 +1,122 @@
+"""Setpoints, learned parameters and events."""
+
+from math import isnan, nan
+
+import numpy as np
+
+from piezod.control.stage_record import StageEvent
+from piezod.telemetry.events import EventReader, EventWriter, LoopEvent
+from piezod.telemetry.layout import EVENT_SLOTS, MAX_WEIGHTS
+from piezod.telemetry.learned import LearnedReader, LearnedWriter
+from piezod.telemetry.shared_map import SharedMap
+from piezod.telemetry.stream import StreamReader, StreamWriter
+
+
+def event(number: int, text: str = "text") -> LoopEvent:
+    """Return an event."""
+    return LoopEvent(number, "info", "state", text, "S5", "x", 1.5, nan)
+
+
+def test_newest_setpoint_wins(shared: SharedMap) -> None:
+    """Of several in one cycle the loop gets the last one, once."""
+    writer, reader = StreamWriter(shared), StreamReader(shared)
+    writer.set(1, 1.0, 10)
+    writer.set(1, 2.0, 20)
+
+    assert reader.take() == [(1, 2.0, 20)]
+    assert reader.take() == []
+
+
+def test_same_setpoint_again_is_news(shared: SharedMap) -> None:
+    """It tells that the stream goes on."""
+    writer, reader = StreamWriter(shared), StreamReader(shared)
+    writer.set(0, 1.0, 10)
+    reader.take()
+
+    writer.set(0, 1.0, 10)
+
+    assert reader.take() == [(0, 1.0, 10)]
+
+
+def test_setpoint_that_is_being_written_waits(shared: SharedMap) -> None:
+    """The loop neither takes half of it nor waits for the rest."""
+    writer, reader = StreamWriter(shared), StreamReader(shared)
+    words = shared.part("streams").cast("q")
+    writer.set(0, 1.0, 10)
+    words[0] += 1  # the writer has begun the next
+
+    taken = reader.take()
+    words[3] += 1  # and has ended it
+
+    assert taken == []
+    assert len(reader.take()) == 1
+
+
+def test_learned_parameters_come_out_whole(shared: SharedMap) -> None:
+    """Of each axis by itself, as many weights as it has now."""
+    writer, reader = LearnedWriter(shared), LearnedReader(shared)
+    before = reader.read(0)
+
+    writer.publish(0, np.arange(MAX_WEIGHTS) / 7, 1.0, 2.0, 3.0)
+    writer.publish(1, [0.5], 0.0, 1.0, 0.0)
+    writer.publish(0, np.arange(38) / 3, 4.0, 5.0, 6.0)
+
+    first, second = reader.read(0), reader.read(1)
+    assert before is None
+    assert first is not None
+    assert second is not None
+    assert np.array_equal(first.weights, np.arange(38) / 3)
+    assert first[1:] == (4.0, 5.0, 6.0)
+    assert list(second.weights) == [0.5]
+
+
+def test_half_written_parameters_are_not_told(shared: SharedMap) -> None:
+    """Where the writer died within them there are none."""
+    LearnedWriter(shared).publish(0, [1.0], 0.0, 1.0, 0.0)
+    shared.part("learned").cast("q")[0] += 1
+
+    assert LearnedReader(shared).read(0) is None
+
+
+def test_event_comes_out_as_it_went_in(shared: SharedMap) -> None:
+    """All its fields, in the order in which events happened."""
+    writer, reader = EventWriter(shared), EventReader(shared)
+    for number in (1, 2):
+        writer.append(event(number, "µm: a, b"))
+
+    events, lost = reader.read()
+
+    assert lost == 0
+    assert [each.t_ns for each in events] == [1, 2]
+    assert events[0][:7] == event(1, "µm: a, b")[:7]
+    assert isnan(events[0].limit)
+    assert reader.read() == ([], 0)
+
+
+def test_event_of_the_loop_has_the_fields_of_the_controller() -> None:
+    """So that they are handed over as they are."""
+    assert LoopEvent._fields == StageEvent._fields
+
+
+def test_long_text_is_cut_off(shared: SharedMap) -> None:
+    """What does not fit is lost, the rest is valid text."""
+    writer, reader = EventWriter(shared), EventReader(shared)
+    writer.append(event(1, "µ" * 1000))
+
+    [told], _ = reader.read()
+
+    assert set(told.text) == {"µ"}
+    assert len(told.text) > 200
+
+
+def test_oldest_events_give_way(shared: SharedMap) -> None:
+    """A burst never holds the loop up; the reader learns how many it missed."""
+    writer, reader = EventWriter(shared), EventReader(shared)
+    for number in range(EVENT_SLOTS + 100):
+        writer.append(event(number))
+
+    events, lost = reader.read()
+
+    assert len(events) + lost == EVENT_SLOTS + 100
+    assert events[-1].t_ns == EVENT_SLOTS + 99
+    assert lost == 101
