@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from piezod.control.stage_record import StageEvent
 from piezod.daemon.recordings_folder import RecordingsFolder
-from piezod.records.telemetry_file import TelemetryHeader, TelemetryWriter
+from piezod.records.telemetry_file import TelemetryWriter
+from piezod.records.telemetry_header import TelemetryHeader
 from piezod.units import NS_PER_S
 
 BEFORE_NS: Final = 10 * NS_PER_S

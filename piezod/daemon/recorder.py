@@ -1,19 +1,21 @@
 """Recording every cycle to a file, in a thread beside everything else."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event, Lock, Thread
 from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
+import numpy.typing as npt
 from numpy.typing import NDArray
 
 from piezod.daemon.logging import logger
 from piezod.daemon.recordings_folder import RecordingsFolder
 from piezod.errors import PiezodError
-from piezod.records.telemetry_file import TelemetryHeader, TelemetryWriter
+from piezod.records.telemetry_file import TelemetryWriter
+from piezod.records.telemetry_header import TelemetryHeader
 
 DRAIN_S: Final = 0.025
 """How often the ring is emptied; it holds many times that."""
@@ -81,6 +83,7 @@ class Recorder:
         open_reader: Gives a new reader that begins with what comes next.
         dtype: Description of its records, as `telemetry.layout.record_dtype` gives it.
         folder: Where the recordings go; made where absent.
+        learned: Gives the weights that axes have now, by their names.
         no_room: Says why a folder's disk is too full; empty where it is not.
 
     Raises:
@@ -92,10 +95,12 @@ class Recorder:
         open_reader: Callable[[], Reader],
         dtype: np.dtype[np.void],
         folder: Path,
+        learned: Callable[[], Mapping[str, npt.ArrayLike]] = dict,
         no_room: Callable[[Path], str] = no_room,
     ) -> None:
         self.folder = RecordingsFolder(folder)
-        self._open_reader, self._dtype, self._no_room = open_reader, dtype, no_room
+        self._open_reader, self._dtype, self._learned = open_reader, dtype, learned
+        self._no_room = no_room
         self._ending = Event()
         self._thread: Thread | None = None
         self._lock = Lock()
@@ -176,6 +181,9 @@ class Recorder:
     def _drain(self, reader: Reader, writer: TelemetryWriter) -> int:
         """Return how many records there were."""
         records, lost = reader.read(MAX_RECORDS)
+        if len(records):
+            for axis, weights in self._learned().items():
+                writer.append_weights(axis, int(records["t_ns"][-1]), weights)
         writer.append(records, lost)
         self._note(self.status._replace(records=writer.records, lost=writer.lost))
         return len(records)

@@ -3,7 +3,7 @@
 import asyncio
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -18,7 +18,7 @@ from piezod.daemon.paths import StagePaths
 from piezod.daemon.recorder import Reader, Recorder, RecorderError
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
 from piezod.daemon.stage_documents import GATES, MODES, STATES
-from piezod.records.telemetry_file import TelemetryHeader
+from piezod.records.telemetry_header import TelemetryHeader
 from piezod.telemetry.events import LoopEvent
 from piezod.telemetry.layout import record_dtype
 
@@ -35,6 +35,7 @@ class StageRecordings:
         axes: Number of axes.
         open_reader: Gives a reader that begins with the next cycle.
         last: Gives up to so many of the newest records.
+        learned: Gives the weights that axes have now, by their names.
     """
 
     def __init__(
@@ -43,9 +44,10 @@ class StageRecordings:
         axes: int,
         open_reader: Callable[[], Reader],
         last: Callable[[int], NDArray[Any]],
+        learned: Callable[[], Mapping[str, NDArray[Any]]],
     ) -> None:
         self._name = paths.name
-        self._recorder = Recorder(open_reader, record_dtype(axes), paths.recordings)
+        self._recorder = Recorder(open_reader, record_dtype(axes), paths.recordings, learned)
         self._flights = FlightRecorder(last, paths.flights)
         self._one_at_a_time = asyncio.Lock()
 

@@ -1,5 +1,6 @@
 """Read back what `telemetry_file` wrote, whole or in part."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from piezod.errors import DataError
 from piezod.records.recording import Recording
-from piezod.records.telemetry_file import TelemetryHeader
+from piezod.records.telemetry_columns import ENTRY
+from piezod.records.telemetry_header import TelemetryHeader
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +26,8 @@ class Telemetry:
         gaps: Rows of (index of the first record after it, records lost) in all of it, shape (n, 2).
         cycles: Columns by name, each of shape (n_records,); numbers where the header has names.
         axes: The same for each axis, by its name.
+        weights: `weights`, shape (n_snapshots, 2M), and `weights_t_s`, shape (n_snapshots,), of
+            each axis; (0, 0) where they were not recorded.
     """
 
     header: TelemetryHeader
@@ -31,6 +35,7 @@ class Telemetry:
     gaps: NDArray[np.int64]
     cycles: dict[str, NDArray[Any]]
     axes: dict[str, dict[str, NDArray[Any]]]
+    weights: dict[str, dict[str, NDArray[Any]]]
 
     def recordings(self) -> tuple[Recording, ...]:
         """Return the axes as those of an experiment; nothing is known of true displacement.
@@ -42,6 +47,7 @@ class Telemetry:
 
     def _recording(self, axis: str) -> Recording:
         columns = self.axes[axis]
+        weights = self.weights[axis]
         t_s = self.cycles["t_s"]
         return Recording(
             axis=axis,
@@ -54,6 +60,8 @@ class Telemetry:
             command_um=columns["command_um"],
             uncompensated_v=columns["uncompensated_v"],
             true_um=np.full(t_s.size, np.nan),
+            weights=weights["weights"],
+            weights_t_s=weights["weights_t_s"],
         )
 
     def _mode(self, numbers: NDArray[Any]) -> str:
@@ -75,7 +83,7 @@ def read_telemetry(path: Path, begin_s: float = -inf, end_s: float = inf) -> Tel
     """
     with h5py.File(path, "r", swmr=True, libver="v110") as file:
         try:
-            return _read(file["recording"], begin_s, end_s)
+            return _read(file[ENTRY], begin_s, end_s)
         except KeyError as error:
             raise DataError(
                 f"{path}: this is not the recording of a stage: {error.args[0]}; allowed are "
@@ -84,21 +92,35 @@ def read_telemetry(path: Path, begin_s: float = -inf, end_s: float = inf) -> Tel
 
 
 def _read(entry: h5py.Group, begin_s: float, end_s: float) -> Telemetry:
-    t_s = entry["cycles/t_s"][()]
-    part = slice(*np.searchsorted(t_s, [begin_s, end_s]))
     names = list(entry.attrs["axes"])
+    cycles, axes = entry["cycles"], {name: entry[f"axis_{name}"] for name in names}
+    part = _part("t_s", [cycles, *axes.values()], begin_s, end_s)
     return Telemetry(
         header=_read_header(entry),
         lost=int(entry.attrs["lost"]),
         gaps=entry["gaps"][()],
-        cycles=_columns(entry["cycles"], part, t_s.size),
-        axes={name: _columns(entry[f"axis_{name}"], part, t_s.size) for name in names},
+        cycles=_columns(cycles, part),
+        axes={name: _columns(group, part) for name, group in axes.items()},
+        weights={name: _weights(entry, name, begin_s, end_s) for name in names},
     )
 
 
-def _columns(group: h5py.Group, part: slice, size: int) -> dict[str, NDArray[Any]]:
+def _weights(entry: h5py.Group, axis: str, begin_s: float, end_s: float) -> dict[str, NDArray[Any]]:
+    group = entry.get(f"weights_{axis}")
+    if group is None:
+        return {"weights": np.empty((0, 0)), "weights_t_s": np.empty(0)}
+    return _columns(group, _part("weights_t_s", [group], begin_s, end_s))
+
+
+def _part(time: str, groups: Sequence[h5py.Group], begin_s: float, end_s: float) -> slice:
     # A write that was cut off may have got further in one column than in another.
-    return {name: dataset[: min(part.stop, size)][part] for name, dataset in group.items()}
+    size = min(len(dataset) for group in groups for dataset in group.values())
+    begin, end = np.searchsorted(groups[0][time][:size], [begin_s, end_s])
+    return slice(int(begin), int(end))
+
+
+def _columns(group: h5py.Group, part: slice) -> dict[str, NDArray[Any]]:
+    return {name: dataset[part] for name, dataset in group.items()}
 
 
 def _read_header(entry: h5py.Group) -> TelemetryHeader:
@@ -123,5 +145,10 @@ def _read_header(entry: h5py.Group) -> TelemetryHeader:
             name: str(group["data"].asstr()[()])
             for name, group in entry.items()
             if group.attrs.get("NX_class") == "NXnote"
+        },
+        weights={
+            name: entry[f"weights_{name}/weights"].shape[1]
+            for name in entry.attrs["axes"]
+            if f"weights_{name}" in entry
         },
     )

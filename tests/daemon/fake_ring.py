@@ -1,5 +1,6 @@
 """A ring of records as the loop fills it, without the loop."""
 
+from collections.abc import Mapping, Sequence
 from threading import Lock
 from typing import Any
 
@@ -15,6 +16,11 @@ class FakeRing:
         self._capacity = capacity
         self._lock = Lock()
         self.newest = 0
+        self.weights: dict[str, Sequence[float]] = {"x": [1.0, 2.0], "y": [3.0]}
+
+    def learned(self) -> Mapping[str, Sequence[float]]:
+        """Return the weights that axes have."""
+        return self.weights
 
     def run(self, cycles: int) -> None:
         """Append the records of some cycles."""

@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -48,7 +49,8 @@ def disk() -> Disk:
 @pytest.fixture
 def recorder(ring: FakeRing, disk: Disk, tmp_path: Path) -> Iterator[Recorder]:
     """Return a recorder, which is stopped in the end."""
-    recorder = Recorder(ring.open_reader, record_dtype(), tmp_path / "recordings", disk)
+    folder = tmp_path / "recordings"
+    recorder = Recorder(ring.open_reader, record_dtype(), folder, ring.learned, disk)
     yield recorder
     recorder.stop()
 
@@ -74,6 +76,21 @@ def test_every_cycle_is_recorded(recorder: Recorder, ring: FakeRing) -> None:
     assert status == (False, name, 7790, 0, "")
     assert (recorded.lost, recorded.header) == (0, header())
     np.testing.assert_array_equal(recorded.cycles["seq"], np.arange(300, 8090))
+
+
+def test_weights_are_recorded_when_they_change(recorder: Recorder, ring: FakeRing) -> None:
+    """With the instant of the newest cycle, and once as long as they stay what they are."""
+    recorder.start(replace(header(), weights={"x": 2}))
+    for _ in range(3):
+        ring.run(1000)
+        eventually(lambda: recorder.status.records == ring.newest - 300)
+    ring.weights["x"] = [0.5, -0.25]
+    ring.run(1)
+    recorder.stop()
+    (recording,) = read(recorder).recordings()
+
+    assert recording.weights.tolist() == [[1.0, 2.0], [0.5, -0.25]]
+    assert recording.weights_t_s[1] == recording.t_s[-1]
 
 
 def test_recordings_follow_each_other(recorder: Recorder, ring: FakeRing) -> None:
@@ -215,7 +232,7 @@ from tests.daemon.fake_ring import EndlessReader
 from tests.daemon.waiting import eventually
 from tests.records.telemetry import header, record_dtype
 resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
-recorder = Recorder(EndlessReader, record_dtype(), Path(sys.argv[1]), lambda folder: "")
+recorder = Recorder(EndlessReader, record_dtype(), Path(sys.argv[1]), no_room=lambda folder: "")
 recorder.start(header())
 eventually(lambda: not recorder.status.recording)
 print(recorder.status.why)

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -15,7 +16,7 @@ from piezod.errors import DataError
 from piezod.records.recording import ExperimentResult
 from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_reader import read_telemetry
-from tests.records.telemetry import header, record_dtype, records
+from tests.records.telemetry import START_NS, header, record_dtype, records
 
 
 @pytest.fixture
@@ -64,6 +65,25 @@ def test_recording_of_a_part(file: Path) -> None:
     np.testing.assert_array_equal(y.position_um, np.arange(1000, 1500) / 7 + 1000)
     assert not x.knows_truth
     assert ExperimentResult("both", (x, y), (), "", {}, 1, 1000.0).axes == ("x", "y")
+
+
+def test_weights_come_back(file: Path) -> None:
+    """Those of a part of the time, for the axes of which they were recorded."""
+    said = replace(header(("x", "y", "z")), weights={"x": 2, "z": 4})
+    with TelemetryWriter(file, said, record_dtype(3)) as writer:
+        for cycle in range(0, 2000, 100):
+            writer.append_weights("x", START_NS + cycle * 1_000_000, [cycle, -cycle])
+            writer.append_weights("y", START_NS, [1.0, 2.0])
+            writer.append_weights("z", START_NS, [1.0, 2.0, 3.0])
+            writer.append(records(cycle, cycle + 100, 3))
+    read = read_telemetry(file, 0.3, 0.5)
+    x, y, z = read.recordings()
+
+    assert read.header == said
+    assert x.weights.tolist() == [[300.0, -300.0], [400.0, -400.0]]
+    assert x.weights_t_s.tolist() == [0.3, 0.4]
+    assert (y.weights.shape, z.weights.shape) == ((0, 0), (0, 4))
+    assert read_telemetry(file).recordings()[0].weights_t_s.size == 20
 
 
 def test_recording_of_several_modes(file: Path) -> None:

@@ -1,0 +1,29 @@
+"""What is said of the recording of a running stage as a whole."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class TelemetryHeader:
+    """What is said of a recording as a whole.
+
+    Attributes:
+        title: What it is, for people.
+        axes: Names of the axes, in the order of the records.
+        rate_hz: Cycles per second, above 0.
+        started_at: Time of day of `start_ns`, ISO 8601 with the offset from UTC.
+        start_ns: Instant that is 0 s in the file, on the clock of the records.
+        names: Names of the numbers of a field, as in `{"state": ("BOOT", "SAFE")}`.
+        notes: Texts that belong to it by name, as in `{"configuration": "rate_hz: 1000"}`.
+        weights: How many weights are recorded of an axis, 2M; none of those left out.
+    """
+
+    title: str
+    axes: tuple[str, ...]
+    rate_hz: float
+    started_at: str
+    start_ns: int
+    names: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)
+    weights: Mapping[str, int] = field(default_factory=dict)
