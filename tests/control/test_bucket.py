@@ -44,6 +44,19 @@ def test_an_emptied_one_starts_anew() -> None:
     assert [bucket.update(True) for _ in range(5)] == [False] * 4 + [True]
 
 
+def test_it_fills_faster_than_it_leaks_and_is_empty_at_first() -> None:
+    """Two up, one down, never below nothing; empty again after `reset`."""
+    bucket = LeakyBucket()
+    levels = [bucket.level]
+    for error in (False, True, True, False, False, False, False, False, True):
+        bucket.update(error)
+        levels.append(bucket.level)
+    bucket.reset()
+
+    assert levels == [0, 0, 2, 4, 3, 2, 1, 0, 0, 2]
+    assert bucket.level == 0
+
+
 @given(errors=st.lists(st.booleans(), max_size=200))
 def test_its_level_stays_between_empty_and_full(errors: list[bool]) -> None:
     """Whatever comes."""
