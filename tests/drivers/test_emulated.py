@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from piezod.devices.interface import Amplifier, Sensor
+from piezod.devices.status import NO_FLAGS, DeviceFlag, TellsStatus
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.emulated.driver import EmulatedRig
 from tests.drivers.emulated_bench import MS, T0_NS, driver_of, serving
@@ -26,11 +27,12 @@ def active(path: Path) -> EmulatedRig:
 
 
 def test_driver_is_sensor_and_amplifier(path: Path) -> None:
-    """One device plays both roles."""
+    """One device plays both roles, and tells its status."""
     driver = driver_of(path)
 
     assert isinstance(driver, Sensor)
     assert isinstance(driver, Amplifier)
+    assert isinstance(driver, TellsStatus)
 
 
 def test_driven_stage_moves(path: Path) -> None:
@@ -91,6 +93,7 @@ def test_other_axes_are_refused(path: Path) -> None:
         driver_of(path).open()
 
 
+@pytest.mark.fault("B1")
 def test_lost_rig_is_a_value(path: Path) -> None:
     """With the rig gone samples are invalid, writes are refused and the voltage is unknown."""
     with serving(path):
@@ -114,6 +117,22 @@ def test_driver_finds_its_rig_again(path: Path) -> None:
         driver.close()
 
     assert [sample.valid for sample in (*soon, *later)] == [False, True]
+
+
+def test_new_start_of_the_rig_is_told(path: Path) -> None:
+    """The status says for a second that the rig was started anew, and nothing before and after."""
+    with serving(path):
+        driver = active(path)
+        before = driver.status(T0_NS)
+    driver.read(T0_NS)
+    with serving(path):
+        driver.read(T0_NS + 200 * MS)
+        found = driver.status(T0_NS + 300 * MS)
+        after = driver.status(T0_NS + 1300 * MS)
+        driver.close()
+
+    assert (before, after) == ([NO_FLAGS], [NO_FLAGS])
+    assert found == [frozenset({DeviceFlag.RESTARTED})]
 
 
 def test_another_rig_is_not_taken_for_the_lost_one(path: Path) -> None:

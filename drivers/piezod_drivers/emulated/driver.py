@@ -5,7 +5,9 @@ from math import nan
 from typing import Final
 
 from piezod.devices.interface import Capabilities, DriverPlugin, Identity, Sample
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
+from piezod.units import NS_PER_S
 from piezod_drivers.emulated.link import Link
 from piezod_drivers.emulated.options import Options, socket_path
 from piezod_drivers.emulated.wire import Greeting, Op, Reply, Request
@@ -14,7 +16,7 @@ _NUMBERS: Final = 1 << 32
 
 
 class EmulatedRig:
-    """A rig that `piezod emulate` hosts; implements `Sensor` and `Amplifier`.
+    """A rig that `piezod emulate` hosts; implements `Sensor`, `Amplifier`, `TellsStatus`.
 
     Its time is real: the physics goes on whether anybody calls or not. A sample carries the instant
     of the call, the rig takes it within the exchange, some 50 µs later. An answer also tells the
@@ -25,7 +27,8 @@ class EmulatedRig:
     process that may be out of order. Ramp down before, or run `piezod safe` after.
 
     If the rig is gone, samples are invalid, writes are refused and the voltage in force is NaN;
-    each `read` tries now and then to find it again.
+    each `read` tries now and then to find it again. If the rig was started anew meanwhile, and is
+    at rest, its status says so for a second.
 
     Args:
         options: What a configuration says.
@@ -40,8 +43,12 @@ class EmulatedRig:
         self._number = 0
         self._no_drive = (0.0,) * len(axes)
         self._unknown_v = [nan] * len(axes)
+        self._well = [NO_FLAGS] * len(axes)
+        self._restarted = [frozenset({DeviceFlag.RESTARTED})] * len(axes)
         self._in_force_v: Sequence[float] = self._unknown_v
         self._in_force_ns: int | None = None
+        self._life = ""
+        self._restarted_ns: int | None = None
 
     def open(self) -> Identity:
         """Connect to the rig; its voltages stay as they are.
@@ -57,7 +64,7 @@ class EmulatedRig:
             self._link.close()
             has, wanted = ", ".join(greeting.axes), ", ".join(self._axes)
             raise DeviceError(f"the emulated rig has axes {has}, the configuration wants {wanted}")
-        self._greeting = greeting
+        self._greeting, self._life, self._restarted_ns = greeting, greeting.life, None
         return greeting.identity
 
     def capabilities(self) -> Capabilities:
@@ -100,6 +107,8 @@ class EmulatedRig:
         if not self._active or self._greeting is None:
             raise DeviceError("the emulated rig is not active")
         self._link.reconnect(self._greeting, now_ns)
+        if self._link.life != self._life:
+            self._life, self._restarted_ns = self._link.life, now_ns
         reply = self._ask(Op.READ, now_ns, self._no_drive)
         if reply is None:
             return [Sample(now_ns, 0.0, False)] * len(self._axes)
@@ -133,6 +142,19 @@ class EmulatedRig:
         if now_ns != self._in_force_ns:
             self._ask(Op.READ_BACK, now_ns, self._no_drive)
         return self._in_force_v
+
+    def status(self, now_ns: int) -> Sequence[Flags]:
+        """Tell for a second that the rig was lost and has been started anew.
+
+        May be called in the loop.
+
+        Raises:
+            DeviceError: If the rig is not open.
+        """
+        self._require_open()
+        since_ns = self._restarted_ns
+        restarted = since_ns is not None and now_ns - since_ns < NS_PER_S
+        return self._restarted if restarted else self._well
 
     def _ask(self, op: Op, now_ns: int, drive_v: Sequence[float]) -> Reply | None:
         self._number = (self._number + 1) % _NUMBERS

@@ -63,23 +63,18 @@ def listening(path: Path) -> Iterator[socket.socket]:
     Raises:
         DeviceUnavailableError: If somebody serves it, or it cannot be made.
     """
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    try:
-        _remove_stale(path)
-        listener.bind(str(path))
-        path.chmod(0o600)
-        listener.listen()
-    except OSError as error:
-        listener.close()
-        raise DeviceUnavailableError(f"no socket can be made at {path}: {error}") from error
-    except DeviceUnavailableError:
-        listener.close()
-        raise
-    try:
-        yield listener
-    finally:
-        listener.close()
-        path.unlink(missing_ok=True)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        try:
+            _remove_stale(path)
+            listener.bind(str(path))
+            path.chmod(0o600)
+            listener.listen()
+        except OSError as error:
+            raise DeviceUnavailableError(f"no socket can be made at {path}: {error}") from error
+        try:
+            yield listener
+        finally:
+            path.unlink(missing_ok=True)
 
 
 def _remove_stale(path: Path) -> None:

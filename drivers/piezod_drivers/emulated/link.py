@@ -1,6 +1,7 @@
 """The driver's end of the socket."""
 
 import socket
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final
 
@@ -27,6 +28,9 @@ class Link:
     Args:
         path: The rig's socket.
         deadline_s: How long to wait for an answer, in s.
+
+    Attributes:
+        life: Of the rig that was connected last, as it said in its greeting.
     """
 
     def __init__(self, path: Path, deadline_s: float) -> None:
@@ -35,6 +39,7 @@ class Link:
         self._wire = Wire(0)
         self._unanswered = False
         self._retry_ns = 0
+        self.life = ""
 
     def connect(self) -> Greeting:
         """Connect and wait for the greeting.
@@ -47,31 +52,22 @@ class Link:
         self._wire = Wire(len(greeting.axes))
         return greeting
 
-    def reconnect(self, expected: Greeting, now_ns: int) -> bool:
-        """Try now and then to connect to a rig like the one that was lost.
+    def reconnect(self, expected: Greeting, now_ns: int) -> None:
+        """Try now and then, if the rig was lost, to connect to it or to one like it.
 
         May be called in the loop.
 
         Args:
-            expected: Its greeting.
+            expected: The greeting of the rig that was lost.
             now_ns: The caller's instant.
-
-        Returns:
-            Whether there is a connection.
         """
-        if self._socket is not None:
-            return True
-        if now_ns < self._retry_ns:
-            return False
+        if self._socket is not None or now_ns < self._retry_ns:
+            return
         self._retry_ns = now_ns + _RETRY_NS
-        try:
+        with suppress(DeviceError):
             greeting = self._connect(self._deadline_s)
-        except DeviceError:
-            return False
-        if greeting._replace(life=expected.life) != expected:
-            self.close()
-            return False
-        return True
+            if greeting._replace(life=expected.life) != expected:
+                self.close()
 
     def exchange(self, request: Request) -> Reply | None:
         """Ask, and wait for the answer until the deadline; may be called in the loop.
@@ -109,20 +105,19 @@ class Link:
         return self._wire.unpack_reply(packet)
 
     def _connect(self, deadline_s: float) -> Greeting:
-        link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        try:
+        with ExitStack() as unless_connected:
+            link = unless_connected.enter_context(
+                socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            )
             link.settimeout(deadline_s)
-            link.connect(str(self._path))
-            greeting = unpack_greeting(link.recv(MAX_PACKET))
-        except OSError as error:
-            link.close()
-            raise DeviceUnavailableError(f"no rig at {self._path}: {error}") from error
-        except DeviceError:
-            link.close()
-            raise
-        if isinstance(greeting, str):
-            link.close()
-            raise DeviceUnavailableError(f"the rig at {self._path} refuses: {greeting}")
-        link.settimeout(self._deadline_s)
-        self._socket, self._unanswered = link, False
+            try:
+                link.connect(str(self._path))
+                greeting = unpack_greeting(link.recv(MAX_PACKET))
+            except OSError as error:
+                raise DeviceUnavailableError(f"no rig at {self._path}: {error}") from error
+            if isinstance(greeting, str):
+                raise DeviceUnavailableError(f"the rig at {self._path} refuses: {greeting}")
+            link.settimeout(self._deadline_s)
+            self._socket, self._unanswered, self.life = link, False, greeting.life
+            unless_connected.pop_all()
         return greeting
