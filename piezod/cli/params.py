@@ -28,8 +28,14 @@ def list_params(
     for name, values in found.axes.items():
         console.print(f"axis {name}")
         for key, value in values.items():
-            console.print(f"  {key}: {value}", soft_wrap=True)
-    console.print(f"saved as {found.sequence}" if found.sequence else "never saved")
+            console.print(f"  {key}: {_shown(value)}", soft_wrap=True)
+    console.print("not saved" if found.sequence is None else f"saved as {found.sequence}")
+
+
+def _shown(value: object) -> object:
+    if isinstance(value, dict):
+        return value.get("method", "…")  # a model: its weights are not for people
+    return "–" if value is None else value
 
 
 @params.command()
@@ -82,5 +88,7 @@ def history(
     for heading in ("number", "saved at", "by", "axes", ""):
         table.add_column(heading)
     for each in found.history:
-        table.add_row(str(each.sequence), each.saved_at, each.saved_by, ", ".join(each.axes), each.why)
+        table.add_row(
+            str(each.sequence), each.saved_at, each.saved_by, ", ".join(each.axes), each.why
+        )
     new_console().print(table if found.history else "nothing is saved")

@@ -19,6 +19,17 @@ def _stages(incomplete: str) -> list[str]:
     return [name for name in running_stages() if name.startswith(incomplete)]
 
 
+def _axes(incomplete: str) -> list[str]:
+    from piezod.client import StageClient
+    from piezod.errors import PiezodError
+
+    try:
+        with StageClient(name=CLIENT_NAME) as client:
+            return [name for name in client.status().axes if name.startswith(incomplete)]
+    except PiezodError:
+        return []  # an error text would be taken for what is completed
+
+
 StageOption: TypeAlias = Annotated[
     str | None,
     typer.Option(
@@ -39,10 +50,15 @@ SocketOption: TypeAlias = Annotated[
 ]
 AxisOption: TypeAlias = Annotated[
     str | None,
-    typer.Option("--axis", metavar="NAME", help="Axis; left out: the only one."),
+    typer.Option(
+        "--axis", metavar="NAME", autocompletion=_axes, help="Axis; left out: the only one."
+    ),
 ]
 AxesOption: TypeAlias = Annotated[
-    str | None, typer.Option("--axis", metavar="NAME", help="Axis; left out: all of them.")
+    str | None,
+    typer.Option(
+        "--axis", metavar="NAME", autocompletion=_axes, help="Axis; left out: all of them."
+    ),
 ]
 
 

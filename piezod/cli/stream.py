@@ -34,7 +34,11 @@ def _setpoint(line: str, number: int) -> dict[str, float]:
         setpoint = json.loads(line)
     except ValueError:
         setpoint = None
-    if not isinstance(setpoint, dict) or not all(map(_is_number, setpoint.values())):
+    if (
+        not isinstance(setpoint, dict)
+        or not setpoint
+        or not all(map(_is_number, setpoint.values()))
+    ):
         what = f'stdin:{number}: must be positions by axis, as in {{"x": 12.3}}'
         raise DataError(f"{what} (got {line.strip()[:40]})")
     return setpoint

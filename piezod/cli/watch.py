@@ -48,7 +48,7 @@ def _show(client: "StageClient", rate_hz: float, axes: list[str]) -> None:
     from rich.live import Live
 
     from piezod.cli.output import new_console
-    from piezod.cli.watch_view import ranges_of, view, view_line
+    from piezod.cli.watch_view import LoopRate, ranges_of, view, view_line
 
     console = new_console()
     ranges = ranges_of(client.config())
@@ -57,5 +57,6 @@ def _show(client: "StageClient", rate_hz: float, axes: list[str]) -> None:
             console.print(view_line(told), soft_wrap=True)
         return
     with Live(console=console, auto_refresh=False) as live:
+        loop_rate = LoopRate()
         for told in client.telemetry(rate_hz, axes):
-            live.update(view(told, ranges), refresh=True)
+            live.update(view(told, ranges, loop_rate.hz(told)), refresh=True)

@@ -15,7 +15,7 @@ from piezod.config.states import State
 
 Bounds: TypeAlias = tuple[float, float]
 
-_BAR_WIDTH = 16
+_BAR_WIDTH = 14
 _STYLES: Mapping[str, str] = {
     State.RUN: "bold green",
     State.IDENT: "bold green",
@@ -55,11 +55,34 @@ def _bounds(found: Sequence[float | None] | None) -> Bounds | None:
     return None if low is None or high is None else (low, high)
 
 
-def view(told: Telemetry, ranges: Mapping[str, AxisRanges]) -> RenderableType:
-    """Return what is shown of an interval on a terminal."""
+class LoopRate:
+    """How many cycles the loop runs in a second."""
+
+    def __init__(self) -> None:
+        self._before_s: float | None = None
+
+    def hz(self, told: Telemetry) -> float | None:
+        """Return the rate in the interval that is told, in Hz; None for the first."""
+        before_s, self._before_s = self._before_s, told.t_s
+        if before_s is None or told.t_s <= before_s:
+            return None
+        return (told.cycles + told.lost) / (told.t_s - before_s)
+
+
+def view(
+    told: Telemetry, ranges: Mapping[str, AxisRanges], rate_hz: float | None
+) -> RenderableType:
+    """Return what is shown of an interval on a terminal.
+
+    Args:
+        told: The interval.
+        ranges: What the bars span, by axis.
+        rate_hz: Cycles of the loop per second, None where that is not known.
+    """
     state = Text(told.state, _STYLES.get(told.state, "bold yellow"))
-    head = Text.assemble(state, f"   {told.skipped_cycles} skipped cycles")
-    return Group(head, _table(told, ranges), _faults(told))
+    shadow = ", in shadow: nothing is written" if told.shadow else ""
+    loop = f"   {number(rate_hz, 0)} Hz, {told.skipped_cycles} skipped cycles"
+    return Group(Text.assemble(state, shadow, loop), _table(told, ranges), _faults(told))
 
 
 def view_line(told: Telemetry) -> str:
@@ -76,25 +99,20 @@ def view_line(told: Telemetry) -> str:
 def _table(told: Telemetry, ranges: Mapping[str, AxisRanges]) -> Table:
     table = Table(box=box.SIMPLE_HEAD)
     table.add_column("axis")
-    table.add_column("position/µm", justify="right")
-    table.add_column("", width=_BAR_WIDTH)
-    for heading in ("command/µm", "error/µm", "worst"):
+    for heading in ("position/µm", "command/µm", "error/µm", "worst", "drive/V"):
         table.add_column(heading, justify="right")
-    table.add_column("drive/V", justify="right")
-    table.add_column("", width=_BAR_WIDTH)
     for name, axis in told.axes.items():
-        table.add_row(name, *_cells(axis, ranges.get(name, AxisRanges(None, None))))
+        table.add_row(*_cells(name, axis, ranges.get(name, AxisRanges(None, None))))
     return table
 
 
-def _cells(axis: AxisTelemetry, ranges: AxisRanges) -> Iterator[RenderableType]:
-    yield number(axis.position_um.last, 3)
-    yield _bar(axis.position_um.last, ranges.position_um)
+def _cells(name: str, axis: AxisTelemetry, ranges: AxisRanges) -> Iterator[RenderableType]:
+    yield f"{name}\n{axis.mode}"
+    yield _with_bar(axis.position_um.last, 3, ranges.position_um)
     yield number(axis.command_um.last, 3)
     yield number(axis.error_um.last, 3)
     yield number(_worst(axis.error_um), 3)
-    yield number(axis.drive_v.last, 2)
-    yield _bar(axis.drive_v.last, ranges.drive_v)
+    yield _with_bar(axis.drive_v.last, 2, ranges.drive_v)
 
 
 def _worst(error_um: Range) -> float | None:
@@ -102,12 +120,15 @@ def _worst(error_um: Range) -> float | None:
     return max(found, key=abs, default=None)
 
 
-def _bar(value: float | None, bounds: Bounds | None) -> RenderableType:
+def _with_bar(value: float | None, decimals: int, bounds: Bounds | None) -> RenderableType:
+    """Return a number, and below it a bar as long as its share of the range."""
+    text = Text(number(value, decimals), justify="right")
     if value is None or bounds is None:
-        return ""
+        return text
     low, high = bounds
     share = min(max((value - low) / (high - low), 0.0), 1.0)
-    return ProgressBar(total=1.0, completed=share, width=_BAR_WIDTH, finished_style="bar.complete")
+    bar = ProgressBar(total=1.0, completed=share, width=_BAR_WIDTH, finished_style="bar.complete")
+    return Group(text, bar)
 
 
 def _faults(told: Telemetry) -> Text:

@@ -2,13 +2,14 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
 from piezod.cli import main
+from tests.client.fake_daemon import STATUS, FakeDaemon
 from tests.experiment.conftest import SHORT
 
 
@@ -67,3 +68,13 @@ def experiment_file(folder: Path) -> Path:
     """Return the path of an experiment that takes a second, relative to the folder."""
     (folder / "short.yaml").write_text(SHORT, encoding="utf-8")
     return Path("short.yaml")
+
+
+@pytest.fixture
+def daemon(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeDaemon]:
+    """Return a daemon that accepts everything; it is the one that verbs talk to."""
+    daemon = FakeDaemon(folder / "api.sock")
+    daemon.answers["GET status"] = STATUS
+    monkeypatch.setenv("PIEZOD_SOCKET", str(daemon.socket_path))
+    with daemon.running():
+        yield daemon

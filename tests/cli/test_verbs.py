@@ -1,0 +1,257 @@
+"""The verbs that talk to a running daemon."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.conftest import Command
+from tests.client.fake_daemon import ACCEPTED, STATUS, FakeDaemon, told
+
+VERBS = (
+    *("status", "faults", "watch", "arm", "disarm", "mode", "goto", "wave", "stream", "hold"),
+    *("resume", "condition", "zero", "stop", "estop", "reset", "reload", "params", "record"),
+)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_lists_the_verb(piezod: Command, verb: str) -> None:
+    """Every verb has a line in the help that is not cut off, and help of its own."""
+    _, out, _ = piezod("--help")
+    (line,) = [line for line in out.splitlines() if line.split()[:1] == [verb]]
+    assert not line.endswith("...")
+
+    code, out, err = piezod(verb, "--help")
+    assert (code, err) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what", "body", "text"),
+    [
+        ("arm", "arm", {"shadow": False}, "armed"),
+        ("arm --shadow", "arm", {"shadow": True}, "in shadow: nothing is written"),
+        ("disarm", "disarm", {}, "ramping to the safe voltage"),
+        ("mode adaptive", "mode", {"mode": "adaptive"}, "mode adaptive"),
+        ("mode trimmed --axis y", "mode", {"mode": "trimmed", "axis": "y"}, "mode trimmed"),
+        ("goto 12.5", "goto", {"position_um": 12.5}, "going to 12.5 µm"),
+        ("goto -5 --axis x", "goto", {"position_um": -5.0, "axis": "x"}, "going to -5 µm"),
+        ("goto 3 --speed 2", "goto", {"position_um": 3.0, "speed_um_per_s": 2.0}, "going to 3"),
+        ("hold", "hold", {}, "holding the voltage"),
+        ("resume", "resume", {}, "going on"),
+        ("condition --axis x", "condition", {"axis": "x"}, "conditioning"),
+        ("zero", "zero", {}, "zero from now on"),
+        ("stop", "stop", {}, "ramping"),
+        ("estop", "estop", {}, "emergency stop"),
+        ("reset --engineer", "reset", {"engineer": True}, "reset"),
+        ("reload", "reload", {}, "read again"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_command(
+    piezod: Command, daemon: FakeDaemon, arguments: str, what: str, body: object, text: str
+) -> None:
+    """A verb posts its request, and says in a line what it has led to."""
+    code, out, err = piezod(*arguments.split())
+
+    assert (code, err) == (0, "")
+    assert [(each.what, each.body) for each in daemon.asked] == [(f"POST {what}", body)]
+    assert text in out
+    assert out.count("\n") == 1
+
+
+@pytest.mark.usefixtures("daemon")
+@pytest.mark.parametrize("verb", ["arm", "stop", "goto 1", "mode adaptive", "reload", "zero"])
+def test_command_as_json(piezod: Command, verb: str) -> None:
+    """With --json the daemon's answer is on stdout and nothing else."""
+    code, out, err = piezod(*verb.split(), "--json")
+
+    assert (code, json.loads(out), err) == (0, ACCEPTED, "")
+
+
+def test_all_commands_share_a_name(piezod: Command, daemon: FakeDaemon) -> None:
+    """One command follows another, so the lease of a user's commands is one."""
+    piezod("arm")
+    piezod("goto", "1")
+
+    assert {each.client for each in daemon.asked} == {"cli"}
+
+
+@pytest.mark.usefixtures("daemon")
+def test_status(piezod: Command) -> None:
+    """People see state, axes and faults at a glance."""
+    code, out, _ = piezod("status")
+
+    assert code == 0
+    assert "simulated: RUN, mode adaptive, 3 skipped cycles" in out
+    assert "x" in out
+    assert " ".join(out.split()).count("12.400 12.500 0.100 60.00 on target") == 1
+    assert "S5" in out
+    assert "look at it" in out
+
+
+def test_status_without_positions(piezod: Command, daemon: FakeDaemon) -> None:
+    """Where there is no number there is a dash."""
+    axis = {"position_um": None, "command_um": None, "drive_v": 0.0}
+    daemon.answers["GET status"] = {**STATUS, "shadow": True, "faults": [], "axes": {"x": axis}}
+
+    _, out, _ = piezod("status")
+
+    assert "x – – – 0.00" in " ".join(out.split())
+    assert "in shadow: nothing is written" in out
+
+
+@pytest.mark.usefixtures("daemon")
+def test_status_as_json(piezod: Command) -> None:
+    """The document is the daemon's."""
+    code, out, _ = piezod("status", "--json")
+
+    assert (code, json.loads(out)) == (0, STATUS)
+
+
+def test_faults(piezod: Command, daemon: FakeDaemon) -> None:
+    """Each fault comes with its remedy; none is said, too."""
+    daemon.answers["GET faults"] = {"faults": STATUS["faults"]}
+    _, out, _ = piezod("faults")
+    assert "S5" in out
+    assert "present" in out
+    assert "look at it" in out
+    _, out, _ = piezod("faults", "--json")
+    assert json.loads(out) == {"faults": STATUS["faults"]}
+
+    daemon.answers["GET faults"] = {"faults": []}
+    assert piezod("faults") == (0, "no fault\n", "")
+
+
+def test_goto_that_waits(piezod: Command, daemon: FakeDaemon) -> None:
+    """It ends when the position is reached, and says where the stage is."""
+    daemon.telemetry = [told(), told(12.51, on_target=True)]
+
+    assert piezod("goto", "12.5", "--wait") == (0, "at 12.510 µm\n", "")
+    _, out, _ = piezod("goto", "12.5", "--wait", "--json")
+    assert json.loads(out) == {"axis": "x", "motion": 7, "position_um": 12.51}
+
+
+def test_goto_that_waits_in_vain(piezod: Command, daemon: FakeDaemon) -> None:
+    """What ended the movement is on stderr, and the exit code is not 0."""
+    daemon.telemetry = [told(), told(state="HOLD", faults=["S5"])]
+
+    code, out, err = piezod("goto", "12.5", "--wait", "--timeout", "5")
+
+    assert (code, out) == (1, "")
+    assert err == (
+        "axis x: the stage went to HOLD because of S5 before it was there; "
+        "`piezod faults` tells more\n"
+    )
+
+
+WAVE = """\
+command_um: {x: {kind: sine, low: 0, high: 10, frequency_hz: 2}}
+duration_s: 5
+"""
+
+
+def wave_of(daemon: FakeDaemon) -> Any:
+    """Return what was posted last."""
+    assert daemon.asked[-1].what == "POST wave"
+    return daemon.asked[-1].body
+
+
+def test_wave_of_a_file(piezod: Command, daemon: FakeDaemon, folder: Path) -> None:
+    """A file has waveforms as experiments have them; files that it names lie beside it."""
+    (folder / "wave.yaml").write_text(WAVE, encoding="utf-8")
+    assert piezod("wave", "wave.yaml") == (0, "following for 5 s\n", "")
+    assert wave_of(daemon)["command_um"]["x"]["frequency_hz"] == 2
+    assert wave_of(daemon)["duration_s"] == 5
+
+    assert piezod("wave", "wave.yaml", "--duration", "7").out == "following for 7 s\n"
+    assert wave_of(daemon)["duration_s"] == 7
+
+    (folder / "sub").mkdir()
+    (folder / "sub" / "a.csv").write_text("t_s,x\n0,0\n1,5\n", encoding="utf-8")
+    text = "command_um: {x: {kind: csv, path: a.csv, column: x}}\nduration_s: 1\n"
+    (folder / "sub" / "wave.yaml").write_text(text, encoding="utf-8")
+    assert piezod("wave", "sub/wave.yaml").code == 0
+    assert wave_of(daemon)["command_um"]["x"]["points"] == [[0.0, 0.0], [1.0, 5.0]]
+
+
+@pytest.mark.parametrize("kind", ["sine", "triangle"])
+def test_wave_of_the_command_line(piezod: Command, daemon: FakeDaemon, kind: str) -> None:
+    """A swing is named in numbers; the only axis need not be."""
+    arguments = ("wave", f"--{kind}", "-1", "10", "0.5", "--duration", "3")
+
+    assert piezod(*arguments).code == 0
+    waveform = wave_of(daemon)["command_um"]["x"]
+    assert (waveform["kind"], waveform["low"], waveform["high"]) == (kind, -1, 10)
+    assert piezod(*arguments, "--axis", "y").code == 0
+    assert wave_of(daemon)["command_um"].keys() == {"y"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ("", "give one of FILE, --sine and --triangle"),
+        ("--sine 0 1 1 --triangle 0 1 1 --duration 1", "give one of"),
+        ("--sine 0 1 1", "need --duration"),
+        ("wave.yaml --axis x", "FILE names its axes"),
+        ("no.yaml", "no such file"),
+        ("--sine 0 1 1 --duration 1", "name one of the axes x, y with --axis"),
+        ("wave.yaml --stage a --socket b", "exclude each other"),
+    ],
+)
+def test_wave_used_wrongly(
+    piezod: Command, daemon: FakeDaemon, folder: Path, arguments: str, text: str
+) -> None:
+    """What cannot be meant is wrong usage."""
+    (folder / "wave.yaml").write_text(WAVE, encoding="utf-8")
+    axis = STATUS["axes"]["x"]
+    daemon.answers["GET status"] = {**STATUS, "axes": {"x": axis, "y": axis}}
+
+    code, out, err = piezod("wave", *arguments.split())
+
+    assert (code, out) == (2, "")
+    assert text in " ".join(err.split())
+
+
+def test_wave_that_is_not_valid(piezod: Command, daemon: FakeDaemon, folder: Path) -> None:
+    """A file is checked before it is sent; every problem has its place."""
+    text = WAVE.replace("high: 10", "high: -1").replace("5", "five")
+    (folder / "wave.yaml").write_text(text, encoding="utf-8")
+
+    code, _, err = piezod("wave", "wave.yaml")
+
+    assert code == 78
+    assert "wave.yaml:1:44: command_um.x.high: must be above low" in err
+    assert "wave.yaml:2:13: duration_s: must be a number" in err
+    assert daemon.asked == []
+
+
+def test_refusal(piezod: Command, daemon: FakeDaemon) -> None:
+    """What the daemon refuses exits with 1; its reason and remedy are on stderr."""
+    daemon.refuse("POST goto", 409, "refused", "the stage is SAFE", "piezod arm")
+
+    assert piezod("goto", "1") == (1, "", "the stage is SAFE; piezod arm\n")
+
+
+def test_user_without_the_right(piezod: Command, daemon: FakeDaemon) -> None:
+    """Who may not do it gets 77."""
+    daemon.refuse("POST arm", 403, "forbidden", "eve is viewer here, this needs operator")
+
+    assert piezod("arm") == (77, "", "eve is viewer here, this needs operator\n")
+
+
+def test_no_daemon(piezod: Command, folder: Path) -> None:
+    """Without a daemon the exit code is 69."""
+    code, out, err = piezod("status", "--json", "--socket", folder / "api.sock")
+
+    assert (code, out) == (69, "")
+    assert "no daemon is running there; start it with `piezod run CONFIG`" in err
+
+
+def test_impossible_value(piezod: Command, daemon: FakeDaemon) -> None:
+    """What no daemon would accept is not sent."""
+    code, _, err = piezod("goto", "nan")
+
+    assert code == 1
+    assert "position_um: must be a finite number (got .nan), allowed range" in err
+    assert daemon.asked == []

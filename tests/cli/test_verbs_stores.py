@@ -1,0 +1,122 @@
+"""`piezod params` and `piezod record`."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Command
+from tests.client.fake_daemon import FakeDaemon, Raw
+
+NAME = "20261121T120000Z"
+HISTORY = {
+    "history": [
+        {"sequence": 4, "saved_at": "2026-11-21T12:00:00+00:00", "saved_by": "eva", "axes": ["x"]},
+        {"sequence": 3, "why": "the checksum is wrong"},
+    ]
+}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what", "text"),
+    [
+        ("save", "POST params/save", "saved as 4\n"),
+        ("load", "POST params/load", "loaded 4\n"),
+        ("restore 4", "POST params/restore", "restored 4\n"),
+    ],
+)
+def test_params(piezod: Command, daemon: FakeDaemon, arguments: str, what: str, text: str) -> None:
+    """Each says which parameters it was."""
+    daemon.answers[what] = {"sequence": 4}
+
+    assert piezod("params", *arguments.split()) == (0, text, "")
+    assert daemon.asked[0].what == what
+    _, out, _ = piezod("params", *arguments.split(), "--json")
+    assert json.loads(out) == {"sequence": 4}
+
+
+def test_params_in_use(piezod: Command, daemon: FakeDaemon) -> None:
+    """What belongs to an axis is listed; lists of weights are not for people."""
+    axis = {"zero_um": 1.5, "offset": None, "model": {"method": "lms", "right_stop_weights": [1.0]}}
+    daemon.answers["GET params"] = {"sequence": 4, "axes": {"x": axis}}
+
+    code, out, _ = piezod("params", "list")
+
+    assert (code, out) == (0, "axis x\n  zero_um: 1.5\n  offset: –\n  model: lms\nsaved as 4\n")
+    _, out, _ = piezod("params", "list", "--json")
+    assert json.loads(out)["axes"]["x"] == axis
+
+
+def test_params_never_saved(piezod: Command, daemon: FakeDaemon) -> None:
+    """That they are not saved is said."""
+    daemon.answers["GET params"] = {"sequence": None, "axes": {}}
+
+    assert piezod("params", "list") == (0, "not saved\n", "")
+
+
+def test_history(piezod: Command, daemon: FakeDaemon) -> None:
+    """Newest first, and what is wrong with those that cannot be used."""
+    daemon.answers["GET params/history"] = HISTORY
+    _, out, _ = piezod("params", "history")
+    assert out.index("eva") < out.index("the checksum is wrong")
+    _, out, _ = piezod("params", "history", "--json")
+    assert json.loads(out) == HISTORY
+
+    daemon.answers["GET params/history"] = {"history": []}
+    assert piezod("params", "history") == (0, "nothing is saved\n", "")
+
+
+def test_recording(piezod: Command, daemon: FakeDaemon) -> None:
+    """It is started with a label, and ends with what is in it."""
+    daemon.answers["POST recordings/start"] = {"name": f"{NAME}-creep"}
+    daemon.answers["POST recordings/stop"] = {"name": f"{NAME}-creep", "records": 5, "lost": 0}
+
+    assert piezod("record", "start", "creep") == (0, f"recording {NAME}-creep\n", "")
+    assert piezod("record", "stop") == (0, f"recorded 5 cycles as {NAME}-creep\n", "")
+    assert daemon.asked[0].body == {"label": "creep"}
+
+
+def test_recording_with_losses(piezod: Command, daemon: FakeDaemon) -> None:
+    """What is missing is said, and why it ended."""
+    answer = {"name": NAME, "records": 5, "lost": 2, "why": "the disk is full"}
+    daemon.answers["POST recordings/stop"] = answer
+
+    assert piezod("record", "stop").out == (
+        f"recorded 5 cycles as {NAME}; 2 were lost; the disk is full\n"
+    )
+    assert json.loads(piezod("record", "stop", "--json").out) == answer
+
+
+def test_recordings(piezod: Command, daemon: FakeDaemon) -> None:
+    """Those that are finished are listed, and the one that goes on."""
+    running = {"name": NAME, "records": 7, "lost": 0}
+    finished = [{"name": f"{NAME}-creep", "size_bytes": 2_500_000}]
+    daemon.answers["GET recordings"] = {"running": running, "recordings": finished}
+    _, out, _ = piezod("record", "list")
+    assert out == f"{NAME}-creep  2.5 MB\n{NAME}  7 cycles, going on\n"
+    _, out, _ = piezod("record", "list", "--json")
+    assert json.loads(out) == {"running": running, "recordings": finished}
+
+    daemon.answers["GET recordings"] = {"running": None, "recordings": []}
+    assert piezod("record", "list") == (0, "nothing is recorded\n", "")
+
+
+def test_recording_is_copied(piezod: Command, daemon: FakeDaemon, folder: Path) -> None:
+    """It gets its own name in the current folder, or the one that is given."""
+    daemon.answers[f"GET recordings/{NAME}"] = Raw(200, b"HDF")
+
+    assert piezod("record", "get", NAME) == (0, f"{NAME}.h5: 3 bytes\n", "")
+    assert (folder / f"{NAME}.h5").read_bytes() == b"HDF"
+    _, out, _ = piezod("record", "get", NAME, "--out", "a.h5", "--json")
+    assert json.loads(out) == {"name": NAME, "file": "a.h5", "size_bytes": 3}
+    assert (folder / "a.h5").read_bytes() == b"HDF"
+
+
+def test_recording_to_nowhere(piezod: Command, daemon: FakeDaemon) -> None:
+    """A folder that is not there is an error with its name."""
+    daemon.answers[f"GET recordings/{NAME}"] = Raw(200, b"HDF")
+
+    code, _, err = piezod("record", "get", NAME, "--out", "no/a.h5")
+
+    assert code == 1
+    assert "no/.a.h5.part: No such file" in err
