@@ -114,24 +114,21 @@ class AuditLog:
         return tuple(found[:number])
 
     def sync(self) -> None:
-        """Have what was written reach the disk; may block, so call it in a worker thread.
-
-        Raises:
-            OSError: If it does not get there.
-        """
-        # By a descriptor of its own: the other may be closed meanwhile, when a file is put aside.
-        descriptor = _open(self._path)
+        """Have what was written reach the disk; may block, so call it in a worker thread."""
         try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+            # By a descriptor of its own: a file may be put aside and closed meanwhile.
+            descriptor = _open(self._path)
+            try:
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
+        except OSError as error:
+            logger("audit").error("audit not synced", file=str(self._path), why=error.strerror)
 
     def close(self) -> None:
         """Sync and close the file; once."""
-        try:
-            os.fsync(self._descriptor)
-        finally:
-            os.close(self._descriptor)
+        self.sync()
+        os.close(self._descriptor)
 
     def _append(self, line: bytes) -> None:
         if self._size and self._size + len(line) > self._max_bytes:

@@ -129,10 +129,10 @@ class Recorder:
         if self.status.recording:
             raise RecorderError(f"recording {self.status.name} goes on; stop it first")
         self._join()
-        if why := self._no_room(self.folder.path):
-            raise RecorderError(why)
         path = self.folder.new(datetime.now(UTC), label)
         try:
+            if why := self._no_room(self.folder.path):
+                raise RecorderError(why)
             writer = TelemetryWriter(path, header, self._dtype)
         except OSError as error:
             raise RecorderError(f"no recording: {error}") from error

@@ -39,12 +39,16 @@ class Reserved:
             os.posix_fallocate(self._descriptor, present, size_bytes - present)
 
     def release(self) -> None:
-        """Give back the room behind an HDF5 file that has been closed; no calls after this."""
+        """Give back the room behind an HDF5 file that has been closed, and have it reach the disk.
+
+        No calls after this.
+        """
         try:
             superblock = os.pread(self._descriptor, _END_OF_FILE.stop, 0)
             if superblock.startswith(_HDF5_MAGIC) and superblock[8] in (2, 3):
                 end = int.from_bytes(superblock[_END_OF_FILE], "little")
                 if end < os.fstat(self._descriptor).st_size:
                     os.ftruncate(self._descriptor, end)
+            os.fsync(self._descriptor)
         finally:
             os.close(self._descriptor)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from structlog.testing import capture_logs
 
 from piezod.daemon.audit import KEPT, AuditEntry, AuditLog
 
@@ -113,6 +114,26 @@ def test_full_disk_costs_entries_and_no_request(
 
     assert audit.failed == 2
     assert [entry.what for entry in audit.last(10)] == ["stop", "arm"]
+
+
+@pytest.mark.fault("P6")
+def test_disk_that_does_not_sync_stops_nobody(
+    audit: AuditLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is logged, nothing is raised, and the entries stay in reach."""
+
+    def fail(_descriptor: int) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    audit.write(1000, "ann", "", "arm", accepted=True)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", fail)
+        with capture_logs() as logs:
+            audit.sync()
+
+    assert logs[0]["event"] == "audit not synced"
+    assert logs[0]["why"] == "Input/output error"
+    assert len(audit.last(10)) == 1
 
 
 def test_file_is_not_for_everybody(audit: AuditLog, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import errno
 import os
+from math import inf, nan
 from pathlib import Path
 
 import pytest
@@ -197,6 +198,49 @@ def test_model_that_is_not_monotone_is_never_stored(folder: Path) -> None:
         store.save({"x": AxisParameters(model=falling, zero_um=0.0)}, "ann")
 
     assert [each.sequence for each in store.history()] == [1]
+
+
+@pytest.mark.fault("D2")
+@pytest.mark.parametrize("weight", [nan, inf, 1e7])
+def test_weights_that_are_no_numbers_are_never_stored(folder: Path, weight: float) -> None:
+    """Whatever has been learned, only what can be loaded again is saved."""
+    broken = MODEL.model_copy(update={"left_stop_weights": (weight, 0.1)})
+    store = open_store(folder)
+    with pytest.raises(DataError, match=r"axes\.x\.model\.left_stop_weights\.0"):
+        store.save({"x": AxisParameters(model=broken, zero_um=0.0)}, "ann")
+
+    assert store.history() == ()
+
+
+@given(
+    weights=st.tuples(*[st.floats(0, 0.2)] * 4),
+    numbers=st.tuples(st.floats(-1e5, 1e5), st.floats(-1, 1), st.floats(-0.3, 0.3)),
+    texts=st.tuples(
+        *[st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=255)] * 3
+    ),
+)
+def test_any_parameters_come_back(
+    weights: tuple[float, float, float, float],
+    numbers: tuple[float, float, float],
+    texts: tuple[str, str, str],
+) -> None:
+    """Whatever was learned and whatever things are called, what is decoded is what was encoded."""
+    zero_um, offset, scale = numbers
+    update = {
+        "right_stop_weights": weights[:2],
+        "left_stop_weights": weights[2:],
+        "created_by": texts[0],
+    }
+    axis = AxisParameters(
+        model=MODEL.model_copy(update=update), zero_um=zero_um, offset=offset, scale=scale
+    )
+    document = ParameterDocument(
+        sequence=3, stage=texts[1], saved_at="now", saved_by=texts[2], axes={"x": axis}
+    )
+    content = encode(document)
+
+    assert decode(content).axes == document.axes
+    assert encode(decode(content)) == content
 
 
 @pytest.mark.fault("P13")

@@ -129,6 +129,16 @@ def test_label_that_is_not_allowed(recorder: Recorder) -> None:
     assert not recorder.status.recording
 
 
+def test_folder_that_is_gone(recorder: Recorder) -> None:
+    """A start says so, and can be tried again."""
+    recorder.folder.path.rmdir()
+    with pytest.raises(RecorderError, match="No such file"):
+        recorder.start(header())
+    recorder.folder.path.mkdir()
+
+    assert recorder.start(header())
+
+
 @pytest.mark.fault("P6")
 def test_nothing_is_recorded_on_a_full_disk(recorder: Recorder, disk: Disk) -> None:
     """A start is refused with how much is free and what would help."""
