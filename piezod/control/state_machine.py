@@ -98,7 +98,8 @@ _EDGES: Final[Mapping[Event, Mapping[State, State]]] = {
     Event.IDENTIFY_DONE: {_IDENT: _READY},
     Event.HOLD: dict.fromkeys(_MOVABLE, _HOLD),
     Event.STOP: dict.fromkeys(_HELD, _RAMP),
-    Event.ESTOP: dict.fromkeys((*_LIVE, _BLIND, _FAULT), _ESTOP),
+    # In BLIND nothing can be sent; the emergency stop comes with the link, see LINK_BACK.
+    Event.ESTOP: dict.fromkeys((*_LIVE, _FAULT), _ESTOP),
     Event.ESTOP_RELEASED: {_ESTOP: _FAULT},
     Event.SHUTDOWN: {
         **dict.fromkeys((*_HELD, _ESTOP), _RAMP),
@@ -106,11 +107,11 @@ _EDGES: Final[Mapping[Event, Mapping[State, State]]] = {
     },
     Event.FAULT_HOLD: {**dict.fromkeys(_MOVABLE, _HOLD), _HOLD: _RAMP},
     Event.FAULT_RAMP: dict.fromkeys(_HELD, _RAMP),
-    Event.FAULT_BLIND: dict.fromkeys(_LIVE, _BLIND),
+    Event.FAULT_BLIND: dict.fromkeys((*_LIVE, _ESTOP), _BLIND),
     Event.FAULT_CUT: dict.fromkeys((*_LIVE, _BLIND), _FAULT),
     Event.HOLD_EXPIRED: {_HOLD: _RAMP},
     Event.AT_SAFE: {_RAMP: _SAFE},
-    Event.RAMP_TIMEOUT: {_RAMP: _FAULT},
+    Event.RAMP_TIMEOUT: dict.fromkeys((_RAMP, _ESTOP), _FAULT),
     Event.LINK_BACK: {_BLIND: _RAMP},
 }
 """Edges that nobody is refused: down, or found by the daemon. From any other state: none."""
@@ -146,6 +147,8 @@ def _following(state: State, event: Event, facts: Facts) -> State:
     if event is Event.LINK_BACK and state is _BLIND:
         if not facts.output_known:
             return _BLIND
+        if facts.estop_active:
+            return _ESTOP
         return _RAMP if facts.self_tested else _BOOT
     if event is Event.ESTOP_RELEASED and facts.estop_active:
         return state
@@ -155,7 +158,7 @@ def _following(state: State, event: Event, facts: Facts) -> State:
 def _settled(state: State, event: Event, facts: Facts) -> State:
     """Return where a state leads at once: out of the daemon, or to FAULT with what is latched."""
     if facts.shutting_down:
-        arrived = state is _ESTOP and event in {Event.AT_SAFE, Event.RAMP_TIMEOUT}
+        arrived = state is _ESTOP and event is Event.AT_SAFE
         return _STOPPING if arrived or state in {_SAFE, _BLIND, _FAULT} else state
     return _FAULT if state is _SAFE and facts.latched else state
 

@@ -46,17 +46,17 @@ IDENTIFY_DONE    .        .        .     READY .     .     .     .        .     
 HOLD             .        .        HOLD  HOLD  HOLD  .     .     .        .        .     .
 RESUME           !        !        !     !     !     RUN   !     !        !        !     !
 STOP             .        .        RAMP  RAMP  RAMP  RAMP  .     .        .        .     .
-ESTOP            ESTOP    ESTOP    ESTOP ESTOP ESTOP ESTOP ESTOP ESTOP    ESTOP    .     .
+ESTOP            ESTOP    ESTOP    ESTOP ESTOP ESTOP ESTOP ESTOP .        ESTOP    .     .
 ESTOP_RELEASED   .        .        .     .     .     .     .     .        .        FAULT .
 RESET            !        .        .     .     .     !     !     !        SAFE     !     !
 SHUTDOWN         STOPPING STOPPING RAMP  RAMP  RAMP  RAMP  .     STOPPING STOPPING RAMP  .
 FAULT_HOLD       .        .        HOLD  HOLD  HOLD  RAMP  .     .        .        .     .
 FAULT_RAMP       .        .        RAMP  RAMP  RAMP  RAMP  .     .        .        .     .
-FAULT_BLIND      BLIND    BLIND    BLIND BLIND BLIND BLIND BLIND .        .        .     .
+FAULT_BLIND      BLIND    BLIND    BLIND BLIND BLIND BLIND BLIND .        .        BLIND .
 FAULT_CUT        FAULT    FAULT    FAULT FAULT FAULT FAULT FAULT FAULT    .        .     .
 HOLD_EXPIRED     .        .        .     .     .     RAMP  .     .        .        .     .
 AT_SAFE          .        .        .     .     .     .     SAFE  .        .        .     .
-RAMP_TIMEOUT     .        .        .     .     .     .     FAULT .        .        .     .
+RAMP_TIMEOUT     .        .        .     .     .     .     FAULT .        .        FAULT .
 LINK_BACK        .        .        .     .     .     .     .     RAMP     .        .     .
 """
 
@@ -221,6 +221,16 @@ def test_an_emergency_stop_ends_in_fault_once_it_is_released() -> None:
     assert following(State.ESTOP, Event.AT_SAFE, pressed) is State.ESTOP
     assert following(State.ESTOP, Event.ESTOP_RELEASED, pressed) is State.ESTOP
     assert following(State.ESTOP, Event.ESTOP_RELEASED, GOOD) is State.FAULT
+
+
+@pytest.mark.fault("E1")
+def test_an_emergency_stop_waits_for_an_amplifier_that_is_gone() -> None:
+    """It begins, or goes on, from the voltage that is read back: never from one before."""
+    pressed = GOOD._replace(estop_active=True, latched=True)
+
+    assert following(State.ESTOP, Event.FAULT_BLIND, pressed) is State.BLIND
+    assert following(State.BLIND, Event.ESTOP, pressed) is State.BLIND
+    assert following(State.BLIND, Event.LINK_BACK, pressed) is State.ESTOP
 
 
 def test_a_reset_needs_every_fault_to_be_dropped() -> None:
