@@ -56,7 +56,7 @@ class StageLink:
         """Whether the loop takes requests; not while it is exchanged."""
         self.parameters = StageParameters(ParameterStore(paths.parameters, paths.name))
         self.recordings_of_stage = StageRecordings(
-            paths, len(loop.axes), self.open_reader, self._last
+            paths, len(loop.axes), self.open_reader, self._last, self._weights
         )
         self.audit_of_stage = AuditLog(paths.audit)
         self._paths, self._stop, self._reload, self._shadow = paths, stop, reload, shadow
@@ -174,6 +174,10 @@ class StageLink:
 
     def _last(self, count: int) -> NDArray[Any]:
         return self.loop.last(count)
+
+    def _weights(self) -> dict[str, NDArray[Any]]:
+        learned = {name: self.loop.learned.read(i) for i, name in enumerate(self.loop.axes)}
+        return {name: axis.weights for name, axis in learned.items() if axis is not None}
 
     def _running(self) -> LoopConnection:
         if not self.available:

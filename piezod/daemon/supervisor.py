@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 
 from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
-from piezod.daemon.api_server import ApiServer
+from piezod.daemon.api_server import Api
 from piezod.daemon.logging import logger
 from piezod.daemon.loop_supervision import LoopRun
 from piezod.daemon.notify import Notifier
@@ -92,7 +92,7 @@ class Supervisor:
             reload=self.reload,
             shadow=options.shadow,
         )
-        self._server = ApiServer(
+        self._api = Api(
             create_app(self._link, GroupRoles(os.getuid(), time.monotonic)), paths.api_socket
         )
         self._tasks: set[asyncio.Task[object]] = set()
@@ -107,7 +107,7 @@ class Supervisor:
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self.stop, signal.Signals(number).name)
         loop.add_signal_handler(signal.SIGHUP, self._reload_on_signal)
-        await self._server.start()
+        await self._api.start()
         self.run_of_loop.start(unclean=unclean)
         housekeeping = asyncio.create_task(self._keep_house())
         try:
@@ -119,7 +119,7 @@ class Supervisor:
         """Write out and close everything; after `run`."""
         self._log_events()
         await self._link.recordings_of_stage.write_flight(self.run_of_loop.loop, at_once=True)
-        await self._server.stop()
+        await self._api.stop()
         await self._link.recordings_of_stage.close()
         self._link.audit_of_stage.close()
 

@@ -37,11 +37,13 @@ def test_stage_is_driven_to_a_position_and_back(start: StartDaemon, rig_file: Pa
 @pytest.mark.parametrize(
     ("state", "verbs"),
     [
-        ("SAFE", ()),
-        ("READY", ("arm",)),
+        pytest.param("SAFE", (), marks=pytest.mark.stress),
+        pytest.param("READY", ("arm",), marks=pytest.mark.stress),
         ("RUN", ("arm", "goto")),
         ("HOLD", ("arm", "goto", "hold")),
-        ("ESTOP", ("arm", "estop")),
+        pytest.param("RAMP", ("arm", "goto", "stop"), marks=pytest.mark.stress),
+        ("ESTOP", ("arm", "goto", "estop")),
+        pytest.param("FAULT", ("arm", "estop"), marks=pytest.mark.stress),
     ],
 )
 @pytest.mark.fault("P1")
@@ -51,7 +53,11 @@ def test_end_is_orderly_in_every_state(
     """SIGTERM ends it with 0 whatever it does; further signals change nothing."""
     daemon = start(rig_file).up()
     for verb in verbs:
-        daemon.do(verb, **({"position_um": 20.0} if verb == "goto" else {}))
+        if verb == "goto":
+            daemon.do(verb, position_um=20.0)
+            eventually(lambda: daemon.status()["axes"]["x"]["drive_v"] > 60)
+        else:
+            daemon.do(verb)
     daemon.until(state)
     loop_pid = daemon.loop_pid
 

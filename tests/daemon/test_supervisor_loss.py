@@ -1,0 +1,90 @@
+"""What happens when a loop or its supervisor is gone, as processes."""
+
+import os
+import signal
+import socket
+from pathlib import Path
+
+import pytest
+
+from tests.daemon.conftest import StartDaemon
+from tests.daemon.daemons import configuration, is_alive
+from tests.daemon.waiting import eventually
+
+
+@pytest.mark.fault("P3")
+def test_killed_loop_is_replaced_by_a_ramp_down(start: StartDaemon, rig_file: Path) -> None:
+    """The supervisor has the stage ramped down, says so and ends with 1; the mark stays."""
+    daemon = start(rig_file).up()
+
+    os.kill(daemon.loop_pid, signal.SIGKILL)
+
+    assert daemon.exit_code() == 1
+    assert "loop gone" in daemon.text
+    assert "x: from" in daemon.text
+    assert "ramped down" in daemon.text
+    assert daemon.paths.running.exists()
+    assert not daemon.paths.api_socket.exists()
+
+
+@pytest.mark.fault("L3")
+def test_loop_that_hangs_is_killed_and_feeds_no_watchdog(
+    start: StartDaemon, rig_file: Path, tmp_path: Path
+) -> None:
+    """A loop without cycles starves the watchdog; where nobody watches it is killed all the same."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(90)
+        environ = {"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "1000000"}
+        daemon = start(rig_file, **environ)
+        while not manager.recv(1000).startswith(b"READY=1"):
+            pass
+        assert manager.recv(1000).startswith((b"WATCHDOG=1", b"STATUS="))
+
+        os.kill(daemon.loop_pid, signal.SIGSTOP)
+
+        assert daemon.exit_code() == 1
+        assert "loop killed" in daemon.text
+        manager.setblocking(False)
+        # At most what was sent before it hung, and never again after it was killed.
+        waiting = b"".join(iter(lambda: _received(manager), b""))
+        assert waiting.count(b"WATCHDOG=1") < 10
+
+
+def _received(manager: socket.socket) -> bytes:
+    try:
+        return manager.recv(1000)
+    except BlockingIOError:
+        return b""
+
+
+@pytest.mark.fault("P2")
+def test_loop_without_a_supervisor_goes_to_safe_and_ends(
+    start: StartDaemon, rig_file: Path
+) -> None:
+    """Killing the supervisor leaves no loop behind, and a start after it wants a reset."""
+    daemon = start(rig_file).up()
+    daemon.do("arm")
+    daemon.do("goto", position_um=10.0)
+    loop_pid = daemon.loop_pid
+
+    daemon.process.kill()
+    daemon.process.wait()
+    eventually(lambda: not is_alive(loop_pid))
+    daemon.start()
+    status = daemon.until("FAULT", 90)
+
+    assert [fault["id"] for fault in status["faults"]] == ["P2"]
+    assert daemon.ask("POST", "arm", {}).status_code == 409
+    daemon.do("reset")
+    daemon.until("SAFE")
+
+
+@pytest.mark.fault("P12")
+def test_absent_device_may_be_an_error(start: StartDaemon, tmp_path: Path) -> None:
+    """With --require-device a stage without its device ends with 69, in order."""
+    path = configuration(tmp_path, rig="{driver: emulated, options: {socket: nobody.sock}}")
+    daemon = start(path, "--require-device")
+
+    assert daemon.exit_code(90) == 69
+    assert not daemon.paths.running.exists()
