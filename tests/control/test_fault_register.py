@@ -51,6 +51,11 @@ def stage() -> Stage:
     return Stage()
 
 
+def test_faults_go_after_twenty_cycles_and_explain_others_for_ten() -> None:
+    """Numbers that the documentation names."""
+    assert (GOOD_CYCLES, CAUSE_CYCLES) == (20, 10)
+
+
 def test_without_a_fault_nothing_happens(stage: Stage) -> None:
     """No reaction, no news, no mask."""
     assert set(stage.cycles(100)) == {Reaction.NONE}
@@ -92,7 +97,7 @@ def test_a_latched_fault_stays_until_somebody_ends_it(stage: Stage) -> None:
     stage.cycles(10 * SECOND)
     assert (stage.present, stage.latched) == ([], ["S5"])
     assert stage.register.resume() == ""
-    stage.cycle()
+    stage.cycles(3)
 
     assert stage.latched == []
     assert stage.told == [("S5", True), ("S5", False)]
