@@ -1,0 +1,44 @@
+"""The page about the client: its examples run, and it leaves nothing out."""
+
+import re
+from pathlib import Path
+
+import pytest
+import typer
+
+from piezod.cli.client_verbs import add_client_verbs
+from piezod.client import StageClient
+from tests.client.fake_daemon import FakeDaemon, told
+
+PAGE = (Path(__file__).parents[2] / "docs" / "client.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=range(len(EXAMPLES)))
+def test_examples_run(daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, example: str) -> None:
+    """What the page shows can be copied."""
+    monkeypatch.setenv("PIEZOD_SOCKET", str(daemon.socket_path))
+    monkeypatch.setattr("time.sleep", lambda _: None)
+    daemon.answers["POST stream"] = {"accepted": True, "setpoints": 100}
+    daemon.telemetry = [told(on_target=True)] * 10
+
+    exec(compile(example, "client.md", "exec"), {"__name__": "example"})  # noqa: S102 - our own page
+
+    assert daemon.asked
+
+
+def test_all_methods_are_named() -> None:
+    """What the client can do is on the page."""
+    methods = [name for name in vars(StageClient) if name[0] != "_"]
+
+    assert [name for name in methods if f"`{name}" not in PAGE] == ["close", "call"]
+
+
+def test_all_verbs_are_named() -> None:
+    """What the command can do is on the page."""
+    app = typer.Typer()
+    add_client_verbs(app)
+    verbs = [each.callback.__name__ for each in app.registered_commands if each.callback]
+
+    assert len(verbs) > 10
+    assert [verb for verb in verbs if not re.search(rf"`{verb}\b", PAGE)] == []
