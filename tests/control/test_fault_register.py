@@ -168,7 +168,7 @@ def test_reset_tells_where_it_could_drop_nothing(stage: Stage) -> None:
 
 
 def test_only_faults_that_stop_the_stage_forbid_to_arm(stage: Stage) -> None:
-    """Present or latched; what is latched until `resume` does not block a ramp's end in SAFE."""
+    """Present or latched; only what needs a reset leads from the ramp to FAULT."""
     stage.cycle("D1", "A6", "L7")
     assert (stage.register.no_entry, stage.register.blocking) == ("", 0)
     stage.cycles(CAUSE_CYCLES)
@@ -176,8 +176,12 @@ def test_only_faults_that_stop_the_stage_forbid_to_arm(stage: Stage) -> None:
     assert stage.register.no_entry.startswith("S5 is present: ")
     assert stage.register.blocking == 0
     stage.cycle("A3")
-
     assert stage.register.blocking == mask(["A3"])
+    stage.cycles(SECOND)
+    assert stage.register.no_entry.startswith(("S5 was found: ", "A3 was found: "))
+    stage.register.reset(engineer=False)
+
+    assert (stage.register.no_entry, stage.register.blocking) == ("", 0)
 
 
 @pytest.mark.parametrize(("fault", "last_cycle"), [("A3", 7), ("A4", 9), ("S9", 20)])
