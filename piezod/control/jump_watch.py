@@ -1,15 +1,14 @@
 """Displacements that jump by more than noise and drive can explain, and noise that grows: S4, S12.
 
 What the drive can explain is taken wide: a few times what it moved by while the stage answered, and
-fading from there as fast as the stage stops ringing. The noise is learned where the drive hardly
-moves, so that no motion is taken for noise.
+fading from there as fast as the stage stops ringing. The noise is learned where what is asked for
+hardly bends, or has not for a while, so that no motion is taken for noise.
 """
 
 from math import exp, nan, sqrt
 from typing import Final
 
 from piezod.control.noise_level import NoiseLevel
-from piezod.units import NS_PER_S
 
 JUMP_SIGMAS: Final = 8.0
 """A jump exceeds the noise of both displacements by so many standard deviations,"""
@@ -19,10 +18,9 @@ PER_SWING: Final = 3.0
 """and so many times what the drive moved by: no stage answers that strongly."""
 SPIKE_SAMPLES: Final = 2
 """So many samples in a row are left out as spikes; what comes then is where the stage is."""
-QUIET_SWING: Final = 0.01
-QUIET_NS: Final = NS_PER_S // 4
-"""The noise is learned after the drive moved, for so long, by less than this part of its range each
-time while the stage answers."""
+STEADY_SIGMAS: Final = 0.5
+"""The noise is learned while what the wish's second difference can do to that of the displacement
+is less than so many standard deviations of it."""
 LEARNED_CYCLES: Final = 5000
 """Before that it is not known what noise is usual."""
 EXCESS: Final = 5.0
@@ -39,9 +37,9 @@ class JumpWatch:
 
     def __init__(self, ringing_ns: int, period_ns: int) -> None:
         self._fade = exp(-period_ns / ringing_ns)
-        self._quiet_cycles_needed = max(QUIET_NS // period_ns, 1)
-        self._reach = 0.0
-        self._quiet_cycles = self._learned_cycles = 0
+        self._reach = self._bend = 0.0
+        self._wish_before, self._wish = nan, nan
+        self._steady, self._learned_cycles = False, 0
         self._last, self._spikes = nan, 0
         self._noise = NoiseLevel()
         self.jump, self.allowed = 0.0, 0.0
@@ -57,13 +55,19 @@ class JumpWatch:
         """How many times its usual amplitude the noise has; 1 until that is known."""
         return sqrt(self._noise.excess) if self._learned_cycles >= LEARNED_CYCLES else 1.0
 
-    def move(self, swing: float) -> None:
-        """Take by how much the drive moved while the stage answered, in units of its range.
+    def move(self, wish: float, swing: float) -> None:
+        """Take what moves the stage; may be called in the loop, once in each cycle.
 
-        May be called in the loop, once in each cycle.
+        Args:
+            wish: Where it is asked to be: the command where there is one, as the drive has the
+                sensor's own noise in it; else the drive; in units of its range.
+            swing: By how much the drive moved while the stage answered, likewise.
         """
+        bend = abs(wish - 2.0 * self._wish + self._wish_before)
+        self._wish_before, self._wish = self._wish, wish
         self._reach = max(PER_SWING * swing, self._reach * self._fade)
-        self._quiet_cycles = self._quiet_cycles + 1 if swing < QUIET_SWING else 0
+        self._bend *= self._fade
+        self._bend = max(self._bend, PER_SWING * bend)  # in this order: it may not be a number yet
 
     def update(self, position: float) -> int:
         """Take a displacement, in units of the range; may be called in the loop.
@@ -89,9 +93,11 @@ class JumpWatch:
         self._last, self._spikes = nan, 0
 
     def _learn(self, position: float) -> None:
-        if self._quiet_cycles < self._quiet_cycles_needed:
+        noise = self._noise
+        before, self._steady = self._steady, self._bend < STEADY_SIGMAS * sqrt(noise.variance)
+        if not self._steady:
             return
-        if self._quiet_cycles == self._quiet_cycles_needed:
-            self._noise.update(nan)  # what was before the motion is no neighbour
-        self._noise.update(position)
+        if not before:
+            noise.update(nan)  # what was before the motion is no neighbour
+        noise.update(position)
         self._learned_cycles = min(self._learned_cycles + 1, LEARNED_CYCLES)

@@ -114,6 +114,7 @@ class SensorWatch:
         sample: Sample,
         flags: Flags,
         in_force_v: float,
+        command_um: float,
         *,
         driven: bool,
         needed: bool,
@@ -127,12 +128,13 @@ class SensorWatch:
             sample: As the device gave it.
             flags: What the device says is the matter.
             in_force_v: Voltage in force when the sample was taken, NaN where it is not known.
+            command_um: Displacement asked for, NaN where there is none.
             driven: Whether this daemon drives the stage. If not, it is free to go anywhere, and may
                 not be zeroed yet: S1, S3, S4 and S9 are not judged.
             needed: Whether the sample acts on the drive; where it does not, S13 stands for S1.
         """
         found = self._screen.check(t_ns, sample, flags, driven=driven)
-        known = self._take_drive(in_force_v)
+        known = self._take_drive(in_force_v, command_um)
         if not self._screen.usable:
             self._jumps.missed()
             self.sample = Sample(sample.t_ns, sample.position_um, False)
@@ -157,12 +159,16 @@ class SensorWatch:
         """Standard deviation of the sensor's noise."""
         return self._jumps.noise * self._position_um.width
 
-    def _take_drive(self, in_force_v: float) -> bool:
+    def _take_drive(self, in_force_v: float, command_um: float) -> bool:
         if in_force_v - in_force_v != 0.0:
             self._recent_v.forget()
             return False
         self._recent_v.add(in_force_v)
-        self._jumps.move(self._recent_v.swing / self._drive_v.width)
+        follows = command_um - command_um == 0.0
+        wish = (
+            self._position_um.to_unit(command_um) if follows else self._drive_v.to_unit(in_force_v)
+        )
+        self._jumps.move(wish, self._recent_v.swing / self._drive_v.width)
         return True
 
     def _judge(

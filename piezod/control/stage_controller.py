@@ -172,15 +172,16 @@ class StageController:
         flags = stage.boundary.status(t_ns)
         for i, (axis, watches) in enumerate(zip(stage.axes, stage.watches, strict=True)):
             closed = running and axis.mode in SENSED
+            in_force_v, command_um = axis.live.in_force_v, axis.command_um
             found += watches.sensor.check(
-                t_ns, samples[i], flags[i], axis.live.in_force_v, driven=driven, needed=closed
+                t_ns, samples[i], flags[i], in_force_v, command_um, driven=driven, needed=closed
             )
             found += watches.amplifier.check(self._read_back_v[i], flags[i])
             sample = watches.sensor.sample
             position_um = sample.position_um if sample.valid else nan
             noise_um = watches.sensor.noise_um
             found += watches.adaptation.check(
-                axis.command_um, position_um, closed=closed, noise_um=noise_um
+                command_um, position_um, closed=closed, noise_um=noise_um
             )
             if axis.crash is not None:
                 found.append(Detection("P4", i))
