@@ -1,0 +1,82 @@
+"""A controller that notes what the loop tells it, for tests of the loop."""
+
+from math import nan
+
+from piezod.config.modes import Mode
+from piezod.config.requests import Request, Shutdown
+from piezod.config.states import State
+from piezod.control.fault_register import Detection
+from piezod.control.learning_gate import GateReason
+from piezod.control.loop_watch import CycleTiming
+from piezod.control.stage_record import Answer, AxisRecord, StageEvent, StageRecord
+from piezod.daemon.timed_channels import TimedChannels
+from piezod.testing.fake_clock import FakeClock
+
+
+class FakeController:
+    """Takes everything; reads and writes in each cycle, as a real one does.
+
+    Args:
+        devices: What it reads and writes.
+        clock: What its cycles spend time on.
+    """
+
+    def __init__(self, devices: TimedChannels, clock: FakeClock) -> None:
+        self._devices, self._clock = devices, clock
+        self.finished = False
+        self.state = State.RUN
+        self.busy_ns = 0
+        self.requests: list[Request] = []
+        self.setpoints: list[tuple[int, float, int]] = []
+        self.timings: list[CycleTiming] = []
+        self.detections: list[Detection] = []
+        self.events: list[StageEvent] = []
+
+    def execute(self, request: Request, t_ns: int) -> Answer:  # noqa: ARG002 - as the real one
+        """Note a request; Shutdown finishes."""
+        self.requests.append(request)
+        self.finished = isinstance(request, Shutdown)
+        return Answer(accepted=True, motion=len(self.requests))
+
+    def stream_um(self, axis: int, position_um: float, t_ns: int) -> None:
+        """Note a setpoint."""
+        self.setpoints.append((axis, position_um, t_ns))
+
+    def found(self, detection: Detection) -> None:
+        """Note a fault."""
+        self.detections.append(detection)
+
+    def take_events(self) -> list[StageEvent]:
+        """Give what a test has put there."""
+        events, self.events = self.events, []
+        return events
+
+    def learned(self, axis: int) -> tuple[list[float], float, float, float]:
+        """Tell something that differs from axis to axis."""
+        return [axis + 0.5], 1.0, 2.0, 3.0
+
+    def cycle(self, t_ns: int, timing: CycleTiming) -> StageRecord:
+        """Read, take its time, write."""
+        self.timings.append(timing)
+        sample = self._devices.read(t_ns)[0]
+        read_back_v = self._devices.read_back(t_ns)[0]
+        self._clock.spend_ns(self.busy_ns)
+        written = self.state is State.RUN and self._devices.write([7.5, 8.5], t_ns)
+        axis = AxisRecord(
+            sample.t_ns,
+            sample.position_um,
+            nan,
+            nan,
+            nan,
+            nan,
+            7.5,
+            6.5,
+            read_back_v,
+            0.0,
+            Mode.ADAPTIVE,
+            GateReason.QUIET,
+            True,
+            3,
+        )
+        faults = 1 << 70 | 1 << 3
+        return StageRecord(t_ns, self.state, False, written, faults, 1 << 64, [axis, axis])

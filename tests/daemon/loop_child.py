@@ -1,0 +1,110 @@
+"""The loop process with a test in the place of its supervisor."""
+
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from piezod.config.daemon import load_daemon
+from piezod.config.requests import Request
+from piezod.config.states import State
+from piezod.devices import registry
+from piezod.telemetry.events import EventReader, LoopEvent
+from piezod.telemetry.layout import Layout
+from piezod.telemetry.mailbox import MailboxAnswer, MailboxWriter
+from piezod.telemetry.requests_codec import encode
+from piezod.telemetry.ring import RingReader
+from piezod.telemetry.shared_map import create
+from piezod.telemetry.words import Word
+from tests.daemon.waiting import eventually
+
+BEAT_S = 0.05
+STARTED_WITHIN_S = 90.0
+"""On a fresh clone the kernels are compiled first."""
+
+
+class LoopChild:
+    """A loop process, with a thread that shows it a supervisor's life.
+
+    Args:
+        runtime: The runtime folder.
+        config: The configuration file.
+        words: What the supervisor sets before it starts the loop.
+    """
+
+    def __init__(self, runtime: Path, config: Path, **words: int) -> None:
+        self.runtime = runtime
+        self.shared = create(runtime / "loop.map", Layout.of(load_daemon(config, registry)))
+        for name, value in words.items():
+            self.shared.words[Word[name]] = value
+        self._events = EventReader(self.shared)
+        self._told: list[LoopEvent] = []
+        self._mailbox = MailboxWriter(self.shared)
+        self.silent = threading.Event()
+        self._beating = threading.Thread(target=self._beat)
+        self._beating.start()
+        command = [sys.executable, "-m", "piezod.daemon.loop_process", str(runtime), str(config)]
+        self.process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+
+    def _beat(self) -> None:
+        while not self.silent.is_set():
+            self.shared.words[Word.SUPERVISOR_BEAT_NS] = time.monotonic_ns()
+            self.silent.wait(BEAT_S)
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave no process and no thread behind."""
+        self.silent.set()
+        self._beating.join()
+        self.process.kill()
+        self.process.wait()
+
+    @property
+    def state(self) -> State:
+        """The state that it tells."""
+        return list(State)[self.shared.words[Word.LOOP_STATE]]
+
+    @property
+    def events(self) -> list[LoopEvent]:
+        """All events so far."""
+        self._told += self._events.read()[0]
+        return self._told
+
+    def latest(self) -> np.void:
+        """Return the newest record."""
+        latest = RingReader(self.shared).latest()
+        assert latest is not None
+        return latest
+
+    def wait_for(self, *states: State) -> None:
+        """Wait until it tells one of these states, and lives."""
+
+        def there() -> bool:
+            assert self.process.poll() is None, self.events
+            return bool(self.shared.words[Word.HEALTHY_CYCLES]) and self.state in states
+
+        eventually(there, STARTED_WITHIN_S)
+
+    def ask(self, request: Request) -> MailboxAnswer:
+        """Have it carry out a request; return what became of it."""
+        number = self._mailbox.post(encode(request), time.monotonic_ns() + 10 * 10**9)
+        answer = eventually(lambda: self._mailbox.answer(number))
+        assert answer is not None
+        return answer
+
+    def ended(self) -> int:
+        """Wait for its end; return the exit code."""
+        return self.process.wait(timeout=60)
