@@ -9,8 +9,9 @@ import sys
 from itertools import count
 from pathlib import Path
 
+from piezod.control.model_files import from_model_file
 from piezod.daemon.parameter_store import ParameterStore
-from tests.daemon.stored import WHEN, parameters
+from tests.daemon.stored import MODEL, WHEN, parameters
 
 
 def save_for_ever(folder: Path) -> None:
@@ -28,6 +29,7 @@ def tell(what: object) -> None:
 
 
 if __name__ == "__main__":
+    from_model_file(MODEL)  # what it compiles or loads, each child would have to otherwise
     for _ in sys.stdin:
         child = os.fork()
         if not child:

@@ -120,6 +120,16 @@ def test_no_foreign_bytes_are_accepted(content: bytes) -> None:
 
 
 @pytest.mark.fault("D8")
+def test_huge_file_is_refused(folder: Path) -> None:
+    """It is neither parsed nor read to its end."""
+    store = open_store(folder)
+    with (folder / "000000001.json").open("wb") as file:
+        file.truncate(1 << 40)
+
+    assert "larger than 4194304 bytes" in store.load().rejected[0].why
+
+
+@pytest.mark.fault("D8")
 def test_damaged_newest_file_is_passed_over_aloud(folder: Path) -> None:
     """The one before is used, and it is said which, and what is wrong with the newest."""
     store = open_store(folder)

@@ -154,6 +154,39 @@ def test_existing_file_is_never_touched(file: Path, tmp_path: Path) -> None:
     assert target.read_text(encoding="utf-8") == "mine"
 
 
+@pytest.mark.fault("P6")
+def test_disk_without_room_for_a_file(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It fails with the disk's own words, and leaves no file behind."""
+
+    def fail(*_arguments: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "posix_fallocate", fail)
+    with pytest.raises(OSError, match="No space left"):
+        TelemetryWriter(file, header(), record_dtype())
+
+    assert not file.exists()
+
+
+@pytest.mark.fault("P6")
+def test_failure_within_hdf5_is_an_error_of_the_disk(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever h5py makes of it, callers get an OSError, once; the file is closed in the end."""
+
+    def fail(_file: h5py.File) -> None:
+        raise RuntimeError("Unable to flush")
+
+    writer = TelemetryWriter(file, header(), record_dtype())
+    with monkeypatch.context() as patch:
+        patch.setattr(h5py.File, "flush", fail)
+        with pytest.raises(OSError, match="Unable to flush"):
+            writer.append(records(0, 1500))
+    writer.close()
+
+    assert read_telemetry(file).cycles["seq"].size == 1000
+
+
 def test_file_is_not_for_everybody(file: Path) -> None:
     """Owner and group may read it, others may not."""
     write(file, (0, 1))
