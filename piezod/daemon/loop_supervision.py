@@ -139,6 +139,7 @@ def _start(module: str, *arguments: str) -> "subprocess.Popen[bytes]":
         [sys.executable, "-m", module, *arguments],
         stdin=subprocess.DEVNULL,
         stdout=sys.stderr,
-        env=without_manager(os.environ),
+        # Linear algebra of this size needs no threads, and a real-time process wants none.
+        env={**without_manager(os.environ), "OPENBLAS_NUM_THREADS": "1"},
         start_new_session=True,
     )
