@@ -64,7 +64,6 @@ def add_error_answers(app: FastAPI) -> None:
     app.add_exception_handler(StageError, _stage_error)
     app.add_exception_handler(RequestValidationError, _not_valid)
     app.add_exception_handler(HTTPException, _http_error)
-    app.add_exception_handler(Exception, _mistake)
 
 
 def _answer(
@@ -95,6 +94,7 @@ def _http_error(request: Request, error: Exception) -> JsonAnswer:
     return _answer(status, codes.get(status, "http"), what, remedy)
 
 
-def _mistake(_request: Request, error: Exception) -> JsonAnswer:
+def mistake_answer(error: Exception) -> JsonAnswer:
+    """Make the error document of what nobody meant to raise."""
     what = f"a mistake in the daemon: {type(error).__name__}"
     return _answer(500, "internal", what, "the daemon's log has more; please report it")

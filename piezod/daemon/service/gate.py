@@ -5,7 +5,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from piezod.daemon.service.answers import error_answer
 from piezod.daemon.service.peer_protocol import PeerProtocol, connection_of
 from piezod.daemon.service.rate_limit import RateLimit
-from piezod.daemon.service.refusals import TooManyError, UnknownPeerError
+from piezod.daemon.service.refusals import TooManyError
 from piezod.daemon.service.roles import URGENT
 from piezod.daemon.service.stage_service import StageError
 
@@ -33,22 +33,21 @@ class Gate:
             return
 
         async def send_and_watch(message: Message) -> None:
-            if message["type"] == "http.response.start" and connection is not None:
+            if message["type"] == "http.response.start":
                 _close_where_needed(message, connection)
             await send(message)
 
         await self._app(scope, receive, send_and_watch)
 
-    def _admit(self, scope: Scope, connection: PeerProtocol | None) -> None:
-        if connection is None or connection.credentials is None:
-            raise UnknownPeerError("only connections to the unix socket tell who asks")
+    def _admit(self, scope: Scope, connection: PeerProtocol) -> None:
+        process = connection.credentials.uid, connection.credentials.pid
         if (scope["method"], scope["path"]) in URGENT:
             return
         if connection.crowded:
             most = connection.limits.per_user
             what = f"this user has more than {most} connections, all others can only stop the stage"
             raise TooManyError(what, "close some")
-        if not self._rate_limit.admit((connection.credentials.uid, connection.credentials.pid)):
+        if not self._rate_limit.admit(process):
             what = "too many requests, allowed: 50/s for one process and 200/s for all"
             raise TooManyError(what, "ask less often; GET /v1/telemetry and POST /v1/stream last")
 

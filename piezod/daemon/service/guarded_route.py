@@ -4,27 +4,31 @@ import re
 from collections.abc import Callable, Coroutine
 from typing import Any, Final, NoReturn
 
+from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
+from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
+from piezod.daemon.logging import logger
+from piezod.daemon.service.answers import mistake_answer
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.refusals import (
     BadRequestError,
     ForbiddenError,
     MediaTypeError,
     TooLargeError,
-    UnknownPeerError,
 )
 from piezod.daemon.service.roles import ACCESS, Access
-from piezod.daemon.service.stage_service import BadValueError, Peer
+from piezod.daemon.service.stage_service import BadValueError, Peer, StageError
 from piezod.daemon.service.strict_json import loads
 from piezod.daemon.service.visit import Office, Visit
 
 MAX_BODY: Final = 256 * 1024
 STREAMED: Final = "/v1/stream"
 """The endpoint that reads its body itself."""
-_CLIENT = re.compile(r"[A-Za-z0-9_.:@-]{0,64}")
+_LOG: Final = logger("service")
+_CLIENT: Final = re.compile(r"[A-Za-z0-9_.:@-]{0,64}")
 _JSON_TYPE: Final = (b"content-type", b"application/json")
 
 
@@ -44,6 +48,12 @@ class GuardedRoute(APIRoute):
                 return await handler(await _with_body(request) if reads_body else request)
             except ClientDisconnect:
                 return Response(status_code=400)  # nobody is there to read it
+            except (StageError, RequestValidationError, HTTPException):
+                raise
+            except Exception as error:  # noqa: BLE001 - whatever it is, the client gets an answer
+                # Left to Starlette, it would also cost the connection.
+                _LOG.exception("mistake in an endpoint", endpoint=f"{method} {self.path}")
+                return mistake_answer(error)
 
         return guarded
 
@@ -77,16 +87,13 @@ async def _let_in(request: Request, access: Access) -> Visit:
 
 
 async def _peer(request: Request, office: Office) -> Peer:
-    connection = connection_of(request.scope)
-    if connection is None or connection.credentials is None:
-        raise UnknownPeerError("only connections to the unix socket tell who asks")
     client = request.headers.get("x-piezod-client", "")
     if not _CLIENT.fullmatch(client):
         what = "header X-Piezod-Client: allowed are up to 64 letters, digits and _.:@-"
         raise BadRequestError(what)
-    uid, pid = connection.credentials.uid, connection.credentials.pid
-    user = await office.roles.user(connection.credentials)
-    return Peer(uid, pid, user.name, client, user.role)
+    credentials = connection_of(request.scope).credentials
+    user = await office.roles.user(credentials)
+    return Peer(credentials.uid, credentials.pid, user.name, client, user.role)
 
 
 async def _with_body(request: Request) -> _StrictRequest:

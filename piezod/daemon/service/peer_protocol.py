@@ -5,7 +5,7 @@ import json
 import socket
 import struct
 from collections import deque
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, cast
 
 import h11
 from starlette.types import Receive, Scope, Send
@@ -13,7 +13,9 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
-EXTENSION: Final = "piezod.connection"
+from piezod.daemon.service.refusals import UnknownPeerError
+
+_EXTENSION: Final = "piezod.connection"
 _BAD_WINDOW_S: Final = 10.0
 _BAD_COUNT: Final = 10
 
@@ -29,7 +31,7 @@ class ConnectionLimits(NamedTuple):
     """
 
     message_s: float = 5.0
-    idle_s: float = 60.0
+    idle_s: int = 60
     blocked_s: float = 5.0
     per_user: int = 16
 
@@ -46,7 +48,7 @@ class PeerProtocol(H11Protocol):
     """HTTP on a unix socket; an application finds it in the extensions of its scope.
 
     Attributes:
-        credentials: Who is at the other end; None where it is no unix socket.
+        limits: What it may do.
         crowded: Whether its user has too many connections.
         closing: Set when the connection is gone or the server ends.
     """
@@ -61,10 +63,11 @@ class PeerProtocol(H11Protocol):
     ) -> None:
         super().__init__(config, server_state, app_state, _loop)
         self.limits = limits or ConnectionLimits()
-        self.credentials: Credentials | None = None
+        self._credentials: Credentials | None = None
         self.crowded = False
         self.closing = asyncio.Event()
         self._deadline: asyncio.TimerHandle | None = None
+        self._blocked: asyncio.TimerHandle | None = None
         self._body_may_last = False
         self._bad_requests_s: deque[float] = deque(maxlen=_BAD_COUNT)
         self._inner_app = self.app
@@ -73,9 +76,9 @@ class PeerProtocol(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override] # as the base
         """Note who it is, and close it at once if he has far too many already."""
         super().connection_made(transport)
-        self.credentials = _credentials(transport.get_extra_info("socket"))
+        self._credentials = _credentials(transport.get_extra_info("socket"))
         mine = sum(
-            isinstance(other, PeerProtocol) and other._uid == self._uid  # noqa: SLF001 - ours too
+            isinstance(other, PeerProtocol) and other.is_of(self._credentials)
             for other in self.connections
         )
         self.crowded = mine > self.limits.per_user
@@ -92,6 +95,7 @@ class PeerProtocol(H11Protocol):
         super().connection_lost(exc)
         self._unset_keepalive_if_required()
         self._disarm()
+        self.resume_writing()
         self.closing.set()
 
     def data_received(self, data: bytes) -> None:
@@ -105,17 +109,51 @@ class PeerProtocol(H11Protocol):
         super().on_response_complete()
         self._watch()
 
+    def pause_writing(self) -> None:
+        """Wait for a reader who is slow, but not for ever: what was made for him is dropped."""
+        super().pause_writing()
+        self._give_time_to_read()
+
+    def resume_writing(self) -> None:
+        """Go on, he has read."""
+        super().resume_writing()
+        if self._blocked is not None:
+            self._blocked.cancel()
+            self._blocked = None
+
+    def timeout_keep_alive_handler(self) -> None:
+        """Close what is idle; whoever has not read his answer by now does not get it."""
+        super().timeout_keep_alive_handler()
+        self._give_time_to_read()
+
     def shutdown(self) -> None:
         """Have long answers end, and drop who sends a long body; called when the server ends."""
         super().shutdown()
         self.closing.set()
         if self._body_may_last:
             self.abort()
+        self._give_time_to_read()
 
     def send_400_response(self, msg: str) -> None:
         """Answer what is no HTTP, in the form of all errors."""
         self.transport.write(_response("400 Bad Request", "bad_request", msg))
         self.transport.close()
+
+    @property
+    def credentials(self) -> Credentials:
+        """Who is at the other end.
+
+        Raises:
+            UnknownPeerError: If the kernel does not tell, because it is no unix socket.
+        """
+        if self._credentials is None:
+            raise UnknownPeerError("only connections to the unix socket tell who asks")
+        return self._credentials
+
+    def is_of(self, other: Credentials | None) -> bool:
+        """Tell whether it has the same user."""
+        mine = self._credentials
+        return mine == other or (mine is not None and other is not None and mine.uid == other.uid)
 
     @property
     def receiving(self) -> bool:
@@ -138,13 +176,13 @@ class PeerProtocol(H11Protocol):
         """Close at once, whatever has not been sent."""
         self.transport.abort()
 
-    @property
-    def _uid(self) -> int | None:
-        return None if self.credentials is None else self.credentials.uid
-
     async def _with_connection(self, scope: Scope, receive: Receive, send: Send) -> None:
-        scope["extensions"] = {EXTENSION: self}
+        scope["extensions"] = {_EXTENSION: self}
         await self._inner_app(scope, receive, send)
+
+    def _give_time_to_read(self) -> None:
+        if self._blocked is None:
+            self._blocked = self.loop.call_later(self.limits.blocked_s, self.abort)
 
     def _watch(self) -> None:
         waiting_for_header = self.conn.their_state is h11.IDLE and bool(self.conn.trailing_data[0])
@@ -159,10 +197,9 @@ class PeerProtocol(H11Protocol):
             self._deadline = None
 
 
-def connection_of(scope: Scope) -> PeerProtocol | None:
-    """Return the connection that a request came by, None where it is not one of these."""
-    found = scope.get("extensions", {}).get(EXTENSION)
-    return found if isinstance(found, PeerProtocol) else None
+def connection_of(scope: Scope) -> PeerProtocol:
+    """Return the connection that a request came by."""
+    return cast("PeerProtocol", scope["extensions"][_EXTENSION])
 
 
 def _credentials(endpoint: socket.socket) -> Credentials | None:

@@ -10,7 +10,6 @@ from typing import Final
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
-from piezod.daemon.service.bounded_send import send_in_time
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.stage_service import UnknownNameError
 
@@ -86,4 +85,5 @@ class RecordingAnswer(Response):
         chunk = await asyncio.to_thread(os.read, self._descriptor, min(_CHUNK, self._left))
         self._left -= len(chunk)
         message = {"type": "http.response.body", "body": chunk, "more_body": True}
-        return bool(chunk) and await send_in_time(send, message, self._connection)
+        await send(message)
+        return bool(chunk) and not self._connection.closing.is_set()

@@ -10,9 +10,9 @@ from piezod.config import requests
 from piezod.config.fields import ConfigModel
 from piezod.config.requests import Request
 from piezod.daemon.service.answers import ErrorDocument, JsonAnswer
-from piezod.daemon.service.guarded_route import STREAMED, GuardedRoute
+from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
-from piezod.daemon.service.refusals import ForbiddenError, UnknownPeerError
+from piezod.daemon.service.refusals import ForbiddenError
 from piezod.daemon.service.setpoint_stream import SetpointStream
 from piezod.daemon.service.stage_service import Role
 from piezod.daemon.service.visit import Visit, VisitOf, describe
@@ -85,10 +85,8 @@ for _path, _model in COMMANDS.items():
 @router.post("/stream", responses={200: {"model": Accepted}, **ERRORS}, response_model=None)
 async def stream(request: HttpRequest, visit: VisitOf) -> JsonAnswer:
     """Follow setpoints in µm, a line `{"x": 12.5}` for each, for as long as the body goes on."""
-    connection = connection_of(request.scope)
-    if connection is None:
-        raise UnknownPeerError(f"{STREAMED} needs a connection of its own")
-    return JsonAnswer(await SetpointStream(visit, connection).follow(request))
+    following = SetpointStream(visit, connection_of(request.scope)).follow(request)
+    return JsonAnswer(await following)
 
 
 @router.post("/lease", responses=ERRORS, response_model=None)

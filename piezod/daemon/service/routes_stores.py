@@ -1,23 +1,26 @@
 """Endpoints for what is kept: parameters, recordings and the configuration."""
 
-from typing import Annotated, Final
+from typing import Annotated, Final, TypeAlias
 
 from fastapi import APIRouter
 from fastapi import Request as HttpRequest
-from pydantic import Field
+from pydantic import Field, StringConstraints
 
 from piezod.config.fields import ConfigModel, Quantity
-from piezod.config.quantities import Name
 from piezod.daemon.service.answers import JsonAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.recording_files import RecordingAnswer, open_recording
-from piezod.daemon.service.refusals import TooManyError, UnknownPeerError
+from piezod.daemon.service.refusals import TooManyError
 from piezod.daemon.service.routes_commands import ERRORS, Nothing
 from piezod.daemon.service.stage_service import NotNowError
 from piezod.daemon.service.visit import VisitOf
 
 router: Final = APIRouter(prefix="/v1", route_class=GuardedRoute)
+
+
+# What may be part of the name of a recording.
+Label: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$")]
 
 
 class Restore(ConfigModel):
@@ -29,7 +32,7 @@ class Restore(ConfigModel):
 class StartRecording(ConfigModel):
     """What to call a recording; its name begins with the time in any case."""
 
-    label: Name | None = Field(default=None, description="Becomes part of the name.")
+    label: Label | None = Field(default=None, description="Becomes part of the name.")
 
 
 @router.get("/params", responses=ERRORS, response_model=None)
@@ -99,13 +102,11 @@ async def stop_recording(_body: Nothing, visit: VisitOf) -> JsonAnswer:
 @router.get("/recordings/{name}", responses=ERRORS, response_model=None)
 async def recording(name: str, request: HttpRequest, visit: VisitOf) -> RecordingAnswer:
     """Return the HDF5 file of a recording that is finished; one at a time for each user."""
-    connection, downloads = connection_of(request.scope), visit.office.downloads
-    if connection is None:
-        raise UnknownPeerError("a recording needs a connection of its own")
+    downloads, uid = visit.office.downloads, visit.peer.uid
     running, _ = await visit.stage.recordings()
     if running is not None and running["name"] == name:
         raise NotNowError(f"{name} is still being made", "stop the recording first")
-    if visit.peer.uid in downloads:
+    if uid in downloads:
         raise TooManyError("this user is getting a recording already", "wait until it is there")
     descriptor = open_recording(visit.stage.recordings_folder, name)
-    return RecordingAnswer(descriptor, name, connection, downloads, visit.peer.uid)
+    return RecordingAnswer(descriptor, name, connection_of(request.scope), downloads, uid)

@@ -45,10 +45,12 @@ def make_server(app: FastAPI, limits: ConnectionLimits) -> ApiServer:
         lifespan="off",
         loop="asyncio",
         log_config=None,
+        log_level="error",  # its warnings are about clients, who could fill a log with them
         access_log=False,
         server_header=False,
+        proxy_headers=False,
         h11_max_incomplete_event_size=_MAX_HEADER,
-        timeout_keep_alive=round(limits.idle_s),
+        timeout_keep_alive=limits.idle_s,
         timeout_graceful_shutdown=5,
     )
     return ApiServer(config)

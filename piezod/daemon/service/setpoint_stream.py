@@ -92,11 +92,15 @@ async def _lines(request: Request, silence_s: float) -> AsyncIterator[bytes]:
             what = f"no setpoint came for {silence_s:g} s"
             raise SilentError(what, "begin a new stream when there are setpoints again") from None
         *complete, rest = (rest + (b"\n" if chunk is None else chunk)).split(b"\n")
-        for line in (*complete, rest):
-            if len(line) > MAX_LINE:
-                raise TooLargeError(f"a line is too long, allowed: at most {MAX_LINE} bytes")
         for line in complete:
+            _check_length(line)
             if line.strip():
                 yield line
+        _check_length(rest)
         if chunk is None:
             return
+
+
+def _check_length(line: bytes) -> None:
+    if len(line) > MAX_LINE:
+        raise TooLargeError(f"a line is too long, allowed: at most {MAX_LINE} bytes")

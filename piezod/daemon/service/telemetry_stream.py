@@ -9,7 +9,6 @@ from starlette.responses import Response
 from starlette.types import Message, Receive, Scope, Send
 
 from piezod.daemon.service.answers import dump
-from piezod.daemon.service.bounded_send import send_in_time
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.stage_service import RecordReader, StageService
 from piezod.daemon.service.summary import summarise
@@ -20,7 +19,7 @@ _NOTHING_NEW: Final = b": nothing new\n\n"
 
 
 class TelemetryAnswer(Response):
-    """Goes on until the client leaves, does not read any more, or the server ends.
+    """Goes on until the client leaves or the server ends.
 
     While a client does not read, nothing is made for him: his next event is about more cycles.
 
@@ -56,7 +55,8 @@ class TelemetryAnswer(Response):
             {"type": "http.response.start", "status": 200, "headers": self.raw_headers},
         )
         due_s = loop.time()
-        while await send_in_time(send, self._event(), self._connection):
+        while not closing.is_set():
+            await send(self._event())
             due_s = max(due_s + self._interval_s, loop.time())
             with suppress(TimeoutError):
                 async with asyncio.timeout_at(due_s):

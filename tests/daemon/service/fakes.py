@@ -37,12 +37,11 @@ class FakeReader:
 
     def __init__(self) -> None:
         self.waiting: list[NDArray[Any]] = []
+        self.else_: NDArray[Any] = np.zeros(0, record_dtype(2))
         self.lost = 0
-        self.reads = 0
 
     def read(self, limit: int) -> tuple[NDArray[Any], int]:
-        self.reads += 1
-        records = self.waiting.pop(0) if self.waiting else np.zeros(0, record_dtype(2))
+        records = self.waiting.pop(0) if self.waiting else self.else_
         return records[:limit], self.lost
 
 
@@ -60,6 +59,7 @@ class FakeStage:
         self.stream_refusal = ""
         self.running: Document | None = None
         self.healthy = True
+        self.more_faults: list[str] = []
         self.reader = FakeReader()
 
     async def request(self, request: Request, peer: Peer) -> Answer:  # noqa: ARG002 - a protocol
@@ -92,7 +92,7 @@ class FakeStage:
         return [{"id": "S5", "name": "stuck", "present": True, "latched": False, "remedy": "look"}]
 
     def fault_ids(self, mask: int) -> Sequence[str]:
-        return [f"F{bit}" for bit in range(128) if mask >> bit & 1]
+        return [f"F{bit}" for bit in range(128) if mask >> bit & 1] + self.more_faults
 
     def realtime(self) -> Document:
         return {"steps": []}

@@ -114,6 +114,18 @@ def test_malformed_command_takes_no_lease(served: Served) -> None:
     assert answer.status_code == 200
 
 
+def test_lease_of_another_is_not_shortened() -> None:
+    """Who goes away takes nothing from whoever has the lease."""
+    now = FakeNow()
+    lease = Lease(now)
+    lease.claim(PEERS[0])
+    lease.shorten(PEERS[1], 2.0)
+    now.now_s += 10.0
+
+    with pytest.raises(LeaseHeldError):
+        lease.claim(PEERS[1])
+
+
 def test_lease_is_given_back(served: Served, client: httpx.Client) -> None:
     """Another need not wait for its end then."""
     lease = client.post("lease").json()

@@ -161,6 +161,15 @@ def test_change_of_groups_takes_effect(members: dict[str, list[int]]) -> None:
     assert (before, _role(roles, STRANGER)) == (Role.OPERATOR, Role.VIEWER)
 
 
+def test_user_is_looked_up_once(members: dict[str, list[int]]) -> None:
+    """A directory service is not asked at each request."""
+    roles = GroupRoles(1000, FakeNow())
+    before = _role(roles, STRANGER)
+    members["someone"] = [801]
+
+    assert (before, _role(roles, STRANGER)) == (Role.VIEWER, Role.VIEWER)
+
+
 def test_groups_need_not_exist(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where nobody has made the groups, strangers are viewers."""
 

@@ -1,0 +1,255 @@
+import json
+import socket
+from contextlib import ExitStack
+
+import httpx
+import numpy as np
+import pytest
+
+from piezod.daemon.service.guarded_route import MAX_BODY
+from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.daemon.service.rate_limit import CLIENT_BURST, TOTAL_BURST, RateLimit
+from piezod.daemon.service.roles import URGENT
+from piezod.telemetry.layout import record_dtype
+from tests.daemon.service.conftest import Serve
+from tests.daemon.service.fakes import FakeNow, Served
+from tests.daemon.service.raw import HEAD, connected, read_to_end, wait_for_hang_up
+
+QUICK = ConnectionLimits(message_s=0.2, idle_s=1, blocked_s=0.2, per_user=16)
+JSON_TYPE = {"content-type": "application/json"}
+
+
+@pytest.mark.fault("C1")
+def test_malformed_body_is_refused(served: Served, client: httpx.Client) -> None:
+    """What is no strict JSON is answered with 400, and reaches nothing."""
+    answer = client.post("goto", content=b'{"position_um": NaN}', headers=JSON_TYPE)
+
+    assert (answer.status_code, answer.json()["error"]["code"]) == (400, "bad_json")
+    assert served.called() == 0
+
+
+@pytest.mark.fault("C1")
+def test_body_must_be_said_to_be_json(served: Served, client: httpx.Client) -> None:
+    """A form of a web page is no command."""
+    answer = client.post("goto", data={"position_um": "1.0"})
+
+    assert (answer.status_code, answer.json()["error"]["code"]) == (415, "media_type")
+    assert served.called() == 0
+
+
+@pytest.mark.fault("C1")
+def test_ten_malformed_requests_close_the_connection(served: Served) -> None:
+    """Who does not know what he does may connect again."""
+    with served.client() as client:
+        closed = [
+            client.post("goto", json={"position_um": "1"}).headers.get("connection") == "close"
+            for _ in range(10)
+        ]
+
+    assert closed == [False] * 9 + [True]
+
+
+@pytest.mark.fault("C1")
+def test_what_is_no_http_is_answered_in_the_form_of_errors(served: Served) -> None:
+    """Also then a client finds an error document, and the end."""
+    with connected(served.socket) as connection:
+        connection.sendall(b"hello\r\n\r\n")
+        header, _, body = read_to_end(connection).partition(b"\r\n\r\n")
+
+    assert header.startswith(b"HTTP/1.1 400")
+    assert json.loads(body)["error"]["code"] == "bad_request"
+
+
+@pytest.mark.fault("C2")
+def test_announced_body_that_is_too_large_is_refused(client: httpx.Client) -> None:
+    """It is not even read."""
+    answer = client.post("goto", content=b" " * (MAX_BODY + 1), headers=JSON_TYPE)
+
+    assert (answer.status_code, answer.json()["error"]["code"]) == (413, "too_large")
+    assert answer.headers["connection"] == "close"
+
+
+def _send_until_refused(connection: socket.socket, chunk: bytes, most: int) -> int:
+    sent = 0
+    try:
+        while sent < most:
+            connection.sendall(chunk)
+            sent += len(chunk)
+    except (BrokenPipeError, ConnectionResetError):
+        pass
+    return sent
+
+
+@pytest.mark.fault("C2")
+def test_body_without_end_is_cut_off(served: Served) -> None:
+    """Of a gigabyte hardly more is taken than what is allowed; others are served meanwhile."""
+    chunk = b"10000\r\n" + b" " * 65536 + b"\r\n"
+    with connected(served.socket) as connection, served.client() as client:
+        connection.sendall(HEAD % b"goto" + b"transfer-encoding: chunked\r\n\r\n")
+        sent = _send_until_refused(connection, chunk, 1 << 30)
+        status = client.get("status").status_code
+
+    assert sent < 4 * MAX_BODY
+    assert status == 200
+
+
+@pytest.mark.fault("C2")
+def test_header_without_end_is_cut_off(served: Served) -> None:
+    """A header is at most 64 KiB long."""
+    with connected(served.socket) as connection:
+        connection.sendall(HEAD % b"goto")
+        sent = _send_until_refused(connection, b"x-a: " + b"a" * 1000 + b"\r\n", 1 << 24)
+
+    assert sent < 1 << 20
+
+
+@pytest.mark.fault("C3")
+def test_clients_that_do_not_read_are_disconnected(serve: Serve) -> None:
+    """Sixteen of them hinder nobody, and what was made for them is dropped."""
+    served = serve(QUICK)
+    served.stage.reader.else_ = np.zeros(1, record_dtype(2))
+    served.stage.more_faults = ["S" * 100_000]  # of which a socket holds only a few
+    with ExitStack() as stack:
+        connections = [stack.enter_context(connected(served.socket)) for _ in range(16)]
+        for connection in connections:
+            connection.sendall(b"GET /v1/telemetry?rate_hz=50 HTTP/1.1\r\nhost: piezod\r\n\r\n")
+        for connection in connections:
+            wait_for_hang_up(connection)
+    with served.client() as client:
+        assert client.get("status").status_code == 200
+
+
+@pytest.mark.fault("C3")
+def test_answers_that_are_not_read_are_dropped(serve: Serve) -> None:
+    """Who asks again and again and reads nothing is disconnected, too."""
+    served = serve(QUICK)
+    with connected(served.socket) as connection:
+        connection.sendall(b"GET /v1/openapi HTTP/1.1\r\nhost: piezod\r\n\r\n" * 90)
+
+        wait_for_hang_up(connection)
+
+
+@pytest.mark.fault("C3")
+def test_idle_client_that_has_not_read_is_disconnected(serve: Serve) -> None:
+    """An answer that fits into memory is not kept there for ever."""
+    served = serve(QUICK)
+    with connected(served.socket) as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
+        connection.sendall(b"GET /v1/openapi HTTP/1.1\r\nhost: piezod\r\n\r\n")
+
+        wait_for_hang_up(connection)
+
+
+@pytest.mark.fault("C4")
+@pytest.mark.parametrize(
+    "beginning",
+    [b"POST /v1/go", HEAD % b"goto" + b"content-length: 10\r\n\r\n{"],
+    ids=["header", "body"],
+)
+def test_request_that_does_not_arrive_is_given_up(serve: Serve, beginning: bytes) -> None:
+    """Who begins a request and does not go on is disconnected."""
+    served = serve(QUICK)
+    with connected(served.socket) as connection:
+        connection.sendall(beginning)
+
+        assert read_to_end(connection) == b""
+
+
+@pytest.mark.fault("C4")
+def test_body_after_the_answer_is_given_up(serve: Serve) -> None:
+    """Also a body that nobody wants any more must end."""
+    served = serve(QUICK)
+    with connected(served.socket) as connection:
+        head = b"GET /v1/status HTTP/1.1\r\nhost: piezod\r\ncontent-length: 10\r\n\r\n"
+        connection.sendall(head)
+
+        assert read_to_end(connection).startswith(b"HTTP/1.1 200")
+
+
+@pytest.mark.fault("C4")
+@pytest.mark.parametrize("first", [b"", b"GET /v1/status HTTP/1.1\r\nhost: piezod\r\n\r\n"])
+def test_idle_connection_is_closed(serve: Serve, first: bytes) -> None:
+    """Who asks nothing any more, or never did, makes room."""
+    served = serve(QUICK)
+    with connected(served.socket) as connection:
+        connection.sendall(first)
+
+        assert bool(read_to_end(connection)) == bool(first)
+
+
+@pytest.mark.fault("C5")
+def test_flood_is_refused_and_the_stage_can_be_stopped(
+    served: Served, client: httpx.Client
+) -> None:
+    """After a burst there is 429, but not for what makes the stage safe."""
+    burst = int(CLIENT_BURST)
+    codes = [client.get("status").status_code for _ in range(burst + 50)]
+    urgent = [client.request(method, path[4:]).status_code for method, path in sorted(URGENT)]
+
+    assert codes == [200] * burst + [429] * 50
+    assert urgent == [200] * 3
+    assert {type(request).__name__ for request in served.stage.requests} == {
+        "Estop",
+        "Hold",
+        "Stop",
+    }
+
+
+@pytest.mark.fault("C5")
+def test_flood_may_go_on_slowly(served: Served, client: httpx.Client) -> None:
+    """A second later there is room for fifty more."""
+    codes = [client.get("status").status_code for _ in range(int(CLIENT_BURST) + 1)]
+    served.now.now_s += 1.0
+    later = [client.get("status").status_code for _ in range(51)]
+
+    assert codes[-1] == 429
+    assert later == [200] * 50 + [429]
+
+
+@pytest.mark.fault("C5")
+def test_unknown_paths_count(client: httpx.Client) -> None:
+    """What does not exist is no way around the limit."""
+    codes = {client.get("nothing").status_code for _ in range(int(CLIENT_BURST) + 1)}
+
+    assert codes == {404, 429}
+
+
+@pytest.mark.fault("C5")
+def test_all_clients_together_are_limited() -> None:
+    """Many processes get no more than the total; one that is refused takes nothing from others."""
+    limit = RateLimit(FakeNow())
+    first = sum(limit.admit("first") for _ in range(10_000))
+    others = sum(limit.admit(number) for number in range(1000) for _ in range(2))
+
+    assert first == CLIENT_BURST
+    assert others == TOTAL_BURST - CLIENT_BURST
+
+
+@pytest.mark.fault("C5")
+def test_clients_are_forgotten_when_they_have_paused() -> None:
+    """However many come, what is kept of them is bounded; nobody is let in beyond that."""
+    now = FakeNow()
+    limit = RateLimit(now)
+    for number in range(1024):
+        limit.admit(number)
+    refused = limit.admit("late")
+    now.now_s += 10.0
+
+    assert not refused
+    assert limit.admit("later")
+
+
+@pytest.mark.fault("C5")
+def test_user_with_too_many_connections_can_stop_the_stage(serve: Serve) -> None:
+    """Beyond sixteen a connection is good for stopping only, and twice as many are the end."""
+    served = serve(QUICK._replace(per_user=2, idle_s=60))
+    with ExitStack() as stack:
+        clients = [stack.enter_context(served.client()) for _ in range(5)]
+        status = [client.get("status").status_code for client in clients[:4]]
+        stop = clients[3].post("stop").status_code
+        last = clients[4].get("status")
+
+    assert status == [200, 200, 429, 429]
+    assert stop == 200
+    assert last.status_code == 429
+    assert last.json()["error"]["what"] == "too many connections"

@@ -1,0 +1,129 @@
+import asyncio
+import stat
+import threading
+from pathlib import Path
+
+import httpx
+import pytest
+
+from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.daemon.service.roles import ACCESS
+from piezod.daemon.service.server import bind, make_server
+from tests.daemon.service.fakes import Served
+from tests.daemon.waiting import eventually
+
+
+def test_status_has_null_where_there_is_no_number(client: httpx.Client) -> None:
+    """JSON knows no NaN."""
+    assert client.get("status").json() == {
+        "state": "SAFE",
+        "mode": "adaptive",
+        "faults": [],
+        "skipped_cycles": 0,
+        "axes": {"x": {"position_um": None, "command_um": 1.5, "drive_v": 20.0}},
+    }
+
+
+def test_what_the_stage_tells_is_passed_on(client: httpx.Client) -> None:
+    """Faults, set-up and configuration are the stage's own documents."""
+    assert client.get("faults").json()["faults"][0]["id"] == "S5"
+    assert client.get("realtime").json() == {"steps": []}
+    assert client.get("config").json() == {"rate_hz": 1000.0}
+
+
+def test_health_is_a_status_code(served: Served, client: httpx.Client) -> None:
+    """A monitor need not understand the document."""
+    good = client.get("health")
+    served.stage.healthy = False
+    bad = client.get("health")
+
+    assert (good.status_code, good.json()) == (200, {"healthy": True, "healthy_cycles": 12})
+    assert (bad.status_code, bad.json()["healthy"]) == (503, False)
+
+
+def test_audit_is_told_newest_first(client: httpx.Client) -> None:
+    """As many as are asked for."""
+    for path in ("arm", "hold", "stop"):
+        client.post(path)
+
+    assert client.get("audit?limit=2").json() == {"audit": [{"what": "stop"}, {"what": "hold"}]}
+
+
+def test_description_has_every_endpoint(client: httpx.Client) -> None:
+    """OpenAPI lists all of them, with the models of the bodies."""
+    document = client.get("openapi").json()
+    found = {
+        (method.upper(), path) for path, methods in document["paths"].items() for method in methods
+    }
+    body = document["paths"]["/v1/goto"]["post"]["requestBody"]["content"]["application/json"]
+
+    assert found == ACCESS.keys()
+    assert body["schema"] == {"$ref": "#/components/schemas/Goto"}
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status", "code"),
+    [("GET", "nothing", 404, "not_found"), ("PUT", "goto", 405, "method_not_allowed")],
+)
+def test_what_does_not_exist_is_an_error_document(
+    client: httpx.Client, method: str, path: str, status: int, code: str
+) -> None:
+    """Also such errors have code, text and remedy."""
+    answer = client.request(method, path)
+
+    assert answer.status_code == status
+    assert answer.json()["error"].keys() == {"code", "what", "remedy"}
+    assert answer.json()["error"]["code"] == code
+
+
+def test_mistake_in_the_daemon_is_an_error_document(
+    served: Served, client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its text is in the log, not in the answer; the service goes on."""
+
+    def broken() -> None:
+        raise ZeroDivisionError("secret")
+
+    monkeypatch.setattr(served.stage, "status", broken)
+    answer = client.get("status")
+
+    assert answer.status_code == 500
+    assert answer.json()["error"]["what"] == "a mistake in the daemon: ZeroDivisionError"
+    assert client.get("faults").status_code == 200
+
+
+@pytest.mark.fault("C6")
+def test_socket_is_not_for_others(tmp_path: Path) -> None:
+    """From the first moment only its user and group can connect; what was left is replaced."""
+    path = tmp_path / "api.sock"
+    path.touch()
+    with bind(path):
+        mode = path.stat().st_mode
+
+    assert stat.S_ISSOCK(mode)
+    assert stat.S_IMODE(mode) == 0o660
+
+
+def test_socket_that_cannot_be_bound_is_an_error(tmp_path: Path) -> None:
+    """A folder that is missing is told, and nothing stays open."""
+    with pytest.raises(FileNotFoundError):
+        bind(tmp_path / "missing" / "api.sock")
+
+
+@pytest.mark.fault("C6")
+def test_whoever_the_kernel_does_not_know_is_refused(tmp_path: Path) -> None:
+    """Were the service on a network, it would let nobody in."""
+    served = Served(tmp_path, ConnectionLimits())
+    server = make_server(served.app, ConnectionLimits())
+    server.config.port = 0
+    thread = threading.Thread(target=lambda: asyncio.run(server.serve()))
+    thread.start()
+    try:
+        eventually(lambda: server.started)
+        port = server.servers[0].sockets[0].getsockname()[1]
+        answer = httpx.get(f"http://127.0.0.1:{port}/v1/status", trust_env=False)
+    finally:
+        server.should_exit = True
+        thread.join()
+
+    assert (answer.status_code, answer.json()["error"]["code"]) == (401, "unknown_peer")

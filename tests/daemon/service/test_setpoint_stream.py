@@ -1,0 +1,161 @@
+import os
+from collections.abc import Iterator
+
+import httpx
+import pytest
+
+from piezod.config.requests import Stream
+from piezod.daemon.service.peer_protocol import ConnectionLimits
+from tests.daemon.service.conftest import Serve
+from tests.daemon.service.fakes import Served
+from tests.daemon.service.raw import HEAD, connected, read_to_end
+from tests.daemon.waiting import eventually
+
+CHUNKED = HEAD % b"stream" + b"transfer-encoding: chunked\r\n\r\n"
+
+
+def _chunk(line: bytes) -> bytes:
+    return b"%x\r\n%s\r\n" % (len(line), line)
+
+
+def test_each_line_is_a_setpoint(served: Served, client: httpx.Client) -> None:
+    """Lines take effect one by one, however they are cut into pieces."""
+    pieces = [b'{"x": 1.0, "y"', b': 2.0}\n\n{"x": 3', b'}\r\n{"y": -4.5}']
+    answer = client.post("stream", content=iter(pieces))
+
+    assert answer.json() == {"accepted": True, "setpoints": 3}
+    assert served.stage.requests == [Stream(axes=("x", "y"))]
+    assert served.stage.setpoints == [{"x": 1.0, "y": 2.0}, {"x": 3.0}, {"y": -4.5}]
+
+
+def test_setpoint_takes_effect_as_it_arrives(served: Served, client: httpx.Client) -> None:
+    """A stream need not end before the stage follows it."""
+    seen = []
+
+    def lines() -> Iterator[bytes]:
+        for position in (1.0, 2.0):
+            yield b'{"x": %f}\n' % position
+            eventually(lambda: len(served.stage.setpoints) == int(position))  # noqa: B023 - at once
+            seen.append(served.stage.setpoints[-1])
+
+    client.post("stream", content=lines())
+
+    assert seen == [{"x": 1.0}, {"x": 2.0}]
+
+
+def test_thousands_of_setpoints_in_one_piece_are_taken(client: httpx.Client) -> None:
+    """Whoever sends faster than he is served loses nothing."""
+    answer = client.post("stream", content=b'{"x": 1.0}\n' * 5000)
+
+    assert answer.json()["setpoints"] == 5000
+
+
+@pytest.mark.fault("C10")
+@pytest.mark.parametrize(
+    ("line", "status"),
+    [
+        (b'{"x": NaN}', 400),
+        (b'{"x": 1, "x": 2}', 400),
+        (b'{"x": "1"}', 422),
+        (b'{"x": true}', 422),
+        (b'{"y": 1}', 422),
+        (b"{}", 422),
+        (b"[1]", 422),
+        (b'{"x": 1' + b" " * 1024 + b"}", 413),
+    ],
+)
+def test_line_that_is_not_valid_ends_the_stream(
+    served: Served, client: httpx.Client, line: bytes, status: int
+) -> None:
+    """It is not clamped or left out: the stage holds, and the client is told."""
+    answer = client.post("stream", content=iter([b'{"x": 1.0}\n', line + b'\n{"x": 5.0}\n']))
+
+    assert answer.status_code == status
+    assert served.stage.setpoints == [{"x": 1.0}]
+
+
+@pytest.mark.fault("C10")
+def test_stream_that_goes_on_after_an_error_is_cut_off(served: Served) -> None:
+    """The error is told while the body still comes, and is the last that is told."""
+    with connected(served.socket) as connection:
+        connection.sendall(CHUNKED + _chunk(b'{"x": 1.0}\n{"x": "2"}\n'))
+        answer = read_to_end(connection)
+
+    assert answer.startswith(b"HTTP/1.1 422")
+    assert b"connection: close" in answer
+
+
+@pytest.mark.fault("C13")
+def test_stage_that_does_not_follow_refuses(served: Served, client: httpx.Client) -> None:
+    """Where the state does not allow a stream, its first line is answered with 409."""
+    served.stage.refusal = "the stage is SAFE; arm it first"
+    answer = client.post("stream", content=b'{"x": 1.0}\n')
+
+    assert (answer.status_code, served.stage.setpoints) == (409, [])
+
+
+@pytest.mark.fault("C13")
+def test_stage_that_stops_following_ends_the_stream(served: Served, client: httpx.Client) -> None:
+    """A fault in the middle is not talked over."""
+    served.stage.stream_refusal = "the stage is HOLD"
+    answer = client.post("stream", content=b'{"x": 1.0}\n{"x": 2.0}\n')
+
+    assert answer.json()["error"]["what"] == "the stage is HOLD"
+
+
+@pytest.mark.fault("C8")
+def test_stream_needs_the_lease_at_each_line(served: Served) -> None:
+    """Who gives the lease to another has no setpoints taken any more."""
+
+    def lines() -> Iterator[bytes]:
+        yield b'{"x": 1.0}\n'
+        eventually(lambda: served.stage.setpoints)
+        with served.client("first") as again, served.client("second") as second:
+            again.delete("lease")
+            second.post("lease").raise_for_status()
+        yield b'{"x": 2.0}\n'
+
+    with served.client("first") as first:
+        answer = first.post("stream", content=lines())
+
+    assert (answer.status_code, answer.json()["error"]["code"]) == (409, "lease_held")
+    assert served.stage.setpoints == [{"x": 1.0}]
+
+
+@pytest.mark.fault("C9")
+def test_client_that_goes_away_loses_the_lease_soon(served: Served) -> None:
+    """Two seconds later another may take over; what became of the stream is noted."""
+    with connected(served.socket) as connection:
+        connection.sendall(CHUNKED + _chunk(b'{"x": 1.0}\n'))
+        eventually(lambda: served.stage.setpoints)
+    eventually(lambda: len(served.stage.audited) == 2)
+    with served.client("second") as second:
+        before = second.post("arm").status_code
+        served.now.now_s += 2.0
+        after = second.post("arm").status_code
+
+    assert (before, after) == (409, 200)
+    note = served.stage.audited[1]
+    assert (note.what, note.why) == ("stream ended after 1 setpoints", "the client went away")
+    assert note.peer.uid == os.getuid()
+
+
+@pytest.mark.fault("C4")
+def test_silent_stream_is_ended(serve: Serve) -> None:
+    """A stream that sends nothing any more is told so; no answer would look like success."""
+    served = serve(ConnectionLimits(message_s=0.2))
+    with connected(served.socket) as connection:
+        connection.sendall(CHUNKED + _chunk(b'{"x": 1.0}\n'))
+        answer = connection.recv(65536)
+
+    assert answer.startswith(b"HTTP/1.1 408")
+
+
+def test_stream_ends_with_the_server(served: Served) -> None:
+    """An open stream does not keep a daemon from ending."""
+    with connected(served.socket) as connection:
+        connection.sendall(CHUNKED + _chunk(b'{"x": 1.0}\n'))
+        eventually(lambda: served.stage.setpoints)
+        served.server.should_exit = True
+
+        assert connection.recv(65536) == b""

@@ -1,0 +1,137 @@
+import socket
+from pathlib import Path
+
+import httpx
+import pytest
+
+from piezod.daemon.service.peer_protocol import ConnectionLimits
+from piezod.daemon.service.recording_files import open_recording
+from piezod.daemon.service.stage_service import UnknownNameError
+from tests.daemon.service.conftest import Serve
+from tests.daemon.service.fakes import Served
+from tests.daemon.service.raw import connected, wait_for_hang_up
+
+NAME = "20261121T120000Z"
+GET = b"GET /v1/recordings/big HTTP/1.1\r\nhost: piezod\r\n\r\n"
+
+
+def test_parameters_are_saved_and_restored(served: Served, client: httpx.Client) -> None:
+    """The numbers that the stage gives come back, and all of it is noted."""
+    assert client.get("params").json() == {"axes": {}, "sequence": 3}
+    assert client.get("params/history").json() == {"history": [{"sequence": 3}]}
+    assert client.post("params/save").json() == {"sequence": 4, "saved_by": "somebody"}
+    assert client.post("params/load").json() == {"sequence": 3}
+    assert client.post("params/restore", json={"sequence": 2}).json() == {"sequence": 2}
+    assert [entry.what for entry in served.stage.audited] == [
+        "params save",
+        "params load",
+        "params restore 2",
+    ]
+
+
+def test_parameters_that_do_not_exist_are_not_found(client: httpx.Client) -> None:
+    """The stage says so, and the client is told."""
+    answer = client.post("params/restore", json={"sequence": 99})
+
+    assert (answer.status_code, answer.json()["error"]["code"]) == (404, "not_found")
+
+
+def test_configuration_is_read_again(client: httpx.Client) -> None:
+    """What the stage tells of it is the answer."""
+    assert client.post("reload").json() == {"reloaded_by": "somebody"}
+
+
+def test_recording_is_started_and_stopped(client: httpx.Client) -> None:
+    """A label becomes part of the name."""
+    assert client.post("recordings/start", json={"label": "Run-1"}).json() == {
+        "name": f"{NAME}-Run-1"
+    }
+    assert client.post("recordings/stop").json() == {"name": NAME, "records": 5, "lost": 0}
+
+
+@pytest.mark.fault("C7")
+@pytest.mark.parametrize("label", ["../a", "a/b", "a b", "", "a" * 33, "a\n", ".a"])
+def test_label_is_no_path(client: httpx.Client, label: str) -> None:
+    """What could lead out of the folder is refused."""
+    assert client.post("recordings/start", json={"label": label}).status_code == 422
+
+
+def test_recording_arrives_as_it_is(served: Served, client: httpx.Client) -> None:
+    """Every byte of a finished recording is sent."""
+    content = bytes(range(256)) * 4096
+    served.stage.recordings_folder.joinpath(f"{NAME}.h5").write_bytes(content)
+    answer = client.get(f"recordings/{NAME}")
+
+    assert answer.content == content
+    assert answer.headers["content-type"] == "application/x-hdf5"
+    assert client.get("recordings").json() == {"running": None, "recordings": [{"name": NAME}]}
+
+
+def test_recording_that_is_being_made_is_not_sent(served: Served, client: httpx.Client) -> None:
+    """Half a file is no recording."""
+    served.stage.running = {"name": NAME}
+
+    assert client.get(f"recordings/{NAME}").status_code == 409
+    assert client.get("recordings").json()["running"] == {"name": NAME}
+
+
+@pytest.mark.fault("C7")
+@pytest.mark.parametrize(
+    "path",
+    [
+        "../secret",
+        "..%2fsecret",
+        "%2e%2e%2fsecret",
+        "..%252fsecret",
+        "..%5csecret",
+        "%2fetc%2fpasswd",
+        "secret%00",
+        "link",
+        "folder",
+        "pipe",
+        ".hidden",
+        "a" * 300,
+        "%c3%28",
+        "missing",
+    ],
+)
+def test_nothing_but_a_recording_is_sent(serve: Serve, tmp_path: Path, path: str) -> None:
+    """No name leads out of the folder, or to what is no plain file in it."""
+    served = serve(ConnectionLimits())
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    served.stage.recordings_folder = folder
+    tmp_path.joinpath("secret.h5").write_bytes(b"secret")
+    folder.joinpath(".hidden.h5").write_bytes(b"secret")
+    folder.joinpath("link.h5").symlink_to(tmp_path / "secret.h5")
+    folder.joinpath("folder.h5").mkdir()
+    with socket.socket(socket.AF_UNIX) as pipe, connected(served.socket) as connection:
+        pipe.bind(str(folder / "pipe.h5"))
+        request = f"GET /v1/recordings/{path} HTTP/1.1\r\nhost: piezod\r\nconnection: close\r\n\r\n"
+        connection.sendall(request.encode())
+        answer = connection.recv(65536)
+
+    assert answer.startswith(b"HTTP/1.1 404"), answer
+    assert b"secret.h5" not in answer
+
+
+def test_recording_of_a_folder_that_is_missing_is_not_found(tmp_path: Path) -> None:
+    """Where nothing was ever recorded there may be no folder."""
+    with pytest.raises(UnknownNameError):
+        open_recording(tmp_path / "nothing", NAME)
+
+
+@pytest.mark.fault("C14")
+def test_user_gets_one_recording_at_a_time(serve: Serve) -> None:
+    """A second one is refused until the first has arrived or was given up."""
+    served = serve(ConnectionLimits(blocked_s=0.2))
+    served.stage.recordings_folder.joinpath("big.h5").write_bytes(bytes(8 << 20))
+    with connected(served.socket) as connection, served.client() as client:
+        connection.sendall(GET)
+        connection.recv(10)
+        during = client.get("recordings/big")
+        wait_for_hang_up(connection)
+        after = client.get("recordings/big")
+
+    assert (during.status_code, during.json()["error"]["code"]) == (429, "too_many")
+    assert (after.status_code, len(after.content)) == (200, 8 << 20)

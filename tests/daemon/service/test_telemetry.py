@@ -1,0 +1,131 @@
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.daemon.service.stage_service import Document
+from piezod.telemetry.layout import record_dtype
+from tests.daemon.service.fakes import NAN, Served
+from tests.daemon.waiting import eventually
+
+
+def records_of(positions_um: list[float]) -> NDArray[Any]:
+    """Return records of a stage whose axis x is at these positions, at the command 10 µm."""
+    records = np.zeros(len(positions_um), record_dtype(2))
+    records["t_ns"] = np.arange(len(positions_um)) * 1_000_000 + 2_000_000_000
+    records["state"] = list(State).index(State.RUN)
+    records["skipped"] = 4
+    axis = records["axes"][:, 0]
+    axis["position_um"], axis["command_um"], axis["drive_v"] = positions_um, 10.0, 42.0
+    axis["mode"], axis["on_target"], axis["motion"] = list(Mode).index(Mode.ADAPTIVE), True, 9
+    return records
+
+
+def _events(answer: httpx.Response) -> Iterator[Document]:
+    for line in answer.iter_lines():
+        if line.startswith("data: "):
+            yield json.loads(line.removeprefix("data: "))
+
+
+def _first(client: httpx.Client, query: str = "") -> Document:
+    with client.stream("GET", f"telemetry?rate_hz=50{query}") as answer:
+        assert answer.headers["content-type"].startswith("text/event-stream")
+        return next(_events(answer))
+
+
+def test_no_spike_is_lost(served: Served, client: httpx.Client) -> None:
+    """An interval has the least, the largest and the last value of all its cycles."""
+    served.stage.reader.waiting = [records_of([9.0, 13.0, 5.0, 10.0, 10.0])]
+    event = _first(client)
+
+    axis = event["axes"]["x"]
+    assert axis["position_um"] == {"min": 5.0, "max": 13.0, "last": 10.0}
+    assert axis["error_um"] == {"min": -3.0, "max": 5.0, "last": 0.0}
+    assert axis["command_um"] == {"min": 10.0, "max": 10.0, "last": 10.0}
+    assert axis["drive_v"] == {"min": 42.0, "max": 42.0, "last": 42.0}
+    assert (axis["mode"], axis["on_target"], axis["motion"]) == ("adaptive", True, 9)
+
+
+def test_interval_tells_how_it_went(served: Served, client: httpx.Client) -> None:
+    """State, cycles, what was lost and what was skipped are told."""
+    served.stage.reader.waiting = [records_of([1.0, 2.0])]
+    served.stage.reader.lost = 3
+    event = _first(client)
+
+    assert {key: event[key] for key in ("t_s", "cycles", "lost", "state", "skipped_cycles")} == {
+        "t_s": 2.001,
+        "cycles": 2,
+        "lost": 3,
+        "state": "RUN",
+        "skipped_cycles": 4,
+    }
+
+
+def test_fault_of_one_cycle_is_told(served: Served, client: httpx.Client) -> None:
+    """A fault that came and went is in the interval, and so is what is latched now."""
+    records = records_of([1.0, 2.0, 3.0])
+    records["present_lo"][1] = 1 << 5
+    records["present_hi"][0] = 1 << 3
+    records["latched_lo"] = [1 << 7, 1 << 7, 1 << 8]
+    served.stage.reader.waiting = [records]
+
+    assert _first(client)["faults"] == ["F5", "F8", "F67"]
+
+
+def test_missing_samples_are_left_out(served: Served, client: httpx.Client) -> None:
+    """Where a sample may not be used the others make the range; no number is null."""
+    served.stage.reader.waiting = [records_of([NAN, 3.0, NAN])]
+    event = _first(client)
+
+    assert event["axes"]["x"]["position_um"] == {"min": 3.0, "max": 3.0, "last": None}
+
+
+def test_axes_can_be_chosen(served: Served, client: httpx.Client) -> None:
+    """Left out all are told; an axis that does not exist is an error."""
+    served.stage.reader.else_ = records_of([1.0])
+    every, one = _first(client), _first(client, "&axes=y")
+
+    assert list(every["axes"]) == ["x", "y"]
+    assert list(one["axes"]) == ["y"]
+    assert client.get("telemetry?axes=z").json()["error"]["remedy"] == "axes: x, y"
+
+
+@pytest.mark.parametrize("rate", ["0", "51", "nan", "fast"])
+def test_rate_is_bounded(client: httpx.Client, rate: str) -> None:
+    """Between 1 and 50 events per second can be had."""
+    answer = client.get(f"telemetry?rate_hz={rate}")
+
+    assert answer.status_code == 422
+    assert answer.json()["error"]["what"].startswith("rate_hz: ")
+
+
+def test_nothing_new_is_a_comment(client: httpx.Client) -> None:
+    """While the loop does not run, a line shows that the connection does."""
+    with client.stream("GET", "telemetry?rate_hz=50") as answer:
+        assert next(answer.iter_lines()) == ": nothing new"
+
+
+def test_stream_ends_with_the_server(served: Served, client: httpx.Client) -> None:
+    """Whoever listens finds a proper end."""
+    with client.stream("GET", "telemetry?rate_hz=50") as answer:
+        lines = answer.iter_lines()
+        next(lines)
+        served.server.should_exit = True
+
+        assert set(lines) <= {"", ": nothing new"}
+
+
+@pytest.mark.fault("C3")
+def test_listener_that_leaves_is_forgotten(served: Served, client: httpx.Client) -> None:
+    """Nothing is read for somebody who is gone."""
+    with client.stream("GET", "telemetry?rate_hz=50") as answer:
+        next(answer.iter_lines())
+    tasks = served.server.server_state.tasks
+
+    assert eventually(lambda: not tasks)
