@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event, Lock, Thread
@@ -116,7 +117,7 @@ class Recorder:
         """Start a recording with the next cycle.
 
         Args:
-            header: What is said of it as a whole.
+            header: What is said of it as a whole; how many weights there are is filled in.
             label: What to write into its name, see `RecordingsFolder.new`.
 
         Returns:
@@ -133,7 +134,9 @@ class Recorder:
         try:
             if why := self._no_room(self.folder.path):
                 raise RecorderError(why)
-            writer = TelemetryWriter(path, header, self._dtype)
+            learned = self._learned()
+            widths = {axis: np.size(learned[axis]) for axis in header.axes if axis in learned}
+            writer = TelemetryWriter(path, replace(header, weights=widths), self._dtype)
         except OSError as error:
             raise RecorderError(f"no recording: {error}") from error
         self._note(RecorderStatus(True, path.stem, 0, 0, ""))

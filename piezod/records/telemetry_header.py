@@ -16,7 +16,7 @@ class TelemetryHeader:
         start_ns: Instant that is 0 s in the file, on the clock of the records.
         names: Names of the numbers of a field, as in `{"state": ("BOOT", "SAFE")}`.
         notes: Texts that belong to it by name, as in `{"configuration": "rate_hz: 1000"}`.
-        weights: How many weights are recorded of an axis, 2M; none of those left out.
+        weights: How many weights are recorded of each axis, 2M; of those left out, none.
     """
 
     title: str
