@@ -97,11 +97,11 @@ class FaultRegister:
     @property
     def no_entry(self) -> str:
         """Why nothing may be started: the worst fault that stops the stage; empty: it may."""
-        return self._why(self._select(self.present | self.latched, Latch.L0))
+        return self._why(self._select(self.latched, Latch.L1))
 
     def resume(self) -> str:
         """Drop what is latched until `resume` and gone; return why not, empty where done."""
-        stopping = self._select(self.present, Latch.L0) | self.blocking
+        stopping = self._select(self.present, Latch.L1) | self.blocking
         if not stopping:
             for index in _places(self.latched & ~self.present):
                 if self._rules[index].latch is Latch.L1:
@@ -122,9 +122,9 @@ class FaultRegister:
             latch = self._rules[index].latch
             wait = GOOD_CYCLES if latch is Latch.L1 else self._reset_after_cycles
             gone = self._cycle - self._seen_cycle[index] >= wait
-            if gone and not self.present >> index & 1 and (latch < Latch.L3 or engineer):
+            if gone and (latch < Latch.L3 or engineer):
                 self._drop(index)
-        stopping = self._select(self.present | self.latched, Latch.L0)
+        stopping = self._select(self.latched, Latch.L1)
         return self._why(stopping or (self.latched if self.latched == before else 0))
 
     def _take(self, detection: Detection, t_ns: int) -> Reaction:

@@ -295,6 +295,32 @@ def test_resume_leaves_what_forbids_to_adapt(stage: Stage) -> None:
     assert stage.latched == ["D1"]
 
 
+def test_a_fault_of_all_axes_is_not_new_on_one_of_them(stage: Stage) -> None:
+    """It is there already."""
+    stage.cycle(Detection("D1"))
+
+    assert stage.cycle(Detection("D1", 0), Detection("D1", 3)) is Reaction.NONE
+
+
+def test_a_fault_that_was_dropped_begins_anew(stage: Stage) -> None:
+    """With the reaction and latch that it has at first."""
+    stage.cycles(SECOND + 1, "S5")
+    stage.cycles(SECOND)
+    stage.register.reset(engineer=False)
+
+    assert stage.cycle("S5") is Reaction.HOLD
+    assert stage.register.blocking == 0
+
+
+def test_a_reset_tells_what_it_had_to_leave(stage: Stage) -> None:
+    """Though it dropped something."""
+    stage.cycle("A3", "A12")
+    stage.cycles(SECOND)
+
+    assert stage.register.reset(engineer=False).startswith("A12 was found: ")
+    assert stage.latched == ["A12"]
+
+
 def test_news_carry_what_was_measured(stage: Stage) -> None:
     """The value and the limit that it was compared with, and the rule that holds now."""
     stage.cycle(S5)
