@@ -2,8 +2,9 @@
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
+from itertools import chain, islice
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -107,11 +108,8 @@ class AuditLog:
         Raises:
             OSError: If the file cannot be read.
         """
-        found: list[AuditEntry] = []
-        for path in (self._path, self._older(1)):
-            lines = path.read_bytes().splitlines() if path.exists() else []
-            found += [entry for entry in map(_entry, reversed(lines)) if entry]
-        return tuple(found[:number])
+        lines = chain(_lines_backwards(self._path), _lines_backwards(self._older(1)))
+        return tuple(islice(filter(None, map(_entry, lines)), number))
 
     def sync(self) -> None:
         """Have what was written reach the disk; may block, so call it in a worker thread."""
@@ -158,6 +156,11 @@ class AuditLog:
 def _open(path: Path) -> int:
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW
     return os.open(path, flags, 0o640)
+
+
+def _lines_backwards(path: Path) -> Iterator[bytes]:
+    if path.exists():
+        yield from reversed(path.read_bytes().splitlines())
 
 
 def _last_byte(path: Path) -> bytes:

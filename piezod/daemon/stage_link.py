@@ -170,7 +170,7 @@ class StageLink:
     async def audit_log(self, limit: int) -> list[Document]:
         """Return the newest entries, newest first."""
         entries = await asyncio.to_thread(self.audit_of_stage.last, limit)
-        return [entry._asdict() for entry in reversed(entries)]
+        return [entry._asdict() for entry in entries]
 
     def _last(self, count: int) -> NDArray[Any]:
         return self.loop.last(count)
