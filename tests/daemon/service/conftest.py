@@ -26,10 +26,19 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
         yield start
 
 
+@pytest.fixture(scope="session")
+def shared_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """Return a service that all tests use which do not end it."""
+    served = Served(tmp_path_factory.mktemp("service"), ConnectionLimits())
+    with served.running():
+        yield served
+
+
 @pytest.fixture
-def served(serve: Serve) -> Served:
-    """Return a running service."""
-    return serve(ConnectionLimits())
+def served(shared_service: Served, tmp_path: Path) -> Served:
+    """Return a running service, its stage as good as new."""
+    shared_service.renew(tmp_path)
+    return shared_service
 
 
 @pytest.fixture

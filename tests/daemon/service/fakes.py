@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from piezod.config.requests import Request
 from piezod.control.stage_record import Answer
 from piezod.daemon.service.app import create_app
+from piezod.daemon.service.lease import Lease
 from piezod.daemon.service.peer_protocol import ConnectionLimits, Credentials
 from piezod.daemon.service.roles import User
 from piezod.daemon.service.server import bind, make_server
@@ -27,6 +28,7 @@ from piezod.daemon.service.stage_service import (
     UnavailableError,
     UnknownNameError,
 )
+from piezod.daemon.service.visit import Office
 from piezod.telemetry.layout import record_dtype
 
 NAN = float("nan")
@@ -164,6 +166,12 @@ class Served:
         self.socket = folder / "api.sock"
         self.app = create_app(self.stage, self.roles, self.now)
         self.server = make_server(self.app, limits)
+
+    def renew(self, folder: Path) -> None:
+        """Begin anew with another stage; so much time passes that no limit remembers anything."""
+        self.stage, self.roles = FakeStage(folder), FakeRoles()
+        self.now.now_s += 1000.0
+        self.app.state.office = Office(self.stage, self.roles, Lease(self.now), set())
 
     @contextmanager
     def running(self) -> Iterator[None]:

@@ -110,9 +110,10 @@ def test_socket_that_cannot_be_bound_is_an_error(tmp_path: Path) -> None:
         bind(tmp_path / "missing" / "api.sock")
 
 
-@pytest.mark.fault("C6")
+@pytest.mark.fault("C11")
+@pytest.mark.fault("C12")
 def test_whoever_the_kernel_does_not_know_is_refused(tmp_path: Path) -> None:
-    """Were the service on a network, it would let nobody in."""
+    """Were the service on a network, no web page and no guessed token would let anybody in."""
     served = Served(tmp_path, ConnectionLimits())
     server = make_server(served.app, ConnectionLimits())
     server.config.port = 0
@@ -121,9 +122,12 @@ def test_whoever_the_kernel_does_not_know_is_refused(tmp_path: Path) -> None:
     try:
         eventually(lambda: server.started)
         port = server.servers[0].sockets[0].getsockname()[1]
-        answer = httpx.get(f"http://127.0.0.1:{port}/v1/status", trust_env=False)
+        headers = {"host": "piezod", "authorization": "Bearer 0", "origin": "http://piezod"}
+        url = f"http://127.0.0.1:{port}/v1/stop"
+        answer = httpx.post(url, headers=headers, trust_env=False)
     finally:
         server.should_exit = True
         thread.join()
 
     assert (answer.status_code, answer.json()["error"]["code"]) == (401, "unknown_peer")
+    assert served.called() == 0

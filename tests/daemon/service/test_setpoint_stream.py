@@ -151,8 +151,9 @@ def test_silent_stream_is_ended(serve: Serve) -> None:
     assert answer.startswith(b"HTTP/1.1 408")
 
 
-def test_stream_ends_with_the_server(served: Served) -> None:
+def test_stream_ends_with_the_server(serve: Serve) -> None:
     """An open stream does not keep a daemon from ending."""
+    served = serve(ConnectionLimits())
     with connected(served.socket) as connection:
         connection.sendall(CHUNKED + _chunk(b'{"x": 1.0}\n'))
         eventually(lambda: served.stage.setpoints)

@@ -95,9 +95,8 @@ def test_recording_that_is_being_made_is_not_sent(served: Served, client: httpx.
         "missing",
     ],
 )
-def test_nothing_but_a_recording_is_sent(serve: Serve, tmp_path: Path, path: str) -> None:
+def test_nothing_but_a_recording_is_sent(served: Served, tmp_path: Path, path: str) -> None:
     """No name leads out of the folder, or to what is no plain file in it."""
-    served = serve(ConnectionLimits())
     folder = tmp_path / "recordings"
     folder.mkdir()
     served.stage.recordings_folder = folder

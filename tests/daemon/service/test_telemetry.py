@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from piezod.config.modes import Mode
 from piezod.config.states import State
+from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.stage_service import Document
 from piezod.telemetry.layout import record_dtype
+from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import NAN, Served
 from tests.daemon.waiting import eventually
 
@@ -111,9 +113,10 @@ def test_nothing_new_is_a_comment(client: httpx.Client) -> None:
         assert next(answer.iter_lines()) == ": nothing new"
 
 
-def test_stream_ends_with_the_server(served: Served, client: httpx.Client) -> None:
+def test_stream_ends_with_the_server(serve: Serve) -> None:
     """Whoever listens finds a proper end."""
-    with client.stream("GET", "telemetry?rate_hz=50") as answer:
+    served = serve(ConnectionLimits())
+    with served.client() as client, client.stream("GET", "telemetry?rate_hz=50") as answer:
         lines = answer.iter_lines()
         next(lines)
         served.server.should_exit = True
