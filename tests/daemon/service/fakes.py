@@ -62,6 +62,7 @@ class FakeStage:
         self.running: Document | None = None
         self.healthy = True
         self.more_faults: list[str] = []
+        self.configuration: Document = {"rate_hz": 1000.0}
         self.reader = FakeReader()
 
     async def request(self, request: Request, peer: Peer) -> Answer:  # noqa: ARG002 - a protocol
@@ -100,7 +101,7 @@ class FakeStage:
         return {"steps": []}
 
     def config(self) -> Document:
-        return {"rate_hz": 1000.0}
+        return self.configuration
 
     async def reload(self, peer: Peer) -> Document:
         return {"reloaded_by": peer.user}

@@ -130,12 +130,13 @@ def test_answers_that_are_not_read_are_dropped(serve: Serve) -> None:
 
 
 @pytest.mark.fault("C3")
-def test_idle_client_that_has_not_read_is_disconnected(serve: Serve) -> None:
-    """An answer that fits into memory is not kept there for ever."""
+@pytest.mark.parametrize("size", [1000, 240_000, 1_000_000])
+def test_client_that_does_not_read_one_answer_is_disconnected(serve: Serve, size: int) -> None:
+    """Wherever the answer waits, in the socket or here, it does not wait for ever."""
     served = serve(QUICK)
+    served.stage.configuration = {"title": "a" * size}
     with connected(served.socket) as connection:
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
-        connection.sendall(b"GET /v1/openapi HTTP/1.1\r\nhost: piezod\r\n\r\n")
+        connection.sendall(b"GET /v1/config HTTP/1.1\r\nhost: piezod\r\n\r\n")
 
         wait_for_hang_up(connection)
 
