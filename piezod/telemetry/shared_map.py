@@ -67,11 +67,14 @@ class SharedMap:
 def create(path: Path, layout: Layout) -> SharedMap:
     """Make the file, readable by its owner only, in place of one left by an earlier run.
 
+    It gets its name when it is complete.
+
     Raises:
         OSError: If it cannot be made; ENOSPC also where only the memory for it is missing.
     """
-    path.unlink(missing_ok=True)
-    file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    unfinished = path.with_name(f"{path.name}.new")
+    unfinished.unlink(missing_ok=True)
+    file = os.open(unfinished, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
     try:
         # Takes the memory now: a file with holes would kill the loop when memory runs out later.
         os.posix_fallocate(file, 0, layout.size)
@@ -81,8 +84,8 @@ def create(path: Path, layout: Layout) -> SharedMap:
     text = layout.dump()
     memory[_TEXT_AT : _TEXT_AT + len(text)] = text
     header = memoryview(memory)[:_TEXT_AT].cast("q")
-    header[1], header[2] = _VERSION, len(text)
-    header[0] = _MAGIC  # last: whoever attaches earlier sees that it is not complete
+    header[0], header[1], header[2] = _MAGIC, _VERSION, len(text)
+    unfinished.replace(path)
     return SharedMap(memory, layout, path)
 
 
@@ -95,7 +98,7 @@ def attach(path: Path, *, writable: bool = False) -> SharedMap:
 
     Raises:
         OSError: If it cannot be read.
-        MapError: If it is not complete, or of another version of piezod.
+        MapError: If it is something else, or of another version of piezod.
     """
     flags = os.O_RDWR if writable else os.O_RDONLY
     file = os.open(path, flags | os.O_CLOEXEC)
