@@ -1,0 +1,64 @@
+"""What keeps a daemon busy: `python -m benchmarks.jitter.load SOCKET WHAT`, until stdin is closed.
+
+`streams`: three clients have telemetry streamed to them at the highest rate. `requests`: one asks
+for the status 40 times a second; the daemon allows a process no more than 50. At the end it prints
+as JSON how much of that there really was.
+"""
+
+import asyncio
+import json
+import sys
+import time
+from pathlib import Path
+
+from piezod.client import calls
+from piezod.client.async_stage_client import AsyncStageClient
+from piezod.errors import RefusedError
+
+STREAMS, STREAM_HZ = 3, 50
+ASKED_HZ = 40
+
+
+async def streamed(socket: Path, number: int, counts: dict[str, int]) -> None:
+    """Have telemetry streamed."""
+    async with AsyncStageClient(socket=socket, name=f"load-stream-{number}") as stage:
+        async for _ in stage.telemetry(rate_hz=STREAM_HZ):
+            counts["telemetry"] += 1
+
+
+async def asking(socket: Path, counts: dict[str, int]) -> None:
+    """Ask for the status at a fixed rate; what does not get through in time is left out."""
+    async with AsyncStageClient(socket=socket) as stage:
+        next_s = time.monotonic()
+        while True:
+            try:
+                await stage.call(calls.status())
+                counts["requests"] += 1
+            except RefusedError:
+                counts["refused"] += 1
+            next_s = max(next_s + 1 / ASKED_HZ, time.monotonic() - 1.0)
+            await asyncio.sleep(next_s - time.monotonic())
+
+
+async def main(socket: Path, what: str) -> None:
+    """Be a burden until stdin is closed."""
+    counts = {"telemetry": 0, "requests": 0, "refused": 0}
+    start_s = time.monotonic()
+    if what == "streams":
+        burdens = [streamed(socket, number, counts) for number in range(STREAMS)]
+    else:
+        burdens = [asking(socket, counts)]
+    tasks = [asyncio.create_task(burden) for burden in burdens]
+    ended = asyncio.create_task(asyncio.to_thread(sys.stdin.read))
+    await asyncio.wait([ended, *tasks], return_when=asyncio.FIRST_COMPLETED)
+    for task in tasks:
+        task.cancel()
+    found = await asyncio.gather(*tasks, return_exceptions=True)
+    failed = sum(not isinstance(one, asyncio.CancelledError) for one in found)
+    seconds = time.monotonic() - start_s
+    rates = {f"{name}_hz": count / seconds for name, count in counts.items()}
+    print(json.dumps({**rates, "failed": failed}))
+
+
+if __name__ == "__main__":
+    asyncio.run(main(Path(sys.argv[1]), sys.argv[2]))

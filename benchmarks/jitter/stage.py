@@ -1,0 +1,142 @@
+"""piezod's own loop on the simulated rig: a daemon as anybody starts it, read from its ring."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.jitter.contenders import Lateness, Pacing
+from piezod.client import calls
+from piezod.client.stage_client import StageClient
+from piezod.config.modes import Mode
+from piezod.errors import ClientError
+from piezod.telemetry.ring import RingReader
+from piezod.telemetry.shared_map import SharedMap, attach
+from piezod.telemetry.words import Word
+
+REPOSITORY = Path(__file__).parents[2]
+SHIPPED = REPOSITORY / "config" / "simulated.yaml"
+LOAD = ("streams", *5 * ("requests",))
+STARTED_WITHIN_S = 90.0
+SETTLED_S = 1.0
+WAVE = {"x": {"kind": "sine", "low": 1.0, "high": 20.0, "frequency_hz": 2.0}}
+
+
+class Stage:
+    """A daemon that follows a sine, adaptively.
+
+    Args:
+        client: A client of it.
+        shared: The memory of its loop, to be read only.
+    """
+
+    def __init__(self, client: StageClient, shared: SharedMap) -> None:
+        self._client, self._shared = client, shared
+        self.report: list[dict[str, Any]] = shared.report()
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """What the loop counts of itself."""
+        words = (Word.MINOR_FAULTS, Word.MAJOR_FAULTS, Word.GC_COLLECTIONS, Word.ALLOCATED_BLOCKS)
+        return {word.name.lower(): self._shared.words[word] for word in words}
+
+    def measure(self, seconds: float) -> Lateness:
+        """Return what the loop noted of itself while nobody looked."""
+        reader = RingReader(self._shared)
+        before = reader.newest
+        time.sleep(seconds)
+        records = reader.last(reader.newest - before)
+        wrote = records[records["write_late_ns"] >= 0]
+        skipped = int(records["skipped"][-1] - records["skipped"][0])
+        busy_ns = np.array(records["read_ns"] + records["compute_ns"] + records["write_ns"])
+        return Lateness(
+            np.array(records["late_ns"]), np.array(wrote["write_late_ns"]), skipped, busy_ns
+        )
+
+    @contextmanager
+    def loaded(self) -> Iterator[Mapping[str, float]]:
+        """Keep the daemon busy; what it was kept busy with is in the mapping afterwards."""
+        told: Counter[str] = Counter()
+        self._client.call(calls.start_recording("jitter"))
+        with ExitStack() as loads:
+            burdens = [loads.enter_context(self._burden(what)) for what in LOAD]
+            time.sleep(2 * SETTLED_S)  # their imports
+            yield told
+            for burden in burdens:
+                told.update(json.loads(burden.communicate(timeout=30)[0]))
+        recording = self._client.call(calls.stop_recording())
+        told.update({"recorded": recording.records, "recording lost": recording.lost})
+
+    def _burden(self, what: str) -> "subprocess.Popen[str]":
+        command = [sys.executable, "-m", "benchmarks.jitter.load", str(self._client.socket), what]
+        return subprocess.Popen(  # noqa: S603 - our own module
+            command, cwd=REPOSITORY, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+
+@contextmanager
+def running(pacing: Pacing) -> Iterator[Stage]:
+    """Start a daemon with folders of its own, arm it, have it follow a sine.
+
+    Raises:
+        ClientError: If it cannot be armed, as where the rate is too high.
+    """
+    with tempfile.TemporaryDirectory(prefix="pz-", dir="/dev/shm") as folder:
+        config = Path(folder) / "stage.yaml"
+        text = SHIPPED.read_text(encoding="utf-8").replace("models/", f"{SHIPPED.parent}/models/")
+        text = text.replace("rate_hz: 1000", f"rate_hz: {pacing.rate_hz:g}")
+        spin, priority = f"spin_us: {pacing.spin_ns / 1000:g}", f"priority: {pacing.priority}"
+        loop = f"loop: {{{spin}, {priority}, cpu: {pacing.cpu}}}"
+        config.write_text(f"{text}\n{loop}\n", encoding="utf-8")
+        environ = {**os.environ, "XDG_RUNTIME_DIR": folder, "XDG_STATE_HOME": folder}
+        command = [sys.executable, "-m", "piezod.cli.main", "run", str(config)]
+        with (
+            Path(folder, "log").open("wb") as log,
+            subprocess.Popen(command, env=environ, stdout=log, stderr=log) as daemon,  # noqa: S603 - ours
+        ):
+            try:
+                runtime = Path(folder) / "piezod" / "stage"
+                with StageClient(socket=_socket(runtime, daemon)) as client:
+                    yield _following(client, runtime)
+            finally:
+                daemon.terminate()
+                daemon.wait(timeout=30)
+
+
+def _socket(runtime: Path, daemon: "subprocess.Popen[bytes]") -> Path:
+    end_s = time.monotonic() + STARTED_WITHIN_S
+    while time.monotonic() < end_s:
+        if daemon.poll() is not None:
+            break
+        try:
+            if attach(runtime / "loop.map").words[Word.HEALTHY_CYCLES]:
+                return runtime / "api.sock"
+        except OSError:
+            pass
+        time.sleep(0.1)
+    raise SystemExit(f"piezod run did not start; see {runtime.parents[1] / 'log'}")
+
+
+def _following(client: StageClient, runtime: Path) -> Stage:
+    end_s = time.monotonic() + STARTED_WITHIN_S
+    while True:
+        try:
+            client.call(calls.arm())
+            break
+        except ClientError:
+            if time.monotonic() > end_s:
+                raise
+            time.sleep(0.1)
+    client.call(calls.mode(Mode.ADAPTIVE))
+    client.call(calls.wave(WAVE, 3600.0))
+    time.sleep(SETTLED_S)
+    return Stage(client, attach(runtime / "loop.map"))
