@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 from piezod.control.axis import Axis, AxisOutput
 from piezod.control.guard import Admitted, Guard
 from piezod.devices.interface import Sample
+from piezod.units import NS_PER_S
 
 
 class CycleRecord(NamedTuple):
@@ -82,6 +83,7 @@ class Cycle:
         self._sensor, self._amplifier, self._axes = sensor, amplifier, axes
         self._guard, self._period_s = guard, period_s
         self._overseer = overseer or Unwatched()
+        self._written_ns: int | None = None
 
     def run(self, t_ns: int) -> CycleRecord:
         """Run one cycle; may be called in the loop; a fault is a value in the record."""
@@ -91,9 +93,16 @@ class Cycle:
         ]
         asked_v = [output.drive_v for output in outputs]
         in_force_v = [output.in_force_v for output in outputs]
-        admitted = self._guard.admit(t_ns, t_ns, asked_v, in_force_v, self._period_s)
+        admitted = self._guard.admit(t_ns, t_ns, asked_v, in_force_v, self._elapsed_s(t_ns))
         written = admitted.writable and self._amplifier.write(admitted.drive_v, t_ns)
         if written:
+            self._written_ns = t_ns
             for axis, drive_v in zip(self._axes, admitted.drive_v, strict=True):
                 axis.applied(drive_v)
         return CycleRecord(t_ns, samples, outputs, admitted, written)
+
+    def _elapsed_s(self, t_ns: int) -> float:
+        """Return how long the drive may have moved: less than a period after a late cycle."""
+        if self._written_ns is None:
+            return self._period_s
+        return min((t_ns - self._written_ns) / NS_PER_S, self._period_s)

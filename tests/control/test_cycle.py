@@ -103,6 +103,20 @@ def test_the_guard_is_the_last_thing_before_the_write() -> None:
     assert log[-3:] == ["write [0.0, 5.0] at 0", "x has 0.0 V", "y has 5.0 V"]
 
 
+def test_cycle_soon_after_a_late_one_may_move_less() -> None:
+    """The slew rate holds for the time since the last write, and a pause is not made up for."""
+    log: list[str] = []
+    sensor = FakeSensor(log, [Sample(0, 1.5, valid=True), Sample(0, 2.5, valid=True)])
+    axes = [FakeAxis(log, "x", 100.0), FakeAxis(log, "y", 100.0)]
+    cycle = Cycle(sensor, FakeAmplifier(log), axes, GUARD, 1e-3)
+    instants_ns = (0, MS, int(1.9 * MS), 2 * MS, 9 * MS)
+
+    # What is in force stays 0 V for these axes, so each drive is as far as it may go in one step.
+    steps_v = [cycle.run(t_ns).admitted.drive_v[0] for t_ns in instants_ns]
+
+    assert steps_v == pytest.approx([5.0, 5.0, 4.5, 0.5, 5.0])
+
+
 def test_the_overseer_says_which_samples_are_used() -> None:
     """It stands between reading and compensating."""
     log: list[str] = []
