@@ -205,7 +205,7 @@ def connection_of(scope: Scope) -> PeerProtocol:
 def _credentials(endpoint: socket.socket) -> Credentials | None:
     if endpoint.family != socket.AF_UNIX:
         return None
-    layout = struct.Struct("3i")
+    layout = struct.Struct("iII")
     packed = endpoint.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, layout.size)
     return Credentials(*layout.unpack(packed))
 
