@@ -51,12 +51,11 @@ def _show(client: "StageClient", rate_hz: float, axes: list[str]) -> None:
     from piezod.cli.watch_view import LoopRate, ranges_of, view, view_line
 
     console = new_console()
-    ranges = ranges_of(client.config())
-    if not console.is_terminal:
+    if console.is_terminal:
+        ranges, loop_rate = ranges_of(client.config()), LoopRate()
+        with Live(console=console, auto_refresh=False) as live:
+            for told in client.telemetry(rate_hz, axes):
+                live.update(view(told, ranges, loop_rate.hz(told)), refresh=True)
+    else:
         for told in client.telemetry(rate_hz, axes):
             console.print(view_line(told), soft_wrap=True)
-        return
-    with Live(console=console, auto_refresh=False) as live:
-        loop_rate = LoopRate()
-        for told in client.telemetry(rate_hz, axes):
-            live.update(view(told, ranges, loop_rate.hz(told)), refresh=True)

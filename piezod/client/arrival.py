@@ -52,18 +52,18 @@ def arrival(told: Telemetry, motion: int, axis: str | None) -> Arrival | None:
     return None
 
 
-def too_late(told: Telemetry | None, axis: str | None, timeout_s: float) -> NotReachedError:
+def too_late(told: Telemetry, axis: str | None, timeout_s: float) -> NotReachedError:
     """Return the error of a movement that takes too long.
 
     Args:
-        told: The newest interval, None where there was none.
+        told: The newest interval.
         axis: Name of the axis; None for the only one.
         timeout_s: How long it has been waited for, s.
     """
-    name = axis or next(iter(told.axes)) if told else axis
+    name = axis or next(iter(told.axes))
     what = f"axis {name}: not on target within {timeout_s:g} s"
-    error = told.axes[name].error_um.last if told and name in told.axes else None
-    if error is not None:
-        what += f", the error is {error:+.3f} µm"
-    remedy = "is the tolerance below the noise, or the speed low? The stage goes on"
+    error_um = told.axes[name].error_um.last
+    if error_um is not None:
+        what += f", the error is {error_um:+.3f} µm"
+    remedy = "the stage goes on; is the speed low, or the tolerance below the noise?"
     return NotReachedError(what, remedy, "timeout")

@@ -131,12 +131,12 @@ class AsyncStageClient:
         begun_s = time.monotonic()
         answer = await self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
         async with aclosing(self.telemetry(WAITING_RATE_HZ)) as intervals:
-            async for told in intervals:
+            while True:
+                told = await anext(intervals)
                 if there := arrival(told, answer.motion, axis):
                     return there
                 if time.monotonic() - begun_s > timeout_s:
                     raise too_late(told, axis, timeout_s)
-        raise ended(self.socket)
 
     async def telemetry(
         self, rate_hz: float = 10.0, axes: Sequence[str] = ()

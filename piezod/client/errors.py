@@ -55,12 +55,6 @@ def ended(socket: Path) -> NotRunningError:
     return NotRunningError(f"{socket}: the daemon has gone", "is it still running?")
 
 
-def _causes(error: BaseException | None) -> Iterator[BaseException]:
-    while error is not None:
-        yield error
-        error = error.__cause__ or error.__context__
-
-
 def unexpected(document: object, why: str) -> ClientError:
     """Return the error of an answer that does not look as it should."""
     keys = (

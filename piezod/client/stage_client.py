@@ -131,12 +131,12 @@ class StageClient:
         begun_s = time.monotonic()
         motion = self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s).motion
         with closing(self.telemetry(WAITING_RATE_HZ)) as intervals:
-            for told in intervals:
+            while True:
+                told = next(intervals)
                 if there := arrival(told, motion, axis):
                     return there
                 if time.monotonic() - begun_s > timeout_s:
                     raise too_late(told, axis, timeout_s)
-        raise ended(self.socket)
 
     def telemetry(
         self, rate_hz: float = 10.0, axes: Sequence[str] = ()

@@ -248,6 +248,23 @@ def test_no_daemon(piezod: Command, folder: Path) -> None:
     assert "no daemon is running there; start it with `piezod run CONFIG`" in err
 
 
+def test_several_daemons(
+    piezod: Command, daemon: FakeDaemon, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Which one is meant is a matter of usage."""
+    monkeypatch.delenv("PIEZOD_SOCKET")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    for name in ("afm", "bench"):
+        (folder / "piezod" / name).mkdir(parents=True)
+        (folder / "piezod" / name / "api.sock").symlink_to(daemon.socket_path)
+
+    code, out, err = piezod("stop")
+    assert (code, out) == (2, "")
+    assert "several stages are running: afm, bench" in err
+    assert "name one with --stage" in err
+    assert piezod("stop", "--stage", "afm").code == 0
+
+
 def test_impossible_value(piezod: Command, daemon: FakeDaemon) -> None:
     """What no daemon would accept is not sent."""
     code, _, err = piezod("goto", "nan")

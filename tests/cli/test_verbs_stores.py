@@ -94,8 +94,10 @@ def test_recordings(piezod: Command, daemon: FakeDaemon) -> None:
     daemon.answers["GET recordings"] = {"running": running, "recordings": finished}
     _, out, _ = piezod("record", "list")
     assert out == f"{NAME}-creep  2.5 MB\n{NAME}  7 cycles, going on\n"
+    daemon.answers["GET recordings"] = {"running": None, "recordings": finished}
+    assert piezod("record", "list").out == f"{NAME}-creep  2.5 MB\n"
     _, out, _ = piezod("record", "list", "--json")
-    assert json.loads(out) == {"running": running, "recordings": finished}
+    assert json.loads(out) == {"running": None, "recordings": finished}
 
     daemon.answers["GET recordings"] = {"running": None, "recordings": []}
     assert piezod("record", "list") == (0, "nothing is recorded\n", "")

@@ -202,7 +202,7 @@ def test_completion_can_be_shown(
     ],
 )
 def test_completion(
-    process: Command, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, words: str, found: object
+    piezod: Command, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, words: str, found: object
 ) -> None:
     """Verbs, modes, running stages and their axes are completed."""
     folder = daemon.socket_path.parent / "piezod" / "bench"
@@ -213,13 +213,13 @@ def test_completion(
     monkeypatch.setenv("COMP_WORDS", words)
     monkeypatch.setenv("COMP_CWORD", str(len(words.split(" ")) - 1))
 
-    code, out, _ = process()
+    code, out, _ = piezod()
 
     assert (code, out.split()) == (0, found)
 
 
 def test_completion_without_a_daemon(
-    process: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
+    piezod: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where nothing runs nothing is completed, and nothing is said."""
     monkeypatch.setenv("PIEZOD_SOCKET", str(folder / "none.sock"))
@@ -227,4 +227,4 @@ def test_completion_without_a_daemon(
     monkeypatch.setenv("COMP_WORDS", "piezod goto 1 --axis ")
     monkeypatch.setenv("COMP_CWORD", "4")
 
-    assert process() == (0, "\n", "")
+    assert piezod() == (0, "\n", "")

@@ -43,7 +43,7 @@ class Raw(NamedTuple):
 
 
 class FakeDaemon(socketserver.ThreadingMixIn, socketserver.UnixStreamServer):
-    """Notes what it is asked; `answers` has what it says, by method and path.
+    """Notes what it is asked; `answers` has what it says, by method and path, while `answering`.
 
     Args:
         socket: Where to listen.
@@ -55,6 +55,8 @@ class FakeDaemon(socketserver.ThreadingMixIn, socketserver.UnixStreamServer):
         self.asked: list[Asked] = []
         self.answers: dict[str, Document | Raw] = {}
         self.telemetry: list[Document] = []
+        self.answering = threading.Event()
+        self.answering.set()
 
     @contextmanager
     def running(self) -> Iterator[None]:
@@ -64,6 +66,7 @@ class FakeDaemon(socketserver.ThreadingMixIn, socketserver.UnixStreamServer):
         try:
             yield
         finally:
+            self.answering.set()
             self.shutdown()
             thread.join()
             self.server_close()
@@ -107,6 +110,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _handle(self, body: Any) -> None:
         what = f"{self.command} {self.path.removeprefix('/v1/')}"
         self.server.asked.append(Asked(what, body, self.headers["X-Piezod-Client"]))
+        self.server.answering.wait()
         answer = self.server.answers.get(what.partition("?")[0], ACCEPTED)
         if what.startswith("GET telemetry") and self.server.telemetry:
             answer = Raw(200, events(self.server.telemetry), "text/event-stream")

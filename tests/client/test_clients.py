@@ -130,6 +130,18 @@ def test_daemon_that_has_gone(tmp_path: Path) -> None:
         stage.stop()
 
 
+def test_daemon_that_does_not_answer(daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody waits for ever."""
+    daemon.answering.clear()
+    monkeypatch.setattr("piezod.client.stage_client.TIMEOUT", 0.01)
+
+    with (
+        StageClient(socket=daemon.socket_path) as stage,
+        pytest.raises(ClientError, match="the daemon does not answer in time; try again"),
+    ):
+        stage.status()
+
+
 def test_telemetry_is_typed(stage: StageClient, daemon: FakeDaemon) -> None:
     """Each event has the range of every quantity."""
     daemon.telemetry = [told(1.0), told(None)]
@@ -209,6 +221,9 @@ def test_goto_that_takes_too_long(stage: StageClient, daemon: FakeDaemon) -> Non
     daemon.telemetry = [told()]
 
     with pytest.raises(NotReachedError, match=r"not on target within 0 s, the error is \+0.100 µm"):
+        stage.goto_and_wait(12.5, timeout_s=0.0)
+    daemon.telemetry = [told(None)]
+    with pytest.raises(NotReachedError, match=r"not on target within 0 s; the stage goes on"):
         stage.goto_and_wait(12.5, timeout_s=0.0)
 
 
