@@ -35,7 +35,7 @@ def run(
     with 75 where the stage has a daemon already, and with 1 where its loop ended by itself.
     """
     from piezod.daemon.run_stage import run_stage
-    from piezod.daemon.supervisor import Options
+    from piezod.daemon.run_terms import Options
 
     if not run_stage(config, Options(strict_rt, require_device, shadow)):
         raise typer.Exit(FAILED)

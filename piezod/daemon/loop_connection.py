@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from piezod.telemetry.ring import RingReader
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamWriter
 from piezod.telemetry.words import Word
+
+AT_SAFE_V: Final = 0.5
+"""A voltage is the safe one within this: where nothing is driven it is one that is read back."""
 
 
 class LoopConnection:
@@ -58,6 +61,24 @@ class LoopConnection:
     def latest(self) -> np.void | None:
         """Return the newest record, None before the first."""
         return self._ring.latest()
+
+    @property
+    def opened(self) -> bool:
+        """Whether the loop has had the devices."""
+        return bool(self.shared.words[Word.DEVICES_OPEN])
+
+    def left_safe(self) -> bool:
+        """Tell whether a loop that has ended left every axis at its safe voltage.
+
+        One that never had the devices, or never wrote, left them as they were.
+        """
+        ending = self.last(2)  # the last is in STOPPING
+        if not len(ending) or ending[-1]["shadow"]:
+            return True
+        blind = any(STATES[record["state"]] is State.BLIND for record in ending)
+        drive_v = ending[-1]["axes"]["drive_v"]
+        safe_v = [axis.safe_v for axis in self.config.axes.values()]
+        return not blind and bool(np.all(np.abs(drive_v - safe_v) <= AT_SAFE_V))
 
     def last(self, count: int) -> NDArray[Any]:
         """Return up to so many of the newest records, oldest first."""

@@ -11,7 +11,8 @@ from piezod.daemon.loop_supervision import RampDown
 from piezod.daemon.marker import Marker
 from piezod.daemon.notify import Notifier
 from piezod.daemon.paths import stage_paths
-from piezod.daemon.supervisor import Ending, Options, Supervisor
+from piezod.daemon.run_terms import Ending, Options
+from piezod.daemon.supervisor import Supervisor
 from piezod.errors import DeviceUnavailableError
 
 
@@ -41,22 +42,28 @@ def run_stage(source: Path, options: Options) -> bool:
         marker.put()
         supervisor = Supervisor(source, paths, config, options, Notifier())
         ending = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
-        if ending is not Ending.LOST:
+        if ending in (Ending.IN_ORDER, Ending.ABSENT):
             paths.loop_map.unlink(missing_ok=True)
-            marker.remove()
+            # What an earlier run left in force nobody has seen to where there was no device.
+            if supervisor.run_of_loop.loop.opened or not marker.unclean:
+                marker.remove()
     if ending is Ending.ABSENT:
         raise DeviceUnavailableError("a device of this stage is absent; the log says which")
     return ending is Ending.IN_ORDER
 
 
 async def _run(supervisor: Supervisor, lock: Lock, *, unclean: bool) -> Ending:
-    ending = await supervisor.run(unclean=unclean)
-    if ending is not Ending.LOST:
+    """Run; where the loop did not leave the stage safe, have that done before all else."""
+    try:
+        ending = await supervisor.run(unclean=unclean)
+    except BaseException:
+        await supervisor.close()  # the loop goes to the safe voltage when it hears no more of us
+        raise
+    if ending in (Ending.IN_ORDER, Ending.ABSENT):
         await supervisor.close()
         return ending
-    # The stage first, the files afterwards.
     lock.release()
     ramp_down = RampDown(supervisor.run_of_loop.config_file)
     await supervisor.close()
-    ramp_down.wait()
-    return ending
+    verified = ramp_down.wait()
+    return Ending.IN_ORDER if verified and ending is Ending.UNSAFE else ending

@@ -9,55 +9,28 @@ import asyncio
 import os
 import signal
 import time
-from enum import Enum
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
 from piezod.daemon.api_server import Api
+from piezod.daemon.housekeeping import Housekeeping
 from piezod.daemon.logging import logger
 from piezod.daemon.loop_supervision import LoopRun
 from piezod.daemon.notify import Notifier
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.reload import AT_REST, changes, exchange, read_again
+from piezod.daemon.run_terms import Ending, Options
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.roles import GroupRoles
 from piezod.daemon.service.stage_service import Document, NotNowError, Peer, Role, StageError
 from piezod.daemon.stage_link import StageLink
-from piezod.telemetry.words import Word
 
 TICK_S: Final = 0.1
 """How often everything is looked after; the loop takes a supervisor for dead after 1 s."""
-HOUSEKEEPING_S: Final = 0.5
 
 _log = logger("supervisor")
-_loop_log = logger("loop")
-
-
-class Options(NamedTuple):
-    """What the command line adds to a configuration.
-
-    Attributes:
-        strict_rt: Whether arming is refused where the loop is not real-time.
-        require_device: Whether to end where a device is absent at the start.
-        shadow: Whether nothing is ever written.
-    """
-
-    strict_rt: bool = False
-    require_device: bool = False
-    shadow: bool = False
-
-
-class Ending(Enum):
-    """How a run ended."""
-
-    IN_ORDER = "in order"
-    """The loop ramped down and ended because it was asked to."""
-    ABSENT = "no device"
-    """Likewise, because a device was absent that had to be there."""
-    LOST = "lost"
-    """The loop ended by itself, by violence, or not in time."""
 
 
 class Supervisor:
@@ -92,6 +65,7 @@ class Supervisor:
             reload=self.reload,
             shadow=options.shadow,
         )
+        self._house = Housekeeping(self._link)
         self._api = Api(
             create_app(self._link, GroupRoles(os.getuid(), time.monotonic)), paths.api_socket
         )
@@ -109,7 +83,7 @@ class Supervisor:
         loop.add_signal_handler(signal.SIGHUP, self._reload_on_signal)
         await self._api.start()
         self.run_of_loop.start(unclean=unclean)
-        housekeeping = asyncio.create_task(self._keep_house())
+        housekeeping = asyncio.create_task(self._house.run())
         try:
             return await self._watch()
         finally:
@@ -117,11 +91,8 @@ class Supervisor:
 
     async def close(self) -> None:
         """Write out and close everything; after `run`."""
-        self._log_events()
-        await self._link.recordings_of_stage.write_flight(self.run_of_loop.loop, at_once=True)
         await self._api.stop()
-        await self._link.recordings_of_stage.close()
-        self._link.audit_of_stage.close()
+        await self._house.close()
 
     def stop(self, why: str) -> None:
         """Have the loop ramp down and end, then end; again it does nothing."""
@@ -138,7 +109,7 @@ class Supervisor:
             healthy = run.loop.health.look(now_ns)
             if healthy or self._exchanging:
                 self._notifier.alive()
-            self._log_events()
+            self._house.log_events()
             if not self._exchanging:
                 self._note_state(run, healthy=healthy)
                 if run.exit_code is not None:
@@ -156,38 +127,25 @@ class Supervisor:
             run.kill()
 
     def _ended(self, code: int) -> Ending:
-        if self._stopping and code == 0:
-            return self._ending
-        _log.error("loop gone", code=code, what="piezod safe takes over")
-        return Ending.LOST
+        if not self._stopping or code != 0:
+            _log.error("loop gone", code=code, what="piezod safe takes over")
+            return Ending.LOST
+        if self._ending is not Ending.LOST and not self.run_of_loop.loop.left_safe():
+            _log.error("not at the safe voltage", what="piezod safe takes over")
+            return Ending.UNSAFE
+        return self._ending
 
     def _note_state(self, run: LoopRun, *, healthy: bool) -> None:
         if healthy and not self._ready:
             self._ready = True
             self._notifier.ready(run.loop.state.value)
             _log.info("ready", stage=self._paths.name, socket=str(self._paths.api_socket))
-            if self._options.require_device and not run.loop.shared.words[Word.DEVICES_OPEN]:
+            if self._options.require_device and not run.loop.opened:
                 self._ending = Ending.ABSENT
                 self.stop("a device is absent")
         if run.loop.state is not self._state and not self._stopping:
             self._state = run.loop.state
             self._notifier.status(self._state.value)
-
-    def _log_events(self) -> None:
-        events, lost = self.run_of_loop.loop.events.read()
-        for event in events:
-            self._link.recordings_of_stage.note(event)
-            told = {name: value for name, value in event._asdict().items() if value != ""}
-            severity, kind = told.pop("severity"), told.pop("kind")
-            getattr(_loop_log, severity)(kind, **told)
-        if lost:
-            _log.warning("events lost", count=lost)
-
-    async def _keep_house(self) -> None:
-        while True:
-            await asyncio.sleep(HOUSEKEEPING_S)
-            await self._link.recordings_of_stage.write_flight(self.run_of_loop.loop)
-            await asyncio.to_thread(self._link.audit_of_stage.sync)
 
     async def reload(self, peer: Peer) -> Document:
         """Read the configuration again; swap it where nothing is driven, or keep the old one.

@@ -115,18 +115,3 @@ def test_bad_configuration_starts_nothing(start: StartDaemon, tmp_path: Path) ->
     assert "axes.x.speed_um_per_s: must be a number" in daemon.text
     assert not daemon.paths.loop_map.exists()
     assert not daemon.paths.running.exists()
-
-
-@pytest.mark.fault("P2")
-def test_start_after_an_unclean_end_wants_a_reset(start: StartDaemon, rig_file: Path) -> None:
-    """What the last run left in force is not known, so nobody arms before it was looked at."""
-    daemon = start(rig_file).up()
-    loop_pid = daemon.loop_pid
-    daemon.process.kill()
-    daemon.process.wait()
-    eventually(lambda: not is_alive(loop_pid))
-    daemon.start()
-    status = daemon.until("FAULT", 90)
-
-    assert [fault["id"] for fault in status["faults"]] == ["P2"]
-    assert daemon.ask("POST", "arm", {}).status_code == 409

@@ -31,7 +31,7 @@ def test_killed_loop_is_replaced_by_a_ramp_down(start: StartDaemon, rig_file: Pa
 def test_loop_that_hangs_is_killed_and_feeds_no_watchdog(
     start: StartDaemon, rig_file: Path, tmp_path: Path
 ) -> None:
-    """A loop without cycles starves the watchdog; where nobody watches it is killed all the same."""
+    """A loop without cycles starves the watchdog; where there is none it is killed all the same."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
         manager.settimeout(90)
@@ -76,11 +76,10 @@ def test_loop_without_a_supervisor_goes_to_safe_and_ends(
 
     assert [fault["id"] for fault in status["faults"]] == ["P2"]
     assert daemon.ask("POST", "arm", {}).status_code == 409
-    daemon.do("reset")
+    eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
     daemon.until("SAFE")
 
 
-@pytest.mark.fault("P12")
 def test_absent_device_may_be_an_error(start: StartDaemon, tmp_path: Path) -> None:
     """With --require-device a stage without its device ends with 69, in order."""
     path = configuration(tmp_path, rig="{driver: emulated, options: {socket: nobody.sock}}")

@@ -1,0 +1,71 @@
+"""A loop that drives nothing: it counts healthy cycles and answers requests.
+
+As a process, `python fake_loop.py RUNTIME CONFIG`, it ends at once with code 3 where the title of
+the configuration is "broken".
+"""
+
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from piezod.config.requests import Request, Shutdown
+from piezod.config.states import State
+from piezod.control.stage_record import Answer
+from piezod.telemetry.mailbox import MailboxReader
+from piezod.telemetry.requests_codec import decode
+from piezod.telemetry.shared_map import SharedMap, attach
+from piezod.telemetry.words import Word
+
+
+class FakeLoop(threading.Thread):
+    """Answers requests until it is told to shut down, or the block is left.
+
+    Args:
+        shared: The memory shared with a supervisor.
+        answer: What to answer to everything; left out: accepted, as motion 7.
+    """
+
+    def __init__(self, shared: SharedMap, answer: Answer | None = None) -> None:
+        super().__init__()
+        self.answer = answer or Answer(accepted=True, motion=7)
+        self.requests: list[Request] = []
+        self._shared = shared
+        self._ending = threading.Event()
+
+    def run(self) -> None:
+        """Count and answer."""
+        words, mailbox = self._shared.words, MailboxReader(self._shared)
+        words[Word.LOOP_STATE] = list(State).index(State.SAFE)
+        while not self._ending.wait(0.001):
+            words[Word.HEALTHY_CYCLES] += 1
+            taken = mailbox.take(time.monotonic_ns())
+            if taken is not None:
+                request = decode(taken[1])
+                self.requests.append(request)
+                mailbox.answer(taken[0], **self.answer._asdict())
+                if isinstance(request, Shutdown):
+                    return
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End it."""
+        self._ending.set()
+        self.join()
+
+
+if __name__ == "__main__":
+    if json.loads(Path(sys.argv[2]).read_text(encoding="utf-8"))["title"] == "broken":
+        sys.exit(3)
+    FakeLoop(attach(Path(sys.argv[1]) / "loop.map", writable=True)).run()

@@ -1,0 +1,267 @@
+"""The stage as the HTTP service sees it, over a loop that drives nothing."""
+
+import asyncio
+import os
+from collections.abc import Awaitable, Callable, Iterator
+from math import isnan, nan
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import pytest
+
+from piezod.config.daemon import DaemonConfig
+from piezod.config.modes import Mode
+from piezod.config.requests import AdoptModel, Arm, Goto, Shutdown
+from piezod.config.states import State
+from piezod.control.fault_table import FAULTS
+from piezod.control.learning_gate import GateReason
+from piezod.control.stage_record import Answer
+from piezod.daemon import accepted_config
+from piezod.daemon.loop_connection import LoopConnection
+from piezod.daemon.paths import StagePaths
+from piezod.daemon.service.stage_service import (
+    AuditEntry,
+    BadValueError,
+    NotNowError,
+    Peer,
+    Role,
+    UnavailableError,
+    UnknownNameError,
+)
+from piezod.daemon.stage_link import StageLink
+from piezod.telemetry.layout import Layout
+from piezod.telemetry.learned import LearnedWriter
+from piezod.telemetry.ring import RingWriter
+from piezod.telemetry.shared_map import create
+from piezod.telemetry.stream import StreamReader
+from piezod.telemetry.words import Word
+from tests.daemon.fake_loop import FakeLoop
+
+PEER = Peer(os.getuid(), os.getpid(), "somebody", "test", Role.ENGINEER)
+T = TypeVar("T")
+
+
+class Bench:
+    """A link over a memory that no loop shares yet."""
+
+    def __init__(self, folder: Path, config: DaemonConfig, *, shadow: bool = False) -> None:
+        self.paths = StagePaths("rig", folder / "runtime", folder / "state")
+        self.paths.make_folders()
+        self.config = config
+        self.loop = self.connection()
+        self.stopped: list[str] = []
+        self.link = StageLink(
+            self.paths, self.loop, stop=self.stopped.append, reload=self._reload, shadow=shadow
+        )
+
+    def connection(self) -> LoopConnection:
+        """Make the memory of a loop."""
+        return LoopConnection(self.config, create(self.paths.loop_map, Layout.of(self.config)))
+
+    def do(self, call: Callable[[StageLink], Awaitable[T]], answer: Answer | None = None) -> T:
+        """Call the link while a loop answers."""
+
+        async def called() -> T:
+            return await call(self.link)
+
+        with FakeLoop(self.loop.shared, answer) as loop:
+            result = asyncio.run(called())
+        self.requests = loop.requests
+        return result
+
+    def record(self, state: State, present: int = 0, **axis: float) -> None:
+        """Write a record, as a loop does."""
+        shared = self.loop.shared
+        shared.words[Word.LOOP_STATE] = list(State).index(state)
+        cycle = [1, 0, 0, 0, 0, 0, 0, present & (2**64 - 1), present >> 64, 0, 0]
+        numbers = ["position_um", "command_um", "target_um", "uncompensated_v", "asked_v"]
+        numbers += ["drive_v", "in_force_v", "read_back_v", "trim_um"]
+        mode, gate = list(Mode).index(Mode.ADAPTIVE), list(GateReason).index(GateReason.OPEN)
+        values = [axis.get(name, nan) for name in numbers]
+        fields = [*cycle, list(State).index(state), 0, 1, 1, *values, mode, gate, 1, 4]
+        RingWriter(shared).append(fields)
+
+    async def _reload(self, peer: Peer) -> dict[str, Any]:
+        return {"by": peer.user}
+
+
+@pytest.fixture
+def config(rig_file: Path) -> DaemonConfig:
+    """Return the configuration of a simulated stage."""
+    return accepted_config.load(rig_file)
+
+
+@pytest.fixture
+def bench(tmp_path: Path, config: DaemonConfig) -> Iterator[Bench]:
+    """Return a link to try."""
+    bench = Bench(tmp_path, config)
+    yield bench
+    bench.link.audit_of_stage.close()
+
+
+def test_status_before_the_first_cycle_has_no_numbers(bench: Bench) -> None:
+    """A loop that starts is in BOOT, and its axes are there by name."""
+    status = bench.link.status()
+
+    assert (status["stage"], status["state"], status["mode"]) == ("rig", "BOOT", "feedforward")
+    assert (status["faults"], status["skipped_cycles"]) == ([], 0)
+    assert isnan(status["axes"]["x"]["position_um"])
+    assert bench.link.faults() == []
+
+
+def test_status_tells_the_newest_cycle(bench: Bench) -> None:
+    """Position, command and drive of each axis, the mode by its name, faults with their remedy."""
+    last = len(FAULTS) - 1
+    bench.record(State.RUN, 1 << last, position_um=3.0, command_um=3.1, drive_v=20.0)
+
+    status = bench.link.status()
+
+    axis = status["axes"]["x"]
+    assert (axis["position_um"], axis["command_um"], axis["drive_v"]) == (3.0, 3.1, 20.0)
+    assert (axis["motion"], axis["on_target"], axis["gate"]) == (4, True, "learning")
+    assert (status["state"], status["mode"]) == ("RUN", "adaptive")
+    assert [fault["id"] for fault in status["faults"]] == [FAULTS[last].id]
+    assert status["faults"] == bench.link.faults()
+    assert bench.link.fault_ids(1 << last) == [FAULTS[last].id]
+
+
+def test_request_reaches_the_loop_and_its_answer_comes_back(bench: Bench) -> None:
+    """What the loop says is the answer."""
+    answer = bench.do(lambda link: link.request(Goto(position_um=4.0), PEER))
+
+    assert answer == Answer(accepted=True, motion=7)
+    assert bench.requests == [Goto(position_um=4.0)]
+
+
+def test_shadow_makes_every_arming_one_without_writing(
+    tmp_path: Path, config: DaemonConfig
+) -> None:
+    """With --shadow no client can have a voltage written."""
+    bench = Bench(tmp_path, config, shadow=True)
+    bench.do(lambda link: link.request(Arm(), PEER))
+    bench.link.audit_of_stage.close()
+
+    assert bench.requests == [Arm(shadow=True)]
+
+
+def test_shutdown_is_for_the_supervisor(bench: Bench) -> None:
+    """The loop alone would be taken for lost."""
+    answer = bench.do(lambda link: link.request(Shutdown(), PEER))
+
+    assert answer.accepted
+    assert bench.requests == []
+    assert bench.stopped == ["asked to by somebody"]
+
+
+def test_nothing_is_asked_while_the_loop_is_exchanged(bench: Bench) -> None:
+    """A client is told to try again instead of waiting."""
+    bench.link.available = False
+
+    with pytest.raises(UnavailableError, match="being exchanged"):
+        bench.do(lambda link: link.request(Goto(position_um=4.0), PEER))
+
+    assert not bench.link.health()[0]
+
+
+def test_setpoints_of_a_stream_arrive_together_or_not_at_all(bench: Bench) -> None:
+    """One beyond the range is refused with that range, and only RUN follows any."""
+    reader = StreamReader(bench.loop.shared)
+    with pytest.raises(NotNowError, match="the stage is in BOOT"):
+        bench.link.stream_setpoint({"x": 3.0})
+    bench.record(State.RUN)
+    with pytest.raises(BadValueError, match=r"got 26\.5 µm"):
+        bench.link.stream_setpoint({"x": 26.5})
+    with pytest.raises(BadValueError, match="got nan"):
+        bench.link.stream_setpoint({"x": nan})
+
+    bench.link.stream_setpoint({"x": 3.0})
+
+    assert [setpoint.position_um for setpoint in reader.take()] == [3.0]
+
+
+def _learn(bench: Bench, zero_um: float) -> list[float]:
+    model = bench.loop.models["x"]
+    assert model is not None
+    weights = [1.01 * each for each in (*model.left_stop_weights, *model.right_stop_weights)]
+    LearnedWriter(bench.loop.shared).publish(0, weights, 0.0, 0.0, zero_um)
+    return weights
+
+
+def test_saved_parameters_are_taken_back(bench: Bench) -> None:
+    """What was learned is a model again, with the sensor's zero."""
+    weights = _learn(bench, zero_um=0.25)
+    saved = bench.do(lambda link: link.save_params(PEER))
+    history = bench.do(lambda link: link.params_history())
+    loaded = bench.do(lambda link: link.load_params(None, PEER))
+
+    (request,) = bench.requests
+    assert isinstance(request, AdoptModel)
+    assert request.zero_um == 0.25
+    assert saved["sequence"] == loaded["sequence"] == 1
+    assert [entry["saved_by"] for entry in history] == ["somebody"]
+    model = bench.loop.models["x"]
+    assert model is not None
+    assert [*model.left_stop_weights, *model.right_stop_weights] == pytest.approx(weights)
+    assert asyncio.run(bench.link.params())["axes"]["x"]["zero_um"] == 0.25
+
+
+def test_parameters_that_the_loop_does_not_take_are_not_in_use(bench: Bench) -> None:
+    """The loop's reason is the client's."""
+    _learn(bench, zero_um=0.0)
+    bench.do(lambda link: link.save_params(PEER))
+    before = bench.loop.models["x"]
+
+    with pytest.raises(NotNowError, match="axis x: only while disarmed"):
+        bench.do(lambda link: link.load_params(1, PEER), Answer(False, "only while disarmed"))
+
+    assert bench.loop.models["x"] is before
+
+
+def test_parameters_that_do_not_exist_are_no_name(bench: Bench) -> None:
+    """Before the first save there is nothing to load, nor to save before the first cycle."""
+    with pytest.raises(UnknownNameError, match="nothing is saved"):
+        bench.do(lambda link: link.load_params(None, PEER))
+    with pytest.raises(NotNowError, match="nothing has been learned"):
+        bench.do(lambda link: link.save_params(PEER))
+
+
+def test_adopted_model_is_the_one_to_save(bench: Bench) -> None:
+    """Weights that are learned later belong to the thresholds of the model in use."""
+    model = bench.loop.models["x"]
+    assert model is not None
+    other = model.model_copy(update={"created_by": "somebody else"})
+    bench.do(lambda link: link.request(AdoptModel(model=other), PEER))
+
+    assert bench.loop.models["x"] == other
+
+
+def test_readers_follow_an_exchanged_loop(bench: Bench) -> None:
+    """Whoever streams goes on with the loop that runs now."""
+    reader = bench.link.open_reader()
+    bench.record(State.SAFE)
+    before, _ = reader.read(10)
+    bench.loop = bench.link.loop = bench.connection()
+    reader.read(10)
+    bench.record(State.SAFE)
+    after, lost = reader.read(10)
+
+    assert (len(before), len(after), lost) == (1, 1, 0)
+    assert np.isnan(after["axes"]["position_um"]).all()
+
+
+def test_audit_is_read_newest_first(bench: Bench) -> None:
+    """Who asked for what is there in the order in which people look for it."""
+    bench.link.audit(AuditEntry(PEER, "arm", accepted=True))
+    bench.link.audit(AuditEntry(PEER, "goto", accepted=False, why="cannot"))
+
+    entries = asyncio.run(bench.link.audit_log(10))
+
+    assert [(entry["what"], entry["why"]) for entry in entries] == [("goto", "cannot"), ("arm", "")]
+
+
+def test_configuration_and_reload_are_passed_on(bench: Bench) -> None:
+    """What is in force is told as JSON."""
+    assert bench.link.config()["rate_hz"] == 100
+    assert asyncio.run(bench.link.reload(PEER)) == {"by": "somebody"}
+    assert bench.link.realtime()["rate_hz"] == 100
