@@ -31,7 +31,7 @@ LAG_CYCLES: Final = 3
 DELAYS: Final = 4
 """The output follows within so many cycles, and so many times the delay of the displacement."""
 COLLAPSE_V: Final = 20.0
-"""A voltage that is off by so much after one cycle has collapsed: nothing was told to move it."""
+"""A voltage that is so much nearer to 0 after one cycle, untold, has collapsed."""
 OVER_VOLTAGE_V: Final = 2.0
 OVER_VOLTAGE_CYCLES: Final = 2
 """So far outside the range, for so long, is no overshoot."""
@@ -171,7 +171,7 @@ class AmplifierWatch:
         if self._outside >= OVER_VOLTAGE_CYCLES:
             end_v = self._low_v if read_back_v < self._low_v else self._high_v
             found.append(Detection("A12", self._axis, read_back_v, end_v))
-        if off_v > COLLAPSE_V and abs(read_back_v - before_v) > COLLAPSE_V:
+        if off_v > COLLAPSE_V and abs(before_v) - abs(read_back_v) > COLLAPSE_V:
             found.append(Detection("A7", self._axis, off_v, COLLAPSE_V))
         self._mismatched = self._mismatched + 1 if off_v > 0.0 else 0
         if self._mismatched >= MISMATCH_CYCLES:

@@ -37,11 +37,15 @@ class DeviceBoundary:
         """Whether writes go through to the amplifier."""
         self.shadow = False
         """Whether writes are taken and go nowhere."""
+        self.active = True
+        """Whether the devices are active; after a cut they are not, until they are reset."""
         self.crash: Exception | None = None
         """What a driver raised last in this cycle, if it did; whoever looks at it clears it."""
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         """Take one sample of each axis; invalid ones where the driver fails."""
+        if not self.active:
+            return [Sample(now_ns, nan, False)] * len(self._nothing)
         try:
             return self.devices.read(now_ns)
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
@@ -85,10 +89,12 @@ class DeviceBoundary:
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             self.crash = error
             return False
+        self.active = True
         return True
 
     def deactivate(self, now_ns: int) -> bool:
         """Have the amplifiers rest; return whether all went well; call it in the loop."""
+        self.active = False
         try:
             self.devices.deactivate(now_ns)
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way

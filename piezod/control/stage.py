@@ -95,6 +95,8 @@ class Stage:
         self.stream_ns = 0
         """When the newest setpoint of a stream came."""
         self.resumable = True
+        self.blind_spells = 0
+        """How often in a row the amplifier was lost; the next try to reach it waits the longer."""
         self._before = State.BOOT
         self._events: list[StageEvent] = []
 
@@ -162,7 +164,7 @@ class Stage:
 
     def cut(self, t_ns: int) -> bool:
         """Have the amplifiers switch their outputs off; return whether they did."""
-        if self.boundary.shadow or self.state not in DRIVEN:
+        if self.boundary.shadow or self.state not in DRIVEN | {State.BLIND}:
             return False
         self.memory_known = False
         return self.boundary.deactivate(t_ns)
@@ -183,6 +185,9 @@ class Stage:
             self.boundary.shadow = False
         if state is State.BLIND:
             self.output_known = self.memory_known = False
+            self.blind_spells += 1
+        elif state not in {State.RAMP, State.ESTOP}:
+            self.blind_spells = 0
         if before is State.IDENT:
             self.steps.clear()
 

@@ -14,7 +14,7 @@ from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.control.cycle import Cycle, CycleRecord
 from piezod.control.fault_register import Detection, News
-from piezod.control.fault_table import FAULTS, Reaction, Source
+from piezod.control.fault_table import FAULTS, Reaction, Source, mask
 from piezod.control.guard import Guard
 from piezod.control.loop_watch import CycleTiming, LoopWatch
 from piezod.control.stage import DRIVEN, SENSED, Stage
@@ -23,13 +23,14 @@ from piezod.control.stage_record import Answer, StageEvent, StageRecord
 from piezod.control.stage_requests import execute
 from piezod.control.state_machine import Event
 from piezod.devices.interface import Sample
+from piezod.devices.status import Flags
 from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S
 
 LONGEST_CYCLES = 2
 """So many periods count for the slew rate after a pause, however long it was."""
 
-_ADAPTING = sum(1 << i for i, rule in enumerate(FAULTS) if rule.source is Source.ADAPTATION)
+_ADAPTING = mask(rule.id for rule in FAULTS if rule.source is Source.ADAPTATION)
 _EVENTS = {
     Reaction.HOLD: Event.FAULT_HOLD,
     Reaction.RAMP: Event.FAULT_RAMP,
@@ -67,7 +68,7 @@ class StageController:
         period_s = stage.period_ns / NS_PER_S
         guard = Guard([axis.live.limits for axis in stage.axes], LONGEST_CYCLES * period_s)
         self._cycle = Cycle(stage.boundary, stage.boundary, stage.axes, guard, period_s, self)
-        self._timing = CycleTiming(0, 0, 0, 0, 0)
+        self._timing, self._t_ns = CycleTiming(0, 0, 0, 0, 0), 0
         self._read_back_v: Sequence[float] = [nan] * len(stage.axes)
         self._found_outside: list[Detection] = []
 
@@ -123,7 +124,7 @@ class StageController:
             t_ns: Instant of the cycle.
             timing: How punctual the loop is.
         """
-        self._timing = timing
+        self._timing, self._t_ns = timing, t_ns
         stage, record = self.stage, self._cycle.run(t_ns)
         admitted_v, read_back_v = record.admitted.drive_v, self._read_back_v
         driven = stage.state in DRIVEN
@@ -158,7 +159,10 @@ class StageController:
         adapting = (stage.register.present | stage.register.latched) & _ADAPTING
         stage.adapt_allowed = not adapting
         self._react(reaction, t_ns)
-        usable = [watches.sensor.sample for watches in stage.watches]
+        usable = [
+            watches.sensor.sample if stage.boundary.active else sample
+            for watches, sample in zip(stage.watches, samples, strict=True)
+        ]
         stage.sensors_valid = all(sample.valid for sample in usable)
         go_on(stage, t_ns, usable, self._read_back_v)
         return usable
@@ -167,35 +171,49 @@ class StageController:
         stage = self.stage
         found = [*self._loop_watch.check(self._timing), *self._found_outside]
         self._found_outside.clear()
-        driven = stage.state in DRIVEN and not stage.boundary.shadow
-        running = stage.state is State.RUN
-        flags = stage.boundary.status(t_ns)
-        for i, (axis, watches) in enumerate(zip(stage.axes, stage.watches, strict=True)):
-            closed = running and axis.mode in SENSED
-            in_force_v, command_um = axis.live.in_force_v, axis.command_um
-            found += watches.sensor.check(
-                t_ns, samples[i], flags[i], in_force_v, command_um, driven=driven, needed=closed
-            )
-            found += watches.amplifier.check(self._read_back_v[i], flags[i])
-            sample = watches.sensor.sample
-            position_um = sample.position_um if sample.valid else nan
-            noise_um = watches.sensor.noise_um
-            found += watches.adaptation.check(
-                command_um, position_um, closed=closed, noise_um=noise_um
-            )
-            if axis.crash is not None:
-                found.append(Detection("P4", i))
-                text = f"axis {stage.names[i]}: {axis.crash!r}"
-                stage.note(StageEvent(t_ns, "error", "crash", text, "P4", stage.names[i]))
-                axis.crash = None
+        if stage.boundary.active:
+            flags = stage.boundary.status(t_ns)
+            for i, sample in enumerate(samples):
+                found += self._detect_on(i, t_ns, sample, flags[i])
         if stage.boundary.crash is not None:
-            found.append(Detection("P3"))
-            text = f"a driver failed: {stage.boundary.crash!r}"
-            stage.note(StageEvent(t_ns, "error", "crash", text, "P3"))
+            found.append(self._crashed("P3", -1, f"a driver failed: {stage.boundary.crash!r}"))
             stage.boundary.crash = None
         if stage.estop_pressed:
             found.append(Detection("E1"))
         return found
+
+    def _detect_on(self, i: int, t_ns: int, sample: Sample, flags: Flags) -> Sequence[Detection]:
+        """Return what is wrong on one axis."""
+        stage = self.stage
+        axis, watches = stage.axes[i], stage.watches[i]
+        closed = stage.state is State.RUN and axis.mode in SENSED
+        found = [
+            *watches.sensor.check(
+                t_ns,
+                sample,
+                flags,
+                axis.live.in_force_v,
+                axis.command_um,
+                driven=stage.state in DRIVEN and not stage.boundary.shadow,
+                needed=closed,
+            ),
+            *watches.amplifier.check(self._read_back_v[i], flags),
+        ]
+        usable = watches.sensor.sample
+        position_um = usable.position_um if usable.valid else nan
+        noise_um = watches.sensor.noise_um
+        found += watches.adaptation.check(
+            axis.command_um, position_um, closed=closed, noise_um=noise_um
+        )
+        if axis.crash is not None:
+            found.append(self._crashed("P4", i, f"axis {stage.names[i]}: {axis.crash!r}"))
+            axis.crash = None
+        return found
+
+    def _crashed(self, fault: str, axis: int, text: str) -> Detection:
+        """Note what was raised; return the fault that it is."""
+        self.stage.note(StageEvent(self._t_ns, "error", "crash", text, fault))
+        return Detection(fault, axis)
 
     def _react(self, reaction: Reaction, t_ns: int) -> None:
         stage = self.stage

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import isfinite
 
 from piezod.config.states import State
+from piezod.control.fault_table import FAULTS, Reaction, mask
 from piezod.control.stage import Stage
 from piezod.control.stage_record import StageEvent
 from piezod.control.state_machine import Event
@@ -14,12 +15,16 @@ HOLD_NS = s_to_ns(2.0)
 """A fault may hold the stage so long; then it goes to the safe voltage."""
 RAMP_GRACE_NS = s_to_ns(2.0)
 """A ramp has failed when it takes so much longer than it should."""
+FIRST_TRY_NS, LAST_TRY_NS = s_to_ns(0.1), s_to_ns(2.0)
+"""An amplifier that was lost is left alone for so long at first, and at most."""
 AT_SAFE_V = 1e-3
 """A voltage that is written is the safe one within this."""
 READ_BACK_V = 0.5
 """A voltage that is read back is the safe one within this: outputs have noise and offset."""
 STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 """A stream has stopped when nothing came for so many cycles and for so long."""
+
+_UNREACHABLE = mask(rule.id for rule in FAULTS if rule.reaction is Reaction.BLIND)
 
 
 def go_on(stage: Stage, t_ns: int, samples: Sequence[Sample], read_back_v: Sequence[float]) -> None:
@@ -44,10 +49,7 @@ def go_on(stage: Stage, t_ns: int, samples: Sequence[Sample], read_back_v: Seque
         case State.RAMP | State.ESTOP:
             _arrive(stage, t_ns, read_back_v)
         case State.BLIND:
-            if all(map(isfinite, read_back_v)):
-                stage.output_known = True
-                _track(stage, read_back_v)
-                stage.go(Event.LINK_BACK, t_ns)
+            _reach(stage, t_ns, read_back_v)
         case _:
             pass
     if stage.state in {State.BOOT, State.SAFE, State.FAULT, State.BLIND}:
@@ -78,6 +80,16 @@ def _check_stream(stage: Stage, t_ns: int) -> None:
         stage.note(StageEvent(t_ns, "warning", "stream", text))
         stage.go(Event.HOLD, t_ns)
         stage.held_by_request = True
+
+
+def _reach(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
+    """Take the amplifier over from what it reads back, after a while that grows with each spell."""
+    wait_ns = min(FIRST_TRY_NS << min(stage.blind_spells - 1, 10), LAST_TRY_NS)
+    answers = all(map(isfinite, read_back_v)) and not stage.register.present & _UNREACHABLE
+    if answers and t_ns - stage.since_ns >= wait_ns:
+        stage.output_known = True
+        _track(stage, read_back_v)
+        stage.go(Event.LINK_BACK, t_ns)
 
 
 def _drive_on(stage: Stage, t_ns: int) -> None:

@@ -1,0 +1,271 @@
+"""A fault of a device, from its first cycle to what the stage does about it, on the rig."""
+
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from math import inf, isfinite, nan
+from typing import Any, cast
+
+import pytest
+
+from piezod.config import requests as rq
+from piezod.config.daemon import load_daemon
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.config.waveforms import Sine
+from piezod.control.loop_watch import CycleTiming
+from piezod.devices import registry
+from piezod.devices.faulty import FaultyDevice, SensorAmplifier
+from piezod.devices.injections import Injection, Kind
+from piezod.devices.interface import Amplifier, Device, Sensor
+from piezod.devices.status import DeviceFlag
+from tests.control.live_stage import CONFIG, LiveStage
+
+SWING = rq.Wave(
+    command_um={"x": Sine(kind="sine", low=0.0, high=20.0, frequency_hz=2.0)}, duration_s=1000.0
+)
+
+
+class Faulty(LiveStage):
+    """A stage whose rig fails when a test says so."""
+
+    def __init__(self, mode: Mode = Mode.ADAPTIVE) -> None:
+        self.device: FaultyDevice | None = None
+        config = load_daemon(CONFIG, registry)
+        brief = config.axes["x"].conditioning.model_copy(update={"cycles": 2, "frequency_hz": 2.0})
+        axis = config.axes["x"].model_copy(update={"conditioning": brief})
+        super().__init__(config.model_copy(update={"axes": {"x": axis}}), self._wrapped)
+        self.cycle()
+        self.do(rq.Arm(), rq.SelectMode(mode=mode), SWING)
+        self.run(1.2)
+        assert self.faults() == []
+
+    def _wrapped(self, device: Device) -> Device:
+        assert isinstance(device, Sensor)
+        assert isinstance(device, Amplifier)
+        self.device = FaultyDevice(cast("SensorAmplifier", device))
+        return self.device
+
+    def fail(self, kind: Kind, cycles: int | None = None, **what: Any) -> None:
+        """Have the rig fail from the next cycle on, for some cycles or for ever."""
+        assert self.device is not None
+        start_ns = self.t_ns + 1
+        end_ns = inf if cycles is None else start_ns + cycles * self.period_ns
+        self.device.schedule.append(Injection(kind, start_ns, end_ns, **what))
+
+    def heal(self) -> None:
+        """Have it fail no more."""
+        assert self.device is not None
+        self.device.schedule.clear()
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A fault, and what is done about it: the first state that is left for, and how soon."""
+
+    fault: str
+    kind: Kind
+    what: dict[str, Any]
+    state: State
+    within_cycles: int
+
+
+CASES = [
+    Case("S1", Kind.STUCK, {}, State.HOLD, 60),
+    Case("S2", Kind.REPLACED, {"value": nan}, State.HOLD, 10),
+    Case("S3", Kind.OFFSET, {"value": 500.0}, State.HOLD, 10),
+    Case("S5", Kind.DROPPED, {}, State.HOLD, 10),
+    Case("S8", Kind.FLAGGED, {"flag": DeviceFlag.LOW_LIGHT}, State.HOLD, 10),
+    Case("S9", Kind.GAIN, {"value": 0.4}, State.HOLD, 200),
+    Case("A1", Kind.REFUSED, {}, State.BLIND, 10),
+    Case("A3", Kind.READ_BACK_OFFSET, {"value": 4.0}, State.HOLD, 20),
+    Case("A4", Kind.FLAGGED, {"flag": DeviceFlag.OVERLOAD}, State.HOLD, 3),
+    Case("A8", Kind.FLAGGED, {"flag": DeviceFlag.LOCAL_MODE}, State.HOLD, 3),
+    Case("A9", Kind.FLAGGED, {"flag": DeviceFlag.WATCHDOG_TRIPPED}, State.RAMP, 3),
+    Case("A11", Kind.FLAGGED, {"flag": DeviceFlag.SHORT_OR_OPEN}, State.FAULT, 3),
+    Case("A12", Kind.READ_BACK_OFFSET, {"value": 200.0}, State.FAULT, 4),
+    Case("A13", Kind.FLAGGED, {"flag": DeviceFlag.OVER_TEMPERATURE}, State.FAULT, 3),
+]
+
+
+@cache
+def failed(case: Case) -> tuple[Faulty, int]:
+    """Return a stage after 200 ms of a fault and 6 s more; and how many records came before."""
+    stage = Faulty()
+    before = len(stage.records)
+    stage.fail(case.kind, 200, **case.what)
+    stage.run(6.0)
+    return stage, before
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(one, marks=pytest.mark.fault(one.fault), id=one.fault) for one in CASES]
+)
+def test_a_fault_leads_to_its_state_in_time_and_nothing_goes_on_by_itself(case: Case) -> None:
+    """It is told by its id, the stage leaves RUN within the bound, and ends at rest."""
+    stage, before = failed(case)
+    after = stage.records[before:]
+
+    first = next(i for i, record in enumerate(after) if record.state is not State.RUN)
+    assert case.fault in stage.faults()
+    assert (after[first].state, first <= case.within_cycles) == (case.state, True)
+    assert all(record.state not in {State.RUN, State.IDENT} for record in after[first:])
+    assert after[-1].state in {State.SAFE, State.FAULT}
+    assert stage.channels.read_back(stage.t_ns)[0] == pytest.approx(0.0, abs=0.5)
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case.fault for case in CASES])
+def test_limits_hold_while_a_fault_is_reacted_to(case: Case) -> None:
+    """Whatever the sensor or the read-back say, no write leaves range or slew rate."""
+    stage, _ = failed(case)
+
+    writes = stage.channels.writes
+    assert all(isfinite(drive_v) and 0.0 <= drive_v <= 150.0 for _, (drive_v,) in writes)
+    for (before_ns, (before_v,)), (t_ns, (drive_v,)) in pairwise(writes):
+        assert t_ns - before_ns > stage.period_ns or abs(drive_v - before_v) <= 20.0 + 1e-9
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case.fault for case in CASES])
+def test_once_healed_a_stage_runs_again_when_it_is_told_to(case: Case) -> None:
+    """Reset, arm, and where the memory was lost, condition: then it is as before."""
+    stage, _ = failed(case)
+    stage.do(rq.Reset(engineer=True))
+    stage.run(0.1)
+    stage.do(rq.Arm())
+    if not stage.controller.stage.memory_known:
+        stage.do(rq.Condition())
+        stage.until("READY", within_s=15.0)
+    stage.do(rq.SelectMode(mode=Mode.ADAPTIVE), rq.Goto(position_um=10.0))
+    stage.run(1.0)
+
+    assert stage.x.position_um == pytest.approx(10.0, abs=0.5)
+
+
+@pytest.mark.fault("S4")
+def test_a_spike_is_not_reacted_to() -> None:
+    """One sample is replaced or left out; the stage goes on, the drive hardly notices."""
+    stage = Faulty()
+    stage.fail(Kind.OFFSET, 1, value=8.0)
+    after = stage.run(0.5)
+
+    steps_v = [b.axes[0].drive_v - a.axes[0].drive_v for a, b in pairwise(after)]
+    assert {record.state for record in after} == {State.RUN}
+    assert max(map(abs, steps_v)) < 2.0
+
+
+@pytest.mark.fault("S5")
+def test_a_short_gap_ends_where_it_is_resumed() -> None:
+    """Below a second it is held; when samples are back, `resume` goes on."""
+    stage = Faulty()
+    stage.fail(Kind.DROPPED, 100)
+    stage.run(0.5)
+    held = stage.state
+    stage.do(rq.Resume())
+    stage.run(0.2)
+
+    assert (held, stage.state) == (State.HOLD, State.RUN)
+
+
+@pytest.mark.fault("A7")
+def test_an_amplifier_that_collapses_is_taken_over_from_what_it_reads_back() -> None:
+    """After BLIND the first write is what is in force, and the way down begins there."""
+    stage = Faulty()
+    writes = stage.channels.writes
+    assert stage.device is not None
+    while stage.x.drive_v < 60.0:
+        stage.cycle()
+    writes.clear()
+    stage.device.deactivate(stage.t_ns)  # its power is gone: 0 V in some milliseconds
+    stage.run(0.03)
+    stage.device.activate(stage.t_ns)
+    stage.run(3.0)
+
+    after = [drive_v for t_ns, (drive_v,) in writes if t_ns > writes[0][0] + 40_000_000]
+    assert "A7" in stage.faults() or "A1" in stage.faults()
+    assert not after or max(after) < 5.0
+    assert stage.state in {State.FAULT, State.SAFE}
+
+
+@pytest.mark.fault("P3")
+@pytest.mark.parametrize("kind", [Kind.READ_RAISES, Kind.WRITE_RAISES])
+def test_a_driver_that_raises_is_a_fault_and_no_crash(kind: Kind) -> None:
+    """The cycle goes on, the stage is held or blind within two cycles, and ends safe."""
+    stage = Faulty()
+    stage.fail(kind, 50)
+    first = stage.run(0.01)[3]
+    stage.run(6.0)
+
+    assert "P3" in stage.faults()
+    assert first.state in {State.HOLD, State.RAMP, State.BLIND}
+    assert stage.state in {State.SAFE, State.FAULT}
+
+
+@pytest.mark.fault("P4")
+def test_a_control_law_that_raises_holds_the_voltage(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mistake in the program is no reason to drop 100 V."""
+    stage = Faulty()
+
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(stage.controller.stage.axes[0].live, "update", broken)
+    before_v = stage.x.drive_v
+    after = stage.run(0.02)
+
+    assert "P4" in stage.faults()
+    assert {record.axes[0].drive_v for record in after} == {before_v}
+    assert stage.state == State.HOLD
+
+
+@pytest.mark.fault("L2")
+def test_a_long_gap_holds() -> None:
+    """Seven periods that were skipped at once: what was planned is no longer true."""
+    stage = Faulty()
+    stage.cycle(CycleTiming(0, 7, 10_000, 0, 0))
+
+    assert "L2" in stage.faults()
+    assert stage.state == State.HOLD
+
+
+@pytest.mark.fault("L5")
+def test_a_process_that_stood_still_ramps() -> None:
+    """A tenth of a second at once: nobody knows what the stage did meanwhile."""
+    stage = Faulty()
+    stage.cycle(CycleTiming(0, 100, 10_000, 0, 0))
+
+    assert "L5" in stage.faults()
+    assert stage.state == State.RAMP
+
+
+@pytest.mark.fault("L1")
+def test_a_single_overrun_is_counted_and_no_more() -> None:
+    """The stage goes on."""
+    stage = Faulty()
+    stage.cycle(CycleTiming(0, 1, 1_900_000, 0, 0))
+
+    assert stage.faults() == ["L1"]
+    assert stage.state == State.RUN
+
+
+@pytest.mark.fault("L4")
+def test_a_wall_clock_that_jumps_changes_nothing() -> None:
+    """Positions and voltages are those of a twin whose clock did not jump."""
+    jumped, twin = Faulty(), Faulty()
+    hour_ns = 3600 * 10**9
+    ours = [jumped.cycle(CycleTiming(0, 0, 10_000, hour_ns, 0)) for _ in range(500)]
+    theirs = [twin.cycle(CycleTiming(0, 0, 10_000, 0, 0)) for _ in range(500)]
+
+    assert [record.axes[0].drive_v for record in ours] == [
+        record.axes[0].drive_v for record in theirs
+    ]
+    assert jumped.faults() == ["L4"]
+
+
+@pytest.mark.fault("C9")
+def test_a_fault_in_feedforward_needs_no_sensor_to_be_told() -> None:
+    """A stream that stops is held, whatever the mode."""
+    stage = Faulty(Mode.FEEDFORWARD)
+    stage.do(rq.Stream(axes=("x",)))
+    stage.run(0.2)
+
+    assert stage.state == State.HOLD
