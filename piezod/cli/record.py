@@ -6,11 +6,14 @@ from typing import Annotated
 import typer
 
 from piezod.cli.options import JsonOption
-from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
+from piezod.cli.stage_options import SocketOption, StageOption, completion, connect, tell
 
 record = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Record every cycle, list and get records."
 )
+
+
+_names = completion(lambda client: [each.name for each in client.recordings().recordings])
 
 
 @record.command()
@@ -61,7 +64,12 @@ def list_records(
 
 @record.command()
 def get(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="As `piezod record list` tells it.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME", autocompletion=_names, help="As `piezod record list` tells it."
+        ),
+    ],
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Where to; left out: NAME.h5 in the current folder."),

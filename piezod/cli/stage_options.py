@@ -1,5 +1,6 @@
 """Which stage a verb talks to, and what verbs that talk to one have in common."""
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
@@ -19,15 +20,28 @@ def _stages(incomplete: str) -> list[str]:
     return [name for name in running_stages() if name.startswith(incomplete)]
 
 
-def _axes(incomplete: str) -> list[str]:
-    from piezod.client import StageClient
-    from piezod.errors import PiezodError
+def completion(
+    names: "Callable[[StageClient], Iterable[str]]",
+) -> Callable[[typer.Context, str], list[str]]:
+    """Return what completes a word with names that a stage has.
 
-    try:
-        with StageClient(name=CLIENT_NAME) as client:
-            return [name for name in client.status().axes if name.startswith(incomplete)]
-    except PiezodError:
-        return []  # an error text would be taken for what is completed
+    Args:
+        names: Asks the stage for them.
+    """
+
+    def complete(context: typer.Context, incomplete: str) -> list[str]:
+        from piezod.errors import PiezodError
+
+        try:
+            with connect(context.params.get("stage"), context.params.get("socket")) as client:
+                return [name for name in names(client) if name.startswith(incomplete)]
+        except PiezodError:
+            return []  # an error text would be taken for what is completed
+
+    return complete
+
+
+_axes = completion(lambda client: client.status().axes)
 
 
 StageOption: TypeAlias = Annotated[

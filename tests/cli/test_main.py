@@ -53,7 +53,7 @@ def test_help_of_a_verb(piezod: Command, verb: str) -> None:
 
 def test_help_imports_little() -> None:
     """What takes time to import is imported by the verbs that use it."""
-    slow = "{'h5py', 'matplotlib', 'numba', 'numpy', 'pydantic', 'rich', 'scipy', 'yaml'}"
+    slow = "{'h5py', 'httpx', 'matplotlib', 'numba', 'numpy', 'pydantic', 'rich', 'scipy', 'yaml'}"
     code = f"import sys; import piezod.cli.main; print({slow} & set(sys.modules))"
 
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)

@@ -199,12 +199,16 @@ def test_completion_can_be_shown(
         ("piezod params re", ["restore"]),
         ("piezod stop --stage b", ["bench"]),
         ("piezod goto 1 --axis ", ["x"]),
+        ("piezod goto 1 --stage no --axis ", []),
+        ("piezod record get 2026", ["20261121T120000Z"]),
     ],
 )
 def test_completion(
     piezod: Command, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, words: str, found: object
 ) -> None:
-    """Verbs, modes, running stages and their axes are completed."""
+    """Verbs, modes, running stages, and the names that a stage has, are completed."""
+    names = [{"name": "20261121T120000Z"}]
+    daemon.answers["GET recordings"] = {"running": None, "recordings": names}
     folder = daemon.socket_path.parent / "piezod" / "bench"
     folder.mkdir(parents=True)
     (folder / "api.sock").symlink_to(daemon.socket_path)
