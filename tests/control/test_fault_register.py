@@ -321,6 +321,23 @@ def test_a_reset_tells_what_it_had_to_leave(stage: Stage) -> None:
     assert stage.latched == ["A12"]
 
 
+@pytest.mark.fault("D6")
+def test_an_oscillation_that_goes_on_without_adapting_holds_the_stage(stage: Stage) -> None:
+    """After half a second, once."""
+    reactions = stage.cycles(SECOND, "D6")
+
+    assert reactions[0] is Reaction.DEGRADE
+    assert [k for k, r in enumerate(reactions) if r is Reaction.HOLD] == [SECOND // 2]
+
+
+def test_a_mild_fault_of_the_same_source_keeps_nothing_from_holding(stage: Stage) -> None:
+    """Late samples, then none."""
+    stage.cycle("S6")
+    stage.cycles(CAUSE_CYCLES, "S6")
+
+    assert stage.cycle("S6", "S5") is Reaction.HOLD
+
+
 def test_news_carry_what_was_measured(stage: Stage) -> None:
     """The value and the limit that it was compared with, and the rule that holds now."""
     stage.cycle(S5)
