@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from piezod.config import requests
+from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine
@@ -68,7 +69,7 @@ def warm_up(config: DaemonConfig) -> None:
     """
     controller = assemble(config, _Obedient(config), reads_back=True, memory_known=True)
     period_ns, t_ns = round(NS_PER_S / config.rate_hz), NS_PER_S
-    waves = {
+    waves: dict[str, WaveformConfig] = {
         name: Sine(kind="sine", low=axis.pace.low_um, high=axis.pace.high_um, frequency_hz=1.0)
         for name, axis in zip(config.axes, controller.stage.axes, strict=True)
     }
