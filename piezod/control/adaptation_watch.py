@@ -5,7 +5,7 @@ what may not teach them (D4, D7) the gate keeps away and counts.
 """
 
 from collections.abc import Sequence
-from math import isfinite
+from math import inf, isfinite
 from typing import Final
 
 from piezod.control.fault_register import Detection
@@ -16,6 +16,9 @@ from piezod.hysteresis.adaptation import AdaptiveIdentifier, Shadowed
 from piezod.hysteresis.normalisation import AffineRange
 from piezod.units import NS_PER_S
 
+RESTORED: Final = 3
+RESTORED_NS: Final = 30 * NS_PER_S
+"""Going back to the last good model so often in so long is more than a disturbance that passed."""
 DRIFT_LIMIT: Final = 0.3
 """The drive may differ by this part of its range from that of the identified model,"""
 DRIFT_NS: Final = 10 * NS_PER_S
@@ -48,7 +51,9 @@ class AdaptationWatch:
         self._axis, self._position_um = axis, position_um
         self._adaptation = adaptation
         self._shadowed = adaptation if isinstance(adaptation, Shadowed) else None
-        self._restored = 0
+        self._restored, self._restored_cycles = 0, [-inf] * RESTORED
+        self._cycles = 0
+        self._patience_cycles = max(RESTORED_NS // period_ns, 1)
         self._drift = ModelDrift(identified, adaptation) if identified is not None else None
         self._measured_cycles = max(MEASURED_NS // period_ns, 1)
         self._drift_cycles = max(DRIFT_NS // period_ns, 1)
@@ -67,10 +72,11 @@ class AdaptationWatch:
             closed: Whether the sample acts on the drive: mode `adaptive` or `trimmed`, in RUN.
             noise_um: Standard deviation of the sensor's noise.
         """
+        self._cycles += 1
         self._cycle += 1
         if self._cycle >= self._measured_cycles:
             self._measure()
-        restored = self._restores()
+        restored = self._keeps_restoring()
         if not closed:
             self._oscillation.forget()
             return (Detection("D2", self._axis),) if self._broken else _NOTHING
@@ -85,12 +91,13 @@ class AdaptationWatch:
             return _NOTHING
         return self._found(restored, drifted)
 
-    def _restores(self) -> int:
-        """Return how often the last good model was restored since it was asked last."""
-        if self._shadowed is None:
-            return 0
-        before, self._restored = self._restored, self._shadowed.restored
-        return self._restored - before
+    def _keeps_restoring(self) -> bool:
+        """Return whether the last good model has now been restored once too often."""
+        if self._shadowed is None or self._shadowed.restored == self._restored:
+            return False
+        self._restored = self._shadowed.restored
+        self._restored_cycles = [*self._restored_cycles[1:], self._cycles]
+        return self._cycles - self._restored_cycles[0] <= self._patience_cycles
 
     def _measure(self) -> None:
         drifted = self._drift.measure() if self._drift else 0.0
@@ -99,12 +106,12 @@ class AdaptationWatch:
         self._drifted_cycles = self._drifted_cycles + self._cycle if over else 0
         self._drifted, self._cycle = drifted, 0
 
-    def _found(self, restored: int, drifted: bool) -> Sequence[Detection]:
+    def _found(self, restored: bool, drifted: bool) -> Sequence[Detection]:
         found = []
         if self._broken:
             found.append(Detection("D2", self._axis))
         if restored:
-            found.append(Detection("D1", self._axis, restored, 0.0))
+            found.append(Detection("D1", self._axis, RESTORED, RESTORED - 1))
         if drifted:
             found.append(Detection("D5", self._axis, self._drifted, DRIFT_LIMIT))
         if self._oscillation.found:

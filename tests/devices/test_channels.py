@@ -7,6 +7,7 @@ import pytest
 
 from piezod.devices.channels import ChannelPair, Channels, served_axes
 from piezod.devices.interface import Capabilities, Identity, KnowsTruth, Sample
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError, DeviceUnavailableError
 
 
@@ -179,3 +180,38 @@ def test_a_device_that_is_absent_leaves_none_open() -> None:
         channels.open()
 
     assert fibre.done == ["open", "close"]
+
+
+class FakeTeller(FakeAmplifier):
+    """Says that its first axis is overloaded."""
+
+    def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - protocol
+        return [frozenset({DeviceFlag.OVERLOAD})] + [NO_FLAGS] * (len(self.axes) - 1)
+
+
+class FakeDimSensor(FakeSensor):
+    """Says that it has too little light."""
+
+    def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - protocol
+        return [frozenset({DeviceFlag.LOW_LIGHT})] * len(self.axes)
+
+
+def test_the_status_of_an_axis_is_that_of_both_its_devices() -> None:
+    """A device that tells none adds nothing; one that serves several axes tells each its own."""
+    axes = {"x": ChannelPair("dim", "teller"), "y": ChannelPair("silent", "teller")}
+    devices = {
+        "dim": FakeDimSensor(("x",)),
+        "silent": FakeSensor(("y",)),
+        "teller": FakeTeller(("x", "y")),
+    }
+
+    told = Channels(devices, axes).status(0)
+    assert told == [{DeviceFlag.OVERLOAD, DeviceFlag.LOW_LIGHT}, NO_FLAGS]
+
+
+def test_channels_whose_devices_tell_nothing_have_nothing_to_tell() -> None:
+    """There is nothing the matter with any axis."""
+    axes = {"x": ChannelPair("sensor", "amplifier")}
+    devices = {"sensor": FakeSensor(("x",)), "amplifier": FakeAmplifier(("x",))}
+
+    assert Channels(devices, axes).status(0) == [NO_FLAGS]

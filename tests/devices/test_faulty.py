@@ -1,0 +1,168 @@
+"""Tests of the device that fails on schedule."""
+
+import math
+import subprocess
+import sys
+from collections.abc import Sequence
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+
+from piezod.devices import registry
+from piezod.devices.faulty import FaultyDevice, FaultyError
+from piezod.devices.injections import Injection, Kind
+from piezod.devices.interface import Amplifier, Capabilities, Identity, KnowsTruth, Sample, Sensor
+from piezod.devices.status import NO_FLAGS, DeviceFlag, TellsStatus
+
+PIEZOD = Path(registry.__file__).parents[1]
+
+
+class Rig:
+    """Shows its time in µm, on both axes, and the voltages that it was given."""
+
+    def __init__(self) -> None:
+        self.drive_v: Sequence[float] = (0.0, 0.0)
+        self.done: list[str] = []
+
+    def open(self) -> Identity:
+        self.done.append("open")
+        return Identity("maker", "model", "serial", "firmware")
+
+    def capabilities(self) -> Capabilities:
+        return Capabilities(("x", "y"), read_back=True, max_rate_hz=1000.0)
+
+    def activate(self, now_ns: int) -> None:
+        self.done.append(f"activate {now_ns}")
+
+    def deactivate(self, now_ns: int) -> None:
+        self.done.append(f"deactivate {now_ns}")
+
+    def close(self) -> None:
+        self.done.append("close")
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        return [Sample(now_ns, float(now_ns), True)] * 2
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - protocol
+        self.drive_v = tuple(drive_v)
+        return True
+
+    def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - protocol
+        return self.drive_v
+
+
+def failing(kind: Kind, value: float = math.nan) -> FaultyDevice:
+    """Return a rig that fails on axis 1 from 10 to 20 ns."""
+    return FaultyDevice(Rig(), [Injection(kind, 10, 20, 1, value)])
+
+
+def shown(device: FaultyDevice) -> list[Sample]:
+    """Return the samples of axis 1 from 8 to 21 ns."""
+    return [device.read(t_ns)[1] for t_ns in range(8, 22)]
+
+
+def test_a_device_without_faults_is_the_device() -> None:
+    """It plays all roles, and passes everything on."""
+    rig = Rig()
+    device = FaultyDevice(rig)
+    device.open()
+    device.activate(1)
+    samples = device.read(2)
+    taken = device.write([1.0, 2.0], 3)
+    device.deactivate(4)
+    device.close()
+
+    assert isinstance(device, Sensor)
+    assert isinstance(device, Amplifier)
+    assert isinstance(device, KnowsTruth)
+    assert isinstance(device, TellsStatus)
+    assert (list(samples), taken, device.read_back(5)) == ([Sample(2, 2.0, True)] * 2, True, [1, 2])
+    assert device.status(5) == [NO_FLAGS, NO_FLAGS]
+    assert rig.done == ["open", "activate 1", "deactivate 4", "close"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "expected"),
+    [
+        (Kind.STUCK, math.nan, [10.0, 10.0]),
+        (Kind.REPLACED, math.inf, [math.inf, math.inf]),
+        (Kind.OFFSET, 5.0, [15.0, 16.0]),
+        (Kind.GAIN, -1.0, [-10.0, -11.0]),
+        (Kind.LATE, 3.0, [8.0, 8.0]),
+        (Kind.DUPLICATE, math.nan, [9.0, 9.0]),
+        (Kind.DROPPED, math.nan, [10.0, 11.0]),
+    ],
+)
+def test_a_faulty_displacement_is_so_from_start_to_end(
+    kind: Kind, value: float, expected: list[float]
+) -> None:
+    """And on its own axis alone."""
+    device = failing(kind, value)
+    samples = shown(device)
+
+    assert [sample.position_um for sample in samples[:4]] == [8.0, 9.0, *expected]
+    assert [sample.position_um for sample in samples[-2:]] == [20.0, 21.0]
+    assert [sample.valid for sample in samples[2:12]] == [kind is not Kind.DROPPED] * 10
+    assert device.read(30)[0] == Sample(30, 30.0, True)
+
+
+@pytest.mark.parametrize("kind", [Kind.NOISE, Kind.GARBAGE])
+def test_random_faults_are_the_same_each_time(kind: Kind) -> None:
+    """The seed decides."""
+    first, second = shown(failing(kind, 3.0)), shown(failing(kind, 3.0))
+
+    assert first == second
+    assert len({sample.position_um for sample in first}) == 14
+
+
+def test_late_samples_are_old_by_their_time_stamps_too() -> None:
+    """As those of a device that buffers; a duplicate likewise."""
+    assert [one.t_ns for one in shown(failing(Kind.LATE, 2.0))[2:5]] == [8, 9, 10]
+    assert [one.t_ns for one in shown(failing(Kind.DUPLICATE))[2:5]] == [9, 9, 9]
+
+
+def test_writes_are_refused_or_swallowed() -> None:
+    """Refused for all axes, swallowed on one; from the end on they count again."""
+    refusing, stuck = failing(Kind.REFUSED), failing(Kind.STUCK_OUTPUT)
+    answers = [
+        [device.write([float(t_ns)] * 2, t_ns) for t_ns in (9, 10, 20)]
+        for device in (refusing, stuck)
+    ]
+    stuck.write([21.0, 21.0], 15)
+
+    assert answers == [[True, False, True], [True, True, True]]
+    assert stuck.read_back(21) == [21.0, 20.0]
+
+
+def test_status_and_read_back_lie_when_told_to() -> None:
+    """On one axis."""
+    flagged = FaultyDevice(Rig(), [Injection(Kind.FLAGGED, 0, flag=DeviceFlag.LOCAL_MODE)])
+
+    assert flagged.status(5) == [{DeviceFlag.LOCAL_MODE}, NO_FLAGS]
+    assert failing(Kind.READ_BACK_OFFSET, 7.0).read_back(12) == [0.0, 7.0]
+
+
+def test_drivers_raise_when_told_to() -> None:
+    """What no driver may."""
+    with pytest.raises(FaultyError, match="read"):
+        failing(Kind.READ_RAISES).read(12)
+    with pytest.raises(FaultyError, match="wrote"):
+        failing(Kind.WRITE_RAISES).write([0.0, 0.0], 12)
+
+
+def test_nobody_but_a_test_can_ask_for_it() -> None:
+    """No driver is made of it, and nothing that runs imports it."""
+    plugins = [point.value for point in entry_points(group=registry.GROUP)]
+    code = "import sys, piezod.cli.main; print(any('faulty' in name for name in sys.modules))"
+    imported = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    sources = [
+        path.name
+        for path in PIEZOD.rglob("*.py")
+        if "piezod.devices.faulty" in path.read_text(encoding="utf-8")
+    ]
+
+    assert plugins
+    assert not any("faulty" in plugin for plugin in plugins)
+    assert imported.stdout.strip() == b"False"
+    assert sources == []
