@@ -17,17 +17,24 @@ OUTSIDE_WORLD = {
     "piezod/devices": {"pydantic"},
     "piezod/testing": set(),
 }
+# A rig that is a process of its own goes on in real time: it is no part of the loop.
+HAVE_A_CLOCK = {ROOT / "drivers/piezod_drivers/emulated/host.py"}
 MAX_LINES = 400
+
+
+def imported_by(file: Path) -> Iterator[str]:
+    """Name the top-level package of every import in a file."""
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield (node.module or "").partition(".")[0]
 
 
 def imported(folder: Path) -> Iterator[str]:
     """Name the top-level package of every import in a folder."""
     for file in folder.rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text())):
-            if isinstance(node, ast.Import):
-                yield from (alias.name.partition(".")[0] for alias in node.names)
-            elif isinstance(node, ast.ImportFrom):
-                yield (node.module or "").partition(".")[0]
+        yield from imported_by(file)
 
 
 @pytest.mark.parametrize("room", OUTSIDE_WORLD)
@@ -44,7 +51,9 @@ def test_room_imports_only_the_libraries_it_may(room: str) -> None:
 )
 def test_nothing_in_the_loop_reads_a_clock(folder: str, module: str) -> None:
     """Time is an argument everywhere below the code that paces the loop."""
-    assert module not in set(imported(ROOT / folder))
+    files = set((ROOT / folder).rglob("*.py")) - HAVE_A_CLOCK
+
+    assert not [file for file in files if module in imported_by(file)]
 
 
 def test_no_file_is_too_long_to_read() -> None:

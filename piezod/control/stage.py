@@ -122,6 +122,14 @@ class Stage:
             self.note(StageEvent(t_ns, severity, "state", f"{before} to {state}"))
         return refusal
 
+    def refusal(self, event: Event) -> str:
+        """Return why an edge would be refused whatever is latched; call it in the loop.
+
+        A latch is dropped only by a request that is not refused for another reason.
+        """
+        facts = self._facts()._replace(latched=False, no_entry=self.no_entry)
+        return step(self.state, event, facts).refusal
+
     def drive(self, steps: Sequence[Mapping[int, Drive]], t_ns: int, *, conditions: bool) -> None:
         """Begin to drive voltages, step by step; in IDENT; may be called in the loop.
 

@@ -14,7 +14,7 @@ from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.control.cycle import Cycle, CycleRecord
 from piezod.control.fault_register import Detection, News
-from piezod.control.fault_table import FAULTS, Reaction, Source, mask
+from piezod.control.fault_table import FAULTS, Reaction, mask
 from piezod.control.guard import Guard
 from piezod.control.loop_watch import CycleTiming, LoopWatch
 from piezod.control.stage import DRIVEN, SENSED, Stage
@@ -30,7 +30,7 @@ from piezod.units import NS_PER_S
 LONGEST_CYCLES = 2
 """So many periods count for the slew rate after a pause, however long it was."""
 
-_ADAPTING = mask(rule.id for rule in FAULTS if rule.source is Source.ADAPTATION)
+_ADAPTING = mask(rule.id for rule in FAULTS if rule.reaction is Reaction.DEGRADE)
 _EVENTS = {
     Reaction.HOLD: Event.FAULT_HOLD,
     Reaction.RAMP: Event.FAULT_RAMP,

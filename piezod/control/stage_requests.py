@@ -62,12 +62,12 @@ def _plain(stage: Stage, request: requests.Request, t_ns: int) -> Answer:
         case requests.Hold():
             event = Event.HOLD
         case requests.Resume():
-            why = stage.register.resume()
+            why = stage.refusal(Event.RESUME) or stage.register.resume()
             if why:
                 return Answer(False, why)
             event = Event.RESUME
         case requests.Reset(engineer=engineer):
-            why = stage.register.reset(engineer)
+            why = stage.refusal(Event.RESET) or stage.register.reset(engineer)
             if why:
                 return Answer(False, why)
             stage.boundary.activate(t_ns)

@@ -7,9 +7,8 @@ the calls, so that a fault comes in the same cycle each time.
 from collections import deque
 from collections.abc import Sequence
 from math import nan
+from random import Random
 from typing import Final, Protocol
-
-import numpy as np
 
 from piezod.devices.injections import Injection, Kind
 from piezod.devices.interface import Amplifier, Capabilities, Identity, KnowsTruth, Sample, Sensor
@@ -40,7 +39,7 @@ class FaultyDevice:
     ) -> None:
         self._inner = inner
         self.schedule = list(schedule)
-        self._random = np.random.default_rng(seed)
+        self._random = Random(seed)  # noqa: S311 - noise, no secret
         self._past: deque[Sequence[Sample]] = deque(maxlen=_REMEMBERED)
         self._frozen: dict[int, Sample] = {}
         self._drive_v: Sequence[float] = ()
@@ -147,7 +146,7 @@ class FaultyDevice:
             case Kind.GAIN:
                 position_um *= one.value
             case Kind.NOISE:
-                position_um += one.value * self._random.standard_normal()
+                position_um += one.value * self._random.gauss()
             case Kind.GARBAGE:
                 position_um = one.value * self._random.uniform(-1.0, 1.0)
             case Kind.DROPPED:

@@ -2,22 +2,27 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
+from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.yaml_loader import load_yaml
 from piezod.control.gains import check_known
 from piezod.control.model_files import read_model
+from piezod.control.stage_assembly import check_stage
 from piezod.devices import registry
-from piezod.errors import ConfigError, ModelError, Problem
+from piezod.errors import ConfigError, DataError, ModelError, Problem
+
+_OF_EXPERIMENTS: Final = ExperimentConfig.model_fields.keys() - DaemonConfig.model_fields.keys()
 
 
 class Kind(StrEnum):
     """What a file is."""
 
     EXPERIMENT = "experiment"
+    STAGE = "stage"
     MODEL = "model"
 
 
@@ -40,7 +45,7 @@ def check_file(path: Path) -> Checked:
     kind = None
     try:
         kind = _kind(path)
-        contents = _describe_model(path) if kind is Kind.MODEL else _describe_experiment(path)
+        contents = _DESCRIBE[kind](path)
     except ConfigError as error:
         return Checked(kind, "", error)
     return Checked(kind, contents, None)
@@ -52,11 +57,14 @@ def _kind(path: Path) -> Kind:
     of_model = len(keys & ModelFile.model_fields.keys())
     if of_experiment == of_model:
         what = (
-            "neither an experiment nor a model; allowed are experiments, with keys such as "
-            "`devices`, `axes`, `cases`, and models, with keys such as `format`, `method`, `fit`"
+            "no stage, experiment or model; allowed are stages, with keys such as `devices` and "
+            "`axes`, experiments, which have `cases` too, and models, with keys such as `format`, "
+            "`method`, `fit`"
         )
         raise ConfigError(Problem(str(path), 0, 0, "", what))
-    return Kind.EXPERIMENT if of_experiment > of_model else Kind.MODEL
+    if of_model > of_experiment:
+        return Kind.MODEL
+    return Kind.EXPERIMENT if keys & _OF_EXPERIMENTS else Kind.STAGE
 
 
 def _describe_experiment(path: Path) -> str:
@@ -70,10 +78,27 @@ def _describe_experiment(path: Path) -> str:
     return f"an experiment: {cases} in {modes} on {axes}"
 
 
+def _describe_stage(path: Path) -> str:
+    config = load_daemon(path, registry)
+    try:
+        check_stage(config)
+    except (DataError, ModelError) as error:
+        raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
+    axes = _count(len(config.axes), "axis", "axes")
+    return f"a stage: {axes} at {config.rate_hz:g} Hz"
+
+
 def _describe_model(path: Path) -> str:
     _, file = read_model(path)
     operators = _count(len(file.right_stop_thresholds), "operator")
     return f"a model: {operators} on each side, by {file.method}"
+
+
+_DESCRIBE: Final = {
+    Kind.EXPERIMENT: _describe_experiment,
+    Kind.STAGE: _describe_stage,
+    Kind.MODEL: _describe_model,
+}
 
 
 def _count(number: int, one: str, many: str = "") -> str:

@@ -166,6 +166,17 @@ def test_a_short_gap_ends_where_it_is_resumed() -> None:
     assert (held, stage.state) == (State.HOLD, State.RUN)
 
 
+def test_a_reset_that_is_refused_drops_no_latch() -> None:
+    """In HOLD it is too early for it; `resume` is still refused afterwards."""
+    stage = Faulty()
+    stage.fail(Kind.FLAGGED, 5, flag=DeviceFlag.OVERLOAD)
+    stage.run(1.5)
+    held = stage.state
+    reset, resumed = stage.ask(rq.Reset()), stage.ask(rq.Resume())
+
+    assert (held, reset.accepted, resumed.accepted) == (State.HOLD, False, False)
+
+
 @pytest.mark.fault("A7")
 def test_an_amplifier_that_collapses_is_taken_over_from_what_it_reads_back() -> None:
     """After BLIND the first write is what is in force, and the way down begins there."""

@@ -25,6 +25,13 @@ def test_experiment_is_described(tmp_path: Path, short: str) -> None:
     )
 
 
+def test_stage_is_described() -> None:
+    """The configuration that ships is one, its gains checked."""
+    kind, contents, error = check_file(Path(__file__).parents[2] / "config" / "simulated.yaml")
+
+    assert (kind, contents, error) == (Kind.STAGE, "a stage: 1 axis at 1000 Hz", None)
+
+
 @pytest.mark.parametrize(
     ("text", "kind", "problem"),
     [
@@ -50,4 +57,4 @@ def test_file_of_neither_kind(tmp_path: Path, text: str) -> None:
     kind, _, (problem,) = check(tmp_path, text)
 
     assert kind is None
-    assert problem.startswith("file.yaml: neither an experiment nor a model; allowed are")
+    assert problem.startswith("file.yaml: no stage, experiment or model; allowed are")
