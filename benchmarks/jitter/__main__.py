@@ -50,6 +50,7 @@ class Rounds:
                 with stage.loaded() as load:
                     self.runs[LOADED].append(stage.measure(pacing.seconds))
                 self._note(load, stage.counters, stage.report)
+                self.notes += stage.left_run
         except ClientError as error:
             self.notes.append(f"not armed: {error}")
 
@@ -75,9 +76,10 @@ class Rounds:
                 skipped, cycles = sum(run.skipped for run in runs), sum(map(_cycles, runs))
                 share = f"{skipped} of {cycles} ({100 * skipped / cycles:.3f} %)"
                 print(_row(f"{name}, wake-up", _wake(runs)), share)
-                if runs[0].write_ns.size:
-                    print(_row(f"{name}, write", np.concatenate([run.write_ns for run in runs])))
-                    print(_row(f"{name}, busy", np.concatenate([run.busy_ns for run in runs])))
+                for what in ("write", "busy"):
+                    late_ns = np.concatenate([getattr(run, f"{what}_ns") for run in runs])
+                    if late_ns.size:
+                        print(_row(f"{name}, {what}", late_ns))
         if self.runs[QUIET]:
             self._print_ratios()
         for note in self.notes:
@@ -90,7 +92,13 @@ class Rounds:
             print(f"  p99.9 at wake-up, {name} to floor: {ratio:.2f}")
         for what in ("wake_ns", "write_ns"):
             pairs = zip(self.runs[QUIET], self.runs[LOADED], strict=True)
-            each = [(_p999(getattr(a, what)), _p999(getattr(b, what))) for a, b in pairs]
+            each = [
+                (_p999(getattr(quiet, what)), _p999(getattr(loaded, what)))
+                for quiet, loaded in pairs
+                if getattr(quiet, what).size and getattr(loaded, what).size
+            ]
+            if not each:
+                continue
             change_us = [(loaded - quiet) / 1000 for quiet, loaded in each]
             percent = [100 * (loaded - quiet) / max(quiet, 1) for quiet, loaded in each]
             low, high = min(change_us), max(change_us)

@@ -18,6 +18,7 @@ from benchmarks.jitter.contenders import Lateness, Pacing
 from piezod.client import calls
 from piezod.client.stage_client import StageClient
 from piezod.config.modes import Mode
+from piezod.config.states import State
 from piezod.errors import ClientError
 from piezod.telemetry.ring import RingReader
 from piezod.telemetry.shared_map import SharedMap, attach
@@ -42,6 +43,8 @@ class Stage:
     def __init__(self, client: StageClient, shared: SharedMap) -> None:
         self._client, self._shared = client, shared
         self.report: list[dict[str, Any]] = shared.report()
+        self.left_run: list[str] = []
+        """What kept the stage from following the sine, run by run."""
 
     @property
     def counters(self) -> dict[str, int]:
@@ -56,6 +59,10 @@ class Stage:
         time.sleep(seconds)
         records = reader.last(reader.newest - before)
         wrote = records[records["write_late_ns"] >= 0]
+        if not np.all(records["state"] == list(State).index(State.RUN)):
+            status = self._client.call(calls.status())
+            faults = ", ".join(str(fault) for fault in status.faults)
+            self.left_run.append(f"not in RUN all the time, now {status.state}: {faults}")
         skipped = int(records["skipped"][-1] - records["skipped"][0])
         busy_ns = np.array(records["read_ns"] + records["compute_ns"] + records["write_ns"])
         return Lateness(
@@ -72,7 +79,11 @@ class Stage:
             time.sleep(2 * SETTLED_S)  # their imports
             yield told
             for burden in burdens:
-                told.update(json.loads(burden.communicate(timeout=30)[0]))
+                assert burden.stdin is not None  # noqa: S101 - it has a pipe
+                burden.stdin.close()
+            for burden in burdens:
+                assert burden.stdout is not None  # noqa: S101 - it has a pipe
+                told.update(json.loads(burden.stdout.read()))
         recording = self._client.call(calls.stop_recording())
         told.update({"recorded": recording.records, "recording lost": recording.lost})
 
