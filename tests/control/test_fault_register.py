@@ -1,48 +1,10 @@
 """What becomes of faults from cycle to cycle."""
 
-from collections.abc import Sequence
-
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from piezod.control.fault_register import CAUSE_CYCLES, GOOD_CYCLES, Detection, FaultRegister
-from piezod.control.fault_table import FAULTS, INDEX, FaultRule, Latch, Reaction, ids, mask
-
-PERIOD_NS = 1_000_000
-SECOND = 1000
-S5 = Detection("S5", 0, 4.0, 3.0)
-
-
-class Stage:
-    """A register whose time goes on by a period with each cycle."""
-
-    def __init__(self) -> None:
-        self.register = FaultRegister(reset_after_cycles=SECOND)
-        self.t_ns = 0
-        self.told: list[tuple[str, bool]] = []
-
-    def cycle(self, *faults: str | Detection) -> Reaction:
-        """Run a cycle in which these faults are found; return the reaction."""
-        self.t_ns += PERIOD_NS
-        found = [Detection(fault) if isinstance(fault, str) else fault for fault in faults]
-        reaction = self.register.update(found, self.t_ns)
-        self.told += [(news.rule.id, news.appeared) for news in self.register.news]
-        return reaction
-
-    def cycles(self, count: int, *faults: str) -> list[Reaction]:
-        """Run cycles in each of which these faults are found; return the reactions."""
-        return [self.cycle(*faults) for _ in range(count)]
-
-    @property
-    def present(self) -> list[str]:
-        """Ids of the faults that are present."""
-        return ids(self.register.present)
-
-    @property
-    def latched(self) -> list[str]:
-        """Ids of the faults that are latched."""
-        return ids(self.register.latched)
+from piezod.control.fault_register import CAUSE_CYCLES, GOOD_CYCLES, Detection
+from piezod.control.fault_table import FAULTS, INDEX, FaultRule, Reaction, ids, mask
+from tests.control.registered import S5, SECOND, Stage
 
 
 @pytest.fixture
@@ -351,52 +313,3 @@ def test_news_of_an_escalation_carry_the_worse_reaction(stage: Stage) -> None:
     stage.cycle("A3")
 
     assert [news.rule.reaction for news in stage.register.news] == [Reaction.RAMP]
-
-
-FOUND = st.lists(st.sets(st.sampled_from([rule.id for rule in FAULTS]), max_size=4), max_size=60)
-
-
-@given(found=FOUND)
-def test_suppression_never_weakens_the_reaction(found: Sequence[set[str]]) -> None:
-    """Whatever is found: something at least as strict is present, and was reacted to."""
-    stage = Stage()
-    for faults in found:
-        stage.cycle(*faults)
-        present = max((FAULTS[INDEX[fault]].reaction for fault in stage.present), default=0)
-
-        assert all(FAULTS[INDEX[fault]].reaction <= present for fault in faults)
-
-
-@given(found=FOUND, engineer=st.booleans(), wait=st.integers(0, 2 * SECOND))
-def test_after_a_second_without_faults_a_reset_ends_all(
-    found: Sequence[set[str]], engineer: bool, wait: int
-) -> None:
-    """What is then left needs an engineer; before, nothing present is dropped."""
-    stage = Stage()
-    for faults in found:
-        stage.cycle(*faults)
-    stage.cycles(wait)
-    present = stage.register.present & stage.register.latched
-    stage.register.reset(engineer)
-    left = {FAULTS[INDEX[fault]].latch for fault in stage.latched}
-
-    assert stage.register.latched & present == present
-    if wait >= SECOND:
-        assert left <= (set() if engineer else {Latch.L3})
-
-
-@given(found=FOUND)
-def test_each_fault_that_ends_has_begun(found: Sequence[set[str]]) -> None:
-    """The log pairs up: nothing ends twice, and what is over is in no mask."""
-    stage = Stage()
-    for faults in found:
-        stage.cycle(*faults)
-    stage.cycles(SECOND)
-    stage.register.reset(engineer=True)
-    stage.cycle()
-    begun = {fault for fault, appeared in stage.told if appeared}
-    last = dict(stage.told)
-
-    assert set(last) == begun
-    assert not any(last.values())
-    assert stage.register.present == stage.register.latched == 0

@@ -1,0 +1,39 @@
+"""A fault register in the hands of a test: cycles with faults, and what was told of them."""
+
+from piezod.control.fault_register import Detection, FaultRegister
+from piezod.control.fault_table import Reaction, ids
+
+PERIOD_NS = 1_000_000
+SECOND = 1000
+S5 = Detection("S5", 0, 4.0, 3.0)
+
+
+class Stage:
+    """A register whose time goes on by a period with each cycle."""
+
+    def __init__(self) -> None:
+        self.register = FaultRegister(reset_after_cycles=SECOND)
+        self.t_ns = 0
+        self.told: list[tuple[str, bool]] = []
+
+    def cycle(self, *faults: str | Detection) -> Reaction:
+        """Run a cycle in which these faults are found; return the reaction."""
+        self.t_ns += PERIOD_NS
+        found = [Detection(fault) if isinstance(fault, str) else fault for fault in faults]
+        reaction = self.register.update(found, self.t_ns)
+        self.told += [(news.rule.id, news.appeared) for news in self.register.news]
+        return reaction
+
+    def cycles(self, count: int, *faults: str) -> list[Reaction]:
+        """Run cycles in each of which these faults are found; return the reactions."""
+        return [self.cycle(*faults) for _ in range(count)]
+
+    @property
+    def present(self) -> list[str]:
+        """Ids of the faults that are present."""
+        return ids(self.register.present)
+
+    @property
+    def latched(self) -> list[str]:
+        """Ids of the faults that are latched."""
+        return ids(self.register.latched)
