@@ -60,7 +60,7 @@ class Stage:
         """Have it follow a wave, on a machine that may be too busy at first."""
 
         def runs() -> bool:
-            state = self.daemon.status()["state"]
+            state = self.daemon.status().get("state", "")
             if verb := NEXT_VERB.get(state):
                 wave = {"command_um": {"x": WAVE}, "duration_s": 600.0}
                 self.daemon.ask("POST", verb, wave if verb == "wave" else {})
@@ -127,3 +127,27 @@ def test_killed(stage: Stage, number: int) -> None:
     assert_gentle(trace)
     assert trace[-1].drive_v == SAFE_V
     assert stage.in_force_v() == pytest.approx(SAFE_V, abs=0.5)
+
+
+@pytest.mark.fault("P2")
+def test_restart_takes_over_where_the_rig_is(stage: Stage) -> None:
+    """Where nothing ramped down in between, the next daemon waits, and drives from there on."""
+    stage.run()
+    stage.go_on_for(50)
+    stage.kill("both")
+    left_v, before = stage.in_force_v(), len(stage.writes())
+    stage.daemon.start()
+    status = stage.daemon.until("FAULT", 90.0)
+    untouched = len(stage.writes()) == before
+
+    assert left_v > SAFE_V + 5
+    assert untouched
+    assert status["axes"]["x"]["drive_v"] == pytest.approx(left_v, abs=0.5)
+
+    stage.loop_pid = stage.daemon.loop_pid
+    stage.run()
+    stage.daemon.do("stop")
+    stage.daemon.until("SAFE")
+
+    assert_gentle(stage.writes())
+    assert stage.writes()[-1].drive_v == SAFE_V
