@@ -22,7 +22,7 @@ class FakeController:
     """
 
     def __init__(self, devices: TimedChannels, clock: FakeClock) -> None:
-        self._devices, self._clock = devices, clock
+        self._devices, self.clock = devices, clock
         self.finished = False
         self.state = State.RUN
         self.busy_ns = 0
@@ -60,7 +60,7 @@ class FakeController:
         self.timings.append(timing)
         sample = self._devices.read(t_ns)[0]
         read_back_v = self._devices.read_back(t_ns)[0]
-        self._clock.spend_ns(self.busy_ns)
+        self.clock.spend_ns(self.busy_ns)
         written = self.state is State.RUN and self._devices.write([7.5, 8.5], t_ns)
         axis = AxisRecord(
             sample.t_ns,

@@ -1,0 +1,195 @@
+"""The loop process before its first cycle, in this process."""
+
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from piezod.config.daemon import load_daemon
+from piezod.config.requests import Arm, Request, Shutdown
+from piezod.config.states import State
+from piezod.daemon.clock import MonotonicClock
+from piezod.daemon.last_output import LastOutputWriter
+from piezod.daemon.loop_devices import make_channels, starts_relaxed
+from piezod.daemon.loop_start import wait_for_devices
+from piezod.daemon.rate import (
+    MOST_CYCLES,
+    measure_busy_ns,
+    sustained_rate_hz,
+    usable_spin_ns,
+)
+from piezod.daemon.timed_channels import TimedChannels
+from piezod.devices import registry
+from piezod.devices.channels import ChannelPair, Channels
+from piezod.devices.interface import Identity
+from piezod.errors import DeviceUnavailableError
+from piezod.telemetry.events import EventReader
+from piezod.telemetry.layout import Layout
+from piezod.telemetry.mailbox import MailboxAnswer, MailboxWriter
+from piezod.telemetry.requests_codec import encode
+from piezod.telemetry.shared_map import SharedMap, create
+from piezod.telemetry.words import Word
+from piezod.testing.fake_clock import FakeClock
+from piezod_drivers.simulated.driver import SimulatedRig
+from piezod_drivers.simulated.options import Options
+from tests.daemon.fake_controller import FakeController
+from tests.daemon.waiting import eventually
+
+SIMULATED = Path(__file__).parents[2] / "config" / "simulated.yaml"
+ABSENT = "nothing answers; plug it in"
+
+
+class ShyRig(SimulatedRig):
+    """A rig that is absent until somebody lets it be there, or that breaks."""
+
+    def __init__(self, error: Exception | None = None) -> None:
+        super().__init__(Options(), ("x",), 1)
+        self.error = error
+
+    def open(self) -> Identity:
+        """Be opened, or not."""
+        if self.error is not None:
+            raise self.error
+        return super().open()
+
+
+class Waiting:
+    """A loop that waits for its devices in a thread of its own."""
+
+    def __init__(self, rig: ShyRig, shared: SharedMap) -> None:
+        self._rig, self._shared = rig, shared
+        self.outcome: bool | Exception | None = None
+        self._mailbox = MailboxWriter(shared)
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        channels = Channels({"rig": self._rig}, {"x": ChannelPair("rig", "rig")})
+        try:
+            self.outcome = wait_for_devices(channels, self._shared, MonotonicClock())
+        except RuntimeError as error:
+            self.outcome = error
+
+    def ask(self, request: Request) -> MailboxAnswer:
+        """Ask for something."""
+        number = self._mailbox.post(encode(request), time.monotonic_ns() + 10 * 10**9)
+        answer = eventually(lambda: self._mailbox.answer(number))
+        assert answer is not None
+        return answer
+
+    def ended(self) -> bool | Exception | None:
+        """Wait for the end; return what it gave."""
+        self._thread.join()
+        return self.outcome
+
+
+@pytest.fixture
+def shared(tmp_path: Path) -> SharedMap:
+    """Return a shared memory, of whose supervisor nobody has heard yet."""
+    return create(tmp_path / "loop.map", Layout(("x",), 64, 1_000_000))
+
+
+def test_present_devices_are_opened_at_once(shared: SharedMap) -> None:
+    """And the supervisor can see that they are."""
+    waiting = Waiting(ShyRig(), shared)
+
+    assert waiting.ended() is True
+    assert shared.words[Word.DEVICES_OPEN] == 1
+    assert shared.words[Word.HEALTHY_CYCLES] == 0
+
+
+def test_absent_devices_are_tried_until_they_are_there(shared: SharedMap) -> None:
+    """Meanwhile the process is BLIND and healthy, tells why, and refuses with that."""
+    rig, events = ShyRig(DeviceUnavailableError(ABSENT)), EventReader(shared)
+    waiting = Waiting(rig, shared)
+    eventually(lambda: shared.words[Word.HEALTHY_CYCLES] > 1)
+
+    answer = waiting.ask(Arm())
+    blind = shared.words[Word.LOOP_STATE]
+    rig.error = None
+
+    assert waiting.ended() is True
+    assert (answer.accepted, answer.why) == (False, ABSENT)
+    assert list(State)[blind] is State.BLIND
+    assert [event.text for event in events.read()[0]] == [ABSENT]
+
+
+def test_waiting_ends_on_request(shared: SharedMap) -> None:
+    """Who waits for a device can be told to end."""
+    waiting = Waiting(ShyRig(DeviceUnavailableError(ABSENT)), shared)
+
+    answer = waiting.ask(Shutdown())
+
+    assert answer.accepted
+    assert waiting.ended() is False
+
+
+def test_waiting_ends_without_supervisor(shared: SharedMap) -> None:
+    """Nobody is left who could tell it to end."""
+    assert Waiting(ShyRig(DeviceUnavailableError(ABSENT)), shared).ended() is False
+
+
+def test_broken_driver_ends_the_process(shared: SharedMap) -> None:
+    """What is no fault of a device is not tried again."""
+    outcome = Waiting(ShyRig(RuntimeError("a mistake")), shared).ended()
+
+    assert isinstance(outcome, RuntimeError)
+
+
+def test_stage_in_memory_starts_relaxed() -> None:
+    """The simulated rig is new each time; of a stage elsewhere nobody knows what it remembers."""
+    config = load_daemon(SIMULATED, registry)
+    rig = config.devices["rig"].model_copy(update={"driver": "emulated"})
+
+    assert starts_relaxed(config)
+    assert not starts_relaxed(config.model_copy(update={"devices": {"rig": rig}}))
+
+
+@pytest.fixture
+def controller(tmp_path: Path) -> FakeController:
+    """Return a disarmed controller on the simulated rig."""
+    clock = FakeClock(10**9)
+    devices = make_channels(load_daemon(SIMULATED, registry))
+    devices.open()
+    devices.activate(clock.now_ns())
+    timed = TimedChannels(devices, clock, LastOutputWriter(tmp_path / "output.map", 1))
+    controller = FakeController(timed, clock)
+    controller.state = State.SAFE
+    return controller
+
+
+def test_duration_of_a_cycle_is_that_of_most(controller: FakeController) -> None:
+    """The median over 200 cycles."""
+    controller.busy_ns = 50_000
+
+    busy_ns = measure_busy_ns(controller, controller.clock)
+
+    assert busy_ns == pytest.approx(50_000, abs=1000)
+    assert len(controller.timings) == MOST_CYCLES
+
+
+def test_slow_cycles_are_measured_for_a_short_time(controller: FakeController) -> None:
+    """A loop of one cycle a second is not kept from starting for minutes."""
+    controller.busy_ns = 100_000_000
+
+    measure_busy_ns(controller, controller.clock)
+
+    assert len(controller.timings) == 3
+
+
+@pytest.mark.parametrize(
+    ("busy_ns", "period_ns"), [(60_000, 1_000_000), (60_000, 100_000), (90_000, 100_000)]
+)
+def test_spinning_leaves_time_to_sleep(busy_ns: int, period_ns: int) -> None:
+    """A real-time thread that never sleeps loses 50 ms each second, so spinning gives way."""
+    spin_ns = usable_spin_ns(40_000, busy_ns, period_ns)
+
+    assert 0 <= spin_ns <= 40_000
+    assert spin_ns == 0 or spin_ns + busy_ns <= 0.8 * period_ns
+
+
+def test_rate_leaves_a_part_of_the_period_free() -> None:
+    """The longer a cycle takes, the lower the rate."""
+    assert sustained_rate_hz(100_000) < 10_000
+    assert sustained_rate_hz(100_000) == 2 * sustained_rate_hz(200_000)
