@@ -1,7 +1,6 @@
 """Tests of the watches on the simulated rig, with everything between client and devices."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import pytest
 
@@ -70,7 +69,7 @@ def test_nothing_is_found_on_a_healthy_stage_for_long(rate_hz: float, seed: int)
     stage.do(rq.Arm())
     for mode in Mode:
         stage.do(rq.SelectMode(mode=mode))
-        run_all(stage, 10_000 / rate_hz, 20_000 / rate_hz)
+        run_all(stage, 2000 / rate_hz, 5000 / rate_hz)
 
     assert stage.faults() == []
 
@@ -140,11 +139,3 @@ def test_a_stuck_sensor_stops_only_what_needs_it(mode: Mode, state: str) -> None
 
     assert stage.faults()[0] == ("S1" if mode is Mode.ADAPTIVE else "S13")
     assert stage.state == state
-
-
-def test_the_configuration_that_ships_is_the_one_that_is_tested() -> None:
-    """With its model."""
-    model = LiveStage().config.axes["x"].model
-
-    assert isinstance(model, Path)
-    assert model.name == "simulated-stack.yaml"
