@@ -34,8 +34,17 @@ def run(
     Nothing is driven before `piezod arm`. On the way out the voltage goes to the safe one. Exits
     with 75 where the stage has a daemon already, and with 1 where its loop ended by itself.
     """
-    from piezod.daemon.run_stage import run_stage
-    from piezod.daemon.run_terms import Options
+    from piezod.daemon.lock import Lock
+    from piezod.daemon.paths import stage_paths
 
-    if not run_stage(config, Options(strict_rt, require_device, shadow)):
+    paths = stage_paths(config)
+    paths.make_folders()
+    with Lock(paths.lock) as lock:
+        # Imported only now: whoever comes second shall not keep the machine busy beside a loop.
+        from piezod.daemon.run_stage import run_stage
+        from piezod.daemon.run_terms import Options
+
+        options = Options(strict_rt, require_device, shadow)
+        in_order = run_stage(config, options, paths, lock)
+    if not in_order:
         raise typer.Exit(FAILED)

@@ -10,6 +10,9 @@ HUNG_S: Final = 2.0
 """A loop without a healthy cycle for so long is killed. systemd's watchdog is quicker; this is for
 where there is none."""
 HUNG_PERIODS: Final = 5
+BLINK_NS: Final = NS_PER_S // 2
+"""A pause between two looks that is longer tells nothing of the loop: what stopped the supervisor
+may have stopped it too."""
 
 
 class LoopHealth:
@@ -25,13 +28,16 @@ class LoopHealth:
         self._fresh_ns = 2 * period_ns
         self._hung_ns = max(int(HUNG_S * NS_PER_S), HUNG_PERIODS * period_ns)
         self._cycles = 0
-        self._advanced_ns = now_ns
+        self._advanced_ns = self._looked_ns = now_ns
 
     def look(self, now_ns: int) -> bool:
         """Tell whether there were healthy cycles since the last look, or in the last two periods.
 
         The periods count for slow loops, of which not every look can find a new cycle.
         """
+        pause_ns, self._looked_ns = now_ns - self._looked_ns, now_ns
+        if pause_ns > BLINK_NS:
+            self._advanced_ns += pause_ns
         cycles = self._words[Word.HEALTHY_CYCLES]
         if cycles == self._cycles:
             return self.started and now_ns - self._advanced_ns <= self._fresh_ns

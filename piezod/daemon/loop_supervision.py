@@ -1,6 +1,5 @@
 """The loop process as its supervisor sees it: started, asked to end, replaced when it is gone."""
 
-import asyncio
 import os
 import subprocess
 import sys
@@ -25,7 +24,6 @@ END_GRACE_S: Final = 10.0
 """So much longer than its ramp the loop may take to end."""
 RAMP_DOWN_WITHIN_S: Final = 60.0
 """A ramp-down that has not ended by then has failed."""
-_POLL_S: Final = 0.02
 
 _log = logger("supervisor")
 
@@ -50,25 +48,29 @@ class LoopRun:
         self.loop.beat(time.monotonic_ns())
         self._paths = paths
         self._process: subprocess.Popen[bytes] | None = None
+        self._not_started = False
         self._overdue_ns = 0
 
     def start(self, *, unclean: bool = False) -> None:
-        """Start the process.
+        """Start the process; one that cannot be started has ended with code 1.
 
         Args:
             unclean: Whether the daemon did not end in order last time.
-
-        Raises:
-            OSError: If there is no memory or no process left for it.
         """
         self.loop.shared.words[Word.UNCLEAN] = unclean
         runtime, config_file = str(self._paths.runtime), str(self.config_file)
-        self._process = _start("piezod.daemon.loop_process", runtime, config_file)
+        try:
+            self._process = _start("piezod.daemon.loop_process", runtime, config_file)
+        except OSError as error:
+            _log.error("loop not started", why=str(error))
+            self._not_started = True
 
     @property
     def exit_code(self) -> int | None:
         """Exit code of the process, negative for a signal; None while it runs."""
-        return self._process.poll() if self._process else None
+        if self._process is None:
+            return 1 if self._not_started else None
+        return self._process.poll()
 
     def ask_to_end(self) -> bool:
         """Ask the loop to ramp down and end; tell whether it was asked in time until now."""
@@ -87,12 +89,6 @@ class LoopRun:
         """End the process at once."""
         if self._process is not None:
             self._process.kill()
-
-    async def wait(self) -> int:
-        """Wait for the end of the process; return its exit code."""
-        while (code := self.exit_code) is None:
-            await asyncio.sleep(_POLL_S)
-        return code
 
 
 class RampDown:

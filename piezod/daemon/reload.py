@@ -68,11 +68,14 @@ async def exchange(
 
     Returns:
         Whether the new one came up; else a loop with the old configuration has been started.
+
+    Raises:
+        OSError: If there is no room for the new configuration; the loop runs as before.
     """
-    old = run.loop.config
-    await _end(run)
-    slot = run.config_file.parent.name
+    old, slot = run.loop.config, run.config_file.parent.name
+    # Made while the old one runs: where the disk is full, that one goes on.
     fresh = LoopRun(paths, new, "config-b" if slot == "config-a" else "config-a")
+    await _end(run)
     use(fresh)
     fresh.start()
     if await _up(fresh):

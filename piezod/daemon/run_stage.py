@@ -10,50 +10,52 @@ from piezod.daemon.logging import set_up_logging
 from piezod.daemon.loop_supervision import RampDown
 from piezod.daemon.marker import Marker
 from piezod.daemon.notify import Notifier
-from piezod.daemon.paths import stage_paths
+from piezod.daemon.paths import StagePaths
 from piezod.daemon.run_terms import Ending, Options
 from piezod.daemon.supervisor import Supervisor
 from piezod.errors import DeviceUnavailableError
 
 
-def run_stage(source: Path, options: Options) -> bool:
+def run_stage(source: Path, options: Options, paths: StagePaths, lock: Lock) -> bool:
     """Run the daemon of a stage until it is told to stop, or its loop is gone.
 
     Args:
         source: The configuration file.
         options: What the command line adds to it.
+        paths: The files of the stage.
+        lock: Its lock, which was taken before anything else; released where `piezod safe` is run.
 
     Returns:
         Whether it ended in order, the output at the safe voltage.
 
     Raises:
-        AlreadyRunningError: If another daemon owns the stage; nothing of it was touched.
         ConfigError: If the configuration is not valid; no device was opened.
         DeviceUnavailableError: If a device had to be there and was absent.
         OSError: If a file of the stage cannot be made.
     """
     set_up_logging()
     faulthandler.enable()  # says where we were when systemd's watchdog ends us
-    paths = stage_paths(source)
-    paths.make_folders()
-    with Lock(paths.lock) as lock:
-        config = accepted_config.load(source, strict_rt=options.strict_rt)
-        marker = Marker(paths.running)
-        marker.put()
-        supervisor = Supervisor(source, paths, config, options, Notifier())
-        ending = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
-        if ending in (Ending.IN_ORDER, Ending.ABSENT):
-            paths.loop_map.unlink(missing_ok=True)
-            # What an earlier run left in force nobody has seen to where there was no device.
-            if supervisor.run_of_loop.loop.opened or not marker.unclean:
-                marker.remove()
+    config = accepted_config.load(source, strict_rt=options.strict_rt)
+    marker = Marker(paths.running)
+    marker.put()
+    supervisor = Supervisor(source, paths, config, options, Notifier())
+    ending, safe = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
+    if ending in (Ending.IN_ORDER, Ending.ABSENT):
+        paths.loop_map.unlink(missing_ok=True)
+        # What an earlier run left in force nobody has seen to where there was no device.
+        if supervisor.run_of_loop.loop.opened or not marker.unclean:
+            marker.remove()
     if ending is Ending.ABSENT:
         raise DeviceUnavailableError("a device of this stage is absent; the log says which")
-    return ending is Ending.IN_ORDER
+    return ending is Ending.IN_ORDER or (ending is Ending.UNSAFE and safe)
 
 
-async def _run(supervisor: Supervisor, lock: Lock, *, unclean: bool) -> Ending:
-    """Run; where the loop did not leave the stage safe, have that done before all else."""
+async def _run(supervisor: Supervisor, lock: Lock, *, unclean: bool) -> tuple[Ending, bool]:
+    """Run; where the loop did not leave the stage safe, have that done before all else.
+
+    Returns:
+        How it ended, and whether the output is known to be at the safe voltage.
+    """
     try:
         ending = await supervisor.run(unclean=unclean)
     except BaseException:
@@ -61,9 +63,8 @@ async def _run(supervisor: Supervisor, lock: Lock, *, unclean: bool) -> Ending:
         raise
     if ending in (Ending.IN_ORDER, Ending.ABSENT):
         await supervisor.close()
-        return ending
+        return ending, ending is Ending.IN_ORDER
     lock.release()
     ramp_down = RampDown(supervisor.run_of_loop.config_file)
     await supervisor.close()
-    verified = ramp_down.wait()
-    return Ending.IN_ORDER if verified and ending is Ending.UNSAFE else ending
+    return ending, ramp_down.wait()

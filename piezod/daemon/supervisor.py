@@ -162,6 +162,8 @@ class Supervisor:
         self._exchanging, self._link.available = True, False
         try:
             came_up = await exchange(self.run_of_loop, self._paths, new, self._use)
+        except OSError as error:
+            raise NotNowError(f"not exchanged: {error}", "make room on the disk") from error
         finally:
             self._exchanging, self._link.available = False, True
         if not came_up:

@@ -129,7 +129,7 @@ class Daemon:
         """Send it a signal."""
         self.process.send_signal(number)
 
-    def exit_code(self, within_s: float = 40.0) -> int:
+    def exit_code(self, within_s: float = 90.0) -> int:
         """Wait for its end; return its exit code."""
         return self.process.wait(within_s)
 
@@ -164,7 +164,7 @@ def configuration(folder: Path, **replaced: str) -> Path:
     """
     text = SHIPPED.read_text(encoding="utf-8")
     text = text.replace("models/", f"{SHIPPED.parent}/models/")
-    for key, value in {"rate_hz": "100", **replaced}.items():
+    for key, value in {"rate_hz": "20", **replaced}.items():
         text, count = re.subn(rf"^( *{key}:).*$", rf"\1 {value}", text, flags=re.MULTILINE)
         assert count == 1, key
     path = folder / "rig.yaml"

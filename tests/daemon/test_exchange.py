@@ -53,6 +53,8 @@ class Exchanged:
         self.runs[0].start()
         watching = asyncio.create_task(self._watch())
         try:
+            while not self.runs[0].loop.health.started:
+                await asyncio.sleep(0.01)
             came_up = await exchange(self.runs[0], self._paths, new, self.runs.append)
             self.code_of_first = self.runs[0].exit_code
             self.config = self.runs[-1].loop.config

@@ -53,3 +53,16 @@ def test_loop_hangs_after_two_seconds_or_five_periods(tmp_path: Path) -> None:
     assert not health.hung(5 * NS_PER_S)
     assert health.hung(5 * NS_PER_S + 1)
     assert health.age_s(NS_PER_S) == 1
+
+
+def test_pause_of_the_supervisor_is_none_of_the_loop(tmp_path: Path) -> None:
+    """A machine that stood still for a minute does not make the loop hang."""
+    shared = _shared(tmp_path, 1_000_000)
+    health = LoopHealth(shared, 0)
+    shared.words[Word.HEALTHY_CYCLES] = 1
+    health.look(0)
+
+    health.look(60 * NS_PER_S)
+
+    assert not health.hung(62 * NS_PER_S)
+    assert health.hung(62 * NS_PER_S + 1)

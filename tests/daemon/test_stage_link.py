@@ -1,89 +1,29 @@
 """The stage as the HTTP service sees it, over a loop that drives nothing."""
 
 import asyncio
-import os
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Iterator
 from math import isnan, nan
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 import pytest
 
 from piezod.config.daemon import DaemonConfig
-from piezod.config.modes import Mode
 from piezod.config.requests import AdoptModel, Arm, Goto, Shutdown
 from piezod.config.states import State
 from piezod.control.fault_table import FAULTS
-from piezod.control.learning_gate import GateReason
 from piezod.control.stage_record import Answer
 from piezod.daemon import accepted_config
-from piezod.daemon.loop_connection import LoopConnection
-from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import (
     AuditEntry,
     BadValueError,
     NotNowError,
-    Peer,
-    Role,
     UnavailableError,
     UnknownNameError,
 )
-from piezod.daemon.stage_link import StageLink
-from piezod.telemetry.layout import Layout
 from piezod.telemetry.learned import LearnedWriter
-from piezod.telemetry.ring import RingWriter
-from piezod.telemetry.shared_map import create
 from piezod.telemetry.stream import StreamReader
-from piezod.telemetry.words import Word
-from tests.daemon.fake_loop import FakeLoop
-
-PEER = Peer(os.getuid(), os.getpid(), "somebody", "test", Role.ENGINEER)
-T = TypeVar("T")
-
-
-class Bench:
-    """A link over a memory that no loop shares yet."""
-
-    def __init__(self, folder: Path, config: DaemonConfig, *, shadow: bool = False) -> None:
-        self.paths = StagePaths("rig", folder / "runtime", folder / "state")
-        self.paths.make_folders()
-        self.config = config
-        self.loop = self.connection()
-        self.stopped: list[str] = []
-        self.link = StageLink(
-            self.paths, self.loop, stop=self.stopped.append, reload=self._reload, shadow=shadow
-        )
-
-    def connection(self) -> LoopConnection:
-        """Make the memory of a loop."""
-        return LoopConnection(self.config, create(self.paths.loop_map, Layout.of(self.config)))
-
-    def do(self, call: Callable[[StageLink], Awaitable[T]], answer: Answer | None = None) -> T:
-        """Call the link while a loop answers."""
-
-        async def called() -> T:
-            return await call(self.link)
-
-        with FakeLoop(self.loop.shared, answer) as loop:
-            result = asyncio.run(called())
-        self.requests = loop.requests
-        return result
-
-    def record(self, state: State, present: int = 0, **axis: float) -> None:
-        """Write a record, as a loop does."""
-        shared = self.loop.shared
-        shared.words[Word.LOOP_STATE] = list(State).index(state)
-        cycle = [1, 0, 0, 0, 0, 0, 0, present & (2**64 - 1), present >> 64, 0, 0]
-        numbers = ["position_um", "command_um", "target_um", "uncompensated_v", "asked_v"]
-        numbers += ["drive_v", "in_force_v", "read_back_v", "trim_um"]
-        mode, gate = list(Mode).index(Mode.ADAPTIVE), list(GateReason).index(GateReason.OPEN)
-        values = [axis.get(name, nan) for name in numbers]
-        fields = [*cycle, list(State).index(state), 0, 1, 1, *values, mode, gate, 1, 4]
-        RingWriter(shared).append(fields)
-
-    async def _reload(self, peer: Peer) -> dict[str, Any]:
-        return {"by": peer.user}
+from tests.daemon.bench import PEER, Bench
 
 
 @pytest.fixture
@@ -262,6 +202,6 @@ def test_audit_is_read_newest_first(bench: Bench) -> None:
 
 def test_configuration_and_reload_are_passed_on(bench: Bench) -> None:
     """What is in force is told as JSON."""
-    assert bench.link.config()["rate_hz"] == 100
+    assert bench.link.config()["rate_hz"] == 20
     assert asyncio.run(bench.link.reload(PEER)) == {"by": "somebody"}
-    assert bench.link.realtime()["rate_hz"] == 100
+    assert bench.link.realtime()["rate_hz"] == 20

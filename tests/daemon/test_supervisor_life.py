@@ -93,11 +93,11 @@ def test_second_start_leaves_the_first_alone(start: StartDaemon, rig_file: Path)
     pid = daemon.loop_pid
     before = daemon.paths.api_socket.stat()
     lock = daemon.paths.lock.read_text()
-    others = [daemon.another() for _ in range(4)]
+    others = [daemon.another() for _ in range(2)]
 
-    codes = [other.wait(40) for other in others]
+    codes = [other.wait() for other in others]
 
-    assert codes == [75] * 4
+    assert codes == [75, 75]
     assert daemon.until("SAFE")["stage"] == "rig"
     assert (daemon.loop_pid, daemon.paths.lock.read_text()) == (pid, lock)
     assert daemon.paths.api_socket.stat() == before

@@ -1,0 +1,72 @@
+"""A link to a stage over a memory that no loop shares yet."""
+
+import asyncio
+import os
+from collections.abc import Awaitable, Callable
+from math import nan
+from pathlib import Path
+from typing import Any, TypeVar
+
+from piezod.config.daemon import DaemonConfig
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.control.learning_gate import GateReason
+from piezod.control.stage_record import Answer
+from piezod.daemon.loop_connection import LoopConnection
+from piezod.daemon.paths import StagePaths
+from piezod.daemon.service.stage_service import Peer, Role
+from piezod.daemon.stage_link import StageLink
+from piezod.telemetry.layout import Layout
+from piezod.telemetry.ring import RingWriter
+from piezod.telemetry.shared_map import create
+from piezod.telemetry.words import Word
+from tests.daemon.fake_loop import FakeLoop
+
+PEER = Peer(os.getuid(), os.getpid(), "somebody", "test", Role.ENGINEER)
+T = TypeVar("T")
+
+
+class Bench:
+    """A link over a memory that no loop shares yet."""
+
+    def __init__(self, folder: Path, config: DaemonConfig, *, shadow: bool = False) -> None:
+        self.paths = StagePaths("rig", folder / "runtime", folder / "state")
+        self.paths.make_folders()
+        self.config = config
+        self.loop = self.connection()
+        self.stopped: list[str] = []
+        self.link = StageLink(
+            self.paths, self.loop, stop=self.stopped.append, reload=self._reload, shadow=shadow
+        )
+
+    def connection(self) -> LoopConnection:
+        """Make the memory of a loop."""
+        return LoopConnection(self.config, create(self.paths.loop_map, Layout.of(self.config)))
+
+    def do(self, call: Callable[[StageLink], Awaitable[T]], answer: Answer | None = None) -> T:
+        """Call the link while a loop answers."""
+
+        async def called() -> T:
+            return await call(self.link)
+
+        with FakeLoop(self.loop.shared, answer) as loop:
+            result = asyncio.run(called())
+        self.requests = loop.requests
+        return result
+
+    def record(
+        self, state: State, present: int = 0, *, shadow: bool = False, **axis: float
+    ) -> None:
+        """Write a record, as a loop does; numbers that are not given are NaN."""
+        shared = self.loop.shared
+        shared.words[Word.LOOP_STATE] = list(State).index(state)
+        cycle = [1, 0, 0, 0, 0, 0, 0, present & (2**64 - 1), present >> 64, 0, 0]
+        numbers = ["position_um", "command_um", "target_um", "uncompensated_v", "asked_v"]
+        numbers += ["drive_v", "in_force_v", "read_back_v", "trim_um"]
+        mode, gate = list(Mode).index(Mode.ADAPTIVE), list(GateReason).index(GateReason.OPEN)
+        values = [axis.get(name, nan) for name in numbers]
+        fields = [*cycle, list(State).index(state), shadow, True, 1, *values, mode, gate, 1, 4]
+        RingWriter(shared).append(fields)
+
+    async def _reload(self, peer: Peer) -> dict[str, Any]:
+        return {"by": peer.user}
