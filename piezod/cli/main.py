@@ -19,6 +19,8 @@ from piezod.cli.emulate import emulate
 from piezod.cli.exit_codes import exit_code, text_of
 from piezod.cli.experiment import experiment
 from piezod.cli.identify import identify
+from piezod.cli.init import init
+from piezod.cli.install_service import install_service
 from piezod.cli.interrupt import INTERRUPTED, TEXT, Interrupted, interruptible
 from piezod.cli.run import run as run_daemon
 from piezod.cli.safe import safe
@@ -34,7 +36,7 @@ app = typer.Typer(
     "running, 77 permission, 78 configuration, 130 interrupted, 1 anything else. Errors go to "
     "stderr; so does progress, on a terminal.",
 )
-for verb in (experiment, identify, check, drivers, emulate, safe):
+for verb in (experiment, identify, check, drivers, emulate, init, safe, install_service):
     app.command()(verb)
 app.command(name="run")(run_daemon)
 add_client_verbs(app)

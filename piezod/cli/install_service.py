@@ -1,0 +1,101 @@
+"""`piezod install-service`: the daemon as a service of systemd."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from piezod.cli.options import JsonOption
+
+_ACTIVATE = (
+    "systemd-sysusers piezod.conf",
+    "systemd-tmpfiles --create piezod.conf",
+    "udevadm control --reload && udevadm trigger",
+    "systemctl daemon-reload",
+)
+_USE = (
+    "cp -r CONFIGURATION.yaml models /etc/piezod/   # examples: piezod init",
+    "usermod -aG piezod-view,piezod USER   # whoever may move the stage",
+    "systemctl enable --now piezod@CONFIGURATION",
+)
+
+
+def install_service(
+    root: Annotated[
+        Path, typer.Option(metavar="DIR", help="Write below this folder, to make a package.")
+    ] = Path("/"),
+    piezod: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Command that the service runs; left out: this one."),
+    ] = None,
+    uninstall: Annotated[
+        bool, typer.Option("--uninstall", help="Remove what was installed.")
+    ] = False,
+    json: JsonOption = False,
+) -> None:
+    """Install the systemd service of the daemon, for this machine, as root.
+
+    Writes the unit `piezod@.service`, one instance of which runs one stage, rules for udev, and
+    the definitions of users and folders. Then tells the commands that put them to use.
+    """
+    from piezod.daemon import service_files
+
+    service_files.check_root(root)
+    if uninstall:
+        _tell("removed", service_files.uninstall(root), _ACTIVATE[-1:], json=json)
+        return
+    from piezod.cli.shipped import shipped
+
+    command = piezod or _this_command()
+    if root == Path("/"):
+        _check_reachable(command)
+    try:
+        written = service_files.install(shipped("systemd"), root, command)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--piezod") from error
+    _tell("written", written, (*_ACTIVATE, *_USE), json=json)
+
+
+def _this_command() -> Path:
+    import shutil
+    import sysconfig
+
+    places = (Path(sys.executable).parent, Path(sysconfig.get_path("scripts")))
+    found = shutil.which("piezod", path=":".join(map(str, places)))
+    if found is None:
+        what = f"needed: the command is neither in {places[0]} nor in {places[1]}"
+        raise typer.BadParameter(what, param_hint="--piezod")
+    return Path(found)
+
+
+def _check_reachable(command: Path) -> None:
+    """Refuse a command that the service could not start: it would fail later and tell less."""
+    from piezod.daemon.service_files import why_unreachable
+
+    if not command.is_file():
+        raise typer.BadParameter(f"no such file (got {command})", param_hint="--piezod")
+    parts = [command]
+    with command.open("rb") as file:
+        first = file.readline()
+    if first.startswith(b"#!/"):
+        parts.append(Path(first[2:].split()[0].decode()))
+    for part in parts:
+        if why := why_unreachable(part):
+            what = f"{part.resolve()}: {why}; install piezod elsewhere: python3 -m venv /opt/piezod"
+            raise typer.BadParameter(
+                f"{what}, then /opt/piezod/bin/pip install piezod", param_hint="--piezod"
+            )
+
+
+def _tell(what: str, files: list[Path], commands: tuple[str, ...], *, json: bool) -> None:
+    if json:
+        from piezod.cli.output import print_json
+
+        print_json({what: [str(file) for file in files], "next": list(commands)})
+        return
+    for file in files:
+        typer.echo(f"{what}: {file}")
+    typer.echo("\nNext, as root:")
+    for command in commands:
+        typer.echo(f"  {command}")
