@@ -119,7 +119,7 @@ class Loop:
     def _execute(self, payload: bytes, t_ns: int) -> Answer:
         try:
             request = decode(payload)
-        except (ValueError, TypeError, EOFError, KeyError) as error:
+        except ValueError as error:
             return Answer(accepted=False, why=f"the request cannot be read: {error}")
         return self._controller.execute(request, t_ns)
 

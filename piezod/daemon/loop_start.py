@@ -41,6 +41,7 @@ def wait_for_devices(channels: Channels, shared: SharedMap, clock: Clock) -> boo
             return False
     if opening.crash is not None:
         raise opening.crash
+    desk.opened(clock.now_ns())
     shared.words[Word.DEVICES_OPEN] = 1
     return True
 
@@ -71,9 +72,21 @@ class _Desk:
             self._publisher.events([StageEvent(now_ns, "error", "device", absent, "A1")])
         while (taken := self._mailbox.take(now_ns)) is not None:
             number, payload = taken
-            if isinstance(decode(payload), Shutdown):
+            if _is_shutdown(payload):
                 self._mailbox.answer(number, accepted=True, motion=0, why="")
                 return False
             why = absent or "the loop is starting; try again in some seconds"
             self._mailbox.answer(number, accepted=False, motion=0, why=why)
         return not self._supervisor.lost(now_ns, 0)
+
+    def opened(self, now_ns: int) -> None:
+        """Tell that the devices are there, where somebody was told that they are not."""
+        if self._told:
+            self._publisher.events([StageEvent(now_ns, "info", "device", "the devices are open")])
+
+
+def _is_shutdown(payload: bytes) -> bool:
+    try:
+        return isinstance(decode(payload), Shutdown)
+    except ValueError:
+        return False

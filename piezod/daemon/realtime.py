@@ -19,7 +19,7 @@ from piezod.telemetry.shared_map import SharedMap
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _KEEP_BYTES: Final = 1 << 30
 _MMAP_BYTES: Final = 32 << 20  # the largest that glibc takes
-_MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
+_MCL_CURRENT, _MCL_FUTURE = 1, 2
 _PR_SET_TIMERSLACK: Final = 29
 _OWN_PARTS: Final = ("answers", "learned", "events", "ring")
 _DMA_LATENCY: Final = Path("/dev/cpu_dma_latency")
@@ -80,12 +80,11 @@ class Realtime:
         return "kept"
 
     def _lock_memory(self) -> str:
-        if self._libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0:
-            return "locked"
-        error = ctypes.get_errno()
-        if self._libc.mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT) == 0:
-            return "locked as it is used"
-        raise OSError(error, f"{os.strerror(error)}; allow it by LimitMEMLOCK=infinity")
+        # MCL_ONFAULT would be no way out: the kernel compares the same size with the same limit.
+        if self._libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:
+            error = ctypes.get_errno()
+            raise OSError(error, f"{os.strerror(error)}; allow it by LimitMEMLOCK=infinity")
+        return "locked"
 
     def _touch_shared(self) -> str:
         for name in _OWN_PARTS:

@@ -112,7 +112,7 @@ def test_absent_devices_are_tried_until_they_are_there(shared: SharedMap) -> Non
     assert waiting.ended() is True
     assert (answer.accepted, answer.why) == (False, ABSENT)
     assert list(State)[blind] is State.BLIND
-    assert [event.text for event in events.read()[0]] == [ABSENT]
+    assert [event.text for event in events.read()[0]] == [ABSENT, "the devices are open"]
 
 
 def test_waiting_ends_on_request(shared: SharedMap) -> None:
@@ -123,6 +123,21 @@ def test_waiting_ends_on_request(shared: SharedMap) -> None:
 
     assert answer.accepted
     assert waiting.ended() is False
+
+
+def test_what_is_no_request_is_refused_like_one(shared: SharedMap) -> None:
+    """It does not end the process."""
+    rig = ShyRig(DeviceUnavailableError(ABSENT))
+    waiting = Waiting(rig, shared)
+    mailbox = MailboxWriter(shared)
+
+    number = mailbox.post(b"junk", time.monotonic_ns() + 10 * 10**9)
+    answer = eventually(lambda: mailbox.answer(number))
+    rig.error = None
+
+    assert answer is not None
+    assert not answer.accepted
+    assert waiting.ended() is True
 
 
 def test_waiting_ends_without_supervisor(shared: SharedMap) -> None:
