@@ -151,7 +151,9 @@ class CompensatedAxis:
     @property
     def at_end_of_range(self) -> bool:
         """Whether the voltage in force is the lowest or the highest that the range allows."""
-        return self._in_force_v in {self._limits.drive_min_v, self._limits.drive_max_v}
+        low_v, high_v, _ = self._limits
+        rounding_v = 1e-9 * (high_v - low_v)
+        return not low_v + rounding_v < self._in_force_v < high_v - rounding_v
 
     @property
     def in_force_v(self) -> float:

@@ -88,6 +88,8 @@ def _answer(refusal: str, motion: int = 0) -> Answer:
 
 
 def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
+    if stage.state is State.SAFE:
+        stage.register.resume()  # what only held the stage, and is gone, holds nothing any more
     refusal = stage.go(Event.ARM, t_ns)
     if refusal:
         return Answer(False, refusal)

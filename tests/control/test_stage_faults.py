@@ -238,6 +238,20 @@ def test_a_long_gap_holds() -> None:
     assert stage.state == State.HOLD
 
 
+@pytest.mark.fault("L2")
+def test_a_gap_while_disarmed_is_over_when_it_is_over() -> None:
+    """There was nothing to hold: arming needs no `resume` or `reset` before it."""
+    stage = LiveStage()
+    stage.cycle()
+    stage.cycle(CycleTiming(0, 7, 10_000, 0, 0))
+    too_early = stage.ask(rq.Arm())
+    stage.run(0.1)
+    stage.do(rq.Arm())
+
+    assert "L2" in stage.faults()
+    assert not too_early.accepted
+
+
 @pytest.mark.fault("L5")
 def test_a_process_that_stood_still_ramps() -> None:
     """A tenth of a second at once: nobody knows what the stage did meanwhile."""
