@@ -34,9 +34,12 @@ def run(
     Nothing is driven before `piezod arm`. On the way out the voltage goes to the safe one. Exits
     with 75 where the stage has a daemon already, and with 1 where its loop ended by itself.
     """
+    import faulthandler
+
     from piezod.daemon.lock import Lock
     from piezod.daemon.paths import stage_paths
 
+    faulthandler.enable()  # says where we were when systemd's watchdog ends us
     paths = stage_paths(config)
     paths.make_folders()
     with Lock(paths.lock) as lock:

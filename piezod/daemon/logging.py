@@ -45,11 +45,16 @@ class RateLimit:
         return event
 
 
-def set_up_logging(stream: TextIO = sys.stderr, environ: Mapping[str, str] = os.environ) -> None:
+def set_up_logging(stream: TextIO | None = None, environ: Mapping[str, str] = os.environ) -> None:
     """Send the log of this process to a stream, in the form that its reader wants.
 
     The libraries' own loggers end up there too, from warnings on.
+
+    Args:
+        stream: Where to; left out: stderr.
+        environ: The environment variables.
     """
+    stream = stream or sys.stderr
     shared: list[Processor] = [
         structlog.contextvars.merge_contextvars,
         structlog.processors.add_log_level,

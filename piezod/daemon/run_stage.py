@@ -1,7 +1,6 @@
 """A stage from its configuration file to the end of its daemon."""
 
 import asyncio
-import faulthandler
 from pathlib import Path
 
 from piezod.daemon import accepted_config
@@ -34,7 +33,6 @@ def run_stage(source: Path, options: Options, paths: StagePaths, lock: Lock) -> 
         OSError: If a file of the stage cannot be made.
     """
     set_up_logging()
-    faulthandler.enable()  # says where we were when systemd's watchdog ends us
     config = accepted_config.load(source, strict_rt=options.strict_rt)
     marker = Marker(paths.running)
     marker.put()

@@ -18,7 +18,7 @@ from piezod.daemon.service.stage_service import Peer, Role
 from piezod.daemon.stage_link import StageLink
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.ring import RingWriter
-from piezod.telemetry.shared_map import create
+from piezod.telemetry.shared_map import SharedMap, create
 from piezod.telemetry.words import Word
 from tests.daemon.fake_loop import FakeLoop
 
@@ -58,15 +58,21 @@ class Bench:
         self, state: State, present: int = 0, *, shadow: bool = False, **axis: float
     ) -> None:
         """Write a record, as a loop does; numbers that are not given are NaN."""
-        shared = self.loop.shared
-        shared.words[Word.LOOP_STATE] = list(State).index(state)
-        cycle = [1, 0, 0, 0, 0, 0, 0, present & (2**64 - 1), present >> 64, 0, 0]
-        numbers = ["position_um", "command_um", "target_um", "uncompensated_v", "asked_v"]
-        numbers += ["drive_v", "in_force_v", "read_back_v", "trim_um"]
-        mode, gate = list(Mode).index(Mode.ADAPTIVE), list(GateReason).index(GateReason.OPEN)
-        values = [axis.get(name, nan) for name in numbers]
-        fields = [*cycle, list(State).index(state), shadow, True, 1, *values, mode, gate, 1, 4]
-        RingWriter(shared).append(fields)
+        write_record(self.loop.shared, state, present, shadow=shadow, **axis)
 
     async def _reload(self, peer: Peer) -> dict[str, Any]:
         return {"by": peer.user}
+
+
+def write_record(
+    shared: SharedMap, state: State, present: int = 0, *, shadow: bool = False, **axis: float
+) -> None:
+    """Write a record of a stage with one axis; numbers that are not given are NaN."""
+    shared.words[Word.LOOP_STATE] = list(State).index(state)
+    cycle = [1, 0, 0, 0, 0, 0, 0, present & (2**64 - 1), present >> 64, 0, 0]
+    numbers = ["position_um", "command_um", "target_um", "uncompensated_v", "asked_v"]
+    numbers += ["drive_v", "in_force_v", "read_back_v", "trim_um"]
+    mode, gate = list(Mode).index(Mode.ADAPTIVE), list(GateReason).index(GateReason.OPEN)
+    values = [axis.get(name, nan) for name in numbers]
+    fields = [*cycle, list(State).index(state), shadow, True, 1, *values, mode, gate, 1, 4]
+    RingWriter(shared).append(fields)

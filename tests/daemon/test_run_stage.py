@@ -1,0 +1,237 @@
+"""A stage from start to end within this process, with a loop that drives nothing."""
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from subprocess import Popen
+from typing import Any, NamedTuple
+
+import httpx
+import pytest
+import structlog
+
+from piezod.config.states import State
+from piezod.daemon import loop_supervision
+from piezod.daemon.lock import Lock
+from piezod.daemon.paths import StagePaths
+from piezod.daemon.run_stage import run_stage
+from piezod.daemon.run_terms import Options
+from piezod.errors import ConfigError, DeviceUnavailableError
+from piezod.telemetry.shared_map import attach
+from piezod.telemetry.words import Word
+from tests.daemon.bench import write_record
+from tests.daemon.daemons import configuration, is_alive
+from tests.daemon.waiting import eventually
+
+FAKE = Path(__file__).with_name("fake_loop.py")
+
+
+class Rig(NamedTuple):
+    """A stage that can be run.
+
+    Attributes:
+        config: Its configuration.
+        paths: Its files.
+        processes: What was started, as the module and the process.
+        safe_codes: The exit code of `piezod safe`, in a list.
+    """
+
+    config: Path
+    paths: StagePaths
+    processes: list[tuple[str, "Popen[bytes]"]]
+    safe_codes: list[int]
+
+    def run(self, during: Callable[[], None], options: Options | None = None) -> bool:
+        """Run the stage; meanwhile do something, and end it after that."""
+
+        def then_end() -> None:
+            try:
+                self.up()
+                during()
+            finally:
+                if self.paths.api_socket.exists():
+                    self.ask("POST", "shutdown", {})
+
+        self.paths.make_folders()
+        with Lock(self.paths.lock) as lock, ThreadPoolExecutor(1) as beside:
+            doing = beside.submit(then_end)
+            try:
+                return run_stage(self.config, options or Options(), self.paths, lock)
+            finally:
+                doing.result()
+
+    def up(self) -> None:
+        """Wait for the first healthy cycle."""
+        eventually(lambda: self.paths.api_socket.exists() and self.processes)
+        eventually(lambda: attach(self.paths.loop_map).words[Word.HEALTHY_CYCLES])
+
+    def ask(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
+        """Send a request to the HTTP interface."""
+        transport = httpx.HTTPTransport(uds=str(self.paths.api_socket))
+        with httpx.Client(transport=transport, base_url="http://stage/v1", timeout=20) as client:
+            return client.request(method, path, json=body)
+
+
+@pytest.fixture
+def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
+    """Return a stage whose loop, and whose ramp-down, drive nothing."""
+    processes: list[tuple[str, Popen[bytes]]] = []
+    safe_codes = [0]
+
+    def started(module: str, *arguments: str) -> "Popen[bytes]":
+        if arguments[0] == "safe":
+            command = [sys.executable, "-c", f"raise SystemExit({safe_codes[0]})"]
+        else:
+            command = [sys.executable, str(FAKE), *arguments]
+        process = Popen(command)
+        processes.append((module, process))
+        return process
+
+    monkeypatch.setattr(loop_supervision, "_start", started)
+    monkeypatch.chdir(tmp_path)  # a socket's path is short, and pytest's folders are not
+    paths = StagePaths("rig", Path("runtime"), Path("state"))
+    yield Rig(configuration(tmp_path), paths, processes, safe_codes)
+    structlog.reset_defaults()
+    for _, process in processes:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+
+
+def _modules(rig: Rig) -> list[str]:
+    return [module for module, _ in rig.processes]
+
+
+def test_stage_ends_in_order(rig: Rig) -> None:
+    """A loop that ends because it was asked to leaves nothing to be done."""
+    told: list[httpx.Response] = []
+
+    in_order = rig.run(lambda: told.append(rig.ask("GET", "health")))
+
+    assert in_order
+    assert told[0].status_code == 200
+    assert _modules(rig) == ["piezod.daemon.loop_process"]
+    assert not rig.paths.running.exists()
+    assert not rig.paths.api_socket.exists()
+
+
+@pytest.mark.fault("P1")
+def test_signal_ends_it_in_order(rig: Rig) -> None:
+    """SIGTERM does what a request to shut down does."""
+    assert rig.run(lambda: os.kill(os.getpid(), signal.SIGTERM))
+
+
+@pytest.mark.parametrize("safe_code", [0, 1])
+def test_lost_loop_is_no_orderly_end(
+    rig: Rig, safe_code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The stage is ramped down, the log says with which success, and the mark stays."""
+    rig.safe_codes[0] = safe_code
+
+    in_order = rig.run(lambda: _kill_and_wait(rig, signal.SIGKILL))
+
+    assert not in_order
+    assert _modules(rig) == ["piezod.daemon.loop_process", "piezod.cli.main"]
+    assert ("UNKNOWN" in capsys.readouterr().err) == bool(safe_code)
+    assert rig.paths.running.exists()
+
+
+@pytest.mark.fault("L3")
+def test_hung_loop_is_killed(rig: Rig, capsys: pytest.CaptureFixture[str]) -> None:
+    """A loop that has no cycles any more is ended, and the stage ramped down."""
+    in_order = rig.run(lambda: _kill_and_wait(rig, signal.SIGSTOP))
+
+    assert not in_order
+    assert "it runs no cycles any more" in capsys.readouterr().err
+    assert _modules(rig) == ["piezod.daemon.loop_process", "piezod.cli.main"]
+
+
+def _kill_and_wait(rig: Rig, number: int) -> None:
+    pid = rig.processes[0][1].pid
+    os.kill(pid, number)
+    eventually(lambda: not rig.paths.api_socket.exists())
+    assert not is_alive(pid)
+
+
+def test_device_that_must_be_there(rig: Rig) -> None:
+    """With --require-device an absent one is an error, and the end is orderly."""
+    with pytest.raises(DeviceUnavailableError, match="absent"):
+        rig.run(lambda: None, Options(require_device=True))
+
+    assert not rig.paths.running.exists()
+
+
+@pytest.mark.parametrize(("safe_code", "in_order"), [(0, True), (1, False)])
+def test_stage_that_its_loop_left_unsafe_is_ramped_down(
+    rig: Rig, safe_code: int, in_order: bool
+) -> None:
+    """An end that was asked for counts as orderly where `piezod safe` reaches the voltage."""
+    rig.safe_codes[0] = safe_code
+
+    def drive() -> None:
+        shared = attach(rig.paths.loop_map, writable=True)
+        write_record(shared, State.FAULT, drive_v=80.0)
+
+    assert rig.run(drive) is in_order
+    assert _modules(rig) == ["piezod.daemon.loop_process", "piezod.cli.main"]
+    assert rig.paths.running.exists()
+
+
+@pytest.mark.fault("P2")
+def test_mark_of_an_earlier_run_stays_where_no_device_was_opened(rig: Rig) -> None:
+    """Nobody has seen to what that run left in force."""
+    rig.paths.make_folders()
+    rig.paths.running.touch()
+    unclean: list[int] = []
+
+    rig.run(lambda: unclean.append(attach(rig.paths.loop_map).words[Word.UNCLEAN]))
+
+    assert unclean == [1]
+    assert rig.paths.running.exists()
+
+
+@pytest.mark.fault("P11")
+def test_reload_within_the_service(rig: Rig) -> None:
+    """A changed file is taken, an invalid one is not, and the service answers all the time."""
+    answers: list[httpx.Response] = []
+
+    def reload() -> None:
+        configuration(rig.config.parent, rate_hz="25")
+        answers.append(rig.ask("POST", "reload", {}))
+        configuration(rig.config.parent, rate_hz="0")
+        answers.append(rig.ask("POST", "reload", {}))
+        answers.append(rig.ask("GET", "config"))
+
+    assert rig.run(reload)
+    assert [answer.status_code for answer in answers] == [200, 422, 200]
+    assert answers[0].json()["changes"] == ["rate_hz"]
+    assert answers[2].json()["rate_hz"] == 25
+
+
+def test_recording_keeps_the_configuration(rig: Rig) -> None:
+    """A recording knows the configuration that it began with."""
+    answers: list[httpx.Response] = []
+
+    def reload() -> None:
+        rig.ask("POST", "recordings/start", {})
+        answers.append(rig.ask("POST", "reload", {}))
+
+    assert rig.run(reload)
+    assert answers[0].status_code == 409
+    assert "goes on" in answers[0].text
+
+
+@pytest.mark.fault("P10")
+def test_bad_configuration_starts_nothing(rig: Rig) -> None:
+    """No process is started and no mark is made."""
+    configuration(rig.config.parent, rate_hz="0")
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock) as lock, pytest.raises(ConfigError, match="rate_hz"):
+        run_stage(rig.config, Options(), rig.paths, lock)
+
+    assert rig.processes == []
+    assert not rig.paths.running.exists()
