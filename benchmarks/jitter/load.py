@@ -1,8 +1,8 @@
 """What keeps a daemon busy: `python -m benchmarks.jitter.load SOCKET WHAT`, until stdin is closed.
 
 `streams`: three clients have telemetry streamed to them at the highest rate. `requests`: one asks
-for the status 40 times a second; the daemon allows a process no more than 50. At the end it prints
-as JSON how much of that there really was.
+for the status 40 times a second; the daemon allows a process no more than 50. It prints "ready"
+when it has begun, and at the end as JSON how much of that there really was.
 """
 
 import asyncio
@@ -43,12 +43,16 @@ async def asking(socket: Path, counts: dict[str, int]) -> None:
 async def main(socket: Path, what: str) -> None:
     """Be a burden until stdin is closed."""
     counts = {"telemetry": 0, "requests": 0, "refused": 0}
-    start_s = time.monotonic()
     if what == "streams":
         burdens = [streamed(socket, number, counts) for number in range(STREAMS)]
     else:
         burdens = [asking(socket, counts)]
     tasks = [asyncio.create_task(burden) for burden in burdens]
+    while not any(counts.values()) and not any(task.done() for task in tasks):
+        await asyncio.sleep(0.01)
+    print("ready", flush=True)
+    start_s = time.monotonic()
+    counts.update(dict.fromkeys(counts, 0))
     ended = asyncio.create_task(asyncio.to_thread(sys.stdin.read))
     await asyncio.wait([ended, *tasks], return_when=asyncio.FIRST_COMPLETED)
     for task in tasks:

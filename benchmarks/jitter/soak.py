@@ -19,6 +19,7 @@ def main(seconds: int) -> None:
     """Run and print."""
     pacing = Pacing(1000.0, seconds, 60, max(os.sched_getaffinity(0)), 40_000)
     with running(pacing) as stage, stage.loaded():
+        stage.measure(1.0)
         for line in range(LINES + 1):
             if line:
                 time.sleep(seconds / LINES)

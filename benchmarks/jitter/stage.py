@@ -29,6 +29,7 @@ SHIPPED = REPOSITORY / "config" / "simulated.yaml"
 LOAD = ("streams", *5 * ("requests",))
 STARTED_WITHIN_S = 90.0
 SETTLED_S = 1.0
+ARMED_WITHIN_S = 10.0
 WAVE = {"x": {"kind": "sine", "low": 1.0, "high": 20.0, "frequency_hz": 2.0}}
 
 
@@ -53,7 +54,12 @@ class Stage:
         return {word.name.lower(): self._shared.words[word] for word in words}
 
     def measure(self, seconds: float) -> Lateness:
-        """Return what the loop noted of itself while nobody looked."""
+        """Return what the loop noted of itself while nobody looked.
+
+        Raises:
+            ClientError: If the stage cannot be armed, as where the rate is too high.
+        """
+        self._follow()
         reader = RingReader(self._shared)
         before = reader.newest
         time.sleep(seconds)
@@ -69,6 +75,21 @@ class Stage:
             np.array(records["late_ns"]), np.array(wrote["write_late_ns"]), skipped, busy_ns
         )
 
+    def _follow(self) -> None:
+        end_s = time.monotonic() + ARMED_WITHIN_S
+        while self._client.call(calls.status()).state != State.RUN:
+            try:
+                if self._client.call(calls.status()).state == State.FAULT:
+                    self._client.call(calls.reset(engineer=True))
+                self._client.call(calls.arm())
+                self._client.call(calls.mode(Mode.ADAPTIVE))
+                self._client.call(calls.wave(WAVE, 3600.0))
+            except ClientError:
+                if time.monotonic() > end_s:
+                    raise
+                time.sleep(0.2)
+        time.sleep(SETTLED_S)
+
     @contextmanager
     def loaded(self) -> Iterator[Mapping[str, float]]:
         """Keep the daemon busy; what it was kept busy with is in the mapping afterwards."""
@@ -76,7 +97,9 @@ class Stage:
         self._client.call(calls.start_recording("jitter"))
         with ExitStack() as loads:
             burdens = [loads.enter_context(self._burden(what)) for what in LOAD]
-            time.sleep(2 * SETTLED_S)  # their imports
+            for burden in burdens:
+                assert burden.stdout is not None  # noqa: S101 - it has a pipe
+                burden.stdout.readline()  # "ready"
             yield told
             for burden in burdens:
                 assert burden.stdin is not None  # noqa: S101 - it has a pipe
@@ -96,11 +119,7 @@ class Stage:
 
 @contextmanager
 def running(pacing: Pacing) -> Iterator[Stage]:
-    """Start a daemon with folders of its own, arm it, have it follow a sine.
-
-    Raises:
-        ClientError: If it cannot be armed, as where the rate is too high.
-    """
+    """Start a daemon with folders of its own."""
     with tempfile.TemporaryDirectory(prefix="pz-", dir="/dev/shm") as folder:
         config = Path(folder) / "stage.yaml"
         text = SHIPPED.read_text(encoding="utf-8").replace("models/", f"{SHIPPED.parent}/models/")
@@ -117,7 +136,7 @@ def running(pacing: Pacing) -> Iterator[Stage]:
             try:
                 runtime = Path(folder) / "piezod" / "stage"
                 with StageClient(socket=_socket(runtime, daemon)) as client:
-                    yield _following(client, runtime)
+                    yield Stage(client, attach(runtime / "loop.map"))
             finally:
                 daemon.terminate()
                 daemon.wait(timeout=30)
@@ -135,19 +154,3 @@ def _socket(runtime: Path, daemon: "subprocess.Popen[bytes]") -> Path:
             pass
         time.sleep(0.1)
     raise SystemExit(f"piezod run did not start; see {runtime.parents[1] / 'log'}")
-
-
-def _following(client: StageClient, runtime: Path) -> Stage:
-    end_s = time.monotonic() + STARTED_WITHIN_S
-    while True:
-        try:
-            client.call(calls.arm())
-            break
-        except ClientError:
-            if time.monotonic() > end_s:
-                raise
-            time.sleep(0.1)
-    client.call(calls.mode(Mode.ADAPTIVE))
-    client.call(calls.wave(WAVE, 3600.0))
-    time.sleep(SETTLED_S)
-    return Stage(client, attach(runtime / "loop.map"))

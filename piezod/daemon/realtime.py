@@ -8,6 +8,7 @@ import ctypes
 import gc
 import os
 import struct
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -21,6 +22,7 @@ _KEEP_BYTES: Final = 1 << 30
 _MMAP_BYTES: Final = 32 << 20  # the largest that glibc takes
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _PR_SET_TIMERSLACK: Final = 29
+_ENDING_LOOKS: Final = 100
 _OWN_PARTS: Final = ("answers", "learned", "events", "ring")
 _DMA_LATENCY: Final = Path("/dev/cpu_dma_latency")
 
@@ -135,7 +137,12 @@ def _carried_out(
 
 
 def _only_thread() -> str:
-    return str(len(list(Path("/proc/self/task").iterdir())))
+    for _ in range(_ENDING_LOOKS):
+        threads = len(list(Path("/proc/self/task").iterdir()))
+        if threads == 1:
+            break
+        time.sleep(0.001)  # one that has been joined may still be ending
+    return str(threads)
 
 
 def _stop_collecting() -> str:
