@@ -59,11 +59,10 @@ def main(runtime: Path, config_file: Path) -> None:
     known = starts_relaxed(config) and not shared.words[Word.UNCLEAN]
     reads_back = channels.capabilities().read_back
     controller = assemble(config, timed, reads_back=reads_back, memory_known=known)
-    # Kept in a name: what it holds is held as long as the loop runs.
+    busy_ns = measure_busy_ns(controller, clock)
     realtime = Realtime(config.loop, shared)
     steps = realtime.set_up()
     shared.set_report([step._asdict() for step in steps])
-    busy_ns = measure_busy_ns(controller, clock)
     _admit(controller, config, shared, channels, steps, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, shared.layout.period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, shared.layout.period_ns, spin_ns))
@@ -73,6 +72,8 @@ def main(runtime: Path, config_file: Path) -> None:
         text = f"the loop failed: {error!r}; report it, with the log"
         loop.publisher.events([StageEvent(clock.now_ns(), "error", "crash", text)])
         raise
+    finally:
+        realtime.leave()
     channels.deactivate(clock.now_ns())
     channels.close()
 

@@ -71,6 +71,11 @@ class Realtime:
         )
         return list(_carried_out(steps))
 
+    def leave(self) -> None:
+        """Be an ordinary process again: to end takes long, and other loops need the processor."""
+        # The flag stays: only root may take it back.
+        os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
+
     def _keep_heap(self) -> str:
         # Before memory is locked: what malloc gives back and takes again would be locked anew.
         for option, value in (

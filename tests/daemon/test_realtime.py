@@ -34,6 +34,7 @@ print(json.dumps({
     "policy": os.sched_getscheduler(0),
     "collecting": gc.isenabled(),
     "frozen": gc.get_freeze_count(),
+    "policy afterwards": (realtime.leave(), os.sched_getscheduler(0))[1],
 }))
 """
 
@@ -66,6 +67,7 @@ def test_what_is_reported_is_so(map_file: Path, power: str) -> None:
     assert steps["garbage collection"]["ok"]
     assert not found["collecting"]
     assert found["frozen"] > 0
+    assert found["policy afterwards"] & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
 
 
 def test_process_without_rights_is_told_what_to_do(map_file: Path) -> None:
