@@ -1,12 +1,19 @@
 """`piezod experiment`: an experiment file becomes a table of errors, figures and data."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import check_writable, existing_file
+from piezod.cli.stage_options import SocketOption, StageOption, connect
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from piezod.config.experiment import ExperimentConfig
+    from piezod.records.recording import ExperimentResult
 
 
 def experiment(
@@ -29,9 +36,18 @@ def experiment(
         int | None,
         typer.Option(min=0, max=2**32 - 1, help="Use this seed and not the file's."),
     ] = None,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live",
+            help="Run its cases on a running stage, with that one's devices, axes, rate and model.",
+        ),
+    ] = False,
+    stage: StageOption = None,
+    socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Run an experiment in virtual time and write a report.
+    """Run an experiment, in virtual time or on a running stage, and write a report.
 
     Prints the errors of each case in each mode, in % of the displacement's range, which method made
     the model, what to beware of, and where the report is.
@@ -45,6 +61,10 @@ def experiment(
     from piezod.experiment.reference import reference_of
     from piezod.experiment.run import run_experiment
 
+    if live and seed is not None:
+        raise typer.BadParameter("a running stage has none to give", param_hint="'--seed'")
+    if not live and (stage or socket):
+        raise typer.BadParameter("--stage and --socket need --live")
     config = load_experiment(file, registry)
     if seed is not None:
         config = config.model_copy(update={"seed": seed})
@@ -53,7 +73,11 @@ def experiment(
     check_writable(folder)
     with progress_bar() as progress:
         text = file.read_text(encoding="utf-8-sig")
-        result = run_experiment(config, text, config.title or file.stem, progress)
+        what = config, text, config.title or file.stem
+        if live:
+            result = _run_live(*what, stage, socket, progress)
+        else:
+            result = run_experiment(*what, progress)
         progress("writing the report", 1.0)
         reference = reference_of(config)
         report = write_outputs(folder, result, reference)
@@ -61,3 +85,17 @@ def experiment(
         print_json(as_document(result, report))
     else:
         print_result(new_console(), result, reference, report)
+
+
+def _run_live(
+    config: "ExperimentConfig",
+    text: str,
+    title: str,
+    stage: str | None,
+    socket: Path | None,
+    progress: "Callable[[str, float], None]",
+) -> "ExperimentResult":
+    from piezod.experiment.live_run import run_live
+
+    with connect(stage, socket) as client:
+        return run_live(config, text, title, client, progress)

@@ -49,7 +49,7 @@ def run_experiment(
         recordings=tuple(run.recording for run in runs),
         identifications=tuple(axis.account for axis in identified.values()),
         configuration=configuration,
-        versions=_versions(),
+        versions=versions(),
         seed=config.seed,
         rate_hz=config.rate_hz,
         warnings=(
@@ -80,6 +80,7 @@ def _seconds(config: ExperimentConfig) -> float:
     return runs + config.identification.settle_s + config.identification.duration_s
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Return the versions of the programs that make a result, by name."""
     names = ("piezod", "numpy", "numba", "scipy", "pydantic", "h5py", "matplotlib")
     return {"python": platform.python_version(), **{name: version(name) for name in names}}
