@@ -48,27 +48,38 @@ def test_the_page_shows_no_fault_twice_and_all_in_the_order_of_the_table() -> No
     assert [fault for fault in ROWS if fault in INDEX] == list(INDEX)
 
 
-def test_the_page_says_which_faults_nobody_looks_for() -> None:
-    """No module but the table names them; the bus drivers will."""
+def looked_for() -> set[str]:
+    """Return the ids that modules other than the table name."""
     table = ROOT / "piezod" / "control" / "fault_table.py"
     modules = [path for path in (ROOT / "piezod").rglob("*.py") if path != table]
-    named = set(re.findall(r'"([SABLDPEH]\d+)"', "\n".join(p.read_text("utf-8") for p in modules)))
+    return set(
+        re.findall(r'"([SABLDPEH]\d+)"', "\n".join(path.read_text("utf-8") for path in modules))
+    )
+
+
+def marked() -> set[str]:
+    """Return the ids that tests are marked with, by themselves or in a table of cases."""
+    marks = re.compile(r'(?:mark\.fault|Case)\("([A-Z]\d+)"')
+    tests = (ROOT / "tests").rglob("test_*.py")
+    return {fault for path in tests for fault in marks.findall(path.read_text("utf-8"))}
+
+
+def test_the_page_says_which_faults_nobody_looks_for() -> None:
+    """No module but the table names them; the bus drivers will."""
     line = re.search(r"^Not looked for in this version: (.*)\.$", PAGE, re.MULTILINE)
 
     assert line is not None
-    assert line[1] == ", ".join(rule.id for rule in FAULTS if rule.id not in named)
+    assert line[1] == ", ".join(rule.id for rule in FAULTS if rule.id not in looked_for())
 
 
 def test_tests_prove_faults_that_the_page_shows() -> None:
     """A mark that names no fault proves nothing."""
-    marks = re.compile(r'mark\.fault\("(.*?)"\)')
-    marked = {
-        fault
-        for path in (ROOT / "tests").rglob("test_*.py")
-        for fault in marks.findall(path.read_text("utf-8"))
-    }
+    assert marked() - set(ROWS) == set()
 
-    assert marked - set(ROWS) == set()
+
+def test_each_fault_that_is_looked_for_is_proved() -> None:
+    """What a module names, a test is marked with."""
+    assert looked_for() - marked() == set()
 
 
 def test_ids_are_unique_and_fit_the_masks_of_a_record() -> None:
