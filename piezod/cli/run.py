@@ -39,7 +39,7 @@ def run(
     from piezod.daemon.lock import Lock
     from piezod.daemon.paths import stage_paths
 
-    faulthandler.enable()  # says where we were when systemd's watchdog ends us
+    faulthandler.enable(2)  # says where we were when systemd's watchdog ends us
     paths = stage_paths(config)
     paths.make_folders()
     with Lock(paths.lock) as lock:

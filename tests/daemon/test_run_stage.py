@@ -109,10 +109,17 @@ def test_stage_ends_in_order(rig: Rig) -> None:
     """A loop that ends because it was asked to leaves nothing to be done."""
     told: list[httpx.Response] = []
 
-    in_order = rig.run(lambda: told.append(rig.ask("GET", "health")))
+    def healthy() -> bool:
+        told.append(rig.ask("GET", "health"))
+        return told[-1].status_code == 200
+
+    def until_healthy() -> None:
+        eventually(healthy)
+
+    in_order = rig.run(until_healthy)
 
     assert in_order
-    assert told[0].status_code == 200
+    assert told[-1].json()["healthy"]
     assert _modules(rig) == ["piezod.daemon.loop_process"]
     assert not rig.paths.running.exists()
     assert not rig.paths.api_socket.exists()
@@ -211,6 +218,39 @@ def test_reload_within_the_service(rig: Rig) -> None:
     assert answers[2].json()["rate_hz"] == 25
 
 
+@pytest.mark.fault("P11")
+def test_reload_that_fails_leaves_the_old_configuration(rig: Rig) -> None:
+    """Whoever reloads is told that the new loop did not come up, and the old one runs again."""
+    answers: list[httpx.Response] = []
+
+    def reload() -> None:
+        configuration(rig.config.parent, title="broken")
+        answers.append(rig.ask("POST", "reload", {}))
+        answers.append(rig.ask("GET", "config"))
+        rig.up()
+
+    assert rig.run(reload)
+    assert answers[0].status_code == 409
+    assert "the one before is in force" in answers[0].text
+    assert answers[1].json()["title"] == "Simulated stack actuator"
+
+
+@pytest.mark.fault("P11")
+def test_reload_by_a_signal(rig: Rig, capsys: pytest.CaptureFixture[str]) -> None:
+    """SIGHUP reads the file too; what is wrong with it is in the log."""
+
+    def reload() -> None:
+        configuration(rig.config.parent, rate_hz="25")
+        os.kill(os.getpid(), signal.SIGHUP)
+        eventually(lambda: len(rig.processes) == 2)
+        rig.up()
+        configuration(rig.config.parent, rate_hz="0")
+        os.kill(os.getpid(), signal.SIGHUP)
+        eventually(lambda: "reload refused" in capsys.readouterr().err)
+
+    assert rig.run(reload)
+
+
 def test_recording_keeps_the_configuration(rig: Rig) -> None:
     """A recording knows the configuration that it began with."""
     answers: list[httpx.Response] = []
@@ -222,6 +262,24 @@ def test_recording_keeps_the_configuration(rig: Rig) -> None:
     assert rig.run(reload)
     assert answers[0].status_code == 409
     assert "goes on" in answers[0].text
+
+
+def test_loop_that_cannot_be_started_is_lost(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine without room for a process ramps the stage down, as far as it can."""
+    started = loop_supervision._start  # noqa: SLF001 - what the fixture has put there
+
+    def refused(module: str, *arguments: str) -> "Popen[bytes]":
+        if module == "piezod.daemon.loop_process":
+            raise BlockingIOError(11, "no process left")
+        return started(module, *arguments)
+
+    monkeypatch.setattr(loop_supervision, "_start", refused)
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock) as lock:
+        assert not run_stage(rig.config, Options(), rig.paths, lock)
+
+    assert _modules(rig) == ["piezod.cli.main"]
 
 
 @pytest.mark.fault("P10")

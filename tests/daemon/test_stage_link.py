@@ -158,6 +158,36 @@ def test_parameters_that_the_loop_does_not_take_are_not_in_use(bench: Bench) -> 
     assert bench.loop.models["x"] is before
 
 
+@pytest.mark.fault("D8")
+def test_corrupt_parameters_are_passed_over_and_told(bench: Bench) -> None:
+    """Those before are used, and whoever loads is told what is wrong with the newer ones."""
+    _learn(bench, zero_um=0.0)
+    for _ in range(2):
+        bench.do(lambda link: link.save_params(PEER))
+    newest = max(bench.paths.parameters.glob("*.json"))
+    newest.write_bytes(newest.read_bytes()[:-9])
+
+    loaded = bench.do(lambda link: link.load_params(None, PEER))
+
+    assert (loaded["sequence"], loaded["copy"]) == (1, "number 1")
+    assert [each["file"] for each in loaded["rejected"]] == [newest.name]
+
+
+def test_parameters_of_other_axes_are_refused(tmp_path: Path, config: DaemonConfig) -> None:
+    """A stage that was rebuilt under its old name has other axes."""
+    before = Bench(tmp_path, config.model_copy(update={"axes": {"y": config.axes["x"]}}))
+    weights = np.ones(4)
+    before.loop.models["y"] = None
+    LearnedWriter(before.loop.shared).publish(0, weights, 0.0, 0.0, 0.0)
+    before.do(lambda link: link.save_params(PEER))
+    before.link.audit_of_stage.close()
+    bench = Bench(tmp_path, config)
+
+    with pytest.raises(NotNowError, match="axes that this stage does not have: y"):
+        bench.do(lambda link: link.load_params(None, PEER))
+    bench.link.audit_of_stage.close()
+
+
 def test_parameters_that_do_not_exist_are_no_name(bench: Bench) -> None:
     """Before the first save there is nothing to load, nor to save before the first cycle."""
     with pytest.raises(UnknownNameError, match="nothing is saved"):

@@ -1,0 +1,55 @@
+"""`piezod run`, as far as it gets without a loop."""
+
+from pathlib import Path
+
+import pytest
+
+from piezod.daemon.lock import Lock
+from piezod.daemon.paths import stage_paths
+from tests.cli.conftest import Command
+
+
+@pytest.fixture
+def config(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a configuration that is not valid, and keep all files in the folder."""
+    for name in ("RUNTIME_DIRECTORY", "STATE_DIRECTORY"):
+        monkeypatch.setenv(name, str(folder / name.lower()))
+    path = folder / "lab.yaml"
+    path.write_text("rate_hz: 0\n", encoding="utf-8")
+    return path
+
+
+def test_bad_configuration(piezod: Command, config: Path) -> None:
+    """It ends with 78, and every mistake is told with its place."""
+    code, out, err = piezod("run", config)
+
+    assert (code, out) == (78, "")
+    assert f"{config}:1:10: rate_hz: out of range" in err
+    assert "devices" in err
+
+
+def test_stage_that_runs_already(piezod: Command, config: Path) -> None:
+    """Whoever comes second does not even read the configuration."""
+    paths = stage_paths(config)
+    paths.make_folders()
+    with Lock(paths.lock):
+        code, _, err = piezod("run", config)
+
+    assert code == 75
+    assert "this stage is already running" in err
+
+
+def test_missing_file(piezod: Command, config: Path) -> None:
+    """It ends with 2, as for every verb."""
+    assert piezod("run", config.with_name("other.yaml")).code == 2
+
+
+def test_name_that_no_folder_can_have(piezod: Command, config: Path) -> None:
+    """The name of the file is that of the stage."""
+    hidden = config.with_name(".yaml")
+    hidden.touch()
+
+    code, _, err = piezod("run", hidden)
+
+    assert code == 78
+    assert "must not begin with a dot" in err
