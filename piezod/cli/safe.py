@@ -79,7 +79,7 @@ def _in_force(config: Path, paths: "StagePaths") -> "DaemonConfig":
     from piezod.errors import ConfigError
 
     # The daemon keeps a copy of what it has accepted, in one of two folders, and starts us with it.
-    copies = list(paths.runtime.glob(f"config-*/{config.name}"))
+    copies = list(paths.runtime.glob(f"config-*/{config.stem}.yaml"))
     if config not in copies and copies and paths.running.exists():
         try:
             return load_daemon(max(copies, key=lambda copy: copy.stat().st_mtime), registry)

@@ -53,3 +53,16 @@ def test_name_that_no_folder_can_have(piezod: Command, config: Path) -> None:
 
     assert code == 78
     assert "must not begin with a dot" in err
+
+
+@pytest.mark.fault("P12")
+def test_folder_of_somebody_else(piezod: Command, config: Path) -> None:
+    """Files that others could exchange are a matter of permission: 77, and what to remove."""
+    paths = stage_paths(config)
+    paths.make_folders()
+    paths.runtime.chmod(0o777)
+
+    code, _, err = piezod("run", config)
+
+    assert code == 77
+    assert f"{paths.runtime}: must be a folder of this user" in err

@@ -2,12 +2,10 @@
 
 import asyncio
 import io
-from collections.abc import Iterator
 from math import nan
 from pathlib import Path
 
 import pytest
-import structlog
 
 from piezod.config.states import State
 from piezod.daemon import accepted_config
@@ -18,12 +16,11 @@ from tests.daemon.bench import PEER, Bench
 
 
 @pytest.fixture
-def log() -> Iterator[io.StringIO]:
+def log() -> io.StringIO:
     """Return what is logged, for people."""
     stream = io.StringIO()
     set_up_logging(stream, {})
-    yield stream
-    structlog.reset_defaults()
+    return stream
 
 
 @pytest.fixture

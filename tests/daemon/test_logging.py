@@ -6,23 +6,12 @@ import logging
 import math
 import os
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import structlog
 
 from piezod.daemon.logging import PER_SECOND, RateLimit, logger, set_up_logging
-
-
-@pytest.fixture(autouse=True)
-def _restored() -> Iterator[None]:
-    root = logging.getLogger()
-    level, handlers = root.level, root.handlers[:]
-    yield
-    structlog.reset_defaults()
-    root.setLevel(level)
-    root.handlers[:] = handlers
 
 
 @pytest.fixture

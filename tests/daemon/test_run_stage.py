@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import httpx
 import pytest
-import structlog
 
 from piezod.config.states import State
 from piezod.daemon import loop_supervision
@@ -94,7 +93,6 @@ def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
     monkeypatch.chdir(tmp_path)  # a socket's path is short, and pytest's folders are not
     paths = StagePaths("rig", Path("runtime"), Path("state"))
     yield Rig(configuration(tmp_path), paths, processes, safe_codes)
-    structlog.reset_defaults()
     for _, process in processes:
         if process.poll() is None:
             process.kill()
