@@ -38,6 +38,7 @@ class Rounds:
     def __init__(self, rate_hz: float) -> None:
         self.rate_hz = rate_hz
         self.runs: dict[str, list[Lateness]] = {name: [] for name in NAMES}
+        self.pairs: list[tuple[Lateness, Lateness]] = []
         self.notes: list[str] = []
 
     def run(self, program: Path, pacing: Pacing) -> None:
@@ -46,9 +47,12 @@ class Rounds:
         self.runs[FLOOR].append(floor(program, pacing))
         try:
             with running(pacing) as stage:
-                self.runs[QUIET].append(stage.measure(pacing.seconds))
+                quiet = stage.measure(pacing.seconds)
+                self.runs[QUIET].append(quiet)
                 with stage.loaded() as load:
-                    self.runs[LOADED].append(stage.measure(pacing.seconds))
+                    loaded = stage.measure(pacing.seconds)
+                self.runs[LOADED].append(loaded)
+                self.pairs.append((quiet, loaded))
                 self._note(load, stage.counters, stage.report)
                 self.notes += stage.left_run
         except ClientError as error:
@@ -87,14 +91,13 @@ class Rounds:
 
     def _print_ratios(self) -> None:
         base = _p999(_wake(self.runs[FLOOR]))
-        for name in (QUIET, LOADED):
+        for name in filter(self.runs.get, (QUIET, LOADED)):
             ratio = _p999(_wake(self.runs[name])) / base
             print(f"  p99.9 at wake-up, {name} to floor: {ratio:.2f}")
         for what in ("wake_ns", "write_ns"):
-            pairs = zip(self.runs[QUIET], self.runs[LOADED], strict=True)
             each = [
                 (_p999(getattr(quiet, what)), _p999(getattr(loaded, what)))
-                for quiet, loaded in pairs
+                for quiet, loaded in self.pairs
                 if getattr(quiet, what).size and getattr(loaded, what).size
             ]
             if not each:

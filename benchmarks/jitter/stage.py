@@ -97,16 +97,16 @@ class Stage:
         self._client.call(calls.start_recording("jitter"))
         with ExitStack() as loads:
             burdens = [loads.enter_context(self._burden(what)) for what in LOAD]
-            for burden in burdens:
-                assert burden.stdout is not None  # noqa: S101 - it has a pipe
-                burden.stdout.readline()  # "ready"
-            yield told
-            for burden in burdens:
-                assert burden.stdin is not None  # noqa: S101 - it has a pipe
-                burden.stdin.close()
-            for burden in burdens:
-                assert burden.stdout is not None  # noqa: S101 - it has a pipe
-                told.update(json.loads(burden.stdout.read()))
+            pipes = [(one.stdin, one.stdout) for one in burdens if one.stdin and one.stdout]
+            for _, told_by in pipes:
+                told_by.readline()  # "ready"
+            try:
+                yield told
+            finally:
+                for ended_by, _ in pipes:
+                    ended_by.close()
+                for _, told_by in pipes:
+                    told.update(json.loads(told_by.read()))
         recording = self._client.call(calls.stop_recording())
         told.update({"recorded": recording.records, "recording lost": recording.lost})
 
