@@ -42,6 +42,7 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
         "shadow": record is not None and bool(record["shadow"]),
         "faults": [] if record is None else faults(*masks(record)),
         "skipped_cycles": shared.words[Word.SKIPPED_CYCLES],
+        "not_realtime": [step["name"] for step in shared.report() or () if not step["ok"]],
         "axes": axes,
     }
 

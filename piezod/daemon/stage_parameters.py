@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
+from pydantic import ValidationError
+
 import piezod
 from piezod.config.model_file import ModelFile
 from piezod.config.requests import AdoptModel
@@ -51,13 +53,13 @@ class StageParameters:
         Raises:
             NotNowError: If there are none yet, or they cannot be stored.
         """
-        axes = _in_use(loop)
-        if not axes:
-            raise NotNowError("nothing has been learned yet", "wait until the loop runs")
         async with self._one_at_a_time:
             try:
+                axes = await asyncio.to_thread(_in_use, loop)
+                if not axes:
+                    raise NotNowError("nothing has been learned yet", "wait until the loop runs")
                 self._sequence = await asyncio.to_thread(self._store.save, axes, who)
-            except (DataError, OSError) as error:
+            except (DataError, OSError, ValidationError) as error:
                 raise NotNowError(f"not saved: {error}", "those saved before are kept") from error
         return {"sequence": self._sequence}
 

@@ -66,6 +66,15 @@ def test_status_tells_the_newest_cycle(bench: Bench) -> None:
     assert bench.link.fault_ids(1 << last) == [FAULTS[last].id]
 
 
+def test_status_tells_what_is_missing_for_real_time(bench: Bench) -> None:
+    """Whoever is refused for that finds there what it is."""
+    steps = [{"name": "memory", "ok": False}, {"name": "processor", "ok": True}]
+    bench.loop.shared.set_report(steps)
+
+    assert bench.link.status()["not_realtime"] == ["memory"]
+    assert bench.link.realtime()["steps"] == steps
+
+
 def test_request_reaches_the_loop_and_its_answer_comes_back(bench: Bench) -> None:
     """What the loop says is the answer."""
     answer = bench.do(lambda link: link.request(Goto(position_um=4.0), PEER))
@@ -144,6 +153,14 @@ def test_saved_parameters_are_taken_back(bench: Bench) -> None:
     assert model is not None
     assert [*model.left_stop_weights, *model.right_stop_weights] == pytest.approx(weights)
     assert asyncio.run(bench.link.params())["axes"]["x"]["zero_um"] == 0.25
+
+
+def test_parameters_beyond_their_range_are_not_saved(bench: Bench) -> None:
+    """What could not be loaded again is refused now, and what was saved before stays."""
+    _learn(bench, zero_um=1e9)
+
+    with pytest.raises(NotNowError, match=r"not saved: (?s:.*)zero_um"):
+        bench.do(lambda link: link.save_params(PEER))
 
 
 def test_parameters_that_the_loop_does_not_take_are_not_in_use(bench: Bench) -> None:
