@@ -96,7 +96,7 @@ def _admit(
             f"rate_hz is {config.rate_hz:g}, this machine with these devices keeps {rate_hz:.0f}"
             " Hz: choose a lower rate"
         )
-    elif missing and (config.loop.strict_rt or words[Word.STRICT_RT]):
+    elif missing and config.loop.strict_rt:
         controller.stage.no_entry = (
             f"not obtained: {', '.join(missing)}, and strict_rt is set: see `piezod status`"
         )

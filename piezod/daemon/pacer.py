@@ -36,10 +36,6 @@ class Pacer:
         self._period_ns, self._spin_ns = period_ns, spin_ns
         self._deadline_ns = self._now_ns()
 
-    def restart(self) -> None:
-        """Count from now on: the next cycle is a period from now."""
-        self._deadline_ns = self._now_ns()
-
     def wait(self) -> Tick:
         """Return when the next cycle is to begin; may be called in the loop."""
         deadline_ns = self._deadline_ns + self._period_ns

@@ -54,5 +54,3 @@ class Word(IntEnum):
     """1 while the devices are open, 0 while they are absent."""
     UNCLEAN = 21
     """1 where the daemon before this one did not end properly; set before the loop starts."""
-    STRICT_RT = 22
-    """1 where arming is to be refused unless everything real-time was obtained; likewise."""
