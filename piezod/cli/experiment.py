@@ -47,7 +47,9 @@ def experiment(
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Run an experiment, in virtual time or on a running stage, and write a report.
+    """Run an experiment in virtual time and write a report.
+
+    With --live, its cases are run on a running stage, which is disarmed at the end.
 
     Prints the errors of each case in each mode, in % of the displacement's range, which method made
     the model, what to beware of, and where the report is.

@@ -1,5 +1,6 @@
 """`piezod identify`: recorded data becomes a model."""
 
+from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,6 +9,7 @@ import typer
 
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import check_writable, existing_file
+from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
 from piezod.experiment.method import Method, Spacing
 
 if TYPE_CHECKING:
@@ -30,14 +32,14 @@ class MethodOption(StrEnum):
 
 def identify(  # noqa: PLR0913, PLR0917 - typer reads options off the signature
     data: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
             metavar="DATA.csv",
-            help="Columns t_s, drive_v, position_um, evenly in time.",
+            help="Columns t_s, drive_v, position_um, evenly in time; left out with --live.",
             readable=False,
             callback=existing_file,
         ),
-    ],
+    ] = None,
     test: Annotated[
         Path | None,
         typer.Option(
@@ -101,39 +103,93 @@ def identify(  # noqa: PLR0913, PLR0917 - typer reads options off the signature
             metavar="MODEL.yaml",
             readable=False,
             help="Write the model to this file, for `model:` in an experiment, and beside it a "
-            "figure of data and model (.png). Nothing is written without it.",
+            "figure of data and model (.png). No model is written without it.",
         ),
     ] = None,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live",
+            help="Drive a running stage from rest, and fit to what it does. The record is written "
+            "beside the model, or into the current folder.",
+        ),
+    ] = False,
+    drive: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.yaml",
+            readable=False,
+            callback=existing_file,
+            help="With --live: drive it as the `identification:` of this file says; left out: by "
+            "80 s that tell all a model needs, over all voltages of the axis.",
+        ),
+    ] = None,
+    adopt: Annotated[
+        bool,
+        typer.Option("--adopt", help="With --live: have the stage use the model from now on."),
+    ] = False,
+    axis: AxisOption = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
     """Fit the inverse model to recorded data.
+
+    With --live the data are those of a running stage, which is driven for it from rest, and disarmed
+    at the end.
 
     Prints the error of the drive voltage that the model predicts from the displacement, in % of the
     range of the voltage: on the record, on contiguous blocks of it that were held out, and on
     another record. The delay from drive to displacement is where that error is least, unless
     --delay-s gives it; a record of one frequency determines it only to about a sample.
     """
-    from piezod.cli.identify_document import as_document
+    from piezod.cli.identify_live import ADOPTED, adopt_model, check_usage, record_and_fit
     from piezod.cli.identify_view import print_fit
-    from piezod.cli.output import new_console, print_json
+    from piezod.cli.output import new_console
     from piezod.experiment.identify_file import identify_file
 
+    check_usage(data, live=live, only_live=(drive, adopt, axis, stage, socket))
     if out is not None and out.suffix not in (".yaml", ".yml"):
         raise typer.BadParameter(f"must end in .yaml (got {out})", param_hint="'--out'")
     if out is not None and out.parent.is_dir():
         check_writable(out.parent)
-    fitted = identify_file(
-        data,
-        test=test,
-        skip_s=skip_s,
-        delay_s=_delay(delay_s),
-        settings=_settings(method, order, thresholds, creep),
-    )
-    plot = _write(fitted, out) if out else None
+    settings, given_delay_s = _settings(method, order, thresholds, creep), _delay(delay_s)
+
+    def fit(file: Path, run_in_s: float) -> "FileFit":
+        not_counted_s = max(skip_s, run_in_s)
+        return identify_file(
+            file, test=test, skip_s=not_counted_s, delay_s=given_delay_s, settings=settings
+        )
+
+    if data is not None:
+        fitted = fit(data, 0.0)
+        plot = _write(fitted, out, datetime.now(UTC)) if out else None
+        if json:
+            _print_document(fitted, out, plot, {})
+        else:
+            print_fit(new_console(), fitted, out, plot)
+        return
+    with connect(stage, socket) as client:
+        fitted, driven = record_and_fit(fit, drive, out, axis, client)
+        now = datetime.now(UTC)
+        plot = _write(fitted, out, now) if out else None
+        if not json:
+            print_fit(new_console(), fitted, out, plot)
+        if adopt:
+            adopt_model(fitted, driven, client, now)
     if json:
-        print_json(as_document(fitted, out, plot))
-    else:
-        print_fit(new_console(), fitted, out, plot)
+        _print_document(fitted, out, plot, {"axis": driven, "adopted": adopt})
+    elif adopt:
+        new_console().print(ADOPTED)
+
+
+def _print_document(
+    fitted: "FileFit", out: Path | None, plot: Path | None, live: "dict[str, object]"
+) -> None:
+    from piezod.cli.identify_document import as_document
+    from piezod.cli.output import print_json
+
+    print_json({**as_document(fitted, out, plot), **live})
 
 
 def _settings(
@@ -171,9 +227,7 @@ def _delay(text: str) -> float | None:
     return delay_s
 
 
-def _write(fitted: "FileFit", out: Path) -> Path:
-    from datetime import UTC, datetime
-
+def _write(fitted: "FileFit", out: Path, now: datetime) -> Path:
     from piezod.experiment.model_outputs import write_model
 
-    return write_model(out, fitted, datetime.now(UTC))
+    return write_model(out, fitted, now)

@@ -51,7 +51,7 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     if model and plot:
         console.print(f"Model: {model}\nFigure: {plot}", soft_wrap=True)
     else:
-        console.print("Nothing was written; --out model.yaml keeps the model and draws it.")
+        console.print("No model was written; --out model.yaml keeps the model and draws it.")
 
 
 def _read(data: Path, record: Record) -> str:

@@ -66,7 +66,7 @@ def test_text(piezod: Command, data: Path) -> None:
     assert curve.startswith("  0 ms ")
     assert len(curve) < 80
     assert "Model by least-squares, 6 operators on each side, thresholds even." in out
-    assert "Nothing was written; --out model.yaml keeps the model" in out
+    assert "No model was written; --out model.yaml keeps the model" in out
 
 
 def test_delay_is_estimated_unless_given(piezod: Command, data: Path) -> None:
