@@ -155,7 +155,8 @@ class StageController:
         stage.output_known |= all(map(isfinite, self._read_back_v))
         reaction = stage.register.update(self._detect(t_ns, samples), t_ns)
         for news in stage.register.news:
-            stage.note(self._told(t_ns, news))
+            if news.rule.reaction is not Reaction.NONE:  # else it is shown, and would flood the log
+                stage.note(self._told(t_ns, news))
         adapting = (stage.register.present | stage.register.latched) & _ADAPTING
         stage.adapt_allowed = not adapting
         self._react(reaction, t_ns)
