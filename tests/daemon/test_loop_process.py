@@ -18,8 +18,12 @@ SIMULATED = CONFIG / "simulated.yaml"
 
 @pytest.fixture
 def child(tmp_path: Path) -> Iterator[LoopChild]:
-    """Return a loop process on the simulated stage, disarmed."""
-    with LoopChild(tmp_path, SIMULATED) as child:
+    """Return a loop process on the simulated stage, disarmed.
+
+    It is slow: on a busy machine a fast one would stop for its own lateness.
+    """
+    config = config_with(tmp_path, "rate_hz: 1000", "rate_hz: 200")
+    with LoopChild(tmp_path, config) as child:
         child.wait_for(State.SAFE)
         yield child
 
