@@ -135,8 +135,8 @@ def identify(  # noqa: PLR0913, PLR0917 - typer reads options off the signature
 ) -> None:
     """Fit the inverse model to recorded data.
 
-    With --live the data are those of a running stage, which is driven for it from rest, and disarmed
-    at the end.
+    With --live the data are those of a running stage, which is driven from rest for it, and is
+    disarmed at the end.
 
     Prints the error of the drive voltage that the model predicts from the displacement, in % of the
     range of the voltage: on the record, on contiguous blocks of it that were held out, and on

@@ -221,7 +221,7 @@ class LiveStage:
                 if done(told):
                     return told
                 if told.state not in through:
-                    what = f"the stage went to {told.state}{_because_of(told)}"
+                    what = f"the stage is in {told.state}{_because_of(told)}"
                     raise NotReachedError(what, "`piezod faults` tells more", "state")
                 if told.t_s - self._renewed_s >= RENEW_S:
                     self._client.renew_lease()
