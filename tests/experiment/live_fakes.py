@@ -1,0 +1,126 @@
+"""A running stage that exists in the test only: its states, in a time of its own."""
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from piezod.client import StageClient
+from piezod.client.calls import Call
+from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
+from piezod.config.daemon import load_daemon
+from piezod.config.model_file import load_model
+from piezod.daemon import accepted_config
+from piezod.devices import registry
+from piezod.errors import RefusedError
+
+ROOT = Path(__file__).parents[2]
+CONFIG = ROOT / "config" / "simulated.yaml"
+MODEL = ROOT / "config" / "models" / "simulated-stack.yaml"
+INTERVAL_S = 0.05
+
+ResultT = TypeVar("ResultT")
+Document = dict[str, Any]
+
+
+def stage_document(**axis: object) -> Document:
+    """Return the configuration of a stage as its daemon tells it; keys of axis x replaced."""
+    document = accepted_config.document(load_daemon(CONFIG, registry))
+    document["axes"]["x"] |= axis
+    return document
+
+
+class FakeStage(StageClient):
+    """Does what it is asked to at once, and notes it.
+
+    `each` is called before each interval of telemetry, to have something go wrong.
+
+    Args:
+        document: Its configuration.
+    """
+
+    def __init__(self, document: Document | None = None) -> None:
+        self.socket, self.name = Path("/nowhere/fake/api.sock"), "test"
+        self.document = document or stage_document()
+        self.model: Document | None = load_model(MODEL).model_dump(mode="json")
+        self.state, self.mode_now, self.motion = "SAFE", "feedforward", 0
+        self.t_s, self.ends_s = 100.0, 0.0
+        self.faults: tuple[str, ...] = ()
+        self.asked: list[str] = []
+        self.bodies: list[Document | None] = []
+        self.refused: dict[str, str] = {}
+        self.each: Callable[[FakeStage], None] = lambda _stage: None
+        self.why = ""
+        """Why a recording ends by itself."""
+
+    def call(self, call: Call[ResultT]) -> ResultT:
+        """Carry out a call, or refuse it as `refused` says."""
+        what = call.path if call.method == "POST" else f"{call.method} {call.path}"
+        self.asked.append(what)
+        self.bodies.append(call.body)
+        if what in self.refused:
+            raise RefusedError(self.refused[what], "a remedy", "state")
+        return call.read(self._answer(call.path, call.body or {}))
+
+    def telemetry(
+        self, rate_hz: float = 10.0, axes: Sequence[str] = ()
+    ) -> Generator[Telemetry, None, None]:
+        """Yield intervals without an end."""
+        assert (rate_hz, axes) == (20.0, ())
+        while True:
+            self.t_s += INTERVAL_S
+            if self.state == "IDENT" and self.t_s > self.ends_s:
+                self.state = "READY"
+            self.each(self)
+            yield self._interval()
+
+    def _answer(self, path: str, body: Mapping[str, Any]) -> Document:
+        answers: Mapping[str, Document] = {
+            "config": self.document,
+            "params": {"axes": {"x": {"model": self.model}}, "sequence": None},
+            "status": {
+                "stage": "fake",
+                "state": self.state,
+                "mode": self.mode_now,
+                "faults": [],
+                "skipped_cycles": 0,
+                "axes": {},
+            },
+            "recordings/start": {"name": "recording"},
+            "recordings/stop": {"name": "recording", "why": self.why},
+        }
+        if path in answers:
+            return answers[path]
+        self._do(path, body)
+        return {"motion": self.motion}
+
+    def _do(self, path: str, body: Mapping[str, Any]) -> None:
+        after = {"stop": "SAFE", "arm": "READY", "wave": "RUN", "identify": "IDENT"}
+        self.state = after.get(path, self.state)
+        if path == "mode":
+            self.mode_now = body["mode"]
+            self.state = "RUN" if self.state == "READY" else self.state
+        if path == "wave":
+            self.motion += 1
+        if path == "identify":
+            self.ends_s = self.t_s + body["duration_s"]
+
+    def _interval(self) -> Telemetry:
+        zero = Range(min=0.0, max=0.0, last=0.0)
+        axis = AxisTelemetry(
+            position_um=zero,
+            command_um=zero,
+            drive_v=zero,
+            error_um=zero,
+            mode=self.mode_now,
+            motion=self.motion,
+        )
+        return Telemetry(
+            document={},
+            t_s=self.t_s,
+            cycles=50,
+            lost=0,
+            state=self.state,
+            faults=self.faults,
+            skipped_cycles=0,
+            axes={"x": axis},
+        )
