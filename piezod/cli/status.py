@@ -27,6 +27,8 @@ def status(
     console = new_console()
     console.print(_summary(found))
     console.print(_axes(found))
+    if missing := found.document.get("not_realtime"):
+        console.print(f"Not real-time: {', '.join(missing)} not obtained; docs/stage.md says why.")
     if found.faults:
         console.print(_faults(found.faults))
 

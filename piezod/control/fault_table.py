@@ -208,7 +208,7 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
               "report it: there should be none"),
     FaultRule("L7", "loop often late", LOOP, DEGRADE, L1, "warning",
               "lower rate_hz, or take load off the processor"),
-    FaultRule("L8", "memory short", LOOP, RAMP, L1, "error",
+    FaultRule("L8", "memory was not there when it was needed", LOOP, WARN, L0, "warning",
               "free memory, or raise the service's limit"),
     FaultRule("L9", "real-time privileges missing", LOOP, NONE, L0, "info",
               "install the service, or set rtprio and memlock for this user"),

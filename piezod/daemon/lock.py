@@ -24,9 +24,21 @@ class Lock:
     """
 
     def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = -1
+        self.take()
+
+    def take(self) -> None:
+        """Take it, again where it was released.
+
+        Raises:
+            AlreadyRunningError: If somebody else holds it; the text names that process.
+            OSError: If the file cannot be opened.
+        """
         # Not inherited by children: a loop process that outlives its supervisor must not keep
         # `piezod safe` from taking the lock.
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+        self._file = os.open(self._path, flags, 0o600)
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -34,7 +46,8 @@ class Lock:
             self.release()
             what = f"this stage is already running, as process {holder or '(not known)'}"
             raise AlreadyRunningError(
-                f"{path}: {what}; stop that first, or give the other stage's file another name"
+                f"{self._path}: {what}; stop that first, or give the other stage's file "
+                "another name"
             ) from error
         os.ftruncate(self._file, 0)
         os.pwrite(self._file, f"{os.getpid()}\n".encode(), 0)

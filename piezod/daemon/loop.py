@@ -114,7 +114,8 @@ class Loop:
             self._controller.execute(Shutdown(), t_ns)
         if t_ns - self._counted_ns >= _COUNTED_EACH_NS:
             self._counted_ns = t_ns
-            self.counters.publish()
+            for detection in self.counters.publish():
+                self._controller.found(detection)
 
     def _execute(self, payload: bytes, t_ns: int) -> Answer:
         try:

@@ -29,6 +29,7 @@ def run_stage(source: Path, options: Options, paths: StagePaths, lock: Lock) -> 
 
     Raises:
         ConfigError: If the configuration is not valid; no device was opened.
+        AlreadyRunningError: If somebody else came first while an earlier run was cleared up.
         DeviceUnavailableError: If a device had to be there and was absent.
         OSError: If a file of the stage cannot be made.
     """
@@ -36,6 +37,10 @@ def run_stage(source: Path, options: Options, paths: StagePaths, lock: Lock) -> 
     config = accepted_config.load(source, strict_rt=options.strict_rt)
     marker = Marker(paths.running)
     marker.put()
+    if marker.unclean:  # whoever died may have left a voltage in force, and nobody saw to it since
+        lock.release()
+        RampDown(source).wait()
+        lock.take()
     supervisor = Supervisor(source, paths, config, options, Notifier())
     ending, safe = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
     if ending in (Ending.IN_ORDER, Ending.ABSENT):

@@ -21,7 +21,9 @@ from piezod.daemon.service.stage_service import (
     Document,
     Peer,
     RecordReader,
+    StageError,
     UnavailableError,
+    UnknownNameError,
 )
 from piezod.daemon.stage_parameters import StageParameters
 from piezod.daemon.stage_recordings import StageRecordings
@@ -143,6 +145,17 @@ class StageLink:
         document = await self.parameters.load(self._running(), sequence)
         _log.info("parameters loaded", user=peer.user, sequence=document["sequence"])
         return document
+
+    async def take_up_params(self) -> None:
+        """Have a loop that has just started use what was saved last, if anything was."""
+        try:
+            document = await self.parameters.load(self._running(), None)
+        except UnknownNameError:
+            return  # nothing was saved, or what was has been told of
+        except StageError as error:
+            _log.error("saved parameters not taken up", why=str(error))
+            return
+        _log.info("parameters taken up", sequence=document["sequence"])
 
     async def start_recording(self, label: str | None, peer: Peer) -> Document:
         """Start recording every cycle."""

@@ -9,6 +9,7 @@ import asyncio
 import os
 import signal
 import time
+from collections.abc import Coroutine
 from pathlib import Path
 from typing import Final
 
@@ -29,6 +30,9 @@ from piezod.daemon.stage_link import StageLink
 
 TICK_S: Final = 0.1
 """How often everything is looked after; the loop takes a supervisor for dead after 1 s."""
+
+_ADOPTING: Final = frozenset({State.SAFE, State.FAULT})
+"""States in which a loop takes other parameters."""
 
 _log = logger("supervisor")
 
@@ -70,6 +74,7 @@ class Supervisor:
             create_app(self._link, GroupRoles(os.getuid(), time.monotonic)), paths.api_socket
         )
         self._tasks: set[asyncio.Task[object]] = set()
+        self._taken_up: LoopRun | None = None
 
     async def run(self, *, unclean: bool) -> Ending:
         """Run until the end; the loop process has ended then, or hears no more of us.
@@ -129,6 +134,8 @@ class Supervisor:
     def _ended(self, code: int) -> Ending:
         if not self._stopping or code != 0:
             _log.error("loop gone", code=code, what="piezod safe takes over")
+            # The watchdog would end us, and the ramp with us: from now on another timeout counts.
+            self._notifier.stopping("ramping down: the loop is gone")
             return Ending.LOST
         if self._ending is not Ending.LOST and not self.run_of_loop.loop.left_safe():
             _log.error("not at the safe voltage", what="piezod safe takes over")
@@ -143,9 +150,22 @@ class Supervisor:
             if self._options.require_device and not run.loop.opened:
                 self._ending = Ending.ABSENT
                 self.stop("a device is absent")
+        if not self._stopping:
+            self._take_up_params(run)
         if run.loop.state is not self._state and not self._stopping:
             self._state = run.loop.state
             self._notifier.status(self._state.value)
+
+    def _take_up_params(self, run: LoopRun) -> None:
+        """Have each loop begin with the parameters that were saved, once it has its devices."""
+        if run is not self._taken_up and run.loop.opened and run.loop.state in _ADOPTING:
+            self._taken_up = run
+            self._do(self._link.take_up_params())
+
+    def _do(self, what: Coroutine[object, object, object]) -> None:
+        task = asyncio.create_task(what)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
     async def reload(self, peer: Peer) -> Document:
         """Read the configuration again; swap it where nothing is driven, or keep the old one.
@@ -186,9 +206,7 @@ class Supervisor:
 
     def _reload_on_signal(self) -> None:
         """Do what `systemctl reload` asks for."""
-        task: asyncio.Task[object] = asyncio.create_task(self._reload_for_manager())
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        self._do(self._reload_for_manager())
 
     async def _reload_for_manager(self) -> None:
         self._notifier.reloading()

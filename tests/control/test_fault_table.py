@@ -109,7 +109,7 @@ def test_each_rule_is_consistent(rule: FaultRule) -> None:
     [
         (Reaction.CUT, ["A11", "A12", "A13"]),
         (Reaction.BLIND, ["A1", "A2", "A7", "B1", "B2", "B8", "B9", "B13", "B14", "B15"]),
-        (Reaction.RAMP, ["S10", "A9", "B10", "L3", "L5", "L8", "P2", "E1", "H1"]),
+        (Reaction.RAMP, ["S10", "A9", "B10", "L3", "L5", "P2", "E1", "H1"]),
     ],
 )
 def test_the_grave_reactions_are_for_these_faults(reaction: Reaction, faults: list[str]) -> None:

@@ -198,6 +198,18 @@ def test_mark_of_an_earlier_run_stays_where_no_device_was_opened(rig: Rig) -> No
     assert rig.paths.running.exists()
 
 
+@pytest.mark.fault("P2")
+def test_what_an_earlier_run_left_in_force_is_ramped_down_first(rig: Rig) -> None:
+    """Before the loop is started; where that fails, the loop is started all the same."""
+    rig.paths.make_folders()
+    rig.paths.running.touch()
+    rig.safe_codes[0] = 1
+
+    rig.run(lambda: None)
+
+    assert _modules(rig)[:2] == ["piezod.cli.main", "piezod.daemon.loop_process"]
+
+
 @pytest.mark.fault("P11")
 def test_reload_within_the_service(rig: Rig) -> None:
     """A changed file is taken, an invalid one is not, and the service answers all the time."""

@@ -1,0 +1,26 @@
+"""What was saved is what the next run begins with."""
+
+from pathlib import Path
+
+from tests.daemon.daemons import Daemon, configuration
+from tests.daemon.waiting import eventually
+
+
+def test_the_next_run_begins_with_what_was_saved(tmp_path: Path) -> None:
+    """The sensor's zero, which this run found, is there in the next one without being asked for."""
+    with Daemon(configuration(tmp_path)) as daemon:
+        daemon.up().do("zero")
+        zero_um = eventually(lambda: _zero_um(daemon))
+        saved = daemon.do("params/save")
+        daemon.do("shutdown")
+        daemon.exit_code()
+        daemon.start()
+        daemon.up()
+
+        assert eventually(lambda: _zero_um(daemon)) == zero_um
+        assert daemon.ask("GET", "params").json()["sequence"] == saved["sequence"]
+
+
+def _zero_um(daemon: Daemon) -> float:
+    axes = daemon.ask("GET", "params").json().get("axes")
+    return float(axes["x"]["zero_um"]) if axes else 0.0
