@@ -7,8 +7,8 @@ from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 
 HUNG_S: Final = 2.0
-"""A loop without a healthy cycle for so long is killed. systemd's watchdog is quicker; this is for
-where there is none."""
+"""A loop without a healthy cycle for so long is killed. systemd's watchdog is slower: it is for a
+supervisor that hangs itself."""
 HUNG_PERIODS: Final = 5
 BLINK_NS: Final = NS_PER_S // 2
 """A pause between two looks that is longer tells nothing of the loop: what stopped the supervisor

@@ -80,7 +80,7 @@ def why_unreachable(path: Path) -> str:
     for folder in real.parents:
         if folder in _HIDDEN:
             return f"the service sees nothing below {folder}"
-        if not folder.stat().st_mode & stat.S_IXOTH:
+        if folder.exists() and not folder.stat().st_mode & stat.S_IXOTH:
             return f"{folder} is closed to other users"
     return ""
 

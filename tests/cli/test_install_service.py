@@ -1,0 +1,143 @@
+"""`piezod install-service`: what it writes, and when it refuses to."""
+
+import json
+import os
+import stat
+import sys
+from pathlib import Path
+
+import pytest
+
+from piezod.daemon.service_files import TARGETS, why_unreachable
+from tests.cli.conftest import Command
+
+COMMAND = "/opt/piezod/bin/piezod"
+
+
+def install(piezod: Command, root: Path, *arguments: str) -> dict[str, list[str]]:
+    """Install below a root; return what was told."""
+    code, out, err = piezod("install-service", "--root", root, "--json", *arguments)
+    assert (code, err) == (0, "")
+    told: dict[str, list[str]] = json.loads(out)
+    return told
+
+
+def test_files_are_where_systemd_looks(piezod: Command, folder: Path) -> None:
+    """Unit, rules, users and folders lie as in a Debian package, and others may read them."""
+    told = install(piezod, folder, "--piezod", COMMAND)
+
+    assert told["written"] == [str(folder / target) for target in TARGETS.values()]
+    assert sorted(map(str, TARGETS.values())) == [
+        "usr/lib/systemd/system/piezod@.service",
+        "usr/lib/sysusers.d/piezod.conf",
+        "usr/lib/tmpfiles.d/piezod.conf",
+        "usr/lib/udev/rules.d/70-piezod.rules",
+    ]
+    modes = {stat.S_IMODE((folder / target).stat().st_mode) for target in TARGETS.values()}
+    assert modes == {0o644}
+
+
+def test_unit_runs_the_command_that_was_named(piezod: Command, folder: Path) -> None:
+    """The daemon and the ramp-down after it are of the same installation."""
+    install(piezod, folder, "--piezod", COMMAND)
+    unit = (folder / TARGETS["piezod@.service"]).read_text()
+
+    assert f"\nExecStart={COMMAND} run /etc/piezod/%i.yaml\n" in unit
+    assert f"\nExecStopPost={COMMAND} safe /etc/piezod/%i.yaml --unless-clean\n" in unit
+    assert "/usr/bin/piezod" not in unit
+
+
+def test_unit_runs_this_command_by_default(piezod: Command, folder: Path) -> None:
+    """The one beside the interpreter."""
+    install(piezod, folder)
+    unit = (folder / TARGETS["piezod@.service"]).read_text()
+
+    assert f"\nExecStart={Path(sys.executable).parent}/piezod run " in unit
+
+
+def test_what_comes_next_is_told(piezod: Command, folder: Path) -> None:
+    """Every command between the files and a running stage."""
+    code, out, _ = piezod("install-service", "--root", folder, "--piezod", COMMAND)
+
+    assert code == 0
+    for command in ("systemd-sysusers", "udevadm", "daemon-reload", "enable --now piezod@"):
+        assert command in out
+
+
+def test_an_earlier_version_is_replaced(piezod: Command, folder: Path) -> None:
+    """Installing again leaves one set of files, of the newer command."""
+    install(piezod, folder, "--piezod", "/opt/old/bin/piezod")
+    install(piezod, folder, "--piezod", COMMAND)
+
+    assert "/opt/old" not in (folder / TARGETS["piezod@.service"]).read_text()
+
+
+def test_uninstall_leaves_nothing(piezod: Command, folder: Path) -> None:
+    """Exactly what was installed is removed, and again is no error."""
+    other = folder / "usr/lib/systemd/system/other.service"
+    install(piezod, folder, "--piezod", COMMAND)
+    other.write_text("")
+    told = install(piezod, folder, "--uninstall")
+
+    assert told["removed"] == [str(folder / target) for target in TARGETS.values()]
+    assert [path for path in folder.rglob("*") if path.is_file()] == [other]
+    assert install(piezod, folder, "--uninstall")["removed"] == []
+
+
+def test_only_root_installs_on_the_machine(
+    piezod: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exit code 77, and the text says what would help."""
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    code, _, err = piezod("install-service")
+
+    assert code == 77
+    assert "sudo" in err
+    assert "--root" in err
+
+
+@pytest.mark.parametrize("command", ["bin/piezod", "/opt/my piezod", "/opt/%i/piezod", "/a;b"])
+def test_command_that_no_unit_can_have(piezod: Command, folder: Path, command: str) -> None:
+    """A path that systemd would read otherwise is refused as wrong usage."""
+    code, _, err = piezod("install-service", "--root", folder, "--piezod", command)
+
+    assert code == 2
+    assert "--piezod" in err
+    assert list(folder.iterdir()) == []
+
+
+def test_command_that_does_not_exist(piezod: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the machine itself the command is looked at before anything is written."""
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    code, _, err = piezod("install-service", "--piezod", "/no/such/piezod")
+
+    assert code == 2
+    assert "no such file (got /no/such/piezod)" in err
+
+
+def test_interpreter_that_the_service_cannot_reach(
+    piezod: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A script is no better than the interpreter it names; the text says where it would work."""
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    private = folder / "private"
+    private.mkdir(mode=0o700)
+    python = private / "python"
+    python.write_text("")
+    script = folder / "piezod"
+    script.write_text(f"#!{python}\n")
+    code, _, err = piezod("install-service", "--piezod", script)
+
+    assert code == 2
+    assert "install piezod elsewhere: python3 -m venv /opt/piezod" in err
+
+
+@pytest.mark.parametrize("path", ["/root/piezod", "/home/olga/.venv/bin/piezod"])
+def test_homes_are_out_of_reach(path: str) -> None:
+    """The unit hides them, whatever their mode."""
+    assert "the service sees nothing below" in why_unreachable(Path(path))
+
+
+def test_what_everybody_can_run_is_reachable() -> None:
+    """The folders on the way are open to all."""
+    assert why_unreachable(Path("/usr/bin/env")) == ""

@@ -1,0 +1,132 @@
+"""A stage as a service on a machine: installed as the command says, used as people use it."""
+
+import csv
+import io
+import json
+import subprocess
+from typing import Any, Final, NamedTuple
+
+from piezod.units import NS_PER_S
+from tests.daemon.waiting import eventually
+from tests.system.machine import PIEZOD, Machine
+
+UNIT: Final = "piezod@stage1"
+CONFIG: Final = "/etc/piezod/stage1.yaml"
+OPERATOR, OUTSIDER = "olga", "otto"
+RIG: Final = "/var/lib/rig"
+TARGET_UM: Final = 12.5
+SAFE_V: Final = 0.0
+RESTARTED_WITHIN_S: Final = 60.0
+
+
+class Write(NamedTuple):
+    """A voltage that was written: the rig's instant, and by which process."""
+
+    t_ns: int
+    pid: int
+    drive_v: float
+
+
+class InstalledStage:
+    """The stage, its rig in a service of its own, and two users, of whom one may move it.
+
+    Args:
+        machine: The machine, piezod installed in it.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        told = json.loads(machine.root(f"{PIEZOD} install-service --json"))
+        for command in told["next"]:
+            # udev is not there in a container; the other lines are for people to fill in.
+            if command.startswith("systemd-") or "daemon-reload" in command:
+                machine.root(command)
+        machine.root(f"useradd --create-home --groups piezod-view,piezod {OPERATOR}")
+        machine.root(f"useradd --create-home {OUTSIDER}")
+        self._configure()
+        self._host_rig()
+
+    def _configure(self) -> None:
+        self.machine.root(f"{PIEZOD} init /etc/piezod")
+        text = self.machine.root("cat /etc/piezod/emulated.yaml")
+        # Slow, and patient: what is tested here are services, on a machine that may be busy.
+        text = text.replace("rate_hz: 1000", "rate_hz: 100")
+        text = text.replace("rig.sock", f"{RIG}/rig.sock, deadline_ms: 500")
+        self.configuration = text
+        self.machine.write(CONFIG, text)
+
+    def _host_rig(self) -> None:
+        """Host the rig as the service's user: only that one may use its socket."""
+        folders = f"-p StateDirectory=rig -E NUMBA_CACHE_DIR={RIG}"
+        rig = f"emulate simulated --socket {RIG}/rig.sock --trace {RIG}/trace.csv"
+        self.machine.root(f"systemd-run --unit=rig --uid=piezod {folders} {PIEZOD} {rig}")
+        eventually(lambda: self.machine.run(f"test -S {RIG}/rig.sock").returncode == 0, 90.0)
+
+    def begin(self) -> None:
+        """Start it anew, whatever became of it before."""
+        self.machine.run(f"systemctl stop {UNIT}")
+        self.machine.run(f"systemctl reset-failed {UNIT}")
+        self.machine.root("rm -f /var/lib/piezod/stage1/running")
+        self.machine.write(CONFIG, self.configuration)
+        self.machine.root(f"systemctl start {UNIT}")
+        eventually(lambda: self.status()["state"] == "SAFE")
+
+    def begin_driven(self) -> None:
+        """Start it anew, and have the operator move it to where it needs a voltage."""
+        self.begin()
+        for verb in ("arm", f"goto {TARGET_UM} --wait"):
+            ended = self.piezod(verb)
+            assert ended.returncode == 0, ended.stderr
+        assert self.writes()[-1].drive_v > 30.0
+
+    def piezod(self, verb: str, user: str = OPERATOR) -> "subprocess.CompletedProcess[str]":
+        """Have a user run a verb."""
+        return self.machine.run(f"{PIEZOD} {verb}", user)
+
+    def status(self) -> dict[str, Any]:
+        """Tell what the operator sees of it."""
+        ended = self.piezod("status --json")
+        assert ended.returncode == 0, ended.stderr
+        document: dict[str, Any] = json.loads(ended.stdout)
+        return document
+
+    def shows(self, name: str) -> str:
+        """Tell a property of its service."""
+        return self.machine.root(f"systemctl show --value --property={name} {UNIT}")
+
+    @property
+    def supervisor(self) -> str:
+        """The process id of the service, within the machine."""
+        return self.shows("MainPID")
+
+    @property
+    def loop(self) -> str:
+        """The process id of its loop, likewise."""
+        return self.machine.root(f"pgrep --parent {self.supervisor} --full loop_process")
+
+    def restarted(self) -> bool:
+        """Tell whether systemd has started it again, and it is ready."""
+        return self.shows("NRestarts") != "0" and self.shows("ActiveState") == "active"
+
+    def writes(self) -> list[Write]:
+        """Return every voltage that was written to the rig."""
+        rows = csv.DictReader(io.StringIO(self.machine.root(f"cat {RIG}/trace.csv")))
+        return [Write(int(row["t_ns"]), int(row["pid"]), float(row["x_v"])) for row in rows]
+
+    def log(self) -> str:
+        """Return what the journal has of it."""
+        return self.machine.root(f"journalctl --no-pager --unit={UNIT}")
+
+
+def fastest_v_per_s(writes: list[Write]) -> float:
+    """Return the fastest change over a tenth of a second or more, in V/s.
+
+    Over so long, since the instants are the rig's: a busy machine delivers writes in bursts.
+    """
+    fastest = 0.0
+    for begin, write in enumerate(writes):
+        later = next((w for w in writes[begin:] if w.t_ns - write.t_ns >= NS_PER_S / 10), None)
+        if later is not None:
+            rate = abs(later.drive_v - write.drive_v) / (later.t_ns - write.t_ns) * NS_PER_S
+            fastest = max(fastest, rate)
+    return fastest

@@ -1,0 +1,171 @@
+"""The service under a real systemd, booted in a container: from its start to its death."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.daemon.waiting import eventually
+from tests.system.installed_stage import (
+    CONFIG,
+    OUTSIDER,
+    RESTARTED_WITHIN_S,
+    SAFE_V,
+    TARGET_UM,
+    UNIT,
+    InstalledStage,
+    fastest_v_per_s,
+)
+from tests.system.machine import PIEZOD, Machine, build_wheel, why_not
+
+pytestmark = [
+    pytest.mark.stress,
+    pytest.mark.timeout(300),  # the first test boots, and compiles the kernels
+    pytest.mark.skipif(bool(why_not()), reason=why_not()),
+]
+
+RAMP_V_PER_S = 50.0
+DIRECTORIES = "RUNTIME_DIRECTORY=/run/piezod/stage1 STATE_DIRECTORY=/var/lib/piezod/stage1"
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InstalledStage]:
+    """Return the stage on a machine that is booted once."""
+    folder = tmp_path_factory.mktemp("machine")
+    with Machine(build_wheel(folder), folder / "console.log") as machine:
+        yield InstalledStage(machine)
+
+
+@pytest.fixture
+def stage(installed: InstalledStage) -> Iterator[InstalledStage]:
+    """Return the stage; what the journal has of it is shown where the test fails."""
+    yield installed
+    print(installed.log())
+
+
+def test_operator_moves_the_stage(stage: InstalledStage) -> None:
+    """Started, it is ready; who is in its groups arms it and moves it, and arrives."""
+    stage.begin_driven()
+
+    axis = stage.status()["axes"]["x"]
+    assert stage.shows("ActiveState") == "active"
+    assert axis["command_um"] == TARGET_UM
+    assert axis["position_um"] == pytest.approx(TARGET_UM, abs=0.5)
+
+
+def test_others_are_kept_out(stage: InstalledStage) -> None:
+    """Who is in none of the groups is told so, with exit code 77; so is nobody else's file."""
+    stage.begin()
+    refused = stage.piezod("arm", OUTSIDER)
+
+    assert refused.returncode == 77
+    assert "become a member of the group" in refused.stderr
+    assert stage.machine.run("cat /run/piezod/stage1/lock", OUTSIDER).returncode == 1
+    assert stage.machine.run("ls /var/lib/piezod/stage1", OUTSIDER).returncode == 2
+
+
+@pytest.mark.fault("P1")
+def test_stop_ends_at_the_safe_voltage(stage: InstalledStage) -> None:
+    """`systemctl stop` ramps gently, exits with 0 and leaves nothing that looks unclean."""
+    stage.begin_driven()
+    before = len(stage.writes())
+    stage.machine.root(f"systemctl stop {UNIT}")
+
+    ramp = stage.writes()[before:]
+    assert (stage.shows("Result"), stage.shows("ExecMainStatus")) == ("success", "0")
+    assert ramp[-1].drive_v == SAFE_V
+    assert fastest_v_per_s(ramp) <= 1.5 * RAMP_V_PER_S
+    assert stage.machine.run("test -e /var/lib/piezod/stage1/running").returncode == 1
+
+
+@pytest.mark.fault("P2")
+@pytest.mark.parametrize(
+    ("signal", "victim"),
+    [
+        ("STOP", "loop"),
+        ("STOP", "supervisor"),
+        ("STOP", "both"),
+        ("KILL", "loop"),
+        ("KILL", "supervisor"),
+        ("KILL", "both"),
+    ],
+)
+def test_violence(stage: InstalledStage, signal: str, victim: str) -> None:
+    """Hung or killed: it ramps gently to the safe voltage and starts again, in FAULT."""
+    stage.begin_driven()
+    pids = {"loop": stage.loop, "supervisor": stage.supervisor}
+    before = len(stage.writes())
+    hit = " ".join(pids.values()) if victim == "both" else pids[victim]
+    stage.machine.root(f"kill -{signal} {hit}")
+    eventually(stage.restarted, RESTARTED_WITHIN_S)
+
+    ramp = stage.writes()[before:]
+    status = stage.status()
+    assert ramp[-1].drive_v == SAFE_V
+    assert fastest_v_per_s(ramp) <= 1.5 * RAMP_V_PER_S
+    assert status["state"] == "FAULT"
+    assert "P2" in [fault["id"] for fault in status["faults"]]
+
+
+@pytest.mark.fault("P10")
+def test_bad_configuration_stays_down(stage: InstalledStage) -> None:
+    """Exit code 78 is not tried again, and the journal says where the file is wrong."""
+    stage.begin()
+    stage.machine.root(f"systemctl stop {UNIT}")
+    before = len(stage.writes())
+    stage.machine.write(CONFIG, stage.configuration.replace("safe_v: 0", "safe_v: 1000"))
+    started = stage.machine.run(f"systemctl start {UNIT}")
+
+    assert started.returncode == 1
+    assert (stage.shows("ExecMainStatus"), stage.shows("NRestarts")) == ("78", "0")
+    assert stage.shows("ActiveState") == "failed"
+    assert f"{CONFIG}:" in stage.log()
+    assert len(stage.writes()) == before
+
+
+@pytest.mark.fault("P9")
+def test_second_daemon_leaves_the_first_alone(stage: InstalledStage) -> None:
+    """It ends with 75; the first goes on to hold its position, as the same process."""
+    stage.begin_driven()
+    first, before = stage.supervisor, len(stage.writes())
+    second = stage.machine.run(
+        f"setpriv --reuid=piezod --regid=piezod-view --init-groups "
+        f"env {DIRECTORIES} {PIEZOD} run {CONFIG}"
+    )
+
+    assert second.returncode == 75
+    assert f"process {first}" in second.stderr
+    assert stage.supervisor == first
+    assert stage.status()["state"] == "RUN"
+    eventually(lambda: len(stage.writes()) > before)
+
+
+@pytest.mark.fault("P9")
+def test_service_leaves_another_daemon_alone(stage: InstalledStage) -> None:
+    """Where somebody else has the lock it stays down with 75, and what that one has is there."""
+    stage.begin()
+    stage.machine.root(f"systemctl stop {UNIT}")
+    lock = "/run/piezod/stage1/lock"
+    stage.machine.root(f"systemd-run --unit=other --uid=piezod flock {lock} sleep 600")
+    eventually(lambda: stage.machine.run(f"flock --nonblock {lock} true").returncode == 1)
+    started = stage.machine.run(f"systemctl start {UNIT}")
+    status = stage.shows("ExecMainStatus"), stage.shows("NRestarts")
+    stage.machine.root("systemctl stop other")
+
+    assert started.returncode == 1
+    assert status == ("75", "0")
+    assert stage.machine.run(f"test -e {lock}").returncode == 0
+
+
+@pytest.mark.fault("P11")
+def test_reload_keeps_the_service(stage: InstalledStage) -> None:
+    """`systemctl reload` puts a changed file in force; the process stays the same."""
+    stage.begin()
+    first, loop = stage.supervisor, stage.loop
+    changed = stage.configuration.replace("speed_um_per_s: 200", "speed_um_per_s: 100")
+    stage.machine.write(CONFIG, changed)
+    stage.machine.root(f"systemctl reload {UNIT}")
+    eventually(lambda: stage.machine.run(f"kill -0 {loop}").returncode == 1)
+    eventually(lambda: stage.shows("ActiveState") == "active")
+
+    assert stage.supervisor == first
+    assert stage.shows("NRestarts") == "0"

@@ -1,0 +1,113 @@
+"""What is installed, looked at by systemd's own tools; nothing of it runs."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from piezod.cli import exit_codes
+from piezod.cli.shipped import shipped
+from piezod.config.daemon import LoopConfig
+from piezod.daemon import service_files
+from piezod.daemon.loop_health import HUNG_S
+from piezod.daemon.loop_supervision import END_GRACE_S, RAMP_DOWN_WITHIN_S
+
+EXPOSURE_AT_MOST = 1.5
+
+with_systemd = pytest.mark.skipif(
+    shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed"
+)
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """Return a root below which everything is installed, for a command that exists."""
+    service_files.install(shipped("systemd"), tmp_path, Path(sys.executable))
+    return tmp_path
+
+
+def unit(root: Path) -> Path:
+    """Return the path of the unit."""
+    return root / service_files.TARGETS["piezod@.service"]
+
+
+def analyse(*arguments: str) -> "subprocess.CompletedProcess[str]":
+    """Run systemd-analyze, which needs no running systemd for what is asked here."""
+    command = [str(shutil.which("systemd-analyze")), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@with_systemd
+def test_verify_has_nothing_to_say(root: Path) -> None:
+    """A value that systemd does not understand is a warning and no failure: so there is no word."""
+    ended = analyse("verify", "--man=no", str(unit(root)))
+
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+
+
+@with_systemd
+def test_exposure_is_small(root: Path) -> None:
+    """What a daemon that was taken over could do is little, by systemd's own measure."""
+    ended = analyse("security", "--offline=true", "--no-pager", str(unit(root)))
+
+    (verdict,) = [line for line in ended.stdout.splitlines() if "exposure level" in line]
+    assert float(verdict.split(":")[1].split()[0]) <= EXPOSURE_AT_MOST
+
+
+@pytest.mark.skipif(shutil.which("systemd-sysusers") is None, reason="no systemd-sysusers")
+def test_users_and_groups_are_made(root: Path) -> None:
+    """The user is in the group of serial ports, and the three groups of the roles exist."""
+    definitions = root / service_files.TARGETS["piezod.sysusers"]
+    (root / "etc").mkdir()
+    command = [str(shutil.which("systemd-sysusers")), f"--root={root}", str(definitions)]
+    subprocess.run(command, check=True)
+
+    groups = dict(line.split(":x:") for line in (root / "etc/group").read_text().splitlines())
+    assert {"piezod", "piezod-view", "piezod-eng"} <= set(groups)
+    assert groups["dialout"].endswith(":piezod")
+
+
+def section(name: str) -> dict[str, list[str]]:
+    """Read a section of the unit as it is shipped: all values of each key."""
+    found: dict[str, list[str]] = {}
+    here = ""
+    for line in (shipped("systemd") / "piezod@.service").read_text().splitlines():
+        if line.startswith("["):
+            here = line.strip("[]")
+        elif here == name and "=" in line and not line.startswith("#"):
+            key, _, value = line.partition("=")
+            found.setdefault(key, []).append(value)
+    return found
+
+
+def test_exit_codes_that_no_restart_changes() -> None:
+    """Those of a second daemon, of a missing permission and of a bad configuration."""
+    codes = exit_codes.ALREADY_RUNNING, exit_codes.NO_PERMISSION, exit_codes.CONFIGURATION
+
+    assert section("Service")["RestartPreventExitStatus"] == [" ".join(map(str, codes))]
+
+
+def test_supervisor_has_time_to_end_gently() -> None:
+    """The service manager waits longer than the supervisor does, for a loop that hangs."""
+    service = section("Service")
+
+    assert float(service["WatchdogSec"][0]) > HUNG_S
+    assert float(service["TimeoutStopSec"][0]) > END_GRACE_S + RAMP_DOWN_WITHIN_S
+
+
+def test_the_loop_may_become_real_time() -> None:
+    """Limits allow it, no filter forbids it, and nothing forces it on the supervisor."""
+    service = section("Service")
+
+    assert int(service["LimitRTPRIO"][0]) >= LoopConfig().priority
+    assert service["LimitMEMLOCK"] == ["infinity"]
+    assert "sched_setscheduler" in service["SystemCallFilter"][-1]
+    forbidden = {"CPUSchedulingPolicy", "RestrictRealtime", "MemoryDenyWriteExecute"}
+    assert not forbidden & set(service)
+
+
+def test_peers_are_known() -> None:
+    """In a user namespace every client would be nobody, and roles by user would be void."""
+    assert "PrivateUsers" not in section("Service")
