@@ -1,7 +1,6 @@
 """The devices of a stage, opened by a thread that tries again until they are there."""
 
 import threading
-from typing import Final
 
 from piezod.config.daemon import DaemonConfig
 from piezod.daemon.clock import Clock
@@ -11,8 +10,6 @@ from piezod.devices.interface import Device
 from piezod.errors import DeviceError
 
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 2.0
-IN_MEMORY: Final = frozenset({"simulated"})
-"""Drivers whose stages live in this process: at rest, and relaxed, whenever they are opened."""
 
 
 def make_channels(config: DaemonConfig) -> Channels:
@@ -28,12 +25,6 @@ def make_channels(config: DaemonConfig) -> Channels:
         plugin = registry.load(device.driver)
         devices[name] = plugin.create(device.options, served_axes(name, axes), config.seed)
     return Channels(devices, axes)
-
-
-def starts_relaxed(config: DaemonConfig) -> bool:
-    """Tell whether the memory of every stage is known when its devices have been opened."""
-    amplifiers = {config.devices[axis.amplifier].driver for axis in config.axes.values()}
-    return amplifiers <= IN_MEMORY
 
 
 class Opening(threading.Thread):

@@ -21,7 +21,7 @@ from piezod.control.warm_up import warm_up
 from piezod.daemon.clock import MonotonicClock
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.loop import Loop
-from piezod.daemon.loop_devices import make_channels, starts_relaxed
+from piezod.daemon.loop_devices import make_channels
 from piezod.daemon.loop_start import wait_for_devices
 from piezod.daemon.pacer import Pacer
 from piezod.daemon.rate import measure_busy_ns, sustained_rate_hz, usable_spin_ns
@@ -56,9 +56,8 @@ def main(runtime: Path, config_file: Path) -> None:
         return
     noted = LastOutputWriter(runtime / "output.map", len(config.axes))
     timed = TimedChannels(channels, clock, noted)
-    known = starts_relaxed(config) and not shared.words[Word.UNCLEAN]
-    reads_back = channels.capabilities().read_back
-    controller = assemble(config, timed, reads_back=reads_back, memory_known=known)
+    able = channels.capabilities()
+    controller = assemble(config, timed, reads_back=able.read_back, memory_known=able.opens_relaxed)
     busy_ns = measure_busy_ns(controller, clock)
     realtime = Realtime(config.loop, shared)
     steps = realtime.set_up()

@@ -93,6 +93,7 @@ class Channels:
             all(one.read_back for one in each),
             min(one.max_rate_hz for one in each),
             any(one.holds for one in each),
+            all(one.opens_relaxed for one in each),
         )
 
     def activate(self, now_ns: int) -> None:

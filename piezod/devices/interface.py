@@ -54,12 +54,15 @@ class Capabilities(NamedTuple):
         holds: Whether the outputs stay as they are when the device is deactivated or closed, and do
             not go to rest. They must be brought to a safe voltage before; after the death of the
             process that drove them it is `piezod safe` that does it.
+        opens_relaxed: Whether the stage is at rest, with nothing to remember, whenever the device
+            is opened: one that exists in this process only.
     """
 
     axes: tuple[str, ...]
     read_back: bool
     max_rate_hz: float
     holds: bool = False
+    opens_relaxed: bool = False
 
 
 class Sample(NamedTuple):

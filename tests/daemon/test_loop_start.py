@@ -11,7 +11,7 @@ from piezod.config.requests import Arm, Request, Shutdown
 from piezod.config.states import State
 from piezod.daemon.clock import MonotonicClock
 from piezod.daemon.last_output import LastOutputWriter
-from piezod.daemon.loop_devices import make_channels, starts_relaxed
+from piezod.daemon.loop_devices import make_channels
 from piezod.daemon.loop_start import wait_for_devices
 from piezod.daemon.rate import (
     MOST_CYCLES,
@@ -150,15 +150,6 @@ def test_broken_driver_ends_the_process(shared: SharedMap) -> None:
     outcome = Waiting(ShyRig(RuntimeError("a mistake")), shared).ended()
 
     assert isinstance(outcome, RuntimeError)
-
-
-def test_stage_in_memory_starts_relaxed() -> None:
-    """The simulated rig is new each time; of a stage elsewhere nobody knows what it remembers."""
-    config = load_daemon(SIMULATED, registry)
-    rig = config.devices["rig"].model_copy(update={"driver": "emulated"})
-
-    assert starts_relaxed(config)
-    assert not starts_relaxed(config.model_copy(update={"devices": {"rig": rig}}))
 
 
 @pytest.fixture

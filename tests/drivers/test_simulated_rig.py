@@ -288,3 +288,11 @@ def test_deactivation_makes_safe_even_if_its_instant_is_wrong() -> None:
     rig.deactivate(T0_NS)
 
     assert rig.read_back(T0_NS + 20 * MS)[0] == pytest.approx(0, abs=0.01)
+
+
+def test_rig_is_at_rest_with_nothing_to_remember_whenever_it_is_opened() -> None:
+    """Nobody can have moved it meanwhile."""
+    rig = SimulatedRig(Options(), ("x",), 1)
+    rig.open()
+
+    assert rig.capabilities().opens_relaxed

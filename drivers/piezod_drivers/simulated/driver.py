@@ -94,7 +94,9 @@ class SimulatedRig:
             DeviceError: If the rig is not open.
         """
         self._require_open()
-        return Capabilities(self._axes, read_back=True, max_rate_hz=NS_PER_S / SUB_STEP_NS)
+        return Capabilities(
+            self._axes, read_back=True, max_rate_hz=NS_PER_S / SUB_STEP_NS, opens_relaxed=True
+        )
 
     def activate(self, now_ns: int) -> None:
         """Take writes from now on.
