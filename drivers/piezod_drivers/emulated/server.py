@@ -50,10 +50,11 @@ class RigServer:
         trace: Trace | None = None,
     ) -> None:
         self._rig, self._listener, self._time_of, self._trace = rig, listener, time_of, trace
-        self._axes, _, max_rate_hz, _ = rig.capabilities()
+        able = rig.capabilities()
+        self._axes = able.axes
         self._wire = Wire(len(self._axes))
         life = secrets.token_hex(8)
-        self._greeting = pack_greeting(Greeting(identity, self._axes, max_rate_hz, life))
+        self._greeting = pack_greeting(Greeting(identity, self._axes, able.max_rate_hz, life))
         self._selector = selectors.DefaultSelector()
         self._client: socket.socket | None = None
         self._client_pid = 0
