@@ -44,7 +44,7 @@ class FakeStage(StageClient):
         self.model: Document | None = load_model(MODEL).model_dump(mode="json")
         self.state, self.mode_now, self.motion = "SAFE", "feedforward", 0
         self.t_s, self.ends_s = 100.0, 0.0
-        self.faults: tuple[str, ...] = ()
+        self.present: tuple[str, ...] = ()
         self.asked: list[str] = []
         self.bodies: list[Document | None] = []
         self.refused: dict[str, str] = {}
@@ -120,7 +120,7 @@ class FakeStage(StageClient):
             cycles=50,
             lost=0,
             state=self.state,
-            faults=self.faults,
+            faults=self.present,
             skipped_cycles=0,
             axes={"x": axis},
         )

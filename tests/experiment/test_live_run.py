@@ -45,12 +45,12 @@ def while_moving(trouble: Trouble) -> Trouble:
 
 def fault(stage: FakeStage) -> None:
     """Have a fault stop the stage."""
-    stage.state, stage.faults = "HOLD", ("S5",)
+    stage.state, stage.present = "HOLD", ("S5",)
 
 
 def fall_back(stage: FakeStage) -> None:
     """Have a fault change the mode."""
-    stage.mode_now, stage.faults = "feedforward", ("S3",)
+    stage.mode_now, stage.present = "feedforward", ("S3",)
 
 
 def move(stage: FakeStage) -> None:
@@ -155,7 +155,7 @@ def test_faulty_stage_is_not_run(config: ExperimentConfig) -> None:
     """A fault that is latched is for a person to reset."""
 
     def latched(stage: FakeStage) -> None:
-        stage.state, stage.faults = "FAULT", ("P2",)
+        stage.state, stage.present = "FAULT", ("P2",)
 
     stage = FakeStage()
     stage.each = latched

@@ -1,0 +1,185 @@
+"""`piezod experiment --live` and `piezod identify --live` on a daemon, in real time."""
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from piezod.config.model_file import load_model
+from piezod.records.csv_file import read_csv
+from piezod.records.hdf5_file import read_hdf5
+from tests.cli.conftest import Command
+from tests.daemon.daemons import Daemon, configuration
+from tests.experiment.conftest import SHORT
+
+LIVE = SHORT.replace("period_s: 1\n    duration_s: 3", "period_s: 0.5\n    duration_s: 1.5")
+DRIVE = """\
+identification:
+  method: least-squares
+  settle_s: 0.2
+  duration_s: 4
+  drive_v:
+    kind: sine
+    low: 0
+    high: 140
+    frequency_hz: 1
+    envelope: {kind: decaying, time_constant_s: 4}
+"""
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """Return a daemon of a simulated stage, at a rate that a busy machine keeps."""
+    folder = tmp_path_factory.mktemp("rig")
+    file = configuration(folder, rate_hz="50", safety="{safe_v: 0, ramp_v_per_s: 500}")
+    with Daemon(file) as daemon:
+        yield daemon.up()
+
+
+@pytest.fixture
+def socket(rig: Daemon) -> tuple[str, str]:
+    """Return the option that names the stage, which stands disarmed."""
+    rig.until("SAFE")
+    return "--socket", str(rig.paths.api_socket)
+
+
+@pytest.fixture
+def live_file(folder: Path) -> Path:
+    """Return an experiment whose case takes a second and a half."""
+    (folder / "live.yaml").write_text(LIVE, encoding="utf-8")
+    return folder / "live.yaml"
+
+
+def test_experiment(
+    piezod: Command, rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
+) -> None:
+    """It leaves what one in virtual time does, of the stage's rate and model, and no voltage."""
+    code, out, err = piezod(
+        "experiment", live_file, "--live", "--out", folder / "o", "--json", *socket
+    )
+
+    assert (err, code) == ("", 0)
+    document = json.loads(out)
+    rows = {row["mode"]: row for row in document["cases"]}
+    assert list(rows) == ["uncompensated", "feedforward", "adaptive"]
+    assert rows["feedforward"]["tracking_rms_pct"] < 0.5 * rows["uncompensated"]["tracking_rms_pct"]
+    assert document["title"] == "live (live on stage rig)"
+    assert document["model"]["axes"]["x"]["source"] == "model in use on stage rig"
+    assert any("nothing was used" in each for each in document["warnings"])
+    assert any("stage rig runs at 50 Hz" in each for each in document["warnings"])
+    result = read_hdf5(folder / "o" / "experiment.h5")
+    for recording in result.recordings:
+        assert recording.t_s.size == pytest.approx(75, abs=5)
+        assert recording.command_um.max() == pytest.approx(20.0, abs=0.1)
+        assert recording.weights.shape[1] == 38
+    assert result.rate_hz == 50.0
+    assert (folder / "o" / "report.html").is_file()
+    assert rig.status()["state"] == "SAFE"
+    names = [each["name"] for each in rig.ask("GET", "recordings").json()["recordings"]]
+    assert any(name.endswith("slow-adaptive") for name in names)
+
+
+def test_experiment_that_does_not_fit_moves_nothing(
+    piezod: Command, socket: tuple[str, str], live_file: Path
+) -> None:
+    """The stage's range holds, not the file's."""
+    live_file.write_text(LIVE.replace("high: 20", "high: 27"), encoding="utf-8")
+
+    code, out, err = piezod("experiment", live_file, "--live", *socket)
+
+    assert (code, out) == (1, "")
+    assert "slow commands 0 to 27 µm, but axis x may be commanded from 0 to 26 µm" in err
+
+
+def test_interrupt_stops_the_stage(
+    rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
+) -> None:
+    """Ctrl-C while it moves: it goes to its safe voltage, and the recording ends."""
+    live_file.write_text(LIVE.replace("duration_s: 1.5", "duration_s: 20"), encoding="utf-8")
+    command = [
+        sys.executable,
+        "-m",
+        "piezod.cli.main",
+        "experiment",
+        str(live_file),
+        "--live",
+        *socket,
+    ]
+    with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
+        rig.until("RUN", 60.0)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate()
+
+    assert (process.returncode, err) == (130, "interrupted\n")
+    rig.until("SAFE")
+    assert rig.ask("GET", "recordings").json()["running"] is None
+
+
+def test_identify_and_adopt(
+    piezod: Command, rig: Daemon, socket: tuple[str, str], folder: Path
+) -> None:
+    """The stage is driven, the record kept as data, and the model that it gives is used at once."""
+    (folder / "drive.yaml").write_text(DRIVE, encoding="utf-8")
+    options = ("--drive", "drive.yaml", "--out", "m.yaml", "--adopt", "--order", 5, "--json")
+
+    code, out, err = piezod("identify", "--live", *options, *socket)
+
+    assert (err, code) == ("", 0)
+    document = json.loads(out)
+    assert (document["axis"], document["adopted"], document["data"]) == ("x", True, "m.csv")
+    assert document["train"]["voltage_error_max_pct"] < 5.0
+    columns = read_csv(folder / "m.csv")
+    assert columns["t_s"].size == pytest.approx(200, abs=10)
+    assert columns["drive_v"].max() == pytest.approx(123.5, abs=3.0)
+    written = load_model(folder / "m.yaml")
+    used = rig.ask("GET", "params").json()["axes"]["x"]["model"]
+    assert used["right_stop_thresholds"] == list(written.right_stop_thresholds)
+    assert used["source"]["sha256"] == written.source.sha256
+    assert rig.status()["state"] == "SAFE"
+
+
+def test_identify_says_how_to_keep_the_model(
+    piezod: Command, socket: tuple[str, str], folder: Path
+) -> None:
+    """A person reads the same account as of a file, and what is still to do."""
+    (folder / "drive.yaml").write_text(DRIVE, encoding="utf-8")
+    options = ("--drive", "drive.yaml", "--adopt", "--order", 5)
+
+    code, out, err = piezod("identify", "--live", *options, *socket)
+
+    assert (err, code) == ("", 0)
+    assert out.startswith("rig-record.csv: ")
+    assert "`piezod params save` keeps it for the next start." in " ".join(out.split())
+    assert (folder / "rig-record.csv").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("experiment", "live.yaml", "--stage", "x"), "--stage and --socket need --live"),
+        (("experiment", "live.yaml", "--live", "--seed", 1), "a running stage has none to give"),
+        (("identify",), "Missing argument 'DATA.csv'; or --live"),
+        (("identify", "live.yaml", "--live"), "DATA.csv and --live exclude each other"),
+        (("identify", "live.yaml", "--adopt"), "--adopt, --axis, --stage and --socket need --live"),
+        (("identify", "--live", "--out", "model.txt"), "must end in .yaml"),
+    ],
+)
+@pytest.mark.usefixtures("live_file")
+def test_wrong_usage(piezod: Command, arguments: tuple[object, ...], text: str) -> None:
+    """What has no meaning without a running stage, or with one, is refused."""
+    code, out, err = piezod(*arguments)
+
+    assert (code, out) == (2, "")
+    assert text in " ".join(err.replace("│", " ").split())
+
+
+def test_no_stage_runs(piezod: Command, live_file: Path, folder: Path) -> None:
+    """It is told as by every other verb."""
+    code, _, err = piezod("experiment", live_file, "--live", "--socket", folder / "no.sock")
+
+    assert code == 69
+    assert "no.sock" in err
