@@ -21,7 +21,7 @@ from tests.daemon.waiting import eventually
 REPOSITORY: Final = Path(__file__).parents[2]
 PIEZOD: Final = "/opt/piezod/bin/piezod"
 _PYTHON: Final = f"python{sys.version_info.major}.{sys.version_info.minor}"
-_NEEDED: Final = ("systemd-nspawn", "nsenter", "runuser", "ldconfig", "mount")
+_NEEDED: Final = ("systemd-nspawn", "nsenter", "setpriv", "ldconfig", "mount")
 
 
 def why_not() -> str:
@@ -43,6 +43,7 @@ class Machine:
     """
 
     def __init__(self, wheel: Path, log: Path) -> None:
+        self._name = f"pz-machine-{os.getpid()}"
         self._folder = Path(tempfile.mkdtemp(prefix="pz-machine-"))
         self._root = self._folder / "root"
         self._wheel, self._log = wheel, log
@@ -70,11 +71,15 @@ class Machine:
         self._end()
 
     def run(self, command: str, user: str = "root") -> "subprocess.CompletedProcess[str]":
-        """Run a shell command in it, in an environment as after a login."""
-        shell = ["runuser", "--login", "--shell", "/bin/sh", user, "--command", command]
-        inside = ["nsenter", "--all", f"--target={self._leader}", "--", *shell]
+        """Run a shell command in it, with the groups and the environment of a login."""
+        login = ["setpriv", f"--reuid={user}", f"--regid={user}", "--init-groups", "--reset-env"]
+        inside = ["nsenter", "--all", f"--target={self._leader}", "--", *login]
         return subprocess.run(
-            inside, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+            [*inside, "sh", "-c", command],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
         )
 
     def root(self, command: str) -> str:
@@ -86,6 +91,14 @@ class Machine:
         ended = self.run(command)
         assert ended.returncode == 0, (command, ended.stdout, ended.stderr)
         return ended.stdout.strip()
+
+    def wait_until(self, condition: str, within_s: int = 60) -> None:
+        """Wait in it, which costs less than from outside, until a shell command succeeds.
+
+        Raises:
+            AssertionError: If the time is over.
+        """
+        self.root(f"timeout {within_s} sh -c 'until {condition}; do sleep 0.1; done'")
 
     def write(self, path: str, text: str) -> None:
         """Write a file that everybody may read, in it and before it boots too."""
@@ -128,7 +141,7 @@ class Machine:
     def _boot(self) -> None:
         command = ["systemd-nspawn", "--quiet", "--boot", f"--directory={self._root}"]
         # Nobody to register with: the first process of the test's machine may be no systemd.
-        command += [f"--machine={self._folder.name}", "--keep-unit", "--register=no"]
+        command += [f"--machine={self._name}", "--keep-unit", "--register=no"]
         command += ["--private-network", "--link-journal=no"]
         command += ["--resolv-conf=off", "--timezone=off", "--console=pipe"]
         command += ["--capability=CAP_IPC_LOCK,CAP_SYS_NICE"]
@@ -168,7 +181,7 @@ class Machine:
                 _run("umount", "--lazy", str(mount))
         shutil.rmtree(self._folder)
         # nspawn leaves it where /run is no tmpfs.
-        shutil.rmtree(Path("/run/systemd/nspawn/propagate", self._folder.name), ignore_errors=True)
+        shutil.rmtree(Path("/run/systemd/nspawn/propagate", self._name), ignore_errors=True)
 
 
 def build_wheel(folder: Path) -> Path:

@@ -8,7 +8,7 @@ from tests.daemon.waiting import eventually
 from tests.system.installed_stage import (
     CONFIG,
     OUTSIDER,
-    RESTARTED_WITHIN_S,
+    RAMP_V_PER_S,
     SAFE_V,
     TARGET_UM,
     UNIT,
@@ -23,7 +23,6 @@ pytestmark = [
     pytest.mark.skipif(bool(why_not()), reason=why_not()),
 ]
 
-RAMP_V_PER_S = 50.0
 DIRECTORIES = "RUNTIME_DIRECTORY=/run/piezod/stage1 STATE_DIRECTORY=/var/lib/piezod/stage1"
 
 
@@ -63,7 +62,6 @@ def test_others_are_kept_out(stage: InstalledStage) -> None:
     assert stage.machine.run("ls /var/lib/piezod/stage1", OUTSIDER).returncode == 2
 
 
-@pytest.mark.fault("P1")
 def test_stop_ends_at_the_safe_voltage(stage: InstalledStage) -> None:
     """`systemctl stop` ramps gently, exits with 0 and leaves nothing that looks unclean."""
     stage.begin_driven()
@@ -84,7 +82,6 @@ def test_stop_ends_at_the_safe_voltage(stage: InstalledStage) -> None:
         ("STOP", "loop"),
         ("STOP", "supervisor"),
         ("STOP", "both"),
-        ("KILL", "loop"),
         ("KILL", "supervisor"),
         ("KILL", "both"),
     ],
@@ -96,7 +93,7 @@ def test_violence(stage: InstalledStage, signal: str, victim: str) -> None:
     before = len(stage.writes())
     hit = " ".join(pids.values()) if victim == "both" else pids[victim]
     stage.machine.root(f"kill -{signal} {hit}")
-    eventually(stage.restarted, RESTARTED_WITHIN_S)
+    stage.wait_for_restart()
 
     ramp = stage.writes()[before:]
     status = stage.status()
@@ -106,7 +103,6 @@ def test_violence(stage: InstalledStage, signal: str, victim: str) -> None:
     assert "P2" in [fault["id"] for fault in status["faults"]]
 
 
-@pytest.mark.fault("P10")
 def test_bad_configuration_stays_down(stage: InstalledStage) -> None:
     """Exit code 78 is not tried again, and the journal says where the file is wrong."""
     stage.begin()
@@ -122,7 +118,6 @@ def test_bad_configuration_stays_down(stage: InstalledStage) -> None:
     assert len(stage.writes()) == before
 
 
-@pytest.mark.fault("P9")
 def test_second_daemon_leaves_the_first_alone(stage: InstalledStage) -> None:
     """It ends with 75; the first goes on to hold its position, as the same process."""
     stage.begin_driven()
@@ -135,18 +130,16 @@ def test_second_daemon_leaves_the_first_alone(stage: InstalledStage) -> None:
     assert second.returncode == 75
     assert f"process {first}" in second.stderr
     assert stage.supervisor == first
-    assert stage.status()["state"] == "RUN"
     eventually(lambda: len(stage.writes()) > before)
 
 
-@pytest.mark.fault("P9")
 def test_service_leaves_another_daemon_alone(stage: InstalledStage) -> None:
     """Where somebody else has the lock it stays down with 75, and what that one has is there."""
     stage.begin()
     stage.machine.root(f"systemctl stop {UNIT}")
     lock = "/run/piezod/stage1/lock"
     stage.machine.root(f"systemd-run --unit=other --uid=piezod flock {lock} sleep 600")
-    eventually(lambda: stage.machine.run(f"flock --nonblock {lock} true").returncode == 1)
+    stage.machine.wait_until(f"! flock --nonblock {lock} true")
     started = stage.machine.run(f"systemctl start {UNIT}")
     status = stage.shows("ExecMainStatus"), stage.shows("NRestarts")
     stage.machine.root("systemctl stop other")
@@ -156,7 +149,16 @@ def test_service_leaves_another_daemon_alone(stage: InstalledStage) -> None:
     assert stage.machine.run(f"test -e {lock}").returncode == 0
 
 
-@pytest.mark.fault("P11")
+def test_udev_understands_the_rules(stage: InstalledStage) -> None:
+    """It has no complaint, and the service's user gets the file that keeps processors awake."""
+    device = "/sys/devices/virtual/misc/cpu_dma_latency"
+    told = stage.machine.run(f"udevadm test --action=add {device} 2>&1").stdout.splitlines()
+    done = [line.split("70-piezod.rules:")[1] for line in told if "70-piezod.rules:" in line]
+
+    user = stage.machine.root("id --user piezod")
+    assert [line.partition(" ")[2] for line in done] == [f"OWNER {user}", "MODE 0600"]
+
+
 def test_reload_keeps_the_service(stage: InstalledStage) -> None:
     """`systemctl reload` puts a changed file in force; the process stays the same."""
     stage.begin()
@@ -164,8 +166,8 @@ def test_reload_keeps_the_service(stage: InstalledStage) -> None:
     changed = stage.configuration.replace("speed_um_per_s: 200", "speed_um_per_s: 100")
     stage.machine.write(CONFIG, changed)
     stage.machine.root(f"systemctl reload {UNIT}")
-    eventually(lambda: stage.machine.run(f"kill -0 {loop}").returncode == 1)
-    eventually(lambda: stage.shows("ActiveState") == "active")
+    stage.machine.wait_until(f"! kill -0 {loop}")
+    stage.machine.wait_until(f"systemctl --quiet is-active {UNIT}")
 
     assert stage.supervisor == first
     assert stage.shows("NRestarts") == "0"
