@@ -142,6 +142,7 @@ def columns_of(told: Telemetry, axis: str) -> tuple[dict[str, FloatArray], tuple
 
 
 def _driven(stage: LiveStage, axis: str, drive: Drive, file: Path) -> Telemetry:
+    stage.park()
     stage.rest(drive.settle_s)
     stage.arm()
     stage.faults.clear()

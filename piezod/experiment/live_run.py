@@ -91,8 +91,9 @@ class _Runs:
         waveforms = {
             name: build_waveform(command, case.duration_s) for name, command in commands.items()
         }
-        stage.rest(self._config.settle_s)
+        stage.park()
         stage.select(mode, commands)
+        stage.rest(self._config.settle_s)
         stage.arm()
         stage.faults.clear()
         stage.start_recording(f"{case.name}-{mode.value}")

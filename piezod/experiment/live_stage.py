@@ -99,14 +99,13 @@ class LiveStage:
         self._wait(lambda told: told.state == State.SAFE, _WAY_DOWN)
 
     def rest(self, settle_s: float) -> None:
-        """Bring the stage to rest, wait, and call the displacement there zero; it is not armed.
+        """Have a parked stage rest, and call the displacement there zero.
 
         Where the safe voltage is not that of rest, the stage is armed and driven there.
 
         Args:
             settle_s: How long to wait, in s.
         """
-        self.park()
         if self._setup.safe_at_rest:
             self._pass(settle_s, State.SAFE)
         else:
@@ -120,7 +119,7 @@ class LiveStage:
         self._pass(ZERO_S, *(State.SAFE, State.READY))
 
     def arm(self) -> None:
-        """Arm the stage, and wait for the end of the conditioning where there is one."""
+        """Arm a stage that rests, and wait for the end of the conditioning where there is one."""
         self._client.arm()
         self._wait(lambda told: told.state == State.READY, {State.IDENT})
 

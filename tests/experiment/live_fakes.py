@@ -95,7 +95,8 @@ class FakeStage(StageClient):
 
     def _do(self, path: str, body: Mapping[str, Any]) -> None:
         after = {"stop": "SAFE", "arm": "READY", "wave": "RUN", "identify": "IDENT"}
-        self.state = after.get(path, self.state)
+        if path != "arm" or self.state == "SAFE":
+            self.state = after.get(path, self.state)
         if path == "mode":
             self.mode_now = body["mode"]
             self.state = "RUN" if self.state == "READY" else self.state

@@ -94,7 +94,7 @@ def test_trouble_on_the_way_stops_the_stage(
     assert stage.asked[-3:] == LEFT
 
 
-@pytest.mark.parametrize("refused", ["zero", "arm", "mode", "recordings/start", "wave"])
+@pytest.mark.parametrize("refused", ["mode", "zero", "arm", "recordings/start", "wave"])
 def test_refused_request_stops_the_stage(config: ExperimentConfig, refused: str) -> None:
     """What is refused is told with case, mode and remedy, and the stage is left disarmed."""
     stage = FakeStage()
@@ -186,7 +186,7 @@ def test_steps_of_a_run(config: ExperimentConfig) -> None:
     steps = [what for what in stage.asked if what not in ("lease", "DELETE lease")]
     assert steps[:3] == ["GET status", "GET config", "GET params"]
     assert steps[3:] == [
-        *("stop", "zero", "mode", "arm", "recordings/start", "mode", "wave", "recordings/stop"),
+        *("stop", "mode", "zero", "arm", "recordings/start", "mode", "wave", "recordings/stop"),
         "stop",
     ]
     bodies = [body for body in stage.bodies if body]
@@ -197,9 +197,9 @@ def test_steps_of_a_run(config: ExperimentConfig) -> None:
 def test_stage_whose_safe_voltage_is_not_rest_is_driven_there(config: ExperimentConfig) -> None:
     """Zero is at the rest voltage, wherever it is safe."""
     stage = FakeStage(stage_document(safety={"safe_v": 10.0, "ramp_v_per_s": 50.0}))
-    stage.refused["zero"] = "no"
+    stage.why = "that is enough"
 
-    with pytest.raises(RefusedError):
+    with pytest.raises(DataError, match="that is enough"):
         run(config, stage)
 
     at = stage.asked.index("identify")
