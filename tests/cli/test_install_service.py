@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from piezod.cli.shipped import shipped
+from piezod.daemon import service_files
 from piezod.daemon.service_files import TARGETS, why_unreachable
 from tests.cli.conftest import Command
 
@@ -120,16 +122,41 @@ def test_interpreter_that_the_service_cannot_reach(
 ) -> None:
     """A script is no better than the interpreter it names; the text says where it would work."""
     monkeypatch.setattr(os, "geteuid", lambda: 0)
-    private = folder / "private"
-    private.mkdir(mode=0o700)
-    python = private / "python"
-    python.write_text("")
+    closed = {Path("/opt/python"): "closed"}
+    monkeypatch.setattr(service_files, "why_unreachable", lambda path: closed.get(path, ""))
     script = folder / "piezod"
-    script.write_text(f"#!{python}\n")
+    script.write_text("#!/opt/python -I\n")
     code, _, err = piezod("install-service", "--piezod", script)
 
     assert code == 2
-    assert "install piezod elsewhere: python3 -m venv /opt/piezod" in err
+    assert "/opt/python: closed; install piezod elsewhere: python3 -m venv /opt/piezod" in err
+
+
+def test_command_that_everybody_can_run(piezod: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the machine itself it is the root's files that are written."""
+    asked: list[tuple[object, ...]] = []
+
+    def install(*given: object) -> list[Path]:
+        asked.append(given)
+        return []
+
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    monkeypatch.setattr(service_files, "install", install)
+    code, _, err = piezod("install-service", "--piezod", "/usr/bin/env")
+
+    assert (code, err) == (0, "")
+    assert asked == [(shipped("systemd"), Path("/"), Path("/usr/bin/env"))]
+
+
+def test_command_that_is_nowhere(
+    piezod: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a script beside the interpreter it has to be named."""
+    monkeypatch.setattr("shutil.which", lambda *_args, **_options: None)
+    code, _, err = piezod("install-service", "--root", folder)
+
+    assert code == 2
+    assert "--piezod" in err
 
 
 @pytest.mark.parametrize("path", ["/root/piezod", "/home/olga/.venv/bin/piezod"])

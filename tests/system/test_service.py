@@ -77,16 +77,16 @@ def test_stop_ends_at_the_safe_voltage(stage: InstalledStage) -> None:
 
 @pytest.mark.fault("P2")
 @pytest.mark.parametrize(
-    ("signal", "victim"),
+    ("signal", "victim", "result"),
     [
-        ("STOP", "loop"),
-        ("STOP", "supervisor"),
-        ("STOP", "both"),
-        ("KILL", "supervisor"),
-        ("KILL", "both"),
+        ("STOP", "loop", "exit-code"),  # the supervisor sees to it, and then ends itself
+        ("STOP", "supervisor", "watchdog"),
+        ("STOP", "both", "watchdog"),
+        ("KILL", "supervisor", "signal"),
+        ("KILL", "both", "signal"),
     ],
 )
-def test_violence(stage: InstalledStage, signal: str, victim: str) -> None:
+def test_violence(stage: InstalledStage, signal: str, victim: str, result: str) -> None:
     """Hung or killed: it ramps gently to the safe voltage and starts again, in FAULT."""
     stage.begin_driven()
     pids = {"loop": stage.loop, "supervisor": stage.supervisor}
@@ -101,6 +101,8 @@ def test_violence(stage: InstalledStage, signal: str, victim: str) -> None:
     assert fastest_v_per_s(ramp) <= 1.5 * RAMP_V_PER_S
     assert status["state"] == "FAULT"
     assert "P2" in [fault["id"] for fault in status["faults"]]
+    results = [line for line in stage.log().splitlines() if "Failed with result" in line]
+    assert results[-1].endswith(f"'{result}'.")
 
 
 def test_bad_configuration_stays_down(stage: InstalledStage) -> None:
