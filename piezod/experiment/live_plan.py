@@ -1,15 +1,21 @@
 """Whether an experiment can be run on a running stage, and what of its file is not used there."""
 
+import json
 from collections.abc import Iterator
+from typing import Final
 
+from piezod.client import calls
 from piezod.config.experiment import CaseConfig, ExperimentConfig
 from piezod.config.modes import Mode
 from piezod.config.rules import MIN_JUDGED_SAMPLES
 from piezod.control.waveforms import build_waveform
-from piezod.errors import DataError
+from piezod.errors import DataError, RefusedError
 from piezod.experiment.error_rows import NEED_TRUTH
 from piezod.experiment.live_setup import LiveAxis, LiveSetup
 from piezod.experiment.run_case import BEYOND
+
+LARGEST_REQUEST_BYTES: Final = 256 * 1024
+"""What a daemon takes at once."""
 
 
 def check_live(config: ExperimentConfig, setup: LiveSetup) -> None:
@@ -66,10 +72,26 @@ def _problems_of(case: CaseConfig, config: ExperimentConfig, setup: LiveSetup) -
             f"{case.name} leaves {judged:.1f} samples after period_s at {setup.rate_hz:g} Hz, "
             f"allowed: at least {MIN_JUDGED_SAMPLES}; make it longer"
         )
+    yield from _too_large(case, config)
     for name, command in case.commands(config.axes).items():
         if name in setup.axes:
             waveform = build_waveform(command, case.duration_s)
             yield from _beyond(case.name, name, setup.axes[name], waveform.low, waveform.high)
+
+
+def _too_large(case: CaseConfig, config: ExperimentConfig) -> Iterator[str]:
+    """Tell whether the points of a file are too many to be sent."""
+    try:
+        body = calls.wave(case.commands(config.axes), case.duration_s).body
+    except RefusedError as error:
+        yield f"{case.name} cannot be sent: {error}"
+        return
+    size = len(json.dumps(body, separators=(",", ":")))
+    if size > LARGEST_REQUEST_BYTES:
+        yield (
+            f"{case.name} has waveforms of {size} bytes, allowed: at most {LARGEST_REQUEST_BYTES}; "
+            "use fewer points, or fewer digits"
+        )
 
 
 def _beyond(case: str, name: str, axis: LiveAxis, low_um: float, high_um: float) -> Iterator[str]:

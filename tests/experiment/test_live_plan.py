@@ -1,5 +1,7 @@
 """Whether an experiment fits a running stage, and what of its file is not used there."""
 
+from pathlib import Path
+
 import pytest
 
 from piezod.errors import ClientError, DataError
@@ -104,3 +106,23 @@ def test_stage_without_a_model_runs_uncompensated_only(load: Load, short: str) -
     check_live(load(short + "modes: [uncompensated]\n"), setup)
     with pytest.raises(DataError, match=r"mode feedforward needs; `piezod identify --live"):
         check_live(load(short), setup)
+
+
+@pytest.mark.parametrize(
+    ("points", "problem"),
+    [
+        (9_999, r"slow has waveforms of \d+ bytes, allowed: at most 262144; use fewer points"),
+        (12_000, "slow cannot be sent: "),
+    ],
+)
+def test_file_with_too_many_points_is_refused(
+    load: Load, short: str, setup: LiveSetup, tmp_path: Path, points: int, problem: str
+) -> None:
+    """It would be refused in the middle of an experiment otherwise."""
+    rows = (f"{i / 7.0 / points},{13.0 + i / 3.0 / points}" for i in range(points))
+    (tmp_path / "path.csv").write_text("\n".join(["t_s,x", *rows]), encoding="utf-8")
+    sine = "{kind: sine, low: 0, high: 20, frequency_hz: 1}"
+    config = load(short.replace(sine, "{kind: csv, path: path.csv, column: x}"))
+
+    with pytest.raises(DataError, match=problem):
+        check_live(config, setup)

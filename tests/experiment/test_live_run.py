@@ -1,6 +1,7 @@
 """Trouble with an experiment on a running stage: it is told, and the stage is stopped."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -208,3 +209,20 @@ def test_stage_whose_safe_voltage_is_not_rest_is_driven_there(config: Experiment
         "duration_s": 0.5,
     }
     assert stage.asked[at - 1] == "arm"
+
+
+def test_file_is_sent_as_its_points(load: Load, short: str, tmp_path: Path) -> None:
+    """A daemon reads no files of others."""
+    (tmp_path / "path.csv").write_text("t_s,x\n0,0\n1,5\n3,20\n", encoding="utf-8")
+    sine = "{kind: sine, low: 0, high: 20, frequency_hz: 1}"
+    text = short.replace(sine, "{kind: csv, path: path.csv, column: x}") + "modes: [adaptive]\n"
+    stage = FakeStage()
+    stage.why = "that is enough"
+
+    with pytest.raises(DataError, match="that is enough"):
+        run(load(text), stage)
+
+    body = stage.bodies[stage.asked.index("wave")]
+    assert body is not None
+    assert body["command_um"]["x"]["kind"] == "points"
+    assert [list(point) for point in body["command_um"]["x"]["points"]] == [[0, 0], [1, 5], [3, 20]]
