@@ -42,7 +42,10 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
 
 @pytest.fixture
 def socket(rig: Daemon) -> tuple[str, str]:
-    """Return the option that names the stage, which stands disarmed."""
+    """Return the option that names the stage, which stands disarmed.
+
+    Waiting for that asks as often as a daemon allows: commands need a process of their own.
+    """
     rig.until("SAFE")
     return "--socket", str(rig.paths.api_socket)
 
@@ -55,12 +58,10 @@ def live_file(folder: Path) -> Path:
 
 
 def test_experiment(
-    piezod: Command, rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
+    process: Command, rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
 ) -> None:
     """It leaves what one in virtual time does, of the stage's rate and model, and no voltage."""
-    code, out, err = piezod(
-        "experiment", live_file, "--live", "--out", folder / "o", "--json", *socket
-    )
+    code, out, err = process("experiment", live_file, "--live", "--out", "o", "--json", *socket)
 
     assert (err, code) == ("", 0)
     document = json.loads(out)
@@ -120,13 +121,13 @@ def test_interrupt_stops_the_stage(
 
 
 def test_identify_and_adopt(
-    piezod: Command, rig: Daemon, socket: tuple[str, str], folder: Path
+    process: Command, rig: Daemon, socket: tuple[str, str], folder: Path
 ) -> None:
     """The stage is driven, the record kept as data, and the model that it gives is used at once."""
     (folder / "drive.yaml").write_text(DRIVE, encoding="utf-8")
     options = ("--drive", "drive.yaml", "--out", "m.yaml", "--adopt", "--order", 5, "--json")
 
-    code, out, err = piezod("identify", "--live", *options, *socket)
+    code, out, err = process("identify", "--live", *options, *socket)
 
     assert (err, code) == ("", 0)
     document = json.loads(out)
@@ -143,13 +144,13 @@ def test_identify_and_adopt(
 
 
 def test_identify_says_how_to_keep_the_model(
-    piezod: Command, socket: tuple[str, str], folder: Path
+    process: Command, socket: tuple[str, str], folder: Path
 ) -> None:
     """A person reads the same account as of a file, and what is still to do."""
     (folder / "drive.yaml").write_text(DRIVE, encoding="utf-8")
     options = ("--drive", "drive.yaml", "--adopt", "--order", 5)
 
-    code, out, err = piezod("identify", "--live", *options, *socket)
+    code, out, err = process("identify", "--live", *options, *socket)
 
     assert (err, code) == ("", 0)
     assert out.startswith("rig-record.csv: ")
