@@ -65,29 +65,33 @@ class InstalledStage:
 
     def begin(self) -> None:
         """Have it run and be at rest, whatever became of it before."""
+        self._start()
+        eventually(self._at_rest)
+
+    def begin_driven(self) -> None:
+        """Have it run, and the operator move it to where it needs a voltage."""
+        self._start()
+        eventually(self._moved, 60.0)
+        assert self.writes()[-1].drive_v > 30.0
+
+    def _start(self) -> None:
         self.machine.write(CONFIG, self.configuration)
         self.machine.run(f"systemctl reset-failed {UNIT}")  # the count of its starts too
         self.machine.root(f"systemctl start {UNIT}")
-        eventually(self._at_rest)
+
+    def _moved(self) -> bool:
+        self.piezod("reset")  # the test before may have left it in FAULT
+        for verb in ("arm", f"goto {TARGET_UM} --wait"):
+            if self.piezod(verb).returncode:
+                eventually(self._at_rest)  # or in motion; or a busy machine's loop was late
+                return False
+        return True
 
     def _at_rest(self) -> bool:
         state = self.status()["state"]
         if state != "SAFE":
             self.piezod("reset" if state == "FAULT" else "disarm")
         return bool(state == "SAFE")
-
-    def begin_driven(self) -> None:
-        """Start it anew, and have the operator move it to where it needs a voltage."""
-        self.begin()
-        eventually(self._moved, 60.0)
-        assert self.writes()[-1].drive_v > 30.0
-
-    def _moved(self) -> bool:
-        for verb in ("arm", f"goto {TARGET_UM} --wait"):
-            if self.piezod(verb).returncode:
-                eventually(self._at_rest)  # a busy machine's loop may have been late
-                return False
-        return True
 
     def piezod(self, verb: str, user: str = OPERATOR) -> "subprocess.CompletedProcess[str]":
         """Have a user run a verb."""

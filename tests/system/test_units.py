@@ -12,7 +12,8 @@ from piezod.cli.shipped import shipped
 from piezod.config.daemon import LoopConfig
 from piezod.daemon import service_files
 from piezod.daemon.loop_health import HUNG_S
-from piezod.daemon.loop_supervision import END_GRACE_S, RAMP_DOWN_WITHIN_S
+from piezod.daemon.durations import RAMP_DOWN_PATIENCE_S
+from piezod.daemon.loop_supervision import END_GRACE_S
 
 EXPOSURE_AT_MOST = 1.5
 
@@ -94,7 +95,7 @@ def test_supervisor_has_time_to_end_gently() -> None:
     service = section("Service")
 
     assert float(service["WatchdogSec"][0]) > HUNG_S
-    assert float(service["TimeoutStopSec"][0]) > END_GRACE_S + RAMP_DOWN_WITHIN_S
+    assert float(service["TimeoutStopSec"][0]) > END_GRACE_S + RAMP_DOWN_PATIENCE_S
 
 
 def test_the_loop_may_become_real_time() -> None:
