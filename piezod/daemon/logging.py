@@ -6,10 +6,13 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping
+from datetime import datetime
 from typing import Any, Final, TextIO
 
 import structlog
 from structlog.typing import EventDict, Processor, WrappedLogger
+
+from piezod.units import NS_PER_S
 
 PER_SECOND: Final = 10
 # What the journal calls them (syslog(3)); "critical" and "exception" do not occur.
@@ -94,7 +97,6 @@ def _is_journal(stream: TextIO, environ: Mapping[str, str]) -> bool:
 def _for_people(stream: TextIO) -> list[Processor]:
     return [
         _shortened,
-        structlog.processors.TimeStamper(fmt="%H:%M:%S.%f", utc=False),
         structlog.dev.ConsoleRenderer(
             colors=stream.isatty(),
             pad_event_to=0,
@@ -105,6 +107,7 @@ def _for_people(stream: TextIO) -> list[Processor]:
 
 def _for_journal() -> list[Processor]:
     return [
+        _dated,
         structlog.processors.format_exc_info,
         structlog.processors.JSONRenderer(sort_keys=True),
         _with_priority,
@@ -125,9 +128,22 @@ def _finite(_logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
 
 
 def _shortened(_logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
-    """Put the text of an event first, and leave out what only programs read."""
+    """Put time and text of an event first, and leave out what only programs read."""
     if text := event.pop("text", ""):
         event["event"] = f"{event['event']}: {text}"
-    for name in ("room", "t_ns", "measured", "limit"):
-        event.pop(name, None)
+    event["timestamp"] = _when(event.pop("t_ns", None)).strftime("%H:%M:%S.%f")
+    event.pop("room", None)
     return event
+
+
+def _dated(_logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
+    """Tell when an event was that is logged only now; of others the journal knows it."""
+    if "t_ns" in event:
+        event["at"] = _when(event["t_ns"]).isoformat()
+    return event
+
+
+def _when(t_ns: int | None) -> datetime:
+    """Convert an instant of the monotonic clock to local time; None is the present."""
+    age_ns = 0 if t_ns is None else time.monotonic_ns() - t_ns
+    return datetime.fromtimestamp((time.time_ns() - age_ns) / NS_PER_S).astimezone()

@@ -2,6 +2,8 @@
 
 import asyncio
 import io
+import time
+from datetime import datetime, timedelta
 from math import nan
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from piezod.daemon import accepted_config
 from piezod.daemon.housekeeping import Housekeeping
 from piezod.daemon.logging import set_up_logging
 from piezod.telemetry.events import EventWriter, LoopEvent
+from piezod.units import NS_PER_S
 from tests.daemon.bench import PEER, Bench
 
 
@@ -30,17 +33,23 @@ def bench(tmp_path: Path, rig_file: Path) -> Bench:
 
 
 def test_events_of_the_loop_are_logged(bench: Bench, log: io.StringIO) -> None:
-    """Text first, then what it is about; a number that does not apply is left out."""
-    event = LoopEvent(5, "error", "fault", "no sample for 4 cycles", "S5", "x", 4.0, nan)
+    """Time of the event and text first, then what it is about; a number that says nothing is left
+    out."""
+    hour_ago_ns = time.monotonic_ns() - 3600 * NS_PER_S
+    event = LoopEvent(hour_ago_ns, "error", "fault", "no sample", "S5", "x", 4.0, nan)
+    before = datetime.now().astimezone() - timedelta(hours=1, minutes=1)
     EventWriter(bench.loop.shared).append(event)
     house = Housekeeping(bench.link)
 
     house.log_events()
     asyncio.run(house.close())
 
-    assert "error" in log.getvalue()
-    assert "fault: no sample for 4 cycles" in log.getvalue()
-    assert "axis=x fault=S5" in log.getvalue()
+    time_of_day, _, line = log.getvalue().partition(" ")
+    assert "error" in line
+    assert "fault: no sample" in line
+    assert "axis=x fault=S5 measured=4.0" in line
+    assert "limit" not in line
+    assert time_of_day[:2] in {(before + timedelta(minutes=i)).strftime("%H") for i in (0, 2)}
 
 
 def test_end_writes_what_a_fault_wants_to_be_kept(bench: Bench, log: io.StringIO) -> None:
