@@ -8,7 +8,9 @@ from piezod.cli.options import JsonOption
 from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
 
 params = typer.Typer(
-    no_args_is_help=True, rich_markup_mode=None, help="List, save and restore learned parameters."
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="List, save and restore learned parameters; not offset and scale, the drift of a day.",
 )
 
 
@@ -40,7 +42,10 @@ def _shown(value: object) -> object:
 
 @params.command()
 def save(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:
-    """Save the parameters in use, for the next start too."""
+    """Save the parameters in use, for the next start too.
+
+    Offset and scale are saved to be looked at and not restored: they are the drift of a day.
+    """
     with connect(stage, socket) as client:
         saved = client.save_params()
     tell(saved, f"saved as {saved.sequence}", json=json)

@@ -95,9 +95,11 @@ def check_socket(path: Path) -> Path:
     code = _probe(path)
     if code in (errno.EACCES, errno.EPERM):
         what = f"{path}: this user may not talk to the daemon"
-        raise NotAllowedError(
-            what, "become a member of the group piezod-view, piezod or piezod-eng"
+        remedy = (
+            "become a member of the group piezod-view, which opens the socket; to do more than "
+            "look, of piezod or piezod-eng too"
         )
+        raise NotAllowedError(what, remedy)
     if code not in (0, errno.EAGAIN):
         raise NotRunningError(f"{path}: no daemon is running there", _START_IT)
     return path
