@@ -12,13 +12,21 @@ def arm(
     shadow: Annotated[
         bool, typer.Option("--shadow", help="Compute everything, write nothing.")
     ] = False,
+    confirm_output: Annotated[
+        bool,
+        typer.Option(
+            "--confirm-output",
+            help="You have seen that the output is at the safe voltage: for an amplifier that does "
+            "not read back.",
+        ),
+    ] = False,
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
     """Take over the voltage that is read back, and hold it."""
     with connect(stage, socket) as client:
-        answer = client.arm(shadow=shadow)
+        answer = client.arm(shadow=shadow, confirm_output=confirm_output)
     tell(answer, "armed, in shadow: nothing is written" if shadow else "armed", json=json)
 
 

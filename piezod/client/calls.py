@@ -96,13 +96,15 @@ def audit() -> Call[Document]:
     return Call("GET", "audit", _as_it_is)
 
 
-def arm(*, shadow: bool = False) -> Call[Answer]:
+def arm(*, shadow: bool = False, confirm_output: bool = False) -> Call[Answer]:
     """Take over the voltage that is read back, and hold it: SAFE to READY.
 
     Args:
         shadow: Compute everything, write nothing.
+        confirm_output: You have seen that the output is at the safe voltage; for amplifiers that do
+            not read back.
     """
-    return _request("arm", requests.Arm, shadow=shadow)
+    return _request("arm", requests.Arm, shadow=shadow, confirm_output=confirm_output)
 
 
 def disarm() -> Call[Answer]:

@@ -25,6 +25,11 @@ class Arm(ConfigModel):
 
     kind: Literal["arm"] = "arm"
     shadow: bool = Field(default=False, description="Compute everything, write nothing.")
+    confirm_output: bool = Field(
+        default=False,
+        description="Somebody has seen that the output is at the safe voltage: for amplifiers that "
+        "do not read back.",
+    )
 
 
 class Disarm(ConfigModel):

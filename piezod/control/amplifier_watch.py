@@ -23,9 +23,6 @@ FLAG_FAULTS: Final = {
     DeviceFlag.LOCAL_MODE: "A8",
 }
 """What it means when an amplifier says so."""
-MISMATCH_V: Final = 0.5
-MISMATCH_PART: Final = 0.005
-"""What is read back may differ from what was written by this, or by this part of the range."""
 MISMATCH_CYCLES: Final = 3
 LAG_CYCLES: Final = 3
 DELAYS: Final = 4
@@ -54,7 +51,7 @@ class AmplifierWatch:
     def __init__(self, axis: int, limits: Limits, delay_ns: int, period_ns: int) -> None:
         self._axis = axis
         self._low_v, self._high_v = limits.drive_min_v, limits.drive_max_v
-        self._tolerance_v = max(MISMATCH_V, MISMATCH_PART * (self._high_v - self._low_v))
+        self._tolerance_v = limits.read_back_tolerance_v
         self._written_v = RecentRange(LAG_CYCLES + DELAYS * delay_ns // period_ns)
         self._taken_v, self._read_back_v = nan, nan
         self._refusals = LeakyBucket()

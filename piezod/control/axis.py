@@ -27,12 +27,14 @@ class AxisOutput(NamedTuple):
         command_um: Displacement asked for at the instant of the sample, NaN for an open-loop drive.
         uncompensated_v: Voltage in proportion to that command.
         in_force_v: Voltage that was in force when the sample was taken.
+        t_ns: Instant of the cycle that it is made for.
     """
 
     drive_v: float
     command_um: float
     uncompensated_v: float
     in_force_v: float
+    t_ns: int
 
 
 class Axis(Protocol):
@@ -69,7 +71,7 @@ class OpenLoopAxis:
         """Return the voltage for this cycle; may be called in the loop."""
         wished_v = self._waveform_v((t_ns - self._start_ns) / NS_PER_S)
         drive_v = self._limits.admit(wished_v, self._in_force_v, self._period_s)
-        return AxisOutput(drive_v, float("nan"), wished_v, self._in_force_v)
+        return AxisOutput(drive_v, float("nan"), wished_v, self._in_force_v, t_ns)
 
     def applied(self, drive_v: float) -> None:
         """Learn what is in force from now on; may be called in the loop."""
@@ -232,7 +234,7 @@ class CompensatedAxis:
         )
         drive_v = window.admit(self._drive_v.from_unit(drive), self._in_force_v)
         uncompensated_v = self._drive_v.from_unit(self._position_um.to_unit(command_um))
-        return AxisOutput(drive_v, command_um, uncompensated_v, self._in_force_v)
+        return AxisOutput(drive_v, command_um, uncompensated_v, self._in_force_v, t_ns)
 
     def applied(self, drive_v: float) -> None:
         """Learn what is in force from now on; may be called in the loop."""

@@ -46,6 +46,11 @@ class Drives(Protocol):
 class Overseer(Protocol):
     """Whoever decides, between reading and compensating, what is true and what is done."""
 
+    @property
+    def sent_v(self) -> Sequence[float] | None:
+        """What was sent last and not acknowledged, in V; None where nothing was."""
+        ...
+
     def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:
         """Return the samples that may be used; may be called in the loop."""
         ...
@@ -53,6 +58,8 @@ class Overseer(Protocol):
 
 class Unwatched:
     """Nobody: samples are used as they are."""
+
+    sent_v: Sequence[float] | None = None
 
     def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:  # noqa: ARG002
         """Return the samples; may be called in the loop."""
@@ -93,7 +100,9 @@ class Cycle:
         ]
         asked_v = [output.drive_v for output in outputs]
         in_force_v = [output.in_force_v for output in outputs]
-        admitted = self._guard.admit(t_ns, t_ns, asked_v, in_force_v, self._elapsed_s(t_ns))
+        planned_t_ns = min(output.t_ns for output in outputs)
+        elapsed_s, sent_v = self._elapsed_s(t_ns), self._overseer.sent_v
+        admitted = self._guard.admit(planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, sent_v)
         written = admitted.writable and self._amplifier.write(admitted.drive_v, t_ns)
         if written:
             self._written_ns = t_ns

@@ -27,14 +27,19 @@ class DeviceBoundary:
         devices: The devices.
         n_axes: Number of their axes.
         reads_back: Whether the amplifiers tell what is in force.
+        holds: Whether their outputs stay as they are when they are deactivated.
     """
 
-    def __init__(self, devices: StageDevices, n_axes: int, *, reads_back: bool) -> None:
-        self.devices, self._reads_back = devices, reads_back
+    def __init__(
+        self, devices: StageDevices, n_axes: int, *, reads_back: bool, holds: bool
+    ) -> None:
+        self.devices, self.reads_back, self._holds = devices, reads_back, holds
         self._nothing, self._no_flags = [nan] * n_axes, [NO_FLAGS] * n_axes
         self._true_zero_um = [0.0] * n_axes
         self.open = False
         """Whether writes go through to the amplifier."""
+        self.sent_v: Sequence[float] | None = None
+        """What was sent last and not acknowledged: in force or not; None where nothing was."""
         self.shadow = False
         """Whether writes are taken and go nowhere."""
         self.active = True
@@ -56,20 +61,23 @@ class DeviceBoundary:
         """Set the voltage of every axis where that is allowed; may be called in the loop."""
         if self.shadow:
             return True
-        if not self.open:
+        if not (self.open and self.active):
+            self.sent_v = None
             return False
         try:
-            return self.devices.write(drive_v, now_ns)
+            taken = self.devices.write(drive_v, now_ns)
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             self.crash = error
-            return False
+            taken = False
+        self.sent_v = None if taken else drive_v
+        return taken
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Tell what is in force on each axis, in V, NaN where nobody can; call it in the loop."""
-        if not self._reads_back:
+        if not self.reads_back:
             return self._nothing
         try:
-            return self.devices.read_back(now_ns)
+            return [float(drive_v) for drive_v in self.devices.read_back(now_ns)]
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             self.crash = error
             return self._nothing
@@ -92,14 +100,19 @@ class DeviceBoundary:
         self.active = True
         return True
 
-    def deactivate(self, now_ns: int) -> bool:
-        """Have the amplifiers rest; return whether all went well; call it in the loop."""
-        self.active = False
+    def cut(self, now_ns: int) -> bool:
+        """Have the amplifiers switch their outputs off; return whether they did.
+
+        May be called in the loop. One that holds its output when it is deactivated cannot.
+        """
+        if self._holds:
+            return False
         try:
             self.devices.deactivate(now_ns)
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             self.crash = error
             return False
+        self.active = False
         return True
 
     def zero(self, zero_um: Sequence[float]) -> None:

@@ -1,4 +1,4 @@
-"""Voltages over time that need no model: the way to a voltage, and the swing that conditions."""
+"""Voltages over time that need no model: what is driven in IDENT."""
 
 from collections.abc import Callable
 from math import asin, sin, tau
@@ -21,19 +21,6 @@ class Drive(NamedTuple):
 
     drive_v: DriveProgram
     duration_s: float
-
-
-def ramp(from_v: float, to_v: float, rate_v_per_s: float) -> Drive:
-    """Return the way from a voltage to another at a rate, in V/s."""
-    duration_s = abs(to_v - from_v) / rate_v_per_s
-    slope_v_per_s = rate_v_per_s if to_v > from_v else -rate_v_per_s
-
-    def drive_v(t_s: float) -> float:
-        if t_s >= duration_s:
-            return to_v
-        return from_v + slope_v_per_s * max(t_s, 0.0)
-
-    return Drive(drive_v, duration_s)
 
 
 def conditioning(config: ConditioningConfig, limits: LimitsConfig) -> Drive:

@@ -50,6 +50,7 @@ class Guard:
         asked_v: Sequence[float],
         in_force_v: Sequence[float],
         elapsed_s: float,
+        sent_v: Sequence[float] | None = None,
     ) -> Admitted:
         """Return what may be written; may be called in the loop.
 
@@ -59,6 +60,8 @@ class Guard:
             asked_v: Voltage of each axis, in V; any float.
             in_force_v: Voltage in force on each axis, in V; not finite where it is unknown.
             elapsed_s: Time since the voltages in force were written, in s; any float.
+            sent_v: What was sent last and not acknowledged, None where nothing was: it may be in
+                force or not, so that what follows must be near enough to both.
         """
         if planned_t_ns != t_ns:
             kept_v = list(in_force_v)
@@ -78,6 +81,8 @@ class Guard:
                 continue
             target_v = min(max(wished_v, limits.drive_min_v), limits.drive_max_v)
             admitted_v = limits.window(previous_v, elapsed_s).admit(target_v, previous_v)
+            if sent_v is not None and isfinite(sent_v[axis]):
+                admitted_v = limits.window(sent_v[axis], elapsed_s).admit(admitted_v, previous_v)
             if target_v != wished_v:
                 range_limited += (axis,)
             if admitted_v != target_v:

@@ -29,6 +29,7 @@ class GateReason(StrEnum):
     OPEN = "learning"
     INVALID = "sample invalid"
     LATE = "sample late"
+    SKIPPED = "periods skipped"
     LIMITED = "drive limited"
     STUCK = "sensor stuck"
     SPIKE = "spike"
@@ -49,6 +50,8 @@ class LearningGate:
         self._late_ns = latency_ns + period_ns
         self._drive_swing = SlidingRange(round(WINDOW_S * NS_PER_S / period_ns))
         self._limited_cycles = self._spike_cycles = 0
+        self.skipped = False
+        """Whether periods were skipped just before this cycle: the stage moved meanwhile."""
         self._stuck = StuckSensor(STUCK_SWING)
         self._noise = NoiseLevel()
         self.reason = GateReason.QUIET
@@ -92,8 +95,8 @@ class LearningGate:
         self._spike_cycles = SPIKE_CYCLES if spike else max(self._spike_cycles - 1, 0)
         self.credible = not (stuck or spike)
         self.accurate = not (stuck or self._spike_cycles or self._noise.unusual)
-        if self._limited_cycles:
-            return GateReason.LIMITED
+        if self.skipped or self._limited_cycles:
+            return GateReason.SKIPPED if self.skipped else GateReason.LIMITED
         if not self.accurate:
             return self._inaccuracy(stuck)
         if quiet:

@@ -2,6 +2,9 @@
 
 from typing import NamedTuple
 
+READ_BACK_V, READ_BACK_PART = 0.5, 0.005
+"""What is read back may differ from what was written by this, or by this part of the range."""
+
 
 class Window(NamedTuple):
     """The drive that the limits leave open in one cycle, in V."""
@@ -31,6 +34,11 @@ class Limits(NamedTuple):
     drive_min_v: float
     drive_max_v: float
     slew_v_per_s: float
+
+    @property
+    def read_back_tolerance_v(self) -> float:
+        """By how much what is read back may differ from what was written, in V: noise, offset."""
+        return max(READ_BACK_V, READ_BACK_PART * (self.drive_max_v - self.drive_min_v))
 
     def window(self, previous_v: float, elapsed_s: float) -> Window:
         """Return what may follow a voltage after a time; may be called in the loop.

@@ -9,7 +9,7 @@ from piezod.config.states import State
 from piezod.control.axis_watch import AxisWatch
 from piezod.control.device_boundary import DeviceBoundary
 from piezod.control.drive_programs import Drive
-from piezod.control.fault_register import FaultRegister
+from piezod.control.fault_register import Detection, FaultRegister
 from piezod.control.stage_axis import StageAxis
 from piezod.control.stage_record import StageEvent
 from piezod.control.state_machine import Event, Facts, step
@@ -31,6 +31,9 @@ class WatchedAxis(NamedTuple):
     axis: StageAxis
     watches: AxisWatch
 
+
+Step = Mapping[int, Drive | float]
+"""What is driven in IDENT at a time: axis and voltage over time, or one to ramp to."""
 
 Rebuild = Callable[[str, ModelFile, float], WatchedAxis]
 """Makes an axis anew: its name, its model, the voltage in force."""
@@ -74,6 +77,12 @@ class Stage:
         """Whether the hysteresis' memory is known; adapting needs it."""
         self.output_known = False
         """Whether it is known which voltages are in force."""
+        self.untouched = True
+        """Whether nothing has been driven yet."""
+        self.silent_cycles = 0
+        """For how many cycles an amplifier that reads back has not, while it is driven."""
+        self.found: list[Detection] = []
+        """Faults found outside of the watches, for the next cycle."""
         self.sensors_valid = False
         """Whether the last sample of every axis may be used."""
         self.adapt_allowed = True
@@ -85,7 +94,7 @@ class Stage:
         self.shutting_down = self.estop_pressed = False
         self.held_by_request = False
         """Whether HOLD was asked for: it lasts until it is ended."""
-        self.steps: list[Mapping[int, Drive]] = []
+        self.steps: list[Step] = []
         """What is still to be driven in IDENT, step by step: axis and voltage over time."""
         self.conditions = False
         """Whether what is driven in IDENT makes the memory known."""
@@ -130,11 +139,11 @@ class Stage:
         facts = self._facts()._replace(latched=False, no_entry=self.no_entry)
         return step(self.state, event, facts).refusal
 
-    def drive(self, steps: Sequence[Mapping[int, Drive]], t_ns: int, *, conditions: bool) -> None:
+    def drive(self, steps: Sequence[Step], t_ns: int, *, conditions: bool) -> None:
         """Begin to drive voltages, step by step; in IDENT; may be called in the loop.
 
         Args:
-            steps: Axis and voltage over time, one mapping for each step; other axes hold.
+            steps: One after the other; axes that a step does not name hold.
             t_ns: Now.
             conditions: Whether the memory is known at the end.
         """
@@ -147,10 +156,13 @@ class Stage:
             return False
         step_now = self.steps.pop(0)
         for i, axis in enumerate(self.axes):
-            if i in step_now:
-                axis.drive(step_now[i], t_ns)
-            else:
-                axis.hold()
+            match step_now.get(i):
+                case None:
+                    axis.hold()
+                case Drive() as drive:
+                    axis.drive(drive, t_ns)
+                case voltage:
+                    axis.ramp_to(voltage)
         return True
 
     def replace_axis(self, index: int, model: ModelFile) -> None:
@@ -160,6 +172,7 @@ class Stage:
             ModelError: If the axis cannot use it; nothing has changed then.
         """
         in_force_v = self.axes[index].live.in_force_v
+        self.memory_known = self.memory_known and self.untouched  # the new one remembers nothing
         self.axes[index], self.watches[index] = self.rebuild(self.names[index], model, in_force_v)
 
     def set_zero(self, index: int, zero_um: float) -> None:
@@ -175,7 +188,7 @@ class Stage:
         if self.boundary.shadow or self.state not in DRIVEN | {State.BLIND}:
             return False
         self.memory_known = False
-        return self.boundary.deactivate(t_ns)
+        return self.boundary.cut(t_ns)
 
     def _enter(self, state: State, before: State, t_ns: int) -> None:
         self.boundary.open = state in DRIVEN
@@ -185,12 +198,14 @@ class Stage:
                 axis.stay(t_ns)
         elif state in {State.RAMP, State.ESTOP}:
             for axis in self.axes:
-                axis.ramp_to(axis.config.safe_v, t_ns)
+                axis.ramp_to(axis.config.safe_v)
         elif state not in _NOT_HELD:
             for axis in self.axes:
                 axis.hold()
-        if state in {State.SAFE, State.FAULT}:
-            self.boundary.shadow = False
+        if state in {State.SAFE, State.FAULT, State.BLIND} and self.boundary.shadow:
+            self.boundary.shadow = self.output_known = False  # until it is read back
+        if state is State.READY and not self.boundary.shadow:
+            self.untouched = False
         if state is State.BLIND:
             self.output_known = self.memory_known = False
             self.blind_spells += 1

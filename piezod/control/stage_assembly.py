@@ -19,6 +19,7 @@ from piezod.control.stage import Owned, Stage, WatchedAxis
 from piezod.control.stage_axis import StageAxis
 from piezod.control.stage_controller import StageController
 from piezod.control.stage_model import StageModel
+from piezod.devices.interface import Capabilities
 from piezod.hysteresis import AffineRange, even_thresholds, new_bank
 from piezod.units import NS_PER_S, s_to_ns
 
@@ -36,16 +37,13 @@ def check_stage(config: DaemonConfig) -> None:
         _model_of(name, axis)
 
 
-def assemble(
-    config: DaemonConfig, devices: StageDevices, *, reads_back: bool, memory_known: bool
-) -> StageController:
+def assemble(config: DaemonConfig, devices: StageDevices, able: Capabilities) -> StageController:
     """Put a stage together; its devices are open and active.
 
     Args:
         config: What `check_stage` has passed.
         devices: The devices as one, one axis for each of the configuration, in its order.
-        reads_back: Whether the amplifiers tell what is in force.
-        memory_known: Whether the stage is known to rest relaxed, so that adapting may begin.
+        able: What the devices can do together.
 
     Raises:
         ConfigError: If a model file cannot be used.
@@ -62,9 +60,11 @@ def assemble(
         name: _axis(config, name, _model_of(name, axis), axis.limits.rest_v)
         for name, axis in config.axes.items()
     }
-    boundary = DeviceBoundary(devices, len(axes), reads_back=reads_back)
+    boundary = DeviceBoundary(devices, len(axes), reads_back=able.read_back, holds=able.holds)
     register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)
-    stage = Stage(Owned(axes, boundary, period_ns, rebuilt), register, memory_known=memory_known)
+    stage = Stage(
+        Owned(axes, boundary, period_ns, rebuilt), register, memory_known=able.opens_relaxed
+    )
     return StageController(stage)
 
 

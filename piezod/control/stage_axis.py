@@ -5,12 +5,12 @@ on it, so that its memory follows and the way back to following a command is wit
 """
 
 from collections.abc import Callable
-from math import isfinite, nan
+from math import ceil, isfinite, nan
 
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.modes import Mode
 from piezod.control.axis import AxisOutput, CompensatedAxis
-from piezod.control.drive_programs import Drive, ramp
+from piezod.control.drive_programs import Drive
 from piezod.control.motion import Motion, Pace, StreamedReference, along, rest_at, way
 from piezod.control.on_target import OnTarget
 from piezod.control.stage_record import AxisRecord
@@ -21,6 +21,8 @@ from piezod.units import NS_PER_S, s_to_ns
 SHORTEST_WAY_PERIODS = 3.0
 """The shortest way takes this many periods of the first mode, or of the loop where none is known"""
 SHORTEST_WAY_CYCLES = 10
+ROUNDING_V = 1e-6
+"""A voltage is the one that was asked for within this."""
 
 
 class StageAxis:
@@ -38,8 +40,9 @@ class StageAxis:
         self.pace = _pace(config, live, self._period_s)
         self._voltage: Callable[[int], float] = lambda _t_ns: self.live.in_force_v
         self._forced = True
-        self.ends_ns = 0
-        """When what is driven comes to its end."""
+        self._ends_ns, self._ramps_to_v = 0, nan
+        self.ramp_cycles = 0
+        """Cycles that the ramp under way should still take; negative once it is overdue."""
         self.command_um = nan
         """Command of the last cycle, NaN where there was none."""
         self._motion, self._started_ns = rest_at(nan), 0
@@ -75,7 +78,8 @@ class StageAxis:
 
     def track(self, drive_v: float) -> None:
         """Take over what the amplifier tells is in force, while nothing is written."""
-        self._force(lambda _t_ns: drive_v, 0)
+        self.live.applied(drive_v)
+        self.hold()
 
     def drive(self, drive: Drive, t_ns: int) -> None:
         """Drive a voltage over time, from an instant on; may be called in the loop."""
@@ -84,17 +88,32 @@ class StageAxis:
             lambda now_ns: program((now_ns - t_ns) / NS_PER_S), t_ns + s_to_ns(drive.duration_s)
         )
 
-    def ramp_to(self, drive_v: float, t_ns: int) -> None:
-        """Go to a voltage at the rate of the safe ramp; may be called in the loop."""
-        rate_v_per_s = self.config.safety.ramp_v_per_s
-        self.drive(ramp(self.live.in_force_v, drive_v, rate_v_per_s), t_ns)
+    def ramp_to(self, drive_v: float) -> None:
+        """Go to a voltage at the rate of the safe ramp; may be called in the loop.
+
+        Step by step from what is in force: after a pause, or a write that was not taken, it goes on
+        from there, and no faster.
+        """
+        step_v = self.config.safety.ramp_v_per_s * self._period_s
+        self.ramp_cycles = ceil(abs(drive_v - self.live.in_force_v) / step_v)
+
+        def voltage(_t_ns: int) -> float:
+            in_force_v = self.live.in_force_v
+            self.ramp_cycles -= 1
+            return in_force_v + min(max(drive_v - in_force_v, -step_v), step_v)
+
+        self._force(voltage, 0)
+        self._ramps_to_v = drive_v
 
     def drive_ended(self, t_ns: int) -> bool:
-        """Tell whether what is driven has come to its end."""
-        return t_ns > self.ends_ns  # its last value has been written
+        """Tell whether what is driven has come to its end, its last value written."""
+        if isfinite(self._ramps_to_v):
+            return abs(self.live.in_force_v - self._ramps_to_v) <= ROUNDING_V
+        return t_ns > self._ends_ns
 
     def _force(self, voltage: Callable[[int], float], ends_ns: int) -> None:
-        self._voltage, self._forced, self.ends_ns = voltage, True, ends_ns
+        self._voltage, self._forced, self._ends_ns = voltage, True, ends_ns
+        self._ramps_to_v = nan
         self._motion, self.stream, self._reached = rest_at(nan), None, False
 
     # ------------------------------------------------------------------ movements
@@ -144,15 +163,15 @@ class StageAxis:
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
         """Take the sample of this cycle; return what to write; may be called in the loop."""
-        if self._forced:
-            self.live.force(self._voltage(t_ns))
-        elif self.stream is not None:
-            self.stream.advance()
         try:
+            if self._forced:
+                self.live.force(self._voltage(t_ns))
+            elif self.stream is not None:
+                self.stream.advance()
             output = self.live.update(t_ns, sample)
         except Exception as error:  # noqa: BLE001 - a mistake in the law must not drop the voltage
             self.crash = error
-            return AxisOutput(self.live.in_force_v, nan, nan, self.live.in_force_v)
+            return AxisOutput(self.live.in_force_v, nan, nan, self.live.in_force_v, t_ns)
         self.command_um = nan if self._forced else output.command_um
         self._judge(t_ns, sample, output)
         return output

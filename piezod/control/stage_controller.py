@@ -30,6 +30,9 @@ from piezod.units import NS_PER_S
 LONGEST_CYCLES = 2
 """So many periods count for the slew rate after a pause, however long it was."""
 
+SILENT_CYCLES = 5
+"""An amplifier that reads back, and does not for so many cycles, is lost."""
+
 _ADAPTING = mask(rule.id for rule in FAULTS if rule.reaction is Reaction.DEGRADE)
 _EVENTS = {
     Reaction.HOLD: Event.FAULT_HOLD,
@@ -70,7 +73,6 @@ class StageController:
         self._cycle = Cycle(stage.boundary, stage.boundary, stage.axes, guard, period_s, self)
         self._timing, self._t_ns = CycleTiming(0, 0, 0, 0, 0), 0
         self._read_back_v: Sequence[float] = [nan] * len(stage.axes)
-        self._found_outside: list[Detection] = []
 
     @property
     def state(self) -> State:
@@ -84,7 +86,11 @@ class StageController:
 
     def execute(self, request: Request, t_ns: int) -> Answer:
         """Carry out a request, or say why not; may be called in the loop, between cycles."""
-        answer = execute(self.stage, request, t_ns)
+        try:
+            answer = execute(self.stage, request, t_ns)
+        except Exception as error:  # noqa: BLE001 - a mistake in here must not drop the voltage
+            self.stage.found.append(self._crashed("P4", -1, f"{request.kind}: {error!r}"))
+            answer = Answer(False, f"{request.kind} failed: {error!r}; report it, with the log")
         if not answer.accepted:
             text = f"{request.kind} refused: {answer.why}"
             self.stage.note(StageEvent(t_ns, "info", "refused", text))
@@ -105,7 +111,7 @@ class StageController:
 
     def found(self, detection: Detection) -> None:
         """Take a fault that the loop process found, for the next cycle; call it in the loop."""
-        self._found_outside.append(detection)
+        self.stage.found.append(detection)
 
     def learned(self, axis: int) -> Learned:
         """Return what an axis has learned; may be called in the loop."""
@@ -125,14 +131,13 @@ class StageController:
             timing: How punctual the loop is.
         """
         self._timing, self._t_ns = timing, t_ns
+        for axis in self.stage.axes:
+            axis.live.identifier.gate.skipped = timing.skipped > 0
         stage, record = self.stage, self._cycle.run(t_ns)
         admitted_v, read_back_v = record.admitted.drive_v, self._read_back_v
         driven = stage.state in DRIVEN
         if driven:
             self._learn_of_write(record)
-        else:  # what is in force is what is read back; the axes follow it
-            for axis, drive_v in zip(stage.axes, admitted_v, strict=True):
-                axis.applied(drive_v)
         axes = [
             axis.record(record.samples[i], record.outputs[i], admitted_v[i], read_back_v[i])
             for i, axis in enumerate(stage.axes)
@@ -143,16 +148,30 @@ class StageController:
             t_ns, stage.state, shadow, written, register.present, register.latched, axes
         )
 
+    @property
+    def sent_v(self) -> Sequence[float] | None:
+        """What was sent last and not acknowledged, in V; None where nothing was."""
+        return self.stage.boundary.sent_v
+
     def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:
         """Judge what was read, react to faults, go on; return the samples to use.
 
         The cycle calls it between reading and compensating; may be called in the loop.
         """
+        try:
+            return self._judge(t_ns, samples)
+        except Exception as error:  # noqa: BLE001 - a mistake in here must not drop the voltage
+            self.stage.found.append(self._crashed("P4", -1, f"judging failed: {error!r}"))
+            for axis in self.stage.axes:
+                axis.hold()
+            return [Sample(sample.t_ns, nan, False) for sample in samples]
+
+    def _judge(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:
         stage = self.stage
         read_back_v = stage.boundary.read_back(t_ns)
         shadow = stage.boundary.shadow  # what is in force says nothing then of what is asked for
         self._read_back_v = [nan] * len(stage.axes) if shadow else read_back_v
-        stage.output_known |= all(map(isfinite, self._read_back_v))
+        self._check_read_back(shadow)
         reaction = stage.register.update(self._detect(t_ns, samples), t_ns)
         for news in stage.register.news:
             if news.rule.reaction is not Reaction.NONE:  # else it is shown, and would flood the log
@@ -168,10 +187,23 @@ class StageController:
         go_on(stage, t_ns, usable, self._read_back_v)
         return usable
 
+    def _check_read_back(self, shadow: bool) -> None:
+        """Follow whether it is known what is in force; an amplifier that falls silent is lost."""
+        stage = self.stage
+        if shadow or not stage.boundary.reads_back:
+            return
+        known = all(map(isfinite, self._read_back_v))
+        if stage.state not in DRIVEN:
+            stage.output_known, stage.silent_cycles = known, 0
+            return
+        stage.silent_cycles = 0 if known else stage.silent_cycles + 1
+        if stage.silent_cycles >= SILENT_CYCLES:
+            stage.found.append(Detection("A1", -1, stage.silent_cycles, SILENT_CYCLES))
+
     def _detect(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Detection]:
         stage = self.stage
-        found = [*self._loop_watch.check(self._timing), *self._found_outside]
-        self._found_outside.clear()
+        found = [*self._loop_watch.check(self._timing), *stage.found]
+        stage.found.clear()
         if stage.boundary.active:
             flags = stage.boundary.status(t_ns)
             for i, sample in enumerate(samples):
@@ -218,7 +250,7 @@ class StageController:
 
     def _react(self, reaction: Reaction, t_ns: int) -> None:
         stage = self.stage
-        if reaction is Reaction.DEGRADE or not stage.adapt_allowed:
+        if reaction in {Reaction.DEGRADE, Reaction.HOLD} or not stage.adapt_allowed:
             for axis in stage.axes:
                 if axis.mode in SENSED:
                     axis.select(Mode.FEEDFORWARD)

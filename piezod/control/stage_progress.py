@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import isfinite
 
 from piezod.config.states import State
+from piezod.control.fault_register import Detection
 from piezod.control.fault_table import FAULTS, Reaction, mask
 from piezod.control.stage import Stage
 from piezod.control.stage_record import StageEvent
@@ -17,10 +18,6 @@ RAMP_GRACE_NS = s_to_ns(2.0)
 """A ramp has failed when it takes so much longer than it should."""
 FIRST_TRY_NS, LAST_TRY_NS = s_to_ns(0.1), s_to_ns(2.0)
 """An amplifier that was lost is left alone for so long at first, and at most."""
-AT_SAFE_V = 1e-3
-"""A voltage that is written is the safe one within this."""
-READ_BACK_V = 0.5
-"""A voltage that is read back is the safe one within this: outputs have noise and offset."""
 STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 """A stream has stopped when nothing came for so many cycles and for so long."""
 
@@ -60,6 +57,9 @@ def go_on(stage: Stage, t_ns: int, samples: Sequence[Sample], read_back_v: Seque
 
 def _boot(stage: Stage, t_ns: int) -> None:
     """Pass the self-test: configuration and devices were checked before the first cycle."""
+    if stage.boundary.reads_back and not stage.output_known:
+        stage.go(Event.FAULT_BLIND, t_ns)
+        return
     stage.tested = not stage.register.blocking
     stage.go(Event.SELF_TEST_PASSED if stage.tested else Event.SELF_TEST_FAILED, t_ns)
     stage.tested = True
@@ -85,7 +85,9 @@ def _check_stream(stage: Stage, t_ns: int) -> None:
 def _reach(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """Take the amplifier over from what it reads back, after a while that grows with each spell."""
     wait_ns = min(FIRST_TRY_NS << min(stage.blind_spells - 1, 10), LAST_TRY_NS)
-    answers = all(map(isfinite, read_back_v)) and not stage.register.present & _UNREACHABLE
+    answers = not stage.register.present & _UNREACHABLE and (
+        all(map(isfinite, read_back_v)) or not stage.boundary.reads_back  # then from the last one
+    )
     if answers and t_ns - stage.since_ns >= wait_ns:
         stage.output_known = True
         _track(stage, read_back_v)
@@ -102,17 +104,22 @@ def _drive_on(stage: Stage, t_ns: int) -> None:
 def _arrive(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     at_safe = all(
         axis.drive_ended(t_ns)
-        and abs(axis.live.in_force_v - axis.config.safe_v) <= AT_SAFE_V
-        and not abs(drive_v - axis.config.safe_v) > READ_BACK_V  # NaN where there is none
-        for axis, drive_v in zip(stage.axes, read_back_v, strict=True)
+        and not abs(drive_v - axis.config.safe_v) > axis.live.limits.read_back_tolerance_v
+        for axis, drive_v in zip(stage.axes, read_back_v, strict=True)  # NaN where there is none
     )
+    overdue_cycles = -min(axis.ramp_cycles for axis in stage.axes)
+    if not stage.boundary.active:  # its outputs were cut, and fall by themselves
+        at_safe = True
     if at_safe and stage.estop_pressed:
         stage.estop_pressed = False
         stage.go(Event.ESTOP_RELEASED, t_ns)
     elif at_safe:
         stage.go(Event.AT_SAFE, t_ns)
-    elif t_ns > max(axis.ends_ns for axis in stage.axes) + RAMP_GRACE_NS:
+    elif overdue_cycles * stage.period_ns > RAMP_GRACE_NS:
         stage.estop_pressed = False
+        for i, (axis, drive_v) in enumerate(zip(stage.axes, read_back_v, strict=True)):
+            tolerance_v = axis.live.limits.read_back_tolerance_v
+            stage.found.append(Detection("A3", i, drive_v - axis.config.safe_v, tolerance_v))
         stage.go(Event.RAMP_TIMEOUT, t_ns)
 
 

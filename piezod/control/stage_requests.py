@@ -5,14 +5,14 @@ from collections.abc import Iterable
 from piezod.config import requests
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.control.drive_programs import Drive, conditioning, ramp
+from piezod.control.drive_programs import Drive, conditioning
 from piezod.control.stage import SENSED, Stage
 from piezod.control.stage_axis import StageAxis
 from piezod.control.stage_record import Answer
 from piezod.control.state_machine import Event
 from piezod.control.waveforms import Waveform, build_waveform
 from piezod.control.zeroing import Zeroing
-from piezod.errors import ModelError
+from piezod.errors import PiezodError
 from piezod.units import s_to_ns
 
 ZERO_OVER_S = 0.2
@@ -70,15 +70,17 @@ def _plain(stage: Stage, request: requests.Request, t_ns: int) -> Answer:
             why = stage.refusal(Event.RESET) or stage.register.reset(engineer)
             if why:
                 return Answer(False, why)
-            stage.boundary.activate(t_ns)
+            if not stage.boundary.active:
+                stage.boundary.activate(t_ns)
             event = Event.RESET
         case requests.Estop():
             return _estop(stage, t_ns)
         case _:
             stage.shutting_down = True
             event = Event.SHUTDOWN
+    before = stage.state
     refusal = stage.go(event, t_ns)
-    if event is Event.HOLD and not refusal:
+    if event is Event.HOLD and stage.state is not before:
         stage.held_by_request = True
     return _answer(refusal)
 
@@ -88,14 +90,27 @@ def _answer(refusal: str, motion: int = 0) -> Answer:
 
 
 def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
-    if stage.state is State.SAFE:
-        stage.register.resume()  # what only held the stage, and is gone, holds nothing any more
+    if stage.state is not State.SAFE:
+        refusal = stage.go(Event.ARM, t_ns)  # armed already, or no state to arm in
+        if not refusal and request.shadow != stage.boundary.shadow:
+            refusal = f"the stage is armed {_in_shadow(stage)}: `piezod disarm` first"
+        return _answer(refusal)
+    stage.register.resume()  # what only held the stage, and is gone, holds nothing any more
+    stage.boundary.shadow = request.shadow
+    if request.confirm_output and not stage.boundary.reads_back:
+        stage.output_known = True
+        for axis in stage.axes:
+            axis.track(axis.config.safe_v)
     refusal = stage.go(Event.ARM, t_ns)
     if refusal:
+        stage.boundary.shadow = False
         return Answer(False, refusal)
-    stage.boundary.shadow = request.shadow
     wanting = [i for i, axis in enumerate(stage.axes) if axis.config.conditioning.on_arm]
     return _condition_axes(stage, wanting, t_ns) if wanting else Answer(True)
+
+
+def _in_shadow(stage: Stage) -> str:
+    return "in shadow" if stage.boundary.shadow else "and not in shadow"
 
 
 def _estop(stage: Stage, t_ns: int) -> Answer:
@@ -129,7 +144,14 @@ def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
     if why:
         return Answer(False, why)
     axis, position_um = stage.axes[axes[0]], request.position_um
-    why = _beyond(axis, position_um, position_um) or _start_running(stage, t_ns)
+    speed_um_per_s, fastest_um_per_s = request.speed_um_per_s, axis.pace.speed_um_per_s
+    why = _beyond(axis, position_um, position_um)
+    if not why and speed_um_per_s is not None and speed_um_per_s > fastest_um_per_s:
+        why = (
+            f"speed out of range (got {speed_um_per_s:g} µm/s), allowed: at most "
+            f"{fastest_um_per_s:g} µm/s, speed_um_per_s of the axis"
+        )
+    why = why or _start_running(stage, t_ns)
     if why:
         return Answer(False, why)
     return Answer(True, motion=axis.go_to(position_um, request.speed_um_per_s, t_ns))
@@ -225,13 +247,8 @@ def _ident(stage: Stage, drives: dict[int, Drive], t_ns: int, *, conditions: boo
     refusal = stage.go(Event.IDENTIFY, t_ns)
     if refusal:
         return Answer(False, refusal)
-    to_rest, from_end = {}, {}
-    for i, drive in drives.items():
-        axis = stage.axes[i]
-        rest_v, rate_v_per_s = axis.config.limits.rest_v, axis.config.safety.ramp_v_per_s
-        to_rest[i] = ramp(axis.live.in_force_v, rest_v, rate_v_per_s)
-        from_end[i] = ramp(drive.drive_v(drive.duration_s), rest_v, rate_v_per_s)
-    stage.drive([to_rest, drives, from_end], t_ns, conditions=conditions)
+    to_rest = {i: stage.axes[i].config.limits.rest_v for i in drives}
+    stage.drive([to_rest, drives, to_rest], t_ns, conditions=conditions)
     return Answer(True)
 
 
@@ -268,7 +285,7 @@ def _adopt(stage: Stage, request: requests.AdoptModel) -> Answer:
     index = axes[0]
     try:
         stage.replace_axis(index, request.model)
-    except ModelError as error:
+    except PiezodError as error:
         return Answer(False, str(error))
     if request.zero_um is not None:
         stage.set_zero(index, request.zero_um)

@@ -152,6 +152,8 @@ def _following(state: State, event: Event, facts: Facts) -> State:
         return _RAMP if facts.self_tested else _BOOT
     if event is Event.ESTOP_RELEASED and facts.estop_active:
         return state
+    if event is Event.ESTOP and state in {_BOOT, _SAFE, _FAULT} and not facts.output_known:
+        return _BLIND  # no way to the safe voltage begins at a voltage that nobody knows
     return _EDGES[event].get(state, state)
 
 
@@ -173,7 +175,8 @@ def _arm(state: State, facts: Facts) -> Step:
     if facts.latched:
         return _refused(state, "arm", _HELP[_FAULT])
     if not facts.output_known:
-        return _refused(state, "arm", "the voltage in force is not known: check the amplifier")
+        help_text = "check the amplifier; one that does not read back needs `--confirm-output`"
+        return _refused(state, "arm", f"the voltage in force is not known: {help_text}")
     return _entered(_READY, state, facts, "arm")
 
 

@@ -28,7 +28,7 @@ class _Obedient:
         return Identity("piezod", "warm-up", "0", "0")
 
     def capabilities(self) -> Capabilities:
-        return Capabilities(self._axes, read_back=True, max_rate_hz=1e6)
+        return Capabilities(self._axes, read_back=True, max_rate_hz=1e6, opens_relaxed=True)
 
     def activate(self, now_ns: int) -> None:
         pass
@@ -67,7 +67,8 @@ def warm_up(config: DaemonConfig) -> None:
         DataError: If a model leaves out the rest voltage.
         ModelError: If a gain is not safe.
     """
-    controller = assemble(config, _Obedient(config), reads_back=True, memory_known=True)
+    devices = _Obedient(config)
+    controller = assemble(config, devices, devices.capabilities())
     period_ns, t_ns = round(NS_PER_S / config.rate_hz), NS_PER_S
     waves: dict[str, WaveformConfig] = {
         name: Sine(kind="sine", low=axis.pace.low_um, high=axis.pace.high_um, frequency_hz=1.0)

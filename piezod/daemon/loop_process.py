@@ -19,11 +19,13 @@ from piezod.control.stage_controller import StageController
 from piezod.control.stage_record import StageEvent
 from piezod.control.warm_up import warm_up
 from piezod.daemon.clock import MonotonicClock
+from piezod.daemon.durations import loop_gone_within_s
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.loop import Loop
 from piezod.daemon.loop_devices import make_channels
-from piezod.daemon.loop_start import wait_for_devices
+from piezod.daemon.loop_start import wait_for_devices, wait_for_lock
 from piezod.daemon.pacer import Pacer
+from piezod.daemon.paths import LOOP_LOCK
 from piezod.daemon.rate import measure_busy_ns, sustained_rate_hz, usable_spin_ns
 from piezod.daemon.realtime import Realtime, RealtimeStep
 from piezod.daemon.timed_channels import TimedChannels
@@ -52,12 +54,12 @@ def main(runtime: Path, config_file: Path) -> None:
     requests_codec.warm_up()
     warm_up(config)
     channels, clock = make_channels(config), MonotonicClock()
-    if not wait_for_devices(channels, shared, clock):
-        return
+    lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
+    if lock is None or not wait_for_devices(channels, shared, clock):
+        return  # the end of the process releases the lock, nothing before it
     noted = LastOutputWriter(runtime / "output.map", len(config.axes))
     timed = TimedChannels(channels, clock, noted)
-    able = channels.capabilities()
-    controller = assemble(config, timed, reads_back=able.read_back, memory_known=able.opens_relaxed)
+    controller = assemble(config, timed, channels.capabilities())
     busy_ns = measure_busy_ns(controller, clock)
     realtime = Realtime(config.loop, shared)
     steps = realtime.set_up()

@@ -29,8 +29,13 @@ def test_help_lists_the_verb(piezod: Command, verb: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "what", "body", "text"),
     [
-        ("arm", "arm", {"shadow": False}, "armed"),
-        ("arm --shadow", "arm", {"shadow": True}, "in shadow: nothing is written"),
+        ("arm", "arm", {"shadow": False, "confirm_output": False}, "armed"),
+        (
+            "arm --shadow",
+            "arm",
+            {"shadow": True, "confirm_output": False},
+            "in shadow: nothing is written",
+        ),
         ("disarm", "disarm", {}, "ramping to the safe voltage"),
         ("mode adaptive", "mode", {"mode": "adaptive"}, "mode adaptive"),
         ("mode trimmed --axis y", "mode", {"mode": "trimmed", "axis": "y"}, "mode trimmed"),

@@ -22,7 +22,7 @@ SINE = {"kind": "sine", "low": 0, "high": 10.0, "frequency_hz": 1.0}
 @pytest.mark.parametrize(
     ("call", "path", "body"),
     [
-        (calls.arm(), "arm", {"shadow": False}),
+        (calls.arm(), "arm", {"shadow": False, "confirm_output": False}),
         (calls.disarm(), "disarm", {}),
         (calls.mode("adaptive"), "mode", {"mode": "adaptive"}),
         (calls.mode("trimmed", axis="y"), "mode", {"mode": "trimmed", "axis": "y"}),

@@ -77,7 +77,7 @@ class FakeAxis:
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
         """Ask for the voltage."""
         self.log.append(f"{self.name} updates at {t_ns} with {sample.position_um} µm")
-        return AxisOutput(self.drive_v, 0.0, 0.0, 0.0)
+        return AxisOutput(self.drive_v, 0.0, 0.0, 0.0, t_ns)
 
     def applied(self, drive_v: float) -> None:
         """Write down what is in force."""

@@ -39,6 +39,7 @@ class LiveStage:
         config: The configuration; the one that ships if not given.
         wrap: What each device is wrapped into, for faults.
         memory_known: Whether the hysteresis' memory is known at the start.
+        holds: Whether the amplifier says that it keeps its voltage when it is deactivated.
     """
 
     def __init__(
@@ -47,6 +48,7 @@ class LiveStage:
         wrap: Wrap = lambda device: device,
         *,
         memory_known: bool = True,
+        holds: bool = False,
     ) -> None:
         self.config = config or load_daemon(CONFIG, registry)
         axes = {
@@ -66,9 +68,8 @@ class LiveStage:
         self.channels = Watched(devices, axes)
         self.channels.open()
         self.channels.activate(0)
-        self.controller = assemble(
-            self.config, self.channels, reads_back=True, memory_known=memory_known
-        )
+        able = self.channels.capabilities()._replace(opens_relaxed=memory_known, holds=holds)
+        self.controller = assemble(self.config, self.channels, able)
         self.events: list[StageEvent] = []
         self.records: list[StageRecord] = []
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import pytest
 
+from piezod.control.axis import AxisOutput
 from piezod.control.cycle import Cycle
 from piezod.control.guard import Guard
 from piezod.control.limits import Limits
@@ -15,6 +16,8 @@ GUARD = Guard([Limits(0.0, 150.0, 5000.0)] * 2, longest_s=2e-3)
 
 class Doubter:
     """Uses no sample at all."""
+
+    sent_v: Sequence[float] | None = None
 
     def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:
         """Call each sample invalid."""
@@ -127,3 +130,41 @@ def test_the_overseer_says_which_samples_are_used() -> None:
     record = Cycle(sensor, FakeAmplifier(log), axes, one, 1e-3, Doubter()).run(0)
 
     assert not record.samples[0].valid
+
+
+class Stale(FakeAxis):
+    """Answers with what it made for the cycle before."""
+
+    def update(self, t_ns: int, sample: Sample) -> AxisOutput:
+        """Ask for a voltage of another cycle."""
+        return super().update(t_ns, sample)._replace(t_ns=t_ns - MS)
+
+
+def test_what_was_made_for_another_cycle_is_not_written() -> None:
+    """The voltage in force stays."""
+    log: list[str] = []
+    sensor = FakeSensor(log, [Sample(0, 1.5, valid=True)])
+    one = Guard([Limits(0.0, 150.0, 5000.0)], longest_s=2e-3)
+
+    record = Cycle(sensor, FakeAmplifier(log), [Stale(log, "x", 3.0)], one, 1e-3).run(MS)
+
+    assert record.admitted.stale
+    assert record.admitted.drive_v == [0.0]
+
+
+class Unacknowledged(Doubter):
+    """Knows of a voltage that was sent and not acknowledged."""
+
+    sent_v: Sequence[float] | None = (5.0,)
+
+
+def test_what_follows_an_unacknowledged_write_is_near_to_both() -> None:
+    """From 0 V on, where 5 V may be in force or not, one step leads to 0 to 5 V only."""
+    for asked_v, written_v in ((-9.0, 0.0), (3.0, 3.0), (99.0, 5.0)):
+        log: list[str] = []
+        sensor = FakeSensor(log, [Sample(0, 1.5, valid=True)])
+        one = Guard([Limits(-150.0, 150.0, 5000.0)], longest_s=2e-3)
+        axes = [FakeAxis(log, "x", asked_v)]
+        record = Cycle(sensor, FakeAmplifier(log), axes, one, 1e-3, Unacknowledged()).run(0)
+
+        assert record.admitted.drive_v == [written_v]

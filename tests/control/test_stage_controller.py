@@ -260,7 +260,7 @@ def test_identification_drives_the_waveform_from_rest_to_rest(stage: LiveStage) 
 
     drive_v = [record.axes[0].drive_v for record in records]
     assert max(drive_v) == pytest.approx(100.0)
-    assert stage.x.drive_v == 0.0
+    assert stage.x.drive_v == pytest.approx(0.0, abs=1e-6)
 
 
 def test_identification_beyond_the_limits_is_refused(stage: LiveStage) -> None:
