@@ -1,12 +1,15 @@
 """`piezod run`: the daemon of a stage, in the foreground."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from piezod.cli.exit_codes import FAILED
 from piezod.cli.paths import existing_file
+
+if TYPE_CHECKING:
+    from piezod.daemon.signals import Signals
 
 
 def run(
@@ -34,6 +37,17 @@ def run(
     Nothing is driven before `piezod arm`. On the way out the voltage goes to the safe one. Exits
     with 75 where the stage has a daemon already, and with 1 where its loop ended by itself.
     """
+    from piezod.daemon.signals import noted_signals
+
+    with noted_signals() as signals:  # before all else: from now on they mean an orderly end
+        in_order = _run(config, strict_rt, require_device, shadow, signals)
+    if not in_order:
+        raise typer.Exit(FAILED)
+
+
+def _run(
+    config: Path, strict_rt: bool, require_device: bool, shadow: bool, signals: "Signals"
+) -> bool:
     import faulthandler
 
     from piezod.daemon.lock import Lock
@@ -48,6 +62,4 @@ def run(
         from piezod.daemon.run_terms import Options
 
         options = Options(strict_rt, require_device, shadow)
-        in_order = run_stage(config, options, paths, lock)
-    if not in_order:
-        raise typer.Exit(FAILED)
+        return run_stage(config, options, paths, lock, signals)

@@ -12,13 +12,10 @@ from piezod.cli.paths import existing_file
 if TYPE_CHECKING:
     from piezod.config.daemon import DaemonConfig
     from piezod.daemon.amplifier_ramp import AxisOutcome
-    from piezod.daemon.lock import Lock
     from piezod.daemon.paths import StagePaths
 
 LOCK_WAIT_S = 2.0
 """A daemon that is ending lets go of its stage within this time."""
-LOOP_ENDS_S = 3.0
-"""A loop that has lost its supervisor begins to ramp after 1 s; the rest is for its end."""
 
 
 def safe(
@@ -41,7 +38,7 @@ def safe(
 
     The ramp starts from the voltage read back, or, where the amplifier tells none, from the one
     that the daemon wrote last. Exits with 0 if all axes are there; else it says UNKNOWN and why,
-    and exits with 1. Exits with 75 if the daemon lives.
+    and exits with 1. Exits with 75 if the daemon lives, or its loop does not end.
     """
     from piezod.daemon.paths import stage_paths
 
@@ -50,26 +47,29 @@ def safe(
         _tell({}, json=json)
         return
     paths.make_folders()
-    with _lock(paths):
-        outcomes = _ramp_down(_in_force(config, paths), paths)
+    outcomes = _ramp_down_alone(config, paths)
     _tell(outcomes, json=json)
     _raise_unknown(outcomes)
 
 
-def _lock(paths: "StagePaths") -> "Lock":
-    from time import monotonic, sleep
+def _ramp_down_alone(config: Path, paths: "StagePaths") -> "dict[str, AxisOutcome]":
+    import signal
 
-    from piezod.daemon.lock import Lock
-    from piezod.errors import AlreadyRunningError
+    from piezod.daemon.durations import loop_gone_within_s
+    from piezod.daemon.lock import Lock, device_lock, taken_within
 
-    end_s = monotonic() + LOCK_WAIT_S
-    while True:
-        try:
-            return Lock(paths.lock)
-        except AlreadyRunningError:
-            if monotonic() > end_s:
-                raise
-            sleep(0.05)
+    with taken_within(lambda: Lock(paths.lock), LOCK_WAIT_S):
+        in_force = _in_force(config, paths)
+        # A loop that has lost its supervisor, and with it that lock, drives until it has ramped.
+        within_s = loop_gone_within_s(in_force)
+        with taken_within(lambda: device_lock(paths.loop_lock), within_s):
+            # A service manager that stops a daemon signals its children too: a ramp is not left
+            # half-way, and has an end.
+            before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+            try:
+                return _ramp_down(in_force, paths, within_s)
+            finally:
+                signal.signal(signal.SIGTERM, before)
 
 
 def _in_force(config: Path, paths: "StagePaths") -> "DaemonConfig":
@@ -88,7 +88,9 @@ def _in_force(config: Path, paths: "StagePaths") -> "DaemonConfig":
     return load_daemon(config, registry)
 
 
-def _ramp_down(config: "DaemonConfig", paths: "StagePaths") -> "dict[str, AxisOutcome]":
+def _ramp_down(
+    config: "DaemonConfig", paths: "StagePaths", within_s: float
+) -> "dict[str, AxisOutcome]":
     from piezod.daemon.clock import MonotonicClock
     from piezod.daemon.last_output import read_last_output
     from piezod.daemon.ramp_down import ramp_down
@@ -97,12 +99,7 @@ def _ramp_down(config: "DaemonConfig", paths: "StagePaths") -> "dict[str, AxisOu
     noted_v: dict[str, float] = {}
     if len(noted) == len(config.axes):
         noted_v = {name: each.drive_v for name, each in zip(config.axes, noted, strict=True)}
-    # A loop that still lives, as it has just lost its supervisor, holds the device while it ramps.
-    longest_s = max(
-        (axis.limits.drive_max_v - axis.limits.drive_min_v) / axis.safety.ramp_v_per_s
-        for axis in config.axes.values()
-    )
-    return ramp_down(config, noted_v, LOOP_ENDS_S + longest_s, MonotonicClock())
+    return ramp_down(config, noted_v, within_s, MonotonicClock())
 
 
 def _tell(outcomes: "dict[str, AxisOutcome]", *, json: bool) -> None:

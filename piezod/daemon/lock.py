@@ -1,12 +1,24 @@
-"""One daemon for each stage: a locked file; imports nothing but the standard library."""
+"""One daemon for each stage, one process with its devices; only the standard library."""
 
 import fcntl
 import os
+import time
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Final, Self
 
 from piezod.errors import AlreadyRunningError
+
+POLL_S: Final = 0.05
+_RUNS: Final = (
+    "this stage is already running, as process {holder}; stop that first, or give the other "
+    "stage's file another name"
+)
+_DRIVES: Final = (
+    "process {holder} has the devices of this stage and drives them to their safe voltage, or "
+    "hangs; wait, or end it by `kill -9 {holder}`, then `piezod safe`"
+)
 
 
 class Lock:
@@ -17,14 +29,15 @@ class Lock:
 
     Args:
         path: The file; its folder must exist.
+        taken: What is wrong where somebody else, `{holder}`, has it.
 
     Raises:
         AlreadyRunningError: If somebody else holds it; the text names that process.
         OSError: If the file cannot be opened.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, taken: str = _RUNS) -> None:
+        self._path, self._taken = path, taken
         self._file = -1
         self.take()
 
@@ -44,11 +57,8 @@ class Lock:
         except BlockingIOError as error:
             holder = os.pread(self._file, 32, 0).decode("ascii", "replace").strip()
             self.release()
-            what = f"this stage is already running, as process {holder or '(not known)'}"
-            raise AlreadyRunningError(
-                f"{self._path}: {what}; stop that first, or give the other stage's file "
-                "another name"
-            ) from error
+            what = self._taken.format(holder=holder or "(not known)")
+            raise AlreadyRunningError(f"{self._path}: {what}") from error
         os.ftruncate(self._file, 0)
         os.pwrite(self._file, f"{os.getpid()}\n".encode(), 0)
 
@@ -70,3 +80,30 @@ class Lock:
     ) -> None:
         """Release it."""
         self.release()
+
+
+def device_lock(path: Path) -> Lock:
+    """Take the lock of whoever has the devices; it outlives the supervisor of a loop.
+
+    Raises:
+        AlreadyRunningError: If somebody else holds it; the text names that process.
+        OSError: If the file cannot be opened.
+    """
+    return Lock(path, _DRIVES)
+
+
+def taken_within(take: Callable[[], Lock], within_s: float) -> Lock:
+    """Take a lock, for which somebody may have to be waited for.
+
+    Raises:
+        AlreadyRunningError: If somebody else holds it all the time.
+        OSError: If the file cannot be opened.
+    """
+    end_s = time.monotonic() + within_s
+    while True:
+        try:
+            return take()
+        except AlreadyRunningError:
+            if time.monotonic() > end_s:
+                raise
+            time.sleep(POLL_S)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final, Protocol
 
-from piezod.config.requests import Request, Shutdown
+from piezod.config.requests import Estop, Request, Shutdown
 from piezod.control.fault_register import Detection
 from piezod.control.loop_watch import CycleTiming
 from piezod.control.stage_record import Answer, StageEvent, StageRecord
@@ -22,6 +22,7 @@ from piezod.units import NS_PER_S
 SUPERVISOR_LOST_NS: Final = NS_PER_S
 """Nobody supervises a loop that has not seen its supervisor's beat change for so long."""
 _COUNTED_EACH_NS: Final = NS_PER_S
+_ESTOP: Final = Estop()
 
 
 class Controller(KnowsLearned, Protocol):
@@ -103,6 +104,9 @@ class Loop:
 
     def _look_around(self, t_ns: int, skipped: int) -> None:
         """Do what need not be done before the write."""
+        if number := self._mailbox.take_estop():
+            accepted, why, motion = self._controller.execute(_ESTOP, t_ns)
+            self._mailbox.answer_estop(number, accepted=accepted, motion=motion, why=why)
         taken = self._mailbox.take(t_ns)
         if taken is not None:
             number, payload = taken

@@ -2,17 +2,18 @@
 
 import asyncio
 import time
+from collections.abc import Callable
 from typing import Final
 
 from piezod.config.requests import Disarm, Estop, Hold, Request, Shutdown, Stop
 from piezod.control.stage_record import Answer
 from piezod.daemon.service.stage_service import NoAnswerError, UnavailableError
-from piezod.telemetry.mailbox import EXPIRED, MailboxFullError, MailboxWriter
+from piezod.telemetry.mailbox import EXPIRED, MailboxAnswer, MailboxFullError, MailboxWriter
 from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.shared_map import SharedMap
 from piezod.units import NS_PER_S
 
-URGENT: Final = (Stop, Estop, Hold, Disarm, Shutdown)
+URGENT: Final = (Stop, Hold, Disarm, Shutdown)
 EXPIRES_S: Final = 0.5
 """So long the loop may take to look at a request, or so many periods where these are longer."""
 EXPIRES_PERIODS: Final = 4
@@ -36,13 +37,18 @@ class LoopRequests:
 
         Raises:
             UnavailableError: If too many requests wait already.
-            NoAnswerError: If the loop does not take it in time; it is not carried out then.
+            NoAnswerError: If the loop does not take it in time; it is not carried out then, but an
+                emergency stop is as soon as the loop looks.
         """
         expires_ns = time.monotonic_ns() + self._expires_ns
-        number = self.post(request, expires_ns)
+        find: Callable[[int], MailboxAnswer | None]
+        if isinstance(request, Estop):
+            number, find = self._mailbox.post_estop(), self._mailbox.estop_answer
+        else:
+            number, find = self.post(request, expires_ns), self._mailbox.answer
         # The loop may take it at the last moment, and needs a cycle for it.
         while time.monotonic_ns() < expires_ns + self._expires_ns:
-            found = self._mailbox.answer(number)
+            found = find(number)
             if found is not None and found.why == EXPIRED:
                 break
             if found is not None:

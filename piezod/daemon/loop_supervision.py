@@ -10,6 +10,7 @@ from typing import Final
 from piezod.config.daemon import DaemonConfig
 from piezod.config.requests import Shutdown
 from piezod.daemon import accepted_config
+from piezod.daemon.durations import ramp_s, ramped_down_within_s
 from piezod.daemon.logging import logger
 from piezod.daemon.loop_connection import LoopConnection
 from piezod.daemon.notify import without_manager
@@ -22,8 +23,6 @@ from piezod.units import NS_PER_S
 
 END_GRACE_S: Final = 10.0
 """So much longer than its ramp the loop may take to end."""
-RAMP_DOWN_WITHIN_S: Final = 60.0
-"""A ramp-down that has not ended by then has failed."""
 
 _log = logger("supervisor")
 
@@ -72,6 +71,11 @@ class LoopRun:
             return 1 if self._not_started else None
         return self._process.poll()
 
+    @property
+    def begun(self) -> bool:
+        """Whether the loop has come so far that it is to be asked; before that it has nothing."""
+        return bool(self.loop.shared.words[Word.LOOP_ASKABLE])
+
     def ask_to_end(self) -> bool:
         """Ask the loop to ramp down and end; tell whether it was asked in time until now."""
         now_ns = time.monotonic_ns()
@@ -98,15 +102,17 @@ class RampDown:
 
     Args:
         config_file: The configuration that was in force.
+        config: What is in it.
     """
 
-    def __init__(self, config_file: Path) -> None:
+    def __init__(self, config_file: Path, config: DaemonConfig) -> None:
+        self._within_s = ramped_down_within_s(config)
         self._process = _start("piezod.cli.main", "safe", str(config_file))
 
     def wait(self) -> bool:
         """Wait for its end; tell whether the safe voltage was reached and verified."""
         try:
-            code = self._process.wait(RAMP_DOWN_WITHIN_S)
+            code = self._process.wait(self._within_s)
         except subprocess.TimeoutExpired:
             self._process.kill()
             code = self._process.wait()
@@ -115,14 +121,6 @@ class RampDown:
         else:
             _log.warning("ramped down", what="the safe voltage was reached without the loop")
         return code == 0
-
-
-def ramp_s(config: DaemonConfig) -> float:
-    """Return how long the longest way to a safe voltage takes, in s."""
-    return max(
-        (axis.limits.drive_max_v - axis.limits.drive_min_v) / axis.safety.ramp_v_per_s
-        for axis in config.axes.values()
-    )
 
 
 def _start(module: str, *arguments: str) -> "subprocess.Popen[bytes]":

@@ -16,6 +16,7 @@ from piezod.errors import ConfigError, Problem
 
 # Of the 108 bytes of a unix socket's address the last is a zero.
 LONGEST_SOCKET_PATH: Final = 107
+LOOP_LOCK: Final = "loop.lock"
 
 
 class StagePaths(NamedTuple):
@@ -35,6 +36,11 @@ class StagePaths(NamedTuple):
     def lock(self) -> Path:
         """The file that the supervisor keeps locked for life, its process id inside."""
         return self.runtime / "lock"
+
+    @property
+    def loop_lock(self) -> Path:
+        """The file that whoever has the devices keeps locked: a loop or `piezod safe`."""
+        return self.runtime / LOOP_LOCK
 
     @property
     def api_socket(self) -> Path:

@@ -11,11 +11,14 @@ from piezod.daemon.marker import Marker
 from piezod.daemon.notify import Notifier
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.run_terms import Ending, Options
+from piezod.daemon.signals import Signals
 from piezod.daemon.supervisor import Supervisor
 from piezod.errors import DeviceUnavailableError
 
 
-def run_stage(source: Path, options: Options, paths: StagePaths, lock: Lock) -> bool:
+def run_stage(
+    source: Path, options: Options, paths: StagePaths, lock: Lock, signals: Signals
+) -> bool:
     """Run the daemon of a stage until it is told to stop, or its loop is gone.
 
     Args:
@@ -23,6 +26,7 @@ def run_stage(source: Path, options: Options, paths: StagePaths, lock: Lock) -> 
         options: What the command line adds to it.
         paths: The files of the stage.
         lock: Its lock, which was taken before anything else; released where `piezod safe` is run.
+        signals: What signals have asked for, and will.
 
     Returns:
         Whether it ended in order, the output at the safe voltage.
@@ -39,9 +43,11 @@ def run_stage(source: Path, options: Options, paths: StagePaths, lock: Lock) -> 
     marker.put()
     if marker.unclean:  # whoever died may have left a voltage in force, and nobody saw to it since
         lock.release()
-        RampDown(source).wait()
+        safe = RampDown(source, config).wait()
+        if signals.end:
+            return safe  # the mark stays: nobody has looked yet
         lock.take()
-    supervisor = Supervisor(source, paths, config, options, Notifier())
+    supervisor = Supervisor(source, paths, config, options, Notifier(), signals)
     ending, safe = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
     if ending in (Ending.IN_ORDER, Ending.ABSENT):
         paths.loop_map.unlink(missing_ok=True)
@@ -68,6 +74,6 @@ async def _run(supervisor: Supervisor, lock: Lock, *, unclean: bool) -> tuple[En
         await supervisor.close()
         return ending, ending is Ending.IN_ORDER
     lock.release()
-    ramp_down = RampDown(supervisor.run_of_loop.config_file)
+    ramp_down = RampDown(supervisor.run_of_loop.config_file, supervisor.run_of_loop.loop.config)
     await supervisor.close()
     return ending, ramp_down.wait()

@@ -1,13 +1,12 @@
 """The supervisor: owns the lock of a stage, starts the loop process, and answers for both.
 
 It has no handle of a device. Everything happens in one event loop, looked after by `_watch`: the
-loop process hears that we live, systemd hears that the loop is healthy, and a loop that is gone is
-replaced by `piezod safe`.
+loop process hears that we live, through `heart.Heart`; systemd hears that the loop is healthy, and
+a loop that is gone is replaced by `piezod safe`.
 """
 
 import asyncio
 import os
-import signal
 import time
 from collections.abc import Coroutine
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Final
 from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
 from piezod.daemon.api_server import Api
+from piezod.daemon.heart import Heart
 from piezod.daemon.housekeeping import Housekeeping
 from piezod.daemon.logging import logger
 from piezod.daemon.loop_supervision import LoopRun
@@ -26,6 +26,7 @@ from piezod.daemon.run_terms import Ending, Options
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.roles import GroupRoles
 from piezod.daemon.service.stage_service import Document, NotNowError, Peer, Role, StageError
+from piezod.daemon.signals import Signals
 from piezod.daemon.stage_link import StageLink
 
 TICK_S: Final = 0.1
@@ -46,6 +47,7 @@ class Supervisor:
         config: What the file said.
         options: What the command line adds.
         notifier: The way to the service manager.
+        signals: What signals have asked for, and will.
     """
 
     def __init__(
@@ -55,9 +57,10 @@ class Supervisor:
         config: DaemonConfig,
         options: Options,
         notifier: Notifier,
+        signals: Signals,
     ) -> None:
         self._source, self._paths, self._options = source, paths, options
-        self._notifier = notifier
+        self._notifier, self._signals = notifier, signals
         self._ending = Ending.IN_ORDER
         self._stopping = self._ready = self._exchanging = False
         self._state: State | None = None
@@ -69,6 +72,7 @@ class Supervisor:
             reload=self.reload,
             shadow=options.shadow,
         )
+        self._heart = Heart(self.run_of_loop.loop)
         self._house = Housekeeping(self._link)
         self._api = Api(
             create_app(self._link, GroupRoles(os.getuid(), time.monotonic)), paths.api_socket
@@ -82,16 +86,14 @@ class Supervisor:
         Args:
             unclean: Whether the daemon did not end in order last time.
         """
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGTERM, signal.SIGINT):
-            loop.add_signal_handler(number, self.stop, signal.Signals(number).name)
-        loop.add_signal_handler(signal.SIGHUP, self._reload_on_signal)
         await self._api.start()
         self.run_of_loop.start(unclean=unclean)
         housekeeping = asyncio.create_task(self._house.run())
+        self._heart.start()
         try:
             return await self._watch()
         finally:
+            self._heart.stop()
             housekeeping.cancel()
 
     async def close(self) -> None:
@@ -110,7 +112,8 @@ class Supervisor:
         while True:
             now_ns = time.monotonic_ns()
             run = self.run_of_loop
-            run.loop.beat(now_ns)
+            self._heart.tick(now_ns)
+            self._heed_signals()
             healthy = run.loop.health.look(now_ns)
             if healthy or self._exchanging:
                 self._notifier.alive()
@@ -124,6 +127,9 @@ class Supervisor:
 
     def _see_to_its_end(self, run: LoopRun, now_ns: int) -> None:
         """Ask the loop to end where it shall, and kill it where it does not answer any more."""
+        if self._stopping and not run.begun:
+            run.kill()  # it starts, and has touched nothing
+            return
         overdue = self._stopping and not run.ask_to_end()
         if overdue or run.loop.health.hung(now_ns):
             what = "it did not end in time" if overdue else "it runs no cycles any more"
@@ -132,6 +138,8 @@ class Supervisor:
             run.kill()
 
     def _ended(self, code: int) -> Ending:
+        if self._stopping and not self.run_of_loop.begun:
+            return self._ending
         if not self._stopping or code != 0:
             _log.error("loop gone", code=code, what="piezod safe takes over")
             # The watchdog would end us, and the ramp with us: from now on another timeout counts.
@@ -203,10 +211,13 @@ class Supervisor:
 
     def _use(self, run: LoopRun) -> None:
         self.run_of_loop, self._link.loop = run, run.loop
+        self._heart.beat_for(run.loop)
 
-    def _reload_on_signal(self) -> None:
-        """Do what `systemctl reload` asks for."""
-        self._do(self._reload_for_manager())
+    def _heed_signals(self) -> None:
+        if self._signals.end:
+            self.stop(self._signals.end)
+        if self._signals.take_reload():  # what `systemctl reload` asks for
+            self._do(self._reload_for_manager())
 
     async def _reload_for_manager(self) -> None:
         self._notifier.reloading()

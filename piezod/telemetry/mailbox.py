@@ -2,7 +2,8 @@
 
 Two bounded lanes, each with one writer and one reader that never wait for each other: an urgent one
 for what must not queue behind others (stop, hold), and an ordinary one. The loop takes one request
-in a cycle, urgent ones first. A number is common to both lanes; the answer is found by it.
+in a cycle, urgent ones first. An emergency stop is in no lane: it is a level, so that there is room
+for it however many wait. Numbers are common to all of them; the answer is found by it.
 """
 
 from struct import Struct
@@ -24,6 +25,8 @@ from piezod.telemetry.words import Word
 _REQUEST: Final = Struct("<qqq")  # number, instant of expiry, length of the payload
 _ANSWER: Final = Struct("<qqq")  # accepted, motion, length of the text
 _ANSWER_AT: Final = 8  # after the number, which is stored by itself
+_ESTOP_ASKED: Final = int(Word.ESTOP_ASKED)
+_ESTOP_DONE: Final = int(Word.ESTOP_DONE)
 EXPIRED: Final = "expired: the loop did not take it in time"
 
 
@@ -87,8 +90,7 @@ class MailboxWriter:
         self._urgent, self._ordinary = _lanes(shared)
         self._answers = shared.part("answers")
         self._numbers = self._answers.cast("q")
-        words = shared.words
-        self._number = words[Word.URGENT_POSTED] + words[Word.REQUESTS_POSTED]
+        self._words = shared.words
 
     def post(self, payload: bytes, expires_ns: int, *, urgent: bool = False) -> int:
         """Hand a request over; does not wait.
@@ -110,9 +112,24 @@ class MailboxWriter:
             raise MailboxFullError(f"{what}; send fewer points")
         if lane.waiting >= lane.slots:
             raise MailboxFullError(f"{lane.slots} requests wait for the loop already; try later")
-        self._number += 1
-        lane.put(self._number, payload, expires_ns)
-        return self._number
+        number = self._next()
+        lane.put(number, payload, expires_ns)
+        return number
+
+    def post_estop(self) -> int:
+        """Ask for an emergency stop; it is never refused and does not expire.
+
+        Returns:
+            Its number, for `estop_answer`.
+        """
+        number = self._next()
+        self._words[Word.ESTOP_ASKED] = number
+        return number
+
+    def estop_answer(self, number: int) -> MailboxAnswer | None:
+        """Return what became of an emergency stop, or of one that was asked for after it."""
+        done = self._words[Word.ESTOP_DONE]
+        return self.answer(done) if done >= number else None
 
     def answer(self, number: int) -> MailboxAnswer | None:
         """Return what became of a request, None while that is open.
@@ -126,6 +143,10 @@ class MailboxWriter:
         start = at + SLOT_HEADER
         text = bytes(self._answers[start : start + length])
         return MailboxAnswer(bool(accepted), text.decode(errors="ignore"), motion)
+
+    def _next(self) -> int:
+        self._words[Word.NEWEST_REQUEST] += 1
+        return self._words[Word.NEWEST_REQUEST]
 
 
 class MailboxReader:
@@ -154,6 +175,19 @@ class MailboxReader:
                 self._words[Word.REQUESTS_EXPIRED] += 1
                 self.answer(number, accepted=False, motion=0, why=EXPIRED)
         return None
+
+    def take_estop(self) -> int:
+        """Return the number of an emergency stop that was asked for, 0 if none is open.
+
+        May be called in the loop.
+        """
+        asked = self._words[_ESTOP_ASKED]
+        return 0 if asked == self._words[_ESTOP_DONE] else asked
+
+    def answer_estop(self, number: int, *, accepted: bool, motion: int, why: str) -> None:
+        """Tell what became of an emergency stop, which is open no more; as `answer`."""
+        self.answer(number, accepted=accepted, motion=motion, why=why)
+        self._words[_ESTOP_DONE] = number
 
     def answer(self, number: int, *, accepted: bool, motion: int, why: str) -> None:
         """Tell what became of a request; a long text is cut off; may be called in the loop."""

@@ -54,3 +54,11 @@ class Word(IntEnum):
     """1 while the devices are open, 0 while they are absent."""
     UNCLEAN = 21
     """1 where the daemon before this one did not end properly; set before the loop starts."""
+    LOOP_ASKABLE = 22
+    """1 once the loop takes requests; before that it has touched no device."""
+    NEWEST_REQUEST = 23
+    """Number of the newest request; they start at 1."""
+    ESTOP_ASKED = 24
+    """Number of the newest emergency stop: a level, for which there is always room."""
+    ESTOP_DONE = 25
+    """Number of the newest emergency stop that was answered."""

@@ -1,18 +1,21 @@
 """`piezod safe` with a rig in another process."""
 
 import json
+import os
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from piezod.daemon.last_output import LastOutputWriter
-from piezod.daemon.lock import Lock
+from piezod.daemon.lock import Lock, device_lock
 from piezod.daemon.paths import StagePaths, stage_paths
+from piezod.errors import AlreadyRunningError
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.options import Options
 from tests.cli.conftest import Command
@@ -95,7 +98,7 @@ def test_rig_that_has_gone_is_unknown(
     piezod: Command, paths: StagePaths, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without a device the exit code is 1 and the text says that the voltage is unknown."""
-    monkeypatch.setattr("piezod.cli.safe.LOOP_ENDS_S", 0.0)
+    monkeypatch.setattr("piezod.daemon.durations.LOOP_ENDS_S", 0.0)
     LastOutputWriter(paths.output_map, 1).note([60.0], 1)
     code, out, err = piezod("safe", "stage.yaml")
 
@@ -114,6 +117,53 @@ def test_living_daemon_is_left_alone(
 
     assert code == 75
     assert "already running" in err
+    assert len(writes(folder / "trace.csv")) == 1
+
+
+@pytest.mark.fault("P2")
+def test_loop_that_still_drives_is_waited_for(
+    piezod: Command, paths: StagePaths, folder: Path, rig: EmulatedRig
+) -> None:
+    """A loop that has lost its supervisor has the amplifier until it ends; then the ramp begins."""
+    loop = device_lock(paths.loop_lock)
+    with ThreadPoolExecutor(1) as beside:
+        safe = beside.submit(_safe_as_a_process)
+        eventually(lambda: is_waiting_for(paths.lock))
+        untouched = len(writes(folder / "trace.csv"))
+        loop.release()
+
+    assert safe.result() == 0
+    assert untouched == 1
+    assert in_force_v(rig) == pytest.approx(10, abs=0.5)
+    assert piezod("safe", "stage.yaml").code == 0
+
+
+def _safe_as_a_process() -> int:
+    command = [sys.executable, "-m", "piezod.cli.main", "safe", "stage.yaml"]
+    return subprocess.run(command, check=False, stdout=subprocess.DEVNULL).returncode
+
+
+def is_waiting_for(path: Path) -> bool:
+    """Tell whether somebody holds a lock."""
+    try:
+        Lock(path).release()
+    except AlreadyRunningError:
+        return True
+    return False
+
+
+@pytest.mark.fault("P2")
+@pytest.mark.usefixtures("rig")
+def test_loop_that_does_not_end_is_not_joined(
+    piezod: Command, paths: StagePaths, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exit code 75 says whom to end; nothing is written beside him."""
+    monkeypatch.setattr("piezod.daemon.durations.LOOP_ENDS_S", -1.0)
+    with device_lock(paths.loop_lock):
+        code, _, err = piezod("safe", "stage.yaml")
+
+    assert code == 75
+    assert f"kill -9 {os.getpid()}" in err
     assert len(writes(folder / "trace.csv")) == 1
 
 

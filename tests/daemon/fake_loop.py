@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from piezod.config.requests import Request, Shutdown
+from piezod.config.requests import Estop, Request, Shutdown
 from piezod.config.states import State
 from piezod.control.stage_record import Answer
 from piezod.telemetry.mailbox import MailboxReader
@@ -40,8 +40,12 @@ class FakeLoop(threading.Thread):
         """Count and answer."""
         words, mailbox = self._shared.words, MailboxReader(self._shared)
         words[Word.LOOP_STATE] = list(State).index(State.SAFE)
+        words[Word.LOOP_ASKABLE] = 1
         while not self._ending.wait(0.001):
             words[Word.HEALTHY_CYCLES] += 1
+            if number := mailbox.take_estop():
+                self.requests.append(Estop())
+                mailbox.answer_estop(number, **self.answer._asdict())
             taken = mailbox.take(time.monotonic_ns())
             if taken is not None:
                 request = decode(taken[1])

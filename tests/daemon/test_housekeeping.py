@@ -33,8 +33,7 @@ def bench(tmp_path: Path, rig_file: Path) -> Bench:
 
 
 def test_events_of_the_loop_are_logged(bench: Bench, log: io.StringIO) -> None:
-    """Time of the event and text first, then what it is about; a number that says nothing is left
-    out."""
+    """Its own time and its text first, then what it is about; NaN says nothing."""
     hour_ago_ns = time.monotonic_ns() - 3600 * NS_PER_S
     event = LoopEvent(hour_ago_ns, "error", "fault", "no sample", "S5", "x", 4.0, nan)
     before = datetime.now().astimezone() - timedelta(hours=1, minutes=1)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import pytest
 
 from piezod.config.modes import Mode
-from piezod.config.requests import Goto, Shutdown, Stop
+from piezod.config.requests import Estop, Goto, Hold, Shutdown, Stop
 from piezod.config.states import State
 from piezod.control.learning_gate import GateReason
 from piezod.control.stage_record import StageEvent
@@ -255,3 +255,19 @@ def test_urgent_request_goes_first(rig: Rig) -> None:
     rig.run(1)
 
     assert rig.controller.requests == [Stop()]
+
+
+@pytest.mark.fault("E1")
+def test_emergency_stop_waits_for_no_other_request(rig: Rig) -> None:
+    """It is carried out in the next cycle, once, whatever is before it in the urgent lane."""
+    mailbox = MailboxWriter(rig.shared)
+    for _ in range(3):
+        mailbox.post(encode(Hold()), 10**12, urgent=True)
+    number = mailbox.post_estop()
+
+    rig.run(2)
+
+    assert rig.controller.requests == [Estop(), Hold(), Hold()]
+    answer = mailbox.estop_answer(number)
+    assert answer is not None
+    assert answer.accepted

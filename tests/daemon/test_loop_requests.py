@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from piezod.config.requests import Goto, Hold, Request
+from piezod.config.requests import Estop, Goto, Hold, Request
 from piezod.control.stage_record import Answer
 from piezod.daemon.loop_requests import LoopRequests
 from piezod.daemon.service.stage_service import NoAnswerError, UnavailableError
-from piezod.telemetry.layout import REQUEST_SLOTS, Layout
+from piezod.telemetry.layout import REQUEST_SLOTS, URGENT_SLOTS, Layout
 from piezod.telemetry.shared_map import SharedMap, create
 from piezod.units import NS_PER_S
 from tests.daemon.fake_loop import FakeLoop
@@ -46,6 +46,34 @@ def test_request_that_nobody_takes_expires(shared: SharedMap) -> None:
         _ask(requests, Hold())
 
     assert loop.requests == [Hold()]
+
+
+@pytest.mark.fault("E1")
+def test_emergency_stop_is_never_refused(shared: SharedMap) -> None:
+    """Not even where others have filled the urgent lane of a loop that is slow."""
+    requests, later_ns = LoopRequests(shared), time.monotonic_ns() + 60 * NS_PER_S
+    for _ in range(URGENT_SLOTS):
+        requests.post(Hold(), later_ns)
+
+    with pytest.raises(UnavailableError, match="4 requests wait"):
+        _ask(requests, Hold())
+    with FakeLoop(shared) as loop:
+        assert _ask(requests, Estop()).accepted
+
+    assert loop.requests[0] == Estop()
+
+
+@pytest.mark.fault("E1")
+def test_emergency_stop_that_nobody_takes_stays(shared: SharedMap) -> None:
+    """Whoever asked is told that there was no answer, and it is carried out as soon as may be."""
+    requests = LoopRequests(shared)
+
+    with pytest.raises(NoAnswerError):
+        _ask(requests, Estop())
+    with FakeLoop(shared) as loop:
+        _ask(requests, Hold())
+
+    assert loop.requests == [Estop(), Hold()]
 
 
 def test_full_mailbox_is_told_at_once(shared: SharedMap) -> None:

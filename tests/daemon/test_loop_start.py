@@ -1,7 +1,9 @@
 """The loop process before its first cycle, in this process."""
 
+import os
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -11,8 +13,9 @@ from piezod.config.requests import Arm, Request, Shutdown
 from piezod.config.states import State
 from piezod.daemon.clock import MonotonicClock
 from piezod.daemon.last_output import LastOutputWriter
+from piezod.daemon.lock import device_lock
 from piezod.daemon.loop_devices import make_channels
-from piezod.daemon.loop_start import wait_for_devices
+from piezod.daemon.loop_start import wait_for_devices, wait_for_lock
 from piezod.daemon.rate import (
     MOST_CYCLES,
     measure_busy_ns,
@@ -23,7 +26,7 @@ from piezod.daemon.timed_channels import TimedChannels
 from piezod.devices import registry
 from piezod.devices.channels import ChannelPair, Channels
 from piezod.devices.interface import Identity
-from piezod.errors import DeviceUnavailableError
+from piezod.errors import AlreadyRunningError, DeviceUnavailableError
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.mailbox import MailboxAnswer, MailboxWriter
@@ -143,6 +146,60 @@ def test_what_is_no_request_is_refused_like_one(shared: SharedMap) -> None:
 def test_waiting_ends_without_supervisor(shared: SharedMap) -> None:
     """Nobody is left who could tell it to end."""
     assert Waiting(ShyRig(DeviceUnavailableError(ABSENT)), shared).ended() is False
+
+
+def test_emergency_stop_is_answered_while_nothing_is_driven(shared: SharedMap) -> None:
+    """Whoever asks learns that there is nothing to stop, and why."""
+    rig = ShyRig(DeviceUnavailableError(ABSENT))
+    waiting = Waiting(rig, shared)
+    eventually(lambda: shared.words[Word.HEALTHY_CYCLES] > 1)
+    mailbox = MailboxWriter(shared)
+
+    number = mailbox.post_estop()
+    answer = eventually(lambda: mailbox.estop_answer(number))
+    rig.error = None
+
+    assert answer == (False, ABSENT, 0)
+    assert waiting.ended() is True
+
+
+@pytest.mark.fault("P2")
+def test_loop_of_an_earlier_run_is_waited_for(shared: SharedMap, tmp_path: Path) -> None:
+    """It may still ramp, without a supervisor; meanwhile requests are refused with that reason."""
+    path, mailbox = tmp_path / "loop.lock", MailboxWriter(shared)
+    earlier = device_lock(path)
+    number = mailbox.post(encode(Arm()), time.monotonic_ns() + 10 * 10**9)
+    with ThreadPoolExecutor(1) as beside:
+        lock = beside.submit(wait_for_lock, path, shared, MonotonicClock(), 60.0)
+        answer = eventually(lambda: mailbox.answer(number))
+        waited = not lock.done()
+        earlier.release()
+        mine = lock.result()
+
+    assert waited
+    assert answer is not None
+    assert f"process {os.getpid()} has the devices" in answer.why
+    assert mine is not None
+    mine.release()
+
+
+@pytest.mark.fault("P2")
+def test_loop_that_does_not_end_is_not_joined(shared: SharedMap, tmp_path: Path) -> None:
+    """Two must never drive one amplifier; the error says whom to end, and so does the log."""
+    path, events = tmp_path / "loop.lock", EventReader(shared)
+    with device_lock(path), pytest.raises(AlreadyRunningError, match=f"kill -9 {os.getpid()}"):
+        wait_for_lock(path, shared, FakeClock(10**9), 0.1)
+
+    assert [(event.kind, event.severity) for event in events.read()[0]] == [("lock", "error")]
+
+
+def test_waiting_for_an_earlier_loop_ends_on_request(shared: SharedMap, tmp_path: Path) -> None:
+    """As does every waiting."""
+    mailbox = MailboxWriter(shared)
+    mailbox.post(encode(Shutdown()), time.monotonic_ns() + 10 * 10**9)
+
+    with device_lock(tmp_path / "loop.lock"):
+        assert wait_for_lock(tmp_path / "loop.lock", shared, MonotonicClock(), 60.0) is None
 
 
 def test_broken_driver_ends_the_process(shared: SharedMap) -> None:

@@ -13,11 +13,13 @@ import httpx
 import pytest
 
 from piezod.config.states import State
-from piezod.daemon import loop_supervision
+from piezod.daemon import accepted_config, loop_supervision
+from piezod.daemon.durations import ramp_s, ramped_down_within_s
 from piezod.daemon.lock import Lock
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.run_stage import run_stage
 from piezod.daemon.run_terms import Options
+from piezod.daemon.signals import Signals, noted_signals
 from piezod.errors import ConfigError, DeviceUnavailableError
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
@@ -36,12 +38,14 @@ class Rig(NamedTuple):
         paths: Its files.
         processes: What was started, as the module and the process.
         safe_codes: The exit code of `piezod safe`, in a list.
+        loop_command: What Python runs in the place of the loop.
     """
 
     config: Path
     paths: StagePaths
     processes: list[tuple[str, "Popen[bytes]"]]
     safe_codes: list[int]
+    loop_command: list[str]
 
     def run(self, during: Callable[[], None], options: Options | None = None) -> bool:
         """Run the stage; meanwhile do something, and end it after that."""
@@ -58,7 +62,8 @@ class Rig(NamedTuple):
         with Lock(self.paths.lock) as lock, ThreadPoolExecutor(1) as beside:
             doing = beside.submit(then_end)
             try:
-                return run_stage(self.config, options or Options(), self.paths, lock)
+                with noted_signals() as signals:
+                    return run_stage(self.config, options or Options(), self.paths, lock, signals)
             finally:
                 doing.result()
 
@@ -78,13 +83,13 @@ class Rig(NamedTuple):
 def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
     """Return a stage whose loop, and whose ramp-down, drive nothing."""
     processes: list[tuple[str, Popen[bytes]]] = []
-    safe_codes = [0]
+    safe_codes, loop_command = [0], [str(FAKE)]
 
     def started(module: str, *arguments: str) -> "Popen[bytes]":
         if arguments[0] == "safe":
             command = [sys.executable, "-c", f"raise SystemExit({safe_codes[0]})"]
         else:
-            command = [sys.executable, str(FAKE), *arguments]
+            command = [sys.executable, *loop_command, *arguments]
         process = Popen(command)
         processes.append((module, process))
         return process
@@ -92,7 +97,7 @@ def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
     monkeypatch.setattr(loop_supervision, "_start", started)
     monkeypatch.chdir(tmp_path)  # a socket's path is short, and pytest's folders are not
     paths = StagePaths("rig", Path("runtime"), Path("state"))
-    yield Rig(configuration(tmp_path), paths, processes, safe_codes)
+    yield Rig(configuration(tmp_path), paths, processes, safe_codes, loop_command)
     for _, process in processes:
         if process.poll() is None:
             process.kill()
@@ -127,6 +132,50 @@ def test_stage_ends_in_order(rig: Rig) -> None:
 def test_signal_ends_it_in_order(rig: Rig) -> None:
     """SIGTERM does what a request to shut down does."""
     assert rig.run(lambda: os.kill(os.getpid(), signal.SIGTERM))
+
+
+@pytest.mark.fault("P1")
+def test_signal_before_the_loop_has_begun_ends_it_in_order(
+    rig: Rig,
+) -> None:
+    """A loop that only starts has touched nothing: it is not waited for, nor followed by a ramp."""
+    rig.loop_command[:] = ["-c", "import time; time.sleep(600)"]
+    signals = Signals()
+    signals.note(signal.SIGTERM)
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock) as lock:
+        assert run_stage(rig.config, Options(), rig.paths, lock, signals)
+
+    assert _modules(rig) == ["piezod.daemon.loop_process"]
+    assert not rig.paths.running.exists()
+
+
+@pytest.mark.fault("P1")
+@pytest.mark.parametrize("safe_code", [0, 1])
+def test_signal_while_an_earlier_run_is_cleared_up(rig: Rig, safe_code: int) -> None:
+    """The ramp is waited for, no loop is started, and the mark stays."""
+    rig.safe_codes[0] = safe_code
+    signals = Signals()
+    signals.note(signal.SIGTERM)
+    rig.paths.make_folders()
+    rig.paths.running.touch()
+
+    with Lock(rig.paths.lock) as lock:
+        in_order = run_stage(rig.config, Options(), rig.paths, lock, signals)
+
+    assert in_order is (safe_code == 0)
+    assert _modules(rig) == ["piezod.cli.main"]
+    assert rig.paths.running.exists()
+
+
+def test_ramp_down_is_not_cut_off(rig: Rig) -> None:
+    """However slow the ramp of a stage is, it has that time three times over, and a minute."""
+    config = configuration(rig.config.parent, safety="{safe_v: 0, ramp_v_per_s: 0.1}")
+    slow = accepted_config.load(config)
+
+    assert ramp_s(slow) == 1500
+    assert ramped_down_within_s(slow) == 3 * 1500 + 60
 
 
 @pytest.mark.parametrize("safe_code", [0, 1])
@@ -287,7 +336,7 @@ def test_loop_that_cannot_be_started_is_lost(rig: Rig, monkeypatch: pytest.Monke
     rig.paths.make_folders()
 
     with Lock(rig.paths.lock) as lock:
-        assert not run_stage(rig.config, Options(), rig.paths, lock)
+        assert not run_stage(rig.config, Options(), rig.paths, lock, Signals())
 
     assert _modules(rig) == ["piezod.cli.main"]
 
@@ -299,7 +348,7 @@ def test_bad_configuration_starts_nothing(rig: Rig) -> None:
     rig.paths.make_folders()
 
     with Lock(rig.paths.lock) as lock, pytest.raises(ConfigError, match="rate_hz"):
-        run_stage(rig.config, Options(), rig.paths, lock)
+        run_stage(rig.config, Options(), rig.paths, lock, Signals())
 
     assert rig.processes == []
     assert not rig.paths.running.exists()

@@ -79,6 +79,37 @@ def test_payload_may_fill_its_slot_and_no_more(shared: SharedMap, urgent: bool, 
         writer.post(payload + b"x", LATER, urgent=urgent)
 
 
+def test_there_is_always_room_for_an_emergency_stop(shared: SharedMap) -> None:
+    """However many wait in the lanes, however many ask for one; one answer is for all."""
+    writer, reader = MailboxWriter(shared), MailboxReader(shared)
+    for _ in range(URGENT_SLOTS):
+        writer.post(b"hold", LATER, urgent=True)
+    numbers = [writer.post_estop() for _ in range(10 * URGENT_SLOTS)]
+    before = writer.estop_answer(numbers[0])
+
+    taken = reader.take_estop()
+    reader.answer_estop(taken, accepted=True, motion=0, why="")
+
+    assert before is None
+    assert taken == numbers[-1]
+    assert [writer.estop_answer(number) for number in numbers] == [(True, "", 0)] * len(numbers)
+    assert reader.take_estop() == 0
+
+
+def test_emergency_stop_that_comes_meanwhile_stays_open(shared: SharedMap) -> None:
+    """The answer to an earlier one is none to it."""
+    writer, reader = MailboxWriter(shared), MailboxReader(shared)
+    first = writer.post_estop()
+    taken = reader.take_estop()
+    second = writer.post_estop()
+
+    reader.answer_estop(taken, accepted=True, motion=0, why="")
+
+    assert writer.estop_answer(first) is not None
+    assert writer.estop_answer(second) is None
+    assert reader.take_estop() == second
+
+
 def test_answer_is_found_by_number(shared: SharedMap) -> None:
     """Before it is given there is none."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
