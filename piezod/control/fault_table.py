@@ -194,7 +194,7 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
     FaultRule("B15", "thread of a device does not answer", BUS, BLIND, L2, "error",
               "see the log for where it stands; restart the daemon"),
     # Loop.
-    FaultRule("L1", "cycle late, periods skipped", LOOP, WARN, L0, "warning",
+    FaultRule("L1", "cycle late, periods skipped", LOOP, NONE, L0, "info",
               "where it happens often: `piezod status` tells what real-time set-up is missing"),
     FaultRule("L2", "cycles late again and again", LOOP, HOLD, L1, "error",
               "lower rate_hz, or give the loop a processor and real-time priority"),

@@ -15,6 +15,7 @@ from piezod.config.states import State
 from piezod.config.waveforms import Sine
 from piezod.control.fault_table import ids
 from piezod.control.loop_watch import CycleTiming
+from piezod.control.stage_record import StageRecord
 from piezod.devices import registry
 from piezod.devices.faulty import FaultyDevice, SensorAmplifier
 from piezod.devices.injections import Injection, Kind
@@ -90,13 +91,11 @@ CASES = [
 
 
 @cache
-def failed(case: Case) -> tuple[Faulty, int]:
-    """Return a stage after 200 ms of a fault and 6 s more; and how many records came before."""
+def failed(case: Case) -> tuple[Faulty, list[StageRecord]]:
+    """Return a stage after 200 ms of a fault and 6 s more; and the records since it began."""
     stage = Faulty()
-    before = len(stage.records)
     stage.fail(case.kind, 200, **case.what)
-    stage.run(6.0)
-    return stage, before
+    return stage, stage.run(6.0)
 
 
 @pytest.mark.parametrize(
@@ -104,15 +103,14 @@ def failed(case: Case) -> tuple[Faulty, int]:
 )
 def test_a_fault_leads_to_its_state_in_time_and_nothing_goes_on_by_itself(case: Case) -> None:
     """It is told by its id, the stage leaves RUN within the bound, and ends at rest."""
-    stage, before = failed(case)
-    after = stage.records[before:]
+    stage, after = failed(case)
 
     first = next(i for i, record in enumerate(after) if record.state is not State.RUN)
     assert case.fault in stage.faults()
     assert (after[first].state, first <= case.within_cycles) == (case.state, True)
     assert all(record.state not in {State.RUN, State.IDENT} for record in after[first:])
     assert after[-1].state in {State.SAFE, State.FAULT}
-    assert stage.channels.read_back(stage.t_ns)[0] == pytest.approx(0.0, abs=0.5)
+    assert after[-1].axes[0].drive_v == pytest.approx(0.0, abs=0.5)
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.fault for case in CASES])
