@@ -13,6 +13,7 @@ from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Sine, Triangle
 from piezod.control.loop_watch import CycleTiming
+from piezod.control.stage import DRIVEN
 from tests.control.live_stage import ON_TIME, LiveStage
 
 REQUESTS: list[rq.Request] = [
@@ -91,7 +92,7 @@ def test_requests_in_any_order_never_break_a_limit(
 def test_nothing_moves_but_from_ready_on(
     config: DaemonConfig, asked: list[tuple[rq.Request, int, CycleTiming, float]]
 ) -> None:
-    """RUN and IDENT follow READY, each other or HOLD; SAFE, FAULT and shadow write nothing."""
+    """RUN and IDENT follow READY, each other or HOLD; what is taken over is what is read back."""
     stage = run_through(config, asked)
     written = {t_ns for t_ns, _ in stage.channels.writes}
 
@@ -99,6 +100,9 @@ def test_nothing_moves_but_from_ready_on(
         assert record.state not in UP or before.state in UP_FROM
         if record.state in {State.BOOT, State.SAFE, State.FAULT, State.BLIND}:
             assert record.t_ns not in written
+        takes_over = before.state not in DRIVEN and record.state in DRIVEN and not record.shadow
+        axis = record.axes[0]
+        assert not takes_over or axis.drive_v == pytest.approx(axis.read_back_v, abs=0.5)
     for record in stage.records:
         assert not (record.shadow and record.t_ns in written)
 
