@@ -10,6 +10,7 @@ import ssl
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -25,6 +26,7 @@ from tests.daemon.waiting import eventually
 NO_TLS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 REPOSITORY = Path(__file__).parents[2]
 SHIPPED = REPOSITORY / "config" / "simulated.yaml"
+ASK_EACH_S = 0.03
 UP_WITHIN_S = 90.0
 """On a fresh clone a loop compiles its kernels before its first cycle."""
 
@@ -51,6 +53,7 @@ class Daemon:
         self.log = self.folder / "log"
         self.paths: StagePaths = stage_paths(config, self.environ)
         self._arguments = arguments
+        self._ask_at_s = 0.0
         self.process = self.another()
 
     def start(self) -> None:
@@ -87,6 +90,9 @@ class Daemon:
 
     def ask(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
         """Send a request to its HTTP interface."""
+        # Not so often that the daemon refuses to answer, nor that waiting costs much.
+        time.sleep(max(0.0, self._ask_at_s - time.monotonic()))
+        self._ask_at_s = time.monotonic() + ASK_EACH_S
         transport = httpx.HTTPTransport(uds=str(self.paths.api_socket), verify=NO_TLS)
         with httpx.Client(transport=transport, base_url="http://stage/v1", timeout=20) as client:
             return client.request(method, path, json=body)

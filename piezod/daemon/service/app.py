@@ -1,5 +1,6 @@
 """The application: all endpoints, behind the gate."""
 
+import asyncio
 import time
 from collections.abc import Callable
 
@@ -13,6 +14,7 @@ from piezod.daemon.service.lease import Lease
 from piezod.daemon.service.rate_limit import RateLimit
 from piezod.daemon.service.roles import Roles
 from piezod.daemon.service.stage_service import StageService
+from piezod.daemon.service.urgent_notes import UrgentNotes
 from piezod.daemon.service.visit import Office
 
 
@@ -29,7 +31,8 @@ def create_app(
     app = FastAPI(
         title="piezod", version=__version__, openapi_url=None, docs_url=None, redoc_url=None
     )
-    app.state.office = Office(stage, roles, Lease(now_s), set())
+    app.state.office = Office(stage, roles, Lease(now_s), set(), UrgentNotes(now_s))
+    app.state.reading = asyncio.Semaphore(1)
     app.add_middleware(Gate, rate_limit=RateLimit(now_s))
     add_error_answers(app)
     for routes in (routes_look, routes_commands, routes_stores):

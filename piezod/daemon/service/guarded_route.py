@@ -1,11 +1,13 @@
 """The way of every request to its endpoint: role, then body; both before FastAPI sees it."""
 
+import asyncio
 import re
 from collections.abc import Callable, Coroutine
 from typing import Any, Final, NoReturn
 
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
+from pydantic import BaseModel, ValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
@@ -19,12 +21,11 @@ from piezod.daemon.service.refusals import (
     MediaTypeError,
     TooLargeError,
 )
-from piezod.daemon.service.roles import ACCESS, Access
+from piezod.daemon.service.roles import ACCESS, SMALL_BODY, Access
 from piezod.daemon.service.stage_service import BadValueError, Peer, StageError
 from piezod.daemon.service.strict_json import loads
 from piezod.daemon.service.visit import Office, Visit
 
-MAX_BODY: Final = 256 * 1024
 STREAMED: Final = "/v1/stream"
 """The endpoint that reads its body itself."""
 _LOG: Final = logger("service")
@@ -41,11 +42,14 @@ class GuardedRoute(APIRoute):
         method = "".join(self.methods or ())  # they have one each
         access = ACCESS[method, self.path]
         reads_body = method == "POST" and self.path != STREAMED
+        model = self.body_field.field_info.annotation if self.body_field else None
 
         async def guarded(request: Request) -> Response:
             request.state.visit = await _let_in(request, access)
             try:
-                return await handler(await _with_body(request) if reads_body else request)
+                if reads_body:
+                    request = await _with_body(request, access.most_bytes, model)
+                return await handler(request)
             except ClientDisconnect:
                 return Response(status_code=400)  # nobody is there to read it
             except (StageError, RequestValidationError, HTTPException):
@@ -59,7 +63,7 @@ class GuardedRoute(APIRoute):
 
 
 class _StrictRequest(Request):
-    """A request whose body has been read strictly already."""
+    """A request whose body has been read strictly already, and validated if it is long."""
 
     def __init__(self, request: Request, body: bytes, document: Any) -> None:
         scope = request.scope
@@ -69,7 +73,7 @@ class _StrictRequest(Request):
         self._body, self._document = body or b"{}", document
 
     async def json(self) -> Any:
-        """Return the document."""
+        """Return the document, or the model of which it is one."""
         return self._document
 
 
@@ -96,22 +100,47 @@ async def _peer(request: Request, office: Office) -> Peer:
     return Peer(credentials.uid, credentials.pid, user.name, client, user.role)
 
 
-async def _with_body(request: Request) -> _StrictRequest:
-    if int(request.headers.get("content-length", "0")) > MAX_BODY:
-        _too_large()
-    body = bytearray()
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > MAX_BODY:
-            _too_large()
+async def _with_body(request: Request, most_bytes: int, model: Any) -> _StrictRequest:
+    body = await _body(request, most_bytes)
     if not body:
         return _StrictRequest(request, b"", {})
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind != "application/json":
         raise MediaTypeError(f"content-type {kind[:40]!r}, allowed: application/json")
-    document = loads(bytes(body))
+    if len(body) <= SMALL_BODY:
+        return _StrictRequest(request, body, _read(body))
+    # The loop sees a supervisor whose event loop is busy for too long as one that is gone.
+    reading: asyncio.Semaphore = request.app.state.reading
+    async with reading:
+        document = await asyncio.to_thread(_read_and_validate, body, model)
+    return _StrictRequest(request, body, document)
+
+
+async def _body(request: Request, most_bytes: int) -> bytes:
+    if int(request.headers.get("content-length", "0")) > most_bytes:
+        _too_large(most_bytes)
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > most_bytes:
+            _too_large(most_bytes)
+    return bytes(body)
+
+
+def _read(body: bytes) -> Any:
+    document = loads(body)
     _refuse_files(document)
-    return _StrictRequest(request, bytes(body), document)
+    return document
+
+
+def _read_and_validate(body: bytes, model: type[BaseModel]) -> BaseModel:
+    """Do what FastAPI would; it takes a model for a document of it that is valid."""
+    try:
+        return model.model_validate(_read(body))
+    except ValidationError as error:
+        found = error.errors(include_url=False)
+        problems = [{**each, "loc": ("body", *each["loc"])} for each in found]
+        raise RequestValidationError(problems) from error
 
 
 def _refuse_files(document: Any) -> None:
@@ -126,5 +155,5 @@ def _refuse_files(document: Any) -> None:
             _refuse_files(entry)
 
 
-def _too_large() -> NoReturn:
-    raise TooLargeError(f"the body is too long, allowed: at most {MAX_BODY} bytes")
+def _too_large(most_bytes: int) -> NoReturn:
+    raise TooLargeError(f"the body is too long, allowed here: at most {most_bytes} bytes")

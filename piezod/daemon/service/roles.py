@@ -12,6 +12,9 @@ from piezod.daemon.service.stage_service import Role
 
 GROUPS: Final = {"piezod-eng": Role.ENGINEER, "piezod": Role.OPERATOR}
 """Whose members are more than viewers; whoever reaches the socket is one of those at least."""
+SMALL_BODY: Final = 1024
+LARGE_BODY: Final = 256 * 1024
+"""For points of a waveform and for models."""
 _KNOWN_FOR_S: Final = 30.0
 
 
@@ -22,11 +25,13 @@ class Access(NamedTuple):
         role: The least role.
         lease: Whether the lease is needed, and renewed.
         urgent: Whether no limit of rate or connections applies.
+        most_bytes: How long a body may be.
     """
 
     role: Role
     lease: bool = False
     urgent: bool = False
+    most_bytes: int = SMALL_BODY
 
 
 _LOOK: Final = Access(Role.VIEWER)
@@ -51,11 +56,11 @@ ACCESS: Final[Mapping[tuple[str, str], Access]] = {
     ("POST", "/v1/hold"): _TOWARDS_SAFETY,
     ("POST", "/v1/stop"): _TOWARDS_SAFETY,
     ("POST", "/v1/estop"): Access(Role.VIEWER, urgent=True),
-    ("POST", "/v1/disarm"): Access(Role.OPERATOR),
+    ("POST", "/v1/disarm"): _TOWARDS_SAFETY,
     ("POST", "/v1/arm"): _MOVE,
     ("POST", "/v1/mode"): _MOVE,
     ("POST", "/v1/goto"): _MOVE,
-    ("POST", "/v1/wave"): _MOVE,
+    ("POST", "/v1/wave"): _MOVE._replace(most_bytes=LARGE_BODY),
     ("POST", "/v1/stream"): _MOVE,
     ("POST", "/v1/resume"): _MOVE,
     ("POST", "/v1/reset"): _MOVE,
@@ -66,8 +71,8 @@ ACCESS: Final[Mapping[tuple[str, str], Access]] = {
     ("POST", "/v1/recordings/start"): _KEEP,
     ("POST", "/v1/recordings/stop"): _KEEP,
     ("POST", "/v1/condition"): _CHANGE,
-    ("POST", "/v1/identify"): _CHANGE,
-    ("POST", "/v1/model"): _CHANGE,
+    ("POST", "/v1/identify"): _CHANGE._replace(most_bytes=LARGE_BODY),
+    ("POST", "/v1/model"): _CHANGE._replace(most_bytes=LARGE_BODY),
     ("POST", "/v1/params/load"): _CHANGE,
     ("POST", "/v1/params/restore"): _CHANGE,
     ("POST", "/v1/reload"): _CHANGE,

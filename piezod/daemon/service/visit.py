@@ -17,6 +17,7 @@ from piezod.daemon.service.stage_service import (
     StageError,
     StageService,
 )
+from piezod.daemon.service.urgent_notes import UrgentNotes
 
 ResultT = TypeVar("ResultT")
 _SHOWN: Final = 300
@@ -30,12 +31,14 @@ class Office(NamedTuple):
         roles: Who is who.
         lease: Who moves the stage.
         downloads: Users who are getting a recording.
+        urgent_notes: Limits what is noted of urgent requests.
     """
 
     stage: StageService
     roles: Roles
     lease: Lease
     downloads: set[int]
+    urgent_notes: UrgentNotes
 
 
 class Visit(NamedTuple):
@@ -101,7 +104,11 @@ class Visit(NamedTuple):
 
     def note(self, what: str, why: str = "") -> None:
         """Note what was asked for, and why it was not done where it was not."""
-        self.stage.audit(AuditEntry(self.peer, what, not why, why))
+        entry = AuditEntry(self.peer, what, not why, why)
+        if not self.access.urgent:  # others are limited as requests
+            self.stage.audit(entry)
+        elif limited := self.office.urgent_notes.limit(entry):
+            self.stage.audit(limited)
 
 
 def describe(request: Request) -> str:

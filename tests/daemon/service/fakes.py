@@ -28,6 +28,7 @@ from piezod.daemon.service.stage_service import (
     UnavailableError,
     UnknownNameError,
 )
+from piezod.daemon.service.urgent_notes import UrgentNotes
 from piezod.daemon.service.visit import Office
 from piezod.telemetry.layout import record_dtype
 
@@ -172,7 +173,9 @@ class Served:
         """Begin anew with another stage; so much time passes that no limit remembers anything."""
         self.stage, self.roles = FakeStage(folder), FakeRoles()
         self.now.now_s += 1000.0
-        self.app.state.office = Office(self.stage, self.roles, Lease(self.now), set())
+        self.app.state.office = Office(
+            self.stage, self.roles, Lease(self.now), set(), UrgentNotes(self.now)
+        )
 
     @contextmanager
     def running(self) -> Iterator[None]:

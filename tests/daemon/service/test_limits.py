@@ -6,10 +6,11 @@ import httpx
 import numpy as np
 import pytest
 
-from piezod.daemon.service.guarded_route import MAX_BODY
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.rate_limit import CLIENT_BURST, TOTAL_BURST, RateLimit
-from piezod.daemon.service.roles import URGENT
+from piezod.daemon.service.roles import ACCESS, LARGE_BODY, SMALL_BODY, URGENT
+from piezod.daemon.service.stage_service import Role
+from piezod.daemon.service.urgent_notes import BURST
 from piezod.telemetry.layout import record_dtype
 from tests.daemon.service.conftest import Serve
 from tests.daemon.service.fakes import FakeNow, Served
@@ -61,12 +62,68 @@ def test_what_is_no_http_is_answered_in_the_form_of_errors(served: Served) -> No
 
 
 @pytest.mark.fault("C2")
-def test_announced_body_that_is_too_large_is_refused(client: httpx.Client) -> None:
+@pytest.mark.parametrize("verb", ["estop", "wave"])
+def test_announced_body_that_is_too_large_is_refused(client: httpx.Client, verb: str) -> None:
     """It is not even read."""
-    answer = client.post("goto", content=b" " * (MAX_BODY + 1), headers=JSON_TYPE)
+    answer = client.post(verb, content=b" " * (LARGE_BODY + 1), headers=JSON_TYPE)
 
     assert (answer.status_code, answer.json()["error"]["code"]) == (413, "too_large")
     assert answer.headers["connection"] == "close"
+
+
+@pytest.mark.fault("C2")
+def test_commands_are_small(client: httpx.Client) -> None:
+    """A body that is no waveform and no model is at most 1 KiB long."""
+    codes = [
+        client.post("estop", content=b"{}" + b" " * (size - 2), headers=JSON_TYPE).status_code
+        for size in (SMALL_BODY, SMALL_BODY + 1)
+    ]
+
+    assert codes == [200, 413]
+
+
+@pytest.mark.fault("C2")
+def test_only_waveforms_and_models_are_large() -> None:
+    """Whatever needs no limit of rate has nothing in it that takes long to read."""
+    large = {path for (_, path), access in ACCESS.items() if access.most_bytes > SMALL_BODY}
+
+    assert large == {"/v1/wave", "/v1/identify", "/v1/model"}
+
+
+@pytest.mark.fault("C2")
+def test_large_body_is_read_as_strictly_as_others(served: Served, client: httpx.Client) -> None:
+    """Its mistakes have their places, and what is valid arrives as it was meant."""
+    points = {"kind": "points", "points": [[i / 1000, i / 1000] for i in range(2000)]}
+    wave = {"command_um": {"x": points}, "duration_s": 1.0}
+    wrong = [
+        client.post("wave", json=body)
+        for body in ({**wave, "duration_s": "1"}, {**wave, "other": 1}, {**points})
+    ]
+    good = client.post("wave", json=wave)
+
+    assert [answer.status_code for answer in wrong] == [422] * 3
+    assert wrong[0].json()["error"]["what"].startswith("duration_s: must be a number")
+    assert good.status_code == 200, good.text
+    assert len(served.stage.requests) == 1
+    assert served.stage.requests[0].model_dump(mode="json")["duration_s"] == 1.0
+
+
+@pytest.mark.fault("C5")
+def test_refusals_of_urgent_requests_do_not_fill_the_audit(
+    served: Served, client: httpx.Client
+) -> None:
+    """What is served at any rate is noted at a limited one, and what is left out is counted."""
+    served.roles.role = Role.VIEWER
+    for _ in range(200):
+        client.post("stop")
+    noted = len(served.stage.audited)
+    served.now.now_s += 10.0
+    client.post("stop")
+
+    assert noted == BURST
+    last = served.stage.audited[-1]
+    assert last.what == f"POST /v1/stop (after {200 - BURST:.0f} that are not noted)"
+    assert not last.accepted
 
 
 def _send_until_refused(connection: socket.socket, chunk: bytes, most: int) -> int:
@@ -89,7 +146,7 @@ def test_body_without_end_is_cut_off(served: Served) -> None:
         sent = _send_until_refused(connection, chunk, 1 << 30)
         status = client.get("status").status_code
 
-    assert sent < 4 * MAX_BODY
+    assert sent < 4 * LARGE_BODY
     assert status == 200
 
 
@@ -188,8 +245,9 @@ def test_flood_is_refused_and_the_stage_can_be_stopped(
     urgent = [client.request(method, path[4:]).status_code for method, path in sorted(URGENT)]
 
     assert codes == [200] * burst + [429] * 50
-    assert urgent == [200] * 3
+    assert urgent == [200] * 4
     assert {type(request).__name__ for request in served.stage.requests} == {
+        "Disarm",
         "Estop",
         "Hold",
         "Stop",

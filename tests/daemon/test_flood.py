@@ -1,0 +1,70 @@
+"""Large bodies, many at a time, do not keep the supervisor from showing the loop that it lives."""
+
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from piezod.daemon.loop import SUPERVISOR_LOST_NS
+from piezod.daemon.service.roles import LARGE_BODY
+from piezod.telemetry.shared_map import attach
+from piezod.telemetry.words import Word
+from tests.daemon.conftest import StartDaemon
+from tests.daemon.service.raw import HEAD, connected, read_to_end
+
+COUNT = 30
+BODY = (b'{"a": [' + b"0," * LARGE_BODY)[: LARGE_BODY - 3] + b"0]}"
+
+
+class Oldest(threading.Thread):
+    """Watches how old the supervisor's beat becomes.
+
+    Args:
+        loop_map: What supervisor and loop share.
+    """
+
+    def __init__(self, loop_map: Path) -> None:
+        super().__init__()
+        self.age_ns = 0
+        self._words = attach(loop_map).words
+        self._ended = threading.Event()
+
+    def run(self) -> None:
+        """Look again and again."""
+        while not self._ended.wait(0.005):
+            age_ns = time.monotonic_ns() - self._words[Word.SUPERVISOR_BEAT_NS]
+            self.age_ns = max(self.age_ns, age_ns)
+
+    def end(self) -> int:
+        """Return the age of the oldest, in ns."""
+        self._ended.set()
+        self.join()
+        return self.age_ns
+
+
+def send(path: Path, verb: str) -> bytes:
+    """Send a large body; return the beginning of the answer, nothing where there is none."""
+    head = HEAD % verb.encode() + b"content-type: application/json\r\nconnection: close\r\n"
+    with connected(path) as connection:
+        with suppress(BrokenPipeError):  # it need not read what it refuses
+            connection.sendall(head + b"content-length: %d\r\n\r\n" % len(BODY) + BODY)
+        return read_to_end(connection)[:12]
+
+
+@pytest.mark.fault("C2")
+def test_large_bodies_do_not_stop_the_beat(start: StartDaemon, rig_file: Path) -> None:
+    """All of them are refused, and the loop has seen its supervisor all the time."""
+    daemon = start(rig_file).up()
+    oldest = Oldest(daemon.paths.loop_map)
+    oldest.start()
+
+    with ThreadPoolExecutor(COUNT // 2) as clients:
+        paths, verbs = [daemon.paths.api_socket] * 2 * COUNT, ["estop"] * COUNT + ["wave"] * COUNT
+        answers = set(clients.map(send, paths, verbs))
+
+    assert oldest.end() < SUPERVISOR_LOST_NS / 2
+    assert answers <= {b"HTTP/1.1 413", b"HTTP/1.1 422", b"HTTP/1.1 429", b""}
+    assert daemon.status()["state"] == "SAFE"
