@@ -5,10 +5,10 @@ STAMP := .venv/.installed
 DEMO := build/demo
 STARTED := $(shell date +%s)
 
-.PHONY: help demo test stress check lint bench figures lock clean
+.PHONY: help demo test coverage stress check lint bench figures lock clean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-7s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' Makefile
 
 demo: $(STAMP) ## run the paper's experiment on the simulated rig and write a report
 	@ready=$$(date +%s); \
@@ -16,6 +16,9 @@ demo: $(STAMP) ## run the paper's experiment on the simulated rig and write a re
 	echo "make demo: $$((ready - $(STARTED))) s to set up, $$(($$(date +%s) - ready)) s to run"
 
 test: $(STAMP) ## run the tests
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4
+
+coverage: $(STAMP) ## run the tests and tell which lines they leave out (twice as long)
 	$(BIN)/python -m pytest --cov --numprocesses auto --maxprocesses 4
 
 stress: $(STAMP) ## run the tests that take longer

@@ -31,7 +31,7 @@ def conditioning(config: ConditioningConfig, limits: LimitsConfig) -> Drive:
     """
     low_v, high_v, rest_v = limits.drive_min_v, limits.drive_max_v, limits.rest_v
     middle_v, half_v = 0.5 * (low_v + high_v), 0.5 * (high_v - low_v)
-    phase = asin((rest_v - middle_v) / half_v)
+    phase = asin(min(max((rest_v - middle_v) / half_v, -1.0), 1.0))  # rounding may leave [-1, 1]
     duration_s = config.cycles / config.frequency_hz
 
     def drive_v(t_s: float) -> float:
