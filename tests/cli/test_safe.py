@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -15,10 +16,10 @@ import pytest
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.lock import Lock, device_lock
 from piezod.daemon.paths import StagePaths, stage_paths
-from piezod.errors import AlreadyRunningError
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.options import Options
 from tests.cli.conftest import Command
+from tests.daemon.locks import is_held
 from tests.daemon.waiting import eventually
 from tests.hosted_rig import hosted, writes
 
@@ -34,6 +35,8 @@ axes:
     command_range_um: [0, 26]
     safety: {safe_v: 10, ramp_v_per_s: 200}
 """
+
+SAFE = [sys.executable, "-m", "piezod.cli.main", "safe", "stage.yaml"]
 
 
 @pytest.fixture
@@ -128,7 +131,7 @@ def test_loop_that_still_drives_is_waited_for(
     loop = device_lock(paths.loop_lock)
     with ThreadPoolExecutor(1) as beside:
         safe = beside.submit(_safe_as_a_process)
-        eventually(lambda: is_waiting_for(paths.lock))
+        eventually(lambda: is_held(paths.lock))
         untouched = len(writes(folder / "trace.csv"))
         loop.release()
 
@@ -139,17 +142,18 @@ def test_loop_that_still_drives_is_waited_for(
 
 
 def _safe_as_a_process() -> int:
-    command = [sys.executable, "-m", "piezod.cli.main", "safe", "stage.yaml"]
-    return subprocess.run(command, check=False, stdout=subprocess.DEVNULL).returncode
+    return subprocess.run(SAFE, check=False, stdout=subprocess.DEVNULL).returncode
 
 
-def is_waiting_for(path: Path) -> bool:
-    """Tell whether somebody holds a lock."""
-    try:
-        Lock(path).release()
-    except AlreadyRunningError:
-        return True
-    return False
+@pytest.mark.usefixtures("paths")
+def test_ramp_is_not_left_half_way(folder: Path, rig: EmulatedRig) -> None:
+    """A service manager that ends a daemon signals what that has started, too."""
+    with subprocess.Popen(SAFE, stdout=subprocess.DEVNULL) as safe:
+        eventually(lambda: len(writes(folder / "trace.csv")) > 1)
+        safe.send_signal(signal.SIGTERM)
+
+    assert safe.returncode == 0
+    assert in_force_v(rig) == pytest.approx(10, abs=0.5)
 
 
 @pytest.mark.fault("P2")

@@ -6,8 +6,12 @@ from pathlib import Path
 import pytest
 
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import SHIPPED, configuration, is_alive
+from tests.daemon.daemons import SHIPPED, UP_WITHIN_S, configuration, is_alive
+from tests.daemon.locks import is_held
 from tests.daemon.waiting import eventually
+from tests.hosted_rig import hosted
+
+EXCITATION = {"kind": "sine", "low": 0.0, "high": 50.0, "frequency_hz": 0.1}
 
 
 def test_stage_is_driven_to_a_position_and_back(start: StartDaemon, rig_file: Path) -> None:
@@ -40,10 +44,11 @@ def test_stage_is_driven_to_a_position_and_back(start: StartDaemon, rig_file: Pa
         pytest.param("SAFE", (), marks=pytest.mark.stress),
         pytest.param("READY", ("arm",), marks=pytest.mark.stress),
         ("RUN", ("arm", "goto")),
-        ("HOLD", ("arm", "goto", "hold")),
+        pytest.param("HOLD", ("arm", "goto", "hold"), marks=pytest.mark.stress),
         pytest.param("RAMP", ("arm", "goto", "stop"), marks=pytest.mark.stress),
         ("ESTOP", ("arm", "goto", "estop")),
         pytest.param("FAULT", ("arm", "estop"), marks=pytest.mark.stress),
+        pytest.param("IDENT", ("arm", "identify"), marks=pytest.mark.stress),
     ],
 )
 @pytest.mark.fault("P1")
@@ -56,6 +61,8 @@ def test_end_is_orderly_in_every_state(
         if verb == "goto":
             daemon.do(verb, position_um=20.0)
             eventually(lambda: daemon.status()["axes"]["x"]["drive_v"] > 60)
+        elif verb == "identify":
+            daemon.do(verb, drive_v={"x": EXCITATION}, duration_s=600.0)
         else:
             daemon.do(verb)
     daemon.until(state)
@@ -69,39 +76,85 @@ def test_end_is_orderly_in_every_state(
     assert not daemon.paths.running.exists()
 
 
+@pytest.mark.parametrize("sign_of_life", ["lock", "running", "api_socket", "loop_map"])
+@pytest.mark.fault("P1")
+def test_end_is_orderly_while_it_starts(
+    start: StartDaemon, rig_file: Path, sign_of_life: str
+) -> None:
+    """Whatever there is of it already: SIGTERM ends it with 0, and leaves no process."""
+    daemon = start(rig_file)
+    eventually(getattr(daemon.paths, sign_of_life).exists)
+    loop_pid = daemon.loop_pid
+
+    daemon.signal(signal.SIGTERM)
+
+    assert daemon.exit_code() == 0, daemon.text
+    assert not (loop_pid and is_alive(loop_pid))
+    assert not daemon.paths.running.exists()
+    assert not daemon.paths.api_socket.exists()
+
+
+@pytest.mark.fault("P1")
+def test_end_is_orderly_while_an_earlier_run_is_cleared_up(
+    start: StartDaemon, rig_file: Path
+) -> None:
+    """The ramp is waited for, and the mark stays for the next start."""
+    daemon = start(rig_file)
+    daemon.signal(signal.SIGKILL)
+    daemon.exit_code()
+    daemon.paths.make_folders()
+    daemon.paths.running.touch()
+    daemon.start()
+    eventually(lambda: is_held(daemon.paths.loop_lock))
+
+    daemon.signal(signal.SIGTERM)
+
+    assert daemon.exit_code() == 0, daemon.text
+    assert "ramped down" in daemon.text
+    assert daemon.paths.running.exists()
+
+
+@pytest.mark.fault("P1")
+def test_end_is_orderly_without_a_device(start: StartDaemon, tmp_path: Path) -> None:
+    """A stage that is BLIND from the start has nothing to ramp down."""
+    path = configuration(tmp_path, rig="{driver: emulated, options: {socket: nobody.sock}}")
+    daemon = start(path)
+    daemon.until("BLIND", UP_WITHIN_S)
+
+    daemon.signal(signal.SIGTERM)
+
+    assert daemon.exit_code() == 0
+    assert not daemon.paths.running.exists()
+
+
+@pytest.mark.stress
+@pytest.mark.fault("P1")
+def test_end_without_the_device_that_was_driven_is_none(start: StartDaemon, tmp_path: Path) -> None:
+    """What is in force then nobody knows: `piezod safe` tries, says so, and the code is 1."""
+    rig = f"{{driver: emulated, options: {{socket: {tmp_path}/rig.sock, deadline_ms: 500}}}}"
+    path = configuration(tmp_path, rig=rig)
+    with hosted(tmp_path / "rig.sock", tmp_path / "trace.csv"):
+        daemon = start(path).up()
+        daemon.do("arm")
+        daemon.do("goto", position_um=10.0)
+    daemon.until("BLIND")
+
+    daemon.signal(signal.SIGTERM)
+
+    assert daemon.exit_code() == 1
+    assert "UNKNOWN" in daemon.text
+    assert daemon.paths.running.exists()
+
+
 def test_shipped_configuration_runs(start: StartDaemon) -> None:
-    """What the README starts with works from anywhere."""
+    """What the README starts with works from anywhere; an engineer's request ends it as SIGTERM."""
     daemon = start(SHIPPED).up()
-
-    assert daemon.status()["stage"] == "simulated"
-
-
-def test_engineer_may_end_it(start: StartDaemon, rig_file: Path) -> None:
-    """A request to shut down does what SIGTERM does."""
-    daemon = start(rig_file).up()
-    daemon.do("arm")
+    name = daemon.status()["stage"]
 
     daemon.do("shutdown")
 
+    assert name == "simulated"
     assert daemon.exit_code() == 0
-
-
-@pytest.mark.fault("P9")
-def test_second_start_leaves_the_first_alone(start: StartDaemon, rig_file: Path) -> None:
-    """Whoever comes second ends with 75 and has touched nothing, however many come at once."""
-    daemon = start(rig_file).up()
-    pid = daemon.loop_pid
-    before = daemon.paths.api_socket.stat()
-    lock = daemon.paths.lock.read_text()
-    others = [daemon.another() for _ in range(2)]
-
-    codes = [other.wait() for other in others]
-
-    assert codes == [75, 75]
-    assert daemon.until("SAFE")["stage"] == "rig"
-    assert (daemon.loop_pid, daemon.paths.lock.read_text()) == (pid, lock)
-    assert daemon.paths.api_socket.stat() == before
-    assert daemon.paths.running.exists()
 
 
 @pytest.mark.fault("P10")

@@ -60,20 +60,25 @@ def _received(manager: socket.socket) -> bytes:
 
 @pytest.mark.fault("P2")
 def test_loop_without_a_supervisor_goes_to_safe_and_ends(
-    start: StartDaemon, rig_file: Path
+    start: StartDaemon, tmp_path: Path
 ) -> None:
-    """Killing the supervisor leaves no loop behind, and a start after it wants a reset."""
-    daemon = start(rig_file).up()
+    """Killing the supervisor leaves no loop behind; a start at once waits for it, and for a reset.
+
+    The ramp takes longer than a start does.
+    """
+    config = configuration(tmp_path, safety="{safe_v: 0, ramp_v_per_s: 10}")
+    daemon = start(config).up()
     daemon.do("arm")
     daemon.do("goto", position_um=10.0)
+    eventually(lambda: daemon.status()["axes"]["x"]["drive_v"] > 40)
     loop_pid = daemon.loop_pid
 
     daemon.process.kill()
     daemon.process.wait()
-    eventually(lambda: not is_alive(loop_pid))
     daemon.start()
     status = daemon.until("FAULT", 90)
 
+    assert not is_alive(loop_pid)
     assert [fault["id"] for fault in status["faults"]] == ["P2"]
     assert daemon.ask("POST", "arm", {}).status_code == 409
     eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)

@@ -1,7 +1,8 @@
-"""Large bodies, many at a time, do not keep the supervisor from showing the loop that it lives."""
+"""What others try with a daemon that is at rest, and that goes on as before."""
 
 import threading
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -12,7 +13,7 @@ from piezod.daemon.loop import SUPERVISOR_LOST_NS
 from piezod.daemon.service.roles import LARGE_BODY
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
-from tests.daemon.conftest import StartDaemon
+from tests.daemon.daemons import Daemon, configuration
 from tests.daemon.service.raw import HEAD, connected, read_to_end
 
 COUNT = 30
@@ -45,6 +46,13 @@ class Oldest(threading.Thread):
         return self.age_ns
 
 
+@pytest.fixture(scope="module")
+def resting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """Return a daemon that all tests use, disarmed."""
+    with Daemon(configuration(tmp_path_factory.mktemp("resting"))) as daemon:
+        yield daemon.up()
+
+
 def send(path: Path, verb: str) -> bytes:
     """Send a large body; return the beginning of the answer, nothing where there is none."""
     head = HEAD % verb.encode() + b"content-type: application/json\r\nconnection: close\r\n"
@@ -55,9 +63,9 @@ def send(path: Path, verb: str) -> bytes:
 
 
 @pytest.mark.fault("C2")
-def test_large_bodies_do_not_stop_the_beat(start: StartDaemon, rig_file: Path) -> None:
+def test_large_bodies_do_not_stop_the_beat(resting: Daemon) -> None:
     """All of them are refused, and the loop has seen its supervisor all the time."""
-    daemon = start(rig_file).up()
+    daemon = resting
     oldest = Oldest(daemon.paths.loop_map)
     oldest.start()
 
@@ -68,3 +76,21 @@ def test_large_bodies_do_not_stop_the_beat(start: StartDaemon, rig_file: Path) -
     assert oldest.end() < SUPERVISOR_LOST_NS / 2
     assert answers <= {b"HTTP/1.1 413", b"HTTP/1.1 422", b"HTTP/1.1 429", b""}
     assert daemon.status()["state"] == "SAFE"
+
+
+@pytest.mark.fault("P9")
+def test_second_start_leaves_the_first_alone(resting: Daemon) -> None:
+    """Whoever comes second ends with 75 and has touched nothing, however many come at once."""
+    daemon = resting
+    pid = daemon.loop_pid
+    before = daemon.paths.api_socket.stat()
+    lock = daemon.paths.lock.read_text()
+    others = [daemon.another() for _ in range(2)]
+
+    codes = [other.wait() for other in others]
+
+    assert codes == [75, 75]
+    assert daemon.until("SAFE")["stage"] == "rig"
+    assert (daemon.loop_pid, daemon.paths.lock.read_text()) == (pid, lock)
+    assert daemon.paths.api_socket.stat() == before
+    assert daemon.paths.running.exists()
