@@ -104,7 +104,7 @@ def test_socket_that_keeps_us_out(
         monkeypatch.setattr("socket.socket.connect_ex", lambda *_: errno.EACCES)
 
     assert find_socket("afm", {}, tmp_path / "run") == path
-    with pytest.raises(NotAllowedError, match="become a member of the group piezod-view"):
+    with pytest.raises(NotAllowedError, match="piezod-view, which opens the socket"):
         check_socket(path)
 
 

@@ -5,13 +5,16 @@ import json
 import logging
 import math
 import os
+import time
 import warnings
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
 import structlog
 
 from piezod.daemon.logging import PER_SECOND, RateLimit, logger, set_up_logging
+from piezod.units import NS_PER_S
 
 
 @pytest.fixture
@@ -89,3 +92,17 @@ def test_flood_of_one_fault_hides_no_other() -> None:
         limit(None, "warning", {"event": "fault", "fault": "S4"})
 
     assert limit(None, "error", {"event": "fault", "fault": "A1"})["fault"] == "A1"
+
+
+def test_journal_is_told_when_it_was(tmp_path: Path) -> None:
+    """What is logged later than it happened has its own time, with the offset from UTC."""
+    path = tmp_path / "journal"
+    with path.open("w", encoding="utf-8") as stream:
+        found = os.fstat(stream.fileno())
+        set_up_logging(stream, {"JOURNAL_STREAM": f"{found.st_dev}:{found.st_ino}"})
+        before = datetime.now().astimezone()
+        logger("loop").error("fault", t_ns=time.monotonic_ns() - 60 * NS_PER_S)
+    line = json.loads(path.read_text(encoding="utf-8")[3:])
+
+    age = before - datetime.fromisoformat(line["at"])
+    assert timedelta(seconds=50) < age < timedelta(seconds=60, milliseconds=1)
