@@ -25,6 +25,10 @@ class Notifier:
         """Say that the start, or a reload, is over; `status` is shown to people."""
         self._send("READY=1", f"STATUS={status}")
 
+    def take_longer(self, within_s: float, status: str) -> None:
+        """Say that what is going on may take so long, in s, whatever its unit allows."""
+        self._send(f"EXTEND_TIMEOUT_USEC={int(within_s * 1e6)}", f"STATUS={status}")
+
     def status(self, status: str) -> None:
         """Say what the service does, for people."""
         self._send(f"STATUS={status}")

@@ -4,6 +4,7 @@ import asyncio
 from pathlib import Path
 
 from piezod.daemon import accepted_config
+from piezod.daemon.durations import ramped_down_within_s
 from piezod.daemon.lock import Lock
 from piezod.daemon.logging import set_up_logging
 from piezod.daemon.loop_supervision import RampDown
@@ -43,6 +44,7 @@ def run_stage(
     marker.put()
     if marker.unclean:  # whoever died may have left a voltage in force, and nobody saw to it since
         lock.release()
+        Notifier().take_longer(ramped_down_within_s(config), "ramping down after the last run")
         safe = RampDown(source, config).wait()
         if signals.end:
             return safe  # the mark stays: nobody has looked yet

@@ -25,12 +25,14 @@ def test_messages_arrive(manager: socket.socket) -> None:
 
     notifier.ready("SAFE,\nall well")
     notifier.alive()
+    notifier.take_longer(90.5, "ramping")
     notifier.stopping("ramping")
 
     assert notifier.watchdog_s == 1
-    assert [manager.recv(200) for _ in range(3)] == [
+    assert [manager.recv(200) for _ in range(4)] == [
         b"READY=1\nSTATUS=SAFE, all well",
         b"WATCHDOG=1",
+        b"EXTEND_TIMEOUT_USEC=90500000\nSTATUS=ramping",
         b"STOPPING=1\nSTATUS=ramping",
     ]
 
