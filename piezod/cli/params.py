@@ -10,7 +10,8 @@ from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
 params = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="List, save and restore learned parameters; not offset and scale, the drift of a day.",
+    help="List, save and restore learned parameters.\n\n"
+    "Offset and scale are saved and not restored: they are the drift of a day.",
 )
 
 

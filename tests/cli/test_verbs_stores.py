@@ -122,3 +122,10 @@ def test_recording_to_nowhere(piezod: Command, daemon: FakeDaemon) -> None:
 
     assert code == 1
     assert "no/.a.h5.part: No such file" in err
+
+
+def test_help_says_what_is_not_restored(piezod: Command) -> None:
+    """Nobody shall rely on the drift of another day."""
+    _, out, _ = piezod("params", "--help")
+
+    assert "saved and not restored" in out

@@ -20,6 +20,7 @@ def test_reload_swaps_as_a_whole_or_keeps(start: StartDaemon, tmp_path: Path) ->
     invalid = daemon.ask("POST", "reload", {})
     configuration(tmp_path, speed_um_per_s="150", rate_hz="25")
     daemon.do("arm")
+    daemon.until("READY")
     in_ready = daemon.ask("POST", "reload", {})
     kept = (daemon.loop_pid, daemon.ask("GET", "config").json())
     daemon.do("disarm")

@@ -76,7 +76,15 @@ def test_end_is_orderly_in_every_state(
     assert not daemon.paths.running.exists()
 
 
-@pytest.mark.parametrize("sign_of_life", ["lock", "running", "api_socket", "loop_map"])
+@pytest.mark.parametrize(
+    "sign_of_life",
+    [
+        "lock",
+        pytest.param("running", marks=pytest.mark.stress),
+        pytest.param("api_socket", marks=pytest.mark.stress),
+        "loop_map",
+    ],
+)
 @pytest.mark.fault("P1")
 def test_end_is_orderly_while_it_starts(
     start: StartDaemon, rig_file: Path, sign_of_life: str
