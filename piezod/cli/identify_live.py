@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from piezod.client import StageClient
     from piezod.experiment.identify_file import FileFit
 
-ADOPTED = "The stage uses this model from now on; `piezod params save` keeps it for the next start."
+ADOPTED = (
+    "The stage uses this model from now on; `piezod params save` keeps it for the next start. Its "
+    "memory is new: `piezod arm` and `piezod condition` come before a mode that adapts."
+)
 
 
 def check_usage(data: Path | None, *, live: bool, only_live: Iterable[object]) -> None:
