@@ -35,7 +35,8 @@ def test_mistakes_are_all_told(process: Command, experiment_file: Path) -> None:
         78,
         "",
         "short.yaml:1:10: rate_hz: must be a number (got 'fast'), allowed range 10 to 20000 Hz\n"
-        "short.yaml:4:17: devices.rig.driver: unknown driver (got 'x'), known: emulated, simulated\n",
+        "short.yaml:4:17: devices.rig.driver: unknown driver (got 'x'), known: emulated, "
+        "simulated\n",
     )
 
 

@@ -141,11 +141,11 @@ def test_identify_and_adopt(
     assert used["right_stop_thresholds"] == list(written.right_stop_thresholds)
     assert used["source"]["sha256"] == written.source.sha256
     assert rig.status()["state"] == "SAFE"
-    rig.do("reload")  # for the other tests: a stage whose memory is known
+    process("reload", *socket)  # for the other tests: a stage whose memory is known
 
 
 def test_identify_says_how_to_keep_the_model(
-    process: Command, rig: Daemon, socket: tuple[str, str], folder: Path
+    process: Command, socket: tuple[str, str], folder: Path
 ) -> None:
     """A person reads the same account as of a file, and what is still to do."""
     (folder / "drive.yaml").write_text(DRIVE, encoding="utf-8")
@@ -158,7 +158,7 @@ def test_identify_says_how_to_keep_the_model(
     assert "`piezod params save` keeps it for the next start." in " ".join(out.split())
     assert "`piezod condition`" in " ".join(out.split())
     assert (folder / "rig-record.csv").is_file()
-    rig.do("reload")  # for the other tests: a stage whose memory is known
+    process("reload", *socket)  # for the other tests: a stage whose memory is known
 
 
 @pytest.mark.parametrize(
