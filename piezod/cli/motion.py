@@ -12,7 +12,7 @@ from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, conn
 if TYPE_CHECKING:
     from piezod.client import StageClient
     from piezod.client.calls import Waveforms
-    from piezod.config.requests import Wave
+    from piezod.config.commands import WaveFile
 
 Swing: TypeAlias = tuple[float, float, float]
 """Lowest and highest position in µm, frequency in Hz."""
@@ -58,7 +58,7 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
             metavar="[FILE]",
             readable=False,
             callback=existing_file,
-            help="YAML with the keys `command_um`, a waveform for each axis, and `duration_s`.",
+            help="YAML with `command_um`, as a case of an experiment has it, and `duration_s`.",
         ),
     ] = None,
     sine: Annotated[
@@ -85,24 +85,27 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
         raise typer.BadParameter("--sine and --triangle need --duration")
     if file is not None and axis is not None:
         raise typer.BadParameter("--axis goes with --sine and --triangle, FILE names its axes")
+    from piezod.config.commands import CommandPerAxis
+
     loaded = _load(file) if file else None
     with connect(stage, socket) as client:
-        if loaded:
-            waveforms: Waveforms = loaded.command_um
+        command_um = loaded.command_um if loaded else _swing(sine, triangle)
+        if isinstance(command_um, CommandPerAxis):
+            waveforms: Waveforms = command_um.axes
         else:
-            waveforms = {axis or _only_axis(client): _swing(sine, triangle)}
+            waveforms = {axis or _only_axis(client): command_um}
         duration_s = duration or (loaded.duration_s if loaded else 0.0)
         answer = client.wave(waveforms, duration_s)
     tell(answer, f"following for {duration_s:g} s", json=json)
 
 
-def _load(file: Path) -> "Wave":
+def _load(file: Path) -> "WaveFile":
+    from piezod.config.commands import WaveFile
     from piezod.config.fields import Context
-    from piezod.config.requests import Wave
     from piezod.config.validate import validate
     from piezod.config.yaml_loader import load_yaml
 
-    return validate(load_yaml(file), Wave, Context(file.parent))
+    return validate(load_yaml(file), WaveFile, Context(file.parent))
 
 
 def _swing(sine: Swing | None, triangle: Swing | None) -> dict[str, str | float]:

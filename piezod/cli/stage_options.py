@@ -2,16 +2,13 @@
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
 if TYPE_CHECKING:
     from piezod.client import StageClient
     from piezod.client.results import Result
-
-CLIENT_NAME: Final = "cli"
-"""The same for every command: a lease belongs to a user and a name, and commands follow another."""
 
 
 def _stages(incomplete: str) -> list[str]:
@@ -87,7 +84,7 @@ def connect(stage: str | None, socket: Path | None) -> "StageClient":
 
     if stage is not None and socket is not None:
         raise typer.BadParameter("--stage and --socket exclude each other")
-    return StageClient(stage, socket=socket, name=CLIENT_NAME)
+    return StageClient(stage, socket=socket)
 
 
 def tell(answer: "Result", text: str, *, json: bool) -> None:

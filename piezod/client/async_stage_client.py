@@ -24,7 +24,6 @@ from piezod.client.wire import (
     as_method,
     check,
     headers,
-    new_name,
     no_tls,
     read_answer,
     read_document,
@@ -75,10 +74,10 @@ class AsyncStageClient:
     """
 
     def __init__(
-        self, stage: str | None = None, *, socket: Path | None = None, name: str | None = None
+        self, stage: str | None = None, *, socket: Path | None = None, name: str = ""
     ) -> None:
         self.socket = check_socket(socket or find_socket(stage))
-        self.name = name or new_name()
+        self.name = name
         self._http = httpx.AsyncClient(
             transport=httpx.AsyncHTTPTransport(uds=str(self.socket), verify=no_tls()),
             base_url=BASE_URL,

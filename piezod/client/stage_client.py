@@ -24,7 +24,6 @@ from piezod.client.wire import (
     as_method,
     check,
     headers,
-    new_name,
     no_tls,
     read_answer,
     read_document,
@@ -65,8 +64,8 @@ class StageClient:
     Args:
         stage: Name of the stage; left out: `PIEZOD_STAGE`, or the only one that runs.
         socket: Path of the daemon's socket, in place of a name.
-        name: What the daemon calls this client; the lease belongs to user and name. Left out: a
-            name that no other client has. Up to 64 letters, digits and _.:@-.
+        name: What the daemon calls this client. The lease belongs to user and name: with one of its
+            own, a client shares it with no other; left out, with the user's shell and scripts.
 
     Raises:
         NotRunningError: If no daemon listens.
@@ -75,10 +74,10 @@ class StageClient:
     """
 
     def __init__(
-        self, stage: str | None = None, *, socket: Path | None = None, name: str | None = None
+        self, stage: str | None = None, *, socket: Path | None = None, name: str = ""
     ) -> None:
         self.socket = check_socket(socket or find_socket(stage))
-        self.name = name or new_name()
+        self.name = name
         self._http = httpx.Client(
             transport=httpx.HTTPTransport(uds=str(self.socket), verify=no_tls()),
             base_url=BASE_URL,

@@ -4,7 +4,6 @@ import functools
 import inspect
 import json
 import ssl
-import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,11 +26,6 @@ WAITING_RATE_HZ: Final = 20.0
 
 ResultT = TypeVar("ResultT")
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
-
-
-def new_name() -> str:
-    """Return a name for a client that no other client has."""
-    return f"python-{uuid.uuid4().hex[:12]}"
 
 
 def no_tls() -> ssl.SSLContext:

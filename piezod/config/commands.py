@@ -6,7 +6,7 @@ from pydantic import Discriminator, Field, Tag
 
 from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.fields import ConfigModel
-from piezod.config.quantities import Name
+from piezod.config.quantities import DurationS, Name
 
 
 class CommandPerAxis(ConfigModel):
@@ -24,3 +24,12 @@ Command: TypeAlias = Annotated[
     Annotated[WaveformConfig, Tag("one")] | Annotated[CommandPerAxis, Tag("per axis")],
     Discriminator(_one_or_per_axis),
 ]
+
+
+class WaveFile(ConfigModel):
+    """A movement in a file of its own."""
+
+    command_um: Command = Field(
+        description="Position, µm: one for the only axis, or `axes:` with one for each."
+    )
+    duration_s: DurationS = Field(description="Length, s.")

@@ -253,7 +253,7 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
     FaultRule("P15", "too many events", PROCESS, NONE, L0, "info",
               "nothing to do: they are summarised"),
     FaultRule("E1", "emergency stop", PROCESS, RAMP, L2, "error",
-              "release it once the cause is removed"),
+              "remove the cause, then `piezod reset`"),
     FaultRule("H1", "supervisor gone", PROCESS, RAMP, L2, "error",
               "see the log; the loop ends too, and the service starts again"),
 )

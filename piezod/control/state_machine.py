@@ -198,7 +198,7 @@ def _run_adaptive(state: State, facts: Facts) -> Step:
 
 
 def _identify(state: State, facts: Facts) -> Step:
-    return _entered(_IDENT, state, facts, "drive a waveform for identification")
+    return _entered(_IDENT, state, facts, "drive a waveform of voltages")
 
 
 def _resume(state: State, facts: Facts) -> Step:

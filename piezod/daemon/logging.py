@@ -14,15 +14,15 @@ from structlog.typing import EventDict, Processor, WrappedLogger
 
 from piezod.units import NS_PER_S
 
-PER_SECOND: Final = 10
+MOST, WITHIN_S = 10, 10.0
 # What the journal calls them (syslog(3)); "critical" and "exception" do not occur.
 _PRIORITIES: Final = {"debug": 7, "info": 6, "warning": 4, "error": 3, "critical": 2}
 
 
 class RateLimit:
-    """Lets ten lines of a kind through in a second and counts the others.
+    """Lets ten lines of a kind through in ten seconds and counts the others.
 
-    The first line of a kind after that second tells how many were left out. Kinds are event and
+    The first line of a kind after that tells how many were left out. Kinds are event and
     fault id, of which there are few.
 
     Args:
@@ -38,12 +38,12 @@ class RateLimit:
         kind = (str(event.get("event")), str(event.get("fault", "")))
         now_s = self._now_s()
         begun_s, count = self._kinds.get(kind, (now_s, 0))
-        if now_s - begun_s >= 1:
-            if count > PER_SECOND:
-                event["suppressed"] = count - PER_SECOND
+        if now_s - begun_s >= WITHIN_S:
+            if count > MOST:
+                event["suppressed"] = count - MOST
             begun_s, count = now_s, 0
         self._kinds[kind] = (begun_s, count + 1)
-        if count >= PER_SECOND:
+        if count >= MOST:
             raise structlog.DropEvent
         return event
 

@@ -151,7 +151,7 @@ def test_goto_that_waits_in_vain(piezod: Command, daemon: FakeDaemon) -> None:
 
 
 WAVE = """\
-command_um: {x: {kind: sine, low: 0, high: 10, frequency_hz: 2}}
+command_um: {axes: {x: {kind: sine, low: 0, high: 10, frequency_hz: 2}}}
 duration_s: 5
 """
 
@@ -174,7 +174,7 @@ def test_wave_of_a_file(piezod: Command, daemon: FakeDaemon, folder: Path) -> No
 
     (folder / "sub").mkdir()
     (folder / "sub" / "a.csv").write_text("t_s,x\n0,0\n1,5\n", encoding="utf-8")
-    text = "command_um: {x: {kind: csv, path: a.csv, column: x}}\nduration_s: 1\n"
+    text = "command_um: {axes: {x: {kind: csv, path: a.csv, column: x}}}\nduration_s: 1\n"
     (folder / "sub" / "wave.yaml").write_text(text, encoding="utf-8")
     assert piezod("wave", "sub/wave.yaml").code == 0
     assert wave_of(daemon)["command_um"]["x"]["points"] == [[0.0, 0.0], [1.0, 5.0]]
@@ -226,7 +226,7 @@ def test_wave_that_is_not_valid(piezod: Command, daemon: FakeDaemon, folder: Pat
     code, _, err = piezod("wave", "wave.yaml")
 
     assert code == 78
-    assert "wave.yaml:1:44: command_um.x.high: must be above low" in err
+    assert "wave.yaml:1:51: command_um.axes.x.high: must be above low" in err
     assert "wave.yaml:2:13: duration_s: must be a number" in err
     assert daemon.asked == []
 

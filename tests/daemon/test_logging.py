@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import structlog
 
-from piezod.daemon.logging import PER_SECOND, RateLimit, logger, set_up_logging
+from piezod.daemon.logging import MOST, WITHIN_S, RateLimit, logger, set_up_logging
 from piezod.units import NS_PER_S
 
 
@@ -78,17 +78,17 @@ def test_flood_is_cut_and_counted() -> None:
         except structlog.DropEvent:
             pass
 
-    now_s = 1.0
+    now_s = WITHIN_S
     after = limit(None, "warning", {"event": "fault", "fault": "S4"})
 
-    assert kept == PER_SECOND
-    assert after["suppressed"] == 100_000 - PER_SECOND
+    assert kept == MOST
+    assert after["suppressed"] == 100_000 - MOST
 
 
 def test_flood_of_one_fault_hides_no_other() -> None:
     """Kinds are counted each for itself."""
     limit = RateLimit(lambda: 0.0)
-    for _ in range(PER_SECOND):
+    for _ in range(MOST):
         limit(None, "warning", {"event": "fault", "fault": "S4"})
 
     assert limit(None, "error", {"event": "fault", "fault": "A1"})["fault"] == "A1"
