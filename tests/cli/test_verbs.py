@@ -74,12 +74,12 @@ def test_command_as_json(piezod: Command, verb: str) -> None:
     assert (code, json.loads(out), err) == (0, ACCEPTED, "")
 
 
-def test_all_commands_share_a_name(piezod: Command, daemon: FakeDaemon) -> None:
-    """One command follows another, so the lease of a user's commands is one."""
+def test_commands_have_no_name(piezod: Command, daemon: FakeDaemon) -> None:
+    """One command follows another: they share the lease, among them and with a user's scripts."""
     piezod("arm")
     piezod("goto", "1")
 
-    assert {each.client for each in daemon.asked} == {"cli"}
+    assert {each.client for each in daemon.asked} == {""}
 
 
 @pytest.mark.usefixtures("daemon")

@@ -49,10 +49,16 @@ def test_command_carries_the_clients_name(stage: StageClient, daemon: FakeDaemon
     assert (answer.motion, answer.document) == (7, ACCEPTED)
 
 
-def test_two_clients_have_different_names(daemon: FakeDaemon) -> None:
-    """A client that is not named competes with the others for the lease."""
-    with StageClient(socket=daemon.socket_path) as one, StageClient(socket=one.socket) as other:
-        assert one.name != other.name
+def test_a_name_is_only_for_who_wants_a_lease_of_his_own(daemon: FakeDaemon) -> None:
+    """Without one, a user's shell and scripts are one and the same to the daemon."""
+    with (
+        StageClient(socket=daemon.socket_path) as one,
+        StageClient(socket=one.socket, name="scanner") as other,
+    ):
+        one.status()
+        other.status()
+
+    assert [each.client for each in daemon.asked] == ["", "scanner"]
 
 
 def test_unhealthy_is_an_answer(stage: StageClient, daemon: FakeDaemon) -> None:

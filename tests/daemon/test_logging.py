@@ -67,7 +67,7 @@ def test_people_get_plain_lines() -> None:
 
 @pytest.mark.fault("P15")
 def test_flood_is_cut_and_counted() -> None:
-    """Of a kind ten lines pass in a second; the first one after it tells how many did not."""
+    """Of a kind ten lines pass in ten seconds; the first one after tells how many did not."""
     now_s = 0.0
     limit = RateLimit(lambda: now_s)
     kept = 0
