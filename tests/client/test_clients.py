@@ -55,8 +55,8 @@ def test_a_name_is_only_for_who_wants_a_lease_of_his_own(daemon: FakeDaemon) -> 
         StageClient(socket=daemon.socket_path) as one,
         StageClient(socket=one.socket, name="scanner") as other,
     ):
-        one.status()
-        other.status()
+        one.arm()
+        other.arm()
 
     assert [each.client for each in daemon.asked] == ["", "scanner"]
 
