@@ -17,6 +17,7 @@ from piezod.daemon.lock import device_lock
 from piezod.daemon.loop_devices import make_channels
 from piezod.daemon.loop_start import wait_for_devices, wait_for_lock
 from piezod.daemon.rate import (
+    LEAST_CYCLES,
     MOST_CYCLES,
     measure_busy_ns,
     sustained_rate_hz,
@@ -238,7 +239,7 @@ def test_slow_cycles_are_measured_for_a_short_time(controller: FakeController) -
 
     measure_busy_ns(controller, controller.clock)
 
-    assert len(controller.timings) == 3
+    assert len(controller.timings) == LEAST_CYCLES
 
 
 @pytest.mark.parametrize(
