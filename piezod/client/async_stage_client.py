@@ -64,8 +64,8 @@ class AsyncStageClient:
     Args:
         stage: Name of the stage; left out: `PIEZOD_STAGE`, or the only one that runs.
         socket: Path of the daemon's socket, in place of a name.
-        name: What the daemon calls this client; the lease belongs to user and name. Left out: a
-            name that no other client has. Up to 64 letters, digits and _.:@-.
+        name: What the daemon calls this client, as for `StageClient`; up to 64 letters, digits and
+            _.:@-.
 
     Raises:
         NotRunningError: If no daemon listens.

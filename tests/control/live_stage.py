@@ -1,7 +1,9 @@
 """A stage on the simulated rig, in virtual time, with everything between client and devices."""
 
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
 from pathlib import Path
+from typing import Any, cast
 
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.requests import Request
@@ -10,6 +12,8 @@ from piezod.control.stage_assembly import assemble
 from piezod.control.stage_record import Answer, AxisRecord, StageEvent, StageRecord
 from piezod.devices import registry
 from piezod.devices.channels import ChannelPair, Channels, served_axes
+from piezod.devices.faulty import FaultyDevice, SensorAmplifier
+from piezod.devices.injections import Injection, Kind
 from piezod.devices.interface import Device
 from piezod.units import NS_PER_S
 
@@ -125,3 +129,28 @@ class LiveStage:
     def faults(self) -> list[str]:
         """Return the ids of the faults that appeared, in their order."""
         return [event.fault for event in self.events if event.kind == "fault"]
+
+
+class FaultyStage(LiveStage):
+    """A stage whose rig fails when a test says so.
+
+    Args:
+        config: The configuration; the one that ships if not given.
+        holds: Whether the amplifier says that it keeps its voltage when it is deactivated.
+    """
+
+    def __init__(self, config: DaemonConfig | None = None, *, holds: bool = False) -> None:
+        made: list[FaultyDevice] = []
+
+        def wrapped(device: Device) -> Device:
+            made.append(FaultyDevice(cast("SensorAmplifier", device)))
+            return made[0]
+
+        super().__init__(config, wrapped, holds=holds)
+        (self.device,) = made
+
+    def fail(self, kind: Kind, cycles: int | None = None, **what: Any) -> None:
+        """Have the rig fail from the next cycle on, for some cycles or for ever."""
+        start_ns = self.t_ns + 1
+        end_ns = inf if cycles is None else start_ns + cycles * self.period_ns
+        self.device.schedule.append(Injection(kind, start_ns, end_ns, **what))

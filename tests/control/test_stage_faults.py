@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from math import inf, isfinite, nan
-from typing import Any, cast
+from math import isfinite, nan
+from typing import Any
 
 import pytest
 
@@ -17,48 +17,27 @@ from piezod.control.fault_table import ids
 from piezod.control.loop_watch import CycleTiming
 from piezod.control.stage_record import StageRecord
 from piezod.devices import registry
-from piezod.devices.faulty import FaultyDevice, SensorAmplifier
-from piezod.devices.injections import Injection, Kind
-from piezod.devices.interface import Amplifier, Device, Sensor
+from piezod.devices.injections import Kind
 from piezod.devices.status import DeviceFlag
-from tests.control.live_stage import CONFIG, LiveStage
+from tests.control.live_stage import CONFIG, FaultyStage, LiveStage
 
 SWING = rq.Wave(
     command_um={"x": Sine(kind="sine", low=0.0, high=20.0, frequency_hz=2.0)}, duration_s=1000.0
 )
 
 
-class Faulty(LiveStage):
-    """A stage whose rig fails when a test says so."""
+class Faulty(FaultyStage):
+    """A stage that follows a swing, and conditions quickly."""
 
     def __init__(self, mode: Mode = Mode.ADAPTIVE) -> None:
-        self.device: FaultyDevice | None = None
         config = load_daemon(CONFIG, registry)
         brief = config.axes["x"].conditioning.model_copy(update={"cycles": 2, "frequency_hz": 2.0})
         axis = config.axes["x"].model_copy(update={"conditioning": brief})
-        super().__init__(config.model_copy(update={"axes": {"x": axis}}), self._wrapped)
+        super().__init__(config.model_copy(update={"axes": {"x": axis}}))
         self.cycle()
         self.do(rq.Arm(), rq.SelectMode(mode=mode), SWING)
         self.run(1.2)
         assert self.faults() == []
-
-    def _wrapped(self, device: Device) -> Device:
-        assert isinstance(device, Sensor)
-        assert isinstance(device, Amplifier)
-        self.device = FaultyDevice(cast("SensorAmplifier", device))
-        return self.device
-
-    def fail(self, kind: Kind, cycles: int | None = None, **what: Any) -> None:
-        """Have the rig fail from the next cycle on, for some cycles or for ever."""
-        assert self.device is not None
-        start_ns = self.t_ns + 1
-        end_ns = inf if cycles is None else start_ns + cycles * self.period_ns
-        self.device.schedule.append(Injection(kind, start_ns, end_ns, **what))
-
-    def heal(self) -> None:
-        """Have it fail no more."""
-        assert self.device is not None
-        self.device.schedule.clear()
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +160,6 @@ def test_an_amplifier_that_collapses_is_taken_over_from_what_it_reads_back() -> 
     """After BLIND the first write is what is in force, and the way down begins there."""
     stage = Faulty()
     writes = stage.channels.writes
-    assert stage.device is not None
     while stage.x.drive_v < 60.0:
         stage.cycle()
     writes.clear()

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from math import nan
-from typing import cast
 
 import pytest
 
@@ -17,11 +16,9 @@ from piezod.control import stage_controller
 from piezod.control.learning_gate import GateReason
 from piezod.control.loop_watch import CycleTiming
 from piezod.devices import registry
-from piezod.devices.faulty import FaultyDevice, SensorAmplifier
-from piezod.devices.injections import Injection, Kind
-from piezod.devices.interface import Device
+from piezod.devices.injections import Kind
 from piezod.devices.status import DeviceFlag
-from tests.control.live_stage import CONFIG, LiveStage
+from tests.control.live_stage import CONFIG, FaultyStage, LiveStage
 
 PAUSE = CycleTiming(0, 2000, 10_000, 0, 0)
 
@@ -78,22 +75,16 @@ def test_the_first_write_is_what_is_in_force(slew_v_per_s: float, there_v: float
 @pytest.mark.fault("A7")
 def test_a_lost_amplifier_is_taken_over_from_where_it_is_when_it_is_back() -> None:
     """It was lost at 100 V and comes back at 0: nothing near 100 V is ever written to it."""
-    device: list[FaultyDevice] = []
-
-    def wrapped(inner: Device) -> Device:
-        device.append(FaultyDevice(cast("SensorAmplifier", inner)))
-        return device[0]
-
-    stage = LiveStage(config_with(slew_v_per_s=500.0), wrapped)
+    stage = FaultyStage(config_with(slew_v_per_s=500.0))
     stage.cycle()
     stage.do(rq.Arm(), rq.Goto(position_um=18.0))
     stage.run(2.0)
-    device[0].schedule.append(Injection(Kind.REFUSED, stage.t_ns, stage.t_ns + 50_000_000))
+    stage.fail(Kind.REFUSED, 50)
     stage.run(0.02)
     blind = stage.state
-    device[0].deactivate(stage.t_ns)
+    stage.device.deactivate(stage.t_ns)
     stage.run(0.05)
-    device[0].activate(stage.t_ns)
+    stage.device.activate(stage.t_ns)
     stage.channels.writes.clear()
     stage.run(2.0)
 
@@ -136,22 +127,15 @@ def test_an_amplifier_that_holds_is_ramped_where_it_cannot_be_cut(
     request_: rq.Request | None,
 ) -> None:
     """To be deactivated would leave it where it is."""
-    device: list[FaultyDevice] = []
-
-    def wrapped(inner: Device) -> Device:
-        device.append(FaultyDevice(cast("SensorAmplifier", inner)))
-        return device[0]
-
     config = load_daemon(CONFIG, registry)
     cutting = config.axes["x"].safety.model_copy(update={"estop": "cut"})
     axis = config.axes["x"].model_copy(update={"safety": cutting})
-    stage = LiveStage(config.model_copy(update={"axes": {"x": axis}}), wrapped, holds=True)
+    stage = FaultyStage(config.model_copy(update={"axes": {"x": axis}}), holds=True)
     stage.cycle()
     stage.do(rq.Arm(), rq.Goto(position_um=12.0))
     stage.run(0.5)
     if request_ is None:
-        hot = DeviceFlag.OVER_TEMPERATURE
-        device[0].schedule.append(Injection(Kind.FLAGGED, stage.t_ns, flag=hot))
+        stage.fail(Kind.FLAGGED, flag=DeviceFlag.OVER_TEMPERATURE)
     else:
         stage.do(request_)
     stage.run(3.0)
@@ -227,17 +211,11 @@ def test_an_amplifier_that_falls_silent_while_it_is_driven_is_lost() -> None:
 @pytest.mark.fault("S2")
 def test_to_ask_for_a_hold_does_not_prolong_that_of_a_fault() -> None:
     """After two seconds the stage ramps all the same; what was adaptive is feedforward."""
-    device: list[FaultyDevice] = []
-
-    def wrapped(inner: Device) -> Device:
-        device.append(FaultyDevice(cast("SensorAmplifier", inner)))
-        return device[0]
-
-    stage = LiveStage(wrap=wrapped)
+    stage = FaultyStage()
     stage.cycle()
     stage.do(rq.Arm(), rq.SelectMode(mode=Mode.ADAPTIVE), rq.Goto(position_um=12.0))
     stage.run(0.5)
-    device[0].schedule.append(Injection(Kind.REPLACED, stage.t_ns, value=nan))
+    stage.fail(Kind.REPLACED, value=nan)
     stage.run(0.1)
     held, mode = stage.state, stage.x.mode
     stage.ask(rq.Hold())
@@ -307,22 +285,16 @@ def test_a_mistake_in_judging_or_in_a_request_holds_the_voltage(
 @pytest.mark.fault("A3")
 def test_a_ramp_that_does_not_arrive_ends_in_a_fault_that_is_told() -> None:
     """Whoever asks for the cause finds one."""
-    device: list[FaultyDevice] = []
-
-    def wrapped(inner: Device) -> Device:
-        device.append(FaultyDevice(cast("SensorAmplifier", inner)))
-        return device[0]
-
-    stage = LiveStage(wrap=wrapped)
+    stage = FaultyStage()
     stage.cycle()
     stage.do(rq.Arm())
     stage.run(0.1)
     stage.do(rq.Stop())
-    device[0].schedule.append(Injection(Kind.READ_BACK_OFFSET, 0, value=0.7))
+    stage.fail(Kind.READ_BACK_OFFSET, value=0.7)
     stage.until("SAFE")
     tolerated = stage.state
     stage.do(rq.Arm())
-    device[0].schedule.append(Injection(Kind.READ_BACK_OFFSET, 0, value=3.0))
+    stage.fail(Kind.READ_BACK_OFFSET, value=3.0)
     stage.run(6.0)
 
     assert tolerated == State.SAFE
