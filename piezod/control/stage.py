@@ -32,7 +32,7 @@ class WatchedAxis(NamedTuple):
     watches: AxisWatch
 
 
-Step = Mapping[int, Drive | float]
+DriveStep = Mapping[int, Drive | float]
 """What is driven in IDENT at a time: axis and voltage over time, or one to ramp to."""
 
 Rebuild = Callable[[str, ModelFile, float], WatchedAxis]
@@ -94,7 +94,7 @@ class Stage:
         self.shutting_down = self.estop_pressed = False
         self.held_by_request = False
         """Whether HOLD was asked for: it lasts until it is ended."""
-        self.steps: list[Step] = []
+        self.steps: list[DriveStep] = []
         """What is still to be driven in IDENT, step by step: axis and voltage over time."""
         self.conditions = False
         """Whether what is driven in IDENT makes the memory known."""
@@ -103,7 +103,6 @@ class Stage:
         """Zero of each sensor, in µm as the device gives it."""
         self.stream_ns = 0
         """When the newest setpoint of a stream came."""
-        self.resumable = True
         self.blind_spells = 0
         """How often in a row the amplifier was lost; the next try to reach it waits the longer."""
         self._before = State.BOOT
@@ -139,7 +138,7 @@ class Stage:
         facts = self._facts()._replace(latched=False, no_entry=self.no_entry)
         return step(self.state, event, facts).refusal
 
-    def drive(self, steps: Sequence[Step], t_ns: int, *, conditions: bool) -> None:
+    def drive(self, steps: Sequence[DriveStep], t_ns: int, *, conditions: bool) -> None:
         """Begin to drive voltages, step by step; in IDENT; may be called in the loop.
 
         Args:
@@ -221,7 +220,7 @@ class Stage:
             adapt_allowed=self.adapt_allowed,
             model_known=self.memory_known,
             latched=bool(self.register.blocking),
-            resumable=self.resumable,
+            resumable=True,  # whoever asks has asked the register first
             shutting_down=self.shutting_down,
             estop_active=self.estop_pressed,
             no_entry=self.no_entry or self.register.no_entry,

@@ -18,6 +18,7 @@ from piezod.control.fault_table import FAULTS, Reaction, mask
 from piezod.control.guard import Guard
 from piezod.control.loop_watch import CycleTiming, LoopWatch
 from piezod.control.stage import DRIVEN, SENSED, Stage
+from piezod.control.stage_axis import usable
 from piezod.control.stage_progress import go_on
 from piezod.control.stage_record import Answer, StageEvent, StageRecord
 from piezod.control.stage_requests import execute
@@ -105,7 +106,7 @@ class StageController:
             t_ns: Instant at which it came.
         """
         one = self.stage.axes[axis]
-        if one.stream is not None and one.pace.low_um <= position_um <= one.pace.high_um:
+        if one.stream is not None and usable(position_um, one.pace):
             one.stream.newest_um = position_um
             self.stage.stream_ns = max(self.stage.stream_ns, t_ns)
 
