@@ -11,6 +11,8 @@ from piezod.cli.paths import existing_file
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+    from piezod.devices.interface import Wiring
+
 
 def emulate(
     driver: Annotated[str, typer.Argument(metavar="DRIVER", help="Driver of the rig: simulated.")],
@@ -45,7 +47,9 @@ def emulate(
     from piezod.devices import emulators, registry
 
     host = emulators.load(driver)
-    options, axes, seed = _default_rig(driver) if config is None else _rig(driver, config, device)
+    options, wiring, seed = _default_rig(driver) if config is None else _rig(driver, config, device)
+
+    axes = wiring.channels
 
     def ready(where: Path) -> None:
         if json:
@@ -54,25 +58,26 @@ def emulate(
             named = f"{driver} rig, axes {', '.join(axes)}"
             new_console().print(f"{named}: serving {where}, Ctrl-C ends it", soft_wrap=True)
 
-    host(registry.load(driver).create(options, axes, seed), axes, socket, trace, ready)
+    host(registry.load(driver).create(options, wiring, seed), axes, socket, trace, ready)
 
 
 class _Rig(NamedTuple):
     options: "BaseModel"
-    axes: tuple[str, ...]
+    wiring: "Wiring"
     seed: int
 
 
 def _default_rig(driver: str) -> _Rig:
     from piezod.devices import registry
+    from piezod.devices.interface import Wiring
 
-    return _Rig(registry.load(driver).options_model(), ("x",), 1)
+    return _Rig(registry.load(driver).options_model(), Wiring.both(("x",)), 1)
 
 
 def _rig(driver: str, config: Path, device: str | None) -> _Rig:
     from piezod.config.daemon import load_daemon
     from piezod.devices import registry
-    from piezod.devices.channels import ChannelPair, served_axes
+    from piezod.devices.channels import pairs_of, wiring_of
 
     stage = load_daemon(config, registry)
     found = [name for name, each in stage.devices.items() if each.driver == driver]
@@ -82,5 +87,5 @@ def _rig(driver: str, config: Path, device: str | None) -> _Rig:
         known = ", ".join(found) or "none"
         what = f"devices of {config} with driver {driver}: {known} (got {device or 'none'})"
         raise typer.BadParameter(what, param_hint="--device")
-    pairs = {name: ChannelPair(axis.sensor, axis.amplifier) for name, axis in stage.axes.items()}
-    return _Rig(stage.devices[device].options, served_axes(device, pairs), stage.seed)
+    wiring = wiring_of(device, pairs_of(stage.axes))
+    return _Rig(stage.devices[device].options, wiring, stage.seed)

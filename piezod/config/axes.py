@@ -6,10 +6,11 @@ from typing import Annotated, Final, Literal, Self, TypeAlias
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from piezod.config.channels import Input, InputConfig, Output, OutputConfig
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod.config.files import ExistingFile
 from piezod.config.model_file import ModelFile, load_model
-from piezod.config.quantities import DriveV, Name, PositionUm
+from piezod.config.quantities import DriveV, PositionUm
 from piezod.config.trim import TrimConfig
 from piezod.errors import ConfigError
 
@@ -115,8 +116,15 @@ class CompensatorConfig(ConfigModel):
 class AxisConfig(ConfigModel):
     """An axis of the stage."""
 
-    amplifier: Name = Field(description="Name of the device that drives the axis.")
-    sensor: Name = Field(description="Name of the device that measures the axis.")
+    amplifier: Output = Field(
+        description="What drives the axis: a device's name, or a channel of it with calibration."
+    )
+    sensor: Input = Field(
+        description="What measures the axis: a device's name, or a channel of it with calibration."
+    )
+    command_input: Input | None = Field(
+        default=None, description="An input that commands the axis, after `piezod follow`."
+    )
     limits: LimitsConfig = Field(description="What the axis may be driven to.")
     command_range_um: tuple[PositionUm, PositionUm] | None = Field(
         default=None, description="Lowest and highest position that may be commanded, µm."
@@ -131,6 +139,13 @@ class AxisConfig(ConfigModel):
     model: ExistingFile | None = Field(
         default=None, description="Model file to start from instead of identifying."
     )
+
+    def channels(self) -> Iterator[tuple[str, OutputConfig | InputConfig]]:
+        """Give every channel that serves the axis, with the key that names it."""
+        yield "amplifier", self.amplifier
+        yield "sensor", self.sensor
+        if self.command_input is not None:
+            yield "command_input", self.command_input
 
     @model_validator(mode="after")
     def _check_rules(self) -> Self:

@@ -46,11 +46,12 @@ def broken_devices(
     """Find devices that axes name and that are not there, and devices that no axis names."""
     known = list(devices)
     for name, axis in axes.items():
-        for role, device in (("amplifier", axis.amplifier), ("sensor", axis.sensor)):
-            if device not in known:
-                what = f"no such device (got {show(device)}), {suggest(device, known, 'known')}"
+        for role, channel in axis.channels():
+            if channel.device not in known:
+                got = show(channel.device)
+                what = f"no such device (got {got}), {suggest(channel.device, known, 'known')}"
                 yield ("axes", name, role), what
-    used = {device for axis in axes.values() for device in (axis.amplifier, axis.sensor)}
+    used = {channel.device for axis in axes.values() for _, channel in axis.channels()}
     for name in known:
         if name not in used:
             yield ("devices", name), "no axis uses this device, leave it out or name it in an axis"

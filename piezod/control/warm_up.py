@@ -28,7 +28,9 @@ class _Obedient:
         return Identity("piezod", "warm-up", "0", "0")
 
     def capabilities(self) -> Capabilities:
-        return Capabilities(self._axes, read_back=True, max_rate_hz=1e6, opens_relaxed=True)
+        return Capabilities(
+            self._axes, self._axes, read_back=True, max_rate_hz=1e6, opens_relaxed=True
+        )
 
     def activate(self, now_ns: int) -> None:
         pass

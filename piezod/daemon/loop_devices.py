@@ -4,9 +4,7 @@ import threading
 
 from piezod.config.daemon import DaemonConfig
 from piezod.daemon.clock import Clock
-from piezod.devices import registry
-from piezod.devices.channels import ChannelPair, Channels, served_axes
-from piezod.devices.interface import Device
+from piezod.devices.channels import Channels, construct, pairs_of
 from piezod.errors import DeviceError
 
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 2.0
@@ -19,12 +17,8 @@ def make_channels(config: DaemonConfig) -> Channels:
         DeviceError: If a device cannot play the role that an axis gives it.
         RegistryError: If a driver cannot be loaded.
     """
-    axes = {name: ChannelPair(axis.sensor, axis.amplifier) for name, axis in config.axes.items()}
-    devices: dict[str, Device] = {}
-    for name, device in config.devices.items():
-        plugin = registry.load(device.driver)
-        devices[name] = plugin.create(device.options, served_axes(name, axes), config.seed)
-    return Channels(devices, axes)
+    axes = pairs_of(config.axes)
+    return Channels(construct(config.devices, axes, config.seed), axes)
 
 
 class Opening(threading.Thread):

@@ -10,8 +10,7 @@ from math import nan
 from piezod.config.daemon import DaemonConfig
 from piezod.daemon.amplifier_ramp import STEP_S, AmplifierRamp, AxisOutcome
 from piezod.daemon.clock import Clock
-from piezod.devices import registry
-from piezod.devices.channels import ChannelPair, Channels, served_axes
+from piezod.devices.channels import Channels, construct, pairs_of
 from piezod.units import s_to_ns
 
 
@@ -33,7 +32,7 @@ def ramp_down(
         DeviceError: If a device that drives an axis is no amplifier.
         RegistryError: If a driver cannot be loaded.
     """
-    amplifiers = list(dict.fromkeys(axis.amplifier for axis in config.axes.values()))
+    amplifiers = list(dict.fromkeys(axis.amplifier.device for axis in config.axes.values()))
     outcomes: dict[str, AxisOutcome] = {}
     with _ramps(config, amplifiers, noted_v, wait_s, clock) as ramps:
         while not all(ramp.done for ramp in ramps):
@@ -69,14 +68,11 @@ def _ramps(
 
 
 def _driven(config: DaemonConfig, amplifier: str) -> list[str]:
-    return [name for name, axis in config.axes.items() if axis.amplifier == amplifier]
+    return [name for name, axis in config.axes.items() if axis.amplifier.device == amplifier]
 
 
 def _channels(config: DaemonConfig, amplifier: str, driven: list[str]) -> Channels:
     """Construct an amplifier as the loop would; what measures is left out."""
-    pairs = {name: ChannelPair(axis.sensor, axis.amplifier) for name, axis in config.axes.items()}
-    device = config.devices[amplifier]
-    plugin = registry.load(device.driver)
-    served = served_axes(amplifier, pairs)
-    made = plugin.create(device.options, served, config.seed)
-    return Channels({amplifier: made}, {axis: ChannelPair("", amplifier) for axis in driven})
+    pairs = pairs_of(config.axes)
+    made = construct({amplifier: config.devices[amplifier]}, pairs, config.seed)
+    return Channels(made, {axis: pairs[axis]._replace(sensor="") for axis in driven})

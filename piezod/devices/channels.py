@@ -4,6 +4,9 @@ from collections.abc import Mapping, Sequence
 from math import nan
 from typing import NamedTuple
 
+from piezod.config.axes import AxisConfig
+from piezod.config.devices import DeviceConfig
+from piezod.devices import registry
 from piezod.devices.interface import (
     Amplifier,
     Capabilities,
@@ -12,34 +15,68 @@ from piezod.devices.interface import (
     KnowsTruth,
     Sample,
     Sensor,
+    Wiring,
 )
 from piezod.devices.status import NO_FLAGS, Flags, TellsStatus
 from piezod.errors import DeviceError
 
 
 class ChannelPair(NamedTuple):
-    """Which devices serve an axis.
+    """Which channels serve an axis.
 
     Attributes:
         sensor: Name of the device that measures it.
         amplifier: Name of the device that drives it.
+        input: Name of the sensor's channel, None for the name of the axis.
+        output: Name of the amplifier's channel, None for the name of the axis.
     """
 
     sensor: str
     amplifier: str
+    input: str | None = None
+    output: str | None = None
 
 
-def served_axes(device: str, axes: Mapping[str, ChannelPair]) -> tuple[str, ...]:
-    """Return the axes that a device serves in either role, in the order of the axes."""
-    return tuple(axis for axis, pair in axes.items() if device in pair)
+def pairs_of(axes: Mapping[str, AxisConfig]) -> dict[str, ChannelPair]:
+    """Return the channels of each axis of a configuration."""
+    return {
+        name: ChannelPair(
+            axis.sensor.device,
+            axis.amplifier.device,
+            axis.sensor.channel,
+            axis.amplifier.channel,
+        )
+        for name, axis in axes.items()
+    }
+
+
+def wiring_of(device: str, axes: Mapping[str, ChannelPair]) -> Wiring:
+    """Return the channels of a device that axes use, in the order of the axes."""
+    inputs = (pair.input or axis for axis, pair in axes.items() if pair.sensor == device)
+    outputs = (pair.output or axis for axis, pair in axes.items() if pair.amplifier == device)
+    return Wiring(tuple(dict.fromkeys(inputs)), tuple(dict.fromkeys(outputs)))
+
+
+def construct(
+    devices: Mapping[str, DeviceConfig], axes: Mapping[str, ChannelPair], seed: int
+) -> dict[str, Device]:
+    """Construct devices, each for its `wiring_of`; nothing is opened.
+
+    Raises:
+        RegistryError: If a driver cannot be loaded.
+    """
+    return {
+        name: registry.load(device.driver).create(device.options, wiring_of(name, axes), seed)
+        for name, device in devices.items()
+    }
 
 
 class Channels:
     """Implements `Sensor`, `Amplifier`, `KnowsTruth` and `TellsStatus` for all axes.
 
     Args:
-        devices: Constructed devices by name, each for its `served_axes`.
-        axes: The devices of each axis; their order is that of every sequence.
+        devices: Constructed devices by name, each for its `wiring_of`.
+        axes: The channels of each axis; their order is that of every sequence.
 
     Raises:
         DeviceError: If a device cannot play a role that an axis gives it.
@@ -48,15 +85,13 @@ class Channels:
     def __init__(self, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair]) -> None:
         self._devices = devices
         self._axes = tuple(axes)
-        place = {axis: index for index, axis in enumerate(axes)}
         self._sensors: list[tuple[Sensor, list[tuple[int, int]]]] = []
         self._amplifiers: list[tuple[Amplifier, list[int]]] = []
         self._truths: list[tuple[KnowsTruth, list[tuple[int, int]]]] = []
         self._tellers: list[tuple[TellsStatus, list[tuple[int, int]]]] = []
         for name, device in devices.items():
-            served = served_axes(name, axes)
-            measured = [(i, place[a]) for i, a in enumerate(served) if axes[a].sensor == name]
-            driven = [place[a] for a in served if axes[a].amplifier == name]
+            wiring = wiring_of(name, axes)
+            measured, driven = _places(name, wiring, axes)
             if measured:
                 if not isinstance(device, Sensor):
                     raise _wrong_role(name, "sensor")
@@ -66,10 +101,11 @@ class Channels:
             if driven:
                 if not isinstance(device, Amplifier):
                     raise _wrong_role(name, "amplifier")
-                self._amplifiers.append((device, driven))
+                self._amplifiers.append((device, [axis for _, axis in driven]))
             if isinstance(device, TellsStatus):
-                served_places = [(channel, place[axis]) for channel, axis in enumerate(served)]
-                self._tellers.append((device, served_places))
+                after_inputs = len(wiring.inputs)
+                outputs = [(after_inputs + channel, axis) for channel, axis in driven]
+                self._tellers.append((device, measured + outputs))
         self._zero_um = [0.0] * len(axes)
         self._true_zero_um = [0.0] * len(axes)
         self._no_flags = [NO_FLAGS] * len(axes)
@@ -89,6 +125,7 @@ class Channels:
         """Tell what all devices can do together."""
         each = [device.capabilities() for device in self._devices.values()]
         return Capabilities(
+            self._axes,
             self._axes,
             all(one.read_back for one in each),
             min(one.max_rate_hz for one in each),
@@ -177,6 +214,19 @@ class Channels:
             for channel, axis in served:
                 flags[axis] |= told[channel]
         return flags
+
+
+def _places(
+    device: str, wiring: Wiring, axes: Mapping[str, ChannelPair]
+) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Return the channel and the axis of each input, and of each output of a device."""
+    measured, driven = [], []
+    for place, (axis, pair) in enumerate(axes.items()):
+        if pair.sensor == device:
+            measured.append((wiring.inputs.index(pair.input or axis), place))
+        if pair.amplifier == device:
+            driven.append((wiring.outputs.index(pair.output or axis), place))
+    return measured, driven
 
 
 def _wrong_role(name: str, role: str) -> DeviceError:

@@ -84,7 +84,7 @@ class FaultyDevice:
         """Tell what the device knows, NaN where it knows nothing."""
         if isinstance(self._inner, KnowsTruth):
             return self._inner.true_position_um(now_ns)
-        return [nan] * len(self.capabilities().axes)
+        return [nan] * len(self.capabilities().inputs)
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Set the voltages, unless the fault is that this fails.
@@ -118,7 +118,8 @@ class FaultyDevice:
         if isinstance(self._inner, TellsStatus):
             told = list(self._inner.status(now_ns))
         else:
-            told = [NO_FLAGS] * len(self.capabilities().axes)
+            able = self.capabilities()
+            told = [NO_FLAGS] * (len(able.inputs) + len(able.outputs))
         for one in self._now(now_ns):
             if one.kind is Kind.FLAGGED:
                 told[one.axis] |= {one.flag}

@@ -19,14 +19,20 @@ A device lives through these steps, in this order::
   order above, which is a mistake in the program and not a fault of the device.
 - A device is used by one thread at a time.
 
-A simulated device may offer one call more, `KnowsTruth`: a real one cannot know what it measures.
+- A device is asked for some of its channels, its `Wiring`: inputs are read, outputs are driven. One
+  that has no inputs is no sensor, one that has no outputs no amplifier; many are both.
+- An amplifier and sensor in one may offer one exchange for both, `Exchanges`.
+
+What a channel reads or drives is in its own unit, as its driver says; calibration to µm and V is
+the channel's, in the configuration (`devices.channels`). A simulated device may offer one call
+more, `KnowsTruth`: a real one cannot know what it measures.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Generic, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -43,26 +49,73 @@ class Identity(NamedTuple):
     firmware: str
 
 
+class Wiring(NamedTuple):
+    """The channels of a device that a configuration uses; no name twice among either.
+
+    Attributes:
+        inputs: Names of the channels that are read, in the order of every sequence of samples.
+        outputs: Names of the channels that are driven, in the order of every sequence of values.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @classmethod
+    def both(cls, channels: Iterable[str]) -> Self:
+        """Return the wiring in which every channel is read and driven."""
+        names = tuple(channels)
+        return cls(names, names)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Every channel once: the inputs, then the outputs that are no inputs."""
+        return tuple(dict.fromkeys((*self.inputs, *self.outputs)))
+
+
+class ChannelUnits(NamedTuple):
+    """The channels that a device has, each with the unit of its values.
+
+    Attributes:
+        inputs: Unit of each input by its name: "µm" where a sample is a displacement, else as what
+            has to be calibrated is called ("V", "%").
+        outputs: Unit of each output by its name: "V" for the voltage of the actuator or of a
+            converter.
+    """
+
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, str]
+
+
 class Capabilities(NamedTuple):
     """What an open device can do.
 
     Attributes:
-        axes: Names of the axes it serves, in the order of every sequence it takes or gives.
+        inputs: Names of the channels that it reads, in the order of every sequence of samples.
+        outputs: Names of the channels that it drives, in the order of every sequence of values.
         read_back: Whether `read_back` asks the device. Where it does not, `read_back` gives the
-            voltage written last.
+            value written last.
         max_rate_hz: The fastest loop that the device can follow.
         holds: Whether the outputs stay as they are when the device is deactivated or closed, and do
             not go to rest. They must be brought to a safe voltage before; after the death of the
             process that drove them it is `piezod safe` that does it.
         opens_relaxed: Whether the stage is at rest, with nothing to remember, whenever the device
             is opened: one that exists in this process only.
+        enables: Whether outputs are enabled by `activate` and disabled by `deactivate`.
+        soft_disable: Whether an output that is disabled comes down gently.
+        watchdog: Whether the device itself makes its outputs safe when its host falls silent.
+        quality: Whether samples come with a quality, so that a bad one is known to be bad.
     """
 
-    axes: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
     read_back: bool
     max_rate_hz: float
     holds: bool = False
     opens_relaxed: bool = False
+    enables: bool = False
+    soft_disable: bool = False
+    watchdog: bool = False
+    quality: bool = False
 
 
 class Sample(NamedTuple):
@@ -70,7 +123,8 @@ class Sample(NamedTuple):
 
     Attributes:
         t_ns: The instant the sample was taken, never later than the call that read it.
-        position_um: Displacement in µm after calibration; not to be used unless `valid`.
+        position_um: Displacement in µm, or what the channel reads in its own unit before it is
+            calibrated; not to be used unless `valid`.
         valid: False where the device reports a fault, saturation, or nothing at all.
     """
 
@@ -122,7 +176,7 @@ class Sensor(Device, Protocol):
     """A device that measures displacement."""
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take one sample of each axis, in the order of `Capabilities.axes`.
+        """Take one sample of each input, in the order of `Capabilities.inputs`.
 
         May be called in the loop.
 
@@ -137,7 +191,7 @@ class Amplifier(Device, Protocol):
     """A device that drives the actuators."""
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Set the voltage of every axis, in V and in the order of `Capabilities.axes`.
+        """Set the value of every output, in its unit and in the order of `Capabilities.outputs`.
 
         May be called in the loop. A value that is not finite or beyond what the device can drive, a
         wrong number of values, or a device that is not active: the write is refused as a whole and
@@ -149,7 +203,7 @@ class Amplifier(Device, Protocol):
         ...
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Tell the voltage now in force, in V, one per axis in the order of `Capabilities.axes`.
+        """Tell what is now in force on each output, in the order of `Capabilities.outputs`.
 
         May be called in the loop.
 
@@ -160,11 +214,26 @@ class Amplifier(Device, Protocol):
 
 
 @runtime_checkable
+class Exchanges(Protocol):
+    """A device that takes values and gives samples in one exchange, which halves the bus time."""
+
+    def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
+        """Write as `Amplifier.write` does and read as `Sensor.read` does, in one exchange.
+
+        May be called in the loop.
+
+        Returns:
+            Whether the values were taken, and a sample of each input.
+        """
+        ...
+
+
+@runtime_checkable
 class KnowsTruth(Protocol):
     """A simulated sensor that also knows what it measures, so that its own errors can be told."""
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:
-        """Tell how far each axis really is from rest, in µm, in the order of `Capabilities.axes`.
+        """Tell how far each axis really is from rest, in µm, in the order of `Capabilities.inputs`.
 
         This is the displacement of the mechanics: before the sensor with its noise, calibration,
         filter and delay. May be called in the loop, after the `read` of the same instant, and
@@ -176,6 +245,10 @@ class KnowsTruth(Protocol):
         ...
 
 
+def any_channel(_options: object) -> None:
+    """Say that channels may be called as one likes."""
+
+
 @dataclass(frozen=True, slots=True)
 class DriverPlugin(Generic[OptionsT]):
     """What a driver's module exports as `PLUGIN` to be found by `piezod.devices.registry`.
@@ -185,13 +258,17 @@ class DriverPlugin(Generic[OptionsT]):
         summary: One line for lists: which devices it drives.
         options_model: The model that validates `options:` of a device in a configuration. Options
             left out have defaults wherever a default makes sense.
-        create: Constructs a device, without I/O, from its options, the names of its axes, and a
-            seed for whatever is random in it.
+        create: Constructs a device, without I/O, from its options, the channels that are used, and
+            a seed for whatever is random in it.
         confirmed_on_hardware: Whether somebody has seen it drive the real device.
+        channels: Tells which channels a device with these options has; None where any name will do.
+        sees: Ids of the faults of bus, amplifier and sensor (`docs/faults.md`) that it can see.
     """
 
     name: str
     summary: str
     options_model: type[OptionsT]
-    create: Callable[[OptionsT, tuple[str, ...], int], Device]
+    create: Callable[[OptionsT, Wiring, int], Device]
     confirmed_on_hardware: bool
+    channels: Callable[[OptionsT], ChannelUnits | None] = any_channel
+    sees: frozenset[str] = frozenset()

@@ -24,6 +24,44 @@ class DeviceFlag(StrEnum):
     """The sensor has not enough light: what it shows is not to be trusted."""
     SATURATED = "saturated"
     """The sensor is at the end of its converter's range."""
+    OTHER_DEVICE = "other device"
+    """What came back is another device than the one that was opened first."""
+    PARTIAL_WRITE = "partial write"
+    """Only a part of a request went out."""
+    DISCONNECTED = "disconnected"
+    """The connection is gone: every call fails until the device is opened again."""
+    OTHER_PATH = "other path"
+    """The device came back under another path."""
+    GARBAGE = "garbage"
+    """Bytes came that are no frame."""
+    BAD_CHECKSUM = "bad checksum"
+    """A frame came whose checksum is wrong."""
+    LATE_REPLY = "late reply"
+    """No reply came in time, or one that belongs to an earlier request."""
+    OUT_OF_ORDER = "out of order"
+    """A frame came twice, or in the wrong order."""
+    SLOW_REPLY = "slow reply"
+    """A reply took more than most of the time there is for it."""
+    BUS_OFF = "bus off"
+    """The CAN controller has left the bus."""
+    NOT_SENT = "not sent"
+    """A frame could not be sent: the transmit queue is full."""
+    WRONG_REQUEST = "wrong request"
+    """The device says that it has no such register or command: the configuration is wrong."""
+    DEVICE_FAILURE = "device failure"
+    """The device says that it has failed."""
+    BUSY = "busy"
+    """The device, or a gateway before it, says that it is busy or cannot be reached."""
+    BUS_OVERLOADED = "bus overloaded"
+    """More comes than can be read in time."""
+    FOREIGN_FRAME = "foreign frame"
+    """Somebody else sends under our name, or answers in the device's place."""
+    HALF_OPEN = "half open"
+    """The connection stands, and nothing is acknowledged."""
+    PORT_SHARED = "port shared"
+    """Another program uses the port."""
+    STUCK = "stuck"
+    """The thread that does the device's input and output does not answer."""
 
 
 Flags: TypeAlias = frozenset[DeviceFlag]
@@ -38,7 +76,11 @@ class TellsStatus(Protocol):
     """A device that tells its status; one that does not simply has no such method."""
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell what is the matter with each axis, in the order of `Capabilities.axes`.
+        """Tell what is the matter with each channel: the inputs, then the outputs.
+
+        The order is that of `Capabilities.inputs` and `Capabilities.outputs`; a channel that is
+        both is told twice. What happened in exchanges since the last call is told once, what lasts
+        as long as it does.
 
         May be called in the loop, after the `read` or `write` of the same instant; a device that
         has to ask for its status answers with what it knew last.

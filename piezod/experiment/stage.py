@@ -10,8 +10,7 @@ from piezod.control.axis import Axis, OpenLoopAxis, Waveform
 from piezod.control.compensated import limits_of
 from piezod.control.cycle import Cycle, CycleRecord
 from piezod.control.guard import Guard
-from piezod.devices import registry
-from piezod.devices.channels import ChannelPair, Channels, served_axes
+from piezod.devices.channels import Channels, construct, pairs_of
 from piezod.devices.interface import Device, KnowsTruth
 from piezod.errors import DeviceError
 from piezod.experiment.error_rows import NEED_TRUTH
@@ -39,11 +38,8 @@ def opened(config: ExperimentConfig, progress: Progress) -> Iterator["Stage"]:
         DeviceError: If a device cannot be opened, or cannot play the role it is given, or metrics
             are asked for which only a simulated device can tell.
     """
-    axes = {name: ChannelPair(axis.sensor, axis.amplifier) for name, axis in config.axes.items()}
-    devices: dict[str, Device] = {}
-    for name, device in config.devices.items():
-        plugin = registry.load(device.driver)
-        devices[name] = plugin.create(device.options, served_axes(name, axes), config.seed)
+    axes = pairs_of(config.axes)
+    devices = construct(config.devices, axes, config.seed)
     _check_truth(config, devices)
     channels = Channels(devices, axes)
     channels.open()
@@ -60,9 +56,10 @@ def opened(config: ExperimentConfig, progress: Progress) -> Iterator["Stage"]:
 def _check_truth(config: ExperimentConfig, devices: Mapping[str, Device]) -> None:
     needing = ", ".join(name for name in config.metrics if name in NEED_TRUTH)
     for name, axis in config.axes.items():
-        if needing and not isinstance(devices[axis.sensor], KnowsTruth):
+        sensor = axis.sensor.device
+        if needing and not isinstance(devices[sensor], KnowsTruth):
             message = (
-                f"metrics asks for {needing}, but device {axis.sensor}, the sensor of axis {name}, "
+                f"metrics asks for {needing}, but device {sensor}, the sensor of axis {name}, "
                 "does not know the true displacement, as simulated devices do; leave these out"
             )
             raise DeviceError(message)

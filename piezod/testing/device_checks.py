@@ -30,10 +30,12 @@ def opening_tells_the_identity(factory: DeviceFactory) -> None:
 def capabilities_make_sense(factory: DeviceFactory) -> None:
     """An open device has axes, each named once, and a rate."""
     with opened(factory) as device:
-        axes, max_rate_hz = device.capabilities().axes, device.capabilities().max_rate_hz
+        able = device.capabilities()
 
-    assert axes, "there are no axes"
-    assert len(set(axes)) == len(axes), f"an axis is named twice in {axes}"
+    assert able.inputs or able.outputs, "there are no channels"
+    for channels in (able.inputs, able.outputs):
+        assert len(set(channels)) == len(channels), f"a channel is named twice in {channels}"
+    max_rate_hz = able.max_rate_hz
     assert max_rate_hz > 0, f"max_rate_hz is {max_rate_hz}"
 
 

@@ -31,7 +31,7 @@ def reading_needs_an_active_sensor(factory: SensorFactory) -> None:
 def every_axis_gives_one_sample(factory: SensorFactory) -> None:
     """Reading gives one sample for each axis, and a valid sample is a number."""
     with active(factory) as sensor:
-        n_axes = len(sensor.capabilities().axes)
+        n_axes = len(sensor.capabilities().inputs)
         for cycle in range(1, _CYCLES):
             samples = sensor.read(T0_NS + cycle * _PERIOD_NS)
 
@@ -43,7 +43,7 @@ def every_axis_gives_one_sample(factory: SensorFactory) -> None:
 def samples_carry_their_time(factory: SensorFactory) -> None:
     """A sample is no later than the call that read it, and no earlier than the one before it."""
     with active(factory) as sensor:
-        previous_ns = [0] * len(sensor.capabilities().axes)
+        previous_ns = [0] * len(sensor.capabilities().inputs)
         for cycle in range(1, _CYCLES):
             now_ns = T0_NS + cycle * _PERIOD_NS
             taken_ns = [sample.t_ns for sample in sensor.read(now_ns)]

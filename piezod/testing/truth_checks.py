@@ -32,7 +32,7 @@ def truth_needs_an_active_sensor(factory: KnowingSensorFactory) -> None:
 def every_axis_has_one_truth(factory: KnowingSensorFactory) -> None:
     """There is one number for each axis."""
     with active(factory) as sensor:
-        n_axes = len(sensor.capabilities().axes)
+        n_axes = len(sensor.capabilities().inputs)
         for cycle in range(1, _CYCLES):
             sensor.read(T0_NS + cycle * _PERIOD_NS)
             true_um = sensor.true_position_um(T0_NS + cycle * _PERIOD_NS)

@@ -23,7 +23,7 @@ class FakeDevice:
 
     def capabilities(self) -> Capabilities:
         """Serve two axes."""
-        return Capabilities(("x", "y"), read_back=True, max_rate_hz=1e3)
+        return Capabilities(("x", "y"), ("x", "y"), read_back=True, max_rate_hz=1e3)
 
     def activate(self, now_ns: int) -> None:
         """Be ready."""

@@ -11,7 +11,7 @@ from piezod.control.loop_watch import CycleTiming
 from piezod.control.stage_assembly import assemble
 from piezod.control.stage_record import Answer, AxisRecord, StageEvent, StageRecord
 from piezod.devices import registry
-from piezod.devices.channels import ChannelPair, Channels, served_axes
+from piezod.devices.channels import ChannelPair, Channels, construct, pairs_of
 from piezod.devices.faulty import FaultyDevice, SensorAmplifier
 from piezod.devices.injections import Injection, Kind
 from piezod.devices.interface import Device
@@ -55,18 +55,9 @@ class LiveStage:
         holds: bool = False,
     ) -> None:
         self.config = config or load_daemon(CONFIG, registry)
-        axes = {
-            name: ChannelPair(axis.sensor, axis.amplifier)
-            for name, axis in self.config.axes.items()
-        }
-        devices = {
-            name: wrap(
-                registry.load(device.driver).create(
-                    device.options, served_axes(name, axes), self.config.seed
-                )
-            )
-            for name, device in self.config.devices.items()
-        }
+        axes = pairs_of(self.config.axes)
+        made = construct(self.config.devices, axes, self.config.seed)
+        devices = {name: wrap(device) for name, device in made.items()}
         self.period_ns = round(NS_PER_S / self.config.rate_hz)
         self.t_ns = 0
         self.channels = Watched(devices, axes)

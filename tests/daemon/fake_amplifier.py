@@ -55,7 +55,7 @@ class FakeAmplifier:
         return Identity("piezod", "fake", "0", "0")
 
     def capabilities(self) -> Capabilities:
-        return Capabilities(self.axes, self.reads_back, 1e3, holds=True)
+        return Capabilities(self.axes, self.axes, self.reads_back, 1e3, holds=True)
 
     def activate(self, now_ns: int) -> None:
         """Be ready."""

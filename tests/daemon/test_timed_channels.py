@@ -34,7 +34,7 @@ def test_devices_answer_as_they_do_without_it(timed: TimedChannels, clock: FakeC
     """What is read, told and refused passes through unchanged."""
     t_ns = clock.now_ns()
 
-    assert timed.capabilities().axes == AXES
+    assert timed.capabilities().inputs == AXES
     assert [sample.t_ns for sample in timed.read(t_ns)] == [t_ns, t_ns]
     assert not timed.write([1.0, 1e6], t_ns)
     assert timed.read_back(t_ns) == pytest.approx([0.0, 0.0], abs=0.5)

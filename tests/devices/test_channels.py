@@ -25,7 +25,9 @@ class FakeDevice:
         return Identity("maker", "model", "serial", "firmware")
 
     def capabilities(self) -> Capabilities:
-        return Capabilities(self.axes, read_back=True, max_rate_hz=1000.0 * len(self.axes))
+        return Capabilities(
+            self.axes, self.axes, read_back=True, max_rate_hz=1000.0 * len(self.axes)
+        )
 
     def activate(self, now_ns: int) -> None:
         self.done.append(f"activate {now_ns}")
@@ -166,7 +168,9 @@ def test_the_life_cycle_reaches_every_device() -> None:
     channels.close()
 
     assert identity.maker == "maker + maker + maker"
-    assert channels.capabilities() == Capabilities(("x", "y"), read_back=True, max_rate_hz=1000.0)
+    assert channels.capabilities() == Capabilities(
+        ("x", "y"), ("x", "y"), read_back=True, max_rate_hz=1000.0
+    )
     for device in devices.values():
         assert device.done == ["open", "activate 1", "deactivate 2", "close"]
 

@@ -30,7 +30,7 @@ class Rig:
         return Identity("maker", "model", "serial", "firmware")
 
     def capabilities(self) -> Capabilities:
-        return Capabilities(("x", "y"), read_back=True, max_rate_hz=1000.0)
+        return Capabilities(("x", "y"), ("x", "y"), read_back=True, max_rate_hz=1000.0)
 
     def activate(self, now_ns: int) -> None:
         self.done.append(f"activate {now_ns}")

@@ -36,7 +36,7 @@ def serving(
 ) -> Iterator[None]:
     """Serve a simulated rig at a socket while the block runs."""
     plugin = registry.load("simulated")
-    rig = plugin.create(plugin.options_model(), axes, 1)
+    rig = plugin.create(plugin.options_model(), Wiring.both(axes), 1)
     stopping = threading.Event()
     with ExitStack() as stack:
         writes = stack.enter_context(Trace(trace, axes)) if trace else None

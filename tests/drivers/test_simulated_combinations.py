@@ -48,7 +48,7 @@ def use(keys: dict[str, Any], *, drive_v: float = 10.0, seed: int = 1) -> bool:
     so are a warning and a position that is no number.
     """
     try:
-        rig = PLUGIN.create(Options.model_validate(keys), ("x",), seed)
+        rig = PLUGIN.create(Options.model_validate(keys), Wiring.both("x"), seed)
         assert isinstance(rig, SimulatedRig)
         rig.open()
     except (ValidationError, DeviceError):

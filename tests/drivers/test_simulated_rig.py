@@ -19,7 +19,7 @@ T0_NS = 5_000_000_000
 
 def active(axes: tuple[str, ...] = ("x",), seed: int = 1, **options: Any) -> SimulatedRig:
     """Open and activate a rig."""
-    rig = PLUGIN.create(Options.model_validate(options), axes, seed)
+    rig = PLUGIN.create(Options.model_validate(options), Wiring.both(axes), seed)
     assert isinstance(rig, SimulatedRig)
     rig.open()
     rig.activate(T0_NS)

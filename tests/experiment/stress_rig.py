@@ -140,7 +140,7 @@ class StressRig:
     ) -> None:
         config, self._model = stage
         device = config.devices["rig"]
-        rig = registry.load(device.driver).create(device.options, ("x",), config.seed)
+        rig = registry.load(device.driver).create(device.options, Wiring.both("x"), config.seed)
         self._rig = cast("SimulatedRig", rig)
         self.channels = FaultyChannels({"rig": rig}, {"x": ChannelPair("rig", "rig")})
         self.channels.open()

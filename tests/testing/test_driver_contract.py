@@ -31,7 +31,7 @@ class PlainRig:
     def capabilities(self) -> Capabilities:
         """Tell the two axes."""
         self.require(self.is_open, "not open")
-        return Capabilities(("x", "y"), read_back=True, max_rate_hz=1000.0)
+        return Capabilities(("x", "y"), ("x", "y"), read_back=True, max_rate_hz=1000.0)
 
     def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface gives the time
         """Take writes from now on."""

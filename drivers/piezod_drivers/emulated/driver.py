@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import nan
 from typing import Final
 
-from piezod.devices.interface import Capabilities, DriverPlugin, Identity, Sample
+from piezod.devices.interface import Capabilities, DriverPlugin, Identity, Sample, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
@@ -43,8 +43,9 @@ class EmulatedRig:
         self._number = 0
         self._no_drive = (0.0,) * len(axes)
         self._unknown_v = [nan] * len(axes)
-        self._well = [NO_FLAGS] * len(axes)
-        self._restarted = [frozenset({DeviceFlag.RESTARTED})] * len(axes)
+        channels = 2 * len(axes)  # each is read and driven
+        self._well = [NO_FLAGS] * channels
+        self._restarted = [frozenset({DeviceFlag.RESTARTED})] * channels
         self._in_force_v: Sequence[float] = self._unknown_v
         self._in_force_ns: int | None = None
         self._life = ""
@@ -74,7 +75,7 @@ class EmulatedRig:
             DeviceError: If the rig is not open.
         """
         greeting = self._require_open()
-        return Capabilities(greeting.axes, True, greeting.max_rate_hz, holds=True)
+        return Capabilities(greeting.axes, greeting.axes, True, greeting.max_rate_hz, holds=True)
 
     def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's, time is the rig's own
         """Take writes from now on.
@@ -169,8 +170,8 @@ class EmulatedRig:
         return self._greeting
 
 
-def _create(options: Options, axes: tuple[str, ...], _seed: int) -> EmulatedRig:
-    return EmulatedRig(options, axes)  # what is random in it is the rig's own
+def _create(options: Options, wiring: Wiring, _seed: int) -> EmulatedRig:
+    return EmulatedRig(options, wiring.channels)  # what is random in it is the rig's own
 
 
 PLUGIN: Final = DriverPlugin(

@@ -51,7 +51,7 @@ class RigServer:
     ) -> None:
         self._rig, self._listener, self._time_of, self._trace = rig, listener, time_of, trace
         able = rig.capabilities()
-        self._axes = able.axes
+        self._axes = able.outputs
         self._wire = Wire(len(self._axes))
         life = secrets.token_hex(8)
         self._greeting = pack_greeting(Greeting(identity, self._axes, able.max_rate_hz, life))

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 import piezod
-from piezod.devices.interface import Capabilities, DriverPlugin, Identity, Sample
+from piezod.devices.interface import Capabilities, DriverPlugin, Identity, Sample, Wiring
 from piezod.errors import DeviceError
 from piezod.plant.plant import SUB_STEP_NS, Plant
 from piezod.units import NS_PER_S
@@ -15,6 +15,7 @@ from piezod_drivers.simulated.calibration import Calibration, commissioned, stra
 from piezod_drivers.simulated.options import Commissioned, Line, Options, Table
 
 _REST_V: Final = 0.0
+_SENSOR_V, _LIGHT = "_v", "_light"
 
 
 class _Channel(NamedTuple):
@@ -34,12 +35,14 @@ class _Channel(NamedTuple):
     highest_v: float
     saturated_v: float
 
-    def sample(self, t_ns: int, now_ns: int) -> Sample:
+    def sample(self, t_ns: int, now_ns: int, what: str) -> Sample:
         """Take a sample at `t_ns` in the plant's time, `now_ns` in the caller's."""
         self.plant.advance_to(t_ns)
+        if what == _LIGHT:
+            return Sample(now_ns, self.plant.parameters.sensor.light_level, True)
         sensor_v = self.plant.sample()
         valid = abs(sensor_v) < self.saturated_v
-        return Sample(now_ns, self.calibration.position_um(sensor_v), valid)
+        return Sample(now_ns, sensor_v if what else self.calibration.position_um(sensor_v), valid)
 
     def takes(self, drive_v: float) -> bool:
         """Tell whether the amplifier can give this voltage."""
@@ -55,16 +58,23 @@ class SimulatedRig:
     0 V; the output falls as fast as the amplifier's bandwidth, slew rate and current limit let it
     (150 V take about 5 ms), and it keeps falling while nobody calls.
 
+    Every output is a stage of its own. An input of the same name measures it in µm; with `_v`
+    behind the name it is the sensor's voltage, not calibrated, and with `_light` the sensor's
+    light, 1 at nominal.
+
     Args:
         options: What a configuration says.
-        axes: Names of the axes, at least one.
+        wiring: Names of the channels, at least one.
         seed: Of the specimens, the noise and the calibration's residual; not negative.
     """
 
-    def __init__(self, options: Options, axes: tuple[str, ...], seed: int) -> None:
+    def __init__(self, options: Options, wiring: Wiring, seed: int) -> None:
         self._options = options
-        self._axes = axes
+        self._wiring = wiring
         self._seed = seed
+        inputs = [_split(name, wiring.outputs) for name in wiring.inputs]
+        self._axes = tuple(dict.fromkeys((*wiring.outputs, *(axis for axis, _ in inputs))))
+        self._inputs = [(self._axes.index(axis), what) for axis, what in inputs]
         self._channels: list[_Channel] = []
         self._origin_ns: int | None = None
         self._active = False
@@ -95,7 +105,7 @@ class SimulatedRig:
         """
         self._require_open()
         return Capabilities(
-            self._axes, read_back=True, max_rate_hz=NS_PER_S / SUB_STEP_NS, opens_relaxed=True
+            *self._wiring, read_back=True, max_rate_hz=NS_PER_S / SUB_STEP_NS, opens_relaxed=True
         )
 
     def activate(self, now_ns: int) -> None:
@@ -131,7 +141,7 @@ class SimulatedRig:
         """
         self._require_active()
         t_ns = self._elapsed_ns(now_ns)
-        return [channel.sample(t_ns, now_ns) for channel in self._channels]
+        return [self._channels[i].sample(t_ns, now_ns, what) for i, what in self._inputs]
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:
         """Tell the displacement of each stage now, in µm from rest at 0 V, before its sensor.
@@ -146,7 +156,7 @@ class SimulatedRig:
         t_ns = self._elapsed_ns(now_ns)
         for channel in self._channels:
             channel.plant.advance_to(t_ns)
-        return [channel.plant.true_displacement_um for channel in self._channels]
+        return [self._channels[i].plant.true_displacement_um for i, _ in self._inputs]
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Command a voltage for each axis, in V; all are taken or none.
@@ -160,12 +170,13 @@ class SimulatedRig:
         Raises:
             DeviceError: If time went back.
         """
-        if not self._active or len(drive_v) != len(self._channels):
+        driven = self._driven
+        if not self._active or len(drive_v) != len(driven):
             return False
-        if not all(map(_Channel.takes, self._channels, drive_v)):
+        if not all(map(_Channel.takes, driven, drive_v)):
             return False
         t_ns = self._elapsed_ns(now_ns)
-        for channel, command_v in zip(self._channels, drive_v, strict=True):
+        for channel, command_v in zip(driven, drive_v, strict=True):
             channel.plant.advance_to(t_ns)
             channel.plant.command(float(command_v))
         return True
@@ -178,9 +189,13 @@ class SimulatedRig:
         """
         self._require_open()
         t_ns = self._elapsed_ns(now_ns)
-        for channel in self._channels:
+        for channel in self._driven:
             channel.plant.advance_to(t_ns)
-        return [channel.plant.drive_v for channel in self._channels]
+        return [channel.plant.drive_v for channel in self._driven]
+
+    @property
+    def _driven(self) -> "list[_Channel]":
+        return self._channels[: len(self._wiring.outputs)]
 
     def _require_open(self) -> None:
         if not self._channels:
@@ -199,6 +214,14 @@ class SimulatedRig:
         self._active = False
         for channel in self._channels:
             channel.plant.command(_REST_V)
+
+
+def _split(name: str, outputs: Sequence[str]) -> tuple[str, str]:
+    """Return the axis that an input measures, and what of it: nothing said is the displacement."""
+    for what in (_SENSOR_V, _LIGHT):
+        if name not in outputs and name.endswith(what):
+            return name.removesuffix(what), what
+    return name, ""
 
 
 def _channel(options: Options, seed: np.random.SeedSequence) -> _Channel:

@@ -1,0 +1,145 @@
+"""Channels of devices: which one serves an axis, and what its values mean."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Annotated, Any, Final, Literal, Self, TypeAlias
+
+from pydantic import BeforeValidator, Field, StringConstraints, model_validator
+
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.quantities import Name
+
+ChannelName: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:/-]{1,64}$")]
+"""As the device or its driver calls it."""
+
+Value: TypeAlias = Annotated[float, Quantity(-1e9, 1e9)]
+
+DEFAULT_GAIN: Final = 1.0
+
+
+class Line(ConfigModel):
+    """A straight line: physical = gain · value + offset."""
+
+    kind: Literal["line"] = "line"
+    gain: Value = Field(
+        default=DEFAULT_GAIN, description="µm, or V at the actuator, per unit of the channel."
+    )
+    offset: Value = Field(default=0.0, description="µm or V where the channel reads 0.")
+
+    @model_validator(mode="after")
+    def _check_gain(self) -> Self:
+        if abs(self.gain) < 1e-9:
+            what = f"too small to be inverted (got {self.gain:g}), allowed: 1e-9 and more, or -1e-9"
+            raise_rules([(("gain",), what)])
+        return self
+
+
+class Polynomial(ConfigModel):
+    """physical = c0 + c1·value + c2·value² + …, strictly monotonic where it is used."""
+
+    kind: Literal["polynomial"] = "polynomial"
+    coefficients: tuple[Value, ...] = Field(
+        min_length=2, max_length=12, description="c0, c1, c2, …: µm or V at the actuator."
+    )
+    values: tuple[Value, Value] = Field(
+        description="Lowest and highest value of the channel for which it holds."
+    )
+
+    @model_validator(mode="after")
+    def _check_values(self) -> Self:
+        if not self.values[0] < self.values[1]:
+            raise_rules([(("values", 1), "must be above the first of the two")])
+        return self
+
+
+class Table(ConfigModel):
+    """A curve through measured points, in straight lines."""
+
+    kind: Literal["table"] = "table"
+    values: tuple[Value, ...] = Field(
+        min_length=2, max_length=10_000, description="Values of the channel."
+    )
+    physical: tuple[Value, ...] = Field(
+        min_length=2,
+        max_length=10_000,
+        description="µm, or V at the actuator, at those values; strictly rising or falling.",
+    )
+    side: Literal["near", "far"] | None = Field(
+        default=None,
+        description="Where the values have a greatest one, as a fibre sensor's light has over its "
+        "gap: which side of it is used; the gap grows with `physical` as long as it rises.",
+    )
+
+    @model_validator(mode="after")
+    def _check_curve(self) -> Self:
+        raise_rules(self._broken_rules())
+        return self
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        if len(self.values) != len(self.physical):
+            n, wanted = len(self.physical), len(self.values)
+            yield ("physical",), f"one for each value is needed (got {n} for {wanted})"
+        if not _monotonic(self.physical):
+            yield ("physical",), "must be strictly rising or strictly falling"
+        if self.side is None and not _monotonic(self.values):
+            what = "must be strictly rising or strictly falling; of a curve with a greatest value, "
+            yield ("values",), what + "say which side is used: side: near, or far"
+
+
+def _monotonic(numbers: tuple[float, ...]) -> bool:
+    steps = [later - earlier for earlier, later in pairwise(numbers)]
+    return all(step > 0 for step in steps) or all(step < 0 for step in steps)
+
+
+Calibration: TypeAlias = Annotated[Line | Polynomial | Table, Field(discriminator="kind")]
+
+
+class LightConfig(ConfigModel):
+    """A channel that tells how much light a fibre sensor has."""
+
+    channel: ChannelName = Field(description="Name of the channel, an input of the same device.")
+    nominal: Annotated[float, Quantity(1e-9, 1e9)] = Field(
+        description="What it reads with the light at which the calibration was made."
+    )
+    least: Annotated[float, Quantity(0, 1e9)] = Field(
+        description="With less than this a sample is not valid."
+    )
+    divides: bool = Field(
+        default=True, description="Whether the sensor's value is divided by light / nominal."
+    )
+
+
+class OutputConfig(ConfigModel):
+    """The channel that drives an axis."""
+
+    device: Name = Field(description="Name of the device.")
+    channel: ChannelName | None = Field(
+        default=None, description="Name of the channel; left out: that of the axis."
+    )
+    calibration: Calibration = Field(
+        default=Line(), description="From the channel's value to V at the actuator."
+    )
+
+
+class InputConfig(ConfigModel):
+    """A channel that is read, and its calibration to µm."""
+
+    device: Name = Field(description="Name of the device.")
+    channel: ChannelName | None = Field(
+        default=None, description="Name of the channel; left out: that of the axis."
+    )
+    calibration: Calibration = Field(default=Line(), description="From the channel's value to µm.")
+    light: LightConfig | None = Field(
+        default=None, description="Where a fibre sensor's light is told; left out: nowhere."
+    )
+
+
+def _named(value: Any) -> Any:
+    return {"device": value} if isinstance(value, str) else value
+
+
+Output: TypeAlias = Annotated[OutputConfig, BeforeValidator(_named)]
+"""A device's name stands for its channel of the axis' name, not calibrated."""
+
+Input: TypeAlias = Annotated[InputConfig, BeforeValidator(_named)]
+"""Likewise."""

@@ -1,0 +1,217 @@
+"""A device on a wire: the order of calls is kept, and every fault of the wire becomes a value."""
+
+from collections.abc import Callable, Sequence
+from math import isfinite, nan
+from typing import TypeVar
+
+from piezod.devices.bus.dialogue import Dialogue, ExchangingDialogue, Reading
+from piezod.devices.bus.line import LineFault
+from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.errors import DeviceError, DeviceUnavailableError
+
+AnswerT = TypeVar("AnswerT")
+
+LOSING = frozenset({DeviceFlag.DISCONNECTED, DeviceFlag.HALF_OPEN, DeviceFlag.BUS_OFF})
+"""After one of these nothing is tried until the device is opened again."""
+
+
+class BusDevice:
+    """Implements `Sensor`, `Amplifier` and `TellsStatus` over a dialogue.
+
+    A device that is lost stays lost, with invalid samples, refused writes and an unknown voltage,
+    until somebody closes it and opens it again: that waits, and is not done in the loop.
+
+    Args:
+        name: What it is called in errors, as "E-816".
+        dialogue: What goes over the wire.
+    """
+
+    def __init__(self, name: str, dialogue: Dialogue) -> None:
+        self._name, self._dialogue = name, dialogue
+        self._able: Capabilities | None = None
+        self._active = False
+        self._events: set[DeviceFlag] = set()
+        self._ranges: Sequence[tuple[float, float]] = ()
+        self._written: Sequence[float] = ()
+        self._no_flags: Sequence[Flags] = ()
+        self.lost = ""
+        """Why nothing is tried any more; empty where the device is there."""
+
+    def open(self) -> Identity:
+        """Connect and ask who is there; outputs stay as they are.
+
+        Raises:
+            DeviceUnavailableError: If it is absent, held by somebody else, or does not answer.
+            DeviceError: If it is already open, or answers what its protocol does not allow.
+        """
+        if self._able is not None:
+            raise DeviceError(f"{self._name} is already open")
+        try:
+            identity = self._dialogue.open()
+        except LineFault as fault:
+            self._dialogue.close()
+            raise DeviceUnavailableError(f"{self._name}: {fault}") from fault
+        except DeviceError:
+            self._dialogue.close()
+            raise
+        self._able, self._ranges = self._dialogue.capabilities(), self._dialogue.ranges()
+        self._written = [nan] * len(self._able.outputs)
+        self._no_flags = [NO_FLAGS] * (len(self._able.inputs) + len(self._able.outputs))
+        self.lost = ""
+        self._events = set()
+        return identity
+
+    def capabilities(self) -> Capabilities:
+        """Tell what the device can do.
+
+        Raises:
+            DeviceError: If it is not open.
+        """
+        return self._require_open()
+
+    def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's
+        """Take control of the outputs, where they are.
+
+        Raises:
+            DeviceError: If it is not open, or does not give control.
+        """
+        self._require_open()
+        if self._active:
+            return
+        try:
+            self._dialogue.activate()
+        except LineFault as fault:
+            self._failed(fault)
+            raise DeviceUnavailableError(f"{self._name} cannot be activated: {fault}") from fault
+        self._active = True
+
+    def deactivate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's
+        """Give control back. Never raises."""
+        if self._active:
+            self._active = False
+            self._try(self._dialogue.deactivate)
+
+    def close(self) -> None:
+        """Give control back and let go. Never raises."""
+        self.deactivate(0)
+        if self._able is not None:
+            self._able = None
+            self._dialogue.close()
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Take a sample of each input; invalid ones where that fails; may be called in the loop.
+
+        Raises:
+            DeviceError: If it is not active.
+        """
+        if not self._active or self._able is None:
+            raise DeviceError(f"{self._name} is not active")
+        return self._samples(self._try(lambda: self._dialogue.sample(now_ns)), now_ns)
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - the interface's
+        """Set every output; all are taken or none; may be called in the loop."""
+        if not self._takes(drive_v):
+            return False
+        return self._note_set(drive_v, self._try(lambda: self._set(drive_v)))
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Tell what is in force on each output, NaN where that fails; may be called in the loop.
+
+        Raises:
+            DeviceError: If it is not open.
+        """
+        able = self._require_open()
+        if not able.read_back:
+            return self._written
+        told = self._try(lambda: self._dialogue.in_force(now_ns))
+        return [nan] * len(able.outputs) if told is None else told
+
+    def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - the interface's
+        """Tell what is the matter with each channel; may be called in the loop.
+
+        What happened in exchanges since the last call is told once; what lasts, as long as it does.
+
+        Raises:
+            DeviceError: If it is not open.
+        """
+        self._require_open()
+        self._events |= self._dialogue.take_noticed()
+        events = frozenset(self._events)
+        if self.lost:
+            self._events &= LOSING
+        else:
+            self._events.clear()
+        told = self._dialogue.flags() if self._active and not self.lost else self._no_flags
+        return [flags | events for flags in told] if events else told
+
+    def _samples(self, reading: Reading | None, now_ns: int) -> list[Sample]:
+        if reading is None:
+            n_inputs = len(self._require_open().inputs)
+            return [Sample(now_ns, nan, False)] * n_inputs
+        t_ns, values = reading
+        return [Sample(t_ns, value, value - value == 0.0) for value in values]
+
+    def _takes(self, values: Sequence[float]) -> bool:
+        return (
+            self._active
+            and len(values) == len(self._ranges)
+            and all(
+                isfinite(value) and low <= value <= high
+                for value, (low, high) in zip(values, self._ranges, strict=True)
+            )
+        )
+
+    def _set(self, values: Sequence[float]) -> bool:
+        self._dialogue.put(values)
+        return True
+
+    def _note_set(self, values: Sequence[float], answer: object) -> bool:
+        if answer is None:
+            return False
+        self._written = list(values)
+        return True
+
+    def _try(self, exchange: Callable[[], AnswerT]) -> AnswerT | None:
+        """Return what an exchange gives, None where it fails or the device is lost."""
+        if self.lost:
+            return None
+        try:
+            return exchange()
+        except LineFault as fault:
+            self._failed(fault)
+            return None
+
+    def _failed(self, fault: LineFault) -> None:
+        self._events.add(fault.flag)
+        if fault.flag in LOSING:
+            self.lost = str(fault)
+
+    def _require_open(self) -> Capabilities:
+        if self._able is None:
+            raise DeviceError(f"{self._name} is not open")
+        return self._able
+
+
+class ExchangingBusDevice(BusDevice):
+    """Implements `Exchanges` too.
+
+    Args:
+        name: What it is called in errors.
+        dialogue: What goes over the wire.
+    """
+
+    def __init__(self, name: str, dialogue: ExchangingDialogue) -> None:
+        super().__init__(name, dialogue)
+        self._exchanging = dialogue
+
+    def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
+        """Set every output and take a sample of each input; may be called in the loop.
+
+        Raises:
+            DeviceError: If it is not active.
+        """
+        if not self._takes(drive_v):
+            return False, self.read(now_ns)
+        reading = self._try(lambda: self._exchanging.exchange(drive_v, now_ns))
+        return self._note_set(drive_v, reading), self._samples(reading, now_ns)
