@@ -14,11 +14,16 @@ OUTSIDE_WORLD = {
     "piezod/hysteresis": {"numpy", "scipy"},
     "piezod/plant": {"numpy"},
     "piezod/control": {"numpy"},
-    "piezod/devices": {"pydantic"},
+    "piezod/devices": {"pydantic", "serial"},
     "piezod/testing": set(),
 }
-# A rig that is a process of its own goes on in real time: it is no part of the loop.
-HAVE_A_CLOCK = {ROOT / "drivers/piezod_drivers/emulated/host.py"}
+# Lines wait for bytes, with a deadline. A rig that is a process of its own goes on in real time: it
+# is no part of the loop.
+HAVE_A_CLOCK = {
+    ROOT / "piezod/devices/bus/serial_line.py",
+    ROOT / "piezod/devices/bus/tcp_line.py",
+    ROOT / "drivers/piezod_drivers/emulated/host.py",
+}
 MAX_LINES = 400
 
 

@@ -7,8 +7,8 @@ from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.status import DeviceFlag
 
 LengthOf: TypeAlias = Callable[[bytes], int]
-"""Tells how many of the bytes that have come, from the first on, make a frame; 0 as long as more has
-to come; -n where the first n are garbage."""
+"""Tells how many of the bytes that have come, from the first on, make a frame; 0 as long as more
+has to come; -n where the first n are garbage."""
 
 PATIENCE: Final = 10
 """A reply is taken for lost when it has been late for so many time-outs."""

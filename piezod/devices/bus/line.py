@@ -1,6 +1,6 @@
 """A stream of bytes to a device, and what can go wrong on it."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from piezod.devices.status import DeviceFlag
 
@@ -66,4 +66,13 @@ class Line(Protocol):
 
     def now_ns(self) -> int:
         """Tell the instant on the line's own monotonic clock; may be called in the loop."""
+        ...
+
+
+@runtime_checkable
+class Notices(Protocol):
+    """A line that also tells what is the matter with it where no exchange fails."""
+
+    def take_noticed(self) -> set[DeviceFlag]:
+        """Return what was noticed since the last call, and forget it; may be called in the loop."""
         ...

@@ -1,0 +1,195 @@
+"""A serial port as a line."""
+
+from __future__ import annotations
+
+import os
+import select
+import termios
+import time
+from contextlib import suppress
+from fcntl import ioctl
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal, TypeAlias
+
+from piezod.devices.bus.line import LineFault
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceUnavailableError
+
+if TYPE_CHECKING:
+    from serial import Serial
+
+Parity: TypeAlias = Literal["N", "E", "O"]
+
+_MOST_BYTES: Final = 65_536
+_SEND_NS: Final = 50_000_000
+"""How long a request may take to go into the kernel's buffer, of 4096 bytes: only a device that
+holds up the flow lets it fill."""
+_PTY_MAJORS: Final = range(136, 144)
+
+
+class SerialLine:
+    """Implements `Line` and `Notices` over a serial port, which it holds alone.
+
+    Nobody else is let in while it is open: programs that lock ports are refused by the lock, others
+    by the kernel. The kernel passes bytes on at once where it can (low-latency mode). What has not
+    gone out when a reply is overdue never goes: an old setpoint does not leave later.
+
+    Args:
+        port: Path of the port, best one in /dev/serial/by-id.
+        baud: Bits per second; 8 data bits.
+        rtscts: Whether the device holds up the flow by RTS/CTS.
+        xonxoff: Whether it does by characters.
+        parity: None, even or odd.
+        stop_bits: 1 or 2.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        baud: int,
+        *,
+        rtscts: bool = False,
+        xonxoff: bool = False,
+        parity: Parity = "N",
+        stop_bits: Literal[1, 2] = 1,
+    ) -> None:
+        self._port, self._baud, self._rtscts, self._xonxoff = port, baud, rtscts, xonxoff
+        self._parity, self._stop_bits = parity, stop_bits
+        self._serial: Serial | None = None
+        self._fd = -1
+        self._readable = self._writable = select.poll()
+        self._path = ""
+        self._noticed: set[DeviceFlag] = set()
+
+    @property
+    def where(self) -> str:
+        """The port."""
+        return self._port
+
+    def open(self) -> None:
+        """Open the port, with nothing in its buffers; one that is open is closed first.
+
+        Raises:
+            DeviceUnavailableError: If it is absent, held by somebody else, or no serial port.
+        """
+        from serial import Serial  # noqa: PLC0415 - only who opens a port needs the library
+
+        self.close()
+        try:
+            self._serial = Serial(
+                self._port,
+                self._baud,
+                parity=self._parity,
+                stopbits=self._stop_bits,
+                rtscts=self._rtscts,
+                xonxoff=self._xonxoff,
+                exclusive=True,
+                inter_byte_timeout=0,  # sets VMIN to 1, so that nothing read means a lost port
+            )
+            self._fd = self._serial.fileno()
+            self._hold()
+        except (OSError, termios.error, ValueError, OverflowError) as error:
+            self.close()
+            raise DeviceUnavailableError(_refusal(self._port, error)) from error
+        with suppress(ValueError):  # a pty and some adapters have no such mode
+            self._serial.set_low_latency_mode(True)
+        self._readable, self._writable = select.poll(), select.poll()
+        self._readable.register(self._fd, select.POLLIN)
+        self._writable.register(self._fd, select.POLLOUT)
+        path = str(Path(self._port).resolve())
+        if self._path not in {"", path}:
+            self._noticed.add(DeviceFlag.OTHER_PATH)
+        self._path = path
+
+    def close(self) -> None:
+        """Let go of the port; what has not gone out never goes. Never raises."""
+        if self._serial is not None:
+            with suppress(OSError, termios.error):
+                termios.tcflush(self._fd, termios.TCOFLUSH)  # or closing waits until it has gone
+            with suppress(OSError, termios.error):
+                self._serial.close()
+            self._serial, self._fd = None, -1
+            self._readable, self._writable = select.poll(), select.poll()
+
+    def send(self, data: bytes) -> None:
+        """Send all of this; may be called in the loop.
+
+        Raises:
+            LineFault: `PARTIAL_WRITE` if only a part went out in time, `DISCONNECTED` if it is gone
+                or not open.
+        """
+        try:
+            sent = os.write(self._fd, data)
+            if sent < len(data):
+                self._send_rest(data, sent)
+        except BlockingIOError:
+            self._send_rest(data, 0)
+        except (OSError, termios.error) as error:
+            raise self._gone(error) from error
+
+    def receive(self, within_ns: int) -> bytes:
+        """Return what has come, as soon as something has; may be called in the loop.
+
+        Args:
+            within_ns: How long to wait for the first byte; 0: not at all.
+
+        Returns:
+            At least one byte, or nothing where none came in time.
+
+        Raises:
+            LineFault: `DISCONNECTED` if it is gone or not open.
+        """
+        if self._fd < 0:
+            raise self._gone("it is not open")
+        try:
+            if not self._readable.poll(within_ns / 1e6):
+                if within_ns:
+                    termios.tcflush(self._fd, termios.TCOFLUSH)
+                return b""
+            data = os.read(self._fd, _MOST_BYTES)
+        except BlockingIOError:
+            return b""
+        except (OSError, termios.error) as error:
+            raise self._gone(error) from error
+        if not data:
+            raise self._gone("it was unplugged")
+        return data
+
+    def now_ns(self) -> int:
+        """Tell the instant on the machine's monotonic clock; may be called in the loop."""
+        return time.monotonic_ns()
+
+    def take_noticed(self) -> set[DeviceFlag]:
+        """Return `OTHER_PATH` once after the port was opened again at another device path."""
+        noticed, self._noticed = self._noticed, set()
+        return noticed
+
+    def _hold(self) -> None:
+        """Have the kernel refuse others, which a pty would go on doing after our death."""
+        if os.major(os.fstat(self._fd).st_rdev) not in _PTY_MAJORS:
+            ioctl(self._fd, termios.TIOCEXCL)
+
+    def _send_rest(self, data: bytes, sent: int) -> None:
+        end_ns = time.monotonic_ns() + _SEND_NS
+        while (left_ns := end_ns - time.monotonic_ns()) > 0:
+            if self._writable.poll(left_ns / 1e6):
+                with suppress(BlockingIOError):
+                    sent += os.write(self._fd, data[sent:])
+            if sent == len(data):
+                return
+        termios.tcflush(self._fd, termios.TCOFLUSH)
+        what = f"{self._port}: {sent} of {len(data)} bytes went out"
+        raise LineFault(DeviceFlag.PARTIAL_WRITE, what)
+
+    def _gone(self, why: object) -> LineFault:
+        return LineFault(DeviceFlag.DISCONNECTED, f"{self._port} is lost: {why}")
+
+
+def _refusal(port: str, error: Exception) -> str:
+    if isinstance(error, FileNotFoundError) or getattr(error, "errno", None) == 2:
+        return f"no port {port}: plug it in, or name another one of /dev/serial/by-id"
+    if getattr(error, "errno", None) == 13:
+        return f"no access to {port}: the user has to be in the group that it belongs to"
+    if isinstance(error.__cause__ or error.__context__, BlockingIOError) or "lock" in str(error):
+        return f"{port} is held by another program: end it, or name another port"
+    return f"{port} cannot be opened: {error}"
