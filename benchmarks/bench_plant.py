@@ -13,6 +13,7 @@ from time import perf_counter_ns
 
 import numpy as np
 
+from piezod.devices.interface import Wiring
 from piezod.jit import compiled
 from piezod.plant.effects import EFFECTS, without
 from piezod.plant.kernel import Record
@@ -67,7 +68,7 @@ def plant_us(parameters: PlantParameters) -> float:
 
 def rig_us(axes: tuple[str, ...]) -> float:
     """Give the cost of a cycle of the driver: read all axes, write all axes."""
-    rig = SimulatedRig(Options(), axes, 1)
+    rig = SimulatedRig(Options(), Wiring.both(axes), 1)
     rig.open()
     rig.activate(0)
 

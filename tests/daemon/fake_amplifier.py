@@ -9,7 +9,7 @@ from piezod.config.fields import ConfigModel, Context
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import parse_yaml
 from piezod.devices import registry
-from piezod.devices.interface import Capabilities, Device, DriverPlugin, Identity
+from piezod.devices.interface import Capabilities, Device, DriverPlugin, Identity, Wiring
 from piezod.errors import DeviceUnavailableError
 
 AXIS = """
@@ -96,7 +96,7 @@ def stage_of(axes: dict[str, tuple[str, float]]) -> DaemonConfig:
 def plugin_of(create: Callable[[tuple[str, ...]], Device]) -> DriverPlugin[Any]:
     """Return a driver that constructs what a test wants it to."""
 
-    def make(_options: NoOptions, axes: tuple[str, ...], _seed: int) -> Device:
-        return create(axes)
+    def make(_options: NoOptions, wiring: Wiring, _seed: int) -> Device:
+        return create(wiring.outputs)
 
     return DriverPlugin("fake", "a fake", NoOptions, make, confirmed_on_hardware=False)

@@ -14,6 +14,7 @@ from piezod.daemon.loop import SUPERVISOR_LOST_NS, Loop
 from piezod.daemon.pacer import Pacer
 from piezod.daemon.timed_channels import NOT_WRITTEN, TimedChannels
 from piezod.devices.channels import ChannelPair, Channels
+from piezod.devices.interface import Wiring
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.learned import LearnedReader
@@ -57,7 +58,7 @@ def rig(tmp_path: Path) -> Rig:
     """Return a loop over two simulated axes and a controller that takes everything."""
     clock = FakeClock(10**9)
     pairs = {axis: ChannelPair("rig", "rig") for axis in AXES}
-    channels = Channels({"rig": SimulatedRig(Options(), AXES, 1)}, pairs)
+    channels = Channels({"rig": SimulatedRig(Options(), Wiring.both(AXES), 1)}, pairs)
     channels.open()
     channels.activate(clock.now_ns())
     output = tmp_path / "output.map"

@@ -26,7 +26,7 @@ from piezod.daemon.rate import (
 from piezod.daemon.timed_channels import TimedChannels
 from piezod.devices import registry
 from piezod.devices.channels import ChannelPair, Channels
-from piezod.devices.interface import Identity
+from piezod.devices.interface import Identity, Wiring
 from piezod.errors import AlreadyRunningError, DeviceUnavailableError
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.layout import Layout
@@ -48,7 +48,7 @@ class ShyRig(SimulatedRig):
     """A rig that is absent until somebody lets it be there, or that breaks."""
 
     def __init__(self, error: Exception | None = None) -> None:
-        super().__init__(Options(), ("x",), 1)
+        super().__init__(Options(), Wiring.both("x"), 1)
         self.error = error
 
     def open(self) -> Identity:

@@ -5,6 +5,7 @@ import pytest
 from piezod.daemon.last_output import LastOutputWriter, read_last_output
 from piezod.daemon.timed_channels import NOT_WRITTEN, TimedChannels
 from piezod.devices.channels import ChannelPair, Channels
+from piezod.devices.interface import Wiring
 from piezod.errors import DeviceError
 from piezod.testing.fake_clock import READING_NS, FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
@@ -23,7 +24,7 @@ def clock() -> FakeClock:
 def timed(tmp_path: Path, clock: FakeClock) -> TimedChannels:
     """Return two simulated axes with a stopwatch, active."""
     pairs = {axis: ChannelPair("rig", "rig") for axis in AXES}
-    channels = Channels({"rig": SimulatedRig(Options(), AXES, 1)}, pairs)
+    channels = Channels({"rig": SimulatedRig(Options(), Wiring.both(AXES), 1)}, pairs)
     timed = TimedChannels(channels, clock, LastOutputWriter(tmp_path / "output.map", len(AXES)))
     timed.open()
     timed.activate(clock.now_ns())

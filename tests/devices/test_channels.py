@@ -5,8 +5,8 @@ from math import isnan
 
 import pytest
 
-from piezod.devices.channels import ChannelPair, Channels, served_axes
-from piezod.devices.interface import Capabilities, Identity, KnowsTruth, Sample
+from piezod.devices.channels import ChannelPair, Channels, wiring_of
+from piezod.devices.interface import Capabilities, Identity, KnowsTruth, Sample, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError, DeviceUnavailableError
 
@@ -80,18 +80,36 @@ TWO_AXES = {"x": ChannelPair("fibre", "left"), "y": ChannelPair("fibre", "right"
 def two_axes(*, refusing: bool = False) -> tuple[Channels, dict[str, FakeDevice]]:
     """Two axes on one sensor and two amplifiers."""
     devices: dict[str, FakeDevice] = {
-        "fibre": FakeSensor(served_axes("fibre", TWO_AXES)),
-        "left": FakeAmplifier(served_axes("left", TWO_AXES)),
-        "right": FakeAmplifier(served_axes("right", TWO_AXES), refusing=refusing),
+        "fibre": FakeSensor(("x", "y")),
+        "left": FakeAmplifier(("x",)),
+        "right": FakeAmplifier(("y",), refusing=refusing),
     }
     return Channels(devices, TWO_AXES), devices
 
 
-def test_a_device_serves_the_axes_that_name_it_in_either_role() -> None:
-    """The order is that of the axes, not of the devices."""
-    served = [served_axes(name, TWO_AXES) for name in ("fibre", "left", "right", "other")]
+def test_a_device_is_asked_for_the_channels_that_axes_name() -> None:
+    """The order is that of the axes, not of the devices; a channel is called as its axis."""
+    wirings = [wiring_of(name, TWO_AXES) for name in ("fibre", "left", "right", "other")]
 
-    assert served == [("x", "y"), ("x",), ("y",), ()]
+    assert wirings == [
+        Wiring(("x", "y"), ()),
+        Wiring((), ("x",)),
+        Wiring((), ("y",)),
+        Wiring((), ()),
+    ]
+
+
+def test_a_channel_may_be_called_otherwise_than_its_axis() -> None:
+    """Each axis finds its own among those of the device."""
+    axes = {
+        "x": ChannelPair("rig", "rig", "AIN1", "DAC0"),
+        "y": ChannelPair("rig", "rig", "AIN0", "DAC1"),
+    }
+    channels = Channels({"rig": FakeBoth(("first", "second"))}, axes)
+    channels.write([1.0, 2.0], 0)
+
+    assert wiring_of("rig", axes) == Wiring(("AIN1", "AIN0"), ("DAC0", "DAC1"))
+    assert channels.read_back(0) == [1.0, 2.0]
 
 
 def test_samples_come_in_the_order_of_the_axes_from_their_zero_on() -> None:
@@ -116,11 +134,11 @@ def test_the_truth_has_a_zero_of_its_own() -> None:
 def test_the_truth_of_an_axis_is_nan_where_its_sensor_does_not_know_it() -> None:
     """An amplifier that would know another stage says nothing of it."""
     axes = {"x": ChannelPair("fibre", "rig"), "y": ChannelPair("rig", "rig")}
-    devices = {"fibre": FakeSensor(("x",)), "rig": FakeSimulation(("x", "y"))}
+    devices = {"fibre": FakeSensor(("x",)), "rig": FakeSimulation(("y",))}
     x_um, y_um = Channels(devices, axes).true_position_um(100)
 
     assert isnan(x_um)
-    assert y_um == 20.0
+    assert y_um == 10.0
 
 
 def test_voltages_go_to_the_amplifier_of_their_axis() -> None:

@@ -6,7 +6,7 @@ from functools import partial
 import pytest
 
 from piezod.devices import registry
-from piezod.devices.interface import Device
+from piezod.devices.interface import Device, Wiring
 from piezod.testing.check_support import opened
 from piezod.testing.driver_contract import checks_for
 
@@ -17,7 +17,7 @@ DRIVERS = sorted({*registry.names()} - {"emulated"})
 def factory_of(driver: str, axes: tuple[str, ...]) -> Callable[[], Device]:
     """Return what constructs devices of this driver with default options."""
     plugin = registry.load(driver)
-    return partial(plugin.create, plugin.options_model(), axes, 1)
+    return partial(plugin.create, plugin.options_model(), Wiring.both(axes), 1)
 
 
 # The driver is loaded inside the tests: one that cannot be loaded fails here, and only here.
@@ -34,7 +34,9 @@ def test_driver_keeps_the_contract(
 
 
 @pytest.mark.parametrize("driver", DRIVERS)
-def test_driver_serves_the_axes_it_was_given(driver: str) -> None:
-    """Capabilities list the axes asked for, in that order."""
+def test_driver_serves_the_channels_it_was_given(driver: str) -> None:
+    """Capabilities list the channels asked for, in that order."""
     with opened(factory_of(driver, ("y", "x"))) as device:
-        assert device.capabilities().axes == ("y", "x")
+        able = device.capabilities()
+
+    assert (able.inputs, able.outputs) == (("y", "x"), ("y", "x"))

@@ -78,7 +78,7 @@ def test_a_device_without_faults_is_the_device() -> None:
     assert isinstance(device, KnowsTruth)
     assert isinstance(device, TellsStatus)
     assert (list(samples), taken, device.read_back(5)) == ([Sample(2, 2.0, True)] * 2, True, [1, 2])
-    assert device.status(5) == [NO_FLAGS, NO_FLAGS]
+    assert device.status(5) == [NO_FLAGS] * 4
     assert rig.done == ["open", "activate 1", "deactivate 4", "close"]
 
 
@@ -139,7 +139,7 @@ def test_status_and_read_back_lie_when_told_to() -> None:
     """On one axis."""
     flagged = FaultyDevice(Rig(), [Injection(Kind.FLAGGED, 0, flag=DeviceFlag.LOCAL_MODE)])
 
-    assert flagged.status(5) == [{DeviceFlag.LOCAL_MODE}, NO_FLAGS]
+    assert flagged.status(5) == [{DeviceFlag.LOCAL_MODE}, *[NO_FLAGS] * 3]
     assert failing(Kind.READ_BACK_OFFSET, 7.0).read_back(12) == [0.0, 7.0]
 
 

@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from piezod.devices import registry
+from piezod.devices.interface import Wiring
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.host import listening
 from piezod_drivers.emulated.options import Options

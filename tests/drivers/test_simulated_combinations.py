@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from piezod.devices.interface import Wiring
 from piezod.errors import DeviceError
 from piezod.plant.effects import EFFECTS
 from piezod.plant.parameters import (

@@ -8,6 +8,7 @@ import pytest
 from piezod.config.experiment import ExperimentConfig
 from piezod.devices import registry
 from piezod.devices.channels import Channels
+from piezod.devices.interface import Wiring
 from piezod.errors import DeviceError
 from piezod.experiment.stage import POSITION_UM, TRUE_UM, Stage, opened
 from piezod_drivers.simulated.driver import PLUGIN, SimulatedRig
@@ -33,8 +34,8 @@ class Charged(Channels):
 class Blind:
     """A rig that keeps the truth to itself, like a real one."""
 
-    def __init__(self, options: Options, axes: tuple[str, ...], seed: int) -> None:
-        rig = SimulatedRig(options, axes, seed)
+    def __init__(self, options: Options, wiring: Wiring, seed: int) -> None:
+        rig = SimulatedRig(options, wiring, seed)
         self.open, self.capabilities, self.close = rig.open, rig.capabilities, rig.close
         self.activate, self.deactivate = rig.activate, rig.deactivate
         self.read, self.write, self.read_back = rig.read, rig.write, rig.read_back

@@ -96,7 +96,7 @@ class WithoutAxes(PlainRig):
 
     def capabilities(self) -> Capabilities:
         """Tell no axes."""
-        return super().capabilities()._replace(axes=())
+        return super().capabilities()._replace(inputs=(), outputs=())
 
 
 class WithTwinAxes(PlainRig):
@@ -104,7 +104,7 @@ class WithTwinAxes(PlainRig):
 
     def capabilities(self) -> Capabilities:
         """Tell the same axis twice."""
-        return super().capabilities()._replace(axes=("x", "x"))
+        return super().capabilities()._replace(inputs=("x", "x"))
 
 
 class WithoutRate(PlainRig):

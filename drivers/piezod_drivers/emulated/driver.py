@@ -43,9 +43,9 @@ class EmulatedRig:
         self._number = 0
         self._no_drive = (0.0,) * len(axes)
         self._unknown_v = [nan] * len(axes)
-        channels = 2 * len(axes)  # each is read and driven
-        self._well = [NO_FLAGS] * channels
-        self._restarted = [frozenset({DeviceFlag.RESTARTED})] * channels
+        none = [NO_FLAGS] * len(axes)
+        self._well = none + none  # each axis is an input and an output
+        self._restarted = none + [frozenset({DeviceFlag.RESTARTED})] * len(axes)
         self._in_force_v: Sequence[float] = self._unknown_v
         self._in_force_ns: int | None = None
         self._life = ""
