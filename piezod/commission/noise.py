@@ -1,0 +1,48 @@
+"""What the sensor shows while nothing moves."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from piezod.commission.session import Session, Trace
+from piezod.errors import DeviceError
+
+DURATION_S: Final = 2.0
+LEAST_VALID_PCT: Final = 90.0
+
+
+class Noise(NamedTuple):
+    """What was found.
+
+    Attributes:
+        rms_um: Standard deviation of the samples around a straight line, in µm.
+        drift_um_per_s: Slope of that line, in µm/s.
+        valid_pct: Share of valid samples, in %.
+        mean_um: What the sensor reads at the voltage found, in µm.
+    """
+
+    rms_um: float
+    drift_um_per_s: float
+    valid_pct: float
+    mean_um: float
+
+
+def measure_noise(session: Session) -> tuple[Noise, Trace]:
+    """Hold the voltage and look at the sensor.
+
+    Raises:
+        DeviceError: If too few of its samples are valid, or all of them are the same.
+    """
+    trace = session.rest(DURATION_S)
+    valid = np.isfinite(trace.position_um)
+    if trace.valid_pct < LEAST_VALID_PCT:
+        raise DeviceError(
+            f"{trace.valid_pct:.0f} % of the sensor's samples are valid, needed: "
+            f"{LEAST_VALID_PCT:.0f} %: check cable, light, range and calibration of the sensor"
+        )
+    t_s, position_um = trace.t_s[valid], trace.position_um[valid]
+    slope, at_zero = np.polyfit(t_s, position_um, 1)
+    rms_um = float(np.std(position_um - slope * t_s - at_zero))
+    if rms_um == 0.0:
+        raise DeviceError("the sensor shows the same value all the time: is it stuck, or not read?")
+    return Noise(rms_um, float(slope), trace.valid_pct, float(np.mean(position_um))), trace

@@ -1,0 +1,78 @@
+"""Which way the stage goes, and how far per volt, at a few volts."""
+
+from math import hypot, sqrt
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from piezod.commission.session import Session, Trace, joined
+from piezod.errors import DeviceError
+
+STEP_PART: Final = 0.02
+"""Part of the drive's range that a step takes,"""
+LARGEST_STEP_V: Final = 3.0
+"""and the most it is, in V."""
+REPEATS: Final = 3
+REST_S: Final = 0.3
+SIGNIFICANT: Final = 6.0
+"""A movement counts when it is so many times its uncertainty."""
+
+
+class Polarity(NamedTuple):
+    """What was found.
+
+    Attributes:
+        um_per_v: Mean displacement per volt, in µm/V; negative where it falls as the voltage rises.
+        uncertainty_um_per_v: Its standard uncertainty, in µm/V.
+        step_v: Size of the steps, in V.
+    """
+
+    um_per_v: float
+    uncertainty_um_per_v: float
+    step_v: float
+
+
+def step_v(session: Session) -> float:
+    """Return a small step, in V, towards whichever end of the range is farther."""
+    limits = session.limits
+    size_v = min(STEP_PART * (limits.drive_max_v - limits.drive_min_v), LARGEST_STEP_V)
+    room_up_v = limits.drive_max_v - session.drive_v
+    return size_v if room_up_v > session.drive_v - limits.drive_min_v else -size_v
+
+
+def find_polarity(session: Session, rms_um: float) -> tuple[Polarity, Trace]:
+    """Step up and down a few times, and compare the means of rests.
+
+    Args:
+        session: The axis.
+        rms_um: Noise of the sensor, in µm.
+
+    Raises:
+        DeviceError: If the stage does not move, or moves one way and the other.
+    """
+    size_v, low_v = step_v(session), session.drive_v
+    traces: list[Trace] = []
+    changes_um: list[float] = []
+    before_um = _mean_um(session, traces)
+    for i in range(2 * REPEATS):
+        traces.append(session.go(low_v + size_v if i % 2 == 0 else low_v))
+        now_um = _mean_um(session, traces)
+        changes_um.append((now_um - before_um) * (1 if i % 2 == 0 else -1))
+        before_um = now_um
+    moved_um = float(np.mean(changes_um))
+    samples = REST_S * session.rate_hz
+    scatter_um = float(np.std(changes_um)) / sqrt(len(changes_um))
+    uncertainty_um = hypot(scatter_um, rms_um * sqrt(2.0 / samples))
+    if abs(moved_um) < SIGNIFICANT * uncertainty_um:
+        raise DeviceError(
+            f"the stage does not move: {moved_um * 1e3:.1f} ± {uncertainty_um * 1e3:.1f} nm for "
+            f"{size_v:+.2f} V: check that amplifier and sensor belong to this axis, the cable of "
+            "the actuator, and that the stage is free"
+        )
+    return Polarity(moved_um / size_v, uncertainty_um / abs(size_v), size_v), joined(traces)
+
+
+def _mean_um(session: Session, traces: list[Trace]) -> float:
+    trace = session.rest(REST_S)
+    traces.append(trace)
+    return float(np.nanmean(trace.position_um))

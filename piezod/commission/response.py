@@ -1,0 +1,84 @@
+"""How late the displacement follows the drive: from the phase of small sines.
+
+Hysteresis turns the phase too, but at every frequency alike: the delay is the slope of the phase
+over the frequency, not the phase.
+"""
+
+from math import pi
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from piezod.commission.polarity import step_v
+from piezod.commission.session import Session, Trace, joined
+from piezod.hysteresis.memory import FloatArray
+
+FREQUENCIES: Final = 5
+SLOWEST, FASTEST = 1 / 400, 1 / 25
+"""Frequencies of the sines, as parts of the rate."""
+CYCLES, LEAST_S = 8, 0.5
+SLEW_PART: Final = 0.5
+"""Part of the slew rate that a sine may take."""
+
+
+class Response(NamedTuple):
+    """What was found.
+
+    Attributes:
+        delay_s: From the voltage to the sample, in s.
+        uncertainty_s: Its standard uncertainty, in s.
+        frequencies_hz: (n,) frequencies that were tried.
+        lag_deg: (n,) by which the displacement lagged, in degrees.
+    """
+
+    delay_s: float
+    uncertainty_s: float
+    frequencies_hz: FloatArray
+    lag_deg: FloatArray
+
+
+def measure_delay(session: Session) -> tuple[Response, Trace]:
+    """Drive small sines of several frequencies.
+
+    Raises:
+        DeviceError: If the devices say that something is wrong.
+    """
+    size_v, centre_v = 2.0 * step_v(session), session.drive_v
+    fastest_hz = SLEW_PART * session.limits.slew_v_per_s / (2 * pi * abs(size_v))
+    low_hz, high_hz = SLOWEST * session.rate_hz, min(FASTEST * session.rate_hz, fastest_hz)
+    frequencies_hz = np.geomspace(min(low_hz, high_hz / 10), high_hz, FREQUENCIES)
+    traces, lags = [], []
+    for frequency_hz in frequencies_hz:
+        trace = _sine(session, centre_v, size_v, float(frequency_hz))
+        traces.append(trace)
+        lags.append(_lag_rad(trace, float(frequency_hz)))
+        traces.append(session.go(centre_v))
+    lag_rad = np.unwrap(lags)
+    (delay_s, at_zero), covariance = np.polyfit(2 * pi * frequencies_hz, lag_rad, 1, cov=True)
+    del at_zero  # what hysteresis and creep make of the phase
+    found = Response(
+        float(delay_s), float(np.sqrt(covariance[0, 0])), frequencies_hz, np.degrees(lag_rad)
+    )
+    return found, joined(traces)
+
+
+def _sine(session: Session, centre_v: float, size_v: float, frequency_hz: float) -> Trace:
+    def wave_v(t_s: float) -> float:
+        return centre_v + size_v * (1.0 - float(np.cos(2 * pi * frequency_hz * t_s))) / 2.0
+
+    return session.drive(wave_v, max(CYCLES / frequency_hz, LEAST_S))
+
+
+def _lag_rad(trace: Trace, frequency_hz: float) -> float:
+    """Return by how much the displacement lags the drive, the first cycle left out."""
+    settled = trace.after(1.0 / frequency_hz)
+    valid = np.isfinite(settled.position_um)
+    t_s = settled.t_s[valid]
+    angle = 2 * pi * frequency_hz * t_s
+    basis = np.stack([np.cos(angle), np.sin(angle), np.ones_like(t_s), t_s], axis=1)
+    both = np.stack([settled.drive_v[valid], settled.position_um[valid]], axis=1)
+    (cosine, sine, *_), *_ = np.linalg.lstsq(basis, both, rcond=None)
+    drive, position = cosine - 1j * sine
+    ratio = position / drive
+    # A stage that goes the other way is turned by half a cycle: that is its polarity, no lag.
+    return float(-np.angle(ratio if ratio.real > 0 else -ratio))

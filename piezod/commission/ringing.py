@@ -1,0 +1,152 @@
+"""The first resonance, from how the stage rings after small steps.
+
+A mode above half the rate shows at another frequency, folded. Two rates fold it differently, and
+only one frequency explains both.
+"""
+
+from itertools import product
+from math import pi
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+from piezod.commission.polarity import step_v
+from piezod.commission.session import Session, Trace, joined
+from piezod.hysteresis.memory import FloatArray
+
+STEPS: Final = 24
+RECORD_S: Final = 0.1
+OTHER_RATE: Final = 0.83
+"""The second rate, as a part of the first."""
+FOLDS: Final = 3
+"""A mode is looked for up to so many times the rate."""
+SIGNIFICANT: Final = 12.0
+"""A line is a mode when each of its parameters explains so many times what noise would."""
+LOWEST_CYCLES: Final = 4
+"""A line of fewer cycles than this in the record is creep."""
+TRANSIENT_S: Final = 1.5e-3
+"""What comes first is the drive's own step, through the sensor's filter."""
+FREQUENCIES, DECAYS = 150, 8
+"""How many of each are tried."""
+
+
+class Ringing(NamedTuple):
+    """What was found; all NaN where nothing rings.
+
+    Attributes:
+        frequency_hz: Of the first mode, in Hz.
+        damping: Its damping ratio.
+        searched_hz: Up to where it was looked for, in Hz.
+    """
+
+    frequency_hz: float
+    damping: float
+    searched_hz: float
+
+    @property
+    def found(self) -> bool:
+        """Whether anything rings."""
+        return self.frequency_hz > 0
+
+
+class _Line(NamedTuple):
+    apparent_hz: float
+    rate_hz: float
+    resolution_hz: float
+    decay_per_s: float
+
+
+def find_ringing(session: Session) -> tuple[Ringing, Trace]:
+    """Step up and down, at two rates, and listen.
+
+    Raises:
+        DeviceError: If the devices say that something is wrong.
+    """
+    searched_hz = FOLDS * session.rate_hz
+    traces: list[Trace] = []
+    lines = [
+        _line(*_mean_response(session, rate_hz, traces))
+        for rate_hz in (session.rate_hz, OTHER_RATE * session.rate_hz)
+    ]
+    first, second = lines
+    if first is None or second is None:
+        return Ringing(np.nan, np.nan, searched_hz), joined(traces)
+    frequency_hz = _unfolded(first, second)
+    damping = first.decay_per_s / (2 * pi * frequency_hz)
+    return Ringing(frequency_hz, min(damping, 1.0), searched_hz), joined(traces)
+
+
+def _mean_response(
+    session: Session, rate_hz: float, traces: list[Trace]
+) -> tuple[FloatArray, float]:
+    """Return the mean of the responses to steps up, and to steps down turned over, in µm."""
+    size_v, low_v = 2 * step_v(session), session.drive_v
+    n = round(RECORD_S * rate_hz)
+    total, count = np.zeros(n), 0
+    for i in range(STEPS):
+        target_v = low_v + size_v if i % 2 == 0 else low_v
+        trace = session.drive(lambda _t_s, v=target_v: v, RECORD_S * 1.05, rate_hz)  # type: ignore[misc] # a default that binds the loop's value
+        traces.append(trace)
+        response = trace.position_um[1 : n + 1]
+        if response.size == n and np.all(np.isfinite(response)):
+            total += response if i % 2 == 0 else -response
+            count += 1
+    return total / max(count, 1), rate_hz
+
+
+def _line(response: FloatArray, rate_hz: float) -> _Line | None:
+    """Return the decaying line that explains most of a response, None where none stands out."""
+    t_s = np.arange(response.size) / rate_hz
+    late = t_s > TRANSIENT_S
+    t_s, response = t_s[late] - t_s[late][0], response[late]
+    without = _left_over(_creeping(t_s), response)
+    apparent_hz, decay_per_s = min(
+        product(
+            np.linspace(LOWEST_CYCLES / t_s[-1], rate_hz / 2, FREQUENCIES),
+            np.geomspace(1.0 / t_s[-1], 0.3 * rate_hz, DECAYS),
+        ),
+        key=lambda line: _left_over(_ringing(t_s, *line), response),
+    )
+    rest = _left_over(_ringing(t_s, apparent_hz, decay_per_s), response)
+    freedom = t_s.size - 7
+    if freedom < 1 or (without - rest) / 4 < SIGNIFICANT * rest / freedom:
+        return None
+    found = minimize(
+        lambda line: _left_over(_ringing(t_s, *line), response),
+        (apparent_hz, decay_per_s),
+        method="Nelder-Mead",
+    )
+    return _Line(float(found.x[0]), rate_hz, 1.0 / t_s[-1], float(abs(found.x[1])))
+
+
+def _creeping(t_s: FloatArray) -> FloatArray:
+    log = np.log(t_s + 5 * t_s[1])
+    return np.stack([np.ones_like(t_s), log, log**2], axis=1)
+
+
+def _ringing(t_s: FloatArray, hz: float, decay_per_s: float) -> FloatArray:
+    angle, envelope = 2 * pi * hz * t_s, np.exp(-abs(decay_per_s) * t_s)
+    wave = np.stack([envelope * np.cos(angle), envelope * np.sin(angle)], axis=1)
+    return np.concatenate([_creeping(t_s), wave], axis=1)
+
+
+def _left_over(basis: FloatArray, response: FloatArray) -> float:
+    """Return the sum of squares that a basis does not explain."""
+    orthogonal, _ = np.linalg.qr(basis)
+    return float(np.sum(response**2) - np.sum((orthogonal.T @ response) ** 2))
+
+
+def _unfolded(first: _Line, second: _Line) -> float:
+    """Return the frequency that both rates show, in Hz; the lowest where several do."""
+    tolerance_hz = 0.5 * (first.resolution_hz + second.resolution_hz)
+    pairs = sorted((abs(a - b), a) for a in _candidates(first) for b in _candidates(second))
+    close = [hz for off_hz, hz in pairs if off_hz < tolerance_hz]
+    return min(close) if close else pairs[0][1]
+
+
+def _candidates(line: _Line) -> list[float]:
+    folded = [line.apparent_hz]
+    for k in range(1, FOLDS + 1):
+        folded += [k * line.rate_hz - line.apparent_hz, k * line.rate_hz + line.apparent_hz]
+    return [hz for hz in folded if 0 < hz <= FOLDS * line.rate_hz]

@@ -1,0 +1,210 @@
+"""One axis, driven by hand: slowly, within its limits, and back to where it was found."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, isfinite, nan
+from typing import Final
+
+import numpy as np
+
+from piezod.control.guard import Guard
+from piezod.control.limits import Limits
+from piezod.daemon.clock import Clock
+from piezod.daemon.pacer import Pacer
+from piezod.devices.channels import Channels
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceError
+from piezod.hysteresis.memory import FloatArray
+from piezod.units import NS_PER_S
+
+MOST_REFUSALS: Final = 5
+"""So many writes refused in a row end a step."""
+OFF_V, OFF_CYCLES = 5.0, 50
+"""A voltage read back that is so far from the one written, for so long, ends a step."""
+ENDING: Final = frozenset(
+    {
+        DeviceFlag.OVERLOAD,
+        DeviceFlag.OVER_TEMPERATURE,
+        DeviceFlag.SHORT_OR_OPEN,
+        DeviceFlag.LOCAL_MODE,
+        DeviceFlag.RESTARTED,
+        DeviceFlag.WATCHDOG_TRIPPED,
+    }
+)
+"""What a device says that ends a step."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What was recorded; arrays of one length.
+
+    Attributes:
+        t_s: Instants, in s from the first on.
+        drive_v: Voltage in force at the instant, as it was written, in V.
+        read_back_v: Voltage read back, in V; NaN where there is none.
+        position_um: Displacement as the sensor tells it, in µm; NaN where it is not valid.
+    """
+
+    t_s: FloatArray
+    drive_v: FloatArray
+    read_back_v: FloatArray
+    position_um: FloatArray
+
+    @property
+    def valid_pct(self) -> float:
+        """Share of valid samples, in %."""
+        return 100.0 * float(np.mean(np.isfinite(self.position_um)))
+
+    def after(self, t_s: float) -> "Trace":
+        """Return what was recorded from an instant on."""
+        late = self.t_s >= t_s
+        return Trace(
+            self.t_s[late], self.drive_v[late], self.read_back_v[late], self.position_um[late]
+        )
+
+
+def joined(traces: "list[Trace]") -> Trace:
+    """Return traces one after the other, on one time axis."""
+    t_s, begin_s = [], 0.0
+    for trace in traces:
+        t_s.append(begin_s + trace.t_s)
+        begin_s += float(trace.t_s[-1] + (trace.t_s[1] - trace.t_s[0]))
+    return Trace(
+        np.concatenate(t_s),
+        np.concatenate([trace.drive_v for trace in traces]),
+        np.concatenate([trace.read_back_v for trace in traces]),
+        np.concatenate([trace.position_um for trace in traces]),
+    )
+
+
+class Session:
+    """Drives one axis; its devices are open and active.
+
+    Args:
+        channels: The devices, of this one axis.
+        limits: What the drive may do, whatever a step asks for.
+        rate_hz: Cycles per second.
+        ramp_v_per_s: How fast `go` goes.
+        clock: Paces the cycles.
+        output_v: Voltage in force, in V, where the amplifier does not read back; else NaN.
+
+    Raises:
+        DeviceError: If it is not known which voltage is in force.
+    """
+
+    def __init__(
+        self,
+        channels: Channels,
+        limits: Limits,
+        rate_hz: float,
+        ramp_v_per_s: float,
+        clock: Clock,
+        output_v: float = nan,
+    ) -> None:
+        self._channels, self._clock = channels, clock
+        self.limits, self.rate_hz, self._ramp_v_per_s = limits, rate_hz, ramp_v_per_s
+        self._reads_back = channels.capabilities().read_back
+        told_v = channels.read_back(clock.now_ns())[0] if self._reads_back else output_v
+        if not isfinite(told_v):
+            raise DeviceError(
+                "it is not known which voltage is in force: the amplifier "
+                + ("tells none" if self._reads_back else "does not read back; say it: --output-v")
+            )
+        self.found_v = told_v
+        """Voltage in force when the session began, in V."""
+        self.drive_v = told_v
+        """Voltage in force, in V."""
+
+    def rest(self, duration_s: float) -> Trace:
+        """Hold the voltage, and record.
+
+        Raises:
+            DeviceError: If the devices say that something is wrong.
+        """
+        held_v = self.drive_v
+        return self.drive(lambda _t_s: held_v, duration_s)
+
+    def go(self, drive_v: float) -> Trace:
+        """Ramp to a voltage, in V, and record.
+
+        Raises:
+            DeviceError: If the devices say that something is wrong.
+        """
+        from_v = self.drive_v
+        duration_s = abs(drive_v - from_v) / self._ramp_v_per_s
+        slope = np.copysign(self._ramp_v_per_s, drive_v - from_v)
+        reach = min if drive_v > from_v else max
+        return self.drive(lambda t_s: reach(from_v + slope * t_s, drive_v), duration_s + 0.05)
+
+    def back(self) -> Trace:
+        """Ramp to where the axis was found, as far as its limits go.
+
+        Raises:
+            DeviceError: If the devices say that something is wrong.
+        """
+        return self.go(min(max(self.found_v, self.limits.drive_min_v), self.limits.drive_max_v))
+
+    def drive(
+        self, wave_v: Callable[[float], float], duration_s: float, rate_hz: float | None = None
+    ) -> Trace:
+        """Drive a voltage over time, and record.
+
+        Args:
+            wave_v: Voltage in V at a time in s from now.
+            duration_s: For how long.
+            rate_hz: Cycles per second, where not those of the session.
+
+        Raises:
+            DeviceError: If the devices say that something is wrong.
+        """
+        rate_hz = rate_hz or self.rate_hz
+        period_ns = round(NS_PER_S / rate_hz)
+        guard = Guard([self.limits], period_ns / NS_PER_S)
+        pacer, watch = Pacer(self._clock, period_ns, 0), _Watch()
+        rows: list[tuple[float, float, float, float]] = []
+        begin_ns = self._clock.now_ns() + period_ns
+        before_ns = begin_ns - period_ns
+        while not rows or rows[-1][0] < duration_s:
+            pacer.wait()
+            now_ns = self._clock.now_ns()
+            position_um = self._read(now_ns)
+            told_v = self._channels.read_back(now_ns)[0] if self._reads_back else nan
+            watch.told(told_v - self.drive_v, self._channels.status(now_ns)[0])
+            t_s = (now_ns - begin_ns) / NS_PER_S
+            rows.append((t_s, self.drive_v, told_v, position_um))
+            elapsed_s = (now_ns - before_ns) / NS_PER_S
+            asked_v = [wave_v(max(t_s, 0.0))]
+            admitted = guard.admit(now_ns, now_ns, asked_v, [self.drive_v], elapsed_s)
+            taken = admitted.writable and self._channels.write(admitted.drive_v, now_ns)
+            watch.wrote(taken=taken, drive_v=admitted.drive_v[0])
+            if taken:
+                self.drive_v, before_ns = admitted.drive_v[0], now_ns
+        return Trace(*np.array(rows).T)
+
+    def _read(self, now_ns: int) -> float:
+        sample = self._channels.read(now_ns)[0]
+        return sample.position_um if sample.valid else nan
+
+
+class _Watch:
+    """Ends a step where the devices do not do what they are told."""
+
+    def __init__(self) -> None:
+        self._refusals = self._off = 0
+
+    def told(self, off_v: float, flags: frozenset[DeviceFlag]) -> None:
+        """Judge what is read back, and what the devices say."""
+        if wrong := flags & ENDING:
+            raise DeviceError(f"the device says: {', '.join(sorted(wrong))}")
+        self._off = self._off + 1 if OFF_V < abs(off_v) < inf else 0
+        if self._off >= OFF_CYCLES:
+            raise DeviceError(
+                f"the voltage read back is {off_v:.1f} V off the one written: check the "
+                "calibration of the channel, the load, and that nobody else drives the amplifier"
+            )
+
+    def wrote(self, *, taken: bool, drive_v: float) -> None:
+        """Judge a write."""
+        self._refusals = 0 if taken else self._refusals + 1
+        if self._refusals >= MOST_REFUSALS:
+            raise DeviceError(f"the amplifier refuses {drive_v:.2f} V, {self._refusals} times")
