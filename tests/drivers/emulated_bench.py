@@ -7,12 +7,12 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from piezod.devices import registry
+from piezod.devices.emulation.trace import Trace
 from piezod.devices.interface import Wiring
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.host import listening
 from piezod_drivers.emulated.options import Options
 from piezod_drivers.emulated.server import RigServer
-from piezod_drivers.emulated.trace import Trace
 
 T0_NS = 1_000_000_000
 MS = 1_000_000

@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from pathlib import Path
 
+from piezod.devices.emulation.trace import Trace
 from piezod.devices.interface import Amplifier, Device, Sensor
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.emulated.options import DEFAULT_SOCKET, socket_path
 from piezod_drivers.emulated.server import RigServer
-from piezod_drivers.emulated.trace import Trace
 
 
 def host(

@@ -8,8 +8,8 @@ from math import nan
 from struct import Struct
 from typing import Final, Protocol
 
+from piezod.devices.emulation.trace import Trace
 from piezod.devices.interface import Amplifier, Identity, Sensor
-from piezod_drivers.emulated.trace import Trace
 from piezod_drivers.emulated.wire import (
     MAX_PACKET,
     Greeting,

@@ -1,9 +1,11 @@
-"""The physics behind an emulated device's connectors: stages, amplifiers, sensors, in real time."""
+"""The physics behind emulated devices' connectors: stages, amplifiers, sensors, in real time."""
 
 from collections.abc import Callable, Sequence
 from math import nan
+from threading import RLock
 from typing import Final, Protocol
 
+from piezod.devices.emulation.trace import Trace
 from piezod.devices.interface import Amplifier, Sensor
 
 UM_PER_V: Final = 5.0
@@ -15,33 +17,37 @@ class Rig(Sensor, Amplifier, Protocol):
 
 
 class Bench:
-    """What an emulator can do with its connectors.
+    """What emulators can do with their connectors; they may be in several threads.
 
     Args:
         rig: The rig, open and active; its inputs are a displacement and a sensor voltage for each
             output: x, x_v, y, y_v, …
         now_ns: The clock.
-        wrote: Told every voltage that is taken: instant, axis, voltage in V.
+        trace: Told every voltage that is taken; None for nobody.
     """
 
-    def __init__(
-        self,
-        rig: Rig,
-        now_ns: Callable[[], int],
-        wrote: Callable[[int, int, float], None] = lambda _t_ns, _axis, _drive_v: None,
-    ) -> None:
-        self._rig, self.now_ns, self._wrote = rig, now_ns, wrote
-        self.n_axes = len(rig.capabilities().outputs)
-        self._drive_v: list[float] = [0.0] * self.n_axes
+    def __init__(self, rig: Rig, now_ns: Callable[[], int], trace: Trace | None = None) -> None:
+        self._rig, self.now_ns, self._trace = rig, now_ns, trace
+        able = rig.capabilities()
+        self.axes, self.max_rate_hz = able.outputs, able.max_rate_hz
+        self.n_axes = len(self.axes)
+        self._drive_v: Sequence[float] = (0.0,) * self.n_axes
+        self._lock = RLock()
 
     def position_um(self, axis: int) -> float:
         """Give the measured displacement of an axis, in µm; NaN where its sensor is saturated."""
-        sample = self._rig.read(self.now_ns())[2 * axis]
-        return sample.position_um if sample.valid else nan
+        return self.positions_um()[axis]
+
+    def positions_um(self) -> list[float]:
+        """Give the measured displacement of each axis at one instant, in µm, as `position_um`."""
+        with self._lock:
+            samples = self._rig.read(self.now_ns())
+        return [sample.position_um if sample.valid else nan for sample in samples[::2]]
 
     def sensor_v(self, axis: int) -> float:
         """Give what the fibre sensor of an axis gives, in V, not linearised."""
-        return self._rig.read(self.now_ns())[2 * axis + 1].position_um
+        with self._lock:
+            return self._rig.read(self.now_ns())[2 * axis + 1].position_um
 
     def conditioned_v(self, axis: int) -> float:
         """Give the linear output of a sensor's conditioner, in V: `UM_PER_V` µm each."""
@@ -49,16 +55,36 @@ class Bench:
 
     def drive(self, axis: int, drive_v: float) -> bool:
         """Command the amplifier of an axis to a voltage at the actuator, in V; tell if it can."""
-        wanted_v: Sequence[float] = [
-            drive_v if i == axis else before_v for i, before_v in enumerate(self._drive_v)
-        ]
-        t_ns = self.now_ns()
-        if not self._rig.write(wanted_v, t_ns):
-            return False
-        self._drive_v[axis] = drive_v
-        self._wrote(t_ns, axis, drive_v)
-        return True
+        with self._lock:
+            wanted_v = [drive_v if i == axis else v for i, v in enumerate(self._drive_v)]
+            return self.drive_all(wanted_v)
+
+    def drive_all(self, drive_v: Sequence[float], asked_ns: int = 0, pid: int = 0) -> bool:
+        """Command every amplifier, in V; tell if all can.
+
+        Args:
+            drive_v: A voltage for each axis.
+            asked_ns: The instant of the caller, 0 where it is not known.
+            pid: The caller's process, 0 where it is not known.
+        """
+        with self._lock:
+            t_ns = self.now_ns()
+            if not self._rig.write(drive_v, t_ns):
+                return False
+            self._drive_v = tuple(drive_v)
+            if self._trace is not None:
+                self._trace.add(t_ns, asked_ns, pid, drive_v)
+            return True
 
     def drive_v(self, axis: int) -> float:
         """Measure the voltage at the actuator of an axis, in V."""
-        return self._rig.read_back(self.now_ns())[axis]
+        return self.drives_v()[axis]
+
+    def drives_v(self) -> Sequence[float]:
+        """Measure the voltage at the actuator of each axis at one instant, in V."""
+        with self._lock:
+            return self._rig.read_back(self.now_ns())
+
+    def tick(self) -> None:
+        """Let the physics go on to now, so that it need not catch up when somebody asks."""
+        self.drives_v()

@@ -1,4 +1,4 @@
-"""A file that tells of every voltage that was written to a rig, when and by whom."""
+"""A file that tells of every voltage that was written to a bench, when and by whom."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,0 +1,187 @@
+"""What goes wrong on the wire of an emulated device, on purpose.
+
+A fault is written `KIND[:WHICH][:VALUE]`.
+
+WHICH replies it befalls, which are counted from 1: `7`, `7-9`, `7-` (that one and all after it),
+`every 7` (the 7th, the 14th, …); left out: every one. `now` is at once, whether there is a reply or
+not, for the three kinds that befall the device rather than a reply.
+
+VALUE is a number, or a range like `0.01-0.2` from which one is drawn each time.
+"""
+
+import random
+import re
+from collections.abc import Iterable
+from enum import StrEnum
+from threading import Lock
+from typing import Final, NamedTuple
+
+
+class FaultKind(StrEnum):
+    """What goes wrong."""
+
+    LATE = "late"
+    """The reply comes VALUE seconds late, and those after it not before it."""
+    LOST = "lost"
+    """The reply never comes."""
+    GARBLED = "garbled"
+    """Bit VALUE of the reply is flipped, counted from 0; left out: any."""
+    PARTIAL = "partial"
+    """Only the first VALUE bytes of the reply come; left out: half of it."""
+    DUPLICATED = "duplicated"
+    """The reply comes twice."""
+    NOISE = "noise"
+    """VALUE random bytes come before the reply; left out: 8."""
+    DISCONNECT = "disconnect"
+    """The connection goes, and comes back VALUE seconds later; left out: 0.5."""
+    IMPOSTOR = "wrong-identity"
+    """Likewise, and what comes back is a device with another serial number."""
+    RESTART = "restart"
+    """The device is off for VALUE seconds, then as after power-up, at 0 V; left out: 0.5."""
+
+
+BEFALL_DEVICE: Final = frozenset(
+    {FaultKind.DISCONNECT, FaultKind.IMPOSTOR, FaultKind.RESTART},
+)
+"""What can happen at once, and not only in place of a reply."""
+
+_USUAL: Final = {
+    FaultKind.NOISE: 8.0,
+    FaultKind.DISCONNECT: 0.5,
+    FaultKind.IMPOSTOR: 0.5,
+    FaultKind.RESTART: 0.5,
+}
+_MOST_VALUE: Final = 3600.0
+_WHICH: Final = re.compile(
+    r"(?P<now>now)|every +(?P<every>\d{1,9})|(?P<a>\d{1,9})(?P<to>-(?P<b>\d{1,9})?)?"
+)
+_VALUE: Final = re.compile(r"(\d{1,6}(?:\.\d{1,9})?)(?:-(\d{1,6}(?:\.\d{1,9})?))?")
+
+
+class Fault(NamedTuple):
+    """One thing that goes wrong.
+
+    Attributes:
+        kind: What.
+        first: The first reply that it befalls, counted from 1; 0 for at once.
+        last: The last one, None for no end.
+        every: It befalls only those whose number can be divided by this.
+        value: Range of its value; None for the usual.
+    """
+
+    kind: FaultKind
+    first: int = 1
+    last: int | None = None
+    every: int = 1
+    value: tuple[float, float] | None = None
+
+    def befalls(self, number: int) -> bool:
+        """Tell whether it befalls a reply."""
+        in_range = 0 < self.first <= number and (self.last is None or number <= self.last)
+        return in_range and number % self.every == 0
+
+
+class Hit(NamedTuple):
+    """A fault that happens now.
+
+    Attributes:
+        kind: What.
+        value: Its value; None where it is any.
+    """
+
+    kind: FaultKind
+    value: float | None
+
+
+def parse(text: str) -> Fault:
+    """Return the fault that a text stands for; the syntax is at the top of this file.
+
+    Raises:
+        ValueError: If it stands for none; the text says why.
+    """
+    kind_text, *parts = text.split(":")
+    if kind_text not in list(FaultKind):
+        raise ValueError(f"no fault {kind_text!r} (got {text!r}), known: {', '.join(FaultKind)}")
+    kind = FaultKind(kind_text)
+    if len(parts) > 2:
+        raise ValueError(f"too many parts in {text!r}, expected KIND[:WHICH][:VALUE]")
+    fault = _with_which(Fault(kind), parts[0], text) if parts else Fault(kind)
+    if len(parts) == 2:
+        fault = fault._replace(value=_value(parts[1], text))
+    if kind == FaultKind.LATE and fault.value is None:
+        raise ValueError(f"how late, in s? as in late:1-10:0.05 (got {text!r})")
+    return fault
+
+
+def _with_which(fault: Fault, which: str, text: str) -> Fault:
+    found = _WHICH.fullmatch(which)
+    if found is None:
+        what = "7, 7-9, 7-, every 7, or now"
+        raise ValueError(f"no reply is called {which!r} in {text!r}, expected {what}")
+    if found["now"]:
+        if fault.kind not in BEFALL_DEVICE:
+            raise ValueError(f"{fault.kind} befalls a reply, not a device at once (got {text!r})")
+        return fault._replace(first=0, last=0)
+    if found["every"]:
+        every = int(found["every"])
+        if not every:
+            raise ValueError(f"every 0th reply is none (got {text!r})")
+        return fault._replace(every=every)
+    first = int(found["a"])
+    last = int(found["b"]) if found["b"] else None if found["to"] else first
+    if first < 1 or (last is not None and last < first):
+        raise ValueError(f"replies are counted from 1, and upwards (got {text!r})")
+    return fault._replace(first=first, last=last)
+
+
+def _value(value: str, text: str) -> tuple[float, float]:
+    found = _VALUE.fullmatch(value)
+    low, high = (float(found[1]), float(found[2] or found[1])) if found else (1.0, 0.0)
+    if not low <= high <= _MOST_VALUE:
+        what = f"a number or a range, 0 to {_MOST_VALUE:g}, as in 0.05 or 0.01-0.2"
+        raise ValueError(f"no value {value!r} in {text!r}, expected {what}")
+    return low, high
+
+
+class Faults:
+    """What goes wrong on one wire; may be changed by another thread.
+
+    Args:
+        faults: What goes wrong.
+    """
+
+    def __init__(self, faults: Iterable[Fault] = ()) -> None:
+        self._random = random.Random(1)  # noqa: S311 - faults that can be repeated
+        self._lock = Lock()
+        self.set(faults)
+
+    def set(self, faults: Iterable[Fault]) -> None:
+        """Have this go wrong from now on, and nothing else; the next reply is number 1."""
+        with self._lock:
+            self._faults, self._number = list(faults), 0
+            self._at_once = [fault for fault in self._faults if not fault.first]
+
+    def next_reply(self) -> list[Hit]:
+        """Count a reply, or a frame, and tell what befalls it."""
+        with self._lock:
+            self._number += 1
+            return [self._hit(fault) for fault in self._faults if fault.befalls(self._number)]
+
+    def at_once(self) -> list[Hit]:
+        """Tell once what happens now."""
+        with self._lock:
+            hits, self._at_once = [self._hit(fault) for fault in self._at_once], []
+            return hits
+
+    def random_bytes(self, n: int) -> bytes:
+        """Draw bytes."""
+        return self._random.randbytes(n)
+
+    def random_below(self, n: int) -> int:
+        """Draw a number from 0 to n - 1."""
+        return self._random.randrange(n)
+
+    def _hit(self, fault: Fault) -> Hit:
+        if fault.value is None:
+            return Hit(fault.kind, _USUAL.get(fault.kind))
+        return Hit(fault.kind, self._random.uniform(*fault.value))
