@@ -1,12 +1,16 @@
 """The channels of all axes as one sensor and one amplifier, a transaction per device and cycle."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from math import nan
 from typing import NamedTuple
 
 from piezod.config.axes import AxisConfig
+from piezod.config.channels import Calibration, InputConfig, LightConfig, Line
 from piezod.config.devices import DeviceConfig
 from piezod.devices import registry
+from piezod.devices.calibration import Curve, curve_of
+from piezod.devices.inputs import CalibratedInput
 from piezod.devices.interface import (
     Amplifier,
     Capabilities,
@@ -17,7 +21,7 @@ from piezod.devices.interface import (
     Sensor,
     Wiring,
 )
-from piezod.devices.status import NO_FLAGS, Flags, TellsStatus
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags, TellsStatus
 from piezod.errors import DeviceError
 
 
@@ -29,12 +33,31 @@ class ChannelPair(NamedTuple):
         amplifier: Name of the device that drives it.
         input: Name of the sensor's channel, None for the name of the axis.
         output: Name of the amplifier's channel, None for the name of the axis.
+        to_um: Calibration of the input.
+        to_v: Calibration of the output.
+        light: Where the light of the input is told, None where it is not.
+        command: The input that commands the axis, None where none does.
     """
 
     sensor: str
     amplifier: str
     input: str | None = None
     output: str | None = None
+    to_um: Calibration = Line()
+    to_v: Calibration = Line()
+    light: LightConfig | None = None
+    command: InputConfig | None = None
+
+    def inputs_of(self, device: str, axis: str) -> Iterator[str]:
+        """Give the inputs of a device that the axis of this name uses."""
+        if self.sensor == device:
+            yield self.input or axis
+            if self.light is not None:
+                yield self.light.channel
+        if self.command is not None and self.command.device == device:
+            yield self.command.channel or axis
+            if self.command.light is not None:
+                yield self.command.light.channel
 
 
 def pairs_of(axes: Mapping[str, AxisConfig]) -> dict[str, ChannelPair]:
@@ -45,6 +68,10 @@ def pairs_of(axes: Mapping[str, AxisConfig]) -> dict[str, ChannelPair]:
             axis.amplifier.device,
             axis.sensor.channel,
             axis.amplifier.channel,
+            axis.sensor.calibration,
+            axis.amplifier.calibration,
+            axis.sensor.light,
+            axis.command_input,
         )
         for name, axis in axes.items()
     }
@@ -52,7 +79,7 @@ def pairs_of(axes: Mapping[str, AxisConfig]) -> dict[str, ChannelPair]:
 
 def wiring_of(device: str, axes: Mapping[str, ChannelPair]) -> Wiring:
     """Return the channels of a device that axes use, in the order of the axes."""
-    inputs = (pair.input or axis for axis, pair in axes.items() if pair.sensor == device)
+    inputs = chain.from_iterable(pair.inputs_of(device, axis) for axis, pair in axes.items())
     outputs = (pair.output or axis for axis, pair in axes.items() if pair.amplifier == device)
     return Wiring(tuple(dict.fromkeys(inputs)), tuple(dict.fromkeys(outputs)))
 
@@ -71,6 +98,36 @@ def construct(
     }
 
 
+class _Measuring(NamedTuple):
+    """A device that is read.
+
+    Attributes:
+        sensor: The device.
+        measured: Input and axis of each displacement that it gives in µm.
+        calibrated: Likewise of each that has to be made µm.
+        commanding: Likewise of each that commands.
+    """
+
+    sensor: Sensor
+    measured: list[tuple[int, int]]
+    calibrated: list[tuple[CalibratedInput, int]]
+    commanding: list[tuple[CalibratedInput, int]]
+
+
+class _Driving(NamedTuple):
+    """A device that is driven.
+
+    Attributes:
+        amplifier: The device.
+        axes: The axis of each of its outputs.
+        curves: The calibration of each; empty where none of them needs any.
+    """
+
+    amplifier: Amplifier
+    axes: list[int]
+    curves: list[Curve | None]
+
+
 class Channels:
     """Implements `Sensor`, `Amplifier`, `KnowsTruth` and `TellsStatus` for all axes.
 
@@ -85,52 +142,62 @@ class Channels:
     def __init__(self, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair]) -> None:
         self._devices = devices
         self._axes = tuple(axes)
-        self._sensors: list[tuple[Sensor, list[tuple[int, int]]]] = []
-        self._amplifiers: list[tuple[Amplifier, list[int]]] = []
+        self._sensors: list[_Measuring] = []
+        self._amplifiers: list[_Driving] = []
         self._truths: list[tuple[KnowsTruth, list[tuple[int, int]]]] = []
         self._tellers: list[tuple[TellsStatus, list[tuple[int, int]]]] = []
         for name, device in devices.items():
             wiring = wiring_of(name, axes)
             measured, driven = _places(name, wiring, axes)
-            if measured:
+            if wiring.inputs:
                 if not isinstance(device, Sensor):
                     raise _wrong_role(name, "sensor")
-                self._sensors.append((device, measured))
-                if isinstance(device, KnowsTruth):
+                self._sensors.append(_measuring(name, device, wiring, axes))
+                if measured and isinstance(device, KnowsTruth):
                     self._truths.append((device, measured))
             if driven:
                 if not isinstance(device, Amplifier):
                     raise _wrong_role(name, "amplifier")
-                self._amplifiers.append((device, [axis for _, axis in driven]))
+                self._amplifiers.append(_driving(device, [axis for _, axis in driven], axes))
             if isinstance(device, TellsStatus):
                 after_inputs = len(wiring.inputs)
-                outputs = [(after_inputs + channel, axis) for channel, axis in driven]
+                outputs = [(after_inputs + channel, len(axes) + axis) for channel, axis in driven]
                 self._tellers.append((device, measured + outputs))
+        self._dim = [
+            (one, axis) for of in self._sensors for one, axis in of.calibrated if one.needs_light
+        ]
+        self._commands = [Sample(0, nan, False)] * len(axes)
+        self.identities: dict[str, Identity] = {}
+        """Who each device said it is, when it was opened last."""
         self._zero_um = [0.0] * len(axes)
         self._true_zero_um = [0.0] * len(axes)
-        self._no_flags = [NO_FLAGS] * len(axes)
+        self._no_flags = [NO_FLAGS] * (2 * len(axes))
 
     def open(self) -> Identity:
         """Open every device; if one cannot be, those before it are closed again."""
-        identities = []
         try:
-            for device in self._devices.values():
-                identities.append(device.open())
+            for name, device in self._devices.items():
+                self.identities[name] = device.open()
         except DeviceError:
             self.close()
             raise
-        return Identity(*(" + ".join(parts) for parts in zip(*identities, strict=True)))
+        return Identity(*(" + ".join(parts) for parts in zip(*self.identities.values(), strict=True)))
 
     def capabilities(self) -> Capabilities:
         """Tell what all devices can do together."""
         each = [device.capabilities() for device in self._devices.values()]
+        driving = [one for one in each if one.outputs]
         return Capabilities(
             self._axes,
             self._axes,
-            all(one.read_back for one in each),
+            all(one.read_back for one in driving),
             min(one.max_rate_hz for one in each),
-            any(one.holds for one in each),
-            all(one.opens_relaxed for one in each),
+            any(one.holds for one in driving),
+            all(one.opens_relaxed for one in driving),
+            any(one.enables for one in driving),
+            all(one.soft_disable for one in driving),
+            all(one.watchdog for one in driving),
+            all(one.quality for one in each if one.inputs),
         )
 
     def activate(self, now_ns: int) -> None:
@@ -162,12 +229,25 @@ class Channels:
     def read(self, now_ns: int) -> list[Sample]:
         """Take one sample of each axis, from its zero on; may be called in the loop."""
         samples = [Sample(now_ns, 0.0, False)] * len(self._axes)
-        for sensor, measured in self._sensors:
+        for sensor, measured, calibrated, commanding in self._sensors:
             taken = sensor.read(now_ns)
             for channel, axis in measured:
                 t_ns, position_um, valid = taken[channel]
                 samples[axis] = Sample(t_ns, position_um - self._zero_um[axis], valid)
+            for one, axis in calibrated:
+                t_ns, position_um, valid = one.sample(taken)
+                samples[axis] = Sample(t_ns, position_um - self._zero_um[axis], valid)
+            for one, axis in commanding:
+                self._commands[axis] = one.sample(taken)
         return samples
+
+    def commands(self) -> Sequence[Sample]:
+        """Tell what commanded each axis when it was read last; may be called in the loop.
+
+        Returns:
+            Positions in µm; not valid where nothing commands the axis.
+        """
+        return self._commands
 
     def true_position_um(self, now_ns: int) -> list[float]:
         """Tell the true displacement of each axis, from its zero on; may be called in the loop.
@@ -189,30 +269,43 @@ class Channels:
             Whether every device took its values.
         """
         taken = True
-        for amplifier, driven in self._amplifiers:
-            taken &= amplifier.write([drive_v[axis] for axis in driven], now_ns)
+        for amplifier, axes, curves in self._amplifiers:
+            values = [drive_v[axis] for axis in axes]
+            if curves:
+                values = [
+                    value if curve is None else curve.value(value)
+                    for value, curve in zip(values, curves, strict=True)
+                ]
+            taken &= amplifier.write(values, now_ns)
         return taken
 
     def read_back(self, now_ns: int) -> list[float]:
         """Tell the voltage now in force, in V, per axis; may be called in the loop."""
         drive_v = [nan] * len(self._axes)
-        for amplifier, driven in self._amplifiers:
-            for axis, value in zip(driven, amplifier.read_back(now_ns), strict=True):
+        for amplifier, axes, curves in self._amplifiers:
+            for axis, value in zip(axes, amplifier.read_back(now_ns), strict=True):
                 drive_v[axis] = value
+            if curves:
+                for axis, curve in zip(axes, curves, strict=True):
+                    if curve is not None:
+                        drive_v[axis] = curve.beyond(drive_v[axis])
         return drive_v
 
     def status(self, now_ns: int) -> list[Flags]:
-        """Tell what is the matter with each axis, in either role; may be called in the loop.
+        """Tell what is the matter with the sensor of each axis, then with the amplifier of each.
 
-        Nothing is where a device does not tell its status.
+        May be called in the loop. Nothing is where a device does not tell its status.
         """
-        if not self._tellers:
+        if not self._tellers and not self._dim:
             return self._no_flags
         flags = self._no_flags.copy()
         for device, served in self._tellers:
             told = device.status(now_ns)
-            for channel, axis in served:
-                flags[axis] |= told[channel]
+            for channel, place in served:
+                flags[place] = told[channel]
+        for one, axis in self._dim:
+            if one.low_light:
+                flags[axis] |= {DeviceFlag.LOW_LIGHT}
         return flags
 
 
@@ -227,6 +320,32 @@ def _places(
         if pair.amplifier == device:
             driven.append((wiring.outputs.index(pair.output or axis), place))
     return measured, driven
+
+
+def _measuring(
+    name: str, sensor: Sensor, wiring: Wiring, axes: Mapping[str, ChannelPair]
+) -> _Measuring:
+    """Sort the inputs of a device: what need not be calibrated costs nothing in the loop."""
+    role = _Measuring(sensor, [], [], [])
+    for place, (axis, pair) in enumerate(axes.items()):
+        if pair.sensor == name:
+            one = CalibratedInput(wiring, pair.input or axis, pair.to_um, pair.light)
+            if one.plain_place is None:
+                role.calibrated.append((one, place))
+            else:
+                role.measured.append((one.plain_place, place))
+        command = pair.command
+        if command is not None and command.device == name:
+            channel = command.channel or axis
+            one = CalibratedInput(wiring, channel, command.calibration, command.light)
+            role.commanding.append((one, place))
+    return role
+
+
+def _driving(amplifier: Amplifier, driven: list[int], axes: Mapping[str, ChannelPair]) -> _Driving:
+    pairs = list(axes.values())
+    curves = [curve_of(pairs[axis].to_v) for axis in driven]
+    return _Driving(amplifier, driven, curves if any(curves) else [])
 
 
 def _wrong_role(name: str, role: str) -> DeviceError:
