@@ -14,6 +14,7 @@ import typer
 import piezod
 from piezod.cli.check import check
 from piezod.cli.client_verbs import add_client_verbs
+from piezod.cli.commission import commission
 from piezod.cli.drivers import drivers
 from piezod.cli.emulate import emulate
 from piezod.cli.exit_codes import exit_code, text_of
@@ -22,6 +23,7 @@ from piezod.cli.identify import identify
 from piezod.cli.init import init
 from piezod.cli.install_service import install_service
 from piezod.cli.interrupt import INTERRUPTED, TEXT, Interrupted, interruptible
+from piezod.cli.probe import probe
 from piezod.cli.run import run as run_daemon
 from piezod.cli.safe import safe
 from piezod.errors import PiezodError
@@ -36,7 +38,18 @@ app = typer.Typer(
     "running, 77 permission, 78 configuration, 130 interrupted, 1 anything else. Errors go to "
     "stderr; so does progress, on a terminal.",
 )
-for verb in (experiment, identify, check, drivers, emulate, init, safe, install_service):
+for verb in (
+    experiment,
+    identify,
+    check,
+    drivers,
+    emulate,
+    probe,
+    commission,
+    init,
+    safe,
+    install_service,
+):
     app.command()(verb)
 app.command(name="run")(run_daemon)
 add_client_verbs(app)

@@ -1,20 +1,25 @@
 """The report of an experiment: one HTML page that needs nothing else, and its figures as PNG."""
 
-from importlib.resources import files
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
-
-from jinja2 import Environment, StrictUndefined
+from typing import Final
 
 from piezod.records.atomic import replacing
 from piezod.records.error_table import error_table, groups, meaning, verdict
 from piezod.records.labels import metric_heading, metric_label, metric_number, metric_unit
+from piezod.records.page import render
 from piezod.records.recording import ExperimentResult
 from piezod.records.reference import Reference
 from piezod.records.report_figures import draw_gallery, figures_in
 
 REPORT_NAME: Final = "report.html"
-_TEMPLATE: Final = "templates/report.html.jinja"
+_TEMPLATE: Final = "report.html.jinja"
+_FILTERS: Final[dict[str, Callable[..., str]]] = {
+    "heading": metric_heading,
+    "label": metric_label,
+    "number": metric_number,
+    "unit": metric_unit,
+}
 
 
 def write_report(
@@ -42,7 +47,9 @@ def write_report(
     for figure in gallery.all():
         with replacing(folder / f"{figure.name}.png") as temporary:
             temporary.write_bytes(figure.png)
-    page = _render(
+    page = render(
+        _TEMPLATE,
+        _FILTERS,
         result=result,
         reference=reference,
         table=table,
@@ -63,17 +70,3 @@ def _figures_beside(path: Path) -> set[str]:
     if not path.exists():
         return set()
     return set(figures_in(path.read_text(encoding="utf-8", errors="replace")))
-
-
-def _render(**context: Any) -> str:
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters |= {
-        "heading": metric_heading,
-        "label": metric_label,
-        "number": metric_number,
-        "unit": metric_unit,
-    }
-    source = files("piezod.records").joinpath(_TEMPLATE).read_text(encoding="utf-8")
-    return environment.from_string(source).render(context)

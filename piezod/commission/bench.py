@@ -1,0 +1,63 @@
+"""One axis of a stage, opened to be driven by hand; left where it was found."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from math import nan
+from typing import NamedTuple
+
+from piezod.commission.session import Session
+from piezod.config.daemon import DaemonConfig
+from piezod.control.limits import Limits
+from piezod.daemon.clock import Clock, MonotonicClock
+from piezod.devices.channels import Channels, construct, pairs_of
+from piezod.devices.interface import Identity
+from piezod.errors import DeviceError
+
+
+class OneAxis(NamedTuple):
+    """An axis that is open.
+
+    Attributes:
+        session: Drives it.
+        identities: Who its devices are, by name.
+    """
+
+    session: Session
+    identities: Mapping[str, Identity]
+
+
+@contextmanager
+def one_axis(
+    config: DaemonConfig, axis: str, output_v: float = nan, clock: Clock | None = None
+) -> Iterator[OneAxis]:
+    """Open the devices of an axis; whatever happens, go back to the voltage found.
+
+    Args:
+        config: The stage; its limits hold.
+        axis: Name of the axis.
+        output_v: Voltage in force, in V, where the amplifier does not read back.
+        clock: Paces the cycles; that of the machine if not given.
+
+    Raises:
+        DeviceError: If a device cannot be opened, or it is not known which voltage is in force.
+    """
+    one, clock = config.axes[axis], clock or MonotonicClock()
+    pairs = {axis: pairs_of(config.axes)[axis]}
+    names = dict.fromkeys((one.sensor.device, one.amplifier.device))
+    devices = construct({name: config.devices[name] for name in names}, pairs, config.seed)
+    channels = Channels(devices, pairs)
+    try:
+        channels.open()
+        channels.activate(clock.now_ns())
+        low_v, high_v = one.limits.drive_min_v, one.limits.drive_max_v
+        limits = Limits(low_v, high_v, one.limits.slew_v_per_s)
+        ramp_v_per_s = one.safety.ramp_v_per_s
+        session = Session(channels, limits, config.rate_hz, ramp_v_per_s, clock, output_v)
+        try:
+            yield OneAxis(session, channels.identities)
+        finally:
+            with suppress(DeviceError):  # what ended the block is what is to be told
+                session.back()
+    finally:
+        channels.deactivate(clock.now_ns())
+        channels.close()

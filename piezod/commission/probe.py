@@ -1,0 +1,151 @@
+"""Looks at the devices of a stage: who they are, what they can do, how fast; moves nothing.
+
+A device is opened twice. With all its channels it tells who it is and what is in force; its outputs
+are not taken control of. With its inputs alone it is activated and read.
+"""
+
+from collections.abc import Callable, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from piezod.daemon.clock import Clock
+from piezod.devices import registry
+from piezod.devices.channels import ChannelPair, wiring_of
+from piezod.devices.interface import Amplifier, Capabilities, Device, Identity, Sensor, Wiring
+from piezod.errors import DeviceError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from piezod.config.daemon import DaemonConfig
+
+EXCHANGES: Final = 200
+SHARE_OF_PERIOD: Final = 0.5
+"""The exchanges of a cycle are to take at most this part of a period."""
+
+
+class RoundTrip(NamedTuple):
+    """How long an exchange takes, in µs.
+
+    Attributes:
+        median_us: Half of them are faster.
+        p99_us: 99 % of them are faster.
+        failed: Share of them that gave nothing, in %.
+    """
+
+    median_us: float
+    p99_us: float
+    failed_pct: float
+
+
+class Probed(NamedTuple):
+    """What a device tells.
+
+    Attributes:
+        driver: Name of its driver.
+        identity: Who it is; None where it could not be opened.
+        capabilities: What it can do; None likewise.
+        in_force: What is in force on each output, by name.
+        readings: What each input reads, by name; NaN where that is not valid.
+        read: Round trip of reading; None where it has no inputs.
+        read_back: Round trip of reading back; None where it does not.
+        rate_hz: The rate that its exchanges allow, in Hz.
+        error: Why it could not be probed; empty if it could.
+    """
+
+    driver: str
+    identity: Identity | None = None
+    capabilities: Capabilities | None = None
+    in_force: Mapping[str, float] = {}
+    readings: Mapping[str, float] = {}
+    read: RoundTrip | None = None
+    read_back: RoundTrip | None = None
+    rate_hz: float = 0.0
+    error: str = ""
+
+
+def probe(
+    config: "DaemonConfig", axes: Mapping[str, ChannelPair], clock: Clock
+) -> dict[str, Probed]:
+    """Look at each device of a stage; one that is absent leaves the others to their turn.
+
+    Raises:
+        RegistryError: If a driver cannot be loaded.
+    """
+    return {name: _probed(config, name, wiring_of(name, axes), clock) for name in config.devices}
+
+
+def _probed(config: "DaemonConfig", name: str, wiring: Wiring, clock: Clock) -> Probed:
+    device = config.devices[name]
+    create = registry.load(device.driver).create
+    found = Probed(device.driver)
+    try:
+        with _open(create(device.options, wiring, config.seed)) as (whole, identity):
+            found = found._replace(identity=identity, capabilities=whole.capabilities())
+            if isinstance(whole, Amplifier) and wiring.outputs:
+                found = _look_at_outputs(found, whole, clock)
+        if wiring.inputs:
+            alone = Wiring(wiring.inputs, ())
+            with _open(create(device.options, alone, config.seed)) as (inputs, _):
+                inputs.activate(clock.now_ns())
+                if isinstance(inputs, Sensor):
+                    found = _look_at_inputs(found, inputs, clock)
+    except DeviceError as error:
+        return found._replace(error=str(error))
+    return found._replace(rate_hz=_allowed_hz(found))
+
+
+@contextmanager
+def _open(device: Device) -> "Iterator[tuple[Device, Identity]]":
+    try:
+        yield device, device.open()
+    finally:
+        device.close()
+
+
+def _look_at_outputs(found: Probed, device: Amplifier, clock: Clock) -> Probed:
+    able = device.capabilities()
+    if not able.read_back:
+        return found
+    told = dict(zip(able.outputs, device.read_back(clock.now_ns()), strict=True))
+
+    def exchange(now_ns: int) -> bool:
+        return all(value - value == 0.0 for value in device.read_back(now_ns))
+
+    return found._replace(in_force=told, read_back=_round_trip(exchange, clock))
+
+
+def _look_at_inputs(found: Probed, device: Sensor, clock: Clock) -> Probed:
+    names = device.capabilities().inputs
+
+    def exchange(now_ns: int) -> bool:
+        return all(sample.valid for sample in device.read(now_ns))
+
+    trip = _round_trip(exchange, clock)
+    samples = device.read(clock.now_ns())
+    readings = {
+        name: sample.position_um if sample.valid else float("nan")
+        for name, sample in zip(names, samples, strict=True)
+    }
+    return found._replace(readings=readings, read=trip)
+
+
+def _round_trip(exchange: Callable[[int], bool], clock: Clock) -> RoundTrip:
+    took_us, failed = [], 0
+    for _ in range(EXCHANGES):
+        begin_ns = clock.now_ns()
+        failed += not exchange(begin_ns)
+        took_us.append((clock.now_ns() - begin_ns) / 1e3)
+    took_us.sort()
+    last = len(took_us) - 1
+    return RoundTrip(took_us[last // 2], took_us[round(0.99 * last)], 100.0 * failed / EXCHANGES)
+
+
+def _allowed_hz(found: Probed) -> float:
+    """Return the rate at which reading, reading back and writing fit into their share."""
+    trips = [trip.p99_us for trip in (found.read, found.read_back) if trip is not None]
+    able = found.capabilities
+    if able is not None and able.outputs and trips:
+        trips.append(max(trips))  # a write, which nobody has measured, takes no longer
+    most_hz = able.max_rate_hz if able is not None else 0.0
+    return min(most_hz, SHARE_OF_PERIOD * 1e6 / sum(trips)) if trips else most_hz

@@ -1,0 +1,147 @@
+"""The steps of a first contact, in their order: each is told, confirmed, done and undone."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Final, NamedTuple
+
+from piezod.commission.noise import Noise, measure_noise
+from piezod.commission.polarity import Polarity, find_polarity, step_v
+from piezod.commission.response import Response, measure_delay
+from piezod.commission.ringing import Ringing, find_ringing
+from piezod.commission.session import Session, Trace
+from piezod.commission.travel import (
+    STAGES_PCT,
+    Amplifier,
+    Travel,
+    amplifier_of,
+    excursion,
+    farther_end_v,
+    travel_of,
+)
+
+BIAS_STEPS: Final = 5
+"""Delay and resonance are measured so many steps of the polarity's above the voltage found."""
+
+
+@dataclass
+class Findings:
+    """What is known so far; None where a step was not done, or told nothing."""
+
+    noise: Noise | None = None
+    polarity: Polarity | None = None
+    travel: Travel | None = None
+    amplifier: Amplifier | None = None
+    response: Response | None = None
+    ringing: Ringing | None = None
+    traces: dict[str, Trace] = field(default_factory=dict)
+
+
+class Step(NamedTuple):
+    """One step.
+
+    Attributes:
+        name: Its name, also of its trace.
+        what: What will happen, with every voltage, for the person who confirms it.
+        moves: Whether anything moves.
+        run: Does it and notes what was found; returns that in a line.
+    """
+
+    name: str
+    what: str
+    moves: bool
+    run: Callable[[], str]
+
+
+def steps_of(session: Session, findings: Findings) -> Iterator[Step]:
+    """Give the steps, one after the other; each is described from what those before have found."""
+    yield _noise(session, findings)
+    yield _polarity(session, findings)
+    for part_pct in STAGES_PCT:
+        yield _excursion(session, findings, part_pct)
+    yield _delay(session, findings)
+    yield _ringing(session, findings)
+
+
+def _noise(session: Session, findings: Findings) -> Step:
+    def run() -> str:
+        findings.noise, findings.traces["noise"] = found, _ = measure_noise(session)
+        return (
+            f"noise {found.rms_um * 1e3:.1f} nm rms, drift {found.drift_um_per_s * 1e3:+.1f} nm/s, "
+            f"{found.valid_pct:.0f} % of the samples valid"
+        )
+
+    what = f"hold {session.drive_v:z.2f} V for 2 s and look at the sensor"
+    return Step("noise", what, False, run)
+
+
+def _polarity(session: Session, findings: Findings) -> Step:
+    size_v = step_v(session)
+
+    def run() -> str:
+        found, trace = find_polarity(session, _rms_um(findings))
+        findings.polarity, findings.traces["polarity"] = found, trace
+        session.back()
+        way = "rises" if found.um_per_v > 0 else "FALLS"
+        return (
+            f"the position {way} with the voltage: {found.um_per_v * 1e3:+.1f} ± "
+            f"{found.uncertainty_um_per_v * 1e3:.1f} nm/V"
+        )
+
+    what = f"three times {size_v:+.2f} V from {session.drive_v:z.2f} V, slowly, and back"
+    return Step("polarity", what, True, run)
+
+
+def _excursion(session: Session, findings: Findings, part_pct: float) -> Step:
+    end_v = session.found_v + part_pct / 100 * (farther_end_v(session) - session.found_v)
+
+    def run() -> str:
+        trace = excursion(session, part_pct)
+        findings.traces["travel"] = trace
+        findings.travel = found = travel_of(trace, _rms_um(findings))
+        findings.amplifier = amplifier_of(trace)
+        return (
+            f"{found.travel_um:+.3f} µm to {end_v:.1f} V, {found.um_per_v * 1e3:.1f} nm/V, "
+            f"loop {found.loop_pct:.1f} % wide"
+        )
+
+    what = f"ramp from {session.found_v:z.2f} V to {end_v:.1f} V and back"
+    return Step(f"travel {part_pct} %", what, True, run)
+
+
+def _delay(session: Session, findings: Findings) -> Step:
+    size_v, bias_v = step_v(session), _bias_v(session)
+
+    def run() -> str:
+        session.go(bias_v)
+        findings.response, findings.traces["delay"] = found, _ = measure_delay(session)
+        session.back()
+        return f"delay {found.delay_s * 1e3:.3f} ± {found.uncertainty_s * 1e3:.3f} ms"
+
+    what = f"ramp to {bias_v:.1f} V, sines of {2 * size_v:+.1f} V from there, and back"
+    return Step("delay", what, True, run)
+
+
+def _ringing(session: Session, findings: Findings) -> Step:
+    size_v, bias_v = 2 * step_v(session), _bias_v(session)
+
+    def run() -> str:
+        session.go(bias_v)
+        session.rest(0.5)
+        findings.ringing, findings.traces["ringing"] = found, _ = find_ringing(session)
+        session.back()
+        if not found.found:
+            return f"nothing rings that shows at {session.rate_hz:g} Hz; try a higher rate_hz"
+        return f"first mode at {found.frequency_hz:.0f} Hz, damping {found.damping:.3f}"
+
+    what = f"ramp to {bias_v:.1f} V, steps of {size_v:+.1f} V from there, and back"
+    return Step("ringing", what, True, run)
+
+
+def _bias_v(session: Session) -> float:
+    return session.found_v + BIAS_STEPS * step_v(session)
+
+
+def _rms_um(findings: Findings) -> float:
+    noise = findings.noise
+    return noise.rms_um if noise is not None and isfinite(noise.rms_um) else 0.0

@@ -1,0 +1,108 @@
+"""The acceptance sheet: one page in HTML, to be printed and signed, with the data beside it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from piezod.commission.figures import draw
+from piezod.commission.procedure import Findings
+from piezod.devices.interface import Identity
+from piezod.records.atomic import replacing
+from piezod.records.csv_file import write_csv
+from piezod.records.page import render
+
+SHEET_NAME: Final = "acceptance.html"
+
+
+class Row(NamedTuple):
+    """A row of the table of what was found."""
+
+    name: str
+    value: str
+    unit: str
+    how: str
+
+
+class Sheet(NamedTuple):
+    """What the page says.
+
+    Attributes:
+        axis: Name of the axis.
+        facts: Name and value of what stands below the headline.
+        identities: Of the devices.
+        findings: What was found.
+        not_done: Names of the steps that were left out, or ended in an error.
+        profile_name: Name of the file with the configuration.
+        profile: Its text.
+    """
+
+    axis: str
+    facts: Mapping[str, str]
+    identities: Mapping[str, Identity]
+    findings: Findings
+    not_done: Sequence[str]
+    profile_name: str
+    profile: str
+
+
+def write_sheet(folder: Path, sheet: Sheet) -> Path:
+    """Write the page, its configuration, and what was recorded as CSV.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        OSError: If the files cannot be written.
+    """
+    for name, trace in sheet.findings.traces.items():
+        columns = {
+            "t_s": trace.t_s,
+            "drive_v": trace.drive_v,
+            "position_um": trace.position_um,
+            "read_back_v": trace.read_back_v,
+        }
+        write_csv(folder / f"{name}.csv", columns)
+    if sheet.profile:
+        with replacing(folder / sheet.profile_name) as temporary:
+            temporary.write_text(sheet.profile, encoding="utf-8")
+    page = render(
+        "acceptance.html.jinja",
+        {},
+        **sheet._asdict(),
+        rows=list(rows_of(sheet.findings)),
+        figures=list(draw(sheet.findings)),
+    )
+    with replacing(folder / SHEET_NAME) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return folder / SHEET_NAME
+
+
+def rows_of(findings: Findings) -> Iterator[Row]:
+    """Give what was found, a quantity each."""
+    if noise := findings.noise:
+        yield Row("noise", f"{noise.rms_um * 1e3:.2f}", "nm rms", "2 s at rest")
+        yield Row("drift", f"{noise.drift_um_per_s * 1e3:+.2f}", "nm/s", "2 s at rest")
+        yield Row("valid samples", f"{noise.valid_pct:.1f}", "%", "2 s at rest")
+    if polarity := findings.polarity:
+        way = "rises" if polarity.um_per_v > 0 else "falls"
+        yield Row("polarity", way, "", f"steps of {polarity.step_v:+.2f} V")
+    if travel := findings.travel:
+        ends = f"{travel.drive_low_v:.1f} to {travel.drive_high_v:.1f} V"
+        yield Row("travel", f"{abs(travel.travel_um):.3f}", "µm", ends)
+        yield Row("gain", f"{travel.um_per_v * 1e3:.2f}", "nm/V", f"mean over {ends}")
+        yield Row("width of the loop", f"{travel.loop_pct:.2f}", "% of travel", ends)
+        yield Row("noise", f"{travel.noise_pct:.3f}", "% of travel", "")
+    if amplifier := findings.amplifier:
+        how = "line through read-back against what was written"
+        yield Row("gain of the amplifier", f"{amplifier.gain:.5f}", "V/V", how)
+        yield Row("offset of the amplifier", f"{amplifier.offset_v:+.4f}", "V", how)
+        yield Row("its largest deviation", f"{amplifier.worst_v:.4f}", "V", how)
+    if response := findings.response:
+        value = f"{response.delay_s * 1e3:.3f} ± {response.uncertainty_s * 1e3:.3f}"
+        yield Row("delay", value, "ms", "slope of the phase of small sines")
+    if ringing := findings.ringing:
+        how = f"ringing after small steps, looked for up to {ringing.searched_hz:g} Hz"
+        found = f"{ringing.frequency_hz:.1f}" if ringing.found else "none found"
+        yield Row("first mode", found, "Hz" if ringing.found else "", how)
+        if ringing.found:
+            yield Row("its damping ratio", f"{ringing.damping:.4f}", "", how)

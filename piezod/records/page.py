@@ -1,0 +1,25 @@
+"""Pages in HTML from templates of this folder; each needs nothing beside it."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+
+def render(template: str, filters: Mapping[str, Callable[..., Any]], /, **context: Any) -> str:
+    """Return a page.
+
+    Args:
+        template: Name of its template.
+        filters: Filters of the template, beside jinja's own.
+        **context: What the template names.
+    """
+    environment = Environment(
+        loader=PackageLoader("piezod.records"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= dict(filters)
+    return environment.get_template(template).render(context)
