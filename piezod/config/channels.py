@@ -1,12 +1,14 @@
 """Channels of devices: which one serves an axis, and what its values mean."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from math import inf
 from typing import Annotated, Any, Final, Literal, Self, TypeAlias
 
 from pydantic import BeforeValidator, Field, StringConstraints, model_validator
 
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.polynomial import evaluate, is_monotonic
 from piezod.config.quantities import Name
 
 ChannelName: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:/-]{1,64}$")]
@@ -33,6 +35,10 @@ class Line(ConfigModel):
             raise_rules([(("gain",), what)])
         return self
 
+    def physical_range(self) -> tuple[float, float]:
+        """Tell the lowest and the highest physical value that it can give."""
+        return -inf, inf
+
 
 class Polynomial(ConfigModel):
     """physical = c0 + c1·value + c2·value² + …, strictly monotonic where it is used."""
@@ -49,7 +55,16 @@ class Polynomial(ConfigModel):
     def _check_values(self) -> Self:
         if not self.values[0] < self.values[1]:
             raise_rules([(("values", 1), "must be above the first of the two")])
+        if not is_monotonic(self.coefficients, *self.values):
+            low, high = self.values
+            what = f"must rise, or fall, everywhere from {low:g} to {high:g}, its `values`"
+            raise_rules([(("coefficients",), what)])
         return self
+
+    def physical_range(self) -> tuple[float, float]:
+        """Tell the lowest and the highest physical value that it can give."""
+        ends = [evaluate(self.coefficients, value) for value in self.values]
+        return min(ends), max(ends)
 
 
 class Table(ConfigModel):
@@ -67,7 +82,7 @@ class Table(ConfigModel):
     side: Literal["near", "far"] | None = Field(
         default=None,
         description="Where the values have a greatest one, as a fibre sensor's light has over its "
-        "gap: which side of it is used; the gap grows with `physical` as long as it rises.",
+        "gap: which side of it is used. The points are then in the order of the growing gap.",
     )
 
     @model_validator(mode="after")
@@ -81,12 +96,40 @@ class Table(ConfigModel):
             yield ("physical",), f"one for each value is needed (got {n} for {wanted})"
         if not _monotonic(self.physical):
             yield ("physical",), "must be strictly rising or strictly falling"
-        if self.side is None and not _monotonic(self.values):
-            what = "must be strictly rising or strictly falling; of a curve with a greatest value, "
-            yield ("values",), what + "say which side is used: side: near, or far"
+        if self.side is None:
+            if not _monotonic(self.values):
+                what = "must be strictly rising or strictly falling; of a curve with a greatest "
+                yield ("values",), what + "value, say which side is used: side: near, or far"
+            return
+        used = self.values[self._side()]
+        if len(used) < 2:
+            yield ("side",), f"there are no values {_BEYOND[self.side]} the greatest one"
+        elif not _monotonic(used):
+            what = f"must be strictly {_SLOPE[self.side]} {_BEYOND[self.side]} the greatest one"
+            yield ("values",), what
+
+    def points(self) -> list[tuple[float, float]]:
+        """Give each value that is used with what is physical at it."""
+        side = self._side()
+        return list(zip(self.values[side], self.physical[side], strict=True))
+
+    def physical_range(self) -> tuple[float, float]:
+        """Tell the lowest and the highest physical value that it can give."""
+        used = self.physical[self._side()]
+        return min(used), max(used)
+
+    def _side(self) -> slice:
+        if self.side is None:
+            return slice(None)
+        greatest = self.values.index(max(self.values))
+        return slice(None, greatest + 1) if self.side == "near" else slice(greatest, None)
 
 
-def _monotonic(numbers: tuple[float, ...]) -> bool:
+_BEYOND: Final = {"near": "before", "far": "after"}
+_SLOPE: Final = {"near": "rising", "far": "falling"}
+
+
+def _monotonic(numbers: Sequence[float]) -> bool:
     steps = [later - earlier for earlier, later in pairwise(numbers)]
     return all(step > 0 for step in steps) or all(step < 0 for step in steps)
 

@@ -75,4 +75,4 @@ def _channels(config: DaemonConfig, amplifier: str, driven: list[str]) -> Channe
     """Construct an amplifier as the loop would; what measures is left out."""
     pairs = pairs_of(config.axes)
     made = construct({amplifier: config.devices[amplifier]}, pairs, config.seed)
-    return Channels(made, {axis: pairs[axis]._replace(sensor="") for axis in driven})
+    return Channels(made, {axis: pairs[axis]._replace(sensor="", command=None) for axis in driven})

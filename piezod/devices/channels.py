@@ -181,7 +181,9 @@ class Channels:
         except DeviceError:
             self.close()
             raise
-        return Identity(*(" + ".join(parts) for parts in zip(*self.identities.values(), strict=True)))
+        return Identity(
+            *(" + ".join(parts) for parts in zip(*self.identities.values(), strict=True))
+        )
 
     def capabilities(self) -> Capabilities:
         """Tell what all devices can do together."""

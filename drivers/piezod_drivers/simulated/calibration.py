@@ -1,12 +1,11 @@
 """From the sensor's voltage to a displacement, as measured when the stage was commissioned."""
 
-from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from piezod.devices.calibration import TableCurve
 from piezod.errors import DeviceError
 from piezod.plant.kernel import fibre_v
 from piezod.plant.layout import constants
@@ -21,35 +20,12 @@ _KNOTS = 131
 _FROM, _TO = -0.1, 1.2  # what commissioning sweeps, in travels
 
 
-class Calibration:
-    """A curve through measured points, continued in a straight line beyond them.
-
-    Args:
-        sensor_v: (n,) V, n at least 2, strictly monotonic.
-        position_um: (n,) displacement in µm at those voltages.
-    """
-
-    def __init__(self, sensor_v: Sequence[float], position_um: Sequence[float]) -> None:
-        points = sorted(zip(map(float, sensor_v), map(float, position_um), strict=True))
-        self._sensor_v = [voltage for voltage, _ in points]
-        self._inner_v = self._sensor_v[
-            1:-1
-        ]  # the segment of a voltage: how many of these it is above
-        self._position_um = [position for _, position in points]
-        self._slope = [(x1 - x0) / (v1 - v0) for (v0, x0), (v1, x1) in pairwise(points)]
-
-    def position_um(self, sensor_v: float) -> float:
-        """Give the displacement in µm at a voltage in V. May be called in the loop."""
-        i = bisect_right(self._inner_v, sensor_v)
-        return self._position_um[i] + self._slope[i] * (sensor_v - self._sensor_v[i])
-
-
 def commissioned(
     ideal_v: Callable[[float], float],
     travel_um: float,
     residual_pct: float,
     seed: np.random.SeedSequence,
-) -> Calibration:
+) -> TableCurve:
     """Measure the sensor's curve with a reference that is not perfect.
 
     Args:
@@ -64,7 +40,7 @@ def commissioned(
     position = np.linspace(_FROM, _TO, _KNOTS)
     sensor_v = _monotonic(ideal_v, position * travel_um)
     error = _smooth_error(position, seed) * residual_pct / 100
-    return Calibration(sensor_v, list((position + error) * travel_um))
+    return _curve(sensor_v, (position + error) * travel_um)
 
 
 def check_sensor(parameters: PlantParameters) -> None:
@@ -93,6 +69,10 @@ def check_sensor(parameters: PlantParameters) -> None:
         )
 
 
+def _curve(sensor_v: Sequence[float], position_um: Any) -> TableCurve:
+    return TableCurve(zip(sensor_v, map(float, position_um), strict=True))
+
+
 def _monotonic(ideal_v: Callable[[float], float], position_um: Any) -> list[float]:
     sensor_v = [ideal_v(float(x)) for x in position_um]
     steps = np.diff(sensor_v)
@@ -112,7 +92,7 @@ def _smooth_error(position: Any, seed: np.random.SeedSequence) -> Any:
     return error / np.max(np.abs(error[inside]))
 
 
-def straight_line(ideal_v: Callable[[float], float], travel_um: float) -> Calibration:
+def straight_line(ideal_v: Callable[[float], float], travel_um: float) -> TableCurve:
     """Fit a line by least squares, which is all that is known of a sensor without calibration.
 
     Args:
@@ -126,4 +106,4 @@ def straight_line(ideal_v: Callable[[float], float], travel_um: float) -> Calibr
     sensor_v = np.array(_monotonic(ideal_v, position_um))
     line = np.polynomial.Polynomial.fit(sensor_v, position_um, 1)
     ends = sensor_v[[0, -1]]
-    return Calibration(list(ends), list(line(ends)))
+    return _curve(list(ends), line(ends))

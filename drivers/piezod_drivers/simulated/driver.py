@@ -7,11 +7,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 import piezod
+from piezod.devices.calibration import TableCurve
 from piezod.devices.interface import Capabilities, DriverPlugin, Identity, Sample, Wiring
 from piezod.errors import DeviceError
 from piezod.plant.plant import SUB_STEP_NS, Plant
 from piezod.units import NS_PER_S
-from piezod_drivers.simulated.calibration import Calibration, commissioned, straight_line
+from piezod_drivers.simulated.calibration import commissioned, straight_line
 from piezod_drivers.simulated.options import Commissioned, Line, Options, Table
 
 _REST_V: Final = 0.0
@@ -30,7 +31,7 @@ class _Channel(NamedTuple):
     """
 
     plant: Plant
-    calibration: Calibration
+    calibration: TableCurve
     lowest_v: float
     highest_v: float
     saturated_v: float
@@ -42,7 +43,7 @@ class _Channel(NamedTuple):
             return Sample(now_ns, self.plant.parameters.sensor.light_level, True)
         sensor_v = self.plant.sample()
         valid = abs(sensor_v) < self.saturated_v
-        return Sample(now_ns, sensor_v if what else self.calibration.position_um(sensor_v), valid)
+        return Sample(now_ns, sensor_v if what else self.calibration.beyond(sensor_v), valid)
 
     def takes(self, drive_v: float) -> bool:
         """Tell whether the amplifier can give this voltage."""
@@ -241,7 +242,7 @@ def _channel(options: Options, seed: np.random.SeedSequence) -> _Channel:
 
 def _calibration(
     known: Commissioned | Line | Table, plant: Plant, seed: np.random.SeedSequence
-) -> Calibration:
+) -> TableCurve:
     travel_um = plant.parameters.stage.travel_um
     match known:
         case Commissioned():
@@ -249,7 +250,7 @@ def _calibration(
         case Line():
             return straight_line(plant.ideal_reading_v, travel_um)
         case Table():
-            return Calibration(known.sensor_v, known.position_um)
+            return TableCurve(zip(known.sensor_v, known.position_um, strict=True))
 
 
 PLUGIN: Final = DriverPlugin(

@@ -1,0 +1,166 @@
+"""From what a channel reads or is set to, to µm or V at the actuator, and back."""
+
+from bisect import bisect_right
+from collections.abc import Iterable
+from itertools import pairwise
+from math import isfinite, nan
+from typing import Final, Protocol
+
+from piezod.config.channels import Calibration, Line, Polynomial, Table
+from piezod.config.polynomial import derivative, evaluate
+
+_KNOTS: Final = 64
+_STEPS: Final = 60
+"""Halving alone needs no more to reach the last bit between two knots."""
+
+
+class Curve(Protocol):
+    """A calibration; strictly rising or falling. Every method may be called in the loop."""
+
+    def physical(self, value: float) -> float:
+        """Return µm, or V at the actuator, at a channel's value; NaN where it does not hold."""
+        ...
+
+    def beyond(self, value: float) -> float:
+        """Return the same, continued in a straight line where it does not hold."""
+        ...
+
+    def value(self, physical: float) -> float:
+        """Return the channel's value at µm or V at the actuator; NaN where there is none."""
+        ...
+
+
+def curve_of(calibration: Calibration) -> Curve | None:
+    """Make the curve of a calibration; None where the channel's values are physical already."""
+    match calibration:
+        case Line():
+            if calibration.gain == 1.0 and calibration.offset == 0.0:
+                return None
+            return StraightLine(calibration.gain, calibration.offset)
+        case Polynomial():
+            return PolynomialCurve(calibration.coefficients, *calibration.values)
+        case Table():
+            return TableCurve(calibration.points())
+
+
+class StraightLine:
+    """Implements `Curve`: gain · value + offset.
+
+    Args:
+        gain: Physical units per unit of the channel; not 0.
+        offset: Physical value where the channel's is 0.
+    """
+
+    def __init__(self, gain: float, offset: float) -> None:
+        self._gain, self._offset = gain, offset
+
+    def physical(self, value: float) -> float:
+        """Return the physical value at a channel's value."""
+        return self._gain * value + self._offset
+
+    beyond = physical
+
+    def value(self, physical: float) -> float:
+        """Return the channel's value at a physical value."""
+        return (physical - self._offset) / self._gain
+
+
+class TableCurve:
+    """Implements `Curve`: straight lines through points.
+
+    Args:
+        points: Value and physical value of each point, at least two, strictly monotonic.
+    """
+
+    def __init__(self, points: Iterable[tuple[float, float]]) -> None:
+        self._forth = _Segments(points)
+        self._back = _Segments((physical, value) for value, physical in self._forth.points)
+
+    def physical(self, value: float) -> float:
+        """Return the physical value at a channel's value; NaN beyond the points."""
+        return self._forth.at(value) if self._forth.holds(value) else nan
+
+    def beyond(self, value: float) -> float:
+        """Return it beyond the points too."""
+        return self._forth.at(value)
+
+    def value(self, physical: float) -> float:
+        """Return the channel's value at a physical value; NaN beyond the points."""
+        if not self._back.holds(physical):
+            return nan
+        # Rounding must not lead out of what the channel can be set to.
+        return min(max(self._back.at(physical), self._forth.first), self._forth.last)
+
+
+class _Segments:
+    """Straight lines through points, from left to right, and on beyond them."""
+
+    def __init__(self, points: Iterable[tuple[float, float]]) -> None:
+        self.points = sorted((float(x), float(y)) for x, y in points)
+        self._x, self._y = [x for x, _ in self.points], [y for _, y in self.points]
+        self._inner = self._x[1:-1]  # the segment of an x: how many of these it is not below
+        self._slope = [(y1 - y0) / (x1 - x0) for (x0, y0), (x1, y1) in pairwise(self.points)]
+        self.first, self.last = self._x[0], self._x[-1]
+
+    def holds(self, x: float) -> bool:
+        return self.first <= x <= self.last
+
+    def at(self, x: float) -> float:
+        i = bisect_right(self._inner, x)
+        return self._y[i] + self._slope[i] * (x - self._x[i])
+
+
+class PolynomialCurve:
+    """Implements `Curve`: c0 + c1·value + c2·value² + ….
+
+    Args:
+        coefficients: c0, c1, c2, …
+        low: Lowest value for which it holds.
+        high: Highest value for which it holds; between the two it is strictly monotonic.
+    """
+
+    def __init__(self, coefficients: Iterable[float], low: float, high: float) -> None:
+        self._coefficients = tuple(coefficients)
+        self._slope = derivative(self._coefficients)
+        self._low, self._high = low, high
+        self._sign = 1.0 if self._at(high) > self._at(low) else -1.0
+        width = high - low
+        self._values = [low + width * i / _KNOTS for i in range(_KNOTS)] + [high]
+        self._reached = [self._sign * self._at(value) for value in self._values]
+
+    def physical(self, value: float) -> float:
+        """Return the physical value at a channel's value; NaN where that does not hold."""
+        return self._at(value) if self._low <= value <= self._high else nan
+
+    def beyond(self, value: float) -> float:
+        """Return it beyond that too, along the tangent."""
+        end = min(max(value, self._low), self._high)
+        return self._at(end) + evaluate(self._slope, end) * (value - end)
+
+    def value(self, physical: float) -> float:
+        """Return the channel's value at a physical value; NaN where there is none.
+
+        Newton's steps, halving instead where one leads out of what is known to hold the value.
+        """
+        wanted, reached = self._sign * physical, self._reached
+        if not reached[0] <= wanted <= reached[-1]:
+            return nan
+        knot = min(max(bisect_right(reached, wanted), 1), _KNOTS)
+        low, high = self._values[knot - 1], self._values[knot]
+        value = 0.5 * (low + high)
+        for _ in range(_STEPS):
+            error = self._sign * self._at(value) - wanted
+            if error == 0.0:
+                break
+            low, high = (value, high) if error < 0.0 else (low, value)
+            slope = self._sign * evaluate(self._slope, value)
+            following = value - error / slope if slope > 0.0 else nan
+            if not (isfinite(following) and low < following < high):
+                following = 0.5 * (low + high)
+            if following == value:
+                break
+            value = following
+        return value
+
+    def _at(self, value: float) -> float:
+        return evaluate(self._coefficients, value)
