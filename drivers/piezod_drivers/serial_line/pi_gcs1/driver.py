@@ -1,0 +1,57 @@
+"""PI controllers that speak GCS 1, over a serial port."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from piezod.devices.bus.bus_device import ExchangingBusDevice
+from piezod.devices.bus.line import Line
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod_drivers.serial_line.gcs.dialogue import Drive, GcsDialogue
+from piezod_drivers.serial_line.gcs.faults import SEES
+from piezod_drivers.serial_line.gcs.rate import wire_rate_hz
+from piezod_drivers.serial_line.options import make_line
+from piezod_drivers.serial_line.pi_gcs1.codec import Gcs1
+from piezod_drivers.serial_line.pi_gcs1.options import Options
+
+
+class Gcs1Dialogue(GcsDialogue):
+    """What is said to a GCS 1 controller, which does not tell the range of its outputs.
+
+    Args:
+        line: The line.
+        options: What a configuration says.
+        wiring: The channels that are used.
+    """
+
+    def __init__(self, line: Line, options: Options, wiring: Wiring) -> None:
+        rate_hz = wire_rate_hz(options.baud, len(wiring.channels))
+        drive = Drive(options.range_v, "VOL?", rate_hz)
+        super().__init__(line, options.timeout_ms * 1e-3, Gcs1(), wiring, drive)
+        self._range_v = options.range_v
+
+    def _drives(self, axes: Sequence[str]) -> Sequence[str]:  # noqa: ARG002 - the generation's
+        """Return the axes: their voltages are asked for by the same letters."""
+        return self._wiring.outputs
+
+    def _find_ranges(self) -> list[tuple[float, float]]:
+        return [self._range_v] * len(self._wiring.outputs)
+
+
+def _channels(options: Options) -> ChannelUnits:
+    return ChannelUnits(dict.fromkeys(options.axes, "µm"), dict.fromkeys(options.axes, "V"))
+
+
+def _create(options: Options, wiring: Wiring, _seed: int) -> ExchangingBusDevice:
+    dialogue = Gcs1Dialogue(make_line(options), options, wiring)
+    return ExchangingBusDevice("PI GCS 1 controller", dialogue)
+
+
+PLUGIN: Final = DriverPlugin(
+    name="pi_gcs1",
+    summary="PI controllers by GCS 1: E-816 (E-621, E-625, E-665), E-516",
+    options_model=Options,
+    create=_create,
+    confirmed_on_hardware=False,
+    channels=_channels,
+    sees=SEES,
+)

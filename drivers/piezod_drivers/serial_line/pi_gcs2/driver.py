@@ -1,0 +1,102 @@
+"""PI controllers that speak GCS 2.0, over a serial port, USB's virtual one, or TCP."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from piezod.devices.bus.bus_device import ExchangingBusDevice
+from piezod.devices.bus.line import Line, LineFault
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceError
+from piezod_drivers.serial_line.gcs.dialogue import Drive, GcsDialogue
+from piezod_drivers.serial_line.gcs.faults import SEES
+from piezod_drivers.serial_line.gcs.rate import NETWORK_RATE_HZ, wire_rate_hz
+from piezod_drivers.serial_line.gcs.reply import Reply
+from piezod_drivers.serial_line.gcs.syntax import ASK_ERROR
+from piezod_drivers.serial_line.options import make_line
+from piezod_drivers.serial_line.pi_gcs2.codec import Gcs2
+from piezod_drivers.serial_line.pi_gcs2.options import Options
+
+
+class Gcs2Dialogue(GcsDialogue):
+    """What is said to a GCS 2.0 controller.
+
+    Args:
+        line: The line.
+        options: What a configuration says.
+        wiring: The channels that are used.
+    """
+
+    def __init__(self, line: Line, options: Options, wiring: Wiring) -> None:
+        serial_hz = wire_rate_hz(options.baud, len(wiring.channels))
+        rate_hz = serial_hz if options.host is None else NETWORK_RATE_HZ
+        drive = Drive(options.range_v, options.read_back, rate_hz)
+        super().__init__(line, options.timeout_ms * 1e-3, Gcs2(), wiring, drive)
+        self._by_channel = options.read_back == "VOL?"
+        self._amplifiers: Sequence[str] = ()
+
+    def _drives(self, axes: Sequence[str]) -> Sequence[str]:
+        """Return the numbers of the piezo channels: an axis' own number, or its place."""
+        outputs = self._wiring.outputs
+        self._amplifiers = [a if a.isdigit() else str(axes.index(a) + 1) for a in outputs]
+        return self._amplifiers if self._by_channel else outputs
+
+    def _find_ranges(self) -> list[tuple[float, float]]:
+        if self._drive.range_v is not None:
+            return [self._drive.range_v] * len(self._amplifiers)
+        try:
+            lowest, highest = self._limits("VMI?"), self._limits("VMA?")
+        except LineFault as fault:
+            if fault.flag is not DeviceFlag.WRONG_REQUEST:
+                raise
+            what = f"{self._line.where} does not tell the range of its outputs, give range_v"
+            raise DeviceError(what) from fault
+        return list(zip(lowest, highest, strict=True))
+
+    def _limits(self, query: str) -> list[float]:
+        reply = Reply(*self._syntax.numbers(self._amplifiers))
+        request = self._syntax.query(query, self._amplifiers) + ASK_ERROR
+        return [float(text) for text in self._ask_once(request, reply)]
+
+    def _driven_by_others(self) -> Sequence[str]:
+        servo = super()._driven_by_others()
+        return [a for a in self._wiring.outputs if a in servo or a in self._offline()]
+
+    def _offline(self) -> Sequence[str]:
+        """Return the outputs that an analog input drives; none where there is no such mode."""
+        try:
+            return self._switched("ONL?", self._amplifiers, on=0)
+        except LineFault as fault:
+            if fault.flag is not DeviceFlag.WRONG_REQUEST:
+                raise
+            return ()
+
+    def _take_over(self, axes: Sequence[str]) -> bytes:
+        offline = self._offline()
+        channels = [
+            channel
+            for axis, channel in zip(self._wiring.outputs, self._amplifiers, strict=True)
+            if axis in offline
+        ]
+        online = self._syntax.setting("ONL", channels, ["1"] * len(channels)) if channels else b""
+        return super()._take_over(axes) + online
+
+
+def _channels(options: Options) -> ChannelUnits:
+    return ChannelUnits(dict.fromkeys(options.axes, "µm"), dict.fromkeys(options.axes, "V"))
+
+
+def _create(options: Options, wiring: Wiring, _seed: int) -> ExchangingBusDevice:
+    dialogue = Gcs2Dialogue(make_line(options), options, wiring)
+    return ExchangingBusDevice("PI GCS 2 controller", dialogue)
+
+
+PLUGIN: Final = DriverPlugin(
+    name="pi_gcs2",
+    summary="PI controllers by GCS 2.0: E-517, E-709, E-712, E-727, E-754; serial or TCP",
+    options_model=Options,
+    create=_create,
+    confirmed_on_hardware=False,
+    channels=_channels,
+    sees=SEES,
+)
