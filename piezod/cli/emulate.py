@@ -1,31 +1,38 @@
-"""`piezod emulate`: a rig in a process of its own."""
+"""`piezod emulate`: devices in a process of their own, with the simulated rig behind them."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated
 
 import typer
 
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import existing_file
 
-if TYPE_CHECKING:
-    from pydantic import BaseModel
 
-    from piezod.devices.interface import Wiring
-
-
-def emulate(
-    driver: Annotated[str, typer.Argument(metavar="DRIVER", help="Driver of the rig: simulated.")],
-    socket: Annotated[
-        Path | None,
-        typer.Option(metavar="PATH", help="Socket to serve; left out: where clients look."),
+def emulate(  # noqa: PLR0913, PLR0917 - the options of a command
+    profile: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="PROFILE[=WHERE]…",
+            help="Devices, each with the path of its port or its HOST:PORT; several are connected "
+            "to the same stage, axis by axis.",
+        ),
+    ],
+    port: Annotated[
+        str | None,
+        typer.Option(
+            "--port",
+            "--socket",
+            metavar="WHERE",
+            help="Where a single PROFILE is served; left out: a usual place, which is printed.",
+        ),
     ] = None,
     config: Annotated[
         Path | None,
         typer.Option(
             metavar="CONFIG",
-            help="Configuration of a daemon with this rig: its options, axes and seed. "
-            "Left out: one axis x, default options.",
+            help="Configuration of a daemon with a simulated rig: its options, axes and seed. "
+            "Left out: default options, seed 1.",
             callback=existing_file,
         ),
     ] = None,
@@ -33,59 +40,65 @@ def emulate(
         str | None,
         typer.Option(metavar="NAME", help="Which device of CONFIG; needed if there are several."),
     ] = None,
+    axes: Annotated[
+        int | None,
+        typer.Option(min=1, max=16, metavar="N", help="Axes; left out: as many as are needed."),
+    ] = None,
+    serial_number: Annotated[
+        str, typer.Option(metavar="TEXT", help="Serial number that the devices tell.")
+    ] = "",
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND[:WHICH][:VALUE]",
+            help="What goes wrong on every wire; may be repeated. KIND: late (VALUE s), lost, "
+            "garbled (bit VALUE), partial (first VALUE bytes come), duplicated, noise (VALUE bytes "
+            "before the reply); disconnect, wrong-identity (both: away for VALUE s), restart (off "
+            "for VALUE s). WHICH reply, counted from 1: 7, 7-9, 7-, 'every 7', left out: every "
+            "one; or now, for the last three. VALUE may be a range, 0.01-0.2.",
+        ),
+    ] = None,
     trace: Annotated[
         Path | None, typer.Option(metavar="CSV", help="Write down every voltage that is written.")
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Host a rig until Ctrl-C, for devices with `driver: emulated`.
+    """Emulate devices until Ctrl-C, with a simulated rig behind them.
 
     It goes on in real time and keeps its voltage when the client dies, as a real amplifier does.
-    Serves one client at a time.
+    Each device serves one client at a time. `piezod emulate simulated` hosts the rig itself, for
+    devices with `driver: emulated`.
+
+    While it runs, a line on standard input stands for all faults from then on, separated by commas,
+    and replies are counted from 1 again; an empty line ends them all.
     """
-    from piezod.cli.output import new_console, print_json
-    from piezod.devices import emulators, registry
+    from piezod.cli.emulate_parts import bench, default_rig, posts_of, rig_of, told_to_end, watch
+    from piezod.cli.output import new_console, print_json_line
+    from piezod.devices.emulators import Emulation
 
-    host = emulators.load(driver)
-    options, wiring, seed = _default_rig(driver) if config is None else _rig(driver, config, device)
+    posts = posts_of(profile, port, fault or ())
+    needed = axes or max(post.plugin.channels for post in posts)
+    rig = default_rig(needed) if config is None else rig_of(config, device, axes)
 
-    axes = wiring.channels
-
-    def ready(where: Path) -> None:
+    def tell(faults: str) -> None:
         if json:
-            print_json({"socket": str(where), "driver": driver, "axes": axes})
+            print_json_line({"faults": faults})
         else:
-            named = f"{driver} rig, axes {', '.join(axes)}"
-            new_console().print(f"{named}: serving {where}, Ctrl-C ends it", soft_wrap=True)
+            new_console().print(f"faults: {faults or 'none'}", soft_wrap=True)
 
-    host(registry.load(driver).create(options, wiring, seed), axes, socket, trace, ready)
-
-
-class _Rig(NamedTuple):
-    options: "BaseModel"
-    wiring: "Wiring"
-    seed: int
-
-
-def _default_rig(driver: str) -> _Rig:
-    from piezod.devices import registry
-    from piezod.devices.interface import Wiring
-
-    return _Rig(registry.load(driver).options_model(), Wiring.both(("x",)), 1)
-
-
-def _rig(driver: str, config: Path, device: str | None) -> _Rig:
-    from piezod.config.daemon import load_daemon
-    from piezod.devices import registry
-    from piezod.devices.channels import pairs_of, wiring_of
-
-    stage = load_daemon(config, registry)
-    found = [name for name, each in stage.devices.items() if each.driver == driver]
-    if device is None and len(found) == 1:
-        device = found[0]
-    if device not in found:
-        known = ", ".join(found) or "none"
-        what = f"devices of {config} with driver {driver}: {known} (got {device or 'none'})"
-        raise typer.BadParameter(what, param_hint="--device")
-    wiring = wiring_of(device, pairs_of(stage.axes))
-    return _Rig(stage.devices[device].options, wiring, stage.seed)
+    with told_to_end() as stopping, bench(rig, trace) as on_bench:
+        emulation = Emulation(posts, on_bench, serial_number)
+        try:
+            places = emulation.start()
+            served = [(post.plugin.name, place) for post, place in zip(posts, places, strict=True)]
+            if json:
+                found = [{"profile": name, "where": where} for name, where in served]
+                print_json_line({"serving": found, "axes": rig.axes})
+            else:
+                for name, where in served:
+                    what = f"{name}, axes {', '.join(rig.axes)}: serving {where}, Ctrl-C ends it"
+                    new_console().print(what, soft_wrap=True)
+            every = [post.faults for post in posts]
+            watch(every, lambda: stopping() or not emulation.running(), tell)
+        finally:
+            emulation.stop()

@@ -1,56 +1,143 @@
-"""Finds what hosts a rig in a process of its own, by the name of the rig's driver.
+"""Finds emulated devices by the name of their profile, and serves several on one bench.
 
-An emulator is an entry point of the group `piezod.emulators` that leads to a `Host`.
+An emulator is an entry point of the group `piezod.emulators` that leads to an `EmulatorPlugin`.
 """
 
+import threading
 from collections.abc import Callable, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Final, Protocol, cast
+from typing import Final, NamedTuple
 
-from piezod.devices.interface import Device
+from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.emulator import EmulatorPlugin
+from piezod.devices.emulation.far_end import FarEnd
+from piezod.devices.emulation.faults import Faults
+from piezod.devices.emulation.places import address, make_own_folder
+from piezod.devices.emulation.pty_end import PtyEnd
+from piezod.devices.emulation.tcp_end import TcpEnd
+from piezod.devices.emulation.wire_host import WireHost
 from piezod.errors import RegistryError
 
 GROUP: Final = "piezod.emulators"
 
 
-class Host(Protocol):
-    """Serves a rig until the process is told to end by SIGINT or SIGTERM."""
-
-    def __call__(
-        self,
-        rig: Device,
-        axes: Sequence[str],
-        where: Path | None,
-        trace: Path | None,
-        ready: Callable[[Path], None],
-    ) -> None:
-        """Serve; to be called in the main thread.
-
-        Args:
-            rig: The device, constructed and not open.
-            axes: Names of its axes.
-            where: Where clients find it, None for where they look by default.
-            trace: CSV file that tells of every write that is taken, None for none.
-            ready: Told where clients find it, as soon as they do.
-
-        Raises:
-            DeviceError: If the rig cannot be opened, or cannot be hosted there.
-            OSError: If the trace cannot be written.
-        """
-        ...
+def names() -> tuple[str, ...]:
+    """Tell the names of all profiles that can be emulated, sorted, without importing any."""
+    return tuple(sorted({point.name for point in entry_points(group=GROUP)}))
 
 
-def load(name: str) -> Host:
-    """Import the emulator for the rigs of one driver.
+def load(name: str) -> EmulatorPlugin:
+    """Import the emulator of one profile.
 
     Args:
-        name: Name of the driver.
+        name: Name of the profile, one of `names()`.
 
     Raises:
-        RegistryError: If there is none.
+        RegistryError: If there is none, or what carries the name is no emulator.
     """
     for point in entry_points(group=GROUP, name=name):
-        return cast("Host", point.load())
-    known = ", ".join(sorted({point.name for point in entry_points(group=GROUP)}))
-    raise RegistryError(f"nothing hosts rigs of driver {name!r}, known: {known or 'none'}")
+        plugin = point.load()
+        if not isinstance(plugin, EmulatorPlugin) or plugin.name != name:
+            raise RegistryError(f"{point.value} is no emulator that is called {name!r}")
+        return plugin
+    raise RegistryError(f"no emulator is called {name!r}, known: {', '.join(names()) or 'none'}")
+
+
+class Post(NamedTuple):
+    """A device to be served.
+
+    Attributes:
+        plugin: Which one.
+        where: Where; "" for the usual place.
+        faults: What goes wrong on its wire.
+    """
+
+    plugin: EmulatorPlugin
+    where: str
+    faults: Faults
+
+
+class Emulation:
+    """Devices on one bench, each served by a thread of its own; also a context manager.
+
+    Args:
+        posts: The devices.
+        bench: What all of them are connected to, axis by axis.
+        serial_number: Of each, "" for its usual one.
+    """
+
+    def __init__(self, posts: Sequence[Post], bench: Bench, serial_number: str = "") -> None:
+        self._bench, self._serial_number = bench, serial_number
+        self._stop = threading.Event()
+        self._news = threading.Condition()
+        self._places: dict[int, str] = {}
+        self._failure: BaseException | None = None
+        self._threads = [
+            threading.Thread(target=self._run, args=(number, post))
+            for number, post in enumerate(posts)
+        ]
+
+    def start(self) -> list[str]:
+        """Serve all of them; return where each can be found, as soon as that is so.
+
+        Raises:
+            DeviceError: If one of them cannot be served; then none is.
+        """
+        for thread in self._threads:
+            thread.start()
+        with self._news:
+            self._news.wait_for(lambda: self._failure or len(self._places) == len(self._threads))
+        if self._failure is not None:
+            self.stop()
+        return [self._places[number] for number in range(len(self._threads))]
+
+    def running(self) -> bool:
+        """Tell whether all of them are still served."""
+        return self._failure is None
+
+    def stop(self) -> None:
+        """Serve no longer; to be called in the end.
+
+        Raises:
+            Exception: What made one of them fail.
+        """
+        self._stop.set()
+        for thread in self._threads:
+            if thread.ident is not None:
+                thread.join()
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+
+    def _run(self, number: int, post: Post) -> None:
+        def ready(place: str) -> None:
+            with self._news:
+                self._places[number] = place
+                self._news.notify_all()
+
+        try:
+            self._serve(post, ready)
+        except BaseException as failure:  # noqa: BLE001 - raised again by `stop`
+            with self._news:
+                self._failure = failure
+                self._news.notify_all()
+
+    def _serve(self, post: Post, ready: Callable[[str], None]) -> None:
+        plugin, bench, stopping = post.plugin, self._bench, self._stop.is_set
+        if plugin.serve is not None:
+            plugin.serve(bench, post.where, post.faults, self._serial_number, ready, stopping)
+        elif plugin.create is None:
+            raise RegistryError(f"the emulator {plugin.name!r} can neither be made nor served")
+        else:
+            create, end = plugin.create, _far_end(plugin, post.where)
+            host = WireHost(
+                end, lambda serial: create(bench, serial), bench, post.faults, self._serial_number
+            )
+            host.serve(ready, stopping)
+
+
+def _far_end(plugin: EmulatorPlugin, where: str) -> FarEnd:
+    if plugin.wire == "tcp":
+        return TcpEnd(*address(where))
+    return PtyEnd(Path(where) if where else make_own_folder() / f"{plugin.name}.tty")

@@ -81,7 +81,8 @@ def test_rig_is_that_of_a_configuration(piezod: Command, folder: Path, stage: st
         code, out, _ = piezod("emulate", "simulated", *arguments)
 
     assert code == 0
-    assert json.loads(out) == {"socket": str(path), "driver": "simulated", "axes": ["x", "y"]}
+    serving = [{"profile": "simulated", "where": str(path)}]
+    assert json.loads(out) == {"serving": serving, "axes": ["x", "y"]}
     assert (found[0].model, found[0].serial) == ("simulated afm", "seed 7")
     assert not path.exists()
 
@@ -137,9 +138,9 @@ def test_device_has_to_be_named_among_several(piezod: Command, stage: str) -> No
     assert "rig, other" in err
 
 
-def test_driver_that_nothing_hosts(piezod: Command) -> None:
-    """The text lists what can be hosted."""
+def test_profile_that_nothing_emulates(piezod: Command) -> None:
+    """The text lists what can be emulated."""
     code, _, err = piezod("emulate", "acme")
 
     assert code == 1
-    assert "nothing hosts rigs of driver 'acme', known: simulated" in err
+    assert "no emulator is called 'acme', known: " in err

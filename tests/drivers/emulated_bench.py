@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from piezod.devices import registry
+from piezod.devices.emulation.bench import Bench
 from piezod.devices.emulation.trace import Trace
 from piezod.devices.interface import Wiring
 from piezod_drivers.emulated.driver import EmulatedRig
@@ -24,10 +25,13 @@ class AskedTime:
     def __init__(self) -> None:
         self._now_ns = self._asked_ns = 0
 
-    def __call__(self, asked_ns: int) -> int:
-        """Return the rig's time."""
+    def heard(self, asked_ns: int) -> None:
+        """Go on to the instant that a call carries."""
         self._now_ns += max(asked_ns - self._asked_ns, 0)
         self._asked_ns = asked_ns
+
+    def now_ns(self) -> int:
+        """Return the bench's time."""
         return self._now_ns
 
 
@@ -37,14 +41,17 @@ def serving(
 ) -> Iterator[None]:
     """Serve a simulated rig at a socket while the block runs."""
     plugin = registry.load("simulated")
-    rig = plugin.create(plugin.options_model(), Wiring.both(axes), 1)
-    stopping = threading.Event()
+    inputs = tuple(name for axis in axes for name in (axis, f"{axis}_v"))
+    rig = plugin.create(plugin.options_model(), Wiring(inputs, axes), 1)
+    stopping, time = threading.Event(), AskedTime()
     with ExitStack() as stack:
         writes = stack.enter_context(Trace(trace, axes)) if trace else None
         identity = rig.open()
         stack.callback(rig.close)
+        rig.activate(0)
+        bench = Bench(rig, time.now_ns, writes)  # type: ignore[arg-type] # it is both
         listener: socket.socket = stack.enter_context(listening(path))
-        server = RigServer(rig, identity, listener, AskedTime(), writes)  # type: ignore[arg-type] # it is both
+        server = RigServer(bench, identity, listener, time.heard)
         thread = threading.Thread(target=server.serve, args=(stopping.is_set,))
         thread.start()
         stack.callback(thread.join)

@@ -7,14 +7,8 @@ import pytest
 
 from piezod.errors import DeviceError
 from piezod_drivers.emulated.driver import EmulatedRig
-from piezod_drivers.emulated.host import host, listening
+from piezod_drivers.emulated.host import listening
 from piezod_drivers.emulated.options import Options
-
-
-class OnlySensor:
-    """A device that drives nothing."""
-
-    open = capabilities = activate = deactivate = close = read = print
 
 
 @pytest.fixture
@@ -37,12 +31,6 @@ def test_only_the_user_may_use_the_rig(path: Path) -> None:
     with listening(path):
         assert path.stat().st_mode & 0o777 == 0o600
     assert not path.exists()
-
-
-def test_sensor_alone_is_not_hosted(path: Path) -> None:
-    """What is hosted is sensor and amplifier in one."""
-    with pytest.raises(DeviceError, match="sensor and amplifier in one"):
-        host(OnlySensor(), ("x",), path, None, print)  # type: ignore[arg-type] # the mistake
 
 
 @pytest.mark.parametrize("socket_option", ["rig.sock", "/run/lab/rig.sock"])

@@ -1,59 +1,49 @@
-"""Hosts a rig in this process, in real time, until the process is told to end."""
+"""Serves a bench itself at a socket: what drives it is the driver `emulated`."""
 
-import os
-import signal
 import socket
-import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
-from piezod.devices.emulation.trace import Trace
-from piezod.devices.interface import Amplifier, Device, Sensor
-from piezod.errors import DeviceError, DeviceUnavailableError
-from piezod_drivers.emulated.options import DEFAULT_SOCKET, socket_path
+from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.emulator import EmulatorPlugin
+from piezod.devices.emulation.faults import Faults
+from piezod.devices.emulation.places import make_own_folder
+from piezod.errors import DeviceUnavailableError
+from piezod_drivers.emulated.options import DEFAULT_SOCKET
 from piezod_drivers.emulated.server import RigServer
 
 
-def host(
-    rig: Device,
-    axes: Sequence[str],
-    where: Path | None,
-    trace: Path | None,
-    ready: Callable[[Path], None],
+def serve(
+    bench: Bench,
+    where: str,
+    faults: Faults,  # noqa: ARG001 - packets of a socket are neither late nor lost
+    serial_number: str,
+    ready: Callable[[str], None],
+    stopping: Callable[[], bool],
 ) -> None:
-    """Serve a rig at a socket until SIGINT or SIGTERM; to be called in the main thread.
+    """Serve a bench at a socket until told to stop.
 
     Args:
-        rig: The device, constructed and not open.
-        axes: Names of its axes.
-        where: The socket, None for that of the driver's default options.
-        trace: CSV file for every write that is taken, None for none.
+        bench: The bench.
+        where: The socket, "" for that of the driver's default options.
+        faults: Without effect.
+        serial_number: Of the rig, "" for that of the bench.
         ready: Told the socket as soon as clients are heard.
+        stopping: Asked at least every 10 ms.
 
     Raises:
         DeviceUnavailableError: If the socket is taken or cannot be made.
-        DeviceError: If the device is not sensor and amplifier in one, or cannot be opened.
-        OSError: If the trace cannot be written.
     """
-    if not (isinstance(rig, Sensor) and isinstance(rig, Amplifier)):
-        raise DeviceError("only a device that is sensor and amplifier in one can be hosted")
-    path = _default_socket() if where is None else where
-    with _told_to_end() as stopping, closing(rig), _tracing(trace, axes) as writes:
-        identity = rig.open()
-        with listening(path) as listener:
-            server = RigServer(rig, identity, listener, _real_time, writes)
-            ready(path)
-            server.serve(stopping)
-
-
-def _real_time(_asked_ns: int) -> int:
-    return time.monotonic_ns()
-
-
-def _tracing(path: Path | None, axes: Sequence[str]) -> AbstractContextManager[Trace | None]:
-    return nullcontext() if path is None else Trace(path, axes)
+    path = Path(where) if where else make_own_folder() / DEFAULT_SOCKET
+    identity = bench.identity
+    if serial_number:
+        identity = identity._replace(serial=serial_number)
+    with listening(path) as listener:
+        server = RigServer(bench, identity, listener)
+        ready(str(path))
+        server.serve(stopping)
 
 
 @contextmanager
@@ -89,29 +79,9 @@ def _remove_stale(path: Path) -> None:
     raise DeviceUnavailableError(f"another rig is hosted at {path}")
 
 
-def _default_socket() -> Path:
-    """Return the socket of the default options, in a folder that belongs to this user.
-
-    Raises:
-        DeviceUnavailableError: If the folder belongs to somebody else.
-    """
-    path = socket_path(DEFAULT_SOCKET)
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if path.parent.stat().st_uid != os.getuid():
-        raise DeviceUnavailableError(f"{path.parent} belongs to somebody else, name a socket")
-    return path
-
-
-@contextmanager
-def _told_to_end() -> Iterator[Callable[[], bool]]:
-    """Tell from SIGINT and SIGTERM, for as long as the block runs, that the process is to end."""
-    told = threading.Event()
-    before = {
-        number: signal.signal(number, lambda *_: told.set())
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield told.is_set
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+EMULATOR: Final = EmulatorPlugin(
+    name="simulated",
+    summary="the bench itself at a unix socket, for devices with driver: emulated",
+    wire="socket",
+    serve=serve,
+)

@@ -1,13 +1,12 @@
 """What a configuration may say about a rig in another process."""
 
-import os
-import tempfile
 from pathlib import Path
 from typing import Annotated, Final
 
 from pydantic import Field, StringConstraints
 
 from piezod.config.fields import ConfigModel, Quantity
+from piezod.devices.emulation.places import own_folder
 
 DEFAULT_SOCKET: Final = "rig.sock"
 
@@ -27,6 +26,4 @@ class Options(ConfigModel):
 
 def socket_path(socket: str) -> Path:
     """Return where a socket is, an absolute path or a name in the folder for sockets."""
-    users = os.environ.get("XDG_RUNTIME_DIR")
-    own = Path(users) / "piezod" if users else Path(tempfile.gettempdir()) / f"piezod-{os.getuid()}"
-    return own / socket
+    return own_folder() / socket

@@ -1,15 +1,15 @@
-"""The rig's end of the socket: a device, served to one client at a time."""
+"""The rig's end of the socket: a bench, served to one client at a time."""
 
 import secrets
 import selectors
 import socket
 from collections.abc import Callable
-from math import nan
+from math import isfinite, nan
 from struct import Struct
-from typing import Final, Protocol
+from typing import Final
 
-from piezod.devices.emulation.trace import Trace
-from piezod.devices.interface import Amplifier, Identity, Sensor
+from piezod.devices.emulation.bench import Bench
+from piezod.devices.interface import Identity
 from piezod_drivers.emulated.wire import (
     MAX_PACKET,
     Greeting,
@@ -25,54 +25,47 @@ _TICK_S: Final = 0.01  # how long the physics may be left alone: it would have t
 _PEER: Final = Struct("3i")  # pid, uid, gid
 
 
-class Rig(Sensor, Amplifier, Protocol):
-    """A device that is sensor and amplifier in one."""
+def _nobody(_asked_ns: int) -> None:
+    """Hear an instant, and do nothing about it."""
 
 
 class RigServer:
-    """Serves a device that it activates and keeps; a client that goes changes nothing.
+    """Serves a bench; a client that goes changes nothing.
 
     Args:
-        rig: The device, open and not active.
-        identity: Who it said it is.
+        bench: The bench.
+        identity: Who it says it is.
         listener: A socket of type SOCK_SEQPACKET at which clients can connect.
-        time_of: Tells the rig's time when a call arrives that carries this instant. It never goes
-            back. A clock that ignores what it is told makes physics in real time.
-        trace: Told every write that is taken.
+        heard: Told the instant that a call carries, before it is carried out.
     """
 
     def __init__(
         self,
-        rig: Rig,
+        bench: Bench,
         identity: Identity,
         listener: socket.socket,
-        time_of: Callable[[int], int],
-        trace: Trace | None = None,
+        heard: Callable[[int], None] = _nobody,
     ) -> None:
-        self._rig, self._listener, self._time_of, self._trace = rig, listener, time_of, trace
-        able = rig.capabilities()
-        self._axes = able.outputs
-        self._wire = Wire(len(self._axes))
+        self._bench, self._listener, self._heard = bench, listener, heard
+        self._wire = Wire(bench.n_axes)
         life = secrets.token_hex(8)
-        self._greeting = pack_greeting(Greeting(identity, self._axes, able.max_rate_hz, life))
+        self._greeting = pack_greeting(Greeting(identity, bench.axes, bench.max_rate_hz, life))
         self._selector = selectors.DefaultSelector()
         self._client: socket.socket | None = None
         self._client_pid = 0
-        self._asked_ns = 0
 
     def serve(self, stopping: Callable[[], bool]) -> None:
-        """Serve until told to stop, then leave the rig as it is.
+        """Serve until told to stop, then leave the bench as it is.
 
         Args:
             stopping: Asked at least every 10 ms.
         """
-        self._rig.activate(self._time_of(self._asked_ns))
         self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
         try:
             while not stopping():
                 for key, _ in self._selector.select(_TICK_S):
                     key.data()
-                self._rig.read_back(self._time_of(self._asked_ns))
+                self._bench.tick()
         finally:
             self._drop()
             self._selector.close()
@@ -109,19 +102,14 @@ class RigServer:
 
     def _carry_out(self, request: Request) -> bytes:
         op, number, asked_ns, drive_v = request
-        self._asked_ns = asked_ns
-        t_ns = self._time_of(asked_ns)
-        n = len(self._axes)
-        taken, valid, position_um = True, [False] * n, [nan] * n
+        self._heard(asked_ns)
+        taken, position_um = True, [nan] * self._bench.n_axes
         if op == Op.READ:
-            samples = self._rig.read(t_ns)
-            valid = [sample.valid for sample in samples]
-            position_um = [sample.position_um for sample in samples]
+            position_um = self._bench.positions_um()
         elif op == Op.WRITE:
-            taken = self._rig.write(drive_v, t_ns)
-            if taken and self._trace is not None:
-                self._trace.add(t_ns, asked_ns, self._client_pid, drive_v)
-        in_force_v = self._rig.read_back(t_ns)
+            taken = self._bench.drive_all(drive_v, asked_ns, self._client_pid)
+        valid = [isfinite(each_um) for each_um in position_um]
+        in_force_v = self._bench.drives_v()
         return self._wire.pack_reply(Reply(number, taken, valid, position_um, in_force_v))
 
     def _drop(self) -> None:

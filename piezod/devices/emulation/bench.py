@@ -6,10 +6,11 @@ from threading import RLock
 from typing import Final, Protocol
 
 from piezod.devices.emulation.trace import Trace
-from piezod.devices.interface import Amplifier, Sensor
+from piezod.devices.interface import Amplifier, Identity, Sensor
 
 UM_PER_V: Final = 5.0
 """Scale of a conditioned sensor output: 30 µm are 6 V."""
+_NOBODY: Final = Identity("piezod", "bench", "0", "0")
 
 
 class Rig(Sensor, Amplifier, Protocol):
@@ -24,10 +25,17 @@ class Bench:
             output: x, x_v, y, y_v, …
         now_ns: The clock.
         trace: Told every voltage that is taken; None for nobody.
+        identity: Of the rig, as its `open` told.
     """
 
-    def __init__(self, rig: Rig, now_ns: Callable[[], int], trace: Trace | None = None) -> None:
-        self._rig, self.now_ns, self._trace = rig, now_ns, trace
+    def __init__(
+        self,
+        rig: Rig,
+        now_ns: Callable[[], int],
+        trace: Trace | None = None,
+        identity: Identity = _NOBODY,
+    ) -> None:
+        self._rig, self.now_ns, self._trace, self.identity = rig, now_ns, trace, identity
         able = rig.capabilities()
         self.axes, self.max_rate_hz = able.outputs, able.max_rate_hz
         self.n_axes = len(self.axes)

@@ -1,0 +1,175 @@
+"""What `piezod emulate` is made of: the rig, the devices, and what is typed while it runs."""
+
+import os
+import select
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager, nullcontext
+from pathlib import Path
+from typing import Final, NamedTuple, cast
+
+import typer
+from pydantic import BaseModel
+
+from piezod.config.daemon import load_daemon
+from piezod.devices import emulators, registry
+from piezod.devices.channels import pairs_of, wiring_of
+from piezod.devices.emulation.bench import Bench, Rig
+from piezod.devices.emulation.faults import Fault, Faults, parse
+from piezod.devices.emulation.trace import Trace
+from piezod.devices.emulators import Post
+from piezod.devices.interface import Wiring
+
+_DRIVER: Final = "simulated"
+_FIRST_AXES: Final = ("x", "y", "z")
+_STDIN: Final = 0
+_LOOK_MS: Final = 100
+
+
+class RigPlan(NamedTuple):
+    """A simulated rig that is not made yet.
+
+    Attributes:
+        options: Of its driver.
+        axes: Names of its axes.
+        seed: Of what is random in it.
+    """
+
+    options: BaseModel
+    axes: tuple[str, ...]
+    seed: int
+
+
+def default_rig(n_axes: int) -> RigPlan:
+    """Return the rig with default options, seed 1 and axes x, y, z, a4, a5 and so on."""
+    axes = (*_FIRST_AXES, *(f"a{number}" for number in range(4, n_axes + 1)))[:n_axes]
+    return RigPlan(registry.load(_DRIVER).options_model(), axes, 1)
+
+
+def rig_of(config: Path, device: str | None, n_axes: int | None) -> RigPlan:
+    """Return the rig of a daemon's configuration.
+
+    Args:
+        config: The configuration.
+        device: Name of the device; None if there is only one that is simulated.
+        n_axes: How many of its axes, None for all.
+
+    Raises:
+        PiezodError: If the configuration is wrong.
+        typer.BadParameter: If it has no such device, several, or fewer axes.
+    """
+    stage = load_daemon(config, registry)
+    found = [name for name, each in stage.devices.items() if each.driver == _DRIVER]
+    if device is None and len(found) == 1:
+        device = found[0]
+    if device not in found:
+        known = ", ".join(found) or "none"
+        what = f"devices of {config} with driver {_DRIVER}: {known} (got {device or 'none'})"
+        raise typer.BadParameter(what, param_hint="--device")
+    axes = wiring_of(device, pairs_of(stage.axes)).channels
+    if n_axes is not None and n_axes > len(axes):
+        what = f"{device} of {config} has {len(axes)} (got {n_axes})"
+        raise typer.BadParameter(what, param_hint="--axes")
+    return RigPlan(stage.devices[device].options, axes[:n_axes], stage.seed)
+
+
+@contextmanager
+def bench(plan: RigPlan, trace: Path | None) -> Iterator[Bench]:
+    """Make the rig and have it on a bench, in real time, as long as the block runs.
+
+    Raises:
+        OSError: If the trace cannot be written.
+    """
+    inputs = tuple(name for axis in plan.axes for name in (axis, f"{axis}_v"))
+    wiring = Wiring(inputs, plan.axes)
+    rig = cast("Rig", registry.load(_DRIVER).create(plan.options, wiring, plan.seed))
+    writing = nullcontext() if trace is None else Trace(trace, plan.axes)
+    with closing(rig), writing as written:
+        identity = rig.open()
+        rig.activate(time.monotonic_ns())
+        yield Bench(rig, time.monotonic_ns, written, identity)
+
+
+def posts_of(profiles: Sequence[str], where: str | None, faults: Sequence[str]) -> list[Post]:
+    """Return the devices that a command line names.
+
+    Args:
+        profiles: Each as PROFILE or PROFILE=WHERE.
+        where: Where a single one is served, None where that is not said.
+        faults: What goes wrong on the wire of each.
+
+    Raises:
+        RegistryError: If one of them cannot be emulated.
+        typer.BadParameter: If two things are said about one place, or a fault is none.
+    """
+    named = [each.partition("=")[::2] for each in profiles]
+    if where is not None:
+        if len(named) > 1 or named[0][1]:
+            what = "is for a single PROFILE; else write PROFILE=WHERE for each"
+            raise typer.BadParameter(what, param_hint="--port")
+        named = [(named[0][0], where)]
+    try:
+        wrong = [parse(text) for text in faults]
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--fault") from error
+    posts = [Post(emulators.load(name), place, Faults(wrong)) for name, place in named]
+    if wrong and any(post.plugin.wire == "socket" for post in posts):
+        raise typer.BadParameter("a rig at a socket has no wire", param_hint="--fault")
+    return posts
+
+
+@contextmanager
+def told_to_end() -> Iterator[Callable[[], bool]]:
+    """Tell from SIGINT and SIGTERM, for as long as the block runs, that the process is to end."""
+    told = threading.Event()
+    before = {
+        number: signal.signal(number, lambda *_: told.set())
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield told.is_set
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def watch(
+    wires: Sequence[Faults], stopping: Callable[[], bool], tell: Callable[[str], None]
+) -> None:
+    """Take lines from standard input as the faults of all wires, until it is time to stop.
+
+    Args:
+        wires: The faults of each wire.
+        stopping: Asked every 0.1 s.
+        tell: Told what is in force after each line, or what is wrong with that.
+    """
+    typed = select.poll()
+    typed.register(_STDIN, select.POLLIN)
+    rest = b""
+    while not stopping():
+        if not typed.poll(_LOOK_MS) or not _may_read():
+            continue
+        data = os.read(_STDIN, 4096)
+        if not data:
+            typed.unregister(_STDIN)
+        *lines, rest = (rest + data).split(b"\n")
+        for line in lines:
+            tell(_set(wires, line.decode(errors="replace")))
+
+
+def _may_read() -> bool:
+    """Tell whether reading does not stop the process, as a terminal does that others use."""
+    return not os.isatty(_STDIN) or os.tcgetpgrp(_STDIN) == os.getpgrp()
+
+
+def _set(wires: Sequence[Faults], line: str) -> str:
+    texts = [text.strip() for text in line.split(",") if text.strip()]
+    try:
+        faults: list[Fault] = [parse(text) for text in texts]
+    except ValueError as error:
+        return f"unchanged, {error}"
+    for wire in wires:
+        wire.set(faults)
+    return ", ".join(texts)

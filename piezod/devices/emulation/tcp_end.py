@@ -1,0 +1,120 @@
+"""A TCP port as the far end of a connection."""
+
+import select
+import socket
+from contextlib import suppress
+from typing import Final
+
+from piezod.errors import DeviceUnavailableError
+
+_MOST_BYTES: Final = 65_536
+
+
+class TcpEnd:
+    """Implements `FarEnd`: serves one client at a time, others are turned away.
+
+    Args:
+        host: Address at which it listens.
+        port: Number of the port; 0 for any.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        self._host, self._port = host, port
+        self._listener: socket.socket | None = None
+        self._client: socket.socket | None = None
+        self._poll = select.poll()
+        self._connected = False
+
+    def place(self) -> str:
+        """Address and port."""
+        return f"{self._host}:{self._port}"
+
+    def appear(self) -> None:
+        """Listen; at the same port as before, if it was any.
+
+        Raises:
+            DeviceUnavailableError: If the port is taken, or there is no such address.
+        """
+        try:
+            self._listener = socket.create_server((self._host, self._port))
+        except (OSError, OverflowError) as error:
+            raise DeviceUnavailableError(f"nobody can listen at {self.place()}: {error}") from error
+        self._listener.setblocking(False)
+        self._port = self._listener.getsockname()[1]
+        self._poll = select.poll()
+        self._poll.register(self._listener, select.POLLIN)
+
+    def vanish(self) -> None:
+        """Close the connection and listen no longer."""
+        self._drop()
+        if self._listener is not None:
+            self._poll.unregister(self._listener)
+            self._listener.close()
+            self._listener = None
+
+    def receive(self, within_ns: int) -> bytes:
+        """Return what has come, as soon as something has; let clients in meanwhile."""
+        data = b""
+        for fd, _ in self._poll.poll(within_ns / 1e6):
+            if self._client is not None and fd == self._client.fileno():
+                data = self._read(self._client)
+            else:
+                self._accept()
+        return data
+
+    def send(self, data: bytes) -> None:
+        """Send as much of this as there is room for; nothing where nobody is connected."""
+        if self._client is not None:
+            with suppress(BlockingIOError):
+                try:
+                    self._client.send(data)
+                except (ConnectionError, TimeoutError):
+                    self._drop()
+
+    def take_connected(self) -> bool:
+        """Tell once that somebody new has connected."""
+        connected, self._connected = self._connected, False
+        return connected
+
+    def _accept(self) -> None:
+        if self._listener is None:
+            return
+        try:
+            client, _ = self._listener.accept()
+        except OSError:  # has gone again
+            return
+        if self._client is not None and not _has_gone(self._client):
+            client.close()
+            return
+        self._drop()
+        client.setblocking(False)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._client, self._connected = client, True
+        self._poll.register(client, select.POLLIN)
+
+    def _read(self, client: socket.socket) -> bytes:
+        try:
+            data = client.recv(_MOST_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self._drop()
+        return data
+
+    def _drop(self) -> None:
+        if self._client is not None:
+            self._poll.unregister(self._client)
+            self._client.close()
+            self._client = None
+
+
+def _has_gone(client: socket.socket) -> bool:
+    """Tell whether a client has closed its end, with nothing left to be read."""
+    try:
+        return client.recv(1, socket.MSG_PEEK) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
