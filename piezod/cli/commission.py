@@ -141,7 +141,7 @@ def _write(
     facts = {
         "commissioned": f"{now:%Y-%m-%d %H:%M} UTC",
         "rate": f"{stage.rate_hz:g} Hz",
-        "found at": f"{opened.session.found_v:.2f} V",
+        "found at": f"{opened.session.found_v:z.2f} V",
         "piezod": piezod.__version__,
     }
     return write_sheet(

@@ -30,7 +30,7 @@ def draw(findings: Findings) -> Iterator[ReportFigure]:
 
 def _over_time(name: str, title: str, trace: Trace, *, drive: bool) -> ReportFigure:
     with house_style():
-        figure = new_figure(_WIDTH_IN, _HEIGHT_IN * (1.5 if drive else 1.0), title, "")
+        figure = new_figure(_WIDTH_IN, _HEIGHT_IN * (1.5 if drive else 1.0), "", "")
         panels = figure.subplots(2 if drive else 1, 1, sharex=True, squeeze=False)[:, 0]
         panels[0].plot(trace.t_s, trace.position_um, **POSITION | {"linewidth": 0.8})
         panels[0].set_ylabel("position (µm)")
@@ -43,7 +43,7 @@ def _over_time(name: str, title: str, trace: Trace, *, drive: bool) -> ReportFig
 
 def _loop(trace: Trace) -> ReportFigure:
     with house_style():
-        figure = new_figure(_WIDTH_IN, 1.4 * _HEIGHT_IN, "Travel", "")
+        figure = new_figure(_WIDTH_IN, 1.4 * _HEIGHT_IN, "", "")
         loop, amplifier = figure.subplots(1, 2)
         loop.plot(trace.drive_v, trace.position_um, **LOOP)
         loop.set_xlabel("drive (V)")
@@ -60,7 +60,7 @@ def _phases(findings: Findings) -> ReportFigure:
     response = findings.response
     assert response is not None  # noqa: S101 - asked for by the caller
     with house_style():
-        figure = new_figure(_WIDTH_IN, _HEIGHT_IN, "Delay", "its slope is the delay")
+        figure = new_figure(_WIDTH_IN, _HEIGHT_IN, "", "its slope is the delay")
         panel = figure.subplots()
         panel.plot(response.frequencies_hz, response.lag_deg, "o", color=POSITION["color"])
         line_hz = np.array([0.0, response.frequencies_hz[-1]])
@@ -74,7 +74,7 @@ def _phases(findings: Findings) -> ReportFigure:
 
 def _rings(trace: Trace) -> ReportFigure:
     with house_style():
-        figure = new_figure(_WIDTH_IN, _HEIGHT_IN, "Ringing", "the first steps of many")
+        figure = new_figure(_WIDTH_IN, _HEIGHT_IN, "", "the first steps of many")
         panel = figure.subplots()
         shown = trace.t_s < 0.5
         panel.plot(trace.t_s[shown], trace.position_um[shown], **POSITION | {"linewidth": 0.8})

@@ -43,6 +43,6 @@ def measure_noise(session: Session) -> tuple[Noise, Trace]:
     t_s, position_um = trace.t_s[valid], trace.position_um[valid]
     slope, at_zero = np.polyfit(t_s, position_um, 1)
     rms_um = float(np.std(position_um - slope * t_s - at_zero))
-    if rms_um == 0.0:
+    if np.ptp(position_um) == 0.0:
         raise DeviceError("the sensor shows the same value all the time: is it stuck, or not read?")
     return Noise(rms_um, float(slope), trace.valid_pct, float(np.mean(position_um))), trace

@@ -169,7 +169,8 @@ class Session:
             now_ns = self._clock.now_ns()
             position_um = self._read(now_ns)
             told_v = self._channels.read_back(now_ns)[0] if self._reads_back else nan
-            watch.told(told_v - self.drive_v, self._channels.status(now_ns)[0])
+            flags = frozenset[DeviceFlag]().union(*self._channels.status(now_ns))
+            watch.told(told_v - self.drive_v, flags)
             t_s = (now_ns - begin_ns) / NS_PER_S
             rows.append((t_s, self.drive_v, told_v, position_um))
             elapsed_s = (now_ns - before_ns) / NS_PER_S

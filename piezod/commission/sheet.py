@@ -91,11 +91,11 @@ def rows_of(findings: Findings) -> Iterator[Row]:
         yield Row("travel", f"{abs(travel.travel_um):.3f}", "µm", ends)
         yield Row("gain", f"{travel.um_per_v * 1e3:.2f}", "nm/V", f"mean over {ends}")
         yield Row("width of the loop", f"{travel.loop_pct:.2f}", "% of travel", ends)
-        yield Row("noise", f"{travel.noise_pct:.3f}", "% of travel", "")
+        yield Row("noise", f"{travel.noise_pct:.3f}", "% of travel", "over the travel")
     if amplifier := findings.amplifier:
         how = "line through read-back against what was written"
         yield Row("gain of the amplifier", f"{amplifier.gain:.5f}", "V/V", how)
-        yield Row("offset of the amplifier", f"{amplifier.offset_v:+.4f}", "V", how)
+        yield Row("offset of the amplifier", f"{amplifier.offset_v:+z.4f}", "V", how)
         yield Row("its largest deviation", f"{amplifier.worst_v:.4f}", "V", how)
     if response := findings.response:
         value = f"{response.delay_s * 1e3:.3f} ± {response.uncertainty_s * 1e3:.3f}"

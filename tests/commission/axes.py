@@ -1,0 +1,47 @@
+"""An axis of the simulated rig that is driven by hand, on a clock that nobody waits for."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from piezod.commission.session import Session
+from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.control.limits import Limits
+from piezod.devices import registry
+from piezod.devices.channels import Channels, construct, pairs_of
+from piezod.devices.interface import Device
+from piezod.testing.fake_clock import FakeClock
+
+CONFIG = Path(__file__).parents[2] / "config" / "simulated.yaml"
+T0_NS = 1_000_000_000
+
+
+def configured(options: dict[str, Any] | None = None, seed: int = 1) -> DaemonConfig:
+    """Return the configuration that ships, with other options of its rig."""
+    config = load_daemon(CONFIG, registry)
+    model = registry.load("simulated").options_model
+    rig = config.devices["rig"].model_copy(update={"options": model.model_validate(options or {})})
+    return config.model_copy(update={"devices": {"rig": rig}, "seed": seed})
+
+
+@contextmanager
+def session(
+    options: dict[str, Any] | None = None,
+    *,
+    rate_hz: float = 1000.0,
+    seed: int = 1,
+    wrap: Callable[[Device], Device] = lambda device: device,
+    limits: Limits = Limits(0.0, 150.0, 20_000.0),  # noqa: B008 - it never changes
+) -> Iterator[Session]:
+    """Open an axis while the block runs."""
+    config = configured(options, seed)
+    pairs, clock = pairs_of(config.axes), FakeClock(T0_NS)
+    made = construct(config.devices, pairs, seed)
+    channels = Channels({name: wrap(device) for name, device in made.items()}, pairs)
+    channels.open()
+    try:
+        channels.activate(clock.now_ns())
+        yield Session(channels, limits, rate_hz, 50.0, clock)
+    finally:
+        channels.close()

@@ -1,0 +1,138 @@
+"""Tests of what the steps find on rigs whose properties are known."""
+
+import pytest
+
+from piezod.commission.noise import measure_noise
+from piezod.commission.polarity import find_polarity
+from piezod.commission.response import measure_delay
+from piezod.commission.ringing import find_ringing
+from piezod.commission.travel import amplifier_of, excursion, travel_of
+from piezod.devices.faulty import FaultyDevice
+from piezod.devices.injections import Injection, Kind
+from piezod.devices.interface import Device
+from piezod.errors import DeviceError
+from tests.commission.axes import session
+
+STAGE = {"mode_hz": 700.0, "mode_damping": 0.03, "reversible_um": 12.0, "irreversible_um": 18.0}
+QUIET = {"amplifier": {"gain_error": 0.004}, "sensor": {"delay_s": 1e-4}, "stage": STAGE}
+
+
+def reversed_sensor(device: Device) -> Device:
+    """Turn the sensor's sign over."""
+    return FaultyDevice(device, [Injection(Kind.GAIN, 0, value=-1.0)])  # type: ignore[arg-type] # the rig is both
+
+
+def stuck_output(device: Device) -> Device:
+    """Let the amplifier acknowledge, and stay."""
+    return FaultyDevice(device, [Injection(Kind.STUCK_OUTPUT, 0)])  # type: ignore[arg-type] # the rig is both
+
+
+def test_noise_is_that_of_the_sensor() -> None:
+    """Between 10 and 30 nm on the simulated stack, and all samples are valid."""
+    with session(QUIET) as axis:
+        noise, _ = measure_noise(axis)
+
+    assert 0.01 < noise.rms_um < 0.03
+    assert noise.valid_pct == 100.0
+
+
+def test_a_sensor_that_shows_one_value_is_not_believed() -> None:
+    """Nothing that measures is free of noise."""
+    stuck = Injection(Kind.REPLACED, 0, value=1.0)
+    with (
+        session(wrap=lambda device: FaultyDevice(device, [stuck])) as axis,  # type: ignore[arg-type] # the rig is both
+        pytest.raises(DeviceError, match="the same value all the time"),
+    ):
+        measure_noise(axis)
+
+
+def test_a_sensor_without_valid_samples_ends_the_step() -> None:
+    """The share is told."""
+    dropped = Injection(Kind.DROPPED, 0)
+    with (
+        session(wrap=lambda device: FaultyDevice(device, [dropped])) as axis,  # type: ignore[arg-type] # the rig is both
+        pytest.raises(DeviceError, match="0 % of the sensor's samples are valid"),
+    ):
+        measure_noise(axis)
+
+
+def test_polarity_is_found_at_a_few_volts() -> None:
+    """A twelfth of a µm for a volt on the lowest part of the loop, and surely positive."""
+    with session(QUIET) as axis:
+        polarity, trace = find_polarity(axis, 0.02)
+
+    assert polarity.step_v == 3.0
+    assert max(trace.drive_v) <= 3.0
+    assert 0.05 < polarity.um_per_v < 0.15
+    assert polarity.uncertainty_um_per_v < 0.01
+
+
+def test_a_reversed_sensor_shows() -> None:
+    """The sign is negative."""
+    with session(QUIET, wrap=reversed_sensor) as axis:
+        polarity, _ = find_polarity(axis, 0.02)
+
+    assert polarity.um_per_v < -0.05
+
+
+def test_a_stage_that_does_not_move_is_told_from_noise() -> None:
+    """The error says by how much it moved, and what to check."""
+    with (
+        session(QUIET, wrap=stuck_output) as axis,
+        pytest.raises(DeviceError, match=r"does not move: .* nm for \+3\.00 V"),
+    ):
+        find_polarity(axis, 0.02)
+
+
+def test_travel_and_gain_error_are_found() -> None:
+    """30 µm within 3 %, what creep adds included; 0.4 % of the amplifier's gain within a tenth."""
+    with session(QUIET) as axis:
+        trace = excursion(axis, 100)
+        travel, amplifier = travel_of(trace, 0.02), amplifier_of(trace)
+
+    assert travel.travel_um == pytest.approx(30.0, rel=0.03)
+    assert 5.0 < travel.loop_pct < 25.0
+    assert amplifier is not None
+    assert amplifier.gain == pytest.approx(1.004, abs=4e-4)
+
+
+def test_a_saturated_sensor_ends_the_travel() -> None:
+    """The voltage up to where it was driven is told."""
+    with (
+        session({"sensor": {"saturation_v": 3.5}}) as axis,
+        pytest.raises(DeviceError, match=r"on the way to 150\.0 V are valid"),
+    ):
+        excursion(axis, 100)
+
+
+def test_a_millisecond_of_delay_is_a_millisecond() -> None:
+    """The difference of two rigs is found within 30 µs."""
+    found = []
+    for delay_s in (1e-4, 1.1e-3):
+        with session({**QUIET, "sensor": {"delay_s": delay_s}}) as axis:
+            axis.go(15.0)
+            found.append(measure_delay(axis)[0].delay_s)
+
+    assert found[1] - found[0] == pytest.approx(1e-3, abs=3e-5)
+
+
+@pytest.mark.parametrize("rate_hz", [500.0, 1000.0, 4000.0])
+def test_the_first_mode_is_found_also_beyond_half_the_rate(rate_hz: float) -> None:
+    """700 Hz within 2 % at 500 Hz, at 1 kHz and at 4 kHz."""
+    with session(QUIET, rate_hz=rate_hz) as axis:
+        axis.go(15.0)
+        axis.rest(0.5)
+        ringing, _ = find_ringing(axis)
+
+    assert ringing.frequency_hz == pytest.approx(700.0, rel=0.02)
+    assert 0.015 < ringing.damping < 0.06
+
+
+def test_a_stage_that_does_not_ring_has_no_mode() -> None:
+    """Nothing is made of noise."""
+    with session({**QUIET, "effects": {"mode": False}}) as axis:
+        axis.go(15.0)
+        axis.rest(0.5)
+        ringing, _ = find_ringing(axis)
+
+    assert not ringing.found
