@@ -157,6 +157,12 @@ class AxisConfig(ConfigModel):
             yield from self._broken_model(self.model)
         if self.command_range_um and not self.command_range_um[0] < self.command_range_um[1]:
             yield ("command_range_um", 1), "must be above the first of the two"
+        low_v, high_v = self.amplifier.calibration.physical_range()
+        for key in ("drive_min_v", "drive_max_v"):
+            limit_v = getattr(self.limits, key)
+            if not low_v <= limit_v <= high_v:
+                what = f"the amplifier's calibration does not give it (got {limit_v:g} V)"
+                yield ("limits", key), f"{what}, allowed range {low_v:g} to {high_v:g} V"
 
     def _broken_model(self, model: Path) -> Iterator[BrokenRule]:
         try:

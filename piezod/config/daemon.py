@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from piezod.config.axes import AxisConfig
+from piezod.config.channel_rules import broken_devices
 from piezod.config.devices import DeviceConfig
 from piezod.config.fields import (
     BrokenRule,
@@ -13,12 +14,12 @@ from piezod.config.fields import (
     Context,
     Drivers,
     Quantity,
+    context_of,
     raise_rules,
 )
 from piezod.config.modes import Mode
 from piezod.config.quantities import DriveV, Name, OneLine, Seed
 from piezod.config.requests import ModeName
-from piezod.config.rules import broken_devices
 from piezod.config.validate import validate
 from piezod.config.yaml_loader import load_yaml
 
@@ -130,8 +131,8 @@ class DaemonConfig(ConfigModel):
     loop: LoopConfig = Field(default=LoopConfig(), description="Punctuality.")
 
     @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(broken_devices(self.devices, self.axes))
+    def _check_rules(self, info: ValidationInfo) -> Self:
+        raise_rules(broken_devices(self.devices, self.axes, context_of(info).drivers))
         return self
 
 

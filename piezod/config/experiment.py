@@ -4,13 +4,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal, Self, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from piezod.config.axes import AxisConfig
 from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.commands import Command, CommandPerAxis
 from piezod.config.devices import DeviceConfig
-from piezod.config.fields import ConfigModel, Context, Drivers, raise_rules
+from piezod.config.fields import ConfigModel, Context, Drivers, context_of, raise_rules
 from piezod.config.modes import Mode
 from piezod.config.quantities import (
     DurationS,
@@ -118,8 +118,8 @@ class ExperimentConfig(ConfigModel):
     cases: tuple[CaseConfig, ...] = Field(min_length=1, description="The cases.")
 
     @model_validator(mode="after")
-    def _check_rules(self) -> Self:
-        raise_rules(broken_rules(self))
+    def _check_rules(self, info: ValidationInfo) -> Self:
+        raise_rules(broken_rules(self, context_of(info).drivers))
         return self
 
 

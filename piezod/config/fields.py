@@ -1,6 +1,6 @@
 """The base of every model of a configuration, and fields that know their range and unit."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeAlias, cast
@@ -23,9 +23,20 @@ from piezod.config.messages import show
 BrokenRule: TypeAlias = tuple[KeyPath, str]
 
 
-class _HasOptionsModel(Protocol):
+class _Units(Protocol):
+    @property
+    def inputs(self) -> Mapping[str, str]: ...
+
+    @property
+    def outputs(self) -> Mapping[str, str]: ...
+
+
+class _Plugin(Protocol):
     @property
     def options_model(self) -> type[BaseModel]: ...
+
+    @property
+    def channels(self) -> Callable[[Any], _Units | None]: ...
 
 
 class Drivers(Protocol):
@@ -35,8 +46,8 @@ class Drivers(Protocol):
         """Give the names of the drivers that are installed."""
         ...
 
-    def load(self, name: str) -> _HasOptionsModel:
-        """Give a driver's plug-in, which holds the model of the driver's options.
+    def load(self, name: str) -> _Plugin:
+        """Give a driver's plug-in: the model of its options, and the channels that these make.
 
         Raises:
             PiezodError: If there is no such driver, or it cannot be loaded.

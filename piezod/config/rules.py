@@ -1,16 +1,16 @@
 """The rules of an experiment that concern more than one of its parts."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Final
 
+from piezod.config.channel_rules import broken_devices
 from piezod.config.commands import CommandPerAxis
 from piezod.config.document import KeyPath
-from piezod.config.fields import BrokenRule
+from piezod.config.fields import BrokenRule, Drivers
 from piezod.config.messages import show, suggest
 
 if TYPE_CHECKING:
-    from piezod.config.axes import AxisConfig
     from piezod.config.combined_waveforms import WaveformConfig
     from piezod.config.experiment import CaseConfig, ExperimentConfig, IdentificationConfig
 
@@ -20,11 +20,16 @@ SAMPLES_PER_WEIGHT: Final = 5
 """With fewer samples for each weight, a fit would follow the noise."""
 
 
-def broken_rules(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
-    """Find everything in an experiment that does not fit together."""
+def broken_rules(experiment: "ExperimentConfig", drivers: Drivers | None) -> Iterator[BrokenRule]:
+    """Find everything in an experiment that does not fit together.
+
+    Args:
+        experiment: The experiment.
+        drivers: Tell which channels their devices have; None where nobody can.
+    """
     names = [case.name for case in experiment.cases]
     return chain(
-        broken_devices(experiment.devices, experiment.axes),
+        broken_devices(experiment.devices, experiment.axes, drivers),
         _identification(experiment),
         _duplicates(("modes",), experiment.modes),
         _duplicates(("metrics",), experiment.metrics),
@@ -38,23 +43,6 @@ def broken_rules(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
             for index, case in enumerate(experiment.cases)
         ),
     )
-
-
-def broken_devices(
-    devices: Iterable[str], axes: Mapping[str, "AxisConfig"]
-) -> Iterator[BrokenRule]:
-    """Find devices that axes name and that are not there, and devices that no axis names."""
-    known = list(devices)
-    for name, axis in axes.items():
-        for role, channel in axis.channels():
-            if channel.device not in known:
-                got = show(channel.device)
-                what = f"no such device (got {got}), {suggest(channel.device, known, 'known')}"
-                yield ("axes", name, role), what
-    used = {channel.device for axis in axes.values() for _, channel in axis.channels()}
-    for name in known:
-        if name not in used:
-            yield ("devices", name), "no axis uses this device, leave it out or name it in an axis"
 
 
 def _identification(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import pytest
 from pydantic import BaseModel, Field
@@ -55,8 +55,13 @@ class PortOptions(BaseModel):
     verbose: bool = False
 
 
+def any_channel(_options: object) -> None:
+    """Have whatever channels are asked for."""
+
+
 class _Plugin(NamedTuple):
     options_model: type[BaseModel]
+    channels: Callable[[Any], None] = any_channel
 
 
 _PLUGINS = {"bench": _Plugin(BenchOptions), "port": _Plugin(PortOptions)}

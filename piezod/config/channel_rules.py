@@ -1,0 +1,100 @@
+"""The rules of devices and their channels: which there are, and what may be done with them."""
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Final
+
+from piezod.config.channels import InputConfig, OutputConfig
+from piezod.config.document import KeyPath
+from piezod.config.fields import BrokenRule, Drivers
+from piezod.config.messages import show, suggest
+
+if TYPE_CHECKING:
+    from piezod.config.axes import AxisConfig
+    from piezod.config.devices import DeviceConfig
+
+_ROLE: Final = {True: "output", False: "input"}
+_PHYSICAL: Final = {True: ("V", "V at the actuator"), False: ("µm", "µm")}
+
+
+def broken_devices(
+    devices: Mapping[str, "DeviceConfig"],
+    axes: Mapping[str, "AxisConfig"],
+    drivers: Drivers | None,
+) -> Iterator[BrokenRule]:
+    """Find devices and channels that are not there, and such that are used as they cannot be.
+
+    Args:
+        devices: The devices by name.
+        axes: The axes by name.
+        drivers: Tell which channels their devices have; None where nobody can.
+    """
+    known = list(devices)
+    for name, axis in axes.items():
+        for role, channel in axis.channels():
+            path = ("axes", name, role)
+            if channel.device not in known:
+                got = show(channel.device)
+                what = f"no such device (got {got}), {suggest(channel.device, known, 'known')}"
+                yield (*path, "device"), what
+            elif drivers is not None:
+                yield from _broken_channel(path, name, channel, devices[channel.device], drivers)
+    yield from _driven_twice(axes)
+    used = {channel.device for axis in axes.values() for _, channel in axis.channels()}
+    for name in known:
+        if name not in used:
+            yield ("devices", name), "no axis uses this device, leave it out or name it in an axis"
+
+
+def _broken_channel(
+    path: KeyPath,
+    axis: str,
+    channel: OutputConfig | InputConfig,
+    device: "DeviceConfig",
+    drivers: Drivers,
+) -> Iterator[BrokenRule]:
+    has = drivers.load(device.driver).channels(device.options)
+    if has is None:
+        return
+    drives = isinstance(channel, OutputConfig)
+    units = has.outputs if drives else has.inputs
+    name = channel.channel or axis
+    if name in units:
+        yield from _uncalibrated(path, channel, units[name], drives=drives)
+    else:
+        yield (*path, "channel"), _no_such(_ROLE[drives], name, channel, units)
+    light = None if isinstance(channel, OutputConfig) else channel.light
+    if light is not None and light.channel not in has.inputs:
+        what = _no_such("input", light.channel, channel, has.inputs)
+        yield (*path, "light", "channel"), what
+
+
+def _no_such(
+    role: str, name: str, channel: OutputConfig | InputConfig, units: Mapping[str, str]
+) -> str:
+    if not units:
+        return f"device {channel.device} has no {role}s: name another device"
+    return f"no such {role} (got {show(name)}), {suggest(name, list(units), 'known')}"
+
+
+def _uncalibrated(
+    path: KeyPath, channel: OutputConfig | InputConfig, unit: str, *, drives: bool
+) -> Iterator[BrokenRule]:
+    """A calibration that is written down is meant, even one that changes nothing."""
+    symbol, physical = _PHYSICAL[drives]
+    if unit != symbol and "calibration" not in channel.model_fields_set:
+        direction = f"from {unit} to {physical}"
+        yield (
+            path,
+            f"{_ROLE[drives]} {channel.channel or path[1]} of {channel.device} is in {unit}: "
+            f"give a `calibration:` {direction}",
+        )
+
+
+def _driven_twice(axes: Mapping[str, "AxisConfig"]) -> Iterator[BrokenRule]:
+    drivers: dict[tuple[str, str], str] = {}
+    for name, axis in axes.items():
+        output = axis.amplifier.device, axis.amplifier.channel or name
+        first = drivers.setdefault(output, name)
+        if first != name:
+            what = f"output {output[1]} of {output[0]} drives axis {first} already"
+            yield ("axes", name, "amplifier"), f"{what}: an axis needs one of its own"
