@@ -5,7 +5,7 @@ from math import inf, nan, sin
 import numpy as np
 import pytest
 
-from piezod.commission.session import MOST_REFUSALS, Session, joined
+from piezod.commission.session import MOST_REFUSALS, Session, Trace, joined
 from piezod.control.limits import Limits
 from piezod.devices.faulty import FaultyDevice
 from piezod.devices.injections import Injection, Kind
@@ -18,7 +18,7 @@ SOON_NS = T0_NS + 100_000_000
 
 def faulty(kind: Kind, value: float = nan, flag: DeviceFlag = DeviceFlag.OVERLOAD) -> FaultyDevice:
     """Return a wrapper that fails from a tenth of a second on."""
-    return lambda device: FaultyDevice(device, [Injection(kind, SOON_NS, value=value, flag=flag)])  # type: ignore[return-value, arg-type] # a factory; the rig is both
+    return lambda device: FaultyDevice(device, [Injection(kind, SOON_NS, value=value, flag=flag)])  # type: ignore[return-value] # a factory; the rig is both
 
 
 @pytest.mark.parametrize("wished_v", [inf, -inf, nan, 1e9, -1e9])
@@ -96,7 +96,7 @@ def test_joined_traces_have_one_time_axis() -> None:
     assert trace.t_s[-1] == pytest.approx(0.15, abs=0.01)
 
 
-def _short(axis: Session) -> object:
+def _short(axis: Session) -> Trace:
     return axis.rest(0.05)
 
 

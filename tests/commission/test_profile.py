@@ -1,0 +1,98 @@
+"""Tests of what becomes of the findings: a configuration, and a sheet."""
+
+from math import nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from piezod.commission.noise import Noise
+from piezod.commission.procedure import Findings
+from piezod.commission.profile import profile
+from piezod.commission.response import Response
+from piezod.commission.ringing import Ringing
+from piezod.commission.session import Trace
+from piezod.commission.sheet import Sheet, write_sheet
+from piezod.commission.travel import Travel
+from piezod.config.daemon import load_daemon
+from piezod.devices import registry
+from piezod.devices.interface import Identity
+from tests.commission.axes import configured
+
+WHO = {"rig": Identity("maker", "model", "serial", "firmware")}
+FOUND = Findings(
+    noise=Noise(0.02, 0.0, 100.0, 0.0),
+    travel=Travel(0.0, 140.0, 30.0, 0.21, 15.0, 0.07),
+    response=Response(3e-4, 1e-5, np.array([1.0, 2.0]), np.array([4.0, 5.0])),
+    ringing=Ringing(700.0, 0.03, 3000.0),
+)
+
+
+def written(tmp_path: Path, findings: Findings) -> dict[str, object]:
+    """Write a profile; return its axis, after it was loaded as a configuration."""
+    path = tmp_path / "stage.yaml"
+    path.write_text(profile(configured(), "x", findings, WHO, "2026-01-01"), encoding="utf-8")
+    load_daemon(path, registry)
+    axis: dict[str, object] = yaml.safe_load(path.read_text(encoding="utf-8"))["axes"]["x"]
+    return axis
+
+
+def test_a_profile_is_a_configuration_with_what_was_found(tmp_path: Path) -> None:
+    """Limits are those that were driven; nine tenths of the travel can be commanded."""
+    axis = written(tmp_path, FOUND)
+
+    assert axis["command_range_um"] == [0.0, 27.0]
+    assert axis["first_mode"] == {"frequency_hz": 700.0, "damping": 0.03}
+    assert axis["limits"] == {
+        "drive_min_v": 0.0,
+        "drive_max_v": 140.0,
+        "slew_v_per_s": 20_000.0,
+        "rest_v": 0.0,
+    }
+    assert axis["compensator"]["delay_s"] == 0.0003  # type: ignore[index] # a mapping
+    assert "model" not in axis
+
+
+def test_a_slow_stage_is_not_to_be_driven_fast(tmp_path: Path) -> None:
+    """The slew rate is that of full swing at a tenth of the first mode."""
+    found = Findings(**{**vars(FOUND), "ringing": Ringing(50.0, 0.03, 3000.0)})
+
+    assert written(tmp_path, found)["limits"]["slew_v_per_s"] == 2200.0  # type: ignore[index] # a mapping
+
+
+def test_a_sensor_that_falls_is_turned_over(tmp_path: Path) -> None:
+    """Its calibration gets the other sign, so that the position rises with the drive."""
+    found = Findings(**{**vars(FOUND), "travel": Travel(0.0, 140.0, -30.0, -0.21, 15.0, 0.07)})
+    axis = written(tmp_path, found)
+
+    assert axis["command_range_um"] == [0.0, 27.0]
+    assert axis["sensor"]["calibration"]["gain"] == -1.0  # type: ignore[index] # a mapping
+
+
+def test_a_stage_without_a_mode_has_none(tmp_path: Path) -> None:
+    """The one of the configuration stays: it may come from a data sheet."""
+    found = Findings(**{**vars(FOUND), "ringing": Ringing(nan, nan, 600.0)})
+
+    assert written(tmp_path, found)["first_mode"] == {"frequency_hz": 734.0, "damping": 0.03}
+
+
+def test_a_sheet_tells_what_was_not_done(tmp_path: Path) -> None:
+    """A page is written whatever is missing, with the data that there is beside it."""
+    t_s = np.linspace(0.0, 1.0, 11)
+    traces = {"noise": Trace(t_s, 0 * t_s, 0 * t_s, np.sin(t_s))}
+    found = Findings(noise=FOUND.noise, traces=traces)
+    sheet = Sheet("x", {"rate": "1000 Hz"}, WHO, found, ["polarity", "delay"], "stage.yaml", "")
+    text = write_sheet(tmp_path, sheet).read_text(encoding="utf-8")
+
+    assert "Not done: polarity, delay." in text
+    assert "20.00" in text
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["acceptance.html", "noise.csv"]
+
+
+@pytest.mark.parametrize("part", WHO["rig"])
+def test_a_sheet_says_who_the_devices_are(tmp_path: Path, part: str) -> None:
+    """Maker, model, serial number, firmware."""
+    sheet = Sheet("x", {}, WHO, Findings(), [], "stage.yaml", "")
+
+    assert part in write_sheet(tmp_path, sheet).read_text(encoding="utf-8")
