@@ -1,0 +1,38 @@
+"""Amplifiers of piezosystem jena as devices."""
+
+from typing import Final
+
+from piezod.devices.bus.bus_device import BusDevice
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod_drivers.serial_line.options import make_line
+from piezod_drivers.serial_line.psj.dialogue import PsjDialogue
+from piezod_drivers.serial_line.psj.models import channel_names
+from piezod_drivers.serial_line.psj.options import Options
+
+
+def _channels(options: Options) -> ChannelUnits:
+    model = options.model()
+    names = channel_names(model)
+    inputs = dict.fromkeys(names, "µm") if model.reads == "position" else {}
+    return ChannelUnits(inputs, dict.fromkeys(names, "V"))
+
+
+def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
+    model = options.model()
+    line = make_line(options.model_copy(update={"baud": model.baud}))
+    timeout_s = options.timeout_ms * 1e-3
+    return BusDevice(model.title, PsjDialogue(line, model, wiring, options.range_v, timeout_s))
+
+
+PLUGIN: Final = DriverPlugin(
+    name="psj",
+    summary="piezosystem jena: d-Drive, 30DV50/300, NV40/3 (CLE), NV40/1 CL, NV200/D",
+    options_model=Options,
+    create=_create,
+    confirmed_on_hardware=False,
+    channels=_channels,
+    sees=frozenset(
+        {"B1", "B2", "B3", "B5", "B6", "B7", "B10", "B13"}
+        | {"A1", "A2", "A3", "A4", "A8", "A11", "A12", "A13", "S6", "S10"}
+    ),
+)

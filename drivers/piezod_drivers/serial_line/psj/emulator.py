@@ -1,0 +1,212 @@
+"""Amplifiers of piezosystem jena, from the far end of the wire; as public sources describe them."""
+
+from collections.abc import Callable, Mapping
+from math import isfinite
+from types import MappingProxyType
+from typing import Final
+
+from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.emulator import Emulator, EmulatorPlugin
+from piezod.units import NS_PER_S
+from piezod_drivers.serial_line.psj.models import MODELS, Model, Profile
+
+MOST_BYTES: Final = 512
+LOWEST_V, HIGHEST_V = 0.0, 150.0
+"""What the emulated devices say that they can do."""
+
+_GREETINGS: Final[Mapping[Profile, str]] = MappingProxyType(
+    {
+        "ddrive": "DSM V6.000",
+        "30dv": "AP V1.000",
+        "nv40": "NV403CLE>",
+        "nv40-1": "NV401CL>",
+        "nv200": "NV200/D_NET>",
+    }
+)
+_ENDS_WITH_CR: Final = frozenset({"modon", "monsrc", "sr", "kp", "ki", "kd", "tf", "ktemp"})
+"""Some of the commands whose answer a d-Drive ends with CR only, where it tells a value."""
+
+
+class RefusedError(Exception):
+    """Raised where a command is answered by an error; its argument is a key of `_ERRORS`."""
+
+
+_ERRORS: Final[Mapping[str, tuple[str, str, str]]] = MappingProxyType(
+    {  # d-Drive, NV40, NV200
+        "unknown": ("command not found", "ErrorCode,11", "error,2"),
+        "channel": ("channel not present", "ErrorCode,15", "error,2"),
+        "missing": ("command mismatch", "ErrorCode,17", "error,3"),
+        "many": ("command mismatch", "ErrorCode,11", "error,5"),
+        "range": ("command mismatch", "ErrorCode,18", "error,4"),
+        "no actuator": ("unit not available", "ErrorCode,25", "error,1"),
+    }
+)
+
+
+class PsjEmulator:
+    """Implements `Emulator` for every model.
+
+    Args:
+        profile: Which model it is.
+        bench: Its bench; axis i is channel i.
+        serial: Serial number of the actuators.
+    """
+
+    def __init__(self, profile: Profile, bench: Bench, serial: str) -> None:
+        self._profile, self._model, self._bench = profile, MODELS[profile], bench
+        self._serial = serial or "85533"
+        self._channels = min(self._model.channels, bench.n_axes)
+        self._rest = b""
+        self._setpoint = [0.0] * self._channels
+        self._settings: dict[tuple[str, int], float] = {}
+        self._shown: list[tuple[int, float]] = [(-NS_PER_S, 0.0)] * self._channels
+        self.reads = self._model.reads
+        """What its reading tells: an NV40/3 without CLE tells the voltage."""
+        self.fault_bits = 0
+        """Bits of the status word that are inverted, so that tests see every fault."""
+
+    def receive(self, data: bytes) -> list[bytes]:
+        """Take what has come; answer every command that is complete, in the order they came."""
+        *lines, rest = (self._rest + data).replace(b"\n", b"").split(b"\r")
+        self._rest = rest[-MOST_BYTES:]
+        return [reply for line in lines if (reply := self._answer(line))]
+
+    def due(self) -> list[bytes]:
+        """Send nothing unasked."""
+        return []
+
+    def _answer(self, line: bytes) -> bytes:
+        name, *values = line.decode("latin-1").strip(" \x11\x13").split(",")
+        try:
+            text = self._obey(name, values)
+        except RefusedError as refused:
+            text = _ERRORS[refused.args[0]][self._family()]
+        if not self._model.frames:
+            return f"{text}\r\n".encode("ascii") if text else b""
+        if self._family() == 0 and name in _ENDS_WITH_CR and text.startswith(name):
+            return f"{text}\r".encode("ascii")
+        return f"\x13{text}\r\n\x11".encode("ascii") if text else b"\x13\x11"
+
+    def _family(self) -> int:
+        """Return the column of `_ERRORS` and `_SETTINGS`."""
+        return {"ddrive": 0, "30dv": 0, "nv200": 2}.get(self._profile, 1)
+
+    def _obey(self, name: str, values: list[str]) -> str:
+        if not name:
+            return _GREETINGS[self._profile]
+        if name == "ERROR" and self._profile == "nv40":
+            words = [f"{self.fault_bits:x}"] * self._channels
+            return ",".join(["ERROR", *words, *["1"] * (self._model.channels - self._channels)])
+        if name in {"i1", "i0", "ol", "cl"} and self._profile == "nv40-1":
+            return ""
+        if name == "ver" and self._profile == "nv40":
+            return f"ver,V1.03\r\nsdate,2026-01-01\r\nserno,{self._serial}"
+        commands = self._commands()
+        if name not in commands:
+            raise RefusedError("unknown")
+        channel, given = self._channel(values)
+        if len(given) > 1:
+            raise RefusedError("many")
+        value = _number(given[0]) if given else None
+        told = commands[name](channel, value)
+        if told is None:
+            return ""
+        return ",".join([name, *([str(channel)] if self._model.numbered else []), told])
+
+    def _commands(self) -> Mapping[str, Callable[[int, float | None], str | None]]:
+        model = self._model
+        commands: dict[str, Callable[[int, float | None], str | None]] = {
+            model.set: self._set,
+            model.read: self._read,
+        }
+        if model.status == "stat":
+            commands["stat"] = self._status
+        if model.limits is not None:
+            commands[model.limits[0]] = lambda _channel, _value: f"{LOWEST_V:.3f}"
+            commands[model.limits[1]] = lambda _channel, _value: f"{HIGHEST_V:.3f}"
+        for setting in _SETTINGS[self._family()]:
+            commands[setting] = self._setting(setting)
+        commands["acdescr"] = lambda _channel, _value: f"EMULATED #{self._serial}"
+        commands["acserno"] = lambda _channel, _value: self._serial
+        return commands
+
+    def _channel(self, values: list[str]) -> tuple[int, list[str]]:
+        if not self._model.numbered:
+            return 0, values
+        if not values or not values[0]:
+            raise RefusedError("missing")
+        if values[0] not in [str(channel) for channel in range(self._channels)]:
+            raise RefusedError("channel")
+        return int(values[0]), values[1:]
+
+    def _set(self, channel: int, value: float | None) -> str | None:
+        if value is None:
+            if not self._model.tells_setpoint:
+                raise RefusedError("missing")
+            return f"{self._setpoint[channel]:.3f}"
+        if self._family() == 0:  # it limits, without a word of it
+            value = min(max(value, LOWEST_V), HIGHEST_V)
+        if not LOWEST_V <= value <= HIGHEST_V or not self._bench.drive(channel, value):
+            raise RefusedError("range")
+        self._setpoint[channel] = value
+        return None
+
+    def _read(self, channel: int, _value: float | None) -> str:
+        t_ns, shown = self._shown[channel]
+        now_ns = self._bench.now_ns()
+        if now_ns - t_ns >= self._model.refresh_s * NS_PER_S:
+            if self.reads == "voltage":
+                shown = self._bench.drive_v(channel)
+            else:
+                position_um = self._bench.position_um(channel)
+                shown = position_um if isfinite(position_um) else shown
+            self._shown[channel] = now_ns, shown
+        return f"{shown:.4f}"
+
+    def _status(self, channel: int, _value: float | None) -> str:
+        closed = bool(self._settings.get(("cl", channel), 0.0))
+        if self._profile == "nv200":
+            status = 1 | 1 << 1 | closed << 3
+        else:
+            status = 1 | 1 << 1 | 1 << 6 | closed << 7
+        return str(status ^ self.fault_bits)
+
+    def _setting(self, name: str) -> Callable[[int, float | None], str | None]:
+        def obey(channel: int, value: float | None) -> str | None:
+            if value is None:
+                return f"{self._settings.get((name, channel), 0.0):g}"
+            self._settings[name, channel] = value
+            return None
+
+        return obey
+
+
+_SETTINGS: Final = (
+    ("cl", "modon", "monsrc", "sr", "kp", "ki", "kd", "tf", "fan"),
+    ("cloop", "setk", "monwpa"),
+    ("cl", "modsrc", "sr", "notchon", "setlpon"),
+)
+"""Commands whose only effect is that they tell what was set, by family."""
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise RefusedError("missing") from None
+    if not isfinite(value):
+        raise RefusedError("range")
+    return value
+
+
+def _plugin(name: str, profile: Profile) -> EmulatorPlugin:
+    def create(bench: Bench, serial: str) -> Emulator:
+        return PsjEmulator(profile, bench, serial)
+
+    model: Model = MODELS[profile]
+    return EmulatorPlugin(name, f"piezosystem jena {model.title}", "serial", create)
+
+
+D_DRIVE: Final = _plugin("psj-ddrive", "ddrive")
+NV40: Final = _plugin("psj-nv40", "nv40")
+NV200: Final = _plugin("psj-nv200", "nv200")

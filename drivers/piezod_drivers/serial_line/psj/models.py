@@ -1,0 +1,168 @@
+"""How the models of piezosystem jena's amplifiers differ."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, Literal, NamedTuple, TypeAlias
+
+from piezod.devices.status import DeviceFlag
+
+Profile: TypeAlias = Literal["ddrive", "30dv", "nv40", "nv40-1", "nv200"]
+Reads: TypeAlias = Literal["nothing", "position", "voltage"]
+
+
+class Bits(NamedTuple):
+    """What some bits of a status word mean.
+
+    Attributes:
+        mask: The bits.
+        present: Whether it is meant by one of them that is set, or by none.
+        flag: What is told of it.
+    """
+
+    mask: int
+    present: bool
+    flag: DeviceFlag
+
+
+class Model(NamedTuple):
+    """A model, as seen from the wire.
+
+    Attributes:
+        title: Its name for people.
+        greetings: How the answer to an empty command begins; that of another model is refused.
+        baud: Bits per second unless set otherwise.
+        ending: What ends a command.
+        frames: Whether every answer ends with XON; else it is a line.
+        channels: How many there may be.
+        numbered: Whether commands name the channel.
+        set: The command that sets a voltage, in V in open loop.
+        read: The command that reads a channel.
+        reads: What that tells in open loop, as far as the public sources say.
+        acknowledges: Whether a setpoint is answered.
+        tells_setpoint: Whether the command that sets, without a value, tells the setpoint.
+        refresh_s: How old what is read may be, in s.
+        status: The command that tells the status, "" for none.
+        status_bits: What it means.
+        status_per_channel: Whether it is asked channel by channel.
+    serial: The command that tells a serial number, or what actuator is there; "" for none.
+    limits: The commands that tell the lowest and the highest voltage, if there are any.
+    """
+
+    title: str
+    greetings: tuple[str, ...]
+    baud: int
+    ending: bytes
+    frames: bool
+    channels: int
+    numbered: bool
+    set: str
+    read: str
+    reads: Reads
+    acknowledges: bool = True
+    tells_setpoint: bool = False
+    refresh_s: float = 0.0
+    status: str = ""
+    status_bits: tuple[Bits, ...] = ()
+    status_per_channel: bool = True
+    serial: str = ""
+    limits: tuple[str, str] | None = None
+
+
+_D_DRIVE_BITS: Final = (
+    Bits(1 << 0, False, DeviceFlag.SHORT_OR_OPEN),  # no actuator is plugged in
+    Bits(1 << 6, False, DeviceFlag.LOCAL_MODE),  # the high voltage is not enabled
+    Bits(1 << 7, True, DeviceFlag.LOCAL_MODE),  # somebody has closed the device's own loop
+    Bits(0b111 << 9, True, DeviceFlag.LOCAL_MODE),  # its generator runs
+)
+_NV40_BITS: Final = (
+    Bits(0x0003, True, DeviceFlag.SHORT_OR_OPEN),  # not plugged in; shorted
+    Bits(0x0010, True, DeviceFlag.DEVICE_FAILURE),  # its memory
+    Bits(0x3000, True, DeviceFlag.OVERLOAD),  # under-load, overload
+    Bits(0x4000, True, DeviceFlag.OTHER_DEVICE),  # another actuator than it is set up for
+    Bits(0x8000, True, DeviceFlag.OVER_TEMPERATURE),
+)
+_NV200_BITS: Final = (
+    Bits(1 << 0, False, DeviceFlag.SHORT_OR_OPEN),
+    Bits(1 << 3, True, DeviceFlag.LOCAL_MODE),  # somebody has closed the device's own loop
+    Bits(1 << 10, True, DeviceFlag.OVER_TEMPERATURE),
+    Bits(1 << 11, True, DeviceFlag.SHORT_OR_OPEN),  # actuator error
+    Bits(0b11 << 12, True, DeviceFlag.DEVICE_FAILURE),  # hardware, I2C
+)
+
+_D_DRIVE: Final = Model(
+    title="d-Drive",
+    greetings=("DSM V",),
+    baud=115_200,
+    ending=b"\r\n",
+    frames=True,
+    channels=6,
+    numbered=True,
+    set="set",
+    read="mess",
+    reads="nothing",
+    refresh_s=0.5,
+    status="stat",
+    status_bits=_D_DRIVE_BITS,
+    serial="acdescr",
+)
+
+MODELS: Final[Mapping[Profile, Model]] = MappingProxyType(
+    {
+        "ddrive": _D_DRIVE,
+        "30dv": _D_DRIVE._replace(
+            title="30DV50/300", greetings=("AP V",), channels=1, numbered=False
+        ),
+        "nv40": Model(
+            title="NV40/3",
+            greetings=("NV403CLE>", "NV403>"),
+            baud=19_200,
+            ending=b"\r",
+            frames=True,
+            channels=3,
+            numbered=True,
+            set="set",
+            read="rk",
+            reads="position",
+            status="ERROR",
+            status_bits=_NV40_BITS,
+            status_per_channel=False,
+            serial="ver",
+            limits=("dspvmin", "dspvmax"),
+        ),
+        "nv40-1": Model(
+            title="NV40/1 CL",
+            greetings=("NV40",),
+            baud=9600,
+            ending=b"\r",
+            frames=False,
+            channels=1,
+            numbered=False,
+            set="wr",
+            read="rd",
+            reads="voltage",
+            acknowledges=False,
+        ),
+        "nv200": Model(
+            title="NV200/D",
+            greetings=("NV200",),
+            baud=115_200,
+            ending=b"\r",
+            frames=True,
+            channels=1,
+            numbered=False,
+            set="set",
+            read="meas",
+            reads="position",
+            tells_setpoint=True,
+            status="stat",
+            status_bits=_NV200_BITS,
+            serial="acserno",
+            limits=("avmin", "avmax"),
+        ),
+    }
+)
+
+
+def channel_names(model: Model) -> tuple[str, ...]:
+    """Return the names of a model's channels: ch0, ch1, …, numbered as its commands number them."""
+    return tuple(f"ch{number}" for number in range(model.channels))

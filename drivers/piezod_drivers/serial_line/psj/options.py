@@ -1,0 +1,44 @@
+"""What a configuration may say about an amplifier of piezosystem jena."""
+
+from collections.abc import Iterator
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from piezod.config.fields import BrokenRule, Quantity, raise_rules
+from piezod_drivers.serial_line.options import LineOptions, TimeoutMs
+from piezod_drivers.serial_line.psj.models import MODELS, Model, Profile, Reads
+
+Volts = Annotated[float, Quantity(-200, 500, "V")]
+
+
+class Options(LineOptions):
+    """Options of an amplifier of piezosystem jena; `baud` is the model's own unless it is given."""
+
+    profile: Profile = Field(description="Which model it is.")
+    reads: Reads | None = Field(
+        default=None,
+        description="What its reading (mess, rk, rd, meas) is used for: nothing, a position in µm "
+        "that is an input, or the voltage in force in V. Left out: what suits the model; a "
+        "d-Drive refreshes it every 500 ms only, so it reads nothing.",
+    )
+    range_v: tuple[Volts, Volts] = Field(
+        default=(-20.0, 130.0),
+        description="Lowest and highest voltage, V; what the device tells narrows it.",
+    )
+    timeout_ms: TimeoutMs = Field(default=50.0, description="How long to wait for each reply, ms.")
+
+    @model_validator(mode="after")
+    def _check_range(self) -> Self:
+        raise_rules(self._broken_range())
+        return self
+
+    def _broken_range(self) -> Iterator[BrokenRule]:
+        if not self.range_v[0] < self.range_v[1]:
+            yield ("range_v", 1), "must be above the first of the two"
+
+    def model(self) -> Model:
+        """Return the model, with its baud rate and its reading as they are given."""
+        model = MODELS[self.profile]
+        baud = self.baud if "baud" in self.model_fields_set else model.baud
+        return model._replace(baud=baud, reads=self.reads or model.reads)

@@ -1,0 +1,79 @@
+"""Setpoints and samples of piezosystem jena's amplifiers."""
+
+import pytest
+
+from piezod_drivers.serial_line.psj.models import Profile
+from tests.drivers.serial_line.linear_rig import UM_PER_V
+from tests.drivers.serial_line.psj_rig import ALL, Rig
+from tests.drivers.serial_line.scripted_line import MS
+
+
+@pytest.mark.parametrize("profile", ALL)
+def test_a_voltage_that_is_set_is_at_the_actuator(profile: Profile) -> None:
+    """Every model puts the voltage at its output that is written, and says so."""
+    rig = Rig(profile)
+
+    assert rig.started().write([12.5], rig.now_ns())
+    assert rig.rig.drive_v[:1] == [12.5]
+
+
+@pytest.mark.parametrize("profile", ["nv40", "nv200"])
+def test_a_position_is_read_in_um(profile: Profile) -> None:
+    """A closed-loop model tells the displacement of its actuator in open loop too."""
+    rig = Rig(profile)
+    device = rig.started()
+    device.write([50.0], rig.now_ns())
+
+    (sample,) = device.read(rig.now_ns())
+
+    assert (sample.position_um, sample.valid) == (50.0 * UM_PER_V, True)
+
+
+def test_nv200_tells_its_setpoint() -> None:
+    """The setpoint of an NV200 is asked for, not remembered."""
+    rig = Rig("nv200")
+    device = rig.started()
+    device.write([12.5], rig.now_ns())
+    rig.send(b"set,3\r")
+
+    assert device.read_back(rig.now_ns()) == [3.0]
+
+
+def test_a_d_drives_reading_carries_the_instant_of_its_refresh() -> None:
+    """What a d-Drive refreshes every 500 ms is not called new in between."""
+    rig = Rig("ddrive", "position")
+    device = rig.started()
+    device.read(rig.now_ns())
+    device.write([10.0], rig.now_ns())
+    rig.time.t_ns += 600 * MS
+    (fresh,) = device.read(fresh_ns := rig.now_ns())
+    device.write([20.0], rig.now_ns())
+
+    rig.time.t_ns += 300 * MS
+    (old,) = device.read(rig.now_ns())
+    rig.time.t_ns += 300 * MS
+    (new,) = device.read(new_ns := rig.now_ns())
+
+    assert [(fresh_ns, 2.0), (fresh_ns, 2.0), (new_ns, 4.0)] == [
+        (sample.t_ns, sample.position_um) for sample in (fresh, old, new)
+    ]
+
+
+def test_the_first_reading_of_a_d_drive_may_be_as_old_as_a_refresh() -> None:
+    """Nobody knows how old a reading is that was there before the first question."""
+    rig = Rig("ddrive", "position")
+    device = rig.started()
+
+    (sample,) = device.read(now_ns := rig.now_ns())
+
+    assert now_ns - 500 * MS == sample.t_ns
+
+
+def test_an_nv40_1_is_read_after_every_setpoint() -> None:
+    """A model that acknowledges nothing has taken a setpoint when it answers afterwards."""
+    rig = Rig("nv40-1")
+    device = rig.started()
+    rig.line.change = lambda _reply: b""
+
+    assert not device.write([5.0], rig.now_ns())
+    assert rig.line.sent == [b"wr,5.000\r", b"rd\r"]

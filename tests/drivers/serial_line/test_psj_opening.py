@@ -1,0 +1,148 @@
+"""How piezosystem jena's amplifiers are opened, and control of them taken."""
+
+import pytest
+
+from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod_drivers.serial_line.psj.models import MODELS, Profile, Reads
+from tests.drivers.serial_line.psj_rig import ALL, Rig
+
+
+@pytest.mark.parametrize(
+    ("profile", "reads", "told"),
+    [
+        ("ddrive", None, False),
+        ("nv40", None, False),
+        ("nv40", "voltage", True),
+        ("nv40-1", None, True),
+        ("nv200", None, True),
+    ],
+)
+def test_only_what_the_device_tells_counts_as_read_back(
+    profile: Profile, reads: Reads | None, told: bool
+) -> None:
+    """A setpoint that cannot be asked for is not called read back."""
+    rig = Rig(profile, reads)
+    rig.device.open()
+
+    assert told == rig.device.capabilities().read_back
+
+
+def test_a_d_drive_has_no_input_unless_it_is_asked_for() -> None:
+    """Its reading is too old for a loop, and is no input unless the user wants it."""
+    rig = Rig("ddrive")
+    rig.started()
+
+    assert rig.device.capabilities().inputs == ()
+
+
+@pytest.mark.parametrize(
+    ("profile", "before"),
+    [
+        ("ddrive", b"cl,0,1\r\n"),
+        ("ddrive", b"modon,0,1\r\n"),
+        ("nv40", b"cloop,0,1\r"),
+        ("nv200", b"cl,1\r"),
+        ("nv200", b"modsrc,1\r"),
+    ],
+)
+def test_control_is_not_taken_where_the_voltage_would_jump(profile: Profile, before: bytes) -> None:
+    """In closed loop, or with another source, a device is left alone and the error says how on."""
+    rig = Rig(profile)
+    rig.send(before)
+    rig.device.open()
+
+    with pytest.raises(DeviceError, match="may jump"):
+        rig.device.activate(rig.now_ns())
+
+
+@pytest.mark.parametrize("profile", ALL)
+def test_taking_and_leaving_control_moves_nothing(profile: Profile) -> None:
+    """The voltage that was there is there while a device is opened, activated and closed."""
+    rig = Rig(profile, "voltage" if profile == "nv40" else None)
+    rig.send(f"{MODELS[profile].set},{'0,' if MODELS[profile].numbered else ''}33\r".encode())
+
+    rig.started()
+    rig.device.close()
+
+    assert rig.rig.drive_v[:1] == [33.0]
+
+
+@pytest.mark.parametrize("profile", ALL)
+def test_another_model_is_refused(profile: Profile) -> None:
+    """A device that greets as another model is not opened, and the error names both."""
+    rig = Rig(profile)
+    rig.line.change = lambda _reply: b"\x13OTHER>\r\n\x11"
+
+    with pytest.raises(DeviceError, match=r"OTHER.*set `profile`"):
+        rig.device.open()
+
+
+@pytest.mark.parametrize("profile", ALL)
+def test_nobody_is_an_absent_device(profile: Profile) -> None:
+    """A port that never answers is no device."""
+    rig = Rig(profile)
+    rig.line.change = lambda _reply: b""
+
+    with pytest.raises(DeviceUnavailableError):
+        rig.device.open()
+
+
+def test_leftover_bytes_do_not_spoil_the_greeting() -> None:
+    """What was typed before, or came before, is answered by the first of two questions."""
+    rig = Rig("nv40")
+    rig.send(b"se")
+    rig.line.open()
+    rig.line.comes(b"k,0\r\n\x11")
+
+    assert rig.device.open()[1:3] == ("NV403CLE", "4711")
+
+
+@pytest.mark.parametrize(
+    ("profile", "serial"),
+    [("ddrive", "actuator EMULATED #4711"), ("nv40", "4711"), ("nv200", "actuator 4711")],
+)
+def test_devices_of_a_kind_are_told_apart(profile: Profile, serial: str) -> None:
+    """The serial number, or the actuator, tells a device from another of its kind."""
+    assert serial == Rig(profile).device.open().serial
+
+
+@pytest.mark.parametrize("profile", ["ddrive", "nv40"])
+def test_a_serial_number_that_is_not_told_is_unknown(profile: Profile) -> None:
+    """Firmware that does not know the question is served nevertheless."""
+    rig = Rig(profile)
+    rig.line.change = lambda reply: b"" if b"4711" in reply else reply
+
+    assert rig.device.open().serial == "unknown"
+    rig.device.close()
+    assert rig.started().write([5.0], rig.now_ns())
+
+
+def test_the_devices_own_limits_narrow_the_range() -> None:
+    """What the device says that it cannot do is refused without asking it."""
+    rig = Rig("nv200")  # it says 0 to 150 V, the configuration -20 to 130 V
+    device = rig.started()
+
+    answers = [device.write([drive_v], rig.now_ns()) for drive_v in (-1.0, 0.0, 130.0, 131.0)]
+
+    assert answers == [False, True, True, False]
+    assert len(rig.line.sent) == 2
+
+
+def test_limits_that_leave_nothing_are_an_error() -> None:
+    """A range in which the device can do nothing is told when it is opened."""
+    rig = Rig("nv200")
+    rig.line.change = lambda reply: reply.replace(b"150.000", b"-30.000")
+
+    with pytest.raises(DeviceError, match="range_v"):
+        rig.device.open()
+
+
+@pytest.mark.parametrize(("profile", "low_hz", "high_hz"), [("nv40", 25, 40), ("nv200", 150, 250)])
+def test_the_fastest_loop_is_what_the_wire_allows(
+    profile: Profile, low_hz: float, high_hz: float
+) -> None:
+    """No loop is promised whose bytes do not fit through the line."""
+    rig = Rig(profile)
+    rig.device.open()
+
+    assert low_hz < rig.device.capabilities().max_rate_hz < high_hz
