@@ -33,8 +33,8 @@ class DeviceBoundary:
     def __init__(
         self, devices: StageDevices, n_axes: int, *, reads_back: bool, holds: bool
     ) -> None:
-        self.devices, self.reads_back, self._holds = devices, reads_back, holds
-        self._nothing, self._no_flags = [nan] * n_axes, [NO_FLAGS] * n_axes
+        self.devices, self.reads_back, self.holds = devices, reads_back, holds
+        self._nothing, self._no_flags = [nan] * n_axes, [NO_FLAGS] * (2 * n_axes)
         self._true_zero_um = [0.0] * n_axes
         self.open = False
         """Whether writes go through to the amplifier."""
@@ -83,7 +83,10 @@ class DeviceBoundary:
             return self._nothing
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell what the devices say is the matter with each axis; may be called in the loop."""
+        """Tell what the sensor of each axis says is the matter, then the amplifier of each.
+
+        May be called in the loop.
+        """
         try:
             return self.devices.status(now_ns)
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
@@ -105,7 +108,7 @@ class DeviceBoundary:
 
         May be called in the loop. One that holds its output when it is deactivated cannot.
         """
-        if self._holds:
+        if self.holds:
             return False
         try:
             self.devices.deactivate(now_ns)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
+from piezod.control.fault_cases import Case, rule_of
 from piezod.control.fault_table import FAULTS, INDEX, FaultRule, Latch, Reaction, Source
 
 GOOD_CYCLES: Final = 20
@@ -19,12 +20,14 @@ class Detection(NamedTuple):
         axis: Index of the axis, -1 where it concerns all.
         measured: The value that was found, NaN where there is none.
         limit: What it was compared with, NaN where there is none.
+        case: Which case of it.
     """
 
     fault: str
     axis: int = -1
     measured: float = float("nan")
     limit: float = float("nan")
+    case: Case = Case.USUAL
 
 
 class News(NamedTuple):
@@ -90,6 +93,11 @@ class FaultRegister:
         return worst
 
     @property
+    def unreachable(self) -> bool:
+        """Whether a fault is present that makes an amplifier unreachable."""
+        return any(self._rules[index].reaction is Reaction.BLIND for index in _places(self.present))
+
+    @property
     def blocking(self) -> int:
         """Latched faults that stop the stage and that only `reset` ends, as bits."""
         return self._select(self.latched, Latch.L2)
@@ -128,11 +136,13 @@ class FaultRegister:
         return self._why(stopping or (self.latched if self.latched == before else 0))
 
     def _take(self, detection: Detection, t_ns: int) -> Reaction:
-        index = INDEX[detection.fault]
+        index, rule = INDEX[detection.fault], rule_of(detection.fault, detection.case)
+        if self.latched >> index & 1 and not rule.latch:
+            return Reaction.NONE  # what is only counted does not keep a fault from being over
         self._seen_cycle[index] = self._cycle
         axis = 1 << detection.axis if detection.axis >= 0 else -1
-        if not self.present >> index & 1:
-            return self._appear(index, axis, detection, t_ns)
+        if not self.present >> index & 1 or rule.reaction > self._rules[index].reaction:
+            return self._appear(index, axis, rule, detection, t_ns)
         self._last[index] = detection
         if axis & ~self._axes[index]:
             self._axes[index] |= axis
@@ -140,13 +150,14 @@ class FaultRegister:
             return self._unless_held(index, self._rules[index])
         return self._stay(index, detection, t_ns)
 
-    def _appear(self, index: int, axis: int, detection: Detection, t_ns: int) -> Reaction:
-        rule = FAULTS[index]
+    def _appear(
+        self, index: int, axis: int, rule: FaultRule, detection: Detection, t_ns: int
+    ) -> Reaction:
         if self._is_consequence(rule):
             return Reaction.NONE
         latched = self.latched >> index & 1
         if latched:  # it comes back: as at first, but what ends it is what it was
-            rule = rule._replace(latch=self._rules[index].latch)
+            rule = rule._replace(latch=max(rule.latch, self._rules[index].latch))
         reaction = self._unless_held(index, rule)
         self._rules[index], self._last[index] = rule, detection
         self._axes[index] = axis | (self._axes[index] if latched else 0)
@@ -184,15 +195,26 @@ class FaultRegister:
         )
 
     def _unless_held(self, index: int, rule: FaultRule) -> Reaction:
-        """Return a reaction, unless it is a HOLD for which its source already has one."""
+        """Return a reaction, unless it is a HOLD that is no new trouble.
+
+        Its source already has one, or what follows from it was found a little earlier.
+        """
         if rule.reaction is Reaction.HOLD:
             for other in _places(self.present & ~(1 << index)):
                 held = self._rules[other]
-                if held.source is rule.source and held.reaction >= Reaction.HOLD:
+                if held.reaction >= Reaction.HOLD and (
+                    held.source is rule.source or self._followed(rule, other)
+                ):
                     return Reaction.NONE
             if self.present >> index & 1 and self._rules[index].reaction >= Reaction.HOLD:
                 return Reaction.NONE
         return rule.reaction
+
+    def _followed(self, rule: FaultRule, other: int) -> bool:
+        """Tell whether another fault, found a little earlier, is a consequence of one."""
+        source = self._rules[other].source
+        lately = self._cycle - self._since_cycle[other] <= CAUSE_CYCLES
+        return lately and rule.source < source < Source.PROCESS
 
     def _gone(self, index: int) -> None:
         self.present &= ~(1 << index)

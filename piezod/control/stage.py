@@ -77,6 +77,8 @@ class Stage:
         """Whether the hysteresis' memory is known; adapting needs it."""
         self.output_known = False
         """Whether it is known which voltages are in force."""
+        self.known_when_lost = False
+        """Whether it was known when the amplifier was lost."""
         self.untouched = True
         """Whether nothing has been driven yet."""
         self.silent_cycles = 0
@@ -206,7 +208,8 @@ class Stage:
         if state is State.READY and not self.boundary.shadow:
             self.untouched = False
         if state is State.BLIND:
-            self.output_known = self.memory_known = False
+            self.known_when_lost, self.output_known = self.output_known, False
+            self.memory_known = False
             self.blind_spells += 1
         elif state not in {State.RAMP, State.ESTOP}:
             self.blind_spells = 0

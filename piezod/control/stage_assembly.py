@@ -8,6 +8,7 @@ from piezod.config.modes import Mode
 from piezod.control.adaptation_watch import AdaptationWatch
 from piezod.control.amplifier_watch import AmplifierWatch
 from piezod.control.axis_watch import AxisWatch
+from piezod.control.bus_watch import BusWatch
 from piezod.control.compensated import Start, compensated_axis
 from piezod.control.creep_state import CreepState
 from piezod.control.device_boundary import DeviceBoundary, StageDevices
@@ -105,6 +106,7 @@ def _axis(
     index = list(config.axes).index(name)
     adaptation = live.identifier.adaptation
     watches = AxisWatch(
+        BusWatch(index),
         SensorWatch(index, WatchedSensor.of(axis, model), period_ns),
         AmplifierWatch(index, live.limits, delay_ns, period_ns),
         AdaptationWatch(index, adaptation, model, used.position_um, period_ns),

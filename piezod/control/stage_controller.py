@@ -34,6 +34,7 @@ LONGEST_CYCLES = 2
 SILENT_CYCLES = 5
 """An amplifier that reads back, and does not for so many cycles, is lost."""
 
+_UNVERIFIED = Detection("A10")
 _ADAPTING = mask(rule.id for rule in FAULTS if rule.reaction is Reaction.DEGRADE)
 _EVENTS = {
     Reaction.HOLD: Event.FAULT_HOLD,
@@ -207,32 +208,38 @@ class StageController:
         stage.found.clear()
         if stage.boundary.active:
             flags = stage.boundary.status(t_ns)
+            of_amplifiers = len(samples)
             for i, sample in enumerate(samples):
-                found += self._detect_on(i, t_ns, sample, flags[i])
+                found += self._detect_on(i, t_ns, sample, flags[i], flags[of_amplifiers + i])
         if stage.boundary.crash is not None:
             found.append(self._crashed("P3", -1, f"a driver failed: {stage.boundary.crash!r}"))
             stage.boundary.crash = None
         if stage.estop_pressed:
             found.append(Detection("E1"))
+        if stage.state in DRIVEN and not (stage.boundary.reads_back or stage.boundary.shadow):
+            found.append(_UNVERIFIED)
         return found
 
-    def _detect_on(self, i: int, t_ns: int, sample: Sample, flags: Flags) -> Sequence[Detection]:
+    def _detect_on(
+        self, i: int, t_ns: int, sample: Sample, of_sensor: Flags, of_amplifier: Flags
+    ) -> Sequence[Detection]:
         """Return what is wrong on one axis."""
         stage = self.stage
         axis, watches = stage.axes[i], stage.watches[i]
         closed = stage.state is State.RUN and axis.mode in SENSED
-        found = [
-            *watches.sensor.check(
-                t_ns,
-                sample,
-                flags,
-                axis.live.in_force_v,
-                axis.command_um,
-                driven=stage.state in DRIVEN and not stage.boundary.shadow,
-                needed=closed,
-            ),
-            *watches.amplifier.check(self._read_back_v[i], flags),
-        ]
+        found = [*watches.bus.check(of_sensor, of_amplifier)]
+        for detection in watches.sensor.check(
+            t_ns,
+            sample,
+            of_sensor,
+            axis.live.in_force_v,
+            axis.command_um,
+            driven=stage.state in DRIVEN and not stage.boundary.shadow,
+            needed=closed,
+        ):
+            if detection.fault != "S5" or not watches.bus.explains_silence:
+                found.append(detection)
+        found += watches.amplifier.check(self._read_back_v[i], of_amplifier)
         usable = watches.sensor.sample
         position_um = usable.position_um if usable.valid else nan
         noise_um = watches.sensor.noise_um

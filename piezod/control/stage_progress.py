@@ -5,7 +5,7 @@ from math import isfinite
 
 from piezod.config.states import State
 from piezod.control.fault_register import Detection
-from piezod.control.fault_table import FAULTS, Reaction, mask
+from piezod.control.fault_table import mask
 from piezod.control.stage import Stage
 from piezod.control.stage_record import StageEvent
 from piezod.control.state_machine import Event
@@ -21,7 +21,7 @@ FIRST_TRY_NS, LAST_TRY_NS = s_to_ns(0.1), s_to_ns(2.0)
 STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 """A stream has stopped when nothing came for so many cycles and for so long."""
 
-_UNREACHABLE = mask(rule.id for rule in FAULTS if rule.reaction is Reaction.BLIND)
+_RESTARTED = mask(["A7"])
 
 
 def go_on(stage: Stage, t_ns: int, samples: Sequence[Sample], read_back_v: Sequence[float]) -> None:
@@ -83,15 +83,36 @@ def _check_stream(stage: Stage, t_ns: int) -> None:
 
 
 def _reach(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
-    """Take the amplifier over from what it reads back, after a while that grows with each spell."""
+    """Take the amplifier over from what it reads back, after a while that grows with each spell.
+
+    One that does not read back is taken over from the write that it acknowledged last, if there was
+    one, if it has not been restarted, and if it holds its output by itself. If not, nobody knows
+    where a ramp would begin.
+    """
     wait_ns = min(FIRST_TRY_NS << min(stage.blind_spells - 1, 10), LAST_TRY_NS)
-    answers = not stage.register.present & _UNREACHABLE and (
-        all(map(isfinite, read_back_v)) or not stage.boundary.reads_back  # then from the last one
-    )
-    if answers and t_ns - stage.since_ns >= wait_ns:
-        stage.output_known = True
+    if stage.register.unreachable or t_ns - stage.since_ns < wait_ns:
+        return
+    if stage.boundary.reads_back:
+        if not all(map(isfinite, read_back_v)):
+            return
         _track(stage, read_back_v)
-        stage.go(Event.LINK_BACK, t_ns)
+    elif not _still_as_written(stage):
+        stage.estop_pressed = False
+        text = (
+            "the amplifier answers again and does not tell its voltage: bring it to the safe one "
+            "by hand, then `piezod reset` and `piezod arm --confirm-output`"
+        )
+        stage.note(StageEvent(t_ns, "warning", "output", text))
+        stage.go(Event.OUTPUT_UNKNOWN, t_ns)
+        return
+    stage.output_known = True
+    stage.go(Event.LINK_BACK, t_ns)
+
+
+def _still_as_written(stage: Stage) -> bool:
+    """Tell whether an amplifier that was lost still gives what it acknowledged last."""
+    restarted = stage.register.latched & _RESTARTED
+    return stage.known_when_lost and stage.boundary.holds and not restarted
 
 
 def _drive_on(stage: Stage, t_ns: int) -> None:

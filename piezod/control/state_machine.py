@@ -40,6 +40,8 @@ class Event(Enum):
     AT_SAFE = auto()
     RAMP_TIMEOUT = auto()
     LINK_BACK = auto()
+    OUTPUT_UNKNOWN = auto()
+    """The amplifier answers again, and nobody can tell what is in force."""
 
 
 class Facts(NamedTuple):
@@ -113,6 +115,7 @@ _EDGES: Final[Mapping[Event, Mapping[State, State]]] = {
     Event.AT_SAFE: {_RAMP: _SAFE},
     Event.RAMP_TIMEOUT: dict.fromkeys((_RAMP, _ESTOP), _FAULT),
     Event.LINK_BACK: {_BLIND: _RAMP},
+    Event.OUTPUT_UNKNOWN: {_BLIND: _FAULT},
 }
 """Edges that nobody is refused: down, or found by the daemon. From any other state: none."""
 
@@ -144,17 +147,25 @@ def step(state: State, event: Event, facts: Facts) -> Step:
 
 
 def _following(state: State, event: Event, facts: Facts) -> State:
-    if event is Event.LINK_BACK and state is _BLIND:
-        if not facts.output_known:
-            return _BLIND
-        if facts.estop_active:
-            return _ESTOP
-        return _RAMP if facts.self_tested else _BOOT
+    if state is _BLIND and event in {Event.LINK_BACK, Event.OUTPUT_UNKNOWN}:
+        return _reached(event, facts)
     if event is Event.ESTOP_RELEASED and facts.estop_active:
         return state
     if event is Event.ESTOP and state in {_BOOT, _SAFE, _FAULT} and not facts.output_known:
         return _BLIND  # no way to the safe voltage begins at a voltage that nobody knows
     return _EDGES[event].get(state, state)
+
+
+def _reached(event: Event, facts: Facts) -> State:
+    """Return where BLIND leads once the amplifier answers again."""
+    known = event is Event.LINK_BACK
+    if known and not facts.output_known:
+        return _BLIND
+    if known and facts.estop_active:
+        return _ESTOP
+    if not facts.self_tested:
+        return _BOOT
+    return _RAMP if known else _FAULT
 
 
 def _settled(state: State, event: Event, facts: Facts) -> State:

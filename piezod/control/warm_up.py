@@ -58,7 +58,7 @@ class _Obedient:
         return self._drive_v
 
     def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - the same
-        return [NO_FLAGS] * len(self._axes)
+        return [NO_FLAGS] * (2 * len(self._axes))
 
 
 def warm_up(config: DaemonConfig) -> None:

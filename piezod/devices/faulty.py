@@ -15,6 +15,7 @@ from piezod.devices.interface import Amplifier, Capabilities, Identity, KnowsTru
 from piezod.devices.status import NO_FLAGS, Flags, TellsStatus
 
 _REMEMBERED: Final = 4096  # samples, for late ones
+_FLAGGED: Final = frozenset({Kind.FLAGGED, Kind.SENSOR_FLAGGED, Kind.LOST})
 
 
 class FaultyError(Exception):
@@ -94,7 +95,7 @@ class FaultyDevice:
         """
         if self._any(Kind.WRITE_RAISES, now_ns):
             raise FaultyError("the driver failed while it wrote")
-        if self._any(Kind.REFUSED, now_ns):
+        if self._any(Kind.REFUSED, now_ns) or self._any(Kind.LOST, now_ns):
             return False
         sent_v = list(drive_v)
         for one in self._now(now_ns):
@@ -111,18 +112,23 @@ class FaultyDevice:
         for one in self._now(now_ns):
             if one.kind is Kind.READ_BACK_OFFSET:
                 told_v[one.axis] += one.value
+            elif one.kind is Kind.LOST:
+                told_v[one.axis] = nan
         return told_v
 
     def status(self, now_ns: int) -> Sequence[Flags]:
         """Tell what the device does, and the faults that show."""
+        able = self.capabilities()
+        n_inputs = len(able.inputs)
         if isinstance(self._inner, TellsStatus):
             told = list(self._inner.status(now_ns))
         else:
-            able = self.capabilities()
-            told = [NO_FLAGS] * (len(able.inputs) + len(able.outputs))
+            told = [NO_FLAGS] * (n_inputs + len(able.outputs))
         for one in self._now(now_ns):
-            if one.kind is Kind.FLAGGED:
+            if one.kind in _FLAGGED:
                 told[one.axis] |= {one.flag}
+            if one.kind in _FLAGGED - {Kind.SENSOR_FLAGGED}:
+                told[n_inputs + one.axis] |= {one.flag}
         return told
 
     def _now(self, now_ns: int) -> list[Injection]:
@@ -150,7 +156,7 @@ class FaultyDevice:
                 position_um += one.value * self._random.gauss()
             case Kind.GARBAGE:
                 position_um = one.value * self._random.uniform(-1.0, 1.0)
-            case Kind.DROPPED:
+            case Kind.DROPPED | Kind.LOST:
                 valid = False
         return Sample(t_ns, position_um, valid)
 

@@ -35,7 +35,11 @@ class Kind(StrEnum):
     READ_BACK_OFFSET = "read-back offset"
     """The value is added to the voltage that is read back, in V."""
     FLAGGED = "flagged"
-    """The status says so."""
+    """The status of input and output says so."""
+    SENSOR_FLAGGED = "sensor flagged"
+    """The status of the input alone says so."""
+    LOST = "lost"
+    """Samples are invalid, writes are refused, the voltage is not known, and the status says so."""
     READ_RAISES = "read raises"
     """The driver raises while it reads a sample."""
     WRITE_RAISES = "write raises"
@@ -51,7 +55,7 @@ class Injection(NamedTuple):
         end_ns: and before this one.
         axis: Index of the axis.
         value: How much, see `Kind`.
-        flag: What the status says, for `FLAGGED`.
+        flag: What the status says, where it says something.
     """
 
     kind: Kind

@@ -44,6 +44,7 @@ class LiveStage:
         wrap: What each device is wrapped into, for faults.
         memory_known: Whether the hysteresis' memory is known at the start.
         holds: Whether the amplifier says that it keeps its voltage when it is deactivated.
+        reads_back: Whether the amplifier says that it tells its voltage.
     """
 
     def __init__(
@@ -53,6 +54,7 @@ class LiveStage:
         *,
         memory_known: bool = True,
         holds: bool = False,
+        reads_back: bool = True,
     ) -> None:
         self.config = config or load_daemon(CONFIG, registry)
         axes = pairs_of(self.config.axes)
@@ -63,7 +65,9 @@ class LiveStage:
         self.channels = Watched(devices, axes)
         self.channels.open()
         self.channels.activate(0)
-        able = self.channels.capabilities()._replace(opens_relaxed=memory_known, holds=holds)
+        able = self.channels.capabilities()._replace(
+            opens_relaxed=memory_known, holds=holds, read_back=reads_back
+        )
         self.controller = assemble(self.config, self.channels, able)
         self.events: list[StageEvent] = []
         self.records: list[StageRecord] = []
@@ -128,16 +132,23 @@ class FaultyStage(LiveStage):
     Args:
         config: The configuration; the one that ships if not given.
         holds: Whether the amplifier says that it keeps its voltage when it is deactivated.
+        reads_back: Whether the amplifier says that it tells its voltage.
     """
 
-    def __init__(self, config: DaemonConfig | None = None, *, holds: bool = False) -> None:
+    def __init__(
+        self,
+        config: DaemonConfig | None = None,
+        *,
+        holds: bool = False,
+        reads_back: bool = True,
+    ) -> None:
         made: list[FaultyDevice] = []
 
         def wrapped(device: Device) -> Device:
             made.append(FaultyDevice(cast("SensorAmplifier", device)))
             return made[0]
 
-        super().__init__(config, wrapped, holds=holds)
+        super().__init__(config, wrapped, holds=holds, reads_back=reads_back)
         (self.device,) = made
 
     def fail(self, kind: Kind, cycles: int | None = None, **what: Any) -> None:

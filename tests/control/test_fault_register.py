@@ -224,8 +224,17 @@ def test_two_faults_of_one_source_hold_once(stage: Stage) -> None:
 def test_a_fault_of_another_source_holds_again(stage: Stage) -> None:
     """The state machine then makes RAMP of it."""
     stage.cycle("S5")
+    stage.cycles(CAUSE_CYCLES, "S5")
 
     assert stage.cycle("S5", "A3") is Reaction.HOLD
+
+
+def test_a_cause_that_is_found_after_its_consequence_is_no_second_trouble(stage: Stage) -> None:
+    """It is told, and what is held is held once."""
+    stage.cycle("S5")
+
+    assert stage.cycle("S5", "A3") is Reaction.NONE
+    assert stage.present == ["S5", "A3"]
 
 
 def test_a_fault_that_comes_to_another_axis_is_new(stage: Stage) -> None:

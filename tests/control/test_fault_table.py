@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from piezod.control.fault_cases import CASES, LOST, Case, rule_of
 from piezod.control.fault_table import (
     FAULTS,
     INDEX,
@@ -87,7 +88,33 @@ def test_ids_are_unique_and_fit_the_masks_of_a_record() -> None:
     assert len(INDEX) == len(FAULTS) <= 128
 
 
-@pytest.mark.parametrize("rule", FAULTS, ids=lambda rule: rule.id)
+def test_the_page_shows_the_cases_that_differ() -> None:
+    """Those of a sensor in one row, as they have one reaction; the others by name."""
+    ends = [
+        f"{rule.reaction.name}, RAMP after 1 s | resume, reset after 1 s"
+        for (_, case), rule in CASES.items()
+        if case is Case.SENSOR
+    ]
+    others = [
+        (key, rule) for key, rule in CASES.items() if key[1] not in {Case.SENSOR, Case.SINGLE}
+    ]
+
+    assert f"| {', '.join(LOST)} of a sensor | as above | {ends[0]} | as above |" in PAGE
+    assert len(set(ends)) == 1
+    for (fault, case), rule in others:
+        assert f"| {fault}: {case.value} {shown(rule).removeprefix(f'| {fault} ')}" in PAGE
+
+
+@pytest.mark.parametrize(("fault", "case"), CASES)
+def test_a_case_is_of_a_fault_and_differs_from_it(fault: str, case: Case) -> None:
+    """In what is done about it."""
+    usual, other = rule_of(fault, Case.USUAL), rule_of(fault, case)
+
+    assert other.id == usual.id == fault
+    assert (other.reaction, other.latch) != (usual.reaction, usual.latch)
+
+
+@pytest.mark.parametrize("rule", [*FAULTS, *CASES.values()], ids=lambda rule: rule.id)
 def test_each_rule_is_consistent(rule: FaultRule) -> None:
     """What stops the stage is latched, what is latched is told; it only becomes worse."""
     letter = {"S": Source.SENSOR, "A": Source.AMPLIFIER, "B": Source.BUS, "L": Source.LOOP}

@@ -1,55 +1,21 @@
 """A fault of a device, from its first cycle to what the stage does about it, on the rig."""
 
-from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from math import isfinite, nan
-from typing import Any
 
 import pytest
 
 from piezod.config import requests as rq
-from piezod.config.daemon import load_daemon
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.config.waveforms import Sine
 from piezod.control.fault_table import ids
 from piezod.control.loop_watch import CycleTiming
 from piezod.control.stage_record import StageRecord
-from piezod.devices import registry
 from piezod.devices.injections import Kind
 from piezod.devices.status import DeviceFlag
-from tests.control.live_stage import CONFIG, FaultyStage, LiveStage
-
-SWING = rq.Wave(
-    command_um={"x": Sine(kind="sine", low=0.0, high=20.0, frequency_hz=2.0)}, duration_s=1000.0
-)
-
-
-class Faulty(FaultyStage):
-    """A stage that follows a swing, and conditions quickly."""
-
-    def __init__(self, mode: Mode = Mode.ADAPTIVE) -> None:
-        config = load_daemon(CONFIG, registry)
-        brief = config.axes["x"].conditioning.model_copy(update={"cycles": 2, "frequency_hz": 2.0})
-        axis = config.axes["x"].model_copy(update={"conditioning": brief})
-        super().__init__(config.model_copy(update={"axes": {"x": axis}}))
-        self.cycle()
-        self.do(rq.Arm(), rq.SelectMode(mode=mode), SWING)
-        self.run(1.2)
-        assert self.faults() == []
-
-
-@dataclass(frozen=True, eq=False)
-class Case:
-    """A fault, and what is done about it: the first state that is left for, and how soon."""
-
-    fault: str
-    kind: Kind
-    what: dict[str, Any]
-    state: State
-    within_cycles: int
-
+from tests.control.live_stage import LiveStage
+from tests.control.swinging_stage import Case, Faulty, check_way, failed
 
 CASES = [
     Case("S1", Kind.STUCK, {}, State.HOLD, 60),
@@ -70,11 +36,9 @@ CASES = [
 
 
 @cache
-def failed(case: Case) -> tuple[Faulty, list[StageRecord]]:
-    """Return a stage after 200 ms of a fault and 6 s more; and the records since it began."""
-    stage = Faulty()
-    stage.fail(case.kind, 200, **case.what)
-    return stage, stage.run(6.0)
+def seen(case: Case) -> tuple[Faulty, list[StageRecord]]:
+    """Return what `failed` does, once for each case."""
+    return failed(case)
 
 
 @pytest.mark.parametrize(
@@ -82,20 +46,13 @@ def failed(case: Case) -> tuple[Faulty, list[StageRecord]]:
 )
 def test_a_fault_leads_to_its_state_in_time_and_nothing_goes_on_by_itself(case: Case) -> None:
     """It is told by its id, the stage leaves RUN within the bound, and ends at rest."""
-    stage, after = failed(case)
-
-    first = next(i for i, record in enumerate(after) if record.state is not State.RUN)
-    assert case.fault in stage.faults()
-    assert (after[first].state, first <= case.within_cycles) == (case.state, True)
-    assert all(record.state not in {State.RUN, State.IDENT} for record in after[first:])
-    assert after[-1].state in {State.SAFE, State.FAULT}
-    assert after[-1].axes[0].drive_v == pytest.approx(0.0, abs=0.5)
+    check_way(case, *seen(case))
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.fault for case in CASES])
 def test_limits_hold_while_a_fault_is_reacted_to(case: Case) -> None:
     """Whatever the sensor or the read-back say, no write leaves range or slew rate."""
-    stage, _ = failed(case)
+    stage, _ = seen(case)
 
     writes = stage.channels.writes
     assert all(isfinite(drive_v) and 0.0 <= drive_v <= 150.0 for _, (drive_v,) in writes)
@@ -106,7 +63,7 @@ def test_limits_hold_while_a_fault_is_reacted_to(case: Case) -> None:
 @pytest.mark.parametrize("case", CASES, ids=[case.fault for case in CASES])
 def test_once_healed_a_stage_runs_again_when_it_is_told_to(case: Case) -> None:
     """Reset, arm, and where the memory was lost, condition: then it is as before."""
-    stage, _ = failed(case)
+    stage, _ = seen(case)
     stage.do(rq.Reset(engineer=True))
     stage.run(0.1)
     stage.do(rq.Arm())

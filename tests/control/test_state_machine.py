@@ -58,6 +58,7 @@ HOLD_EXPIRED     .        .        .     .     .     RAMP  .     .        .     
 AT_SAFE          .        .        .     .     .     .     SAFE  .        .        .     .
 RAMP_TIMEOUT     .        .        .     .     .     .     FAULT .        .        FAULT .
 LINK_BACK        .        .        .     .     .     .     .     RAMP     .        .     .
+OUTPUT_UNKNOWN   .        .        .     .     .     .     .     FAULT    .        .     .
 """
 
 

@@ -218,7 +218,7 @@ class FakeDimSensor(FakeSensor):
         return [frozenset({DeviceFlag.LOW_LIGHT})] * len(self.axes)
 
 
-def test_the_status_of_an_axis_is_that_of_both_its_devices() -> None:
+def test_the_status_is_that_of_the_sensor_of_each_axis_then_of_its_amplifier() -> None:
     """A device that tells none adds nothing; one that serves several axes tells each its own."""
     axes = {"x": ChannelPair("dim", "teller"), "y": ChannelPair("silent", "teller")}
     devices = {
@@ -228,7 +228,7 @@ def test_the_status_of_an_axis_is_that_of_both_its_devices() -> None:
     }
 
     told = Channels(devices, axes).status(0)
-    assert told == [{DeviceFlag.OVERLOAD, DeviceFlag.LOW_LIGHT}, NO_FLAGS]
+    assert told == [{DeviceFlag.LOW_LIGHT}, NO_FLAGS, {DeviceFlag.OVERLOAD}, NO_FLAGS]
 
 
 def test_channels_whose_devices_tell_nothing_have_nothing_to_tell() -> None:
@@ -236,4 +236,4 @@ def test_channels_whose_devices_tell_nothing_have_nothing_to_tell() -> None:
     axes = {"x": ChannelPair("sensor", "amplifier")}
     devices = {"sensor": FakeSensor(("x",)), "amplifier": FakeAmplifier(("x",))}
 
-    assert Channels(devices, axes).status(0) == [NO_FLAGS]
+    assert Channels(devices, axes).status(0) == [NO_FLAGS, NO_FLAGS]

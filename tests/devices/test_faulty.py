@@ -139,6 +139,8 @@ def test_status_and_read_back_lie_when_told_to() -> None:
     """On one axis."""
     flagged = FaultyDevice(Rig(), [Injection(Kind.FLAGGED, 0, flag=DeviceFlag.LOCAL_MODE)])
 
+    assert flagged.status(5) == [{DeviceFlag.LOCAL_MODE}, NO_FLAGS] * 2
+    flagged.schedule[0] = Injection(Kind.SENSOR_FLAGGED, 0, flag=DeviceFlag.LOCAL_MODE)
     assert flagged.status(5) == [{DeviceFlag.LOCAL_MODE}, *[NO_FLAGS] * 3]
     assert failing(Kind.READ_BACK_OFFSET, 7.0).read_back(12) == [0.0, 7.0]
 

@@ -1,0 +1,70 @@
+"""A stage that swings when its rig fails, and what has to become of it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from piezod.config import requests as rq
+from piezod.config.daemon import load_daemon
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.config.waveforms import Sine
+from piezod.control.stage_record import StageRecord
+from piezod.devices import registry
+from piezod.devices.injections import Kind
+from tests.control.live_stage import CONFIG, FaultyStage
+
+SWING = rq.Wave(
+    command_um={"x": Sine(kind="sine", low=0.0, high=20.0, frequency_hz=2.0)}, duration_s=1000.0
+)
+
+
+class Faulty(FaultyStage):
+    """A stage that follows a swing, and conditions quickly.
+
+    Args:
+        mode: How it follows.
+        holds: Whether the amplifier says that it keeps its voltage when it is deactivated.
+        reads_back: Whether the amplifier says that it tells its voltage.
+    """
+
+    def __init__(
+        self, mode: Mode = Mode.ADAPTIVE, *, holds: bool = False, reads_back: bool = True
+    ) -> None:
+        config = load_daemon(CONFIG, registry)
+        brief = config.axes["x"].conditioning.model_copy(update={"cycles": 2, "frequency_hz": 2.0})
+        axis = config.axes["x"].model_copy(update={"conditioning": brief})
+        one = config.model_copy(update={"axes": {"x": axis}})
+        super().__init__(one, holds=holds, reads_back=reads_back)
+        self.cycle()
+        self.do(rq.Arm(confirm_output=True), rq.SelectMode(mode=mode), SWING)
+        self.run(1.2)
+        assert self.faults() == []
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A fault, and what is done about it: the first state that is left for, and how soon."""
+
+    fault: str
+    kind: Kind
+    what: dict[str, Any]
+    state: State
+    within_cycles: int
+    name: str = ""
+
+
+def failed(case: Case) -> tuple[Faulty, list[StageRecord]]:
+    """Return a stage after 200 ms of a fault and 6 s more; and the records since it began."""
+    stage = Faulty()
+    stage.fail(case.kind, 200, **case.what)
+    return stage, stage.run(6.0)
+
+
+def check_way(case: Case, stage: Faulty, after: list[StageRecord]) -> None:
+    """Check that a fault was told, RUN was left in time, and the stage ended at rest."""
+    first = next(i for i, record in enumerate(after) if record.state is not State.RUN)
+    assert case.fault in stage.faults()
+    assert (after[first].state, first <= case.within_cycles) == (case.state, True)
+    assert all(record.state not in {State.RUN, State.IDENT} for record in after[first:])
+    assert after[-1].state in {State.SAFE, State.FAULT}
+    assert abs(after[-1].axes[0].drive_v) < 0.5
