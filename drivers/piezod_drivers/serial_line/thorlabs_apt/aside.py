@@ -1,0 +1,118 @@
+"""Keeps apart what a device says unasked: it can never be taken for a reply."""
+
+from typing import Final
+
+from piezod.devices.bus.line import Line, Notices
+from piezod.devices.status import DeviceFlag
+from piezod_drivers.serial_line.thorlabs_apt.codec import (
+    Id,
+    MalformedError,
+    Status,
+    ident_of,
+    length_to_host,
+    status_of,
+)
+
+_STALE_NS: Final = 50_000_000
+"""A message whose rest has not come after that time is none; the longest takes 8 ms."""
+_UPDATES_PER_ACK: Final = 5
+_COMPLAINTS: Final = frozenset({Id.RESPONSE, Id.RICH_RESPONSE})
+_REPLIES: Final = frozenset(map(int, Id)) - _COMPLAINTS
+
+
+class AsideLine:
+    """Implements `Line` and `Notices` with nothing on it but the messages that are wanted.
+
+    Statuses that a device sends by itself are kept, complaints and bytes that are no message are
+    noticed, and everything else is dropped.
+
+    Args:
+        line: The line to the device.
+    """
+
+    def __init__(self, line: Line) -> None:
+        self._line = line
+        self._rest = b""
+        self._rest_since_ns = 0
+        self._noticed: set[DeviceFlag] = set()
+        self.wanted = 0
+        """What the messages are that are passed on."""
+        self.status: Status | None = None
+        """The last one that was sent."""
+        self._unacknowledged = 0
+
+    @property
+    def where(self) -> str:
+        """Where it leads to."""
+        return self._line.where
+
+    def open(self) -> None:
+        """Connect, as the line does."""
+        self._line.open()
+        self._rest, self.status, self._unacknowledged = b"", None, 0
+        self._noticed.clear()
+
+    def close(self) -> None:
+        """Let go. Never raises."""
+        self._line.close()
+
+    def send(self, data: bytes) -> None:
+        """Send all of this, as the line does; may be called in the loop."""
+        self._line.send(data)
+
+    def receive(self, within_ns: int) -> bytes:
+        """Return what has come and is wanted; may be called in the loop.
+
+        Returns:
+            Nothing also where only the unwanted came.
+        """
+        got = self._rest + self._line.receive(within_ns)
+        passed = []
+        while length := self._length_of(got):
+            frame, got = got[: abs(length)], got[abs(length) :]
+            if length < 0:
+                self._noticed.add(DeviceFlag.GARBAGE)
+            elif ident_of(frame) == self.wanted:
+                passed.append(frame)
+            else:
+                self._put_aside(frame)
+        if len(got) != len(self._rest):
+            self._rest_since_ns = self._line.now_ns()
+        self._rest = got
+        return b"".join(passed)
+
+    def now_ns(self) -> int:
+        """Tell the instant, as the line does."""
+        return self._line.now_ns()
+
+    def take_noticed(self) -> set[DeviceFlag]:
+        """Return what was noticed since the last call, and forget it; may be called in the loop."""
+        noticed, self._noticed = self._noticed, set()
+        return noticed | self._line.take_noticed() if isinstance(self._line, Notices) else noticed
+
+    def acknowledgement_due(self) -> bool:
+        """Tell, once, that the device stops its updates unless it is told that they are heard."""
+        due = self._unacknowledged >= _UPDATES_PER_ACK
+        if due:
+            self._unacknowledged = 0
+        return due
+
+    def _length_of(self, got: bytes) -> int:
+        length = length_to_host(got)
+        if length == 0 and got and got == self._rest:
+            stale = self._line.now_ns() - self._rest_since_ns > _STALE_NS
+            return -1 if stale else 0
+        return length
+
+    def _put_aside(self, frame: bytes) -> None:
+        ident = ident_of(frame)
+        if ident == Id.GET_STATUS:
+            try:
+                self.status = status_of(frame)
+                self._unacknowledged += 1
+            except MalformedError:
+                self._noticed.add(DeviceFlag.GARBAGE)
+        elif ident in _COMPLAINTS:
+            self._noticed.add(DeviceFlag.DEVICE_FAILURE)
+        elif ident in _REPLIES:
+            self._noticed.add(DeviceFlag.OUT_OF_ORDER)

@@ -1,0 +1,40 @@
+"""Thorlabs' piezo amplifiers and strain gauge readers as devices."""
+
+from typing import Final
+
+from piezod.devices.bus.bus_device import BusDevice
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod_drivers.serial_line.thorlabs_apt.amplifier import AmplifierDialogue
+from piezod_drivers.serial_line.thorlabs_apt.options import Options
+from piezod_drivers.serial_line.thorlabs_apt.port import CubePort
+from piezod_drivers.serial_line.thorlabs_apt.reader import ReaderDialogue
+
+CHANNEL: Final = "1"
+
+
+def channels(options: Options) -> ChannelUnits:
+    """Tell the channels of a cube: its only one is an output or an input."""
+    if options.is_amplifier:
+        return ChannelUnits({}, {CHANNEL: "V"})
+    return ChannelUnits({CHANNEL: "µm"}, {})
+
+
+def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
+    line = CubePort(options.port, options.baud, rtscts=options.rtscts)
+    name = f"{options.model} at {options.port}"
+    if options.is_amplifier:
+        return BusDevice(name, AmplifierDialogue(options, wiring, line))
+    return BusDevice(name, ReaderDialogue(options, wiring, line))
+
+
+PLUGIN: Final = DriverPlugin(
+    name="thorlabs_apt",
+    summary="Thorlabs KPZ101 and TPZ001 amplifiers, KSG101 and TSG001 strain gauge readers",
+    options_model=Options,
+    create=_create,
+    confirmed_on_hardware=False,
+    channels=channels,
+    sees=frozenset(
+        {"A1", "A2", "A3", "A8", "A12", "B1", "B2", "B3", "B5", "B6", "B7", "B10", "S7"}
+    ),
+)

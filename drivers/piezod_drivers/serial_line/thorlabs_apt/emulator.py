@@ -1,0 +1,218 @@
+"""A KPZ101 and a KSG101 that exist in numbers, at the far end of a wire.
+
+They answer as our reading of the public sources has it: no request that is not known is answered.
+"""
+
+import zlib
+from collections.abc import Callable
+from math import isfinite
+from typing import Final
+
+from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.emulator import EmulatorPlugin
+from piezod_drivers.serial_line.thorlabs_apt import codec
+from piezod_drivers.serial_line.thorlabs_apt.codec import (
+    FULL_SCALE,
+    HOST,
+    UNIT,
+    Hardware,
+    Id,
+    MalformedError,
+    Status,
+    StatusBit,
+)
+
+MAX_V: Final = 150
+TRAVEL_UM: Final = 30.0
+_LIMIT_150_V: Final = 3
+_UPDATE_NS: Final = 100_000_000
+_UPDATES_UNHEARD: Final = 50
+"""So many updates are sent to a host that does not acknowledge them."""
+_PATIENCE_NS: Final = 50_000_000
+"""A message whose rest does not come within that time is forgotten; not confirmed."""
+_CHANNEL: Final = 1
+_ENABLED: Final = 1
+_DISABLED: Final = 2
+_SOFTWARE: Final = 0
+_OPEN_MODES: Final = frozenset({1, 3})
+
+_Handler = Callable[[bytes], list[bytes]]
+
+
+class _Cube:
+    """What both cubes do.
+
+    Args:
+        bench: Its clock.
+        hardware: Who it says it is.
+    """
+
+    def __init__(self, bench: Bench, hardware: Hardware) -> None:
+        self._bench, self._hardware = bench, hardware
+        self._got, self._got_ns = b"", 0
+        self._handlers: dict[int, _Handler] = {Id.REQ_INFO: self._info}
+
+    def receive(self, data: bytes) -> list[bytes]:
+        """Answer every message that is complete."""
+        now_ns = self._bench.now_ns()
+        if now_ns - self._got_ns > _PATIENCE_NS:
+            self._got = b""
+        self._got, self._got_ns = self._got + data, now_ns
+        replies: list[bytes] = []
+        while length := codec.length_to_unit(self._got):
+            frame, self._got = self._got[: abs(length)], self._got[abs(length) :]
+            handler = self._handlers.get(codec.ident_of(frame)) if length > 0 else None
+            if handler is not None:
+                try:
+                    replies += handler(frame)
+                except MalformedError:
+                    continue
+        return replies
+
+    def due(self) -> list[bytes]:
+        """Return nothing: it only speaks when asked."""
+        return []
+
+    def _info(self, _frame: bytes) -> list[bytes]:
+        return [_answer(Id.GET_INFO, codec.pack_hardware(self._hardware))]
+
+
+class Amplifier(_Cube):
+    """A KPZ101: off and at 0 V when it is switched on, and obeying the host alone.
+
+    Args:
+        bench: Its actuator is that of the first axis.
+        serial: The number that it tells, "" for its usual one.
+    """
+
+    def __init__(self, bench: Bench, serial: str) -> None:
+        super().__init__(bench, Hardware(_number(serial, 29_000_001), "KPZ101", "1.0.3"))
+        self._output, self._enabled, self._mode = 0, _DISABLED, 1
+        self.source = _SOFTWARE
+        self._updating, self._unheard, self._update_ns = False, 0, 0
+        self._handlers |= {
+            Id.SET_OUTPUT: self._set_output,
+            Id.REQ_OUTPUT: lambda _: [_answer_words(Id.GET_OUTPUT, self._output)],
+            Id.SET_ENABLED: self._set_enabled,
+            Id.REQ_ENABLED: lambda _: [_answer_short(Id.GET_ENABLED, self._enabled)],
+            Id.SET_CONTROL_MODE: self._set_mode,
+            Id.REQ_CONTROL_MODE: lambda _: [_answer_short(Id.GET_CONTROL_MODE, self._mode)],
+            Id.SET_SOURCE: self._set_source,
+            Id.REQ_SOURCE: lambda _: [_answer_words(Id.GET_SOURCE, self.source)],
+            Id.REQ_IO: lambda _: [_answer(Id.GET_IO, bytes((1, 0, _LIMIT_150_V, *[0] * 7)))],
+            Id.REQ_STATUS: lambda _: [self._status()],
+            Id.START_UPDATES: self._start_updates,
+            Id.STOP_UPDATES: self._stop_updates,
+            Id.ACK_STATUS: self._hear,
+        }
+
+    def due(self) -> list[bytes]:
+        """Return a status ten times a second, while the host listens."""
+        now_ns = self._bench.now_ns()
+        if not self._updating or self._unheard >= _UPDATES_UNHEARD or now_ns < self._update_ns:
+            return []
+        self._update_ns = now_ns + _UPDATE_NS
+        self._unheard += 1
+        return [self._status()]
+
+    def _set_output(self, frame: bytes) -> list[bytes]:
+        (counts,) = codec.words_of(frame, _CHANNEL)
+        if 0 <= counts <= FULL_SCALE:
+            self._output = counts
+            self._drive()
+        return []
+
+    def _set_enabled(self, frame: bytes) -> list[bytes]:
+        self._enabled = codec.short_of(frame)[1]
+        self._drive()
+        return []
+
+    def _set_mode(self, frame: bytes) -> list[bytes]:
+        self._mode = codec.short_of(frame)[1]
+        self._drive()
+        return []
+
+    def _set_source(self, frame: bytes) -> list[bytes]:
+        (self.source,) = codec.words_of(frame, _CHANNEL)
+        return []
+
+    def _drive(self) -> None:
+        if self._mode in _OPEN_MODES:
+            on = self._enabled == _ENABLED
+            self._bench.drive(0, self._output / FULL_SCALE * MAX_V if on else 0.0)
+
+    def _status(self) -> bytes:
+        counts = round(self._bench.drive_v(0) / MAX_V * FULL_SCALE)
+        bits = StatusBit.ENABLED if self._enabled == _ENABLED else 0
+        bits |= 0 if self._mode in _OPEN_MODES else StatusBit.CLOSED_LOOP
+        status = Status(max(-FULL_SCALE, min(counts, FULL_SCALE)), 0, bits)
+        return _answer(Id.GET_STATUS, codec.pack_status(_CHANNEL, status))
+
+    def _start_updates(self, _frame: bytes) -> list[bytes]:
+        self._updating, self._unheard = True, 0
+        return []
+
+    def _stop_updates(self, _frame: bytes) -> list[bytes]:
+        self._updating = False
+        return []
+
+    def _hear(self, _frame: bytes) -> list[bytes]:
+        self._unheard = 0
+        return []
+
+
+class Reader(_Cube):
+    """A KSG101 whose actuator travels 30 µm.
+
+    Args:
+        bench: Its gauge is that of the first axis.
+        serial: The number that it tells, "" for its usual one.
+        request: What it wants to be asked for readings, the answer being one more: sources differ.
+    """
+
+    def __init__(self, bench: Bench, serial: str, request: int = Id.READING_7DE) -> None:
+        super().__init__(bench, Hardware(_number(serial, 59_000_001), "KSG101", "1.0.2"))
+        self._reading_id = request + 1
+        travel = round(TRAVEL_UM * 10)
+        self._handlers |= {
+            Id.REQ_MAX_TRAVEL: lambda _: [_answer_words(Id.GET_MAX_TRAVEL, travel)],
+            request: lambda _: [self._reading()],
+        }
+
+    def _reading(self) -> bytes:
+        position_um = self._bench.position_um(0)
+        counts = FULL_SCALE if not isfinite(position_um) else round(position_um / TRAVEL_UM * 32767)
+        counts = max(-FULL_SCALE, min(counts, FULL_SCALE))
+        return _answer(self._reading_id, codec.words(_CHANNEL, counts, counts))
+
+
+def _number(serial: str, usual: int) -> int:
+    if not serial:
+        return usual
+    return int(serial) if serial.isdecimal() else zlib.crc32(serial.encode()) & 0x7FFFFFFF
+
+
+def _answer(ident: int, data: bytes) -> bytes:
+    return codec.long(ident, data, to=HOST, source=UNIT)
+
+
+def _answer_short(ident: int, value: int) -> bytes:
+    return codec.short(ident, _CHANNEL, value, to=HOST, source=UNIT)
+
+
+def _answer_words(ident: int, value: int) -> bytes:
+    return _answer(ident, codec.words(_CHANNEL, value))
+
+
+KPZ101: Final = EmulatorPlugin(
+    name="kpz101",
+    summary="Thorlabs KPZ101 piezo amplifier, 0 to 150 V",
+    wire="serial",
+    create=Amplifier,
+)
+KSG101: Final = EmulatorPlugin(
+    name="ksg101",
+    summary="Thorlabs KSG101 strain gauge reader, 30 µm",
+    wire="serial",
+    create=Reader,
+)
