@@ -7,7 +7,6 @@ from piezod.devices.interface import Capabilities, Identity, Sample
 from tests.drivers.serial_line.scripted_line import TestTime
 
 UM_PER_V = 0.2
-LOWEST_V, HIGHEST_V = -20.0, 150.0
 
 
 class LinearRig:
@@ -20,6 +19,7 @@ class LinearRig:
     def __init__(self, n_axes: int = 1) -> None:
         self.drive_v = [0.0] * n_axes
         self.valid = True
+        self.highest_v = 150.0
 
     def open(self) -> Identity:
         return Identity("test", "linear", "1", "1")
@@ -46,7 +46,7 @@ class LinearRig:
         ]
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - the interface's
-        if not all(LOWEST_V <= value <= HIGHEST_V for value in drive_v):
+        if not all(-20.0 <= value <= self.highest_v for value in drive_v):
             return False
         self.drive_v = list(drive_v)
         return True

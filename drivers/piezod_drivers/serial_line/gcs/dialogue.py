@@ -110,7 +110,7 @@ class GcsDialogue:
             if axis in foreign
         ]
         request = self._take_over(foreign) + self._syntax.setting("SVA", foreign, volts(held))
-        self._ask_once(request + ASK_ERROR, Reply())
+        self._ask_once(request, Reply())
         if still := self._driven_by_others():
             what = f"{self._line.where}: axis {', '.join(still)} does not give up its servo"
             raise DeviceError(what)
@@ -167,13 +167,14 @@ class GcsDialogue:
         if not ids:
             return []
         reply = Reply(*self._syntax.switches(ids), whole=self._syntax.bare)
-        told = self._ask_once(self._syntax.query(query, ids) + ASK_ERROR, reply)
+        told = self._ask_once(self._syntax.query(query, ids), reply)
         return [a for a, state in zip(self._wiring.outputs, told, strict=True) if int(state) == on]
 
     def _ask(self, request: bytes, reply: Reply) -> list[float]:
         return reply.numbers(self._conversation.ask(request, reply.length_of))
 
     def _ask_once(self, request: bytes, reply: Reply) -> list[bytes]:
+        request += ASK_ERROR
         frame = self._conversation.ask(request, reply.length_of, timeout_ns=_OPENING_NS)
         return reply.texts(frame)
 
@@ -206,7 +207,7 @@ class GcsDialogue:
 
     def _axes(self) -> Sequence[str]:
         reply = Reply(self._syntax.axes(), whole=True)
-        told = self._ask_once(b"SAI?\n" + ASK_ERROR, reply)
+        told = self._ask_once(b"SAI?\n", reply)
         axes = self._syntax.axes_in(told[0].decode())
         missing = [axis for axis in self._wiring.channels if axis not in axes]
         if missing:

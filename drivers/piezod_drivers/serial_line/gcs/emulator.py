@@ -135,6 +135,10 @@ class GcsEmulator:
                 self._line = (self._line + chunk)[: _LONGEST + 1]
         return [reply for reply in replies if reply]
 
+    def connected(self) -> None:
+        """Forget the part of a line that came over a connection that is gone."""
+        self._line = b""
+
     def due(self) -> list[bytes]:
         """Return nothing: a controller speaks when it is asked."""
         return []

@@ -12,7 +12,6 @@ from piezod_drivers.serial_line.gcs.dialogue import Drive, GcsDialogue
 from piezod_drivers.serial_line.gcs.faults import SEES
 from piezod_drivers.serial_line.gcs.rate import NETWORK_RATE_HZ, wire_rate_hz
 from piezod_drivers.serial_line.gcs.reply import Reply
-from piezod_drivers.serial_line.gcs.syntax import ASK_ERROR
 from piezod_drivers.serial_line.options import make_line
 from piezod_drivers.serial_line.pi_gcs2.codec import Gcs2
 from piezod_drivers.serial_line.pi_gcs2.options import Options
@@ -55,12 +54,12 @@ class Gcs2Dialogue(GcsDialogue):
 
     def _limits(self, query: str) -> list[float]:
         reply = Reply(*self._syntax.numbers(self._amplifiers))
-        request = self._syntax.query(query, self._amplifiers) + ASK_ERROR
+        request = self._syntax.query(query, self._amplifiers)
         return [float(text) for text in self._ask_once(request, reply)]
 
     def _driven_by_others(self) -> Sequence[str]:
-        servo = super()._driven_by_others()
-        return [a for a in self._wiring.outputs if a in servo or a in self._offline()]
+        others = {*super()._driven_by_others(), *self._offline()}
+        return [axis for axis in self._wiring.outputs if axis in others]
 
     def _offline(self) -> Sequence[str]:
         """Return the outputs that an analog input drives; none where there is no such mode."""

@@ -1,0 +1,124 @@
+import pytest
+
+from piezod.devices.bus.bus_device import ExchangingBusDevice
+from piezod.devices.interface import Wiring
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceUnavailableError
+from piezod_drivers.serial_line.gcs.emulator import GcsEmulator
+from piezod_drivers.serial_line.pi_gcs1.driver import PLUGIN, Gcs1Dialogue
+from piezod_drivers.serial_line.pi_gcs1.emulator import EMULATOR
+from piezod_drivers.serial_line.pi_gcs1.options import Options
+from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench
+from tests.drivers.serial_line.scripted_line import EmulatedLine, ScriptedLine, says
+
+OPTIONS = Options(port="/dev/ttyS0")
+
+
+def emulated(names: str = "A") -> tuple[ExchangingBusDevice, EmulatedLine, GcsEmulator, LinearRig]:
+    """Return an open device on an emulated controller."""
+    table, rig, time = bench(len(names))
+    assert EMULATOR.create is not None
+    emulator = EMULATOR.create(table, "")
+    assert isinstance(emulator, GcsEmulator)
+    line = EmulatedLine(emulator, time)
+    device = ExchangingBusDevice("E-816", Gcs1Dialogue(line, OPTIONS, Wiring.both(names)))
+    device.open()
+    return device, line, emulator, rig
+
+
+def test_the_bytes_of_a_cycle() -> None:
+    """Letters stand glued to values, and replies are bare."""
+    line = ScriptedLine(
+        says(b"ERR?\n", b"-1\n"),  # the error of a controller that was just switched on
+        says(b"*IDN?\nERR?\n", b"Physik Instrumente,E-816,107,3.20\n0\n"),
+        says(b"SAI?\nERR?\n", b"A\n0\n"),
+        says(b"SVO? A\nERR?\n", b"0\n", b"0\n"),
+        says(b"POS? A\nSVA A2.5000\nVOL? A\nERR?\n", b"+0005.2500\n", b"+0033.1000\n", b"0\n"),
+    )
+    device = ExchangingBusDevice("E-816", Gcs1Dialogue(line, OPTIONS, Wiring.both(["A"])))
+    assert device.open() == ("Physik Instrumente", "E-816", "107", "3.20")
+    device.activate(0)
+    taken, samples = device.exchange([2.5], 1)
+    assert (taken, samples[0].position_um, device.read_back(1)) == (True, 5.25, [33.1])
+    line.assert_done()
+
+
+def test_two_axes_in_one_write() -> None:
+    """Each axis has lines of its own, and all lines go out at once."""
+    device, line, _, rig = emulated("AB")
+    device.activate(0)
+    line.sent.clear()
+    assert device.write([10.0, 20.0], 1)
+    assert line.sent == [b"SVA A10.0000\nSVA B20.0000\nERR?\n"]
+    assert rig.drive_v == [10.0, 20.0]
+    assert [s.position_um for s in device.read(2)] == pytest.approx([10 * UM_PER_V, 20 * UM_PER_V])
+    assert device.read_back(2) == [10.0, 20.0]
+
+
+@pytest.mark.sees("pi_gcs1", "A8")
+def test_activation_and_a_servo() -> None:
+    """The servo is switched off at the voltage that it gave; switched on again, it is told."""
+    device, line, emulator, rig = emulated()
+    rig.drive_v[0], emulator.axes[0].servo = 40.0, True
+    device.activate(0)
+    assert b"SVO A0\nSVA A40.0000\nERR?\n" in line.sent
+    assert rig.drive_v == [40.0]
+    emulator.axes[0].servo = True
+    assert not device.write([5.0], 1)
+    assert DeviceFlag.LOCAL_MODE in device.status(1)[1]
+
+
+@pytest.mark.sees("pi_gcs1", "B10")
+@pytest.mark.sees("pi_gcs1", "A13")
+@pytest.mark.sees("pi_gcs1", "A1")
+@pytest.mark.parametrize(
+    ("code", "flag"),
+    [(b"603", DeviceFlag.OVER_TEMPERATURE), (b"2", DeviceFlag.WRONG_REQUEST)],
+)
+def test_errors_of_the_controller(code: bytes, flag: DeviceFlag) -> None:
+    """An error in the place of the acknowledgement refuses the write and tells its flag."""
+    device, line, _, _ = emulated()
+    device.activate(0)
+    line.change = lambda _: code + b"\n"
+    assert not device.write([2.0], 1)
+    assert flag in device.status(1)[1]
+
+
+@pytest.mark.sees("pi_gcs1", "B3")
+@pytest.mark.sees("pi_gcs1", "B5")
+@pytest.mark.sees("pi_gcs1", "A3")
+@pytest.mark.sees("pi_gcs1", "A12")
+def test_faults_of_the_line() -> None:
+    """Garbage is dropped and told, a late reply is waited for, the voltage is measured."""
+    device, line, _, rig = emulated()
+    device.activate(0)
+    rig.drive_v = [155.0]
+    line.change = lambda reply: b"?\xfe\n" + reply if b"." in reply else reply
+    assert not device.read(1)[0].valid or device.read_back(1) == [155.0]
+    assert DeviceFlag.GARBAGE in device.status(1)[0]
+    line.change = lambda _: b""
+    assert not device.read(2)[0].valid
+    line.change = lambda reply: reply
+    assert not device.read(3)[0].valid
+    line.comes(b"+0000.0000\n+0000.0000\n0\n")
+    assert device.read(4)[0].position_um == pytest.approx(155 * UM_PER_V)
+    assert DeviceFlag.LATE_REPLY in device.status(4)[0]
+
+
+def test_nobody_answers() -> None:
+    """A port behind which nobody answers is told as such."""
+    line = ScriptedLine(says(b"ERR?\n"), says(b"*IDN?\nERR?\n"))
+    device = ExchangingBusDevice("E-816", Gcs1Dialogue(line, OPTIONS, Wiring.both(["A"])))
+    with pytest.raises(DeviceUnavailableError, match="no reply"):
+        device.open()
+
+
+def test_what_a_configuration_may_say() -> None:
+    """A range goes upwards; channels are the axes, in µm and V; the rate is the line's."""
+    with pytest.raises(ValueError, match="must be above the first"):
+        Options(port="x", range_v=(10.0, 10.0))
+    assert PLUGIN.channels(OPTIONS) == ({"A": "µm"}, {"A": "V"})
+    slow = Options(port="x", baud=38_400)
+    dialogue = Gcs1Dialogue(ScriptedLine(), slow, Wiring.both(["A"]))
+    assert dialogue.capabilities().max_rate_hz == pytest.approx(61, abs=1)
+    PLUGIN.create(OPTIONS, Wiring.both(["A"]), 1).close()
