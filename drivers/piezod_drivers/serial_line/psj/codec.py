@@ -17,7 +17,7 @@ LONGEST: Final = 256
 """More bytes than this without an end are no answer."""
 
 _XON, _XOFF = b"\x11", b"\x13"
-_NUMBER: Final = re.compile(r"[-+]?\d{1,9}(?:\.\d{0,9})?(?:[eE][-+]?\d{1,2})?")
+_NUMBER: Final = re.compile(r"[-+]?\d{1,9}(?:\.\d{0,9})?(?:[eE][-+]?\d{1,2})?", re.ASCII)
 _SERIAL: Final = re.compile(rb"serno, {0,9}([!-~]{1,40})")
 _WORD: Final = re.compile(r"(?:0[xX])?[0-9A-Fa-f]{1,8}")
 
