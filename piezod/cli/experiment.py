@@ -11,12 +11,14 @@ from piezod.cli.stage_options import SocketOption, StageOption, connect
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from contextlib import AbstractContextManager
 
+    from piezod.client import StageClient
     from piezod.config.experiment import ExperimentConfig
     from piezod.records.recording import ExperimentResult
 
 
-def experiment(
+def experiment(  # noqa: PLR0913, PLR0917 - typer reads options off the signature
     file: Annotated[
         Path,
         typer.Argument(
@@ -43,6 +45,16 @@ def experiment(
             help="Run its cases on a running stage, with that one's devices, axes, rate and model.",
         ),
     ] = False,
+    largest_step_pct: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PCT",
+            min=0.001,
+            max=100.0,
+            help="With --live: slow the commands down until a cycle of the loop moves at most this "
+            "part of their range, %: for a slow bus.",
+        ),
+    ] = None,
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
@@ -65,8 +77,8 @@ def experiment(
 
     if live and seed is not None:
         raise typer.BadParameter("a running stage has none to give", param_hint="'--seed'")
-    if not live and (stage or socket):
-        raise typer.BadParameter("--stage and --socket need --live")
+    if not live and (stage or socket or largest_step_pct):
+        raise typer.BadParameter("--stage, --socket and --largest-step-pct need --live")
     config = load_experiment(file, registry)
     if seed is not None:
         config = config.model_copy(update={"seed": seed})
@@ -77,7 +89,7 @@ def experiment(
         text = file.read_text(encoding="utf-8-sig")
         what = config, text, config.title or file.stem
         if live:
-            result = _run_live(*what, stage, socket, progress)
+            result = _run_live(*what, largest_step_pct, connect(stage, socket), progress)
         else:
             result = run_experiment(*what, progress)
         progress("writing the report", 1.0)
@@ -93,11 +105,11 @@ def _run_live(
     config: "ExperimentConfig",
     text: str,
     title: str,
-    stage: str | None,
-    socket: Path | None,
+    largest_step_pct: float | None,
+    connection: "AbstractContextManager[StageClient]",
     progress: "Callable[[str, float], None]",
 ) -> "ExperimentResult":
     from piezod.experiment.live_run import run_live
 
-    with connect(stage, socket) as client:
-        return run_live(config, text, title, client, progress)
+    with connection as client:
+        return run_live(config, text, title, client, progress, largest_step_pct)

@@ -19,6 +19,7 @@ from piezod.experiment.live_record import Run, cut, missing_cycles
 from piezod.experiment.live_setup import LiveSetup, read_setup
 from piezod.experiment.live_stage import ZERO_S, LiveStage
 from piezod.experiment.run import Progress, versions
+from piezod.experiment.slower import slow_enough
 from piezod.experiment.warnings import run_warnings
 from piezod.records.recording import ExperimentResult, Identification, Recording
 from piezod.records.telemetry_reader import Telemetry
@@ -30,6 +31,7 @@ def run_live(
     title: str,
     client: StageClient,
     progress: Progress,
+    largest_step_pct: float | None = None,
 ) -> ExperimentResult:
     """Run the cases of an experiment on a running stage; it is disarmed at the end, whatever comes.
 
@@ -39,6 +41,8 @@ def run_live(
         title: What the experiment is, for people.
         client: A connection to the stage's daemon.
         progress: Told as it goes on.
+        largest_step_pct: What a cycle may move, in % of the command's range: commands that move
+            more are slowed down; None to leave them as they are.
 
     Raises:
         ClientError: If a request is refused, or the stage goes another way than it was told to; the
@@ -47,11 +51,13 @@ def run_live(
             does not hold what was run.
         ModelError: If a model in use is none of a stage.
     """
-    setup = read_setup(client)
+    setup, slowed = read_setup(client), list[str]()
+    if largest_step_pct is not None:
+        config, slowed = slow_enough(config, setup.rate_hz, largest_step_pct)
     check_live(config, setup)
     meter = _Meter(config, progress)
     recordings: list[Recording] = []
-    warnings = list(not_used(config, setup))
+    warnings = [*not_used(config, setup), *slowed]
     with (
         TemporaryDirectory(prefix="piezod-") as folder,
         LiveStage(client, setup, meter.advance) as stage,
