@@ -59,6 +59,8 @@ class AmplifierWatch:
         self._mismatched = self._outside = 0
         self._in_range_end = self._at_slew_rate = 0
         self._written = self._not_taken = self._not_finite = False
+        self.overloaded = False
+        """Whether the amplifier says so now."""
 
     def check(self, read_back_v: float, flags: Flags) -> Sequence[Detection]:
         """Return what is wrong with the channel; call it once in each cycle, before the write.
@@ -72,6 +74,7 @@ class AmplifierWatch:
         if not self._written and self._taken_v == self._taken_v:
             self.forget()
         before_v, self._read_back_v = self._read_back_v, read_back_v
+        self.overloaded = DeviceFlag.OVERLOAD in flags
         wrong = bool(flags) or self._not_taken or self._not_finite
         wrong |= self._in_range_end >= RANGE_CYCLES or self._at_slew_rate >= SLEW_CYCLES
         off_v = 0.0

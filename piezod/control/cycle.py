@@ -1,6 +1,6 @@
 """One cycle of the loop: read, judge, compensate, guard, write. Time is an argument."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from typing import NamedTuple, Protocol
 
 from piezod.control.axis import Axis, AxisOutput
@@ -51,6 +51,11 @@ class Overseer(Protocol):
         """What was sent last and not acknowledged, in V; None where nothing was."""
         ...
 
+    @property
+    def eased(self) -> Container[int]:
+        """Axes that may go only half as fast as usual."""
+        ...
+
     def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:
         """Return the samples that may be used; may be called in the loop."""
         ...
@@ -60,6 +65,7 @@ class Unwatched:
     """Nobody: samples are used as they are."""
 
     sent_v: Sequence[float] | None = None
+    eased: Container[int] = ()
 
     def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:  # noqa: ARG002
         """Return the samples; may be called in the loop."""
@@ -102,7 +108,10 @@ class Cycle:
         in_force_v = [output.in_force_v for output in outputs]
         planned_t_ns = min(output.t_ns for output in outputs)
         elapsed_s, sent_v = self._elapsed_s(t_ns), self._overseer.sent_v
-        admitted = self._guard.admit(planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, sent_v)
+        eased = self._overseer.eased
+        admitted = self._guard.admit(
+            planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, sent_v, eased
+        )
         written = admitted.writable and self._amplifier.write(admitted.drive_v, t_ns)
         if written:
             self._written_ns = t_ns

@@ -42,6 +42,8 @@ class DeviceBoundary:
         """What was sent last and not acknowledged: in force or not; None where nothing was."""
         self.shadow = False
         """Whether writes are taken and go nowhere."""
+        self.withheld = False
+        """Whether writes are refused for now, as somebody else drives the amplifier."""
         self.active = True
         """Whether the devices are active; after a cut they are not, until they are reset."""
         self.crash: Exception | None = None
@@ -61,7 +63,7 @@ class DeviceBoundary:
         """Set the voltage of every axis where that is allowed; may be called in the loop."""
         if self.shadow:
             return True
-        if not (self.open and self.active):
+        if not (self.open and self.active) or self.withheld:
             self.sent_v = None
             return False
         try:

@@ -4,7 +4,7 @@ Nothing above is trusted. A voltage that is not a number leaves the one in force
 alone would make full scale of it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from math import isfinite
 from typing import NamedTuple
 
@@ -51,6 +51,7 @@ class Guard:
         in_force_v: Sequence[float],
         elapsed_s: float,
         sent_v: Sequence[float] | None = None,
+        eased: Container[int] = (),
     ) -> Admitted:
         """Return what may be written; may be called in the loop.
 
@@ -62,6 +63,7 @@ class Guard:
             elapsed_s: Time since the voltages in force were written, in s; any float.
             sent_v: What was sent last and not acknowledged, None where nothing was: it may be in
                 force or not, so that what follows must be near enough to both.
+            eased: Axes that may go only half as fast as usual.
         """
         if planned_t_ns != t_ns:
             kept_v = list(in_force_v)
@@ -80,9 +82,10 @@ class Guard:
                 drive_v.append(previous_v)
                 continue
             target_v = min(max(wished_v, limits.drive_min_v), limits.drive_max_v)
-            admitted_v = limits.window(previous_v, elapsed_s).admit(target_v, previous_v)
+            reach_s = elapsed_s / 2.0 if axis in eased else elapsed_s
+            admitted_v = limits.window(previous_v, reach_s).admit(target_v, previous_v)
             if sent_v is not None and isfinite(sent_v[axis]):
-                admitted_v = limits.window(sent_v[axis], elapsed_s).admit(admitted_v, previous_v)
+                admitted_v = limits.window(sent_v[axis], reach_s).admit(admitted_v, previous_v)
             if target_v != wished_v:
                 range_limited += (axis,)
             if admitted_v != target_v:

@@ -193,7 +193,7 @@ class Stage:
 
     def _enter(self, state: State, before: State, t_ns: int) -> None:
         self.boundary.open = state in DRIVEN
-        self.held_by_request = False
+        self.boundary.withheld = self.held_by_request = False
         if state is State.RUN:
             for axis in self.axes:
                 axis.stay(t_ns)

@@ -35,6 +35,7 @@ SILENT_CYCLES = 5
 """An amplifier that reads back, and does not for so many cycles, is lost."""
 
 _UNVERIFIED = Detection("A10")
+_OVERLOADED = mask(["A4"])
 _ADAPTING = mask(rule.id for rule in FAULTS if rule.reaction is Reaction.DEGRADE)
 _EVENTS = {
     Reaction.HOLD: Event.FAULT_HOLD,
@@ -154,6 +155,13 @@ class StageController:
     def sent_v(self) -> Sequence[float] | None:
         """What was sent last and not acknowledged, in V; None where nothing was."""
         return self.stage.boundary.sent_v
+
+    @property
+    def eased(self) -> Sequence[int]:
+        """Axes whose amplifier is overloaded: they may go only half as fast as usual."""
+        if not self.stage.register.present & _OVERLOADED:
+            return ()
+        return [i for i, one in enumerate(self.stage.watches) if one.amplifier.overloaded]
 
     def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:
         """Judge what was read, react to faults, go on; return the samples to use.
@@ -275,7 +283,7 @@ class StageController:
             watches.amplifier.forget()
 
     def _learn_of_write(self, record: CycleRecord) -> None:
-        if self.stage.boundary.shadow:
+        if self.stage.boundary.shadow or self.stage.boundary.withheld:
             return
         admitted = record.admitted
         for i, (axis, watches) in enumerate(zip(self.stage.axes, self.stage.watches, strict=True)):

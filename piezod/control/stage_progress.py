@@ -21,7 +21,7 @@ FIRST_TRY_NS, LAST_TRY_NS = s_to_ns(0.1), s_to_ns(2.0)
 STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 """A stream has stopped when nothing came for so many cycles and for so long."""
 
-_RESTARTED = mask(["A7"])
+_RESTARTED, _LOCAL = mask(["A7"]), mask(["A8"])
 
 
 def go_on(stage: Stage, t_ns: int, samples: Sequence[Sample], read_back_v: Sequence[float]) -> None:
@@ -37,8 +37,7 @@ def go_on(stage: Stage, t_ns: int, samples: Sequence[Sample], read_back_v: Seque
         case State.BOOT:
             _boot(stage, t_ns)
         case State.HOLD:
-            if not stage.held_by_request and t_ns - stage.since_ns >= HOLD_NS:
-                stage.go(Event.HOLD_EXPIRED, t_ns)
+            _hold(stage, t_ns, read_back_v)
         case State.RUN:
             _check_stream(stage, t_ns)
         case State.IDENT:
@@ -70,6 +69,20 @@ def _track(stage: Stage, read_back_v: Sequence[float]) -> None:
     for axis, drive_v in zip(stage.axes, read_back_v, strict=True):
         if isfinite(drive_v):
             axis.track(drive_v)
+
+
+def _hold(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
+    """Hold for a while; while somebody else drives the amplifier, write nothing, and follow."""
+    boundary, before = stage.boundary, stage.boundary.withheld
+    boundary.withheld = bool(stage.register.present & _LOCAL) and not boundary.shadow
+    if boundary.withheld:
+        stage.output_known &= boundary.reads_back
+        _track(stage, read_back_v)
+        stage.since_ns = t_ns
+    elif before and not stage.output_known:
+        stage.go(Event.FAULT_BLIND, t_ns)
+    elif not stage.held_by_request and t_ns - stage.since_ns >= HOLD_NS:
+        stage.go(Event.HOLD_EXPIRED, t_ns)
 
 
 def _check_stream(stage: Stage, t_ns: int) -> None:

@@ -1,6 +1,6 @@
 """One cycle: what happens in it, in which order, and what a refused write leaves behind."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import pytest
 
@@ -18,6 +18,7 @@ class Doubter:
     """Uses no sample at all."""
 
     sent_v: Sequence[float] | None = None
+    eased: Container[int] = ()
 
     def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:
         """Call each sample invalid."""

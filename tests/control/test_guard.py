@@ -142,3 +142,17 @@ def test_a_stage_found_outside_its_range_comes_back_at_the_slew_rate(
 
     assert in_force_v[0] == end_v
     assert limited == [(0,), (0,), (0,), ()]
+
+
+@pytest.mark.fault("A4")
+def test_an_axis_that_is_eased_goes_half_as_fast_and_the_others_as_before() -> None:
+    """From what is in force and from what was sent and not acknowledged."""
+    step_v = LIMITS[0].slew_v_per_s * 1e-4
+    asked_v = [100.0, LIMITS[1].drive_max_v]
+    in_force_v, sent_v = [10.0, LIMITS[1].drive_min_v], [9.0, LIMITS[1].drive_min_v]
+    usual = GUARD.admit(0, 0, asked_v, in_force_v, 1e-4, sent_v)
+    eased = GUARD.admit(0, 0, asked_v, in_force_v, 1e-4, sent_v, (0,))
+
+    assert usual.drive_v[0] == pytest.approx(9.0 + step_v)
+    assert eased.drive_v[0] == pytest.approx(9.0 + step_v / 2.0)
+    assert eased.drive_v[1] == usual.drive_v[1]

@@ -131,6 +131,50 @@ def test_an_amplifier_that_collapses_is_taken_over_from_what_it_reads_back() -> 
     assert stage.state in {State.FAULT, State.SAFE}
 
 
+@pytest.mark.fault("A4")
+def test_an_amplifier_that_is_overloaded_may_go_half_as_fast() -> None:
+    """For as long as the fault is shown, and no longer."""
+    stage = Faulty()
+    before = list(stage.controller.eased)
+    stage.fail(Kind.FLAGGED, 5, flag=DeviceFlag.OVERLOAD)
+    stage.run(0.005)
+    during = list(stage.controller.eased)
+    stage.run(0.1)
+
+    assert (before, during, list(stage.controller.eased)) == ([], [0], [])
+
+
+@pytest.mark.fault("A8")
+def test_while_somebody_else_drives_nothing_is_written_and_then_it_is_taken_over() -> None:
+    """However long it takes; the voltage that is held afterwards is what they left."""
+    stage = Faulty()
+    stage.fail(Kind.FLAGGED, 3000, flag=DeviceFlag.LOCAL_MODE)
+    stage.run(0.002)
+    stage.channels.writes.clear()
+    stage.device.write([33.0], stage.t_ns)
+    stage.run(2.9)
+    silent, held = len(stage.channels.writes), stage.state
+    stage.run(0.2)
+    resumed = stage.ask(rq.Resume())
+
+    assert (silent, held) == (0, State.HOLD)
+    assert stage.channels.writes[0][1] == pytest.approx((33.0,), abs=0.5)
+    assert stage.faults() == ["A8"]
+    assert resumed.accepted
+
+
+@pytest.mark.fault("A8")
+def test_what_somebody_else_left_is_not_guessed() -> None:
+    """Without a read-back nobody knows it: FAULT, and no write."""
+    stage = Faulty(Mode.FEEDFORWARD, reads_back=False, holds=True)
+    stage.fail(Kind.FLAGGED, 100, flag=DeviceFlag.LOCAL_MODE)
+    stage.run(0.002)
+    stage.channels.writes.clear()
+    stage.until("FAULT")
+
+    assert stage.channels.writes == []
+
+
 @pytest.mark.fault("P3")
 @pytest.mark.parametrize("kind", [Kind.READ_RAISES, Kind.WRITE_RAISES])
 def test_a_driver_that_raises_is_a_fault_and_no_crash(kind: Kind) -> None:
