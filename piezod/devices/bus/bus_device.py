@@ -20,7 +20,8 @@ class BusDevice:
     """Implements `Sensor`, `Amplifier` and `TellsStatus` over a dialogue.
 
     A device that is lost stays lost, with invalid samples, refused writes and an unknown voltage,
-    until somebody closes it and opens it again: that waits, and is not done in the loop.
+    until somebody closes it and opens it again: that waits, and is not done in the loop. If it is
+    another one then, by maker, model and serial number, its status says so as long as it is open.
 
     Args:
         name: What it is called in errors, as "E-816".
@@ -35,6 +36,8 @@ class BusDevice:
         self._ranges: Sequence[tuple[float, float]] = ()
         self._written: Sequence[float] = ()
         self._no_flags: Sequence[Flags] = ()
+        self._first: Identity | None = None
+        self._lasting = NO_FLAGS
         self.lost = ""
         """Why nothing is tried any more; empty where the device is there."""
 
@@ -49,15 +52,19 @@ class BusDevice:
             raise DeviceError(f"{self._name} is already open")
         try:
             identity = self._dialogue.open()
+            able, self._ranges = self._dialogue.capabilities(), self._dialogue.ranges()
         except LineFault as fault:
             self._dialogue.close()
             raise DeviceUnavailableError(f"{self._name}: {fault}") from fault
-        except DeviceError:
+        except BaseException:
             self._dialogue.close()
             raise
-        self._able, self._ranges = self._dialogue.capabilities(), self._dialogue.ranges()
-        self._written = [nan] * len(self._able.outputs)
-        self._no_flags = [NO_FLAGS] * (len(self._able.inputs) + len(self._able.outputs))
+        self._able = able
+        self._written = [nan] * len(able.outputs)
+        self._first = self._first or identity
+        other = identity._replace(firmware="") != self._first._replace(firmware="")
+        self._lasting = frozenset({DeviceFlag.OTHER_DEVICE}) if other else NO_FLAGS
+        self._no_flags = [NO_FLAGS] * (len(able.inputs) + len(able.outputs))
         self.lost = ""
         self._events = set()
         return identity
@@ -79,6 +86,8 @@ class BusDevice:
         self._require_open()
         if self._active:
             return
+        if self.lost:
+            raise DeviceUnavailableError(f"{self._name} cannot be activated: {self.lost}")
         try:
             self._dialogue.activate()
         except LineFault as fault:
@@ -123,7 +132,7 @@ class BusDevice:
         """
         able = self._require_open()
         if not able.read_back:
-            return self._written
+            return [nan] * len(able.outputs) if self.lost else self._written
         told = self._try(lambda: self._dialogue.in_force(now_ns))
         return [nan] * len(able.outputs) if told is None else told
 
@@ -137,7 +146,7 @@ class BusDevice:
         """
         self._require_open()
         self._events |= self._dialogue.take_noticed()
-        events = frozenset(self._events)
+        events = self._lasting.union(self._events)
         if self.lost:
             self._events &= LOSING
         else:

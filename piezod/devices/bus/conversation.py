@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Final, TypeAlias
 
-from piezod.devices.bus.line import Line, LineFault
+from piezod.devices.bus.line import Line, LineFault, Notices
 from piezod.devices.status import DeviceFlag
 
 LengthOf: TypeAlias = Callable[[bytes], int]
@@ -32,19 +32,26 @@ class Conversation:
 
     def __init__(self, line: Line, timeout_s: float) -> None:
         self._line, self._timeout_ns = line, round(timeout_s * 1e9)
+        self._notices = line if isinstance(line, Notices) else None
         self._rest = b""
         self._owed: LengthOf | None = None
         self._owed_until_ns = 0
         self._noticed: set[DeviceFlag] = set()
 
     def restart(self) -> None:
-        """Forget what was before; to be called whenever the line was opened."""
-        self._rest, self._owed = b"", None
+        """Begin anew; to be called whenever the line was opened.
+
+        A late reply that may still come is not forgotten: a device on a serial port does not know
+        that the port was opened again.
+        """
+        self._rest = b""
         self._noticed.clear()
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return what went wrong without making an exchange fail, since the last call."""
         noticed, self._noticed = self._noticed, set()
+        if self._notices is not None:
+            noticed |= self._notices.take_noticed()
         return noticed
 
     def tell(self, message: bytes) -> None:
@@ -120,7 +127,8 @@ class Conversation:
             self._drop(self._rest)
             self._rest = b""
             return
-        got, now_ns = self._rest + self._line.receive(0), self._line.now_ns()
+        now_ns = self._line.now_ns()  # before what it is compared with: a reply may come any time
+        got = self._rest + self._line.receive(0)
         self._rest = got[-MOST_BYTES:]
         while (length := self._owed(self._rest)) < 0:
             self._rest = self._rest[-length:]

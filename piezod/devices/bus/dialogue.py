@@ -13,8 +13,9 @@ Reading: TypeAlias = tuple[int, Sequence[float]]
 class Dialogue(Protocol):
     """The exchanges with one device; a `BusDevice` calls them in the right order, one at a time.
 
-    Every method but the first two raises `LineFault` where an exchange fails, and leaves it to the
-    bus device what becomes of that. None checks what the bus device checks: order, numbers, ranges.
+    `open`, `activate`, `deactivate`, `sample`, `put`, `in_force` and `exchange` raise `LineFault`
+    where an exchange fails, and leave it to the bus device what becomes of that; the others
+    exchange nothing. None checks what the bus device checks: order, numbers, ranges.
     """
 
     def open(self) -> Identity:

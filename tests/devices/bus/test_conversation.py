@@ -1,0 +1,223 @@
+"""Requests and replies: what is a reply, and that a late one is never taken for the next."""
+
+from typing import NamedTuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.devices.bus.conversation import MOST_BYTES, PATIENCE, Conversation
+from piezod.devices.bus.line import LineFault
+from piezod.devices.status import DeviceFlag
+from tests.devices.bus.played_line import MS, PlayedLine
+
+TIMEOUT_MS = 20
+
+
+def lines(got: bytes) -> int:
+    """Find lines; one that does not begin with a digit or `>` is garbage."""
+    if got and not (got[:1].isdigit() or got[:1] == b">"):
+        return -1
+    return got.find(b"\n") + 1
+
+
+def talk(line: PlayedLine) -> Conversation:
+    """Return a conversation with a time-out of 20 ms."""
+    return Conversation(line, TIMEOUT_MS * 1e-3)
+
+
+def flag_of(conversation: Conversation, request: bytes = b"1") -> DeviceFlag:
+    """Return the flag with which a request fails."""
+    with pytest.raises(LineFault) as fault:
+        conversation.ask(request, lines)
+    return fault.value.flag
+
+
+def test_reply_is_the_first_frame() -> None:
+    """However it is cut, and whatever is before it."""
+    line = PlayedLine(lambda _: [(MS, b"#!1"), (2 * MS, b"2"), (3 * MS, b"3\n")])
+    conversation = talk(line)
+
+    assert conversation.ask(b"?", lines) == b"123\n"
+    assert conversation.take_noticed() == {DeviceFlag.GARBAGE}
+    assert conversation.take_noticed() == set()
+
+
+def test_slow_reply_is_noticed() -> None:
+    """One that takes more than most of its time."""
+    line = PlayedLine(lambda _: [(17 * MS, b"1\n")])
+    conversation = talk(line)
+    conversation.ask(b"?", lines)
+
+    assert conversation.take_noticed() == {DeviceFlag.SLOW_REPLY}
+
+
+def test_line_notices_too() -> None:
+    """What the line noticed is told with the rest."""
+    line = PlayedLine()
+    line.noticed.add(DeviceFlag.OTHER_PATH)
+
+    assert talk(line).take_noticed() == {DeviceFlag.OTHER_PATH}
+
+
+def test_second_frame_is_dropped() -> None:
+    """A reply that came twice is out of order, and no reply to what is asked next."""
+    line = PlayedLine(lambda request: [(MS, request + b"\n" + request + b"\n")])
+    conversation = talk(line)
+
+    assert [conversation.ask(b"%d" % k, lines) for k in range(3)] == [b"0\n", b"1\n", b"2\n"]
+    assert conversation.take_noticed() == {DeviceFlag.OUT_OF_ORDER}
+
+
+def test_what_comes_unasked_is_dropped() -> None:
+    """Even just before the request goes out."""
+    line = PlayedLine(lambda _: [(MS, b"2\n")])
+    conversation = talk(line)
+    line.comes(b"1\n")
+
+    assert conversation.ask(b"?", lines) == b"2\n"
+    assert conversation.take_noticed() == {DeviceFlag.OUT_OF_ORDER}
+
+
+def test_endless_garbage_is_bounded() -> None:
+    """A device that babbles for a whole time-out without a frame costs no more memory."""
+    line = PlayedLine(lambda _: [(k * MS, b"1" * MOST_BYTES) for k in range(1, TIMEOUT_MS)])
+    conversation = talk(line)
+
+    assert flag_of(conversation) == DeviceFlag.LATE_REPLY
+    assert conversation.take_noticed() == {DeviceFlag.GARBAGE}
+
+
+def test_nothing_is_asked_while_a_late_reply_may_come() -> None:
+    """Until the end of patience nothing goes out; then the next request does."""
+    line = PlayedLine()
+    conversation = talk(line)
+    flag_of(conversation)
+    flags = []
+    for _ in range(PATIENCE * TIMEOUT_MS - 1):
+        line.t_ns += MS
+        flags.append(flag_of(conversation))
+        with pytest.raises(LineFault):
+            conversation.tell(b"told")
+    sent_before = line.sent.copy()
+    line.t_ns += MS
+    flag_of(conversation, b"2")
+
+    assert set(flags) == {DeviceFlag.LATE_REPLY}
+    assert (sent_before, line.sent) == ([b"1"], [b"1", b"2"])
+
+
+@pytest.mark.parametrize("early_ns", [0, 1])
+def test_reply_at_the_end_of_patience(early_ns: int) -> None:
+    """One that comes at the last instant, or just before, is still known to be late."""
+    late_ns = (1 + PATIENCE) * TIMEOUT_MS * MS - early_ns
+    line = PlayedLine(
+        lambda request: [(late_ns if request == b"1" else MS, request + b"\n")],
+    )
+    conversation = talk(line)
+    flag_of(conversation)
+    line.t_ns += PATIENCE * TIMEOUT_MS * MS
+
+    assert conversation.ask(b"2", lines) == b"2\n"
+    assert conversation.take_noticed() == {DeviceFlag.LATE_REPLY}
+
+
+def test_opening_again_does_not_forget_a_late_reply() -> None:
+    """A device does not know that its port was opened again, and answers the old request."""
+    line = PlayedLine()
+    conversation = talk(line)
+    flag_of(conversation)
+    conversation.restart()
+
+    assert flag_of(conversation) == DeviceFlag.LATE_REPLY
+    assert line.sent == [b"1"]
+
+
+def test_half_a_reply_is_no_beginning_of_the_next() -> None:
+    """What came of a reply that broke off is gone after the time of patience."""
+    line = PlayedLine(lambda request: [(MS, b"12" if request == b"1" else b"3\n")])
+    conversation = talk(line)
+    flag_of(conversation)
+    line.t_ns += 11 * TIMEOUT_MS * MS
+
+    assert conversation.ask(b"2", lines) == b"3\n"
+
+
+def test_tagged_replies_need_no_patience() -> None:
+    """Where a frame tells its request the next one is asked at once, and a late one dropped."""
+    line = PlayedLine(
+        lambda request: [((25 if request == b"1" else 2) * MS, b">" + request + b"\n")]
+    )
+    conversation = talk(line)
+
+    def ask(number: bytes) -> bytes:
+        return conversation.ask(number, lines, lambda frame: frame[1:-1] == number)
+
+    with pytest.raises(LineFault):
+        ask(b"1")
+    line.t_ns += 4 * MS
+    assert [ask(b"2"), ask(b"3")] == [b">2\n", b">3\n"]
+    assert conversation.take_noticed() == {DeviceFlag.OUT_OF_ORDER}
+
+
+def test_late_tagged_reply_within_the_time_of_the_next() -> None:
+    """It comes while the next one is awaited, and is not taken for that."""
+    line = PlayedLine(
+        lambda request: [((25 if request == b"1" else 15) * MS, b">" + request + b"\n")]
+    )
+    conversation = talk(line)
+    with pytest.raises(LineFault):
+        conversation.ask(b"1", lines, lambda frame: frame == b">1\n")
+
+    assert conversation.ask(b"2", lines, lambda frame: frame == b">2\n") == b">2\n"
+
+
+class Fate(NamedTuple):
+    """What becomes of a reply.
+
+    Attributes:
+        late_ms: How late it comes, beyond its time; less than 0: in time.
+        lost: Whether it is lost.
+        twice: Whether it comes twice.
+        cut: How many of its bytes are kept.
+        noise: What comes before it.
+    """
+
+    late_ms: int
+    lost: bool
+    twice: bool
+    cut: int
+    noise: bytes
+
+
+FATES = st.builds(
+    Fate,
+    st.integers(-TIMEOUT_MS + 1, PATIENCE * TIMEOUT_MS) | st.just(-10),
+    st.booleans(),
+    st.booleans(),
+    st.just(100) | st.integers(0, 6),
+    st.just(b"") | st.binary(max_size=4),
+)
+
+
+@given(
+    fates=st.lists(FATES, max_size=30),
+    pauses_ms=st.lists(st.integers(0, 3 * PATIENCE * TIMEOUT_MS), min_size=30, max_size=30),
+)
+def test_no_fate_makes_a_reply_another_ones(fates: list[Fate], pauses_ms: list[int]) -> None:
+    """Whatever happens, a reply of full length that is accepted is that of this very request."""
+    line = PlayedLine()
+    conversation = talk(line)
+    for number, (fate, pause_ms) in enumerate(zip(fates, pauses_ms, strict=False)):
+        reply = b"%05d\n" % number
+        whole = fate.noise + reply[: fate.cut]
+        due_ns = (TIMEOUT_MS + fate.late_ms) * MS
+        coming = [] if fate.lost else [(due_ns, whole)] * (2 if fate.twice else 1)
+        line.answer = lambda _, coming=coming: coming  # type: ignore[misc] # a default argument
+        try:
+            got = conversation.ask(b"?", lines)
+        except LineFault as fault:
+            assert fault.flag == DeviceFlag.LATE_REPLY
+        else:
+            assert len(got) != 6 or got == reply or fate.noise
+        line.t_ns += pause_ms * MS

@@ -1,0 +1,244 @@
+"""A serial port as a line, with a pty for the port."""
+
+import os
+import pty
+import termios
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from piezod.devices.bus.line import Line, LineFault, Notices
+from piezod.devices.bus.serial_line import SerialLine
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceUnavailableError
+
+LONG_NS = 10_000_000_000
+SHORT_NS = 1_000_000
+
+
+class Cable:
+    """A pty at a path, which can be pulled and plugged in again."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.device = path, -1
+        self._kept: list[int] = []
+        self.plug()
+
+    def plug(self) -> None:
+        """Be there, at another device path than any before."""
+        self.device, slave = pty.openpty()
+        tty.setraw(slave)
+        self.path.unlink(missing_ok=True)
+        self.path.symlink_to(os.ttyname(slave))
+        os.close(slave)
+
+    def keep(self) -> None:
+        """Occupy the device path after a pull."""
+        self._kept.append(os.open(self.path, os.O_RDWR | os.O_NOCTTY))
+
+    def pull(self) -> None:
+        """Be gone."""
+        with suppress(OSError):
+            os.close(self.device)
+        self.path.unlink(missing_ok=True)
+
+    def heard(self, n: int) -> bytes:
+        """Wait until so many bytes have come to the device."""
+        got = b""
+        while len(got) < n:
+            got += os.read(self.device, n)
+        return got
+
+    def end(self) -> None:
+        self.pull()
+        for fd in self._kept:
+            os.close(fd)
+
+
+@pytest.fixture
+def cable(tmp_path: Path) -> Iterator[Cable]:
+    """Give a cable that is plugged in."""
+    found = Cable(tmp_path / "port")
+    yield found
+    found.end()
+
+
+@pytest.fixture
+def line(cable: Cable) -> Iterator[SerialLine]:
+    """Give an open line over the cable."""
+    found = SerialLine(str(cable.path), 115_200)
+    found.open()
+    yield found
+    found.close()
+
+
+def test_line_is_one(line: SerialLine, cable: Cable) -> None:
+    """It is a line that notices things, and tells where it leads."""
+    assert isinstance(line, Notices)
+    as_line: Line = line
+    assert as_line.where == str(cable.path)
+
+
+def test_bytes_go_both_ways_as_they_are(line: SerialLine, cable: Cable) -> None:
+    """All 256 of them, control characters included."""
+    every = bytes(range(256))
+    line.send(every)
+    sent = cable.heard(256)
+    os.write(cable.device, every)
+    got = b""
+    while len(got) < 256:
+        got += line.receive(LONG_NS)
+
+    assert (sent, got) == (every, every)
+
+
+@pytest.mark.parametrize("within_ns", [0, SHORT_NS])
+def test_nothing_came(line: SerialLine, within_ns: int) -> None:
+    """That is no fault, waited for or not."""
+    assert line.receive(within_ns) == b""
+
+
+def test_what_came_before_opening_is_dropped(cable: Cable) -> None:
+    """A line begins with nothing in its buffers."""
+    line = SerialLine(str(cable.path), 9600)
+    line.open()
+    os.write(cable.device, b"old")
+    line.open()
+    got = line.receive(0)
+    line.close()
+
+    assert got == b""
+
+
+@pytest.fixture
+def flushed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Give the list of all flushes of buffers; a pty has none that could hold anything back."""
+    found: list[int] = []
+    monkeypatch.setattr("termios.tcflush", lambda _fd, queue: found.append(queue))
+    return found
+
+
+def test_request_that_was_not_answered_never_goes_later(
+    line: SerialLine, flushed: list[int]
+) -> None:
+    """What has not gone out when its reply is overdue is dropped: it is an old setpoint."""
+    line.send(b"SVA 100\n")
+    line.receive(0)
+    looked = flushed.copy()
+    line.receive(SHORT_NS)
+
+    assert (looked, flushed) == ([], [termios.TCOFLUSH])
+
+
+def _receive(line: SerialLine) -> object:
+    return line.receive(0)
+
+
+def _receive_waiting(line: SerialLine) -> object:
+    return line.receive(LONG_NS)
+
+
+def _send(line: SerialLine) -> object:
+    line.send(b"x")
+    return None
+
+
+@pytest.mark.parametrize("call", [_receive, _receive_waiting, _send])
+@pytest.mark.parametrize("state", ["pulled", "closed", "never opened"])
+def test_line_that_is_gone_is_a_fault(
+    cable: Cable, call: Callable[[SerialLine], object], state: str
+) -> None:
+    """Every call says `DISCONNECTED`, again and again, and none of them waits."""
+    line = SerialLine(str(cable.path), 115_200)
+    if state != "never opened":
+        line.open()
+    if state == "closed":
+        line.close()
+    cable.pull()
+    for _ in range(2):
+        with pytest.raises(LineFault) as fault:
+            call(line)
+        assert fault.value.flag == DeviceFlag.DISCONNECTED
+    line.close()
+
+
+def test_partial_write(line: SerialLine, flushed: list[int]) -> None:
+    """If the device holds up the flow only a part goes out, and none of the rest later."""
+    with pytest.raises(LineFault, match="of 1000000 bytes went out") as fault:
+        line.send(bytes(1_000_000))
+
+    assert fault.value.flag == DeviceFlag.PARTIAL_WRITE
+    assert flushed == [termios.TCOFLUSH]
+
+
+def test_short_writes_are_gone_on_with(
+    line: SerialLine, cable: Cable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A kernel that takes a byte at a time, and none in between, gets all of them."""
+    write, calls = os.write, iter(range(100))
+
+    def byte_by_byte(fd: int, data: bytes) -> int:
+        if next(calls) % 2:
+            raise BlockingIOError
+        return write(fd, data[:1])
+
+    with monkeypatch.context() as patched:
+        patched.setattr("os.write", byte_by_byte)
+        line.send(b"hello")
+
+    assert cable.heard(5) == b"hello"
+
+
+def test_port_is_held_alone(line: SerialLine) -> None:
+    """A second one is refused, until the first has closed."""
+    second = SerialLine(line.where, 115_200)
+    with pytest.raises(DeviceUnavailableError, match="held by another program"):
+        second.open()
+    line.close()
+    second.open()
+    second.close()
+
+
+@pytest.mark.parametrize(
+    ("port", "why"),
+    [("/dev/serial/by-id/none", "no port"), ("/dev/null", "cannot be opened")],
+)
+def test_port_that_is_none(port: str, why: str) -> None:
+    """The text names the path."""
+    with pytest.raises(DeviceUnavailableError, match=f"{why}.*{port}|{port} {why}"):
+        SerialLine(port, 115_200).open()
+
+
+def test_no_access(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The text says who may use the port."""
+
+    def refuse(*_: object) -> int:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("os.open", refuse)
+    with pytest.raises(DeviceUnavailableError, match="has to be in the group"):
+        SerialLine(str(cable.path), 115_200).open()
+
+
+def test_other_path_is_noticed_once(line: SerialLine, cable: Cable) -> None:
+    """A port that comes back as another device is noticed, one that comes back as itself is not."""
+    line.open()
+    same = line.take_noticed()
+    cable.keep()
+    cable.pull()
+    cable.plug()
+    line.open()
+    other, again = line.take_noticed(), line.take_noticed()
+
+    assert (same, other, again) == (set(), {DeviceFlag.OTHER_PATH}, set())
+
+
+def test_clock_is_monotonic(line: SerialLine) -> None:
+    """The line's clock does not go back."""
+    first = line.now_ns()
+    line.receive(SHORT_NS)
+
+    assert line.now_ns() >= first
