@@ -1,5 +1,6 @@
 """Messages of the APT protocol, against another reading of it and against garbage."""
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -88,7 +89,7 @@ def test_identity_reads_the_same() -> None:
     assert theirs["firmware_version"] == [1, 2, 3]
 
 
-DECODERS = [
+DECODERS: list[Callable[[bytes], object]] = [
     codec.short_of,
     codec.status_of,
     codec.hardware_of,

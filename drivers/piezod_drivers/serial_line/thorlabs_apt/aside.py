@@ -5,6 +5,7 @@ from typing import Final
 from piezod.devices.bus.line import Line, Notices
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.thorlabs_apt.codec import (
+    MOST_BYTES,
     Id,
     MalformedError,
     Status,
@@ -66,19 +67,23 @@ class AsideLine:
         Returns:
             Nothing also where only the unwanted came.
         """
-        got = self._rest + self._line.receive(within_ns)
-        passed = []
-        while length := self._length_of(got):
-            frame, got = got[: abs(length)], got[abs(length) :]
-            if length < 0:
-                self._noticed.add(DeviceFlag.GARBAGE)
-            elif ident_of(frame) == self.wanted:
-                passed.append(frame)
+        before = self._rest
+        got, place = before + self._line.receive(within_ns), 0
+        stale = got == before and self._line.now_ns() - self._rest_since_ns > _STALE_NS
+        passed: list[bytes] = []
+        while place < len(got):
+            window = got[place : place + MOST_BYTES]
+            length = length_to_host(window)
+            if length == 0 and not stale:
+                break
+            if length > 0:
+                self._sort(window[:length], passed)
             else:
-                self._put_aside(frame)
-        if len(got) != len(self._rest):
+                self._noticed.add(DeviceFlag.GARBAGE)
+            place += max(length, 1)
+        self._rest = got[place:]
+        if got != before:
             self._rest_since_ns = self._line.now_ns()
-        self._rest = got
         return b"".join(passed)
 
     def now_ns(self) -> int:
@@ -97,12 +102,11 @@ class AsideLine:
             self._unacknowledged = 0
         return due
 
-    def _length_of(self, got: bytes) -> int:
-        length = length_to_host(got)
-        if length == 0 and got and got == self._rest:
-            stale = self._line.now_ns() - self._rest_since_ns > _STALE_NS
-            return -1 if stale else 0
-        return length
+    def _sort(self, frame: bytes, passed: list[bytes]) -> None:
+        if ident_of(frame) == self.wanted:
+            passed.append(frame)
+        else:
+            self._put_aside(frame)
 
     def _put_aside(self, frame: bytes) -> None:
         ident = ident_of(frame)

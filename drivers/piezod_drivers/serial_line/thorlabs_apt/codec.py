@@ -21,6 +21,8 @@ MOST_DATA: Final = 255
 
 _HEADER: Final = Struct("<HBBBB")
 _LONG_HEADER: Final = Struct("<HHBB")
+MOST_BYTES: Final = _HEADER.size + MOST_DATA
+"""No message is longer."""
 _WORDS: Final = {n: Struct("<H" + n * "h") for n in (1, 2)}
 _STATUS: Final = Struct("<HhhL")
 _HARDWARE: Final = Struct("<l8sH4B48s12sHHH")

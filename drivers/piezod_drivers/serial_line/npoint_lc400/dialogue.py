@@ -1,0 +1,203 @@
+"""What goes over the wire to an LC.400: commands in open loop, positions, one exchange for all."""
+
+from collections.abc import Callable, Sequence
+from math import nan
+from typing import Final
+
+from piezod.devices.bus.conversation import Conversation
+from piezod.devices.bus.dialogue import Reading
+from piezod.devices.bus.line import Line, LineFault
+from piezod.devices.interface import Capabilities, Identity, Wiring
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.errors import DeviceError
+from piezod_drivers.serial_line.npoint_lc400 import codec
+from piezod_drivers.serial_line.npoint_lc400.codec import FULL_SCALE, HALF_SCALE, Register
+from piezod_drivers.serial_line.npoint_lc400.options import Options
+
+HALF_PCT: Final = 50.0
+"""Outputs go from minus that to plus that, in % of the command's span."""
+_RANGE_IN_UM: Final = 0
+_SERVO_OFF: Final = 0
+_SATURATED: Final = frozenset({DeviceFlag.SATURATED})
+_LOCAL: Final = frozenset({DeviceFlag.LOCAL_MODE})
+
+
+class Lc400Dialogue:
+    """Implements `ExchangingDialogue`.
+
+    Each exchange reads the command and the servo's state of every output and the position of every
+    input: a write, which has no acknowledgement, is verified within the same exchange. The tag that
+    it reads as well makes late replies harmless.
+
+    Args:
+        options: What a configuration says.
+        wiring: The channels that are used: "1", "2", "3".
+        line: The line to the controller.
+    """
+
+    def __init__(self, options: Options, wiring: Wiring, line: Line) -> None:
+        self._options, self._wiring, self._line = options, wiring, line
+        self._conversation = Conversation(line, options.timeout_ms * 1e-3)
+        self._outputs, self._inputs = _numbers(wiring.outputs), _numbers(wiring.inputs)
+        watched = (Register.SETPOINT, Register.SERVO)
+        addresses = [codec.address(i, register) for i in self._outputs for register in watched]
+        addresses += [codec.address(i, Register.POSITION) for i in self._inputs]
+        self._polls = b"".join(map(codec.read, addresses))
+        self._length_of = codec.finds(addresses)
+        self._number = 0
+        self._um_per_count: list[float] = []
+        self._setpoints: list[int] = []
+        self._told_ns: int | None = None
+        self._flags: list[Flags] = [NO_FLAGS] * (len(self._inputs) + len(self._outputs))
+
+    def open(self) -> Identity:
+        """Connect, and ask for the firmware and the ranges.
+
+        Raises:
+            DeviceUnavailableError: If nobody is there.
+            DeviceError: If the range of a stage is not told in µm.
+            LineFault: If nobody answers.
+        """
+        self._line.open()
+        self._conversation.restart()
+        self._told_ns = None
+        request = codec.read_array(codec.FIRMWARE, codec.FIRMWARE_WORDS)
+        length_of = codec.array_length(codec.FIRMWARE, codec.FIRMWARE_WORDS)
+        firmware = codec.text_of(self._conversation.ask(request, length_of))
+        self._um_per_count = [self._range_um(i) / FULL_SCALE for i in self._inputs]
+        ranges = " ".join(f"{scale * FULL_SCALE:g}" for scale in self._um_per_count)
+        told = f"ranges {ranges} µm" if ranges else "not told"
+        return Identity("nPoint", "LC.400", told, firmware or "not told")
+
+    def close(self) -> None:
+        """Let go; commands stay. Never raises."""
+        self._line.close()
+
+    def capabilities(self) -> Capabilities:
+        """Tell what it can do."""
+        n = 1 + 2 * len(self._outputs) + len(self._inputs)
+        rate_hz = self._options.baud / (10 * (16 * n + 10 * len(self._outputs)))
+        return Capabilities(*self._wiring, True, rate_hz, holds=True, quality=True)
+
+    def ranges(self) -> Sequence[tuple[float, float]]:
+        """Tell the range of the commands, in %."""
+        return [(-HALF_PCT, HALF_PCT)] * len(self._outputs)
+
+    def activate(self) -> None:
+        """Take control of what is in open loop already.
+
+        Raises:
+            DeviceError: If a servo is on: what its output is then nobody can ask, and switching it
+                off would make that jump.
+            LineFault: If the exchange fails.
+        """
+        self._exchange(b"")
+        for i, flags in zip(self._wiring.outputs, self._flags[len(self._inputs) :], strict=True):
+            if flags:
+                what = f"the servo of channel {i} is on, and its output would jump"
+                raise DeviceError(f"{what}: switch it off at rest, with the maker's program")
+
+    def deactivate(self) -> None:
+        """Hold the outputs."""
+
+    def sample(self, now_ns: int) -> Reading:
+        """Read every input, in µm; NaN at the ends of the range; may be called in the loop.
+
+        Raises:
+            LineFault: If the exchange fails.
+        """
+        reading = now_ns, self._exchange(b"")
+        self._told_ns = now_ns
+        return reading
+
+    def put(self, values: Sequence[float]) -> None:
+        """Set every output, in %; may be called in the loop.
+
+        Raises:
+            LineFault: If the exchange fails, or tells other commands than those.
+        """
+        self._set(values)
+
+    def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
+        """Set every output and read every input; may be called in the loop.
+
+        Raises:
+            LineFault: If the exchange fails, or tells other commands than those.
+        """
+        reading = now_ns, self._set(values)
+        self._told_ns = now_ns
+        return reading
+
+    def in_force(self, now_ns: int) -> Sequence[float]:
+        """Tell the command in force on each output, in %; may be called in the loop.
+
+        Raises:
+            LineFault: If the exchange fails.
+        """
+        if now_ns != self._told_ns:
+            self._exchange(b"")
+            self._told_ns = now_ns
+        return [setpoint / FULL_SCALE * 100.0 for setpoint in self._setpoints]
+
+    def flags(self) -> Sequence[Flags]:
+        """Tell which inputs are saturated, which servos are on; may be called in the loop."""
+        return self._flags
+
+    def take_noticed(self) -> set[DeviceFlag]:
+        """Return what went wrong without making an exchange fail; and forget it."""
+        return self._conversation.take_noticed()
+
+    def _set(self, values: Sequence[float]) -> list[float]:
+        counts = [round(value / 100.0 * FULL_SCALE) for value in values]
+        writes = b"".join(
+            codec.write(codec.address(i, Register.SETPOINT), count)
+            for i, count in zip(self._outputs, counts, strict=True)
+        )
+        positions_um = self._exchange(writes)
+        if self._setpoints != counts:
+            what = f"{counts} was set, {self._setpoints} is told: somebody else sets it"
+            raise LineFault(DeviceFlag.LOCAL_MODE, what)
+        return positions_um
+
+    def _exchange(self, writes: bytes) -> list[float]:
+        """Write, then read everything; return the positions, in µm."""
+        self._told_ns = None
+        told = self._ask(writes, self._polls, self._length_of)
+        after = 2 * len(self._outputs)
+        self._setpoints, positions = told[:after:2], told[after:]
+        saturated = [abs(position) >= HALF_SCALE for position in positions]
+        self._flags = [_SATURATED if ends else NO_FLAGS for ends in saturated] + [
+            NO_FLAGS if servo == _SERVO_OFF else _LOCAL for servo in told[1:after:2]
+        ]
+        return [
+            nan if ends else position * scale
+            for position, ends, scale in zip(positions, saturated, self._um_per_count, strict=True)
+        ]
+
+    def _ask(self, writes: bytes, polls: bytes, length_of: Callable[[bytes], int]) -> list[int]:
+        self._number = number = (self._number + 1) % codec.TAGS
+        request = writes + codec.read(codec.tag_address(number)) + polls
+        frame = self._conversation.ask(
+            request, length_of, is_reply=lambda frame: codec.has_tag(frame, number)
+        )
+        return codec.values(frame)
+
+    def _range_um(self, channel: int) -> float:
+        """Tell the range of a stage, in µm.
+
+        Raises:
+            DeviceError: If it is not told in µm.
+            LineFault: If the exchange fails.
+        """
+        if self._options.range_um is not None:
+            return self._options.range_um
+        wanted = [codec.address(channel, one) for one in (Register.RANGE_TYPE, Register.RANGE)]
+        kind, size = self._ask(b"", b"".join(map(codec.read, wanted)), codec.finds(wanted))
+        if kind != _RANGE_IN_UM or size <= 0:
+            where, what = self._line.where, f"range {size} of kind {kind}"
+            raise DeviceError(f"{where} tells a {what} for channel {channel}: set range_um")
+        return float(size)
+
+
+def _numbers(channels: Sequence[str]) -> tuple[int, ...]:
+    return tuple(map(int, channels))
