@@ -38,10 +38,14 @@ class FaultKind(StrEnum):
     """Likewise, and what comes back is a device with another serial number."""
     RESTART = "restart"
     """The device is off for VALUE seconds, then as after power-up, at 0 V; left out: 0.5."""
+    FOREIGN = "foreign"
+    """On a CAN bus: somebody else sends a frame of the host's before this one."""
+    BUS_OFF = "bus-off"
+    """On a CAN bus: for VALUE seconds no frame goes either way; left out: 0.5."""
 
 
 BEFALL_DEVICE: Final = frozenset(
-    {FaultKind.DISCONNECT, FaultKind.IMPOSTOR, FaultKind.RESTART},
+    {FaultKind.DISCONNECT, FaultKind.IMPOSTOR, FaultKind.RESTART, FaultKind.BUS_OFF},
 )
 """What can happen at once, and not only in place of a reply."""
 
@@ -50,6 +54,7 @@ _USUAL: Final = {
     FaultKind.DISCONNECT: 0.5,
     FaultKind.IMPOSTOR: 0.5,
     FaultKind.RESTART: 0.5,
+    FaultKind.BUS_OFF: 0.5,
 }
 _MOST_VALUE: Final = 3600.0
 _WHICH: Final = re.compile(

@@ -1,0 +1,368 @@
+"""What goes over the bus to a CiA 401 node: process data and SYNC in the loop, SDO around it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+from piezod.devices.bus.dialogue import Reading
+from piezod.devices.bus.line import LineFault
+from piezod.devices.interface import Capabilities, Identity, Wiring
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod_drivers.can_bus.cia401 import objects
+from piezod_drivers.can_bus.cia401.health import Health
+from piezod_drivers.can_bus.cia401.options import Options
+from piezod_drivers.can_bus.cia401.pdo import Scale, pack, unpack
+from piezod_drivers.can_bus.cycle import Cycle
+from piezod_drivers.can_bus.frame import Frame
+from piezod_drivers.can_bus.frame_bus import FrameBus
+from piezod_drivers.can_bus.options import highest_rate_hz
+
+if TYPE_CHECKING:
+    from piezod_drivers.can_bus.cia401.sdo import Access
+    from piezod_drivers.can_bus.cia401.setup import Layout
+
+MS: Final = 1_000_000
+_SDO_BYTES: Final = 8
+_BEATS: Final = 4
+"""So often the host shows that it lives, in the time that the node waits for it."""
+_MISSED: Final = 3
+"""A node is silent when so many of its heartbeats have not come."""
+_SYNC: Final = Frame(objects.SYNC)
+_READ: Final = 0x40
+_ANSWER: Final = 0x4B
+_ABORT: Final = 0x80
+"""SDO: read an object; two bytes of it; there is none."""
+
+
+class Dialogue:
+    """Implements `devices.bus.dialogue.ExchangingDialogue` for a node of CiA 401.
+
+    One exchange is: process data with the outputs, SYNC, process data with the inputs. It is the
+    node's answer to the SYNC, sent after the outputs, that acknowledges them. A node of which no
+    input is used does not answer; there, outputs are acknowledged by reading them back, or, where
+    that is switched off, by the node's heartbeat.
+
+    Args:
+        options: What a configuration says.
+        wiring: The channels that are used.
+        bus: The bus.
+    """
+
+    def __init__(self, options: Options, wiring: Wiring, bus: FrameBus) -> None:
+        self._options, self._wiring, self._bus = options, wiring, bus
+        inputs = [options.inputs[name] for name in wiring.inputs]
+        outputs = [options.outputs[name] for name in wiring.outputs]
+        self._input_numbers = [channel.number for channel in inputs]
+        self._output_numbers = [channel.number for channel in outputs]
+        self._input_scales = [_scale(one.code_at_min, one.code_at_max, one.range) for one in inputs]
+        self._output_scales = [
+            _scale(one.code_at_min, one.code_at_max, one.range) for one in outputs
+        ]
+        self._ranges = [channel.range for channel in outputs]
+        self._safe = [(c.number, c.safe_code) for c in outputs if c.safe_code is not None]
+        self._by_pdo = options.read_back == "pdo" and bool(outputs)
+        self._asks = bool(inputs) or self._by_pdo
+        node = options.node
+        self._read_requests = [
+            Frame(objects.SDO_REQUEST + node, bytes((_READ, 0x11, 0x64, number, 0, 0, 0, 0)))
+            for number in self._output_numbers
+        ]
+        self._sdo_answers = frozenset({objects.SDO_ANSWER + node})
+        self._beat_frame = Frame(
+            objects.HEARTBEAT + options.host_node, bytes((objects.OPERATIONAL,))
+        )
+        self._health = Health()
+        self._access: Access | None = None
+        self._first: Identity | None = None
+        self._other = NO_FLAGS
+        self._watchdog = self._armed = self._beats = False
+        self._beat_ns = self._heard_ns = 0
+        self._in_force: list[float] = []
+        self._in_force_ns: int | None = None
+        self._input_flags: list[Flags] = []
+        self._cycle = self._make_cycle(())
+        self._set: Layout | None = None
+        self._tell: Layout | None = None
+        self._told: frozenset[int] = frozenset()
+
+    def open(self) -> Identity:
+        """Connect, and ask the node who it is; its outputs and its state stay as they are.
+
+        Raises:
+            DeviceUnavailableError: If it does not answer, or canopen is not installed.
+            DeviceError: If it is no CiA 401 node.
+            LineFault: If the bus fails.
+        """
+        try:
+            from piezod_drivers.can_bus.cia401 import sdo, setup  # noqa: PLC0415 - optional
+        except ImportError as error:
+            what = f'the canopen library is needed ({error}): pip install "piezod[can]"'
+            raise DeviceUnavailableError(what) from error
+        options, node = self._options, self._options.node
+        self._health.clear()
+        self._bus.open(self._accepted())
+        access = self._access = sdo.Access(node, self._bus, self._take)
+        try:
+            identity = setup.identify(access)
+        except LineFault as fault:
+            if fault.flag is not DeviceFlag.LATE_REPLY:
+                raise
+            what = f"{fault}: check its number, its supply, the bit rate and both terminations"
+            raise DeviceUnavailableError(what) from fault
+        self._watchdog = bool(self._safe) and all(
+            setup.has(access, *needed)
+            for number, _ in self._safe
+            for needed in ((objects.ERROR_VALUE, number), (objects.CONSUMER_HEARTBEAT, 1))
+        )
+        self._first = self._first or identity
+        changed = identity[:3] != self._first[:3]
+        self._other = frozenset({DeviceFlag.OTHER_DEVICE}) if changed else NO_FLAGS
+        self._max_rate_hz = highest_rate_hz(options.bus, self._sizes())
+        return identity
+
+    def close(self) -> None:
+        """Let go of the bus; outputs stay as they are. Never raises."""
+        self._bus.close()
+        self._access = None
+
+    def capabilities(self) -> Capabilities:
+        """Tell what the node can do."""
+        return Capabilities(
+            self._wiring.inputs,
+            self._wiring.outputs,
+            self._options.read_back != "none",
+            self._max_rate_hz,
+            holds=True,
+            watchdog=self._watchdog,
+        )
+
+    def ranges(self) -> Sequence[tuple[float, float]]:
+        """Tell the ranges of the outputs, as configured."""
+        return self._ranges
+
+    def activate(self) -> None:
+        """Set the node's process data up, arm its watchdog and start it; outputs stay as they are.
+
+        Raises:
+            DeviceError: If the node cannot be set up so.
+            LineFault: If it does not answer, or the bus fails.
+        """
+        from piezod_drivers.can_bus.cia401 import setup  # noqa: PLC0415 - `open` has imported it
+
+        options, access = self._options, self._require()
+        pdos = []
+        if self._output_numbers:
+            pdos.append(setup.Pdo.sets(options.rpdo, self._output_numbers))
+        if self._asks:
+            told = self._output_numbers if self._by_pdo else []
+            pdos.append(setup.Pdo.tells(options.tpdo, self._input_numbers, told))
+        layouts = setup.prepare(access, pdos)
+        self._set = layouts.pop(0) if self._output_numbers else None
+        self._tell = layouts.pop(0) if layouts else None
+        self._told = frozenset({self._tell.id} if self._tell else ())
+        if self._watchdog:
+            setup.arm(access, options.host_node, options.watchdog_ms, self._safe)
+        self._beats = setup.beat(access, options.heartbeat_ms)
+        access.order(objects.START)
+        access.read(objects.DEVICE_TYPE)  # what the node said of its state before comes before this
+        self._cycle = self._make_cycle((self._set.id,) if self._set else ())
+        self._health.clear()
+        self._armed, self._beat_ns = self._watchdog, 0
+        self._heard_ns = self._bus.now_ns()
+        self._input_flags = [NO_FLAGS] * len(self._input_numbers)
+        self._keep_alive()
+
+    def deactivate(self) -> None:
+        """Disarm the watchdog, so that the outputs hold.
+
+        Raises:
+            LineFault: If the node does not answer, or the bus fails.
+        """
+        from piezod_drivers.can_bus.cia401 import setup  # noqa: PLC0415 - `open` has imported it
+
+        if self._armed:
+            self._armed = False
+            setup.disarm(self._require())
+
+    def sample(self, now_ns: int) -> Reading:
+        """Send SYNC and take the inputs; may be called in the loop.
+
+        Raises:
+            LineFault: If the node does not answer in time, or the bus fails.
+        """
+        return now_ns, self._ask([_SYNC], now_ns)
+
+    def put(self, values: Sequence[float]) -> None:
+        """Set the outputs, and wait until the node shows that it has them; in the loop too.
+
+        Raises:
+            LineFault: As `sample`, or `DEVICE_FAILURE` if an output is set to another value.
+        """
+        frame, words = self._outputs(values)
+        if self._asks:
+            self._ask([frame, _SYNC], None)
+            return
+        self._keep_alive()
+        self._cycle.catch_up()
+        self._cycle.tell(frame)
+        if self._options.read_back == "none":
+            self._require_heartbeat()
+        elif (in_force := self._read_outputs()) != words:
+            what = f"outputs were set to codes {words} and are at {in_force}"
+            raise LineFault(DeviceFlag.DEVICE_FAILURE, what)
+
+    def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
+        """Set the outputs and take the inputs; may be called in the loop.
+
+        Raises:
+            LineFault: As `sample`.
+        """
+        frame, _ = self._outputs(values)
+        return now_ns, self._ask([frame, _SYNC], now_ns)
+
+    def in_force(self, now_ns: int) -> Sequence[float]:
+        """Tell what the node says its outputs are set to; may be called in the loop.
+
+        Raises:
+            LineFault: As `sample`, or `WRONG_REQUEST` if the node refuses to tell.
+        """
+        if self._in_force_ns == now_ns:
+            return self._in_force
+        if self._by_pdo and self._tell is not None:
+            self._ask([_SYNC], now_ns)
+            return self._in_force
+        self._keep_alive()
+        words = self._read_outputs()
+        self._in_force = [
+            s.value_of(word) for s, word in zip(self._output_scales, words, strict=True)
+        ]
+        self._in_force_ns = now_ns
+        return self._in_force
+
+    def flags(self) -> Sequence[Flags]:
+        """Tell what the node has said of itself, and which inputs are at their end."""
+        common = self._health.flags | self._other
+        no_sensor = common - {DeviceFlag.RESTARTED}
+        inputs = (
+            [flags | no_sensor for flags in self._input_flags] if no_sensor else self._input_flags
+        )
+        return [*inputs, *[common] * len(self._output_numbers)]
+
+    def take_noticed(self) -> set[DeviceFlag]:
+        """Return what went wrong without making an exchange fail."""
+        return self._cycle.take_noticed()
+
+    def _ask(self, frames: list[Frame], now_ns: int | None) -> list[float]:
+        layout = self._tell
+        assert layout is not None  # noqa: S101 - where nothing is told nobody asks
+        self._keep_alive()
+        data = self._cycle.ask(frames, self._told)[layout.id]
+        words = unpack(data, len(layout.fill))
+        words = [words[place] for place in layout.places]
+        n_inputs = len(self._input_scales)
+        if self._by_pdo:
+            told = zip(self._output_scales, words[n_inputs:], strict=True)
+            self._in_force = [scale.value_of(word) for scale, word in told]
+            self._in_force_ns = now_ns
+        read = list(zip(self._input_scales, words, strict=False))
+        self._input_flags = [_SATURATED if s.is_at_an_end(word) else NO_FLAGS for s, word in read]
+        return [scale.value_of(word) for scale, word in read]
+
+    def _outputs(self, values: Sequence[float]) -> tuple[Frame, list[int]]:
+        layout = self._set
+        assert layout is not None  # noqa: S101 - where there are no outputs nobody writes
+        own = [
+            scale.word_of(value) for scale, value in zip(self._output_scales, values, strict=True)
+        ]
+        words = list(layout.fill)
+        for place, word in zip(layout.places, own, strict=True):
+            words[place] = word
+        return Frame(layout.id, pack(words)), own
+
+    def _read_outputs(self) -> list[int]:
+        words = []
+        for request in self._read_requests:
+            data = self._cycle.ask([request], self._sdo_answers)[
+                objects.SDO_ANSWER + self._options.node
+            ]
+            if data[1:4] != request.data[1:4] or len(data) != _SDO_BYTES:
+                raise LineFault(DeviceFlag.OUT_OF_ORDER, "the node answers for another object")
+            if data[0] == _ABORT:
+                code = int.from_bytes(data[4:], "little")
+                what = f"output {request.data[3]} cannot be read back: abort code 0x{code:08X}"
+                raise LineFault(DeviceFlag.WRONG_REQUEST, what)
+            if data[0] != _ANSWER:
+                raise LineFault(DeviceFlag.GARBAGE, "the node's answer is none of two bytes")
+            words.append(data[4] | data[5] << 8)
+        return words
+
+    def _keep_alive(self) -> None:
+        """Show that this host lives, if it is time; and be sure that the node is as it was set up.
+
+        Raises:
+            LineFault: `DISCONNECTED` if the node has started anew.
+        """
+        if self._health.restarted:
+            what = "the node has started anew and has lost its settings"
+            raise LineFault(DeviceFlag.DISCONNECTED, what)
+        if self._armed:
+            now_ns = self._bus.now_ns()
+            if now_ns - self._beat_ns >= self._options.watchdog_ms * MS // _BEATS:
+                self._cycle.tell(self._beat_frame)
+                self._beat_ns = now_ns
+
+    def _require_heartbeat(self) -> None:
+        silent_ns = self._bus.now_ns() - self._heard_ns
+        if self._beats and silent_ns > _MISSED * self._options.heartbeat_ms * MS:
+            what = f"no heartbeat from the node for {silent_ns // MS} ms"
+            raise LineFault(DeviceFlag.LATE_REPLY, what)
+
+    def _take(self, frame: Frame) -> None:
+        if frame.extended or frame.remote:
+            return
+        node = self._options.node
+        if frame.id == objects.HEARTBEAT + node:
+            self._heard_ns = self._bus.now_ns()
+            self._health.take_heartbeat(frame.data)
+        elif frame.id == objects.EMERGENCY + node:
+            self._health.take_emergency(frame.data)
+
+    def _make_cycle(self, own: Sequence[int]) -> Cycle:
+        options = self._options
+        ours = (
+            objects.NMT,
+            objects.SYNC,
+            objects.SDO_REQUEST + options.node,
+            objects.HEARTBEAT + options.host_node,
+            *own,
+        )
+        return Cycle(self._bus, round(options.timeout_ms * MS), ours, self._take)
+
+    def _accepted(self) -> list[int]:
+        node, host = self._options.node, self._options.host_node
+        all_of_node = [base + node for base in range(0x080, 0x800, 0x080)]
+        return [objects.NMT, objects.SYNC, objects.HEARTBEAT + host, *all_of_node]
+
+    def _sizes(self) -> list[int]:
+        """Return the bytes of each frame of a cycle."""
+        n_out = len(self._output_numbers)
+        told = len(self._input_numbers) + (n_out if self._by_pdo else 0)
+        sizes = [2 * n_out] if n_out else []
+        sizes += [0, 2 * told] if self._asks else []
+        if self._options.read_back == "sdo":
+            sizes += [_SDO_BYTES, _SDO_BYTES] * n_out
+        return sizes
+
+    def _require(self) -> Access:
+        if self._access is None:
+            raise DeviceError("the node is not open")
+        return self._access
+
+
+_SATURATED: Final[Flags] = frozenset({DeviceFlag.SATURATED})
+
+
+def _scale(at_min: int, at_max: int, values: tuple[float, float]) -> Scale:
+    return Scale((at_min, at_max), values)

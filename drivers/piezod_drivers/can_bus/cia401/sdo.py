@@ -1,0 +1,151 @@
+"""The canopen library's SDO client and NMT master over a `FrameBus`, without its threads."""
+
+from collections.abc import Callable
+from typing import Final
+
+import canopen
+from canopen.nmt import NmtMaster
+from canopen.sdo.client import SdoClient
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
+
+from piezod.devices.bus.line import LineFault
+from piezod.devices.status import DeviceFlag
+from piezod_drivers.can_bus.cia401.objects import SDO_ANSWER, SDO_REQUEST
+from piezod_drivers.can_bus.frame import Frame
+from piezod_drivers.can_bus.frame_bus import FrameBus
+
+_ANSWER_NS: Final = 500_000_000
+"""How long a node may take for an access; some write to flash."""
+_LEFT_S: Final = 0.001
+
+NO_OBJECT: Final = frozenset({0x0602_0000, 0x0609_0011})
+"""Abort codes that say that there is no such object, or no such sub-index."""
+
+
+class SdoRefusedError(Exception):
+    """Raised where a node refuses an access to an object.
+
+    Args:
+        code: The abort code.
+        what: For people.
+    """
+
+    def __init__(self, code: int, what: str) -> None:
+        super().__init__(what)
+        self.code = code
+
+    @property
+    def is_missing(self) -> bool:
+        """Whether the node has no such object."""
+        return self.code in NO_OBJECT
+
+
+class _Network(canopen.Network):
+    """Sends by a `FrameBus`."""
+
+    def __init__(self, frame_bus: FrameBus) -> None:
+        super().__init__()
+        self._frame_bus = frame_bus
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        self._frame_bus.send(Frame(can_id, bytes(data), remote=remote))
+
+
+class _Client(SdoClient):
+    """Reads frames itself while it waits, where the library's has a thread that does."""
+
+    RESPONSE_TIMEOUT = _LEFT_S
+
+    def __init__(self, node: int, bus: FrameBus, take: Callable[[Frame], None]) -> None:
+        objects = canopen.ObjectDictionary()  # type: ignore[no-untyped-call] # the library's
+        super().__init__(SDO_REQUEST + node, SDO_ANSWER + node, objects)  # type: ignore[no-untyped-call] # likewise
+        self._bus, self._take = bus, take
+
+    def read_response(self) -> bytes:
+        """Wait for an answer."""
+        end_ns = self._bus.now_ns() + _ANSWER_NS
+        while self.responses.empty() and (left_ns := end_ns - self._bus.now_ns()) > 0:
+            frame = self._bus.receive(left_ns)
+            if frame is None:
+                continue
+            if frame.id == self.tx_cobid and len(frame.data) == 8:
+                self.responses.put(frame.data)
+            else:
+                self._take(frame)
+        answer: bytes = super().read_response()  # type: ignore[no-untyped-call] # likewise
+        return answer
+
+
+class Access:
+    """Reads and writes the objects of a node, and tells it what state to be in; not in the loop.
+
+    Args:
+        node: Its number.
+        bus: The bus.
+        take: Told every frame that comes meanwhile and is no answer.
+    """
+
+    def __init__(self, node: int, bus: FrameBus, take: Callable[[Frame], None]) -> None:
+        self._where = f"node {node} at {bus.where}"
+        network = _Network(bus)
+        self._client = _Client(node, bus, take)
+        self._client.network = network
+        self._master = NmtMaster(node)
+        self._master.network = network
+
+    def order(self, command: int) -> None:
+        """Tell the node what state to be in.
+
+        Raises:
+            LineFault: As the bus raises.
+        """
+        self._master.send_command(command)
+
+    def read(self, index: int, number: int = 0) -> bytes:
+        """Return the bytes of an object.
+
+        Raises:
+            SdoRefusedError: If the node refuses it.
+            LineFault: `LATE_REPLY` if it does not answer, or as the bus raises.
+        """
+        try:
+            return self._client.upload(index, number)
+        except SdoAbortedError as error:
+            raise self._refused("read", index, number, error) from error
+        except SdoCommunicationError as error:
+            raise self._silent(error) from error
+
+    def number(self, index: int, number: int = 0) -> int:
+        """Return an object as a number without sign; raises as `read`."""
+        return int.from_bytes(self.read(index, number), "little")
+
+    def text(self, index: int) -> str:
+        """Return an object as a text of printable characters; empty where there is none.
+
+        Raises:
+            LineFault: As `read`.
+        """
+        try:
+            said = self.read(index).decode("latin-1")
+        except SdoRefusedError:
+            return ""
+        return "".join(character for character in said if character.isprintable()).strip()
+
+    def write(self, index: int, number: int, value: int, n_bytes: int) -> None:
+        """Set an object; raises as `read`."""
+        data = (value % (1 << 8 * n_bytes)).to_bytes(n_bytes, "little")
+        try:
+            self._client.download(index, number, data)
+        except SdoAbortedError as error:
+            raise self._refused("set", index, number, error) from error
+        except SdoCommunicationError as error:
+            raise self._silent(error) from error
+
+    def _refused(
+        self, what: str, index: int, number: int, error: SdoAbortedError
+    ) -> SdoRefusedError:
+        where = f"{self._where}: object 0x{index:04X}:{number}"
+        return SdoRefusedError(error.code, f"{where} cannot be {what}: {error}")
+
+    def _silent(self, error: Exception) -> LineFault:
+        return LineFault(DeviceFlag.LATE_REPLY, f"{self._where} does not answer: {error}")

@@ -1,0 +1,163 @@
+"""One exchange of frames in a cycle of the loop; nothing stale is ever taken for an answer."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Final
+
+from piezod.devices.bus.line import LineFault
+from piezod.devices.status import DeviceFlag
+from piezod_drivers.can_bus.frame import Frame
+from piezod_drivers.can_bus.frame_bus import FrameBus
+
+MOST_FRAMES: Final = 64
+"""More frames than these are not read in one go."""
+STALLED_AFTER: Final = 3
+"""So many frames in a row that cannot be sent: the bus does not take any."""
+PATIENCE: Final = 10
+"""An answer is taken for lost when it has been late for so many time-outs."""
+SLOW: Final = 0.8
+"""An answer that takes more than this part of its time is slow."""
+
+
+class Cycle:
+    """Sends what a cycle sends, and waits for the frames that answer it.
+
+    Before anything is sent, all that has come is read: the latest counts, and an answer among it
+    was asked for by nobody. Frames do not tell which request they answer. So after a time-out
+    nothing is asked until the answers that are owed have come, or can no longer come: `PATIENCE`
+    time-outs later.
+
+    Args:
+        bus: The bus, opened and closed by whoever owns the cycle.
+        timeout_ns: How long to wait for answers.
+        own: Identifiers that nobody but this end sends.
+        take: Told each other frame that is no answer.
+    """
+
+    def __init__(
+        self,
+        bus: FrameBus,
+        timeout_ns: int,
+        own: Iterable[int],
+        take: Callable[[Frame], None],
+    ) -> None:
+        self._bus, self._timeout_ns, self._take = bus, timeout_ns, take
+        self._own = frozenset(own)
+        self._refused = 0
+        self._owed: set[int] = set()
+        self._owed_until_ns = 0
+        self._noticed: set[DeviceFlag] = set()
+
+    def restart(self) -> None:
+        """Forget what was before; to be called whenever the bus was opened."""
+        self._refused = 0
+        self._owed.clear()
+        self._noticed.clear()
+
+    def take_noticed(self) -> set[DeviceFlag]:
+        """Return what went wrong without making an exchange fail, since the last call."""
+        noticed = self._noticed | self._bus.take_noticed()
+        self._noticed = set()
+        return noticed
+
+    def tell(self, frame: Frame) -> None:
+        """Send a frame; may be called in the loop.
+
+        Raises:
+            LineFault: `NOT_SENT` if there is no room for it; `BUS_OFF` when that is so again and
+                again; or whatever else the bus raises.
+        """
+        try:
+            self._bus.send(frame)
+        except LineFault as fault:
+            if fault.flag is not DeviceFlag.NOT_SENT:
+                raise
+            self._refused += 1
+            if self._refused < STALLED_AFTER:
+                raise
+            self._bus.stalled()
+            what = f"{self._bus.where}: {STALLED_AFTER} frames in a row could not be sent"
+            raise LineFault(DeviceFlag.BUS_OFF, what) from fault
+        self._refused = 0
+
+    def catch_up(self, answers: Iterable[int] = ()) -> None:
+        """Read all that has come; may be called in the loop.
+
+        Args:
+            answers: Identifiers that nobody sends unasked.
+
+        Raises:
+            LineFault: `BUS_OVERLOADED` if it does not end, or whatever the bus raises.
+        """
+        for _ in range(MOST_FRAMES):
+            frame = self._bus.receive(0)
+            if frame is None:
+                return
+            if frame.id in self._owed:
+                self._owed.discard(frame.id)
+                self._noticed.add(DeviceFlag.LATE_REPLY)
+            elif frame.id in answers:
+                self._noticed.add(DeviceFlag.OUT_OF_ORDER)
+            else:
+                self._pass_on(frame)
+        raise self._overloaded()
+
+    def ask(self, frames: Sequence[Frame], answers: frozenset[int]) -> Mapping[int, bytes]:
+        """Send frames and wait for those that answer; may be called in the loop.
+
+        Args:
+            frames: What is sent, in this order, the last of which is answered.
+            answers: Identifiers of the frames that answer, each once.
+
+        Returns:
+            The data of each answer by its identifier.
+
+        Raises:
+            LineFault: `LATE_REPLY` if not all came in time, `BUS_OVERLOADED`, or as `tell`.
+        """
+        self.catch_up(answers)
+        bus = self._bus
+        begin_ns = bus.now_ns()
+        if self._owed:
+            if begin_ns < self._owed_until_ns:
+                raise LineFault(DeviceFlag.LATE_REPLY, "a late answer may still come")
+            self._owed.clear()
+        for frame in frames:
+            self.tell(frame)
+        end_ns = begin_ns + self._timeout_ns
+        got: dict[int, bytes] = {}
+        left_ns = self._timeout_ns
+        for _ in range(MOST_FRAMES):
+            answer = bus.receive(left_ns)
+            now_ns = bus.now_ns()
+            if answer is not None:
+                if answer.id not in answers:
+                    self._pass_on(answer)
+                elif answer.id in got:
+                    self._noticed.add(DeviceFlag.OUT_OF_ORDER)
+                else:
+                    got[answer.id] = answer.data
+                    if len(got) == len(answers):
+                        if now_ns - begin_ns > SLOW * self._timeout_ns:
+                            self._noticed.add(DeviceFlag.SLOW_REPLY)
+                        return got
+            left_ns = end_ns - now_ns
+            if left_ns <= 0:
+                raise self._late(answers - got.keys(), now_ns)
+        self._late(answers - got.keys(), bus.now_ns())
+        raise self._overloaded()
+
+    def _late(self, missing: Iterable[int], now_ns: int) -> LineFault:
+        self._owed.update(missing)
+        self._owed_until_ns = now_ns + PATIENCE * self._timeout_ns
+        within = f"within {self._timeout_ns / 1e6:g} ms"
+        return LineFault(DeviceFlag.LATE_REPLY, f"no answer from {self._bus.where} {within}")
+
+    def _overloaded(self) -> LineFault:
+        what = f"{self._bus.where}: more than {MOST_FRAMES} frames in a cycle"
+        return LineFault(DeviceFlag.BUS_OVERLOADED, what)
+
+    def _pass_on(self, frame: Frame) -> None:
+        if frame.id in self._own:
+            self._noticed.add(DeviceFlag.FOREIGN_FRAME)
+        else:
+            self._take(frame)
