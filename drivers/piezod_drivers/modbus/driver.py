@@ -1,0 +1,64 @@
+"""Chooses line, transactions and dialogue; what leads from the driver's name to a device."""
+
+from typing import Final
+
+from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
+from piezod.devices.bus.serial_line import SerialLine
+from piezod.devices.bus.tcp_line import TcpLine
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod_drivers.modbus.labjack_dialogue import LabJackDialogue
+from piezod_drivers.modbus.layout import profile_of
+from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.register_dialogue import RegisterDialogue
+from piezod_drivers.modbus.transactions import RtuTransactions, TcpTransactions, Transactions
+
+
+def transactions_of(options: Options) -> Transactions:
+    """Construct the line that options name, and what carries requests over it; no I/O."""
+    timeout_s = options.timeout_ms * 1e-3
+    if options.host is not None:
+        return TcpTransactions(TcpLine(options.host, options.tcp_port), timeout_s)
+    assert options.port is not None  # noqa: S101 - the model has checked it
+    line = SerialLine(
+        options.port, options.baud, parity=options.parity, stop_bits=options.stop_bits
+    )
+    units = [unit.unit for unit in options.every_unit]
+    return RtuTransactions(line, timeout_s, units, options.silence_s)
+
+
+def device_of(options: Options, wiring: Wiring, transactions: Transactions) -> BusDevice:
+    """Make the device that options describe."""
+    profile = profile_of(options)
+    name = " + ".join(unit.profile or f"unit {unit.unit}" for unit in options.every_unit)
+    if profile is not None and profile.feedback and not options.units:
+        return ExchangingBusDevice(name, LabJackDialogue(options, wiring, transactions))
+    dialogue = RegisterDialogue(options, wiring, transactions)
+    return (ExchangingBusDevice if dialogue.exchanges else BusDevice)(name, dialogue)
+
+
+def channels_of(options: Options) -> ChannelUnits:
+    """Tell the channels of all units, with their units of measurement."""
+    known = [register for unit in options.every_unit for register in unit.known]
+    inputs, outputs = (
+        {reg.channel: reg.unit for reg in known if reg.role == role and reg.channel}
+        for role in ("input", "output")
+    )
+    return ChannelUnits(inputs, outputs)
+
+
+def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
+    return device_of(options, wiring, transactions_of(options))
+
+
+PLUGIN: Final = DriverPlugin(
+    name="modbus",
+    summary="converters on Modbus TCP or RTU: LabJack T4/T7/T8, ADAM, ICP DAS, WAGO 750, "
+    "Waveshare, or any register map",
+    options_model=Options,
+    create=_create,
+    confirmed_on_hardware=False,
+    channels=channels_of,
+    sees=frozenset(
+        "A1 A2 A3 A7 A8 A9 A12 B1 B2 B3 B4 B5 B6 B7 B10 B13 B14 S7".split()  # noqa: SIM905 - a list of words
+    ),
+)

@@ -1,0 +1,218 @@
+"""The driver for LabJack T4, T7 and T8: everything of a cycle in one request (function 0x4C)."""
+
+from collections.abc import Sequence
+from math import inf, isnan, nan
+from struct import Struct
+from typing import Final
+
+from piezod.devices.bus.dialogue import Reading
+from piezod.devices.bus.line import LineFault
+from piezod.devices.interface import Capabilities, Identity, Wiring
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.errors import DeviceError
+from piezod_drivers.modbus.layout import profile_of, watchdog_of
+from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.profiles.labjack import COUNTER_10KHZ
+from piezod_drivers.modbus.register import Register, Role
+from piezod_drivers.modbus.requests import FEEDBACK, Request
+from piezod_drivers.modbus.setup import Setup
+from piezod_drivers.modbus.transactions import Transactions
+
+_READ: Final = Struct(">BHB")
+_WRITE: Final = Struct(">BHBf")
+_WRAPS_AT: Final = 1 << 32
+_NEAR_V: Final = 0.02
+"""How near to the safe voltage the output of the coarsest converter may be."""
+_SATURATED: Final = frozenset({DeviceFlag.SATURATED})
+
+
+class LabJackDialogue:
+    """Implements `ExchangingDialogue`.
+
+    Each request reads the outputs before it sets them, and after: a watchdog that has tripped, or
+    somebody else who drives them, shows. It reads a counter too, which a restart sets back. After a
+    silence that may have tripped the watchdog, nothing is set before the outputs were looked at.
+
+    Args:
+        options: What a configuration says.
+        wiring: The channels that are used.
+        transactions: The line.
+    """
+
+    def __init__(self, options: Options, wiring: Wiring, transactions: Transactions) -> None:
+        profile = profile_of(options)
+        assert profile is not None  # noqa: S101 - whoever chose this dialogue looked at it
+        self._profile, self._options, self._transactions = profile, options, transactions
+        self._watchdog = watchdog_of(options, options)
+        self._safe_v = options.watchdog.safe if options.watchdog else nan
+        self._silence_ns = round(0.9e9 * options.watchdog.timeout_s) if options.watchdog else inf
+        inputs = [_address(options.known, "input", name) for name in wiring.inputs]
+        self._outputs = [_register(options.known, "output", name) for name in wiring.outputs]
+        self._n_inputs, self._n_outputs = len(inputs), len(self._outputs)
+        self._range = next((reg.range for reg in options.known if reg.role == "input"), None)
+        before = [register.address for register in self._outputs]
+        self._head = bytes((FEEDBACK,)) + _reads(before)
+        self._tail = _reads([*before, *inputs, COUNTER_10KHZ])
+        self._numbers = Struct(f">B{2 * self._n_outputs + self._n_inputs}fI")
+        self._echo = bytes((FEEDBACK,))
+        self._wiring = wiring
+        self._values: Sequence[float] = ()
+        self._in_force: list[float] = []
+        self._in_force_ns: int | None = None
+        self._last_ns = 0
+        self._counter: int | None = None
+        self._changed: DeviceFlag | None = None
+        self._noticed: set[DeviceFlag] = set()
+        self._told: Sequence[Flags] = ()
+
+    def open(self) -> Identity:
+        """Connect, see whether words come in the right order, and read everything once.
+
+        Raises:
+            DeviceUnavailableError: If nobody is there.
+            DeviceError: If it is another device.
+            LineFault: If an exchange fails.
+        """
+        self._transactions.open()
+        setup = Setup(self._transactions, self._options.unit)
+        setup.check(self._profile)
+        identity = setup.identity(self._profile)
+        self._told = [NO_FLAGS] * (self._n_inputs + self._n_outputs)
+        self._in_force, self._in_force_ns = [], None
+        self._ask(b"")
+        return identity
+
+    def close(self) -> None:
+        """Let go of the line; outputs stay as they are. Never raises."""
+        self._transactions.close()
+
+    def capabilities(self) -> Capabilities:
+        """Tell channels and the rate that the device allows."""
+        return Capabilities(
+            self._wiring.inputs,
+            self._wiring.outputs,
+            read_back=self._n_outputs > 0,
+            max_rate_hz=self._profile.max_rate_hz,
+            holds=True,
+            watchdog=self._watchdog is not None,
+            quality=True,
+        )
+
+    def ranges(self) -> Sequence[tuple[float, float]]:
+        """Tell what each output can be set to, in V."""
+        return [(register.low, register.high) for register in self._outputs]
+
+    def activate(self) -> None:
+        """Arm the watchdog; outputs stay where they are.
+
+        Raises:
+            DeviceError: If it cannot be armed.
+            LineFault: If an exchange fails.
+        """
+        if self._watchdog is not None and self._options.watchdog is not None:
+            setup, wanted = Setup(self._transactions, self._options.unit), self._options.watchdog
+            try:
+                setup.arm(self._watchdog, wanted.timeout_s, wanted.safe)
+            except DeviceError:
+                self._noticed.add(DeviceFlag.WATCHDOG_TRIPPED)
+                raise
+            self._last_ns = self._transactions.now_ns()
+
+    def deactivate(self) -> None:
+        """Stop the watchdog; outputs hold.
+
+        Raises:
+            LineFault: If an exchange fails.
+        """
+        if self._watchdog is not None:
+            Setup(self._transactions, self._options.unit).disarm(self._watchdog)
+
+    def sample(self, now_ns: int) -> Reading:
+        """Read every input; may be called in the loop."""
+        self._ask(b"")
+        self._in_force_ns = now_ns
+        return now_ns, self._values
+
+    def put(self, values: Sequence[float]) -> None:
+        """Set every output; may be called in the loop."""
+        self._in_force_ns = None
+        self._set(values)
+
+    def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
+        """Set every output and read every input in one request; may be called in the loop."""
+        self._in_force_ns = None
+        self._set(values)
+        self._in_force_ns = now_ns
+        return now_ns, self._values
+
+    def in_force(self, now_ns: int) -> Sequence[float]:
+        """Tell what the outputs hold; may be called in the loop."""
+        if self._in_force_ns != now_ns:
+            self._ask(b"")
+            self._in_force_ns = now_ns
+        return self._in_force
+
+    def flags(self) -> Sequence[Flags]:
+        """Tell which inputs are saturated; may be called in the loop."""
+        return self._told
+
+    def take_noticed(self) -> set[DeviceFlag]:
+        """Return what went wrong without making an exchange fail."""
+        noticed = self._transactions.take_noticed() | self._noticed
+        self._noticed = set()
+        return noticed
+
+    def _set(self, values: Sequence[float]) -> None:
+        if self._transactions.now_ns() - self._last_ns > self._silence_ns:
+            self._ask(b"")
+            if self._changed is not None:
+                what = f"{self._profile.name}: the outputs have changed while nobody asked"
+                raise LineFault(self._changed, what)
+        self._ask(
+            b"".join(
+                [
+                    _WRITE.pack(1, register.address, 2, value)
+                    for register, value in zip(self._outputs, values, strict=True)
+                ]
+            )
+        )
+
+    def _ask(self, writes: bytes) -> None:
+        """Read the outputs, set them, read them again, the inputs and the counter."""
+        request = Request(self._head + writes + self._tail, self._echo, self._numbers.size)
+        _, pdu = self._transactions.ask(self._options.unit, [request])
+        numbers = self._numbers.unpack(pdu)
+        n = self._n_outputs
+        before, self._values = list(numbers[1 : 1 + n]), numbers[1 + 2 * n : -1]
+        self._changed = self._look_at(before, numbers[-1])
+        if self._changed is not None:
+            self._noticed.add(self._changed)
+        self._counter = numbers[-1]
+        self._in_force = list(numbers[1 + n : 1 + 2 * n])
+        self._last_ns = self._transactions.now_ns()
+        if self._range is not None:
+            low, high = self._range
+            self._values = [value if low <= value <= high else nan for value in self._values]
+            wells = [_SATURATED if isnan(value) else NO_FLAGS for value in self._values]
+            self._told = [*wells, *[NO_FLAGS] * n]
+
+    def _look_at(self, before: list[float], counter: int) -> DeviceFlag | None:
+        """Tell what happened to the outputs since they were looked at last."""
+        if self._counter is not None and counter < self._counter < 0.99 * _WRAPS_AT:
+            return DeviceFlag.RESTARTED
+        if not self._in_force or before == self._in_force:
+            return None
+        safe = all(abs(value - self._safe_v) < _NEAR_V for value in before)
+        return DeviceFlag.WATCHDOG_TRIPPED if safe else DeviceFlag.LOCAL_MODE
+
+
+def _reads(addresses: Sequence[int]) -> bytes:
+    return b"".join([_READ.pack(0, address, 2) for address in addresses])
+
+
+def _register(known: Sequence[Register], role: Role, name: str) -> Register:
+    return next(reg for reg in known if reg.role == role and reg.channel == name)
+
+
+def _address(known: Sequence[Register], role: Role, name: str) -> int:
+    return _register(known, role, name).address

@@ -1,0 +1,161 @@
+"""What a configuration may say about devices on Modbus."""
+
+from collections.abc import Iterator
+from typing import Annotated, Final, Literal, Self, TypeAlias
+
+from pydantic import Field, StringConstraints, model_validator
+
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod_drivers.modbus.profiles import PROFILES
+from piezod_drivers.modbus.register import Register
+
+UnitAddress: TypeAlias = Annotated[int, Quantity(0, 255)]
+Port: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=4096)]
+Host: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=253)]
+
+DEFAULT_BAUD: Final = 9600
+DEFAULT_WRITES: Final = (6, 16)
+
+
+class WatchdogOptions(ConfigModel):
+    """The device's own watchdog: what it does when nobody talks to it."""
+
+    timeout_s: Annotated[float, Quantity(0.1, 600, "s")] = Field(
+        description="After so much silence the outputs go to `safe`, s."
+    )
+    safe: Annotated[float, Quantity(-1000, 1000)] = Field(
+        description="Value of the outputs then, in their unit."
+    )
+
+
+class UnitOptions(ConfigModel):
+    """One device on the line."""
+
+    unit: UnitAddress = Field(default=1, description="Its address, as set on the device.")
+    profile: str | None = Field(
+        default=None, description="Name of a device that is known; else give `registers`."
+    )
+    registers: tuple[Register, ...] = Field(
+        default=(), max_length=256, description="All registers that the device has, to be used."
+    )
+    write_functions: tuple[Literal[6, 16, 23], ...] = Field(
+        default=DEFAULT_WRITES,
+        min_length=1,
+        description="Of a device of your own: the functions it has for writing. 6 sets one "
+        "register, 16 several, 23 sets and reads at once.",
+    )
+
+    @model_validator(mode="after")
+    def _check_unit(self) -> Self:
+        raise_rules(self._broken_rules_of_unit())
+        return self
+
+    @property
+    def known(self) -> tuple[Register, ...]:
+        """All registers: those of the profile, or of its own."""
+        return PROFILES[self.profile].registers if self.profile else self.registers
+
+    def _broken_rules_of_unit(self) -> Iterator[BrokenRule]:
+        if self.profile is not None and self.profile not in PROFILES:
+            known = ", ".join(sorted(PROFILES))
+            yield ("profile",), f"unknown (got {self.profile!r}), known: {known}"
+        elif self.profile is not None and self.registers:
+            yield ("registers",), "a profile has its own; leave out one of the two"
+        for role in ("input", "output"):
+            names = [reg.channel for reg in self.registers if reg.role == role]
+            if twice := {str(name) for name in names if names.count(name) > 1}:
+                yield ("registers",), f"{role}s of the same name: {', '.join(sorted(twice))}"
+        if not {6, 16} & set(self.write_functions):
+            yield ("write_functions",), "6 or 16 is needed, to write where nothing is read"
+
+
+class Options(UnitOptions):
+    """Options of the driver: one device, or several `units` on the same line."""
+
+    units: tuple[UnitOptions, ...] = Field(
+        default=(), max_length=16, description="Several devices on one line, instead of `unit`."
+    )
+    host: Host | None = Field(default=None, description="Modbus TCP: name or address.")
+    tcp_port: Annotated[int, Quantity(1, 65_535)] = Field(
+        default=502, description="Modbus TCP: number of the port."
+    )
+    port: Port | None = Field(
+        default=None, description="Modbus RTU: path of the port, best one of /dev/serial/by-id."
+    )
+    baud: Annotated[int, Quantity(300, 4_000_000, "bit/s")] = Field(
+        default=DEFAULT_BAUD, description="Modbus RTU: bits per second."
+    )
+    parity: Literal["N", "E", "O"] = Field(default="N", description="Modbus RTU: none, even, odd.")
+    stop_bits: Literal[1, 2] = Field(default=1, description="Modbus RTU: 1 or 2.")
+    silence_ms: Annotated[float, Quantity(0, 100, "ms")] | None = Field(
+        default=None,
+        description="Modbus RTU: rest before each request, ms; left out: 3.5 characters, as the "
+        "standard has it, and 1.75 ms above 19200 bit/s.",
+    )
+    timeout_ms: Annotated[float, Quantity(1, 5000, "ms")] = Field(
+        default=50.0, description="How long to wait for each reply, ms."
+    )
+    watchdog: WatchdogOptions | None = Field(
+        default=None, description="Arms the device's watchdog as long as the stage is in use."
+    )
+
+    @model_validator(mode="after")
+    def _check_line(self) -> Self:
+        raise_rules(self._broken_rules())
+        return self
+
+    @property
+    def every_unit(self) -> tuple[UnitOptions, ...]:
+        """The devices on the line, at least one."""
+        return self.units or (self,)
+
+    @property
+    def silence_s(self) -> float:
+        """Rest of the line before a request, in s."""
+        if self.silence_ms is not None:
+            return self.silence_ms * 1e-3
+        return 1.75e-3 if self.baud > 19_200 else 3.5 * self.character_s
+
+    @property
+    def character_s(self) -> float:
+        """How long a byte takes on a serial line, in s."""
+        return (1 + 8 + (self.parity != "N") + self.stop_bits) / self.baud
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        if (self.port is None) == (self.host is None):
+            yield ("port",), "name either host, for Modbus TCP, or port, for Modbus RTU"
+        if self.units and (self.profile is not None or self.registers):
+            yield ("units",), "each of them has its profile or registers; leave out those beside"
+        for i, unit in enumerate(self.units):
+            if unit.profile is None and not unit.registers:
+                yield ("units", i, "profile"), "name a profile, or give registers"
+        if not self.units and self.profile is None and not self.registers:
+            yield ("profile",), "name a profile, or give registers or units"
+        addresses = [unit.unit for unit in self.units]
+        if len(set(addresses)) < len(addresses):
+            yield ("units",), "two have the same address"
+        yield from self._broken_rules_of_channels()
+        yield from self._broken_rules_of_watchdog()
+
+    def _broken_rules_of_channels(self) -> Iterator[BrokenRule]:
+        known = [reg for unit in self.units if _has_profile(unit) for reg in unit.known]
+        for role in ("input", "output"):
+            names = [reg.channel for reg in known if reg.role == role]
+            if twice := {str(name) for name in names if names.count(name) > 1}:
+                what = f"{role}s of the same name: {', '.join(sorted(twice))}; "
+                yield ("units",), what + "give one of the units registers of its own"
+
+    def _broken_rules_of_watchdog(self) -> Iterator[BrokenRule]:
+        if self.watchdog is None or not all(map(_has_profile, self.every_unit)):
+            return
+        profiles = [PROFILES[unit.profile] for unit in self.every_unit if unit.profile]
+        watched = [profile.watchdog for profile in profiles if profile.watchdog is not None]
+        if not watched:
+            yield ("watchdog",), "this device has none that piezod can arm; set it by hand"
+        for watchdog in watched:
+            if why := watchdog.objection(self.watchdog.timeout_s, self.watchdog.safe):
+                yield ("watchdog",), why
+
+
+def _has_profile(unit: UnitOptions) -> bool:
+    return unit.profile is None or unit.profile in PROFILES

@@ -1,0 +1,61 @@
+"""ICP DAS M-7017C and M-7024R on RS-485 (Modbus RTU), in the format of engineering units.
+
+Addresses after ICP DAS' public "M-7000 Address Mapping" and quick start guides: coil 269 chooses
+the format, coil 270 tells of the host watchdog. The scale of 1 mV, for ±10 V and 0 to 10 V, is not
+confirmed on hardware.
+"""
+
+from typing import Final
+
+from piezod_drivers.modbus.profiles.profile import Constant, Fact, Profile, row
+
+FORMAT: Final = 268
+"""Coil: 0 hexadecimal, 1 engineering units."""
+WATCHDOG_TRIPPED: Final = 269
+"""Coil: whether the host watchdog has put the outputs to their safe values."""
+FIRMWARE: Final = 480
+
+_FACTS: Final = (
+    ("firmware", Fact("holding", FIRMWARE, "uint16", lambda number: f"{int(number):04X}")),
+)
+
+M_7017: Final = Profile(
+    name="icpdas-m7017",
+    maker="ICP DAS",
+    model="M-7017C",
+    registers=row(
+        [f"AI{i}" for i in range(8)],
+        0,
+        role="input",
+        table="input",
+        type="int16",
+        scale=1e-3,
+        range=(-9.999, 9.999),
+    ),
+    constants=(Constant("coil", FORMAT, "uint16", 1),),
+    facts=_FACTS,
+    max_rate_hz=10.0,  # 10 samples a second of all channels; 60 in fast mode
+)
+
+M_7024: Final = Profile(
+    name="icpdas-m7024",
+    maker="ICP DAS",
+    model="M-7024R",
+    registers=(
+        *row(
+            [f"AO{i}" for i in range(4)],
+            0,
+            role="output",
+            type="int16",
+            scale=1e-3,
+            range=(0.0, 10.0),
+        ),
+        *row([f"AO{i}" for i in range(4)], 0, role="read-back", type="int16", scale=1e-3),
+        *row([None], WATCHDOG_TRIPPED, role="status", table="coil", flag="watchdog tripped"),
+    ),
+    constants=(Constant("coil", FORMAT, "uint16", 1),),
+    facts=_FACTS,
+    max_rate_hz=100.0,
+)
+
+ICP_DAS: Final = (M_7017, M_7024)

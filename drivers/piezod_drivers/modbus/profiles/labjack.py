@@ -1,0 +1,100 @@
+"""LabJack T4, T7 and T8 over Modbus TCP: FLOAT32 volts, a combined function, a watchdog.
+
+Addresses after LabJack's public register list (ljm_constants); frames of the combined function
+after LabJack's page on direct Modbus TCP and the public crate async_labjack.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from piezod_drivers.modbus.profiles.profile import (
+    Constant,
+    Fact,
+    Profile,
+    Setting,
+    WatchdogPlan,
+    row,
+)
+
+PRODUCT_ID: Final = 60_000
+FIRMWARE: Final = 60_004
+SERIAL: Final = 60_028
+TEST: Final = 55_100
+TEST_NUMBER: Final = 0x00112233
+COUNTER_10KHZ: Final = 61_502
+"""Counts since the start; it begins at 0 again after a reset."""
+WATCHDOG_ENABLE: Final = 61_600
+WATCHDOG_TIMEOUT_S: Final = 61_604
+WATCHDOG_DACS: Final = ((61_640, 61_642), (61_650, 61_652))
+"""For each output: whether it is set, and to what."""
+
+
+def _settings(timeout_s: float, safe_v: float) -> Sequence[Setting]:
+    return [
+        Setting(WATCHDOG_TIMEOUT_S, "uint32", timeout_s),
+        *(
+            setting
+            for enable, value in WATCHDOG_DACS
+            for setting in (Setting(enable, "uint32", 1), Setting(value, "float32", safe_v))
+        ),
+    ]
+
+
+def _watchdog(highest_v: float) -> WatchdogPlan:
+    def objection(timeout_s: float, safe_v: float) -> str:
+        if timeout_s != round(timeout_s) or timeout_s < 1:
+            return f"timeout_s counts whole seconds (got {timeout_s:g}), allowed: 1, 2, 3 … s"
+        if not 0 <= safe_v <= highest_v:
+            return f"safe is out of range (got {safe_v:g}), allowed range 0 to {highest_v:g} V"
+        return ""
+
+    return WatchdogPlan(
+        off=[Setting(WATCHDOG_ENABLE, "uint32", 0)],
+        settings=_settings,
+        on=[Setting(WATCHDOG_ENABLE, "uint32", 1)],
+        objection=objection,
+        writes=(),
+    )
+
+
+def _profile(product: int, n_inputs: int, highest_v: float) -> Profile:
+    return Profile(
+        name=f"labjack-t{product}",
+        maker="LabJack",
+        model=f"T{product}",
+        registers=(
+            # Up to 10.1 V in the largest range, and -9999 where there is nothing to give.
+            *row(
+                [f"AIN{i}" for i in range(n_inputs)],
+                0,
+                step=2,
+                role="input",
+                type="float32",
+                range=(-11.0, 11.0),
+            ),
+            *row(
+                ["DAC0", "DAC1"],
+                1000,
+                step=2,
+                role="output",
+                type="float32",
+                range=(0.0, highest_v),
+            ),
+        ),
+        write_functions=(16,),
+        feedback=True,
+        constants=(
+            Constant("holding", TEST, "uint32", TEST_NUMBER),
+            Constant("holding", PRODUCT_ID, "float32", product),
+        ),
+        facts=(
+            ("model", Fact("holding", PRODUCT_ID, "float32", lambda number: f"T{number:.0f}")),
+            ("serial", Fact("holding", SERIAL, "uint32", lambda number: f"{number:.0f}")),
+            ("firmware", Fact("holding", FIRMWARE, "float32", lambda number: f"{number:.4f}")),
+        ),
+        max_rate_hz=1000.0,  # LabJack: an exchange over Ethernet takes 1.0 ms
+        watchdog=_watchdog(highest_v),
+    )
+
+
+LABJACK: Final = (_profile(4, 12, 5.0), _profile(7, 14, 5.0), _profile(8, 8, 10.0))

@@ -1,0 +1,57 @@
+"""Waveshare Modbus RTU Analog Input 8CH and Analog Output 8CH, and the (B) versions for volts.
+
+After Waveshare's public wiki: inputs by function 4, in µA or mV; outputs by functions 3, 6, 16, in
+µA or mV; version at 0x8000. An input is taken to be in its usual mode, 0 to 20 mA or 0 to 10 V. Not
+confirmed on hardware.
+"""
+
+from typing import Final, Literal
+
+from piezod_drivers.modbus.profiles.profile import Fact, Profile, row
+
+VERSION: Final = 0x8000
+_FACTS: Final = (
+    ("firmware", Fact("holding", VERSION, "uint16", lambda number: f"V{number / 100:.2f}")),
+)
+
+
+def _input(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> Profile:
+    return Profile(
+        name=name,
+        maker="Waveshare",
+        model=model,
+        registers=row(
+            [f"AI{i}" for i in range(1, 9)],
+            0,
+            role="input",
+            table="input",
+            scale=1e-3,
+            unit=unit,
+            range=(0.0, 0.9999 * highest),
+        ),
+        facts=_FACTS,
+        max_rate_hz=100.0,
+    )
+
+
+def _output(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> Profile:
+    names = [f"AO{i}" for i in range(1, 9)]
+    return Profile(
+        name=name,
+        maker="Waveshare",
+        model=model,
+        registers=(
+            *row(names, 0, role="output", scale=1e-3, unit=unit, range=(0.0, highest)),
+            *row(names, 0, role="read-back", scale=1e-3, unit=unit),
+        ),
+        facts=_FACTS,
+        max_rate_hz=100.0,
+    )
+
+
+WAVESHARE: Final = (
+    _input("waveshare-ai8", "Modbus RTU Analog Input 8CH", "mA", 20.0),
+    _input("waveshare-ai8b", "Modbus RTU Analog Input 8CH (B)", "V", 10.0),
+    _output("waveshare-ao8", "Modbus RTU Analog Output 8CH", "mA", 20.0),
+    _output("waveshare-ao8b", "Modbus RTU Analog Output 8CH (B)", "V", 10.0),
+)

@@ -1,0 +1,140 @@
+"""What a register of a device means, and how its words become a number."""
+
+from collections.abc import Callable, Iterator
+from struct import Struct
+from typing import Annotated, Final, Literal, Self, TypeAlias
+
+from pydantic import Field, StringConstraints, model_validator
+
+from piezod.config.channels import ChannelName
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.devices.status import DeviceFlag
+
+NumberType: TypeAlias = Literal["int16", "uint16", "int32", "uint32", "float32"]
+Role: TypeAlias = Literal["input", "output", "read-back", "status"]
+Table: TypeAlias = Literal["holding", "input", "coil"]
+WordOrder: TypeAlias = Literal["big", "little"]
+Address: TypeAlias = Annotated[int, Quantity(0, 65_535)]
+Value: TypeAlias = Annotated[float, Quantity(-1e9, 1e9)]
+
+_FORMATS: Final = {"int16": "h", "uint16": "H", "int32": "i", "uint32": "I", "float32": "f"}
+_LIMITS: Final = {
+    "int16": (-(2**15), 2**15 - 1),
+    "uint16": (0, 2**16 - 1),
+    "int32": (-(2**31), 2**31 - 1),
+    "uint32": (0, 2**32 - 1),
+}
+
+Unpack: TypeAlias = Callable[[bytes, int], float]
+"""Gives the number whose first byte is at an offset."""
+Pack: TypeAlias = Callable[[float], bytes]
+"""Gives the words of a number."""
+
+
+class Register(ConfigModel):
+    """One number that a device holds: value = scale · number + offset."""
+
+    channel: ChannelName | None = Field(
+        default=None,
+        description="Name of the channel; of a read-back: that of its output; of a status: the "
+        "channel it is about, left out: all of the unit.",
+    )
+    role: Role = Field(description="What it is: input, output, read-back of an output, or status.")
+    table: Table = Field(default="holding", description="Where it is: holding, input or coil.")
+    address: Address = Field(description="As sent: 0 for what some manuals call 40001 or 30001.")
+    type: NumberType = Field(default="uint16", description="How the number is coded.")
+    words: WordOrder = Field(
+        default="big", description="Which word of a number of 32 bits comes first: the big end."
+    )
+    scale: Value = Field(default=1.0, description="Value of one unit of the number.")
+    offset: Value = Field(default=0.0, description="Value where the number is 0.")
+    unit: Annotated[str, StringConstraints(min_length=1, max_length=8)] = Field(
+        default="V", description="Unit of the value."
+    )
+    range: tuple[Value, Value] | None = Field(
+        default=None,
+        description="Lowest and highest value: of an output, what it may be set to; of an input, "
+        "what is not saturated.",
+    )
+    flag: DeviceFlag | None = Field(
+        default=None, strict=False, description="What a status says: overload, watchdog tripped, …"
+    )
+    mask: Annotated[int, Quantity(1, 2**32 - 1)] = Field(
+        default=1, description="Of a status: it says so where one of these bits is set."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        raise_rules(self._broken_rules())
+        return self
+
+    @property
+    def size(self) -> int:
+        """Number of words, or of coils."""
+        return 1 if self.table == "coil" or self.type in {"int16", "uint16"} else 2
+
+    @property
+    def low(self) -> float:
+        """Lowest value."""
+        return float("-inf") if self.range is None else self.range[0]
+
+    @property
+    def high(self) -> float:
+        """Highest value."""
+        return float("inf") if self.range is None else self.range[1]
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        if self.role == "status":
+            if self.flag is None:
+                yield ("flag",), "a status needs one, to say what it tells"
+            if self.type == "float32" and self.table != "coil":
+                yield ("type",), "a status is a whole number, as uint16"
+        elif self.table == "coil":
+            yield ("table",), "only a status can be a coil"
+        elif self.channel is None:
+            yield ("channel",), "give the channel a name"
+        if self.role == "output":
+            yield from self._broken_rules_of_output()
+        if abs(self.scale) < 1e-12:
+            yield (
+                ("scale",),
+                f"too small (got {self.scale:g}), allowed: 1e-12 and more, or negative",
+            )
+        if self.range is not None and not self.range[0] < self.range[1]:
+            yield ("range", 1), "must be above the first of the two"
+        if self.address + self.size > 65_536:
+            yield ("address",), "the number does not fit behind it, allowed: 65534 and less"
+
+    def _broken_rules_of_output(self) -> Iterator[BrokenRule]:
+        if self.table != "holding":
+            yield ("table",), "only holding registers can be written"
+        if self.range is None:
+            yield ("range",), "an output needs one, so that it is never driven beyond"
+        elif self.type != "float32" and abs(self.scale) >= 1e-12:
+            low, high = _LIMITS[self.type]
+            ends = sorted((value - self.offset) / self.scale for value in self.range)
+            if ends[0] < low - 0.5 or ends[1] > high + 0.5:
+                what = f"numbers {ends[0]:g} to {ends[1]:g} do not fit into {self.type}"
+                yield ("range",), f"{what}, {low} to {high}"
+
+
+def unpacker(register: Register) -> Unpack:
+    """Return what turns the words of a register, big end first, into its number."""
+    unpack_from = Struct(">" + _FORMATS[register.type]).unpack_from
+    if register.size == 1 or register.words == "big":
+        return lambda data, at: unpack_from(data, at)[0]
+    return lambda data, at: unpack_from(data[at + 2 : at + 4] + data[at : at + 2])[0]
+
+
+def packer(register: Register) -> Pack:
+    """Return what turns a value into the words of a register; the value is within its range."""
+    pack = Struct(">" + _FORMATS[register.type]).pack
+    scale, offset = register.scale, register.offset
+    if register.type == "float32":
+        words: Pack = lambda value: pack((value - offset) / scale)  # noqa: E731 - one of two
+    else:
+        low, high = _LIMITS[register.type]
+        words = lambda value: pack(min(max(round((value - offset) / scale), low), high))  # noqa: E731 - likewise
+    if register.size == 1 or register.words == "big":
+        return words
+    return lambda value: (packed := words(value))[2:] + packed[:2]

@@ -1,0 +1,188 @@
+"""The driver for register maps: reads and writes blocks of registers."""
+
+from collections.abc import Sequence
+from math import isnan, nan
+from typing import Final
+
+from piezod.devices.bus.dialogue import Reading
+from piezod.devices.bus.line import LineFault
+from piezod.devices.interface import Capabilities, Identity, Wiring
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod_drivers.modbus.layout import lay_out, profile_of, watchdog_of
+from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.plan import ReadBlock, WriteBlock
+from piezod_drivers.modbus.setup import Setup
+from piezod_drivers.modbus.transactions import Transactions
+
+STATUS_PERIOD_NS: Final = 100_000_000
+
+
+class RegisterDialogue:
+    """Implements `ExchangingDialogue` for the units of one line.
+
+    Args:
+        options: What a configuration says.
+        wiring: The channels that are used.
+        transactions: The line.
+    """
+
+    def __init__(self, options: Options, wiring: Wiring, transactions: Transactions) -> None:
+        self._options, self._transactions = options, transactions
+        self._layout = lay_out(options, wiring)
+        self._no_values = [nan] * len(wiring.inputs)
+        self._well: list[Flags] = [NO_FLAGS] * len((*wiring.inputs, *wiring.outputs))
+        self._said = self._told = self._well
+        self._together = self._layout.together
+        self._status_ns: int | None = None
+        self._in_force: Sequence[float] = ()
+        self._in_force_ns: int | None = None
+
+    @property
+    def exchanges(self) -> bool:
+        """Whether everything is set and read in one request."""
+        return bool(self._together)
+
+    def open(self) -> Identity:
+        """Connect, see whether every unit is what it should be, and read everything once.
+
+        Raises:
+            DeviceUnavailableError: If nobody is there.
+            DeviceError: If it is another device.
+            LineFault: If an exchange fails.
+        """
+        self._transactions.open()
+        identities = []
+        for unit in self._options.every_unit:
+            setup, profile = Setup(self._transactions, unit.unit), profile_of(unit)
+            if profile is not None:
+                setup.check(profile)
+            identities.append(setup.identity(profile))
+        self._said = self._told = self._well
+        self._status_ns = self._in_force_ns = None
+        for block in (*self._layout.reads, *self._layout.backs, *self._layout.statuses):
+            self._try_forms(block)
+        del self._together[len(self._layout.reads[0].requests) if self._together else 0 :]
+        return Identity(*(" + ".join(parts) for parts in zip(*identities, strict=True)))
+
+    def close(self) -> None:
+        """Let go of the line; outputs stay as they are. Never raises."""
+        self._transactions.close()
+
+    def capabilities(self) -> Capabilities:
+        """Tell channels and the rate that the line allows."""
+        return self._layout.able
+
+    def ranges(self) -> Sequence[tuple[float, float]]:
+        """Tell what each output can be set to."""
+        return self._layout.ranges
+
+    def activate(self) -> None:
+        """Arm the watchdogs; outputs stay where they are.
+
+        Raises:
+            DeviceError: If one cannot be armed.
+            LineFault: If an exchange fails.
+        """
+        for unit in self._options.every_unit:
+            plan, wanted = watchdog_of(unit, self._options), self._options.watchdog
+            if plan is not None and wanted is not None:
+                Setup(self._transactions, unit.unit).arm(plan, wanted.timeout_s, wanted.safe)
+
+    def deactivate(self) -> None:
+        """Stop the watchdogs; outputs hold.
+
+        Raises:
+            LineFault: If an exchange fails.
+        """
+        for unit in self._options.every_unit:
+            if (plan := watchdog_of(unit, self._options)) is not None:
+                Setup(self._transactions, unit.unit).disarm(plan)
+
+    def sample(self, now_ns: int) -> Reading:
+        """Read every input, and the status now and then; may be called in the loop."""
+        values = self._no_values.copy()
+        self._read(self._layout.reads, values)
+        return self._noted(values, now_ns)
+
+    def put(self, values: Sequence[float]) -> None:
+        """Set every output; may be called in the loop."""
+        self._in_force_ns = None
+        for block in self._layout.writes:
+            self._write(block, values)
+
+    def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
+        """Set and read everything in one request (function 23); may be called in the loop."""
+        self._in_force_ns = None
+        write, block = self._layout.writes[0], self._layout.reads[0]
+        words = write.words(values)
+        requests = [form.request(words) for form in self._together]
+        _, pdu = self._transactions.ask(write.unit, requests, block.turn())
+        measured = self._no_values.copy()
+        block.decode(pdu, measured)
+        return self._noted(measured, now_ns)
+
+    def in_force(self, now_ns: int) -> Sequence[float]:
+        """Read the outputs back; may be called in the loop."""
+        if self._in_force_ns != now_ns:
+            told = [nan] * len(self._layout.ranges)
+            self._read(self._layout.backs, told)
+            self._in_force, self._in_force_ns = told, now_ns
+        return self._in_force
+
+    def flags(self) -> Sequence[Flags]:
+        """Tell what the devices have said last; may be called in the loop."""
+        return self._told
+
+    def take_noticed(self) -> set[DeviceFlag]:
+        """Return what went wrong on the line without making an exchange fail."""
+        return self._transactions.take_noticed()
+
+    def _try_forms(self, block: ReadBlock) -> None:
+        """Keep the forms of a question that the device takes."""
+        taken = []
+        for form, request in enumerate(block.requests):
+            try:
+                self._transactions.ask(block.unit, [request])
+                taken.append(form)
+            except LineFault as fault:
+                if form == 0 or fault.flag is not DeviceFlag.WRONG_REQUEST:
+                    raise
+        block.keep(taken)
+
+    def _read(self, blocks: Sequence[ReadBlock], into: list[float]) -> None:
+        for block in blocks:
+            _, pdu = self._transactions.ask(block.unit, block.requests, block.turn())
+            block.decode(pdu, into)
+
+    def _write(self, block: WriteBlock, values: Sequence[float]) -> None:
+        """Write in the best way whose acknowledgement cannot be mistaken for a late one."""
+        ways = block.requests(values)
+        if len(ways[0]) == 1 and all(len(way) == 1 for way in ways):
+            self._transactions.ask(block.unit, [way[0] for way in ways])
+            return
+        for request in ways[0] if self._transactions.is_free(block.unit, ways[0]) else ways[-1]:
+            self._transactions.ask(block.unit, [request])
+
+    def _noted(self, values: list[float], now_ns: int) -> Reading:
+        """Note saturated inputs, and ask for the status where it is due."""
+        if self._layout.status and (
+            self._status_ns is None or now_ns - self._status_ns >= STATUS_PERIOD_NS
+        ):
+            self._status_ns = now_ns
+            self._said = self._read_status()
+        self._told = self._said
+        if nan_at := [place for place, value in enumerate(values) if isnan(value)]:
+            self._told = list(self._said)
+            for place in nan_at:
+                self._told[place] |= {DeviceFlag.SATURATED}
+        return now_ns, values
+
+    def _read_status(self) -> list[Flags]:
+        numbers = [0.0] * len(self._layout.status)
+        self._read(self._layout.statuses, numbers)
+        said = list(self._well)
+        for (register, channels), number in zip(self._layout.status, numbers, strict=True):
+            if register.flag is not None and int(number) & register.mask:
+                for place in channels:
+                    said[place] |= {register.flag}
+        return said
