@@ -1,6 +1,7 @@
 """Requests and replies over a line, one at a time; a late reply is never taken for the next one."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final, TypeAlias
 
 from piezod.devices.bus.line import Line, LineFault, Notices
@@ -16,6 +17,10 @@ SLOW: Final = 0.8
 """A reply that takes more than this part of its time is slow."""
 MOST_BYTES: Final = 65_536
 """More than this without a frame is garbage, however it goes on."""
+
+
+class _StillOwedError(LineFault):
+    """Raised where nothing may be asked, because a late reply may still come."""
 
 
 class Conversation:
@@ -46,6 +51,21 @@ class Conversation:
         """
         self._rest = b""
         self._noticed.clear()
+
+    def wait_out(self) -> None:
+        """Wait for a late reply until it comes or can no longer come; not to be called in the loop.
+
+        For opening: a device that does not know a request may leave it unanswered.
+
+        Raises:
+            LineFault: Whatever the line raises.
+        """
+        while self._owed is not None:
+            left_ns = self._owed_until_ns - self._line.now_ns()
+            if left_ns > 0:
+                self._rest += self._line.receive(left_ns)
+            with suppress(_StillOwedError):
+                self._settle()
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return what went wrong without making an exchange fail, since the last call."""
@@ -133,7 +153,7 @@ class Conversation:
         while (length := self._owed(self._rest)) < 0:
             self._rest = self._rest[-length:]
         if length == 0 and now_ns < self._owed_until_ns:
-            raise LineFault(DeviceFlag.LATE_REPLY, "a late reply may still come")
+            raise _StillOwedError(DeviceFlag.LATE_REPLY, "a late reply may still come")
         self._noticed.add(DeviceFlag.LATE_REPLY)
         self._rest, self._owed = b"", None
 

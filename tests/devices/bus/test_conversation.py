@@ -133,6 +133,21 @@ def test_opening_again_does_not_forget_a_late_reply() -> None:
     assert line.sent == [b"1"]
 
 
+@pytest.mark.parametrize("comes_ms", [30, 220, None])
+def test_late_reply_can_be_waited_for(comes_ms: int | None) -> None:
+    """Until it comes or can no longer come; then the next request goes out at once."""
+    coming = [] if comes_ms is None else [(comes_ms * MS, b"1\n")]
+    line = PlayedLine(lambda request: coming if request == b"1" else [(MS, b"2\n")])
+    conversation = talk(line)
+    flag_of(conversation)
+    begin_ns = line.t_ns - TIMEOUT_MS * MS
+    conversation.wait_out()
+    conversation.wait_out()
+
+    assert (line.t_ns - begin_ns) // MS == (comes_ms or (1 + PATIENCE) * TIMEOUT_MS)
+    assert conversation.ask(b"2", lines) == b"2\n"
+
+
 def test_half_a_reply_is_no_beginning_of_the_next() -> None:
     """What came of a reply that broke off is gone after the time of patience."""
     line = PlayedLine(lambda request: [(MS, b"12" if request == b"1" else b"3\n")])

@@ -45,7 +45,7 @@ class PsjDialogue:
         timeout_s: float,
     ) -> None:
         self._line, self._model, self._wiring, self._range_v = line, model, wiring, range_v
-        self._talk, self._timeout_ns = Conversation(line, timeout_s), round(timeout_s * 1e9)
+        self._talk = Conversation(line, timeout_s)
         self._frame: LengthOf = codec.framed if model.frames else codec.line
         self._inputs = [int(name[2:]) for name in wiring.inputs]
         self._outputs = [int(name[2:]) for name in wiring.outputs]
@@ -196,7 +196,7 @@ class PsjDialogue:
         request = codec.command(self._model, "")
         with suppress(LineFault):
             self._talk.ask(request, length_of)
-        self._talk.restart()
+        self._talk.wait_out()
         greeting = self.ask(request, length_of)
         if not greeting.startswith(self._model.greetings):
             wanted = " or ".join(f"{known}…" for known in self._model.greetings)
@@ -220,8 +220,7 @@ class PsjDialogue:
         except LineFault as fault:
             if fault.flag is DeviceFlag.DISCONNECTED:
                 raise
-            self._line.receive(self._timeout_ns)
-            self._talk.restart()
+            self._talk.wait_out()
         return "unknown"
 
     def _limits(self, channel: int) -> tuple[float, float]:
