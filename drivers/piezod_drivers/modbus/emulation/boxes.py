@@ -1,0 +1,124 @@
+"""Emulated ADAM-6024 and ADAM-4024, M-7017C and M-7024R, WAGO 750, Waveshare AI and AO (B)."""
+
+from functools import partial
+from typing import Final
+
+from piezod.devices.emulation.bench import Bench
+from piezod_drivers.modbus.emulation.converter import Output, measured_v
+from piezod_drivers.modbus.emulation.servers import RtuServer, TcpServer
+from piezod_drivers.modbus.emulation.unit import NO_VALUE, Refusal, Unit
+from piezod_drivers.modbus.emulation.watchdog import Watchdog
+from piezod_drivers.modbus.profiles import advantech, icp_das, wago, waveshare
+
+_HIGHEST_V: Final = 10.0
+_MV: Final = 1e-3
+_REGISTERS: Final = frozenset({1, 3, 4, 6, 16})
+
+
+def _measured(bench: Bench, axis: int, scale: float, offset: float = 0.0) -> float:
+    """Give the code of an input, value = scale · code + offset, within ±10 V."""
+    value_v = min(max(measured_v(bench, axis), -_HIGHEST_V), _HIGHEST_V)
+    return (value_v - offset) / scale
+
+
+def _output(unit: Unit, address: int, output: Output, scale: float) -> None:
+    unit.has("holding", address, "uint16", partial(_code, output, scale), output.set_code(scale))
+
+
+def _code(output: Output, scale: float) -> float:
+    return output.value / scale
+
+
+def adam_6024(bench: Bench, _serial: str) -> TcpServer:
+    """Make an ADAM-6024: input and output i are sensor and amplifier of axis i."""
+    unit = Unit(_REGISTERS)
+    for i in range(6):
+        scale = 20 / 65_535
+        unit.has("holding", i, "uint16", partial(_measured, bench, i, scale, -_HIGHEST_V))
+        unit.has("holding", 20 + i, "uint16", partial(_over_or_under, bench, i))
+    for i in range(2):
+        output = Output(bench, i, _HIGHEST_V, advantech.CODES_12_BIT)
+        _output(unit, 10 + i, output, _HIGHEST_V / advantech.CODES_12_BIT)
+    return TcpServer(unit)
+
+
+def _over_or_under(bench: Bench, axis: int) -> float:
+    value_v = measured_v(bench, axis)
+    return 2 if value_v > _HIGHEST_V else 4 if value_v < -_HIGHEST_V else 0
+
+
+def adam_4024(bench: Bench, _serial: str) -> RtuServer:
+    """Make an ADAM-4024 at address 1: output i is the amplifier of axis i."""
+    unit = Unit(_REGISTERS)
+    for i in range(4):
+        output = Output(bench, i, _HIGHEST_V, advantech.CODES_12_BIT)
+        _output(unit, i, output, _HIGHEST_V / advantech.CODES_12_BIT)
+    unit.has("holding", advantech.MODULE_NAME, "uint16", lambda: 0x4024)
+    unit.has("holding", advantech.VERSION, "uint16", lambda: 0xA200)
+    unit.has("holding", advantech.COMM_SAFETY, "uint16", lambda: 0)
+    return RtuServer({1: unit}, bench.now_ns)
+
+
+def icpdas(bench: Bench, _serial: str) -> RtuServer:
+    """Make an M-7017C at address 1 and an M-7024R at address 2 on one line."""
+    inputs, outputs = Unit(_REGISTERS), Unit(_REGISTERS)
+    for i in range(8):
+        inputs.has("input", i, "int16", partial(_measured, bench, i, _MV))
+    for i in range(4):
+        _output(outputs, i, Output(bench, i, _HIGHEST_V, (1 << 14) - 1), _MV)
+    outputs.has("coil", icp_das.WATCHDOG_TRIPPED, "uint16", lambda: 0)
+    for unit in (inputs, outputs):
+        unit.has("coil", icp_das.FORMAT, "uint16", lambda: 1)
+        unit.has("holding", icp_das.FIRMWARE, "uint16", lambda: 0x0220)
+    return RtuServer({1: inputs, 2: outputs}, bench.now_ns)
+
+
+def waveshare_b(bench: Bench, _serial: str) -> RtuServer:
+    """Make an Analog Input 8CH (B) at address 1 and an Analog Output 8CH (B) at address 2."""
+    inputs, outputs = Unit(_REGISTERS), Unit(_REGISTERS)
+    for i in range(8):
+        inputs.has("input", i, "uint16", partial(_measured, bench, i, _MV))
+        _output(outputs, i, Output(bench, i, _HIGHEST_V, (1 << 12) - 1), _MV)
+    for unit in (inputs, outputs):
+        unit.has("holding", waveshare.VERSION, "uint16", lambda: 100)
+    return RtuServer({1: inputs, 2: outputs}, bench.now_ns)
+
+
+def wago_750(bench: Bench, _serial: str) -> TcpServer:
+    """Make a coupler with four inputs and four outputs of 10 V."""
+    unit = Unit(_REGISTERS | {23})
+    scale = _HIGHEST_V / wago.CODES
+    outputs = [Output(bench, i, _HIGHEST_V, (1 << 12) - 1) for i in range(4)]
+    for i, output in enumerate(outputs):
+        get = partial(_measured, bench, i, scale)
+        unit.has("input", i, "int16", get)
+        unit.has("holding", i, "int16", get, output.set_code(scale))
+        unit.has("holding", wago.READ_BACK + i, "int16", partial(_code, output, scale))
+    for i, number in enumerate(wago.CONSTANTS):
+        unit.has("holding", wago.CONSTANTS_AT + i, "uint16", partial(float, number))
+    for address, number in ((wago.FIRMWARE, 5), (wago.SERIES, 750), (wago.ITEM, 352)):
+        unit.has("holding", address, "uint16", partial(float, number))
+    watchdog = _wago_watchdog(unit, bench, outputs)
+    return TcpServer(unit, watchdog.heard)
+
+
+def _wago_watchdog(unit: Unit, bench: Bench, outputs: list[Output]) -> Watchdog:
+    time = unit.stores("holding", wago.WATCHDOG_TIME, "uint16", 100)
+    unit.stores("holding", wago.WATCHDOG_MASK, "uint16")
+
+    def trips() -> None:
+        for output in outputs:
+            output.set(0.0)
+
+    def stop(number: float) -> None:
+        if number not in {0xAA55, 0x55AA}:
+            raise Refusal(NO_VALUE)
+        watchdog.stop()
+
+    watchdog = Watchdog(bench.now_ns, lambda: time() / 10, trips)
+    unit.has(
+        "holding", wago.WATCHDOG_TRIGGER, "uint16", lambda: 0.0, lambda _number: watchdog.start()
+    )
+    unit.has("holding", wago.WATCHDOG_STATUS, "uint16", lambda: watchdog.state)
+    unit.has("holding", wago.WATCHDOG_STOP, "uint16", lambda: 0.0, stop)
+    return watchdog

@@ -1,0 +1,107 @@
+"""Emulated devices behind the frames of Modbus TCP and of Modbus RTU."""
+
+from collections.abc import Callable, Mapping
+from struct import Struct
+from typing import Final
+
+from piezod_drivers.modbus.checksum import checksum, is_whole
+from piezod_drivers.modbus.emulation.unit import Unit
+
+_HEADER: Final = Struct(">HHHB")
+_MOST: Final = 512
+_QUIET_NS: Final = 20_000_000
+"""A frame on a serial line ends when nothing has come for so long; an emulator is not exact."""
+
+
+class TcpServer:
+    """Implements `Emulator`: one device, whatever unit is asked for.
+
+    Args:
+        unit: The device.
+        heard: Called whenever a request is answered, and by `due`.
+    """
+
+    def __init__(self, unit: Unit, heard: Callable[[bool], None] = lambda _asked: None) -> None:
+        self._unit, self._heard, self._got = unit, heard, b""
+
+    def connected(self) -> None:
+        """Begin anew."""
+        self._got = b""
+
+    def receive(self, data: bytes) -> list[bytes]:
+        """Answer every whole request; what is no header is dropped."""
+        self._got += data
+        replies = []
+        while len(self._got) >= _HEADER.size:
+            number, protocol, length, unit = _HEADER.unpack_from(self._got)
+            if protocol != 0 or not 3 <= length <= _MOST:
+                self._got = b""
+                break
+            if len(self._got) < length + 6:
+                break
+            pdu, self._got = self._got[_HEADER.size : length + 6], self._got[length + 6 :]
+            self._heard(True)
+            answer = self._unit.answer(pdu)
+            replies.append(_HEADER.pack(number, 0, len(answer) + 1, unit) + answer)
+        return replies
+
+    def due(self) -> list[bytes]:
+        """Send nothing unasked; let time pass for the watchdog."""
+        self._heard(False)
+        return []
+
+
+class RtuServer:
+    """Implements `Emulator`: the devices of one serial line.
+
+    Args:
+        units: Each device by its address.
+        now_ns: The clock.
+        heard: Called whenever a request is answered, and by `due`.
+    """
+
+    def __init__(
+        self,
+        units: Mapping[int, Unit],
+        now_ns: Callable[[], int],
+        heard: Callable[[bool], None] = lambda _asked: None,
+    ) -> None:
+        self._units, self._now_ns, self._heard = units, now_ns, heard
+        self._got, self._until_ns = b"", 0
+
+    def receive(self, data: bytes) -> list[bytes]:
+        """Answer every whole request to one of the devices; nobody answers to damaged ones."""
+        now_ns = self._now_ns()
+        if now_ns > self._until_ns:
+            self._got = b""
+        self._until_ns = now_ns + _QUIET_NS
+        self._got = (self._got + data)[-_MOST:]
+        replies = []
+        while size := _size(self._got):
+            frame, self._got = self._got[:size], self._got[size:]
+            if not is_whole(frame):
+                self._got = b""
+                break
+            unit = self._units.get(frame[0])
+            if unit is not None:
+                self._heard(True)
+                answer = frame[:1] + unit.answer(frame[1:-2])
+                replies.append(answer + checksum(answer))
+        return replies
+
+    def due(self) -> list[bytes]:
+        """Send nothing unasked; let time pass for the watchdog."""
+        self._heard(False)
+        return []
+
+
+def _size(got: bytes) -> int:
+    """Tell how long the request is that has come, 0 as long as more has to come."""
+    if len(got) < 8:
+        return 0
+    size = 8
+    if got[1] in {15, 16}:
+        size = 9 + got[6]
+    elif got[1] == 23:
+        size = 13 + got[10] if len(got) > 10 else len(got) + 1
+    return size if len(got) >= size else 0
