@@ -170,10 +170,11 @@ def test_one_device_may_play_both_roles() -> None:
 @pytest.mark.parametrize("role", ["sensor", "amplifier"])
 def test_a_device_that_cannot_play_its_role_is_refused(role: str) -> None:
     """The error names the device and the role."""
+    pair = ChannelPair("both", "plain") if role == "amplifier" else ChannelPair("plain", "both")
     with pytest.raises(DeviceError, match=f"device plain is no {role}"):
         Channels(
             {"plain": FakeDevice(("x",)), "both": FakeBoth(("x",))},
-            {"x": ChannelPair("both", "both")._replace(**{role: "plain"})},
+            {"x": pair},
         )
 
 

@@ -1,0 +1,167 @@
+"""A device that is lost, and what is done until it is there again."""
+
+from collections.abc import Iterator
+from math import isnan
+
+import pytest
+
+from piezod.devices.around import Combined
+from piezod.devices.interface import Sample
+from piezod.devices.status import NO_FLAGS, DeviceFlag
+from piezod.devices.tended import CanBeLost, Tended
+from piezod.errors import DeviceError
+from tests.daemon.waiting import eventually
+from tests.devices.fake_link import OTHER, WHO, FakeLink
+
+AWAY = frozenset({DeviceFlag.HALF_OPEN})
+
+
+@pytest.fixture
+def link() -> FakeLink:
+    """Return a device that is open and active."""
+    link = FakeLink()
+    link.open()
+    link.activate(0)
+    return link
+
+
+@pytest.fixture
+def tended(link: FakeLink) -> Iterator[Tended]:
+    """Return it tended, by a thread that does not wait long."""
+    tended = Tended(link, WHO, first_wait_s=0.0005, longest_wait_s=0.001)
+    tended.thread.start()
+    yield tended
+    tended.close()
+    assert not tended.thread.is_alive()
+
+
+def test_calls_go_through_as_long_as_the_device_is_there(link: FakeLink, tended: Tended) -> None:
+    """Each role's, and what is told once is told once."""
+    link.noticed(DeviceFlag.GARBAGE)
+
+    assert tended.read(7) == [Sample(7, 1.0, True)]
+    assert tended.write([2.0], 7)
+    assert tended.read_back(7) == [2.0]
+    assert tended.exchange([3.0], 8) == (True, [Sample(8, 1.0, True)])
+    assert tended.status(8) == [{DeviceFlag.GARBAGE}] * 2
+    assert tended.status(8) == [NO_FLAGS] * 2
+    assert tended.capabilities() == link.capabilities()
+    assert isinstance(link, CanBeLost)
+
+
+@pytest.mark.parametrize("call", ["read", "write", "read_back", "exchange"])
+def test_a_device_is_lost_in_any_call_and_comes_back(
+    link: FakeLink, tended: Tended, call: str
+) -> None:
+    """Meanwhile every call answers at once that there is nothing; then it is active again."""
+    link.noticed(DeviceFlag.GARBAGE)
+    link.pulled = True
+    getattr(tended, call)(*([[2.0], 50] if call in {"write", "exchange"} else [50]))
+
+    assert not tended.there
+    assert tended.status(50) == [AWAY | {DeviceFlag.GARBAGE}] * 2
+    assert tended.status(51) == [AWAY] * 2
+    assert [sample.valid for sample in tended.read(51)] == [False]
+    assert not tended.write([2.0], 51)
+    assert tended.exchange([2.0], 51)[0] is False
+    assert all(map(isnan, tended.read_back(51)))
+    eventually(lambda: tended.absent)
+    assert tended.absent == "nobody there"
+
+    tended.read(60)
+    link.pulled = False
+    eventually(lambda: tended.there)
+    assert link.done[-1] == "activate 60"
+    assert "write 51" not in link.done
+    assert tended.read(61) == [Sample(61, 1.0, True)]
+    assert tended.status(61) == [NO_FLAGS] * 2
+    assert tended.absent == ""
+
+
+def test_a_device_may_be_lost_again(link: FakeLink, tended: Tended) -> None:
+    """As often as it likes."""
+    for now_ns in (1, 2, 3):
+        link.pulled = True
+        tended.read(now_ns)
+        link.pulled = False
+        eventually(lambda: tended.there)
+
+    assert link.done.count("activate 3") == 1
+
+
+def test_another_device_is_not_taken_for_the_lost_one(link: FakeLink, tended: Tended) -> None:
+    """It is closed again and nothing is written to it; the right one is taken when it comes."""
+    link.pulled = True
+    tended.read(1)
+    link.who, link.pulled = OTHER, False
+    eventually(lambda: tended.absent.startswith("another device"))
+
+    assert tended.absent == (
+        "another device came back: maker stage 2 1.0, expected: maker stage 1 1.0"
+    )
+    tended.status(2)
+    eventually(lambda: DeviceFlag.OTHER_DEVICE in tended.status(2)[0])
+    assert not tended.there
+    assert "activate 1" not in link.done
+    link.who = WHO
+    eventually(lambda: tended.there)
+
+
+def test_a_device_that_was_deactivated_meanwhile_comes_back_so(
+    link: FakeLink, tended: Tended
+) -> None:
+    """Nobody activates it but who is asked to; and who is away cannot be."""
+    link.pulled = True
+    tended.read(5)
+    tended.deactivate(6)
+    link.pulled = False
+    eventually(lambda: tended.there)
+    assert "activate 5" not in link.done
+
+    tended.activate(7)
+    assert link.done[-1] == "activate 7"
+    tended.deactivate(8)
+    assert link.done[-1] == "deactivate 8"
+    link.pulled = True
+    tended.read(9)
+    with pytest.raises(DeviceError, match=r"stage is away: (nobody there|the wire is pulled)"):
+        tended.activate(10)
+
+
+def test_a_device_that_is_away_can_be_closed(link: FakeLink, tended: Tended) -> None:
+    """The thread ends with it."""
+    link.pulled = True
+    tended.read(1)
+    tended.close()
+
+    assert not tended.thread.is_alive()
+    assert not link.is_open
+
+
+def test_what_cannot_be_lost_need_not_be_tended(link: FakeLink) -> None:
+    """That is a mistake in the program."""
+    with pytest.raises(DeviceError, match="stage cannot be lost"):
+        Tended(Combined(link), WHO)
+
+
+def test_a_combined_cycle_costs_one_exchange(link: FakeLink) -> None:
+    """A read gives what came with the write before it, once, with its time stamp."""
+    combined = Combined(link)
+    first = combined.read(1)
+    assert combined.write([4.0], 1)
+    with_write = combined.read(2)
+    without = combined.read(3)
+
+    assert first == [Sample(1, 1.0, True)]
+    assert with_write == [Sample(1, 1.0, True)]
+    assert without == [Sample(3, 1.0, True)]
+    assert link.reads == 3
+
+
+def test_what_came_before_a_pause_is_not_given_after_it(link: FakeLink) -> None:
+    """It is old then."""
+    combined = Combined(link)
+    combined.write([4.0], 1)
+    combined.deactivate(2)
+
+    assert combined.read(9) == [Sample(9, 1.0, True)]
