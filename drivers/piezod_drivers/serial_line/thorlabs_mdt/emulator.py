@@ -1,0 +1,180 @@
+"""An MDT693A, MDT693B or MDT694B amplifier."""
+
+import re
+from collections.abc import Callable
+from functools import partial
+from typing import Final, NamedTuple
+
+from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.emulator import EmulatorPlugin
+
+_LONGEST: Final = 128
+_LIMIT_V: Final = 150.0
+_HIGHEST_V: Final = 150.5
+_UNKNOWN, _INVALID = "CMD_NOT_DEFINED", "CMD_ARG_INVALID"
+_NUMBER: Final = re.compile(r"[+-]?[0-9]{1,6}(\.[0-9]{0,9})?")
+
+
+class _Refused(Exception):  # noqa: N818 - an answer of the protocol, not an error of ours
+    """Raised where a command is not carried out, with the device's word for it."""
+
+
+class Model(NamedTuple):
+    """Which amplifier it is.
+
+    Attributes:
+        name: As it tells.
+        axes: Names of its axes.
+        firmware: As it tells.
+        legacy: Whether it is an A model, always in what B models call compatibility mode.
+    """
+
+    name: str
+    axes: str
+    firmware: str
+    legacy: bool = False
+
+
+class MdtEmulator:
+    """Implements `Emulator`: voltages, their limits, identity, echo and compatibility mode.
+
+    Args:
+        model: Which amplifier it is.
+        bench: What it is connected to.
+        serial: Its serial number, "" for its usual one.
+    """
+
+    def __init__(self, model: Model, bench: Bench, serial: str) -> None:
+        self._model, self._bench = model, bench
+        self._serial = serial or "140421-07"
+        self._axes = model.axes[: bench.n_axes]
+        self.echo, self.compatible = True, model.legacy
+        self._line = b""
+        self._long: dict[str, Callable[[str], str]] = {
+            "ID?": self._identify,
+            "SERIAL?": lambda _: f"{self._serial}\r",
+            "FRIENDLY?": lambda _: "piezo\r",
+            "ECHO=": self._set_echo,
+            "VLIMIT?": lambda _: f"[ {_LIMIT_V:.0f}]\r",
+            "CM?": lambda _: f"[MDT693A Compatibility Mode {'On' if self.compatible else 'Off'}]\r",
+            "CM=": self._set_compatible,
+        }
+        self._short: dict[str, Callable[[str], str]] = {
+            "I": self._identify,
+            "E": self._set_echo,
+            "%": self._long["VLIMIT?"],
+        }
+        if len(self._axes) == 3:
+            self._long |= {"XYZVOLTAGE?": self._get_all, "XYZVOLTAGE=": self._set_all}
+        for i, name in enumerate(self._axes):
+            self._add_axis(i, name)
+        if model.legacy:
+            self._long.clear()
+
+    def receive(self, data: bytes) -> list[bytes]:
+        """Take what has come from the host; return the replies."""
+        replies = []
+        for byte in data:
+            if byte == ord("\r"):
+                line, self._line = self._line, b""
+                replies.append(self._answer(line))
+            elif byte != ord("\n") and len(self._line) < _LONGEST:
+                self._line += bytes((byte,))
+        return replies
+
+    def due(self) -> list[bytes]:
+        """Return nothing: it speaks when it is asked."""
+        return []
+
+    def _answer(self, line: bytes) -> bytes:
+        text = line.decode("ascii", "replace")
+        echo = f"{text}\r" if self.echo else ""
+        try:
+            body, refused = self._obey(text.strip().upper()), False
+        except _Refused as refusal:
+            body, refused = str(refusal), True
+        if not self.compatible:
+            return f"{echo}{body}>".encode("ascii", "replace")
+        if refused:
+            return f"{echo}!".encode("ascii", "replace")
+        reply = f"*{body}" if self._model.legacy else f"{body}*"
+        return f"{echo}{reply}".encode("ascii", "replace")
+
+    def _obey(self, text: str) -> str:
+        for words in (self._long, self._short):
+            for word in sorted(words, key=len, reverse=True):
+                if text == word or (text.startswith(word) and word[-1] not in "?I%"):
+                    return words[word](text.removeprefix(word).strip())
+        raise _Refused(_UNKNOWN)
+
+    def _add_axis(self, i: int, name: str) -> None:
+        get, put = partial(self._get, i), partial(self._set, i)
+        self._long |= {f"{name}VOLTAGE?": get, f"{name}VOLTAGE=": put}
+        self._long |= {f"{name}MIN?": lambda _: "[ 0.00]\r"}
+        self._long |= {f"{name}MAX?": lambda _: f"[ {_HIGHEST_V:.2f}]\r"}
+        self._short |= {f"{name}R?": get, f"{name}V": put}
+        self._short |= {f"{name}L?": self._long[f"{name}MIN?"]}
+        self._short |= {f"{name}H?": self._long[f"{name}MAX?"]}
+
+    def _identify(self, _text: str) -> str:
+        lines = (
+            f"\r\rModel {self._model.name} Piezo Control Module",
+            f"Firmware Version: {self._model.firmware}",
+            "Voltage Range: 150V",
+            f"Serial#: {self._serial}",
+            "Friendly Name: piezo",
+        )
+        return "\r".join((*lines, ""))
+
+    def _set_echo(self, text: str) -> str:
+        self.echo = _switch(text)
+        return f"[Echo {'On' if self.echo else 'Off'}]\r"
+
+    def _set_compatible(self, text: str) -> str:
+        self.compatible = _switch(text)
+        return self._long["CM?"]("")
+
+    def _get(self, axis: int, _text: str) -> str:
+        return f"[{self._bench.drive_v(axis):6.2f}]\r"
+
+    def _set(self, axis: int, text: str) -> str:
+        value_v = _volts(text)
+        if not self._bench.drive(axis, value_v):
+            raise _Refused(_INVALID)
+        return ""
+
+    def _get_all(self, _text: str) -> str:
+        values = (f"{self._bench.drive_v(i):6.2f}" for i in range(len(self._axes)))
+        return f"[{','.join(values)}]\r"
+
+    def _set_all(self, text: str) -> str:
+        values_v = [_volts(part.strip()) for part in text.split(",")]
+        if len(values_v) != len(self._axes) or not self._bench.drive_all(values_v):
+            raise _Refused(_INVALID)
+        return ""
+
+
+def _switch(text: str) -> bool:
+    if text not in {"0", "1"}:
+        raise _Refused(_INVALID)
+    return text == "1"
+
+
+def _volts(text: str) -> float:
+    if not _NUMBER.fullmatch(text) or not 0.0 <= float(text) <= _LIMIT_V:
+        raise _Refused(_INVALID)
+    return float(text)
+
+
+def _plugin(profile: str, model: Model) -> EmulatorPlugin:
+    return EmulatorPlugin(
+        name=profile,
+        summary=f"Thorlabs {model.name}, amplifier with {len(model.axes)} outputs",
+        wire="serial",
+        create=partial(MdtEmulator, model),
+    )
+
+
+MDT693A: Final = _plugin("mdt693a", Model("MDT693A", "XYZ", "1.09", legacy=True))
+MDT693B: Final = _plugin("mdt693b", Model("MDT693B", "XYZ", "2.09"))
+MDT694B: Final = _plugin("mdt694b", Model("MDT694B", "X", "2.09"))

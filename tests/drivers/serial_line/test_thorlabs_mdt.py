@@ -1,0 +1,263 @@
+from math import isnan
+
+import pytest
+
+from piezod.devices.bus.bus_device import BusDevice
+from piezod.devices.interface import Wiring
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod_drivers.serial_line.thorlabs_mdt.dialogue import MdtDialogue
+from piezod_drivers.serial_line.thorlabs_mdt.driver import PLUGIN
+from piezod_drivers.serial_line.thorlabs_mdt.emulator import (
+    MDT693A,
+    MDT693B,
+    MDT694B,
+    MdtEmulator,
+    Model,
+)
+from piezod_drivers.serial_line.thorlabs_mdt.options import Options
+from tests.drivers.serial_line.linear_rig import LinearRig, bench
+from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, ScriptedLine, Step, says
+
+B3 = Model("MDT693B", "XYZ", "2.09")
+B1 = Model("MDT694B", "X", "2.09")
+A3 = Model("MDT693A", "XYZ", "1.09", legacy=True)
+TIMEOUT_S = 0.1
+
+
+def emulated(
+    model: Model, outputs: str, change_mode: bool = False
+) -> tuple[BusDevice, EmulatedLine, MdtEmulator, LinearRig]:
+    """Return an open and active device on an emulated amplifier."""
+    table, rig, time = bench(len(model.axes))
+    emulator = MdtEmulator(model, table, "")
+    emulator.compatible |= change_mode
+    line = EmulatedLine(emulator, time)
+    device = BusDevice("MDT", MdtDialogue(line, TIMEOUT_S, Wiring((), tuple(outputs))))
+    device.open()
+    device.activate(0)
+    line.sent.clear()
+    return device, line, emulator, rig
+
+
+@pytest.mark.parametrize(
+    ("model", "change_mode", "outputs", "put", "get"),
+    [
+        (B1, False, "x", [b"XVOLTAGE=12.500\r"], [b"XVOLTAGE?\r"]),
+        (B3, False, "y", [b"YVOLTAGE=12.500\r"], [b"YVOLTAGE?\r"]),
+        (B3, True, "x", [b"XVOLTAGE=12.500\r"], [b"XVOLTAGE?\r"]),
+        (A3, False, "z", [b"ZV12.500\r"], [b"ZR?\r"]),
+    ],
+)
+def test_one_output(
+    model: Model, change_mode: bool, outputs: str, put: list[bytes], get: list[bytes]
+) -> None:
+    """Each model, and each mode, is set and read back in its own words."""
+    device, line, emulator, rig = emulated(model, outputs, change_mode)
+    assert not emulator.echo
+    assert device.write([12.5], 1)
+    assert rig.drive_v[model.axes.index(outputs.upper())] == 12.5
+    assert device.read_back(1) == [12.5]
+    assert line.sent == put + get
+    assert device.read(1) == []
+    assert device.status(1) == [frozenset()]
+
+
+def test_three_outputs_at_once() -> None:
+    """All axes of a B model are set by one command and read by another, in any order of names."""
+    device, line, _, rig = emulated(B3, "zxy")
+    assert device.write([3.0, 1.0, 2.0], 1)
+    assert rig.drive_v == [1.0, 2.0, 3.0]
+    assert device.read_back(1) == [3.0, 1.0, 2.0]
+    assert line.sent == [b"XYZVOLTAGE=1.000,2.000,3.000\r", b"XYZVOLTAGE?\r"]
+
+
+@pytest.mark.parametrize("model", [A3, Model("MDT693B", "XYZ", "1.05")])
+def test_three_outputs_one_by_one(model: Model) -> None:
+    """Where there is no command for all axes, each has one of its own."""
+    device, line, _, rig = emulated(model, "xyz")
+    assert device.write([3.0, 1.0, 2.0], 1)
+    assert rig.drive_v == [3.0, 1.0, 2.0]
+    assert device.read_back(1) == [3.0, 1.0, 2.0]
+    assert len(line.sent) == 6
+
+
+def test_opening_moves_nothing() -> None:
+    """Outputs stay as they are through opening, activation and closing."""
+    table, rig, time = bench(3)
+    rig.drive_v = [10.0, 20.0, 30.0]
+    line = EmulatedLine(MdtEmulator(B3, table, "S-1"), time)
+    device = BusDevice("MDT", MdtDialogue(line, TIMEOUT_S, Wiring((), ("x", "y", "z"))))
+    assert device.open() == ("Thorlabs", "MDT693B", "S-1", "2.09")
+    assert device.capabilities().holds
+    device.activate(0)
+    device.close()
+    assert rig.drive_v == [10.0, 20.0, 30.0]
+
+
+@pytest.mark.parametrize("value", [-0.001, 150.001, float("nan")])
+def test_beyond_the_range(value: float) -> None:
+    """What the amplifier cannot give is refused without asking it: up to its switch, not beyond."""
+    device, line, _, _ = emulated(B3, "x")
+    assert not device.write([value], 1)
+    assert line.sent == []
+
+
+@pytest.mark.sees("thorlabs_mdt", "B10")
+@pytest.mark.sees("thorlabs_mdt", "A1")
+@pytest.mark.parametrize(("model", "reply"), [(B3, b"CMD_ARG_INVALID>"), (A3, b"!")])
+def test_the_amplifier_refuses(model: Model, reply: bytes) -> None:
+    """An error in the place of the prompt refuses the write, and the status says so."""
+    device, line, _, _ = emulated(model, "x")
+    line.change = lambda _: reply
+    assert not device.write([1.0], 1)
+    assert device.status(1) == [frozenset({DeviceFlag.WRONG_REQUEST})]
+    assert isnan(device.read_back(2)[0])
+
+
+@pytest.mark.sees("thorlabs_mdt", "A7")
+def test_a_restart() -> None:
+    """An amplifier that repeats what it hears again was switched off and on."""
+    device, _, emulator, _ = emulated(B3, "x")
+    emulator.echo = True
+    assert device.write([1.0], 1)
+    assert device.status(1) == [frozenset({DeviceFlag.RESTARTED})]
+    assert device.read_back(2) == [1.0]
+
+
+@pytest.mark.sees("thorlabs_mdt", "A3")
+@pytest.mark.sees("thorlabs_mdt", "A12")
+def test_the_voltage_is_measured() -> None:
+    """Read-back is what the amplifier gives, and not what was written."""
+    device, _, _, rig = emulated(B3, "x")
+    assert device.write([10.0], 1)
+    rig.drive_v[0] = 155.0
+    assert device.read_back(2) == [155.0]
+
+
+@pytest.mark.sees("thorlabs_mdt", "B5")
+def test_a_late_reply_is_nobody_elses() -> None:
+    """After a time-out nothing is asked until the late reply has come; it is dropped."""
+    device, line, _, rig = emulated(B3, "x")
+    line.change = lambda _: b""
+    assert isnan(device.read_back(1)[0])
+    line.change = lambda reply: reply
+    rig.drive_v[0] = 50.0
+    assert not device.write([60.0], 2)
+    assert rig.drive_v[0] == 50.0
+    line.comes(b"[ 12.00]\r>")
+    assert device.read_back(3) == [50.0]
+    assert DeviceFlag.LATE_REPLY in device.status(3)[0]
+
+
+@pytest.mark.sees("thorlabs_mdt", "B3")
+def test_garbage_before_a_reply() -> None:
+    """Bytes that are no reply are noticed; the voltage behind them is right."""
+    device, line, _, rig = emulated(B3, "x")
+    rig.drive_v[0] = 50.0
+    line.change = lambda reply: b"\xff\x00>" + reply
+    assert device.read_back(1) == [50.0]
+    assert device.status(1) == [frozenset({DeviceFlag.GARBAGE})]
+
+
+@pytest.mark.sees("thorlabs_mdt", "B7")
+def test_a_slow_reply() -> None:
+    """A reply that takes most of its time is taken, and told."""
+    device, line, emulator, _ = emulated(B3, "x")
+    slow = EmulatedLine(emulator, line.time, delay_ns=90 * MS)
+    device = BusDevice("MDT", MdtDialogue(slow, TIMEOUT_S, Wiring((), ("x",))))
+    device.open()
+    device.activate(0)
+    assert device.write([1.0], 1)
+    assert device.status(1) == [frozenset({DeviceFlag.SLOW_REPLY})]
+
+
+@pytest.mark.sees("thorlabs_mdt", "B1")
+def test_a_line_that_is_pulled() -> None:
+    """Without its line a device is lost: nothing is written or known."""
+    device, line, _, _ = emulated(B3, "x")
+    line.unplugged = True
+    assert not device.write([1.0], 1)
+    assert isnan(device.read_back(1)[0])
+    assert DeviceFlag.DISCONNECTED in device.status(1)[0]
+
+
+def device_on(line: ScriptedLine, outputs: str = "x") -> BusDevice:
+    """Return a device on a script."""
+    return BusDevice("MDT", MdtDialogue(line, TIMEOUT_S, Wiring((), tuple(outputs))))
+
+
+def test_the_first_firmware_of_a_b_model() -> None:
+    """A B model that ends its replies as an A model does is talked to in its own words."""
+    line = ScriptedLine(
+        says(b"\r", b"\r*"),
+        says(b"ID?\r", b"ID?\r", b"*\r\r\rModel MDT693B Piezo\rFirmware Version: 1.05\r"),
+        says(b"ECHO=0\r", b"ECHO=0\r*"),
+        says(b"XVOLTAGE?\r", b"*[  24.8]\r"),
+        says(b"VLIMIT?\r", b"*[ 100]\r*"),
+        says(b"XMIN?\r", b"*0"),
+        says(b"XMAX?\r", b"*100.5"),
+        says(b"XVOLTAGE=24.680\r", b"*"),
+        says(b"XVOLTAGE?\r", b"*[  24.8]\r"),
+    )
+    device = device_on(line)
+    device.open()
+    device.activate(0)
+    assert not device.write([100.1], 1)
+    assert device.write([24.68], 1)
+    assert device.read_back(1) == [24.8]
+    line.assert_done()
+
+
+def test_nobody_answers() -> None:
+    """A port behind which nobody answers is told as such, and let go."""
+    line = ScriptedLine(says(b"\r"))
+    with pytest.raises(DeviceUnavailableError, match="no reply within 500 ms"):
+        device_on(line).open()
+    assert not line.opened
+
+
+@pytest.mark.parametrize(
+    ("steps", "what"),
+    [
+        ([says(b"\r", b"hello")], "does not answer as an MDT does"),
+        ([says(b"\r", b">"), says(b"ID?\r", b"BPC>"), says(b"I\r", b"?>")], "is no MDT693"),
+        ([says(b"\r", b">"), says(b"ID?\r", b"Model MDT694B>")], "has axes x, not y"),
+    ],
+)
+def test_another_device(steps: list[Step], what: str) -> None:
+    """What is no MDT, or has not the axis that is configured, is refused and let go."""
+    line = ScriptedLine(*steps)
+    with pytest.raises(DeviceError, match=what):
+        device_on(line, "y").open()
+    assert not line.opened
+
+
+@pytest.mark.parametrize(
+    ("steps", "what"),
+    [
+        ([says(b"XVOLTAGE?\r", b"CMD_NOT_DEFINED>")], "tells no voltage"),
+        ([says(b"XVOLTAGE?\r", b"[ 0.0]\r>"), says(b"VLIMIT?\r", b"Error>")], "answers VLIMIT"),
+    ],
+)
+def test_a_device_that_does_not_tell(steps: list[Step], what: str) -> None:
+    """An MDT that does not tell its voltage or its limits is not used."""
+    begin = (
+        says(b"\r", b">"),
+        says(b"ID?\r", b"Model MDT693B>"),
+        says(b"ECHO=0\r", b"[Echo Off]\r>"),
+    )
+    with pytest.raises(DeviceError, match=what):
+        device_on(ScriptedLine(*begin, *steps)).open()
+
+
+def test_the_plug_in() -> None:
+    """The driver has three outputs in V and no input; nothing is opened by construction."""
+    options = Options(port="/dev/ttyUSB0")
+    assert PLUGIN.channels(options) == ({}, {"x": "V", "y": "V", "z": "V"})
+    PLUGIN.create(options, Wiring((), ("x",)), 1).close()
+    assert [plugin.name for plugin in (MDT693A, MDT693B, MDT694B)] == [
+        "mdt693a",
+        "mdt693b",
+        "mdt694b",
+    ]

@@ -1,0 +1,133 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.devices.bus.line import LineFault
+from piezod.devices.status import DeviceFlag
+from piezod_drivers.serial_line.thorlabs_mdt.codec import (
+    Replies,
+    identity_in,
+    number_in,
+    prompt_in,
+    tail_in,
+)
+
+MODERN = Replies(b">", b"\r>")
+LEGACY = Replies(b"*", b"\r")
+BYTES = st.binary(max_size=300) | st.text("[]012.,*!>\r CMD_", max_size=300).map(str.encode)
+
+
+@pytest.mark.parametrize(
+    ("replies", "frame", "values"),
+    [
+        (MODERN, b"[ 12.30]\r>", [12.3]),
+        (MODERN, b"XVOLTAGE?\r[ 12.30]\r>", [12.3]),
+        (MODERN, b"[ 1.00,  2.50, -0.10]\r>", [1.0, 2.5, -0.1]),
+        (LEGACY, b"*[ 12.3]\r", [12.3]),
+        (LEGACY, b"xr?\r*[ 12.3]\r", [12.3]),
+        (Replies(b"*", b"\r*"), b"[ 12.3]\r*", [12.3]),
+    ],
+)
+def test_values(replies: Replies, frame: bytes, values: list[float]) -> None:
+    """Voltages stand in brackets, whatever stands around them; a part of it is not yet a reply."""
+    assert replies.values_length(frame + b"rest") == len(frame)
+    assert replies.values(frame, len(values)) == values
+    assert [replies.values_length(frame[:n]) for n in range(len(frame))] == [0] * len(frame)
+    with pytest.raises(LineFault) as caught:
+        replies.values(frame, len(values) + 1)
+    assert caught.value.flag is DeviceFlag.GARBAGE
+
+
+@pytest.mark.parametrize(
+    ("replies", "frame"), [(MODERN, b">"), (MODERN, b"XVOLTAGE=1.000\r>"), (LEGACY, b"*")]
+)
+def test_settings_that_are_taken(replies: Replies, frame: bytes) -> None:
+    """A prompt without words says that a setting was taken."""
+    assert replies.taken_length(frame) == len(frame)
+    replies.check(frame)
+
+
+@pytest.mark.parametrize(
+    ("replies", "frame"),
+    [
+        (MODERN, b"CMD_ARG_INVALID>"),
+        (MODERN, b"CMD_NOT_DEFINED>"),
+        (MODERN, b"Error>"),
+        (LEGACY, b"!"),
+    ],
+)
+def test_what_is_refused(replies: Replies, frame: bytes) -> None:
+    """The device's words for what it does not do are a wrong request, as are exclamation marks."""
+    for length in (replies.taken_length(frame), replies.values_length(frame)):
+        assert length == len(frame)
+    for read in (replies.check, lambda got: replies.values(got, 1)):
+        with pytest.raises(LineFault, match="the amplifier refuses") as caught:
+            read(frame)
+        assert caught.value.flag is DeviceFlag.WRONG_REQUEST
+
+
+@pytest.mark.parametrize(
+    ("data", "length"), [(b">", -1), (b"ab>[ 1.0]\r>", -3), (b"[junk]\r>", -8), (b"[", 0)]
+)
+def test_what_is_no_value(data: bytes, length: int) -> None:
+    """The reply to a setting, or a value that is none, is dropped when a value is expected."""
+    assert MODERN.values_length(data) == length
+
+
+def test_a_value_is_no_acknowledgement() -> None:
+    """A voltage that comes late is not taken for the reply to a setting."""
+    assert MODERN.taken_length(b"[ 12.30]\r>") == -10
+
+
+def test_endless_noise_is_dropped() -> None:
+    """What goes on without an end is dropped before it costs time."""
+    for replies in (MODERN, LEGACY):
+        assert replies.taken_length(b"x" * 600) == -600
+        assert replies.values_length(b"x" * 600) == -600
+
+
+@given(data=BYTES)
+def test_any_bytes(data: bytes) -> None:
+    """Arbitrary bytes are frames, garbage or not yet anything; they raise line faults only."""
+    for replies in (MODERN, LEGACY):
+        for length_of in (replies.taken_length, replies.values_length):
+            rest = data
+            while length := length_of(rest):
+                frame, rest = rest[: abs(length)], rest[abs(length) :]
+                try:
+                    replies.check(frame)
+                    assert len(replies.values(frame, 1)) == 1
+                except LineFault:
+                    continue
+
+
+@given(told=BYTES)
+def test_any_bytes_while_opening(told: bytes) -> None:
+    """Arbitrary bytes say something or nothing about the device, and raise nothing."""
+    assert prompt_in(told) in {b"", b">", b"*"}
+    number_in(told, b"XMIN?\r")
+    tail_in(told)
+    identity = identity_in(told)
+    assert identity is None or all(identity)
+
+
+def test_who_it_is() -> None:
+    """Model, serial number and firmware are found in the lines of a reply."""
+    told = b"ID?\r*\r\r\rModel MDT693B Piezo Control Module\rFirmware Version: 1.05\r"
+    assert identity_in(told) == ("Thorlabs", "MDT693B", "unknown", "1.05")
+    assert identity_in(told + b"Serial#: 140421-07\r") == (
+        "Thorlabs",
+        "MDT693B",
+        "140421-07",
+        "1.05",
+    )
+    assert identity_in(b"APT cube") is None
+
+
+@pytest.mark.parametrize(
+    ("told", "number"),
+    [(b"*0", 0.0), (b"[ 150]\r>", 150.0), (b"%\r*[ 100]\r*", 100.0), (b"!", None), (b"", None)],
+)
+def test_numbers(told: bytes, number: float | None) -> None:
+    """A limit stands in brackets or bare; an error has none."""
+    assert number_in(told, b"%\r") == number
