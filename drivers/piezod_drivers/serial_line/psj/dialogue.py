@@ -1,19 +1,18 @@
 """What is said to an amplifier of piezosystem jena."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import Final
 
-from piezod.devices.bus.conversation import Conversation, LengthOf
 from piezod.devices.bus.dialogue import Reading
-from piezod.devices.bus.line import Line, LineFault, Notices
+from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
-from piezod.errors import DeviceError
 from piezod_drivers.serial_line.psj import codec
 from piezod_drivers.serial_line.psj.freshness import Freshness
 from piezod_drivers.serial_line.psj.models import Model
+from piezod_drivers.serial_line.psj.opening import identity_of, limits_of
 from piezod_drivers.serial_line.psj.takeover import take_over
+from piezod_drivers.serial_line.psj.talk import Talk
 
 STATUS_NS: Final = 100_000_000
 """The status is asked for this often, after a setpoint or a sample."""
@@ -45,13 +44,12 @@ class PsjDialogue:
         timeout_s: float,
     ) -> None:
         self._line, self._model, self._wiring, self._range_v = line, model, wiring, range_v
-        self._talk = Conversation(line, timeout_s)
-        self._frame: LengthOf = codec.framed if model.frames else codec.line
+        self._talk = Talk(line, model, timeout_s)
         self._inputs = [int(name[2:]) for name in wiring.inputs]
         self._outputs = [int(name[2:]) for name in wiring.outputs]
         self._all = [int(name[2:]) for name in wiring.channels]
         self._ranges: list[tuple[float, float]] = []
-        self._refreshed = [Freshness(round(model.refresh_s * 1e9)) for _ in self._inputs]
+        self._fresh: list[Freshness] = []
         self._flags: dict[int, Flags] = {}
         self._status_ns, self._status_turn = 0, 0
         self._noticed: set[DeviceFlag] = set()
@@ -61,14 +59,14 @@ class PsjDialogue:
         """Connect and ask who is there; the outputs stay as they are."""
         self._line.open()
         self._talk.restart()
-        greeting = self._greet()
-        self._ranges = [self._limits(channel) for channel in self._outputs]
+        identity = identity_of(self._talk, self._model, self._line.where)
+        self._ranges = [
+            limits_of(self._talk, self._model, channel, self._range_v) for channel in self._outputs
+        ]
         self._flags = dict.fromkeys(self._all, NO_FLAGS)
+        self._fresh = [Freshness(round(self._model.refresh_s * 1e9)) for _ in self._inputs]
         self._talk.take_noticed()  # what the port held before it was ours
-        name, version = greeting.rstrip(">").partition(" ")[::2]
-        return Identity(
-            "piezosystem jena", name or self._model.title, self._serial(), version or "unknown"
-        )
+        return identity
 
     def close(self) -> None:
         """Let go of the line; the outputs hold."""
@@ -80,11 +78,10 @@ class PsjDialogue:
         n_bytes = len(self._outputs) * (len(codec.command(model, model.set, 0, -100.0)) + 4)
         n_reads = len(self._inputs) + (0 if model.acknowledges else len(self._outputs))
         n_bytes += n_reads * (2 * len(codec.command(model, model.read, 0)) + 12)
-        read_back = model.tells_setpoint or model.reads == "voltage"
         return Capabilities(
             inputs=self._wiring.inputs,
             outputs=self._wiring.outputs,
-            read_back=read_back,
+            read_back=model.tells_setpoint or model.reads == "voltage",
             max_rate_hz=model.baud / BITS_PER_BYTE / (n_bytes + STATUS_BYTES),
             holds=True,
         )
@@ -99,8 +96,9 @@ class PsjDialogue:
         Raises:
             DeviceError: If that is not possible without a jump.
         """
-        take_over(self._model, self._outputs, self)
-        self._look_after(at_once=True)
+        take_over(self._model, self._outputs, self._talk)
+        for _ in self._all:
+            self._look_after(at_once=True)
         self._talk.take_noticed()
 
     def deactivate(self) -> None:
@@ -109,10 +107,10 @@ class PsjDialogue:
     def sample(self, now_ns: int) -> Reading:
         """Read every input, in µm; with the instant at which a slow one has changed last."""
         values, t_ns = [], now_ns
-        for channel, refreshed in zip(self._inputs, self._refreshed, strict=True):
-            value = self._read(channel)
+        for channel, fresh in zip(self._inputs, self._fresh, strict=True):
+            value = codec.number(self._talk.value(self._model.read, channel))
             values.append(value)
-            t_ns = min(t_ns, refreshed.taken_ns(value, now_ns))
+            t_ns = min(t_ns, fresh.taken_ns(value, now_ns))
         self._look_after()
         return t_ns, values
 
@@ -120,20 +118,18 @@ class PsjDialogue:
         """Set every output, in V; each is acknowledged, or read where it is not."""
         model = self._model
         for channel, value in zip(self._outputs, values, strict=True):
-            request = codec.command(model, model.set, channel, value)
             if model.acknowledges:
-                self.ask(request)
+                self._talk.ask(model.set, channel, value)
             else:
-                self.tell(request)
-                self._read(channel)
+                self._talk.tell(model.set, channel, value)
+                codec.number(self._talk.value(model.read, channel))
         self._look_after()
 
     def in_force(self, now_ns: int) -> Sequence[float]:
         """Tell the setpoints, or the voltages, in V; asked once for an instant."""
         if self._told_v[0] != now_ns:
-            model = self._model
-            name = model.set if model.tells_setpoint else model.read
-            told = [codec.number(self.ask_values(name, ch, 1)[0]) for ch in self._outputs]
+            name = self._model.set if self._model.tells_setpoint else self._model.read
+            told = [codec.number(self._talk.value(name, channel)) for channel in self._outputs]
             self._told_v = now_ns, told
         return self._told_v[1]
 
@@ -143,95 +139,8 @@ class PsjDialogue:
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return what went wrong without making an exchange fail."""
-        noticed = self._noticed | self._talk.take_noticed()
-        if isinstance(self._line, Notices):
-            noticed |= self._line.take_noticed()
-        self._noticed = set()
+        noticed, self._noticed = self._noticed | self._talk.take_noticed(), set()
         return noticed
-
-    def ask(self, request: bytes, length_of: LengthOf | None = None) -> str:
-        """Return the text of an answer; call it in the loop.
-
-        Raises:
-            LineFault: If none comes, or it tells an error.
-        """
-        return codec.text_of(self._talk.ask(request, length_of or self._frame))
-
-    def tell(self, request: bytes) -> None:
-        """Send what is not answered; call it in the loop.
-
-        Raises:
-            LineFault: If it did not go out.
-        """
-        self._talk.tell(request)
-
-    def ask_values(
-        self, name: str, channel: int | None, count: int, length_of: LengthOf | None = None
-    ) -> list[str]:
-        """Ask for values; call it in the loop.
-
-        Args:
-            name: The command.
-            channel: Of which channel, None for none.
-            count: How many values there must be.
-            length_of: How the answer ends, if not as usual.
-
-        Raises:
-            LineFault: If none come.
-        """
-        text = self.ask(codec.command(self._model, name, channel), length_of)
-        return codec.fields(text, name, channel if self._model.numbered else None, count)
-
-    def _read(self, channel: int) -> float:
-        return codec.number(self.ask_values(self._model.read, channel, 1)[0])
-
-    def _greet(self) -> str:
-        """Ask twice: what was typed before may spoil the first answer.
-
-        Raises:
-            DeviceError: If another device answers.
-            LineFault: If nobody does.
-        """
-        length_of = self._frame if self._model.frames else codec.prompt
-        request = codec.command(self._model, "")
-        with suppress(LineFault):
-            self._talk.ask(request, length_of)
-        self._talk.wait_out()
-        greeting = self.ask(request, length_of)
-        if not greeting.startswith(self._model.greetings):
-            wanted = " or ".join(f"{known}…" for known in self._model.greetings)
-            what = f"{greeting[:40]!r} answered, a {self._model.title} says {wanted}"
-            raise DeviceError(f"{self._line.where}: {what}; set `profile` to the device's")
-        return greeting
-
-    def _serial(self) -> str:
-        """Ask for what tells this device from another of its kind; "unknown" where it tells none.
-
-        Raises:
-            LineFault: If the line is gone.
-        """
-        serial = self._model.serial
-        try:
-            if serial == "ver":
-                request = codec.command(self._model, serial)
-                return codec.serial_of(self._talk.ask(request, codec.versions))
-            if serial:
-                return f"actuator {self.ask_values(serial, 0, 1)[0]}"
-        except LineFault as fault:
-            if fault.flag is DeviceFlag.DISCONNECTED:
-                raise
-            self._talk.wait_out()
-        return "unknown"
-
-    def _limits(self, channel: int) -> tuple[float, float]:
-        low, high = self._range_v
-        if self._model.limits is not None:
-            told = [self.ask_values(name, channel, 1)[0] for name in self._model.limits]
-            low, high = max(low, codec.number(told[0])), min(high, codec.number(told[1]))
-        if not low < high:
-            what = f"no voltage of range_v is within what channel {channel} says it can do"
-            raise DeviceError(f"{self._line.where}: {what}")
-        return low, high
 
     def _look_after(self, *, at_once: bool = False) -> None:
         """Ask for a status that is due: of one channel at a time, and never before a setpoint."""
@@ -248,12 +157,12 @@ class PsjDialogue:
     def _ask_status(self) -> None:
         model = self._model
         if not model.status_per_channel:
-            words = self.ask_values(model.status, None, model.channels)
+            words = self._talk.values(model.status, None, model.channels)
             for channel in self._all:
                 status = codec.word(words[channel], 16)
                 self._flags[channel] = codec.flags_of(status, model.status_bits)
             return
         channel = self._all[self._status_turn]
         self._status_turn = (self._status_turn + 1) % len(self._all)
-        status = codec.word(self.ask_values(model.status, channel, 1)[0], 10)
+        status = codec.word(self._talk.value(model.status, channel), 10)
         self._flags[channel] = codec.flags_of(status, model.status_bits)
