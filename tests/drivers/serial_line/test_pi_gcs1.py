@@ -107,7 +107,7 @@ def test_faults_of_the_line() -> None:
 
 def test_nobody_answers() -> None:
     """A port behind which nobody answers is told as such."""
-    line = ScriptedLine(says(b"ERR?\n"), says(b"*IDN?\nERR?\n"))
+    line = ScriptedLine(says(b"ERR?\n"))
     device = ExchangingBusDevice("E-816", Gcs1Dialogue(line, OPTIONS, Wiring.both(["A"])))
     with pytest.raises(DeviceUnavailableError, match="no reply"):
         device.open()

@@ -190,7 +190,7 @@ def device_on(line: ScriptedLine, outputs: str = "x") -> BusDevice:
 def test_the_first_firmware_of_a_b_model() -> None:
     """A B model that ends its replies as an A model does is talked to in its own words."""
     line = ScriptedLine(
-        says(b"\r", b"\r*"),
+        says(b"~\r", b"\r*"),
         says(b"ID?\r", b"ID?\r", b"*\r\r\rModel MDT693B Piezo\rFirmware Version: 1.05\r"),
         says(b"ECHO=0\r", b"ECHO=0\r*"),
         says(b"XVOLTAGE?\r", b"*[  24.8]\r"),
@@ -211,7 +211,7 @@ def test_the_first_firmware_of_a_b_model() -> None:
 
 def test_nobody_answers() -> None:
     """A port behind which nobody answers is told as such, and let go."""
-    line = ScriptedLine(says(b"\r"))
+    line = ScriptedLine(says(b"~\r"))
     with pytest.raises(DeviceUnavailableError, match="no reply within 500 ms"):
         device_on(line).open()
     assert not line.opened
@@ -220,9 +220,9 @@ def test_nobody_answers() -> None:
 @pytest.mark.parametrize(
     ("steps", "what"),
     [
-        ([says(b"\r", b"hello")], "does not answer as an MDT does"),
-        ([says(b"\r", b">"), says(b"ID?\r", b"BPC>"), says(b"I\r", b"?>")], "is no MDT693"),
-        ([says(b"\r", b">"), says(b"ID?\r", b"Model MDT694B>")], "has axes x, not y"),
+        ([says(b"~\r", b"hello")], "does not answer as an MDT does"),
+        ([says(b"~\r", b">"), says(b"ID?\r", b"BPC>"), says(b"I\r", b"?>")], "is no MDT693"),
+        ([says(b"~\r", b">"), says(b"ID?\r", b"Model MDT694B>")], "has axes x, not y"),
     ],
 )
 def test_another_device(steps: list[Step], what: str) -> None:
@@ -243,7 +243,7 @@ def test_another_device(steps: list[Step], what: str) -> None:
 def test_a_device_that_does_not_tell(steps: list[Step], what: str) -> None:
     """An MDT that does not tell its voltage or its limits is not used."""
     begin = (
-        says(b"\r", b">"),
+        says(b"~\r", b">"),
         says(b"ID?\r", b"Model MDT693B>"),
         says(b"ECHO=0\r", b"[Echo Off]\r>"),
     )

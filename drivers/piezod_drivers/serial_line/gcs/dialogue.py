@@ -198,12 +198,16 @@ class GcsDialogue:
         self._voltages_reply, self._put_reply = Reply(*voltages), Reply()
 
     def _calm(self) -> None:
-        """Read away what was on its way, and the error of an earlier life."""
-        self._line.send(ASK_ERROR)
+        """Read away what was on its way, and the error of an earlier life or of being switched on.
+
+        Half a request that was sent before makes an error with the `ERR?` behind it, no voltage.
+        """
+        self._conversation.restart()
+        self._conversation.wait_out()
         for _ in range(_MOST_CHUNKS):
             if not self._line.receive(_QUIET_NS):
                 break
-        self._conversation.restart()
+        self._conversation.ask(ASK_ERROR, self._put_reply.length_of, timeout_ns=_OPENING_NS)
 
     def _axes(self) -> Sequence[str]:
         reply = Reply(self._syntax.axes(), whole=True)

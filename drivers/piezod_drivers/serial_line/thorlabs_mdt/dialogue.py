@@ -25,6 +25,7 @@ from piezod_drivers.serial_line.thorlabs_mdt.codec import (
 
 MAX_RATE_HZ: Final = 50.0
 """No public source tells how fast it obeys; those who drive it wait 20 to 50 ms for it."""
+_NO_COMMAND: Final = b"~\r"
 _FIRST_NS: Final = 500_000_000
 _QUIET_NS: Final = 50_000_000
 _MOST_CHUNKS: Final = 100
@@ -62,6 +63,8 @@ class MdtDialogue:
             LineFault: If nobody answers.
         """
         self._line.open()
+        self._conversation.restart()
+        self._conversation.wait_out()
         prompt = self._find_prompt()
         identity = self._find_identity()
         axes = axes_of(identity.model)
@@ -78,7 +81,6 @@ class MdtDialogue:
         self._replies = Replies(prompt, tail)
         self._ranges = self._find_ranges()
         self._at_once = set(self._outputs) == set(axes) != {"x"} and _knows_all(identity, prompt)
-        self._conversation.restart()
         return identity
 
     def close(self) -> None:
@@ -147,8 +149,8 @@ class MdtDialogue:
         return frame
 
     def _find_prompt(self) -> bytes:
-        """Send an empty command, which also ends what somebody began to send."""
-        told = self._listen(b"\r")
+        """Send what is no command; half a request that was sent before is none with it either."""
+        told = self._listen(_NO_COMMAND)
         if not told:
             raise LineFault(DeviceFlag.LATE_REPLY, f"no reply within {_FIRST_NS / 1e6:g} ms")
         if prompt := prompt_in(told):
