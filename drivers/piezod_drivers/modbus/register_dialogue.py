@@ -15,6 +15,8 @@ from piezod_drivers.modbus.setup import Setup
 from piezod_drivers.modbus.transactions import Transactions
 
 STATUS_PERIOD_NS: Final = 100_000_000
+SILENCE_NS: Final = 300_000_000
+"""After so long a watchdog may have tripped: the device is asked before outputs are set."""
 
 
 class RegisterDialogue:
@@ -34,6 +36,7 @@ class RegisterDialogue:
         self._said = self._told = self._well
         self._together = self._layout.together
         self._status_ns: int | None = None
+        self._last_ns = 0
         self._in_force: Sequence[float] = ()
         self._in_force_ns: int | None = None
 
@@ -107,12 +110,14 @@ class RegisterDialogue:
     def put(self, values: Sequence[float]) -> None:
         """Set every output; may be called in the loop."""
         self._in_force_ns = None
+        self._look_after_silence()
         for block in self._layout.writes:
             self._write(block, values)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
         """Set and read everything in one request (function 23); may be called in the loop."""
         self._in_force_ns = None
+        self._look_after_silence()
         write, block = self._layout.writes[0], self._layout.reads[0]
         words = write.words(values)
         requests = [form.request(words) for form in self._together]
@@ -162,6 +167,21 @@ class RegisterDialogue:
             return
         for request in ways[0] if self._transactions.is_free(block.unit, ways[0]) else ways[-1]:
             self._transactions.ask(block.unit, [request])
+
+    def _look_after_silence(self) -> None:
+        """Ask whether the watchdog has tripped, where nobody was heard for long.
+
+        Raises:
+            LineFault: If it has: to set an output now would be a jump.
+        """
+        now_ns = self._transactions.now_ns()
+        silent = now_ns - self._last_ns > SILENCE_NS
+        self._last_ns = now_ns
+        if silent and self._layout.status:
+            self._said = self._told = self._read_status()
+            if any(DeviceFlag.WATCHDOG_TRIPPED in flags for flags in self._said):
+                what = "the watchdog has tripped: the outputs are not where they were"
+                raise LineFault(DeviceFlag.WATCHDOG_TRIPPED, what)
 
     def _noted(self, values: list[float], now_ns: int) -> Reading:
         """Note saturated inputs, and ask for the status where it is due."""

@@ -6,8 +6,8 @@ from typing import Final
 from piezod.devices.emulation.bench import Bench
 from piezod_drivers.modbus.emulation.converter import Output, measured_v
 from piezod_drivers.modbus.emulation.servers import RtuServer, TcpServer
-from piezod_drivers.modbus.emulation.unit import NO_VALUE, Refusal, Unit
-from piezod_drivers.modbus.emulation.watchdog import Watchdog
+from piezod_drivers.modbus.emulation.unit import FAILURE, NO_VALUE, Refusal, Unit
+from piezod_drivers.modbus.emulation.watchdog import TRIPPED, Watchdog
 from piezod_drivers.modbus.profiles import advantech, icp_das, wago, waveshare
 
 _HIGHEST_V: Final = 10.0
@@ -89,17 +89,23 @@ def wago_750(bench: Bench, _serial: str) -> TcpServer:
     unit = Unit(_REGISTERS | {23})
     scale = _HIGHEST_V / wago.CODES
     outputs = [Output(bench, i, _HIGHEST_V, (1 << 12) - 1) for i in range(4)]
+    watchdog = _wago_watchdog(unit, bench, outputs)
     for i, output in enumerate(outputs):
         get = partial(_measured, bench, i, scale)
         unit.has("input", i, "int16", get)
-        unit.has("holding", i, "int16", get, output.set_code(scale))
+        unit.has("holding", i, "int16", get, partial(_unless_tripped, watchdog, output, scale))
         unit.has("holding", wago.READ_BACK + i, "int16", partial(_code, output, scale))
     for i, number in enumerate(wago.CONSTANTS):
         unit.has("holding", wago.CONSTANTS_AT + i, "uint16", partial(float, number))
     for address, number in ((wago.FIRMWARE, 5), (wago.SERIES, 750), (wago.ITEM, 352)):
         unit.has("holding", address, "uint16", partial(float, number))
-    watchdog = _wago_watchdog(unit, bench, outputs)
     return TcpServer(unit, watchdog.heard)
+
+
+def _unless_tripped(watchdog: Watchdog, output: Output, scale: float, code: float) -> None:
+    if watchdog.state == TRIPPED:
+        raise Refusal(FAILURE)
+    output.set(code * scale)
 
 
 def _wago_watchdog(unit: Unit, bench: Bench, outputs: list[Output]) -> Watchdog:

@@ -1,0 +1,51 @@
+"""Emulated devices for the tests of the driver: in this process, or behind real descriptors."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from piezod.devices.bus.bus_device import BusDevice
+from piezod.devices.emulation.emulator import EmulatorPlugin
+from piezod.devices.emulation.faults import Fault, Faults
+from piezod.devices.emulators import Emulation, Post
+from piezod.devices.interface import Wiring
+from piezod_drivers.modbus.driver import device_of
+from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.transactions import RtuTransactions, TcpTransactions, Transactions
+from tests.drivers.serial_line.linear_rig import LinearRig, bench
+from tests.drivers.serial_line.scripted_line import EmulatedLine
+
+TIMEOUT_S = 0.05
+
+
+def transactions_over(line: EmulatedLine, options: Options) -> Transactions:
+    """Return what carries the requests of options over a line of a test."""
+    if options.host is not None:
+        return TcpTransactions(line, TIMEOUT_S)
+    units = [unit.unit for unit in options.every_unit]
+    return RtuTransactions(line, TIMEOUT_S, units, options.silence_s)
+
+
+def emulated(
+    plugin: EmulatorPlugin, options: Options, wiring: Wiring, serial: str = ""
+) -> tuple[BusDevice, EmulatedLine, LinearRig]:
+    """Return a device that is not open, its line, and the rig at the other end."""
+    table, rig, time = bench(max(len(wiring.inputs), len(wiring.outputs)))
+    assert plugin.create is not None
+    line = EmulatedLine(plugin.create(table, serial), time)
+    return device_of(options, wiring, transactions_over(line, options)), line, rig
+
+
+@contextmanager
+def served(plugin: EmulatorPlugin, where: str = "", faults: Sequence[Fault] = ()) -> Iterator[str]:
+    """Serve a device at a pty or a TCP port in a thread of its own; yield where."""
+    import time  # noqa: PLC0415 - the clock of a bench in real time
+
+    from piezod.devices.emulation.bench import Bench  # noqa: PLC0415 - likewise
+
+    rig = LinearRig(1)
+    emulation = Emulation([Post(plugin, where, Faults(faults))], Bench(rig, time.monotonic_ns))
+    places = emulation.start()
+    try:
+        yield places[0]
+    finally:
+        emulation.stop()
