@@ -58,8 +58,8 @@ class Cube:
             raise DeviceError(
                 f"{self.line.where} leads to a {told}, the configuration says {wanted}"
             )
-        serial = str(hardware.serial)
-        return Identity(_MAKER, hardware.model, serial, hardware.firmware)
+        self.take_noticed()  # what came before it was asked is no fault
+        return Identity(_MAKER, hardware.model, str(hardware.serial), hardware.firmware)
 
     def close(self) -> None:
         """Let go of the line. Never raises."""

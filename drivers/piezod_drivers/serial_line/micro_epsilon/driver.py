@@ -1,0 +1,31 @@
+"""Micro-Epsilon's optical sensors as devices."""
+
+from typing import Final
+
+from piezod.devices.bus.bus_device import BusDevice
+from piezod.devices.bus.serial_line import SerialLine
+from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod_drivers.serial_line.micro_epsilon.dialogue import StreamDialogue
+from piezod_drivers.serial_line.micro_epsilon.options import Options
+
+
+def channels(_options: Options) -> ChannelUnits:
+    """Tell the only channel, the distance from the beginning of the measuring range."""
+    return ChannelUnits({"distance": "µm"}, {})
+
+
+def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
+    line = SerialLine(options.port, options.bits_per_s, rtscts=options.rtscts)
+    name = f"{options.model} at {options.port}"
+    return BusDevice(name, StreamDialogue(options, wiring, line))
+
+
+PLUGIN: Final = DriverPlugin(
+    name="micro_epsilon",
+    summary="Micro-Epsilon ILD1220 to ILD1900, ODC2520: a stream of values at RS422",
+    options_model=Options,
+    create=_create,
+    confirmed_on_hardware=False,
+    channels=channels,
+    sees=frozenset({"B1", "B2", "B3", "B5", "B11", "S5", "S6", "S7", "S8"}),
+)

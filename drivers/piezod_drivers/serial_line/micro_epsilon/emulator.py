@@ -1,0 +1,95 @@
+"""Sensors that exist in numbers: each sends a value per period and says who it is between them."""
+
+from math import isfinite
+from typing import Final
+
+from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.emulator import EmulatorPlugin
+from piezod.units import NS_PER_S
+from piezod_drivers.serial_line.micro_epsilon import stream
+from piezod_drivers.serial_line.micro_epsilon.info import PROMPT
+from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES, UM_PER_MM
+
+RATE_HZ: Final = 1000
+_BEHIND: Final = 262_078
+_MOST_WORDS: Final = 64
+"""More are not sent at once: a sensor does not make up for a pause."""
+_LONGEST_LINE: Final = 256
+
+
+class Sensor:
+    """A sensor in front of the first axis.
+
+    Args:
+        bench: The axis, and the clock.
+        serial: The number that it tells, "" for its usual one.
+        model: Its family, a key of `PROFILES` whose words have three bytes.
+        name: What it calls itself.
+        range_mm: Its measuring range, in mm.
+        rest_um: Distance from the beginning of the range to the axis at rest, in µm.
+    """
+
+    def __init__(
+        self, bench: Bench, serial: str, model: str, name: str, range_mm: float, rest_um: float
+    ) -> None:
+        self._bench, self._profile = bench, PROFILES[model]
+        self._range_um, self._rest_um = range_mm * UM_PER_MM, rest_um
+        self._line = b""
+        self._next_ns = bench.now_ns()
+        self._period_ns = NS_PER_S // RATE_HZ
+        self._info = (
+            f"Name: {name}\r\nSerial: {serial or '15030002'}\r\nOption: 000\r\n"
+            f"Article: 4120212\r\nCable head: Wire\r\nMeasuring range: {range_mm:.2f}mm\r\n"
+            "Version: 001.010\r\nHardware-rev: 00\r\nBoot-version: 001.000\r\n"
+        )
+
+    def receive(self, data: bytes) -> list[bytes]:
+        """Answer every command that is complete; the stream goes on."""
+        *commands, self._line = (self._line + data).replace(b"\r", b"\n").split(b"\n")
+        self._line = self._line[-_LONGEST_LINE:]
+        return [self._answer(command) for command in commands if command]
+
+    def due(self) -> list[bytes]:
+        """Return the values since the last call, as words."""
+        now_ns = self._bench.now_ns()
+        n = (now_ns - self._next_ns) // self._period_ns + 1
+        if n <= 0:
+            return []
+        self._next_ns += n * self._period_ns
+        return [self._word()] * min(n, _MOST_WORDS)
+
+    def _word(self) -> bytes:
+        position_um = self._bench.position_um(0)
+        if not isfinite(position_um):
+            return stream.pack(_BEHIND, self._profile.word_bytes)
+        count = self._profile.count_at(self._rest_um + position_um, self._range_um)
+        if not self._profile.lowest <= count <= self._profile.highest:
+            count = _BEHIND
+        return stream.pack(count, self._profile.word_bytes)
+
+    def _answer(self, command: bytes) -> bytes:
+        word = command.decode("ascii", "replace").strip()
+        answer = self._info if word.upper() == "GETINFO" else "E200 I/O error\r\n"
+        return f"{word}\r\n{answer}{PROMPT}".encode("ascii", "replace")
+
+
+def _ild1420(bench: Bench, serial: str) -> Sensor:
+    return Sensor(bench, serial, "ILD1420", "ILD1420-10", range_mm=10.0, rest_um=5000.0)
+
+
+def _odc2520(bench: Bench, serial: str) -> Sensor:
+    return Sensor(bench, serial, "ODC2520", "ODC2520-46", range_mm=46.0, rest_um=20_000.0)
+
+
+ILD1420: Final = EmulatorPlugin(
+    name="ild1420",
+    summary="Micro-Epsilon ILD1420-10 laser sensor, 10 mm, 1 kHz",
+    wire="serial",
+    create=_ild1420,
+)
+ODC2520: Final = EmulatorPlugin(
+    name="odc2520",
+    summary="Micro-Epsilon ODC2520-46 micrometer, in steps of 1 µm, 1 kHz",
+    wire="serial",
+    create=_odc2520,
+)

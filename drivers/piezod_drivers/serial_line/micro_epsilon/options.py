@@ -1,0 +1,37 @@
+"""What a configuration may say about a Micro-Epsilon sensor."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from piezod.config.fields import Quantity
+from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES, Profile
+from piezod_drivers.serial_line.options import Baud, PortOptions
+
+
+class Options(PortOptions):
+    """Options of a sensor that streams at RS422."""
+
+    model: Literal[
+        "ILD1220", "ILD1320", "ILD1402", "ILD1420", "ILD1700", "ILD1750", "ILD1900", "ODC2520"
+    ] = Field(description="The family that the sensor belongs to.")
+    baud: Baud = Field(
+        default=921_600,
+        description="Bits per second; left out: as delivered, which is 115200 for ILD1402, ILD1700 "
+        "and ODC2520.",
+    )
+    range_mm: Annotated[float, Quantity(0.1, 1000, "mm")] | None = Field(
+        default=None,
+        description="Measuring range, mm; left out: as the sensor tells, which ILD1402 and ILD1700 "
+        "do not.",
+    )
+
+    @property
+    def profile(self) -> Profile:
+        """What the stream looks like."""
+        return PROFILES[self.model]
+
+    @property
+    def bits_per_s(self) -> int:
+        """The bit rate: the one that is set, else that of the profile."""
+        return self.baud if "baud" in self.model_fields_set else self.profile.baud

@@ -1,0 +1,105 @@
+"""What the streams of the sensors differ in, as data.
+
+Scales and ranges after the manuals of ILD1420, ILD1402, ILD1700, ILD1750, ILD1900 and ODC2520. What
+single error codes mean was not found in any of them that is public: not confirmed.
+"""
+
+from collections.abc import Mapping
+from math import nan
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+
+UM_PER_MM: Final = 1000.0
+
+_SATURATED: Final = frozenset({DeviceFlag.SATURATED})
+_LOW_LIGHT: Final = frozenset({DeviceFlag.LOW_LIGHT})
+_OVERLOADED: Final = frozenset({DeviceFlag.BUS_OVERLOADED})
+
+_CODES_3: Final[Mapping[int, Flags]] = MappingProxyType(
+    {
+        262_073: _SATURATED,  # below what can be sent
+        262_074: _SATURATED,  # above it
+        262_075: _OVERLOADED,  # too much data for the bit rate
+        262_076: _LOW_LIGHT,  # no peak
+        262_077: _SATURATED,  # before the range
+        262_078: _SATURATED,  # behind it
+        262_081: _LOW_LIGHT,  # the peak is too wide
+        262_082: _LOW_LIGHT,  # the laser is off
+    }
+)
+_CODES_2: Final[Mapping[int, Flags]] = MappingProxyType(
+    {
+        16_370: _LOW_LIGHT,  # nothing there
+        16_372: _SATURATED,  # too near
+        16_374: _SATURATED,  # too far
+        16_376: _LOW_LIGHT,  # it cannot be evaluated
+        16_378: _LOW_LIGHT,  # the laser is off
+    }
+)
+
+
+class Profile(NamedTuple):
+    """The stream of a family of sensors; displacement = count · `per_count` + `offset`.
+
+    Attributes:
+        word_bytes: 3 with 18 bits, or 2 with 14.
+        baud: Bits per second as delivered.
+        per_count: Displacement of a count: a part of the measuring range, or µm where the range
+            does not matter.
+        offset: Likewise, at a count of 0.
+        lowest: Lowest count within the range.
+        highest: Highest count within it.
+        first_code: From here on counts are error codes.
+        codes: What some of them say.
+        scaled: Whether the measuring range matters.
+        talks: Whether it understands commands in text.
+    """
+
+    word_bytes: int
+    baud: int
+    per_count: float
+    offset: float
+    lowest: int
+    highest: int
+    first_code: int
+    codes: Mapping[int, Flags]
+    scaled: bool = True
+    talks: bool = True
+
+    def read(self, count: int, range_um: float) -> tuple[float, Flags]:
+        """Return what a count means: a displacement in µm, NaN where it is none, and why."""
+        if count >= self.first_code:
+            return nan, self.codes.get(count, NO_FLAGS)
+        if not self.lowest <= count <= self.highest:
+            return nan, _SATURATED
+        return (count * self.per_count + self.offset) * (range_um if self.scaled else 1.0), NO_FLAGS
+
+    def count_at(self, position_um: float, range_um: float) -> int:
+        """Return the count of a displacement in µm, which may be beyond the range."""
+        part = position_um / (range_um if self.scaled else 1.0)
+        return round((part - self.offset) / self.per_count)
+
+
+_ILD1X20: Final = Profile(3, 921_600, 1.02 / 65_520, -0.01, 643, 64_877, 262_072, _CODES_3)
+_ILD1X50: Final = Profile(3, 921_600, 1 / 65_536, -98_232 / 65_536, 0, 230_604, 262_072, _CODES_3)
+_ILD14: Final = Profile(
+    2, 115_200, 1.02 / 16_368, -0.01, 161, 16_207, 16_368, _CODES_2, talks=False
+)
+
+PROFILES: Final[Mapping[str, Profile]] = MappingProxyType(
+    {
+        "ILD1220": _ILD1X20,
+        "ILD1320": _ILD1X20,
+        "ILD1420": _ILD1X20,
+        "ILD1750": _ILD1X50,
+        "ILD1900": _ILD1X50,
+        "ILD1402": _ILD14,
+        "ILD1700": _ILD14,
+        "ODC2520": Profile(
+            3, 115_200, 1.0, -131_000.0, 0, 262_071, 262_072, _CODES_3, scaled=False
+        ),
+    }
+)
+"""Profiles by the name of the family."""
