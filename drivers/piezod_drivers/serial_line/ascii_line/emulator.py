@@ -1,0 +1,97 @@
+"""Two devices for the examples: a nanopositioner that is asked, a sensor that sends unasked."""
+
+import re
+from math import isfinite
+from typing import Final
+
+from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.emulator import EmulatorPlugin
+
+MOST_BYTES: Final = 256
+V_PER_UM: Final = 150 / 26
+"""What the nanopositioner gives its actuator for a µm that it is sent to."""
+TRAVEL_UM: Final = 26.0
+LINE_NS: Final = 2_000_000
+"""How often the sensor sends."""
+
+_MOVE: Final = re.compile(r"MOVE([XYZ]) (-?\d{1,4}(?:\.\d{1,6})?)u", re.ASCII)
+
+
+class Nanopositioner:
+    """Implements `Emulator`; its commands look like PiezoConcept's, after micro-manager's source.
+
+    `INFOX` tells what it is, `MOVEX 1.2340u` is answered by `Ok`, `GET_X` tells where it is. It has
+    no closed loop: a stage with hysteresis is behind it.
+
+    Args:
+        bench: Its bench; axes X, Y and Z are the first three.
+        serial: Serial number.
+    """
+
+    def __init__(self, bench: Bench, serial: str) -> None:
+        self._bench, self._serial = bench, serial or "1001"
+        self._axes = "XYZ"[: bench.n_axes]
+        self._rest = b""
+
+    def receive(self, data: bytes) -> list[bytes]:
+        """Take what has come; answer every command that is complete."""
+        *lines, rest = (self._rest + data).split(b"\n")
+        self._rest = rest[-MOST_BYTES:]
+        return [self._answer(line.decode("latin-1")).encode("ascii") + b"\n" for line in lines]
+
+    def due(self) -> list[bytes]:
+        """Send nothing unasked."""
+        return []
+
+    def _answer(self, command: str) -> str:
+        axis = self._axes.find(command[-1:]) if command else -1
+        if command.startswith("INFO") and len(command) == 5 and axis >= 0:
+            return f"DEMO-{TRAVEL_UM:.0f} um SN{self._serial}"
+        if command.startswith("GET_") and len(command) == 5 and axis >= 0:
+            position_um = self._bench.position_um(axis)
+            return f"{position_um:.4f} um" if isfinite(position_um) else "Error: sensor saturated"
+        move = _MOVE.fullmatch(command)
+        if move is None or move[1] not in self._axes:
+            return "Error: unknown command"
+        wanted_um = float(move[2])
+        in_range = 0.0 <= wanted_um <= TRAVEL_UM
+        if in_range and self._bench.drive(self._axes.index(move[1]), wanted_um * V_PER_UM):
+            return "Ok"
+        return "Error: out of range"
+
+
+class Reporter:
+    """Implements `Emulator`; a sensor as somebody builds one: `P 12.3456 um` every 2 ms.
+
+    Args:
+        bench: Its bench; it measures the first axis.
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench, self._sent_ns = bench, 0
+
+    def receive(self, data: bytes) -> list[bytes]:  # noqa: ARG002 - it hears nothing
+        """Answer nothing."""
+        return []
+
+    def due(self) -> list[bytes]:
+        """Return a line if it is time for one; those that were missed are never sent."""
+        now_ns = self._bench.now_ns()
+        if now_ns - self._sent_ns < LINE_NS:
+            return []
+        self._sent_ns = now_ns
+        position_um = self._bench.position_um(0)
+        told = f"{position_um:.4f} um" if isfinite(position_um) else "saturated"
+        return [f"P {told}\r\n".encode("ascii")]
+
+
+def _reporter(bench: Bench, _serial: str) -> Reporter:
+    return Reporter(bench)
+
+
+DEMO: Final = EmulatorPlugin(
+    "ascii-demo", "a nanopositioner with commands like PiezoConcept's", "serial", Nanopositioner
+)
+SENSOR: Final = EmulatorPlugin(
+    "ascii-sensor", "a sensor that sends a line every 2 ms", "serial", _reporter
+)
