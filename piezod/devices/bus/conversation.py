@@ -74,6 +74,10 @@ class Conversation:
             noticed |= self._notices.take_noticed()
         return noticed
 
+    def forget_noticed(self) -> None:
+        """Forget what came before the device was asked for the first time; that is no fault."""
+        self._noticed.clear()
+
     def tell(self, message: bytes) -> None:
         """Send what has no reply; may be called in the loop.
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from piezod.devices import registry
-from piezod.devices.interface import Device, Wiring
+from piezod.devices.interface import Wiring
 
 Options = Callable[[str, float], Mapping[str, object]]
 """Options of a driver for a place, as `piezod emulate` prints it, and a time-out in ms."""
@@ -24,8 +24,7 @@ class Profile:
         wiring: Channels of the device: all of them are used.
         options: Of the driver.
         arguments: Of `piezod emulate`.
-        streams: Whether the device sends by itself, so that no reply is lost, late or first.
-        tells_serial: Whether its identity has the serial number, so that another one can be told.
+        unseen: Ids of faults that the driver sees, but not of this device.
         seam: Where the driver finds its line, to put another one in its place.
     """
 
@@ -34,16 +33,14 @@ class Profile:
     wiring: Wiring
     options: Options
     arguments: tuple[str, ...] = ()
-    streams: bool = False
-    tells_serial: bool = True
+    unseen: frozenset[str] = frozenset()
     seam: str = "piezod_drivers.serial_line.options"
 
-    def device(self, where: str, timeout_ms: float = 2000.0) -> Any:
-        """Construct the driver's device for a place; by default it waits long for replies."""
+    def maker(self, where: str, timeout_ms: float = 2000.0) -> Callable[[], Any]:
+        """Return what constructs the driver's device for a place; it waits so long for replies."""
         plugin = registry.load(self.driver)
         options = plugin.options_model.model_validate(dict(self.options(where, timeout_ms)))
-        device: Device = plugin.create(options, self.wiring, 1)
-        return device
+        return lambda: plugin.create(options, self.wiring, 1)
 
 
 @dataclass(frozen=True)
@@ -77,15 +74,50 @@ class Tcp:
         return {"host": host, "tcp_port": int(port), "timeout_ms": timeout_ms, **self.others}
 
 
+def _modbus(
+    name: str,
+    wiring: Wiring,
+    options: Options,
+    unseen: str = "S10",
+    arguments: tuple[str, ...] = (),
+) -> Profile:
+    tcp = isinstance(options, Tcp)
+    blind = frozenset({"A7", "A8", *unseen.split(), *(["B4"] if tcp else [])})
+    seam = "piezod_drivers.modbus.driver"
+    return Profile(name, "modbus", wiring, options, arguments, blind, seam)
+
+
+def _units(*profiles: str) -> dict[str, object]:
+    return {"units": tuple({"unit": i + 1, "profile": name} for i, name in enumerate(profiles))}
+
+
+MODBUS = (
+    *(
+        _modbus(name, Wiring(("AIN0",), ("DAC0",)), Tcp({"profile": name}), "")
+        for name in ("labjack-t4", "labjack-t7", "labjack-t8")
+    ),
+    _modbus("adam-6024", Wiring(("AI0",), ("AO0",)), Tcp({"profile": "adam-6024"})),
+    _modbus("wago-750", Wiring(("AI0",), ("AO0",)), Tcp({"profile": "wago-750"})),
+    _modbus("adam-4024", Wiring((), ("AO0",)), Port({"profile": "adam-4024"})),
+    _modbus("icpdas", Wiring(("AI0",), ("AO0",)), Port(_units("icpdas-m7017", "icpdas-m7024"))),
+    _modbus(
+        "waveshare", Wiring(("AI1",), ("AO1",)), Port(_units("waveshare-ai8b", "waveshare-ao8b"))
+    ),
+)
+
 PROFILES = (
+    *MODBUS,
     Profile("pi-e816", "pi_gcs1", Wiring.both(("A",)), Port()),
     Profile("pi-gcs2", "pi_gcs2", Wiring.both(("1",)), Port()),
     Profile("pi-gcs2-tcp", "pi_gcs2", Wiring.both(("1",)), Tcp()),
     Profile("mdt693a", "thorlabs_mdt", Wiring((), ("x",)), Port()),
     Profile("mdt693b", "thorlabs_mdt", Wiring((), ("x", "y", "z")), Port(), ("--axes", "3")),
     Profile("mdt694b", "thorlabs_mdt", Wiring((), ("x",)), Port()),
-    Profile("kpz101", "thorlabs_apt", Wiring((), ("1",)), Port()),
-    Profile("ksg101", "thorlabs_apt", Wiring(("1",), ()), Port()),
+    Profile("kpz101", "thorlabs_apt", Wiring((), ("1",)), Port({"model": "KPZ101"})),
+    Profile("ksg101", "thorlabs_apt", Wiring(("1",), ()), Port({"model": "KSG101"})),
+    Profile("lc400", "npoint_lc400", Wiring.both(("1",)), Port()),
+    Profile("ild1420", "micro_epsilon", Wiring(("distance",), ()), Port({"model": "ILD1420"})),
+    Profile("odc2520", "micro_epsilon", Wiring(("distance",), ()), Port({"model": "ODC2520"})),
     Profile("psj-ddrive", "psj", Wiring((), ("ch0",)), Port({"profile": "ddrive"})),
     Profile("psj-nv40", "psj", Wiring.both(("ch0",)), Port({"profile": "nv40"})),
     Profile("psj-nv200", "psj", Wiring.both(("ch0",)), Port({"profile": "nv200"})),

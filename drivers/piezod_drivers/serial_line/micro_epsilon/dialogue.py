@@ -67,7 +67,7 @@ class StreamDialogue:
             raise DeviceError(f"{self._line.where} tells no measuring range: set range_mm")
         self._range_um = range_mm * UM_PER_MM
         self._wait_for_value(got)
-        self._conversation.take_noticed()  # what came before it was asked is no fault
+        self._conversation.forget_noticed()
         return Identity(_MAKER, told.name, told.serial, told.version)
 
     def close(self) -> None:

@@ -64,7 +64,7 @@ class Lc400Dialogue:
         request = codec.read_array(codec.FIRMWARE, codec.FIRMWARE_WORDS)
         length_of = codec.array_length(codec.FIRMWARE, codec.FIRMWARE_WORDS)
         firmware = codec.text_of(self._conversation.ask(request, length_of))
-        self._conversation.take_noticed()  # what came before it was asked is no fault
+        self._conversation.forget_noticed()
         self._um_per_count = [self._range_um(i) / FULL_SCALE for i in self._inputs]
         ranges = " ".join(f"{scale * FULL_SCALE:g}" for scale in self._um_per_count)
         told = f"ranges {ranges} µm" if ranges else "not told"

@@ -65,7 +65,7 @@ class PsjDialogue:
         ]
         self._flags = dict.fromkeys(self._all, NO_FLAGS)
         self._fresh = [Freshness(round(self._model.refresh_s * 1e9)) for _ in self._inputs]
-        self._talk.take_noticed()  # what the port held before it was ours
+        self._talk.forget_noticed()
         return identity
 
     def close(self) -> None:
@@ -99,7 +99,7 @@ class PsjDialogue:
         take_over(self._model, self._outputs, self._talk)
         for _ in self._all:
             self._look_after(at_once=True)
-        self._talk.take_noticed()
+        self._talk.forget_noticed()
 
     def deactivate(self) -> None:
         """Do nothing: the outputs hold."""

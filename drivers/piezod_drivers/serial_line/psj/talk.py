@@ -35,6 +35,10 @@ class Talk:
         """Return what went wrong without making an exchange fail, since the last call."""
         return self._conversation.take_noticed()
 
+    def forget_noticed(self) -> None:
+        """Forget what came before the device was asked; that is no fault."""
+        self._conversation.forget_noticed()
+
     def command(self, name: str, channel: int | None = None, *values: float) -> bytes:
         """Make a command, as `codec.command` does."""
         return codec.command(self._model, name, channel, *values)

@@ -58,7 +58,7 @@ class Cube:
             raise DeviceError(
                 f"{self.line.where} leads to a {told}, the configuration says {wanted}"
             )
-        self.take_noticed()  # what came before it was asked is no fault
+        self._conversation.forget_noticed()
         return Identity(_MAKER, hardware.model, str(hardware.serial), hardware.firmware)
 
     def close(self) -> None:

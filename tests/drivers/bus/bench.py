@@ -1,0 +1,72 @@
+"""Emulated devices in another process, as `piezod emulate` makes them."""
+
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from piezod.devices import emulators
+
+
+class Emulated:
+    """Devices that are served.
+
+    Attributes:
+        process: The process that serves them.
+        where: The place of each, in the order in which they were asked for.
+    """
+
+    def __init__(self, process: "subprocess.Popen[str]") -> None:
+        self.process = process
+        self.where = [each["where"] for each in self._told()["serving"]]
+
+    def faults(self, *faults: str) -> None:
+        """Have this go wrong from now on, and nothing else; replies are counted from 1 again.
+
+        As `piezod emulate --fault` takes it; in force when this returns.
+        """
+        assert self.process.stdin is not None
+        self.process.stdin.write(", ".join(faults) + "\n")
+        self.process.stdin.flush()
+        assert self._told()["faults"] == ", ".join(faults)
+
+    def _told(self) -> dict[str, Any]:
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        assert line, "the emulator has ended, see its errors above"
+        document: dict[str, Any] = json.loads(line)
+        return document
+
+
+@contextmanager
+def emulated(*profiles: str, arguments: tuple[str, ...] = ()) -> Iterator[Emulated]:
+    """Serve devices on one bench while the block runs; they have ended in order afterwards.
+
+    Args:
+        *profiles: Names of profiles; each may say where, as NAME=WHERE. Otherwise serial ones are
+            served in a folder of their own, others where they are usually.
+        arguments: Options of `piezod emulate`.
+    """
+    with tempfile.TemporaryDirectory(prefix="piezod-") as folder:
+        places = [_place(profile, Path(folder)) for profile in profiles]
+        command = [sys.executable, "-m", "piezod.cli.main", "emulate", *places, "--json"]
+        with subprocess.Popen(
+            [*command, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as process:
+            try:
+                yield Emulated(process)
+            finally:
+                process.send_signal(signal.SIGTERM)
+                process.wait()
+        assert process.returncode == 0
+
+
+def _place(profile: str, folder: Path) -> str:
+    if "=" in profile or emulators.load(profile).wire != "serial":
+        return profile
+    return f"{profile}={folder / profile}.tty"

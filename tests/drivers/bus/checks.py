@@ -1,0 +1,337 @@
+"""What goes wrong on a wire, and what a driver has to make of it: a check for each."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from piezod.devices import emulators, registry
+from piezod.devices.bus.line import LineFault
+from piezod.devices.interface import Amplifier, Exchanges, Sensor
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceError
+from tests.daemon.waiting import eventually
+from tests.drivers.bus.bench import Emulated
+from tests.drivers.bus.profiles import Profile
+
+TIMEOUT_MS = 50.0
+AWAY = "0.05"
+DRIVEN = 1.0
+"""What every output is set to, in its unit."""
+
+Call = Callable[[Any], bool]
+"""Does something with an active device and tells whether it went well."""
+
+
+class Session:
+    """A device in another process, and drivers for it.
+
+    Args:
+        profile: The device's row.
+        emulated: The process.
+    """
+
+    def __init__(self, profile: Profile, emulated: Emulated) -> None:
+        self.profile, self.emulated = profile, emulated
+        self.make = profile.maker(emulated.where[0], TIMEOUT_MS)
+
+    @contextmanager
+    def opened(self) -> Iterator[Any]:
+        """Give an open device, as soon as it can be opened."""
+        device = self.make()
+        eventually(lambda: opens(device))
+        yield device
+        device.close()
+
+    @contextmanager
+    def active(self) -> Iterator[Any]:
+        """Give an active device that works, and whose status is clean."""
+        with self.opened() as device:
+            device.activate(time.monotonic_ns())
+            eventually(lambda: self.works(device) and not flags_of(device))
+            yield device
+        self.emulated.faults()
+
+    @property
+    def calls(self) -> dict[str, Call]:
+        """The cyclic calls that the device has, by name."""
+        device, wiring = self.make(), self.profile.wiring
+        n_outputs = len(wiring.outputs)
+        found: dict[str, Call] = {}
+        if isinstance(device, Sensor) and wiring.inputs:
+            found["read"] = _reads
+        if isinstance(device, Amplifier) and wiring.outputs:
+            found["write"] = lambda each: each.write([DRIVEN] * n_outputs, time.monotonic_ns())
+            found["read_back"] = _reads_back
+        if isinstance(device, Exchanges) and wiring.inputs and wiring.outputs:
+            found["exchange"] = lambda each: _exchanges(each, n_outputs)
+        return found
+
+    def works(self, device: Any) -> bool:
+        """Tell whether every cyclic call of an active device goes well."""
+        went_well = [call(device) for call in self.calls.values()]
+        return all(went_well)
+
+    def sees(self, device: Any, *flags: DeviceFlag) -> bool:
+        """Use the device; tell whether its status has one of these flags."""
+        for call in self.calls.values():
+            call(device)
+        return not flags_of(device).isdisjoint(flags)
+
+    def comes_right(self, device: Any) -> None:
+        """Assert that the device works again without being opened again."""
+        self.emulated.faults()
+        eventually(lambda: self.works(device) and not flags_of(device))
+
+
+def opens(device: Any) -> bool:
+    """Open a device; tell whether that went well."""
+    try:
+        device.open()
+    except DeviceError:
+        return False
+    return True
+
+
+def flags_of(device: Any) -> frozenset[DeviceFlag]:
+    """Return what a device tells of any of its channels."""
+    return frozenset().union(*device.status(time.monotonic_ns()))
+
+
+def _reads(device: Any) -> bool:
+    return all(sample.valid for sample in device.read(time.monotonic_ns()))
+
+
+def _reads_back(device: Any) -> bool:
+    return all(value - value == 0.0 for value in device.read_back(time.monotonic_ns()))
+
+
+def _exchanges(device: Any, n_outputs: int) -> bool:
+    taken, samples = device.exchange([DRIVEN] * n_outputs, time.monotonic_ns())
+    return taken and all(sample.valid for sample in samples)
+
+
+def pulled_in_every_call(session: Session) -> None:
+    """The connection goes in the midst of a call: that fails as a value, and so do all after it.
+
+    Opened again, the device works.
+    """
+    for name, call in session.calls.items():
+        with session.active() as device:
+            session.emulated.faults(f"disconnect:1:{AWAY}")
+            eventually(lambda call=call, device=device: not call(device))  # type: ignore[misc]
+            assert DeviceFlag.DISCONNECTED in flags_of(device), name
+            assert not call(device), name
+            device.deactivate(time.monotonic_ns())
+
+
+def pulled_while_opening(session: Session) -> None:
+    """To open fails with `DeviceError`, or what was opened is lost; later it can be opened."""
+    device = session.make()
+    session.emulated.faults(f"disconnect:1:{AWAY}")
+    if opens(device):
+        try:
+            device.activate(time.monotonic_ns())
+        except DeviceError:
+            pass
+        else:
+            eventually(lambda: session.sees(device, DeviceFlag.DISCONNECTED))
+    device.close()
+    with session.active():
+        pass
+
+
+def nobody_is_there(session: Session) -> None:
+    """To open fails while the device is away, and again and again."""
+    session.emulated.faults("disconnect:now:0.1")
+    device = session.make()
+    eventually(lambda: not opens(device) or device.close())
+    device.close()
+    with session.active():
+        pass
+
+
+def lost_replies(session: Session) -> None:
+    """No reply comes: that is a late one; when they come again, the device works again."""
+    with session.active() as device:
+        session.emulated.faults("lost")
+        eventually(lambda: session.sees(device, DeviceFlag.LATE_REPLY))
+        assert not session.works(device)
+        session.comes_right(device)
+
+
+def unacknowledged_writes(session: Session) -> None:
+    """A write whose acknowledgement does not come counts as refused."""
+    with session.active() as device:
+        session.emulated.faults("lost")
+        assert not session.calls["write"](device)
+        session.comes_right(device)
+
+
+def late_replies(session: Session) -> None:
+    """Some replies come later than they should, by up to ten time-outs."""
+    with session.active() as device:
+        session.emulated.faults(f"late:every 5:{TIMEOUT_MS * 1e-3}-{TIMEOUT_MS * 1e-2}")
+        eventually(lambda: session.sees(device, DeviceFlag.LATE_REPLY))
+        session.comes_right(device)
+
+
+def slow_replies(session: Session) -> None:
+    """Replies take most of the time that there is for them."""
+    with session.active() as device:
+        session.emulated.faults(f"late:every 3:{0.86 * TIMEOUT_MS * 1e-3:.4f}")
+        eventually(lambda: session.sees(device, DeviceFlag.SLOW_REPLY))
+        session.comes_right(device)
+
+
+def noise(session: Session) -> None:
+    """Garbage comes before replies, and the device works again when it ends."""
+    with session.active() as device:
+        session.emulated.faults("noise:every 2:1-12")
+        eventually(lambda: session.sees(device, DeviceFlag.GARBAGE))
+        session.comes_right(device)
+
+
+def flipped_bits(session: Session) -> None:
+    """A checksum tells that bits were flipped."""
+    with session.active() as device:
+        session.emulated.faults("garbled:every 2")
+        eventually(lambda: session.sees(device, DeviceFlag.BAD_CHECKSUM))
+        session.comes_right(device)
+
+
+def garbled_replies(session: Session) -> None:
+    """Whatever becomes of replies, no call raises, and the device works again when it ends."""
+    for fault in ("garbled", "partial:every 2", "partial:every 2:1", "noise:every 2:1000"):
+        with session.active() as device:
+            session.emulated.faults(fault)
+            for _ in range(3):
+                session.works(device)
+                flags_of(device)
+            session.comes_right(device)
+
+
+def duplicated_replies(session: Session) -> None:
+    """Every reply comes twice: the second is no reply to what is asked next."""
+    with session.active() as device:
+        session.emulated.faults("duplicated")
+        eventually(lambda: session.sees(device, DeviceFlag.OUT_OF_ORDER))
+        session.comes_right(device)
+
+
+def another_device(session: Session) -> None:
+    """What comes back has another serial number: its status says so, as long as it is there."""
+    with session.active() as device:
+        session.emulated.faults(f"wrong-identity:now:{AWAY}")
+        eventually(lambda: session.sees(device, DeviceFlag.DISCONNECTED))
+        device.close()
+        eventually(lambda: opens(device))
+        assert DeviceFlag.OTHER_DEVICE in flags_of(device)
+        assert DeviceFlag.OTHER_DEVICE in flags_of(device)
+
+
+def another_path(session: Session) -> None:
+    """The port comes back as another device path, under the same name: that is told once."""
+    with session.active() as device:
+        port = Path(session.emulated.where[0])
+        before = port.resolve()
+        session.emulated.faults(f"disconnect:now:{AWAY}")
+        eventually(lambda: session.sees(device, DeviceFlag.DISCONNECTED))
+        eventually(lambda: port.exists() and port.resolve() != before)
+        device.close()
+        eventually(lambda: opens(device))
+        assert DeviceFlag.OTHER_PATH in flags_of(device)
+        assert DeviceFlag.OTHER_PATH not in flags_of(device)
+
+
+def shared_port(session: Session) -> None:
+    """A second program is refused while the first one has the port."""
+    with session.active() as device:
+        second = session.make()
+        with pytest.raises(DeviceError, match="held by another program"):
+            second.open()
+        assert session.works(device)
+
+
+def _fails_to_send(session: Session, flag: DeviceFlag) -> None:
+    def fail(*_: object) -> None:
+        raise LineFault(flag, "the test says so")
+
+    with session.active() as device, pytest.MonkeyPatch.context() as patched:
+        for line in ("serial_line.SerialLine", "tcp_line.TcpLine"):
+            patched.setattr(f"piezod.devices.bus.{line}.send", fail)
+        for call in session.calls.values():
+            call(device)
+        assert flag in flags_of(device)
+
+
+def partial_writes(session: Session) -> None:
+    """A request that does not go out as a whole fails, and is told."""
+    _fails_to_send(session, DeviceFlag.PARTIAL_WRITE)
+
+
+def half_open_connection(session: Session) -> None:
+    """A connection on which nothing is acknowledged is told, and lost."""
+    _fails_to_send(session, DeviceFlag.HALF_OPEN)
+
+
+def reads_back_what_it_wrote(session: Session) -> None:
+    """What is in force is measured by the device, near what was written."""
+    with session.active() as device:
+        n = len(session.profile.wiring.outputs)
+        before = device.read_back(time.monotonic_ns())
+        assert device.capabilities().read_back
+        for value in (DRIVEN + 2.0, DRIVEN):
+            assert device.write([value] * n, time.monotonic_ns())
+            eventually(lambda value=value: _near(device, value))  # type: ignore[misc]
+        assert len(before) == n
+
+
+def _near(device: Any, value: float) -> bool:
+    return all(abs(found - value) < 0.5 for found in device.read_back(time.monotonic_ns()))
+
+
+class Row(NamedTuple):
+    """A check.
+
+    Attributes:
+        check: What is checked.
+        ids: The faults that a driver which passes it sees; it is for drivers that see all of them.
+    """
+
+    check: Callable[[Session], None]
+    ids: tuple[str, ...] = ()
+
+
+CHECKS = (
+    Row(pulled_in_every_call, ("B1",)),
+    Row(pulled_while_opening),
+    Row(nobody_is_there),
+    Row(lost_replies, ("B5",)),
+    Row(unacknowledged_writes, ("A1",)),
+    Row(late_replies, ("B5",)),
+    Row(slow_replies, ("B7",)),
+    Row(noise, ("B3",)),
+    Row(flipped_bits, ("B4",)),
+    Row(garbled_replies),
+    Row(duplicated_replies, ("B6",)),
+    Row(another_path, ("B2",)),
+    Row(shared_port, ("B14",)),
+    Row(partial_writes, ("A2",)),
+    Row(half_open_connection, ("B13",)),
+    Row(reads_back_what_it_wrote, ("A3", "A12")),
+    Row(another_device, ("S10",)),  # the last: what is there afterwards is the other device
+)
+
+
+def checks_of(profile: Profile) -> list[Row]:
+    """Return the checks for a device: those of faults that its driver says it sees there."""
+    sees = registry.load(profile.driver).sees - profile.unseen
+    if not profile.wiring.outputs:
+        sees -= {"A1", "A3", "A12"}
+    serial = emulators.load(profile.name).wire == "serial"
+    sees -= {"B13"} if serial else {"B2", "B14"}
+    return [row for row in CHECKS if sees.issuperset(row.ids)]

@@ -1,0 +1,32 @@
+"""Every device that can be emulated at a pty or a TCP port, in another process, and its driver."""
+
+import pytest
+
+from piezod.testing.driver_contract import checks_for
+from tests.drivers.bus.bench import emulated
+from tests.drivers.bus.checks import Session, checks_of
+from tests.drivers.bus.profiles import PROFILES, Profile
+
+
+def _row(profile: Profile) -> object:
+    """Return a profile with the marks of the faults that its driver is seen to see."""
+    ids = {each for row in checks_of(profile) for each in row.ids}
+    marks = [pytest.mark.sees(profile.driver, each) for each in sorted(ids)]
+    return pytest.param(profile, marks=marks, id=profile.name)
+
+
+@pytest.mark.parametrize("profile", [_row(profile) for profile in PROFILES])
+def test_driver_masters_what_goes_wrong(profile: Profile, subtests: pytest.Subtests) -> None:
+    """It keeps the driver contract, and passes a check for each fault that it says it sees.
+
+    One process serves the device for all of them, which takes longer to start than they do.
+    """
+    with emulated(profile.name, arguments=profile.arguments) as device:
+        factory = profile.maker(device.where[0])
+        for check in checks_for(factory):
+            with subtests.test(check.__name__):
+                check(factory)
+        session = Session(profile, device)
+        for row in checks_of(profile):
+            with subtests.test(row.check.__name__):
+                row.check(session)
