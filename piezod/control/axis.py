@@ -145,6 +145,10 @@ class CompensatedAxis:
         else:
             self.trim.disable()
 
+    def ease(self, eased: bool) -> None:
+        """Trim and learn with half the gain, or with the whole again; call it in the loop."""
+        self.trim.eased = self.identifier.eased = eased
+
     @property
     def limits(self) -> Limits:
         """What the drive may do."""

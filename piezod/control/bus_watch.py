@@ -62,8 +62,8 @@ class _Side:
         self.counting = False
         for flag, bucket in self._buckets.items():
             if flag in flags or bucket.level:
-                self.counting = True
                 found += self._counted(flag, bucket, flag in flags)
+                self.counting |= bucket.level > 0
         self._not_sent = self._not_sent + 1 if DeviceFlag.NOT_SENT in flags else 0
         if self._not_sent:
             self.counting = True

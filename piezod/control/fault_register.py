@@ -4,12 +4,25 @@ from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from piezod.control.fault_cases import Case, rule_of
-from piezod.control.fault_table import FAULTS, INDEX, FaultRule, Latch, Reaction, Source
+from piezod.control.fault_table import (
+    FAULTS,
+    INDEX,
+    FaultRule,
+    Latch,
+    Reaction,
+    Source,
+    mask,
+)
 
 GOOD_CYCLES: Final = 20
 """A fault is gone after so many cycles in a row in which no watch finds it."""
 CAUSE_CYCLES: Final = 10
 """For so many cycles after it appeared, a fault is taken for the cause of others."""
+_DEGRADING: Final = mask(
+    rule.id
+    for rule in FAULTS
+    if Reaction.DEGRADE in (rule.reaction, rule.escalation and rule.escalation.reaction)
+)
 
 
 class Detection(NamedTuple):
@@ -97,6 +110,16 @@ class FaultRegister:
         """Whether a fault is present that makes an amplifier unreachable."""
         return any(self._rules[index].reaction is Reaction.BLIND for index in _places(self.present))
 
+    def axes_of(self, fault: str) -> int:
+        """Return the axes on which a fault was found since it is present or latched, as bits."""
+        return self._axes[INDEX[fault]]
+
+    @property
+    def adapt_allowed(self) -> bool:
+        """Whether no fault that is present or latched forbids to adapt."""
+        bits = (self.present | self.latched) & _DEGRADING
+        return not any(self._rules[index].reaction >= Reaction.DEGRADE for index in _places(bits))
+
     @property
     def blocking(self) -> int:
         """Latched faults that stop the stage and that only `reset` ends, as bits."""
@@ -178,7 +201,7 @@ class FaultRegister:
             or t_ns - self._since_ns[index] < worse.after_ns
         ):
             return Reaction.NONE
-        rule = rule._replace(reaction=worse.reaction, latch=worse.latch, escalation=None)
+        rule = rule._replace(reaction=worse.reaction, latch=worse.latch, escalation=worse.then)
         reaction = self._unless_held(index, rule)
         self._rules[index] = rule
         self.latched |= 1 << index

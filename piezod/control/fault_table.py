@@ -1,5 +1,7 @@
 """Every fault that a running daemon can find: what is done about it, and who may end it."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from enum import IntEnum
 from typing import Final, Literal, NamedTuple
@@ -60,13 +62,15 @@ class Escalation(NamedTuple):
         cycles: From so many cycles after it appeared
         after_ns: and from so long after it appeared, it has
         reaction: this reaction and
-        latch: this latch.
+        latch: this latch,
+        then: and this next escalation, counted from the same appearance; None: none.
     """
 
     cycles: int
     after_ns: int
     reaction: Reaction
     latch: Latch
+    then: Escalation | None = None
 
 
 class FaultRule(NamedTuple):
@@ -225,9 +229,9 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
     FaultRule("D5", "adapted weights far from the identified ones",
               ADAPTATION, DEGRADE, L1, "warning",
               "identify the stage anew; check the sensor for drift"),
-    FaultRule("D6", "the stage oscillates", ADAPTATION, DEGRADE, L2, "error",
+    FaultRule("D6", "the stage oscillates", ADAPTATION, WARN, L2, "warning",
               "lower the trim's gain; check the delay in the configuration",
-              Escalation(0, NS_PER_S // 2, HOLD, L2)),
+              Escalation(0, NS_PER_S // 2, DEGRADE, L2, Escalation(0, NS_PER_S, HOLD, L2))),
     FaultRule("D7", "sample not fit to learn from", ADAPTATION, NONE, L0, "info",
               "nothing to do: it is left out"),
     FaultRule("D8", "stored parameters damaged or of another stage",

@@ -42,6 +42,8 @@ class Identifier:
         self._convergence = convergence
         self._creep, self._zeroed = creep.creep, creep.zeroed
         self._lags, self._quick = creep.lags.copy(), creep.quick
+        self.eased = self._left_out = False
+        """Whether only every second sample that can teach does."""
         self.converged = False
         """Whether the weights have converged, over a window and up to the last sample."""
 
@@ -92,6 +94,9 @@ class Identifier:
             drive=drive,
             position=position,
         )
+        if self.eased and may_teach:
+            self._left_out = not self._left_out
+            may_teach = not self._left_out
         # What creeps is what the hysteresis sees: so has crept in its units, not in the sensor's.
         seen = position + self._zeroed - crept / (1.0 + self.scale)
         if not self.gate.accurate:

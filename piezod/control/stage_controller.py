@@ -6,7 +6,7 @@ samples, react to faults, go on with what each axis does, compensate, guard, wri
 """
 
 from collections.abc import Sequence
-from math import isfinite, nan
+from math import nan
 from typing import NamedTuple
 
 from piezod.config.modes import Mode
@@ -14,29 +14,24 @@ from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.control.cycle import Cycle, CycleRecord
 from piezod.control.fault_register import Detection, News
-from piezod.control.fault_table import FAULTS, Reaction, mask
+from piezod.control.fault_table import Reaction, mask
 from piezod.control.guard import Guard
-from piezod.control.loop_watch import CycleTiming, LoopWatch
+from piezod.control.loop_watch import CycleTiming
 from piezod.control.stage import DRIVEN, SENSED, Stage
 from piezod.control.stage_axis import usable
 from piezod.control.stage_progress import go_on
 from piezod.control.stage_record import Answer, StageEvent, StageRecord
 from piezod.control.stage_requests import execute
+from piezod.control.stage_watches import StageWatches, crashed
 from piezod.control.state_machine import Event
 from piezod.devices.interface import Sample
-from piezod.devices.status import Flags
 from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S
 
 LONGEST_CYCLES = 2
 """So many periods count for the slew rate after a pause, however long it was."""
 
-SILENT_CYCLES = 5
-"""An amplifier that reads back, and does not for so many cycles, is lost."""
-
-_UNVERIFIED = Detection("A10")
-_OVERLOADED = mask(["A4"])
-_ADAPTING = mask(rule.id for rule in FAULTS if rule.reaction is Reaction.DEGRADE)
+_OVERLOADED, _OSCILLATES = mask(["A4"]), mask(["D6"])
 _EVENTS = {
     Reaction.HOLD: Event.FAULT_HOLD,
     Reaction.RAMP: Event.FAULT_RAMP,
@@ -70,11 +65,12 @@ class StageController:
 
     def __init__(self, stage: Stage) -> None:
         self.stage = stage
-        self._loop_watch = LoopWatch(stage.period_ns)
+        self._watches = StageWatches(stage)
         period_s = stage.period_ns / NS_PER_S
         guard = Guard([axis.live.limits for axis in stage.axes], LONGEST_CYCLES * period_s)
         self._cycle = Cycle(stage.boundary, stage.boundary, stage.axes, guard, period_s, self)
-        self._timing, self._t_ns = CycleTiming(0, 0, 0, 0, 0), 0
+        self._eased_axes = 0
+        self._timing = CycleTiming(0, 0, 0, 0, 0)
         self._read_back_v: Sequence[float] = [nan] * len(stage.axes)
 
     @property
@@ -92,7 +88,9 @@ class StageController:
         try:
             answer = execute(self.stage, request, t_ns)
         except Exception as error:  # noqa: BLE001 - a mistake in here must not drop the voltage
-            self.stage.found.append(self._crashed("P4", -1, f"{request.kind}: {error!r}"))
+            self.stage.found.append(
+                crashed(self.stage, t_ns, "P4", -1, f"{request.kind}: {error!r}")
+            )
             answer = Answer(False, f"{request.kind} failed: {error!r}; report it, with the log")
         if not answer.accepted:
             text = f"{request.kind} refused: {answer.why}"
@@ -133,7 +131,7 @@ class StageController:
             t_ns: Instant of the cycle.
             timing: How punctual the loop is.
         """
-        self._timing, self._t_ns = timing, t_ns
+        self._timing = timing
         for axis in self.stage.axes:
             axis.live.identifier.gate.skipped = timing.skipped > 0
         stage, record = self.stage, self._cycle.run(t_ns)
@@ -171,7 +169,8 @@ class StageController:
         try:
             return self._judge(t_ns, samples)
         except Exception as error:  # noqa: BLE001 - a mistake in here must not drop the voltage
-            self.stage.found.append(self._crashed("P4", -1, f"judging failed: {error!r}"))
+            text = f"judging failed: {error!r}"
+            self.stage.found.append(crashed(self.stage, t_ns, "P4", -1, text))
             for axis in self.stage.axes:
                 axis.hold()
             return [Sample(sample.t_ns, nan, False) for sample in samples]
@@ -181,13 +180,13 @@ class StageController:
         read_back_v = stage.boundary.read_back(t_ns)
         shadow = stage.boundary.shadow  # what is in force says nothing then of what is asked for
         self._read_back_v = [nan] * len(stage.axes) if shadow else read_back_v
-        self._check_read_back(shadow)
-        reaction = stage.register.update(self._detect(t_ns, samples), t_ns)
+        found = self._watches.check(t_ns, samples, self._read_back_v, self._timing)
+        reaction = stage.register.update(found, t_ns)
         for news in stage.register.news:
             if news.rule.reaction is not Reaction.NONE:  # else it is shown, and would flood the log
                 stage.note(self._told(t_ns, news))
-        adapting = (stage.register.present | stage.register.latched) & _ADAPTING
-        stage.adapt_allowed = not adapting
+        stage.adapt_allowed = stage.register.adapt_allowed
+        self._ease()
         self._react(reaction, t_ns)
         usable = [
             watches.sensor.sample if stage.boundary.active else sample
@@ -196,73 +195,6 @@ class StageController:
         stage.sensors_valid = all(sample.valid for sample in usable)
         go_on(stage, t_ns, usable, self._read_back_v)
         return usable
-
-    def _check_read_back(self, shadow: bool) -> None:
-        """Follow whether it is known what is in force; an amplifier that falls silent is lost."""
-        stage = self.stage
-        if shadow or not stage.boundary.reads_back:
-            return
-        known = all(map(isfinite, self._read_back_v))
-        if stage.state not in DRIVEN:
-            stage.output_known, stage.silent_cycles = known, 0
-            return
-        stage.silent_cycles = 0 if known else stage.silent_cycles + 1
-        if stage.silent_cycles >= SILENT_CYCLES:
-            stage.found.append(Detection("A1", -1, stage.silent_cycles, SILENT_CYCLES))
-
-    def _detect(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Detection]:
-        stage = self.stage
-        found = [*self._loop_watch.check(self._timing), *stage.found]
-        stage.found.clear()
-        if stage.boundary.active:
-            flags = stage.boundary.status(t_ns)
-            of_amplifiers = len(samples)
-            for i, sample in enumerate(samples):
-                found += self._detect_on(i, t_ns, sample, flags[i], flags[of_amplifiers + i])
-        if stage.boundary.crash is not None:
-            found.append(self._crashed("P3", -1, f"a driver failed: {stage.boundary.crash!r}"))
-            stage.boundary.crash = None
-        if stage.estop_pressed:
-            found.append(Detection("E1"))
-        if stage.state in DRIVEN and not (stage.boundary.reads_back or stage.boundary.shadow):
-            found.append(_UNVERIFIED)
-        return found
-
-    def _detect_on(
-        self, i: int, t_ns: int, sample: Sample, of_sensor: Flags, of_amplifier: Flags
-    ) -> Sequence[Detection]:
-        """Return what is wrong on one axis."""
-        stage = self.stage
-        axis, watches = stage.axes[i], stage.watches[i]
-        closed = stage.state is State.RUN and axis.mode in SENSED
-        found = [*watches.bus.check(of_sensor, of_amplifier)]
-        for detection in watches.sensor.check(
-            t_ns,
-            sample,
-            of_sensor,
-            axis.live.in_force_v,
-            axis.command_um,
-            driven=stage.state in DRIVEN and not stage.boundary.shadow,
-            needed=closed,
-        ):
-            if detection.fault != "S5" or not watches.bus.explains_silence:
-                found.append(detection)
-        found += watches.amplifier.check(self._read_back_v[i], of_amplifier)
-        usable = watches.sensor.sample
-        position_um = usable.position_um if usable.valid else nan
-        noise_um = watches.sensor.noise_um
-        found += watches.adaptation.check(
-            axis.command_um, position_um, closed=closed, noise_um=noise_um
-        )
-        if axis.crash is not None:
-            found.append(self._crashed("P4", i, f"axis {stage.names[i]}: {axis.crash!r}"))
-            axis.crash = None
-        return found
-
-    def _crashed(self, fault: str, axis: int, text: str) -> Detection:
-        """Note what was raised; return the fault that it is."""
-        self.stage.note(StageEvent(self._t_ns, "error", "crash", text, fault))
-        return Detection(fault, axis)
 
     def _react(self, reaction: Reaction, t_ns: int) -> None:
         stage = self.stage
@@ -277,6 +209,15 @@ class StageController:
             stage.go(event, t_ns)
             if event is Event.FAULT_BLIND:
                 self._forget()
+
+    def _ease(self) -> None:
+        """Halve the gains of the axes that oscillate, until that is reset."""
+        register = self.stage.register
+        eased = register.axes_of("D6") if (register.present | register.latched) & _OSCILLATES else 0
+        if eased != self._eased_axes:
+            self._eased_axes = eased
+            for i, axis in enumerate(self.stage.axes):
+                axis.live.ease(bool(eased >> i & 1))
 
     def _forget(self) -> None:
         for watches in self.stage.watches:

@@ -26,6 +26,8 @@ class Trim:
         self._authority = authority
         self._fade_per_cycle = authority / fade_cycles
         self._enabled = False
+        self.eased = False
+        """Whether it goes with half its gain."""
         self.value = 0.0
         """The trim now, within plus and minus the authority."""
 
@@ -50,6 +52,7 @@ class Trim:
         if not self._enabled:
             self.value -= min(max(self.value, -self._fade_per_cycle), self._fade_per_cycle)
         elif valid and error - error == 0.0 and error * limited <= 0.0:
-            wished = self.value + self._gain_per_cycle * error
+            gain = self._gain_per_cycle / 2.0 if self.eased else self._gain_per_cycle
+            wished = self.value + gain * error
             self.value = min(max(wished, -self._authority), self._authority)
         return self.value

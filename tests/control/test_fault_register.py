@@ -293,12 +293,30 @@ def test_a_reset_tells_what_it_had_to_leave(stage: Stage) -> None:
 
 
 @pytest.mark.fault("D6")
-def test_an_oscillation_that_goes_on_without_adapting_holds_the_stage(stage: Stage) -> None:
-    """After half a second, once."""
-    reactions = stage.cycles(SECOND, "D6")
+def test_an_oscillation_is_told_then_ends_adapting_then_holds_the_stage(stage: Stage) -> None:
+    """At once, after half a second and after a second, each once."""
+    reactions = stage.cycles(SECOND + 2, "D6")
+    changes = [(k, r) for k, r in enumerate(reactions) if r is not Reaction.NONE]
 
-    assert reactions[0] is Reaction.DEGRADE
-    assert [k for k, r in enumerate(reactions) if r is Reaction.HOLD] == [SECOND // 2]
+    assert changes == [
+        (0, Reaction.WARN),
+        (SECOND // 2, Reaction.DEGRADE),
+        (SECOND, Reaction.HOLD),
+    ]
+
+
+@pytest.mark.fault("D6")
+def test_an_oscillation_forbids_to_adapt_only_when_half_the_gain_has_not_helped(
+    stage: Stage,
+) -> None:
+    """Until then it is told and latched."""
+    stage.cycle("D6")
+    before = stage.register.adapt_allowed, stage.latched
+    stage.cycles(SECOND // 2, "D6")
+
+    assert before == (True, ["D6"])
+    assert not stage.register.adapt_allowed
+    assert stage.register.axes_of("D6") == -1
 
 
 def test_a_mild_fault_of_the_same_source_keeps_nothing_from_holding(stage: Stage) -> None:

@@ -9,6 +9,7 @@ from piezod.control.fault_cases import CASES, LOST, Case, rule_of
 from piezod.control.fault_table import (
     FAULTS,
     INDEX,
+    Escalation,
     FaultRule,
     Latch,
     Reaction,
@@ -27,13 +28,15 @@ ROWS = re.findall(r"^\| ([A-Z]\d+) \| .*$", PAGE, re.MULTILINE)
 def shown(rule: FaultRule) -> str:
     """Return the row of the page for a fault."""
     reaction, end, worse = rule.reaction.name, ENDS[rule.latch], rule.escalation
-    if worse is not None:
+    before: FaultRule | Escalation = rule
+    while worse is not None:
         seconds = f"{worse.after_ns / NS_PER_S:g} s"
         when = seconds if worse.after_ns else f"{worse.cycles} cycles"
-        if worse.reaction is not rule.reaction:
+        if worse.reaction is not before.reaction:
             reaction += f", {worse.reaction.name} after {when}"
-        if worse.latch is not rule.latch:
+        if worse.latch is not before.latch:
             end += f", {ENDS[worse.latch]} after {when}"
+        before, worse = worse, worse.then
     return f"| {rule.id} | {rule.name} | {reaction} | {end} | {rule.remedy} |"
 
 

@@ -130,3 +130,18 @@ def test_weights_are_those_of_the_algorithm() -> None:
     lms = PairsOnly()
 
     assert identifier(lms).weights is lms.weights
+
+
+@pytest.mark.fault("D6")
+def test_an_eased_identifier_learns_from_every_second_sample_that_can_teach() -> None:
+    """The others go on to the memory alone."""
+    lms = PairsOnly()
+    one = identifier(lms)
+    one.eased = True
+    for _ in range(4):
+        learn(one)
+    one.eased = False
+    for _ in range(2):
+        learn(one)
+
+    assert lms.taught == [False, True, False, True, True, True]

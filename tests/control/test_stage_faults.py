@@ -9,6 +9,7 @@ import pytest
 from piezod.config import requests as rq
 from piezod.config.modes import Mode
 from piezod.config.states import State
+from piezod.control.fault_register import Detection
 from piezod.control.fault_table import ids
 from piezod.control.loop_watch import CycleTiming
 from piezod.control.stage_record import StageRecord
@@ -173,6 +174,26 @@ def test_what_somebody_else_left_is_not_guessed() -> None:
     stage.until("FAULT")
 
     assert stage.channels.writes == []
+
+
+@pytest.mark.fault("D6")
+def test_an_axis_that_oscillates_goes_with_half_its_gain_until_it_is_reset() -> None:
+    """Half a second later, if it still oscillates, it goes on in feedforward."""
+    stage = Faulty(Mode.TRIMMED)
+    trim, seen = stage.controller.stage.axes[0].live.trim, []
+    for _ in range(502):
+        stage.controller.found(Detection("D6", 0))
+        stage.cycle()
+        seen.append((trim.eased, stage.x.mode))
+    stage.run(1.1)
+    still = trim.eased
+    stage.do(rq.Reset())
+    stage.run(0.01)
+
+    assert seen[1] == (True, Mode.TRIMMED)
+    assert seen[-1] == (True, Mode.FEEDFORWARD)
+    assert (still, trim.eased) == (True, False)
+    assert stage.state == State.RUN
 
 
 @pytest.mark.fault("P3")

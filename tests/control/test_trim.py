@@ -144,3 +144,15 @@ def test_switching_never_jumps(steps: list[tuple[float, bool]]) -> None:
 
     most = max(FADE, 0.05 * 0.01) * (1 + 1e-12)
     assert all(abs(after - before) <= most for before, after in pairwise(values))
+
+
+@pytest.mark.fault("D6")
+def test_an_eased_trim_goes_half_as_fast() -> None:
+    """From one cycle to the next, and back."""
+    trim = enabled()
+    steps = []
+    for trim.eased in (False, True, False):
+        before = trim.value
+        steps.append(trim.step(0.01, True, 0) - before)
+
+    assert steps == pytest.approx([0.0005, 0.00025, 0.0005])
