@@ -18,6 +18,10 @@ SLOW: Final = 0.8
 """An answer that takes more than this part of its time is slow."""
 
 
+def _is_answer(_frame: Frame) -> bool:
+    return True
+
+
 class Cycle:
     """Sends what a cycle sends, and waits for the frames that answer it.
 
@@ -101,18 +105,28 @@ class Cycle:
                 self._pass_on(frame)
         raise self._overloaded()
 
-    def ask(self, frames: Sequence[Frame], answers: frozenset[int]) -> Mapping[int, bytes]:
+    def ask(
+        self,
+        frames: Sequence[Frame],
+        answers: frozenset[int],
+        check: Callable[[Frame], bool] = _is_answer,
+        *,
+        tagged: bool = False,
+    ) -> Mapping[int, bytes]:
         """Send frames and wait for those that answer; may be called in the loop.
 
         Args:
             frames: What is sent, in this order, the last of which is answered.
             answers: Identifiers of the frames that answer, each once.
+            check: Tells whether a frame of such an identifier answers; may raise `LineFault`.
+            tagged: Whether `check` tells an answer to these very frames from one to earlier ones.
 
         Returns:
             The data of each answer by its identifier.
 
         Raises:
-            LineFault: `LATE_REPLY` if not all came in time, `BUS_OVERLOADED`, or as `tell`.
+            LineFault: `LATE_REPLY` if not all came in time, `BUS_OVERLOADED`, or as `tell` or
+                `check`.
         """
         self.catch_up(answers)
         bus = self._bus
@@ -123,34 +137,50 @@ class Cycle:
             self._owed.clear()
         for frame in frames:
             self.tell(frame)
-        end_ns = begin_ns + self._timeout_ns
+        missing = set(answers)
+        try:
+            return self._await(begin_ns, missing, check)
+        except LineFault:
+            if not tagged:
+                self._owed |= missing
+                self._owed_until_ns = bus.now_ns() + PATIENCE * self._timeout_ns
+            raise
+
+    def _await(
+        self, begin_ns: int, missing: set[int], check: Callable[[Frame], bool]
+    ) -> Mapping[int, bytes]:
+        bus, answers = self._bus, frozenset(missing)
+        end_ns, left_ns = begin_ns + self._timeout_ns, self._timeout_ns
         got: dict[int, bytes] = {}
-        left_ns = self._timeout_ns
         for _ in range(MOST_FRAMES):
-            answer = bus.receive(left_ns)
+            frame = bus.receive(left_ns)
             now_ns = bus.now_ns()
-            if answer is not None:
-                if answer.id not in answers:
-                    self._pass_on(answer)
-                elif answer.id in got:
-                    self._noticed.add(DeviceFlag.OUT_OF_ORDER)
-                else:
-                    got[answer.id] = answer.data
-                    if len(got) == len(answers):
+            if frame is not None:
+                if frame.id not in answers:
+                    self._pass_on(frame)
+                elif frame.id in missing and self._answers(frame, missing, check):
+                    missing.discard(frame.id)
+                    got[frame.id] = frame.data
+                    if not missing:
                         if now_ns - begin_ns > SLOW * self._timeout_ns:
                             self._noticed.add(DeviceFlag.SLOW_REPLY)
                         return got
+                else:
+                    self._noticed.add(DeviceFlag.OUT_OF_ORDER)
             left_ns = end_ns - now_ns
             if left_ns <= 0:
-                raise self._late(answers - got.keys(), now_ns)
-        self._late(answers - got.keys(), bus.now_ns())
+                within = f"within {self._timeout_ns / 1e6:g} ms"
+                what = f"no answer from {bus.where} {within}"
+                raise LineFault(DeviceFlag.LATE_REPLY, what)
         raise self._overloaded()
 
-    def _late(self, missing: Iterable[int], now_ns: int) -> LineFault:
-        self._owed.update(missing)
-        self._owed_until_ns = now_ns + PATIENCE * self._timeout_ns
-        within = f"within {self._timeout_ns / 1e6:g} ms"
-        return LineFault(DeviceFlag.LATE_REPLY, f"no answer from {self._bus.where} {within}")
+    @staticmethod
+    def _answers(frame: Frame, missing: set[int], check: Callable[[Frame], bool]) -> bool:
+        try:
+            return check(frame)
+        except LineFault:
+            missing.discard(frame.id)  # it has come, whatever is wrong with it
+            raise
 
     def _overloaded(self) -> LineFault:
         what = f"{self._bus.where}: more than {MOST_FRAMES} frames in a cycle"

@@ -102,6 +102,7 @@ class Dialogue:
             raise DeviceUnavailableError(what) from error
         options, node = self._options, self._options.node
         self._health.clear()
+        self._cycle, self._tell = self._make_cycle(()), None
         self._bus.open(self._accepted())
         access = self._access = sdo.Access(node, self._bus, self._take)
         try:
@@ -162,6 +163,9 @@ class Dialogue:
         self._set = layouts.pop(0) if self._output_numbers else None
         self._tell = layouts.pop(0) if layouts else None
         self._told = frozenset({self._tell.id} if self._tell else ())
+        if not self._told <= set(self._accepted()):
+            what = f"the node's TPDO {options.tpdo} has identifier 0x{min(self._told):X}"
+            raise DeviceError(f"{what}, which is none that CiA 301 gives it: name another tpdo")
         if self._watchdog:
             setup.arm(access, options.host_node, options.watchdog_ms, self._safe)
         self._beats = setup.beat(access, options.heartbeat_ms)

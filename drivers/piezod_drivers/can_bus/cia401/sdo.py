@@ -57,8 +57,9 @@ class _Client(SdoClient):
     RESPONSE_TIMEOUT = _LEFT_S
 
     def __init__(self, node: int, bus: FrameBus, take: Callable[[Frame], None]) -> None:
-        objects = canopen.ObjectDictionary()  # type: ignore[no-untyped-call] # the library's
-        super().__init__(SDO_REQUEST + node, SDO_ANSWER + node, objects)  # type: ignore[no-untyped-call] # likewise
+        nothing = canopen.ObjectDictionary()  # type: ignore[no-untyped-call] # the library's
+        ids = SDO_REQUEST + node, SDO_ANSWER + node
+        super().__init__(*ids, nothing)  # type: ignore[no-untyped-call] # likewise
         self._bus, self._take = bus, take
 
     def read_response(self) -> bytes:

@@ -1,0 +1,63 @@
+"""Reads DBC files by the cantools library."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+from piezod_drivers.can_bus.dbc.layout import Message, Signal
+from piezod_drivers.can_bus.frame import LONGEST
+
+_UNITS: Final = {"um": "µm", "\u03bcm": "µm", "\u00c2\u00b5m": "µm"}
+"""How files write micrometres: without the letter, with the Greek one, in another encoding."""
+
+
+class DatabaseError(Exception):
+    """Raised where a DBC file cannot be used; the text says why and what to do."""
+
+
+@lru_cache(maxsize=4)
+def load(path: Path) -> Mapping[str, Message]:
+    """Return the messages of a DBC file by name; those that cannot be used are left out.
+
+    These are messages of CAN FD, and signals that are multiplexed or floating point numbers.
+
+    Raises:
+        DatabaseError: If it cannot be read, or cantools is not installed.
+    """
+    try:
+        import cantools  # noqa: PLC0415 - only who has a DBC file needs the library
+    except ImportError as error:
+        what = f"the cantools library is needed to read it ({error})"
+        raise DatabaseError(f'{what}: pip install "piezod[can]"') from error
+    try:
+        database = cantools.database.load_file(path)
+    except Exception as error:
+        # The parser raises errors of its own, and others for files that are no text.
+        raise DatabaseError(f"{path} cannot be read: {error}") from error
+    messages = getattr(database, "messages", [])
+    return {one.name: _message(one) for one in messages if one.length <= LONGEST}
+
+
+def _message(one: Any) -> Message:  # cantools' messages
+    signals = {
+        signal.name: _signal(signal)
+        for signal in one.signals
+        if not (signal.is_float or signal.is_multiplexer or signal.multiplexer_ids)
+    }
+    return Message(one.name, one.frame_id, one.length, one.is_extended_frame, signals)
+
+
+def _signal(one: Any) -> Signal:  # cantools' signals
+    return Signal(
+        one.name,
+        one.start,
+        one.length,
+        one.byte_order == "big_endian",
+        one.is_signed,
+        float(one.scale),
+        float(one.offset),
+        None if one.minimum is None else float(one.minimum),
+        None if one.maximum is None else float(one.maximum),
+        _UNITS.get(one.unit or "", one.unit or ""),
+    )

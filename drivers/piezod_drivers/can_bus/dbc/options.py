@@ -1,0 +1,267 @@
+"""What a configuration may say about a device that frames with signals describe."""
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Literal, NamedTuple, Self, TypeAlias
+
+from pydantic import Field, StringConstraints, model_validator
+
+from piezod.config.channels import ChannelName
+from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
+from piezod.config.files import ExistingFile
+from piezod.config.messages import suggest
+from piezod.devices.interface import ChannelUnits
+from piezod.devices.status import DeviceFlag
+from piezod_drivers.can_bus.dbc.checksum import Algorithm
+from piezod_drivers.can_bus.dbc.database import DatabaseError, load
+from piezod_drivers.can_bus.dbc.layout import Message, Signal
+from piezod_drivers.can_bus.frame import EXTENDED_IDS, STANDARD_IDS
+from piezod_drivers.can_bus.options import BusOptions, TimeoutMs
+
+_Word: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,127}$")]
+_Factor: TypeAlias = Annotated[float, Quantity(-1e9, 1e9)]
+_Flag: TypeAlias = Literal[
+    "overload",
+    "over-temperature",
+    "local mode",
+    "watchdog tripped",
+    "short or open",
+    "low light",
+    "saturated",
+    "device failure",
+]
+
+
+class SignalPlace(ConfigModel):
+    """A signal of a message."""
+
+    message: _Word = Field(description="Name of the message.")
+    signal: _Word = Field(description="Name of the signal.")
+
+
+class OutputPlace(SignalPlace):
+    """A signal that drives something."""
+
+    read_back: SignalPlace | None = Field(
+        default=None, description="The signal that tells what is in force; left out: none does."
+    )
+
+
+class ChecksumPlace(ConfigModel):
+    """The checksum of a message: one byte of its own."""
+
+    signal: _Word = Field(description="Name of the signal.")
+    algorithm: Algorithm = Field(
+        default="crc8_j1850", description="Over all other bytes: crc8_j1850, xor or sum."
+    )
+
+
+class SignalLayout(ConfigModel):
+    """A signal that is described here; the same terms as in a DBC file."""
+
+    start: Annotated[int, Quantity(0, 63)] = Field(
+        description="Its first bit; bit i of byte j is 8·j + i. The lowest bit, or the highest one "
+        "of a big-endian signal."
+    )
+    bits: Annotated[int, Quantity(1, 64)] = Field(description="How many bits it has.")
+    big_endian: bool = Field(default=False, description="Whether its highest byte comes first.")
+    signed: bool = Field(default=False, description="Whether its highest bit is a sign.")
+    scale: _Factor = Field(default=1.0, description="Physical value of one.")
+    offset: _Factor = Field(default=0.0, description="Physical value of zero.")
+    range: tuple[_Factor, _Factor] | None = Field(
+        default=None, description="Lowest and highest physical value; left out: as its bits allow."
+    )
+    unit: Annotated[str, StringConstraints(max_length=8)] = Field(
+        default="V", description="Of the physical value."
+    )
+
+
+class MessageLayout(ConfigModel):
+    """A message that is described here."""
+
+    id: Annotated[int, Quantity(0, EXTENDED_IDS - 1)] = Field(description="Its identifier.")
+    extended: bool = Field(default=False, description="Whether that has 29 bits.")
+    bytes: Annotated[int, Quantity(0, 8)] = Field(default=8, description="Length of its data.")
+    signals: dict[_Word, SignalLayout] = Field(default_factory=dict, description="By name.")
+
+
+class Options(ConfigModel):
+    """Options of a device whose frames are described by a DBC file or here."""
+
+    bus: BusOptions = Field(description="The bus.")
+    dbc: ExistingFile | None = Field(default=None, description="The DBC file.")
+    messages: dict[_Word, MessageLayout] = Field(
+        default_factory=dict, description="Messages by name, instead of a DBC file."
+    )
+    inputs: dict[ChannelName, SignalPlace] = Field(
+        default_factory=dict, description="Inputs by the names that axes call them."
+    )
+    outputs: dict[ChannelName, OutputPlace] = Field(
+        default_factory=dict, description="Outputs likewise."
+    )
+    request: _Word | None = Field(
+        default=None,
+        description="The message that the device answers with its inputs. Left out: the device "
+        "sends them by itself.",
+    )
+    counters: dict[_Word, _Word] = Field(
+        default_factory=dict,
+        description="Signal that goes up by one in each frame of a message, by the message's name.",
+    )
+    checksums: dict[_Word, ChecksumPlace] = Field(
+        default_factory=dict, description="Checksums likewise."
+    )
+    echoes: dict[_Word, _Word] = Field(
+        default_factory=dict,
+        description="Signal of an answer that repeats the counter of the request, likewise: with "
+        "it, a late answer is never taken for the next one.",
+    )
+    constants: dict[_Word, dict[_Word, int]] = Field(
+        default_factory=dict,
+        description="Other signals of messages that are sent, as numbers without scale; those left "
+        "out are 0.",
+    )
+    flags: dict[_Flag, SignalPlace] = Field(
+        default_factory=dict, description="Signals that are not 0 while something is the matter."
+    )
+    timeout_ms: TimeoutMs = Field(default=5.0, description="How long to wait for answers, ms.")
+    max_age_ms: TimeoutMs = Field(
+        default=50.0, description="How old what the device sends by itself may be, ms."
+    )
+
+    @model_validator(mode="after")
+    def _check_signals(self) -> Self:
+        raise_rules(self._broken_rules())
+        return self
+
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        if (self.dbc is None) == (not self.messages):
+            yield ("dbc",), "name either dbc, a file, or messages"
+            return
+        if not self.inputs and not self.outputs:
+            yield ("inputs",), "name at least one input or output"
+        try:
+            messages = messages_of(self)
+        except DatabaseError as error:
+            yield ("dbc",), str(error)
+            return
+        yield from _broken_layouts(messages)
+        for place in self._places():
+            yield from _broken_place(place, messages)
+        if self.request is not None and self.request not in messages:
+            yield ("request",), _unknown("message", self.request, messages)
+        elif self.request is not None and self.request not in self.counters and self.echoes:
+            yield ("echoes",), f"there is nothing to repeat: name the counter of {self.request}"
+        yield from self._broken_checksums(messages)
+
+    def _broken_checksums(self, messages: Mapping[str, Message]) -> Iterator[BrokenRule]:
+        for name, place in self.checksums.items():
+            signal = messages[name].signals.get(place.signal) if name in messages else None
+            if signal is not None and (signal.bits != 8 or not _is_aligned(signal)):
+                yield ("checksums", name), f"{place.signal} must be one byte of its own"
+
+    def _places(self) -> "Iterator[_Place]":
+        for name, one in self.inputs.items():
+            yield _Place(("inputs", name), one.message, one.signal)
+        for name, output in self.outputs.items():
+            yield _Place(("outputs", name), output.message, output.signal)
+            if (back := output.read_back) is not None:
+                yield _Place(("outputs", name, "read_back"), back.message, back.signal)
+        for flag, one in self.flags.items():
+            yield _Place(("flags", flag), one.message, one.signal)
+        for name, signal in self.counters.items():
+            yield _Place(("counters", name), name, signal)
+        for name, signal in self.echoes.items():
+            yield _Place(("echoes", name), name, signal)
+        for name, checksum in self.checksums.items():
+            yield _Place(("checksums", name), name, checksum.signal)
+        for name, constants in self.constants.items():
+            for signal in constants:
+                yield _Place(("constants", name, signal), name, signal)
+
+
+class _Place(NamedTuple):
+    path: tuple[str, ...]
+    message: str
+    signal: str
+
+
+def messages_of(options: Options) -> Mapping[str, Message]:
+    """Return the messages of a configuration by name; reads the DBC file if there is one.
+
+    Raises:
+        DatabaseError: If that cannot be read.
+    """
+    if options.dbc is not None:
+        return load(options.dbc)
+    return {
+        name: Message(
+            name,
+            one.id,
+            one.bytes,
+            one.extended,
+            {key: _signal(key, signal) for key, signal in one.signals.items()},
+        )
+        for name, one in options.messages.items()
+    }
+
+
+def channels(options: Options) -> ChannelUnits:
+    """Tell the channels that a configuration names, with the units of their signals."""
+    messages = messages_of(options)
+
+    def unit(place: SignalPlace) -> str:
+        return messages[place.message].signals[place.signal].unit or "1"
+
+    return ChannelUnits(
+        {name: unit(place) for name, place in options.inputs.items()},
+        {name: unit(place) for name, place in options.outputs.items()},
+    )
+
+
+def flag_of(name: _Flag) -> DeviceFlag:
+    """Return the flag of a name in `flags`."""
+    return DeviceFlag(name)
+
+
+def _signal(name: str, one: SignalLayout) -> Signal:
+    low, high = one.range or (None, None)
+    return Signal(
+        name,
+        one.start,
+        one.bits,
+        one.big_endian,
+        one.signed,
+        one.scale,
+        one.offset,
+        low,
+        high,
+        one.unit,
+    )
+
+
+def _is_aligned(signal: Signal) -> bool:
+    return signal.start % 8 == (7 if signal.big_endian else 0)
+
+
+def _broken_layouts(messages: Mapping[str, Message]) -> Iterator[BrokenRule]:
+    for message in messages.values():
+        if message.id >= STANDARD_IDS and not message.extended:
+            what = f"0x{message.id:X} does not fit into 11 bits: set extended"
+            yield ("messages", message.name, "id"), what
+        for signal in message.signals.values():
+            path = ("messages", message.name, "signals", signal.name)
+            if signal.shift(message.n_bytes) < 0:
+                yield path, f"does not fit into the {message.n_bytes} bytes of {message.name}"
+            if signal.scale == 0.0:
+                yield path, "its scale must not be 0"
+
+
+def _broken_place(place: _Place, messages: Mapping[str, Message]) -> Iterator[BrokenRule]:
+    if place.message not in messages:
+        yield place.path, _unknown("message", place.message, messages)
+    elif place.signal not in messages[place.message].signals:
+        yield place.path, _unknown("signal", place.signal, messages[place.message].signals)
+
+
+def _unknown(what: str, name: str, known: Mapping[str, object]) -> str:
+    return f"there is no {what} {name}, {suggest(name, list(known), f'known {what}s')}"
