@@ -59,6 +59,6 @@ PLUGIN: Final = DriverPlugin(
     confirmed_on_hardware=False,
     channels=channels_of,
     sees=frozenset(
-        "A1 A2 A3 A7 A8 A9 A12 B1 B2 B3 B4 B5 B6 B7 B10 B13 B14 S7".split()  # noqa: SIM905 - a list of words
+        "A1 A2 A3 A7 A8 A9 A12 B1 B2 B3 B4 B5 B6 B7 B10 B13 B14 S7 S10".split()  # noqa: SIM905 - a list of words
     ),
 )

@@ -28,12 +28,16 @@ class Setup:
     """Reads and writes single numbers of one device; not for the loop.
 
     Args:
-        transactions: Its line, open.
+        transactions: Its line, open; a late reply is waited for.
         unit: Its address.
+
+    Raises:
+        LineFault: If the line is gone.
     """
 
     def __init__(self, transactions: Transactions, unit: int) -> None:
         self._transactions, self._unit = transactions, unit
+        transactions.settle()
 
     def number(self, table: Table, address: int, kind: NumberType) -> float:
         """Read a number.

@@ -5,7 +5,7 @@ from struct import Struct
 from typing import Final, Protocol
 
 from piezod.devices.bus.conversation import PATIENCE, Conversation
-from piezod.devices.bus.line import Line, LineFault, Notices
+from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.modbus.checksum import checksum, is_whole
 from piezod_drivers.modbus.requests import FAILED, Request, judge
@@ -56,6 +56,14 @@ class Transactions(Protocol):
         """Tell whether no late reply can be mistaken for one to these; call it in the loop."""
         ...
 
+    def settle(self) -> None:
+        """Wait until no late reply can come that would be in the way; not to be called in the loop.
+
+        Raises:
+            LineFault: If the line is gone.
+        """
+        ...
+
     def now_ns(self) -> int:
         """Tell the instant on the line's clock; may be called in the loop."""
         ...
@@ -69,6 +77,7 @@ class _OneLine:
     def __init__(self, line: Line, timeout_s: float) -> None:
         self._line, self._timeout_ns = line, round(timeout_s * 1e9)
         self._conversation = Conversation(line, timeout_s)
+        self._noticed: set[DeviceFlag] = set()
 
     def open(self) -> None:
         """Connect, and forget what was before.
@@ -89,9 +98,8 @@ class _OneLine:
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return what went wrong without making an exchange fail, and forget it."""
-        noticed = self._conversation.take_noticed()
-        if isinstance(self._line, Notices):
-            noticed |= self._line.take_noticed()
+        noticed = self._conversation.take_noticed() | self._noticed
+        self._noticed = set()
         return noticed
 
     def _who(self, unit: int) -> str:
@@ -131,6 +139,9 @@ class TcpTransactions(_OneLine):
         if len(pdu) == request.n_bytes and pdu.startswith(request.echo):
             return first, pdu
         return first, judge(pdu, request, self._who(unit))
+
+    def settle(self) -> None:
+        """Do nothing: no late reply is in the way."""
 
     def is_free(self, unit: int, requests: Sequence[Request]) -> bool:  # noqa: ARG002 - of RTU
         """Tell that no late reply can be mistaken for another."""
@@ -174,15 +185,26 @@ class RtuTransactions(_OneLine):
         self._owed: dict[bytes, int] = {}
 
     def open(self) -> None:
-        """Connect, and forget what was before.
+        """Connect, and wait for late replies to what was asked before.
 
         Raises:
             DeviceUnavailableError: If that fails.
         """
         super().open()
         checksum(b"")  # makes its table now and not in the loop
+        self.settle()
+
+    def settle(self) -> None:
+        """Wait for late replies until they come or no longer can; not to be called in the loop.
+
+        A device does not know that its port was opened again, so they outlive that.
+
+        Raises:
+            LineFault: If the line is gone.
+        """
+        while self._owed and (left_ns := max(self._owed.values()) - self._line.now_ns()) > 0:
+            self._absorb(self._line.receive(left_ns))
         self._owed.clear()
-        self._quiet_ns = 0
 
     def ask(self, unit: int, requests: Sequence[Request], first: int = 0) -> tuple[int, bytes]:
         """Send one request of several that ask for the same; may be called in the loop.
@@ -241,6 +263,8 @@ class RtuTransactions(_OneLine):
 
     def _absorb(self, got: bytes) -> None:
         """Take note of late replies among what has come while nothing was asked."""
+        if got:
+            self._noticed.add(DeviceFlag.OUT_OF_ORDER)
         while size := self._frame(got):
             if size > 0:
                 self._forgive(got[:size])

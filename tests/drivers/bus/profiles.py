@@ -78,11 +78,10 @@ def _modbus(
     name: str,
     wiring: Wiring,
     options: Options,
-    unseen: str = "S10",
+    unseen: str = "A7 A8 S10",
     arguments: tuple[str, ...] = (),
 ) -> Profile:
-    tcp = isinstance(options, Tcp)
-    blind = frozenset({"A7", "A8", *unseen.split(), *(["B4"] if tcp else [])})
+    blind = frozenset([*unseen.split(), *(["B4"] if isinstance(options, Tcp) else [])])
     seam = "piezod_drivers.modbus.driver"
     return Profile(name, "modbus", wiring, options, arguments, blind, seam)
 

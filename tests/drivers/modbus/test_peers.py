@@ -14,7 +14,7 @@ from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from piezod.devices.interface import Wiring
-from piezod_drivers.modbus.driver import PLUGIN
+from piezod_drivers.modbus.driver import device_of, transactions_of
 from piezod_drivers.modbus.emulation import plugins
 from piezod_drivers.modbus.options import Options
 from tests.drivers.modbus.emulated import served
@@ -84,7 +84,7 @@ def running(*command: str) -> Iterator[str]:
 
 def follows(chosen: Options) -> None:
     """Drive three outputs of three types, and find them in the inputs and in the read-back."""
-    device = PLUGIN.create(chosen, WIRING, 0)
+    device = device_of(chosen, WIRING, transactions_of(chosen))
     try:
         device.open()
         device.activate(0)
@@ -178,7 +178,7 @@ def test_pymodbus_client_over_rtu(tmp_path: Path) -> None:
     with served(plugins.ICPDAS, port):
         client = ModbusSerialClient(port, baudrate=9600)
         try:
-            assert client.connect()  # type: ignore[no-untyped-call] # theirs
+            assert client.connect()
             assert not client.write_register(0, 5000, device_id=2).isError()
             assert client.read_holding_registers(0, count=1, device_id=2).registers == [5000]
             assert client.read_input_registers(0, count=1, device_id=1).registers == [3000]

@@ -1,0 +1,96 @@
+from struct import pack
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.devices.bus.line import LineFault
+from piezod.devices.status import DeviceFlag
+from piezod_drivers.modbus.requests import read
+from piezod_drivers.modbus.transactions import TcpTransactions
+from tests.devices.bus.played_line import MS, PlayedLine
+
+REQUEST = read("input", 0, 2)
+TIMEOUT_S = 0.05
+
+
+def reply_to(request: bytes, value: int, unit: int = 1) -> bytes:
+    """Answer a request for two registers."""
+    return request[:2] + pack(">HHBBBI", 0, 7, unit, 4, 4, value)
+
+
+def tcp(line: PlayedLine) -> TcpTransactions:
+    """Return open transactions over a line of the test."""
+    transactions = TcpTransactions(line, TIMEOUT_S)
+    transactions.open()
+    return transactions
+
+
+def test_requests_are_numbered_and_framed() -> None:
+    """A frame has a number of its own, the protocol 0, its length and the unit."""
+    line = PlayedLine(lambda request: [(MS, reply_to(request, 5, request[6]))])
+    transactions = tcp(line)
+    for unit in (1, 255):
+        assert transactions.ask(unit, [REQUEST]) == (0, b"\4\4\0\0\0\5")
+    assert line.sent == [
+        b"\0\1\0\0\0\6\x01\4\0\0\0\2",
+        b"\0\2\0\0\0\6\xff\4\0\0\0\2",
+    ]
+
+
+@pytest.mark.sees("modbus", "B5")
+def test_a_late_reply_is_dropped() -> None:
+    """The reply to a request that has timed out is never taken for the next one."""
+    line = PlayedLine()
+    transactions = tcp(line)
+    late: list[bytes] = []
+    for number in range(200):
+        line.answer = lambda request, late=late, number=number: (  # type: ignore[misc]
+            late.append(reply_to(request, number)) or []
+            if number % 2
+            else [(MS, b"".join(late) + reply_to(request, number))]
+        )
+        if number % 2:
+            with pytest.raises(LineFault, match="no reply"):
+                transactions.ask(1, [REQUEST])
+        else:
+            assert transactions.ask(1, [REQUEST])[1][2:] == pack(">I", number)
+            late.clear()
+    assert DeviceFlag.OUT_OF_ORDER in transactions.take_noticed()
+
+
+@pytest.mark.sees("modbus", "B3")
+def test_a_damaged_header_is_not_accepted() -> None:
+    """Each bit of header, function and number of bytes: no flip passes; of data only TCP knows."""
+    whole = reply_to(b"\0\1", 0)
+    passed = []
+    for bit in range(8 * len(whole)):
+        damaged = bytearray(whole)
+        damaged[bit // 8] ^= 1 << bit % 8
+        line = PlayedLine(lambda _request, damaged=bytes(damaged): [(MS, damaged)])  # type: ignore[misc]
+        try:
+            tcp(line).ask(1, [REQUEST])
+            passed.append(bit)
+        except LineFault:
+            pass
+    assert passed == list(range(8 * (len(whole) - 4), 8 * len(whole)))
+
+
+@given(st.binary(max_size=300), st.binary(max_size=40))
+def test_garbage_raises_nothing_but_line_faults(before: bytes, after: bytes) -> None:
+    """A reply among garbage is found or not; the next one is found once the garbage has ended."""
+    line = PlayedLine(lambda request: [(MS, before + reply_to(request, 5) + after)])
+    transactions = tcp(line)
+    try:
+        assert transactions.ask(1, [REQUEST])[1][2:] == b"\0\0\0\5"
+    except LineFault as fault:
+        assert fault.flag in {DeviceFlag.LATE_REPLY, DeviceFlag.GARBAGE, DeviceFlag.BUSY,
+                              DeviceFlag.WRONG_REQUEST, DeviceFlag.DEVICE_FAILURE}  # fmt: skip
+    line.answer = lambda request: [(MS, reply_to(request, 6))]
+    assert transactions.ask(1, [REQUEST])[1][2:] == b"\0\0\0\6"
+
+
+def test_a_long_stream_of_nothing_is_searched_once() -> None:
+    """Zeros look like the beginning of a header everywhere, and cost no more than other bytes."""
+    line = PlayedLine(lambda request: [(MS, bytes(60_000) + reply_to(request, 5))])
+    assert tcp(line).ask(1, [REQUEST])[1][2:] == b"\0\0\0\5"
