@@ -1,7 +1,7 @@
 """Listening to a sensor that sends lines of text unasked."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from piezod.devices.bus.dialogue import Reading
@@ -16,6 +16,8 @@ MOST_READS: Final = 4
 """If the line has still more after so many reads, more comes than can be read."""
 MOST_BYTES: Final = 4096
 """Only the newest lines matter: of what has come, no more than this is looked at."""
+
+_NEVER: Final[Reading] = (0, ())
 
 
 class StreamDialogue:
@@ -39,7 +41,7 @@ class StreamDialogue:
         self._errors = flagging(options.errors)
         self._timeout_ns = round(options.timeout_ms * 1e6)
         self._rest = b""
-        self._last: Reading = 0, ()
+        self._last = _NEVER
         self._noticed: set[DeviceFlag] = set()
 
     def open(self) -> Identity:
@@ -55,7 +57,7 @@ class StreamDialogue:
         while (left_ns := end_ns - self._line.now_ns()) > 0:
             self._rest += self._line.receive(left_ns)
             lines = self._complete()
-            if synchronous and lines or len(lines) > 1:
+            if (synchronous and lines) or len(lines) > 1:
                 return Identity(UNKNOWN, f"device at {self._line.where}", UNKNOWN, UNKNOWN)
             synchronous |= bool(lines)
         what = f"nothing comes from {self._line.where}"
@@ -74,10 +76,20 @@ class StreamDialogue:
         return ()
 
     def activate(self) -> None:
-        """Forget what has come so far, and send what comes at the start."""
+        """Send what comes at the start, and wait for a line.
+
+        Raises:
+            LineFault: `LATE_REPLY` if none comes; what an error means.
+        """
         for each in self._options.start:
             self._line.send(self._lines.request(exchange(each).places, {}))
-        self._last = self._line.now_ns(), ()
+        self._last = _NEVER
+        end_ns = self._line.now_ns() + self._timeout_ns
+        while not self._last[1] and (left_ns := end_ns - self._line.now_ns()) > 0:
+            self._rest += self._line.receive(left_ns)
+            self._take(self._line.now_ns())
+        if not self._last[1]:
+            raise LineFault(DeviceFlag.LATE_REPLY, f"nothing comes from {self._line.where}")
 
     def deactivate(self) -> None:
         """Send what comes at the end."""
@@ -91,16 +103,8 @@ class StreamDialogue:
             LineFault: `LATE_REPLY` if none has come for the time-out; what an error means.
         """
         self._listen()
-        lines = self._complete()
-        while lines:
-            try:
-                found = matched(self._lines.text(lines.pop()), self._pattern, self._errors)
-                self._last = now_ns, self._values(found)
-                return self._last
-            except LineFault as fault:
-                self._noticed.add(fault.flag)
-        t_ns, values = self._last
-        if not values or now_ns - t_ns > self._timeout_ns:
+        self._take(now_ns)
+        if now_ns - self._last[0] > self._timeout_ns:
             raise LineFault(DeviceFlag.LATE_REPLY, "no line has come")
         return self._last
 
@@ -122,8 +126,24 @@ class StreamDialogue:
             noticed |= self._line.take_noticed()
         return noticed
 
-    def _values(self, found: Mapping[str, str]) -> Sequence[float]:
-        return [number(found[name]) for name in self._wiring.inputs]
+    def _take(self, now_ns: int) -> None:
+        """Take the newest line that is none of garbage; call it in the loop.
+
+        Raises:
+            LineFault: If that line is an error.
+        """
+        lines = self._complete()
+        while lines:
+            try:
+                found = matched(self._lines.text(lines.pop()), self._pattern, self._errors)
+                values = [number(found[name]) for name in self._wiring.inputs]
+            except LineFault as fault:
+                if fault.flag is not DeviceFlag.GARBAGE:
+                    raise
+                self._noticed.add(fault.flag)
+            else:
+                self._last = now_ns, values
+                return
 
     def _listen(self) -> None:
         for _ in range(MOST_READS):
