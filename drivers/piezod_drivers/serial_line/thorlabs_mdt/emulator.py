@@ -103,7 +103,7 @@ class MdtEmulator:
     def _obey(self, text: str) -> str:
         for words in (self._long, self._short):
             for word in sorted(words, key=len, reverse=True):
-                if text == word or (text.startswith(word) and word[-1] not in "?I%"):
+                if text == word or (text.startswith(word) and word[-1] not in "?IR%"):
                     return words[word](text.removeprefix(word).strip())
         raise _Refused(_UNKNOWN)
 
@@ -112,19 +112,19 @@ class MdtEmulator:
         self._long |= {f"{name}VOLTAGE?": get, f"{name}VOLTAGE=": put}
         self._long |= {f"{name}MIN?": lambda _: "[ 0.00]\r"}
         self._long |= {f"{name}MAX?": lambda _: f"[ {_HIGHEST_V:.2f}]\r"}
-        self._short |= {f"{name}R?": get, f"{name}V": put}
+        self._short |= {f"{name}R?": get, f"{name}R": get, f"{name}V": put}
         self._short |= {f"{name}L?": self._long[f"{name}MIN?"]}
         self._short |= {f"{name}H?": self._long[f"{name}MAX?"]}
 
     def _identify(self, _text: str) -> str:
         lines = (
-            f"\r\rModel {self._model.name} Piezo Control Module",
+            f"\r\r\rModel {self._model.name} Piezo Control Module",
             f"Firmware Version: {self._model.firmware}",
             "Voltage Range: 150V",
             f"Serial#: {self._serial}",
             "Friendly Name: piezo",
         )
-        return "\r".join((*lines, ""))
+        return "\r".join((*lines, "", ""))
 
     def _set_echo(self, text: str) -> str:
         self.echo = _switch(text)

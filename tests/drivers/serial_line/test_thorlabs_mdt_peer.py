@@ -1,0 +1,68 @@
+"""Somebody else's client, `mdt69x`, on the emulated amplifier: both read the protocol alike."""
+
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from piezod.devices import registry
+from piezod.devices.interface import Wiring
+from tests.drivers.bus.bench import emulated
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", SyntaxWarning)  # of mdt69x itself, where it is first compiled
+    from mdt69x import Controller  # type: ignore[import-untyped] # it has no types
+
+SERIAL = "150226175403"
+NO_REPLY_S = 0.2
+"""mdt69x waits so long where it waits for the wrong prompt, after each change of mode."""
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[str]:
+    """Serve an MDT693B that repeats nothing: our driver has been there before."""
+    arguments = ("--axes", "3", "--serial-number", SERIAL)
+    with emulated("mdt693b", arguments=arguments) as device:
+        plugin = registry.load("thorlabs_mdt")
+        options = plugin.options_model.model_validate({"port": device.where[0]})
+        driver: Any = plugin.create(options, Wiring((), ("x",)), 1)
+        driver.open()
+        driver.close()
+        yield device.where[0]
+
+
+@pytest.fixture
+def peer(port: str) -> Iterator[Any]:
+    """Give the client, in compatibility mode as it begins."""
+    client = Controller(port)
+    client._ser.timeout = NO_REPLY_S  # noqa: SLF001 - it has no other way
+    yield client
+    client.set_compatibility_off()
+    client.close()
+
+
+def test_compatibility_mode(peer: Any) -> None:
+    """It sets and reads a voltage, the limits and the identity by the words of the A models."""
+    assert peer.get_compatibility() == peer.COMPATIBILITY_ON
+    assert peer.set_x_voltage(12.5) == peer.SUCCESS
+    assert peer.get_x_voltage() == pytest.approx(12.5, abs=0.5)
+    assert peer.set_x_voltage(200) == peer.FAIL
+    assert peer.get_switch_limit() == 150
+    assert peer.get_x_voltage_max() == 150.5
+    assert peer.get_serial_number() == SERIAL
+
+
+def test_own_mode(peer: Any) -> None:
+    """It sets and reads all three axes by the words of the B models."""
+    peer.set_compatibility_off()
+    assert peer.set_xyz_voltage(5, 10, 15) == peer.SUCCESS
+    assert peer.get_xyz_voltage() == pytest.approx([5, 10, 15], abs=0.5)
+    assert peer.get_y_voltage() == pytest.approx(10, abs=0.5)
+    assert peer.get_z_voltage_min() == 0
+    assert peer.set_y_voltage(-1) == peer.FAIL
+    peer.get_id()
+    assert (peer._model, peer._firmware_version) == (  # noqa: SLF001 - it keeps them there
+        "Model MDT693B Piezo Control Module",
+        "2.09",
+    )
