@@ -8,6 +8,7 @@ import pytest
 
 from piezod.devices import registry
 from piezod.devices.interface import Wiring
+from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import emulated
 
 with warnings.catch_warnings():
@@ -46,7 +47,7 @@ def test_compatibility_mode(peer: Any) -> None:
     """It sets and reads a voltage, the limits and the identity by the words of the A models."""
     assert peer.get_compatibility() == peer.COMPATIBILITY_ON
     assert peer.set_x_voltage(12.5) == peer.SUCCESS
-    assert peer.get_x_voltage() == pytest.approx(12.5, abs=0.5)
+    eventually(lambda: peer.get_x_voltage() == pytest.approx(12.5, abs=0.5))
     assert peer.set_x_voltage(200) == peer.FAIL
     assert peer.get_switch_limit() == 150
     assert peer.get_x_voltage_max() == 150.5
@@ -57,7 +58,7 @@ def test_own_mode(peer: Any) -> None:
     """It sets and reads all three axes by the words of the B models."""
     peer.set_compatibility_off()
     assert peer.set_xyz_voltage(5, 10, 15) == peer.SUCCESS
-    assert peer.get_xyz_voltage() == pytest.approx([5, 10, 15], abs=0.5)
+    eventually(lambda: peer.get_xyz_voltage() == pytest.approx([5, 10, 15], abs=0.5))
     assert peer.get_y_voltage() == pytest.approx(10, abs=0.5)
     assert peer.get_z_voltage_min() == 0
     assert peer.set_y_voltage(-1) == peer.FAIL
