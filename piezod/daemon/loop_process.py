@@ -8,6 +8,7 @@ at the safe voltage: exit code 0. With any other code the voltage in force stays
 
 import signal
 import sys
+from collections.abc import Sequence
 from os import getpid
 from pathlib import Path
 from typing import Final
@@ -26,11 +27,17 @@ from piezod.daemon.loop_devices import make_channels
 from piezod.daemon.loop_start import wait_for_devices, wait_for_lock
 from piezod.daemon.pacer import Pacer
 from piezod.daemon.paths import LOOP_LOCK
+from piezod.daemon.placement import (
+    Placement,
+    place,
+    raise_threads,
+    refusal,
+    start_threads,
+)
 from piezod.daemon.rate import measure_busy_ns, sustained_rate_hz, usable_spin_ns
 from piezod.daemon.realtime import Realtime, RealtimeStep
 from piezod.daemon.timed_channels import TimedChannels
 from piezod.devices import registry
-from piezod.devices.channels import Channels
 from piezod.telemetry import requests_codec
 from piezod.telemetry.shared_map import SharedMap, attach
 from piezod.telemetry.words import Word
@@ -54,19 +61,25 @@ def main(runtime: Path, config_file: Path) -> None:
     requests_codec.warm_up()
     warm_up(config)
     channels, clock = make_channels(config), MonotonicClock()
+    period_ns = shared.layout.period_ns
     lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
     if lock is None or not wait_for_devices(channels, shared, clock):
         return  # the end of the process releases the lock, nothing before it
+    placements = place(channels.devices, channels.identities, config.rate_hz, clock)
+    channels.use({one.name: one.device for one in placements})
+    threads = start_threads(placements)
     noted = LastOutputWriter(runtime / "output.map", len(config.axes))
     timed = TimedChannels(channels, clock, noted)
     controller = assemble(config, timed, channels.capabilities())
-    busy_ns = measure_busy_ns(controller, clock)
-    realtime = Realtime(config.loop, shared)
+    busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
+    realtime = Realtime(config.loop, shared, 1 + threads)
     steps = realtime.set_up()
-    shared.set_report([step._asdict() for step in steps])
-    _admit(controller, config, shared, channels, steps, busy_ns)
-    spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, shared.layout.period_ns)
-    loop = Loop(controller, timed, shared, clock, Pacer(clock, shared.layout.period_ns, spin_ns))
+    raise_threads(placements)
+    found = {"steps": [step._asdict() for step in steps]}
+    shared.set_report(found | {"devices": [one.document() for one in placements]})
+    _admit(controller, config, shared, placements, steps, busy_ns)
+    spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
+    loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns))
     try:
         loop.run()
     except Exception as error:
@@ -83,16 +96,17 @@ def _admit(
     controller: StageController,
     config: DaemonConfig,
     shared: SharedMap,
-    channels: Channels,
+    placements: Sequence[Placement],
     steps: list[RealtimeStep],
     busy_ns: int,
 ) -> None:
     """Say what speaks against arming, if anything does."""
     words, rate_hz = shared.words, sustained_rate_hz(busy_ns)
     words[Word.MEASURED_RATE_HZ] = int(rate_hz)
-    rate_hz = min(rate_hz, channels.capabilities().max_rate_hz)
     missing = [step.name for step in steps if not step.ok]
-    if config.rate_hz > rate_hz:
+    if slow := refusal(placements, config.rate_hz):
+        controller.stage.no_entry = slow
+    elif config.rate_hz > rate_hz:
         controller.stage.no_entry = (
             f"rate_hz is {config.rate_hz:g}, this machine with these devices keeps {rate_hz:.0f}"
             " Hz: choose a lower rate"

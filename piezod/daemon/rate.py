@@ -18,10 +18,15 @@ QUIET_PART: Final = 0.5
 of a period. One that drives takes up to half as long again, and publishing comes on top."""
 
 
-def measure_busy_ns(controller: Controller, clock: Clock) -> int:
+def measure_busy_ns(controller: Controller, clock: Clock, pause_ns: int = 0) -> int:
     """Return how long a cycle takes, devices included: the median over up to 200 of them.
 
-    They run one after the other, without a pause, before the stage is armed.
+    They run one after the other, before the stage is armed.
+
+    Args:
+        controller: What runs a cycle.
+        clock: The clock of the loop.
+        pause_ns: Pause between two cycles, in which threads that have devices do their work.
     """
     durations_ns: list[int] = []
     begin_ns = clock.now_ns()
@@ -31,6 +36,8 @@ def measure_busy_ns(controller: Controller, clock: Clock) -> int:
         t_ns = clock.now_ns()
         controller.cycle(t_ns, CycleTiming(0, 0, 0, *clock_offsets_ns()))
         durations_ns.append(clock.now_ns() - t_ns)
+        if pause_ns:
+            clock.sleep_until_ns(clock.now_ns() + pause_ns)
     return round(median(durations_ns))
 
 

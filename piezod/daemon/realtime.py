@@ -49,17 +49,18 @@ class Realtime:
     Args:
         config: Priority and processor.
         shared: The shared memory, writable.
+        threads: How many threads there are to be: the loop, and those that have devices.
     """
 
-    def __init__(self, config: LoopConfig, shared: SharedMap) -> None:
-        self._config, self._shared = config, shared
+    def __init__(self, config: LoopConfig, shared: SharedMap, threads: int = 1) -> None:
+        self._config, self._shared, self._wanted_threads = config, shared, threads
         self._libc = ctypes.CDLL(None, use_errno=True)
         self._latency_file: int | None = None
 
     def set_up(self) -> list[RealtimeStep]:
         """Ask for everything; return what was obtained."""
         steps: tuple[tuple[str, str, Callable[[], str]], ...] = (
-            ("threads", "1", _only_thread),
+            ("threads", str(self._wanted_threads), self._count_threads),
             ("heap", "kept", self._keep_heap),
             ("memory", "locked", self._lock_memory),
             ("shared memory", "in RAM, touched", self._touch_shared),
@@ -75,6 +76,14 @@ class Realtime:
         """Be an ordinary process again: to end takes long, and other loops need the processor."""
         # The flag stays: only root may take it back.
         os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
+
+    def _count_threads(self) -> str:
+        for _ in range(_ENDING_LOOKS):
+            threads = len(list(Path("/proc/self/task").iterdir()))
+            if threads <= self._wanted_threads:
+                break
+            time.sleep(0.001)  # one that has been joined may still be ending
+        return str(threads)
 
     def _keep_heap(self) -> str:
         # Before memory is locked: what malloc gives back and takes again would be locked anew.
@@ -139,15 +148,6 @@ def _carried_out(
             if isinstance(error, PermissionError) and "Limit" not in obtained:
                 obtained += "; run as the service does, or as root"
         yield RealtimeStep(name, wanted, obtained, obtained == wanted)
-
-
-def _only_thread() -> str:
-    for _ in range(_ENDING_LOOKS):
-        threads = len(list(Path("/proc/self/task").iterdir()))
-        if threads == 1:
-            break
-        time.sleep(0.001)  # one that has been joined may still be ending
-    return str(threads)
 
 
 def _stop_collecting() -> str:

@@ -34,6 +34,7 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
         name: _axis(None if record is None else record["axes"][i], config)
         for i, name in enumerate(config.axes)
     }
+    obtained = _obtained(shared)
     modes = {axis["mode"] for axis in axes.values()}
     return {
         "title": config.title,
@@ -42,7 +43,8 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
         "shadow": record is not None and bool(record["shadow"]),
         "faults": [] if record is None else faults(*masks(record)),
         "skipped_cycles": shared.words[Word.SKIPPED_CYCLES],
-        "not_realtime": [step["name"] for step in shared.report() or () if not step["ok"]],
+        "not_realtime": [step["name"] for step in obtained["steps"] if not step["ok"]],
+        "devices": obtained["devices"],
         "axes": axes,
     }
 
@@ -95,7 +97,7 @@ def realtime(config: DaemonConfig, shared: SharedMap) -> Document:
         "rate_hz": config.rate_hz,
         "measured_rate_hz": words[Word.MEASURED_RATE_HZ],
         "loop_pid": words[Word.LOOP_PID],
-        "steps": shared.report() or [],
+        **_obtained(shared),
         "healthy_cycles": words[Word.HEALTHY_CYCLES],
         "skipped_cycles": words[Word.SKIPPED_CYCLES],
         "requests_expired": words[Word.REQUESTS_EXPIRED],
@@ -104,3 +106,9 @@ def realtime(config: DaemonConfig, shared: SharedMap) -> Document:
         "major_faults": words[Word.MAJOR_FAULTS],
         "allocated_blocks": words[Word.ALLOCATED_BLOCKS],
     }
+
+
+def _obtained(shared: SharedMap) -> Document:
+    """Return the steps of the loop's set-up and its devices; none before it has told them."""
+    report: Document = shared.report() or {"steps": [], "devices": []}
+    return report

@@ -81,8 +81,8 @@ class Around:
 class Combined(Around):
     """Has a cycle cost one exchange with the device: reading rides on the write before it.
 
-    The samples of a cycle are those that came with the write of the cycle before. Where nothing was
-    written since, they are asked for.
+    The samples of a cycle are those that came with the write of the cycle before, and so is what is
+    in force. Where nothing was written since, they are asked for.
 
     Args:
         device: The device, open; it implements `Exchanges`.
@@ -91,6 +91,7 @@ class Combined(Around):
     def __init__(self, device: Device) -> None:
         super().__init__(device)
         self._came: Sequence[Sample] | None = None
+        self._in_force: Sequence[float] | None = None
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         """Give what came with the last write, or take a sample; may be called in the loop."""
@@ -100,9 +101,15 @@ class Combined(Around):
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Set every output, and keep what comes with it; may be called in the loop."""
         taken, self._came = self._device.exchange(drive_v, now_ns)
+        self._in_force = self._device.read_back(now_ns)  # what the exchange told is not asked for
         return taken
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Tell what was in force after the last write, or ask; may be called in the loop."""
+        told, self._in_force = self._in_force, None
+        return self._device.read_back(now_ns) if told is None else told
 
     def deactivate(self, now_ns: int) -> None:
         """Deactivate the device, and forget what came. Never raises."""
-        self._came = None
+        self._came = self._in_force = None
         super().deactivate(now_ns)

@@ -140,38 +140,55 @@ class Channels:
     """
 
     def __init__(self, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair]) -> None:
-        self._devices = devices
-        self._axes = tuple(axes)
-        self._sensors: list[_Measuring] = []
-        self._amplifiers: list[_Driving] = []
-        self._truths: list[tuple[KnowsTruth, list[tuple[int, int]]]] = []
-        self._tellers: list[tuple[TellsStatus, list[tuple[int, int]]]] = []
-        for name, device in devices.items():
-            wiring = wiring_of(name, axes)
-            measured, driven = _places(name, wiring, axes)
-            if wiring.inputs:
-                if not isinstance(device, Sensor):
-                    raise _wrong_role(name, "sensor")
-                self._sensors.append(_measuring(name, device, wiring, axes))
-                if measured and isinstance(device, KnowsTruth):
-                    self._truths.append((device, measured))
-            if driven:
-                if not isinstance(device, Amplifier):
-                    raise _wrong_role(name, "amplifier")
-                self._amplifiers.append(_driving(device, [axis for _, axis in driven], axes))
-            if isinstance(device, TellsStatus):
-                after_inputs = len(wiring.inputs)
-                outputs = [(after_inputs + channel, len(axes) + axis) for channel, axis in driven]
-                self._tellers.append((device, measured + outputs))
-        self._dim = [
-            (one, axis) for of in self._sensors for one, axis in of.calibrated if one.needs_light
-        ]
+        self._pairs, self._axes = axes, tuple(axes)
         self._commands = [Sample(0, nan, False)] * len(axes)
         self.identities: dict[str, Identity] = {}
         """Who each device said it is, when it was opened last."""
         self._zero_um = [0.0] * len(axes)
         self._true_zero_um = [0.0] * len(axes)
         self._no_flags = [NO_FLAGS] * (2 * len(axes))
+        self.use(devices)
+
+    @property
+    def devices(self) -> Mapping[str, Device]:
+        """The devices by name."""
+        return self._devices
+
+    def use(self, devices: Mapping[str, Device]) -> None:
+        """Use these objects for the devices from now on, as what is put around each of them.
+
+        Raises:
+            DeviceError: If a device cannot play a role that an axis gives it.
+        """
+        self._devices = devices
+        self._sensors: list[_Measuring] = []
+        self._amplifiers: list[_Driving] = []
+        self._truths: list[tuple[KnowsTruth, list[tuple[int, int]]]] = []
+        self._tellers: list[tuple[TellsStatus, list[tuple[int, int]]]] = []
+        for name, device in devices.items():
+            self._give_roles(name, device)
+        self._dim = [
+            (one, axis) for of in self._sensors for one, axis in of.calibrated if one.needs_light
+        ]
+
+    def _give_roles(self, name: str, device: Device) -> None:
+        axes = self._pairs
+        wiring = wiring_of(name, axes)
+        measured, driven = _places(name, wiring, axes)
+        if wiring.inputs:
+            if not isinstance(device, Sensor):
+                raise _wrong_role(name, "sensor")
+            self._sensors.append(_measuring(name, device, wiring, axes))
+            if measured and isinstance(device, KnowsTruth):
+                self._truths.append((device, measured))
+        if driven:
+            if not isinstance(device, Amplifier):
+                raise _wrong_role(name, "amplifier")
+            self._amplifiers.append(_driving(device, [axis for _, axis in driven], axes))
+        if isinstance(device, TellsStatus):
+            after_inputs = len(wiring.inputs)
+            outputs = [(after_inputs + channel, len(axes) + axis) for channel, axis in driven]
+            self._tellers.append((device, measured + outputs))
 
     def open(self) -> Identity:
         """Open every device; if one cannot be, those before it are closed again."""

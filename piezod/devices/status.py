@@ -64,6 +64,22 @@ class DeviceFlag(StrEnum):
     """The thread that does the device's input and output does not answer."""
 
 
+PASSING: Final = frozenset(
+    {
+        DeviceFlag.PARTIAL_WRITE,
+        DeviceFlag.GARBAGE,
+        DeviceFlag.BAD_CHECKSUM,
+        DeviceFlag.LATE_REPLY,
+        DeviceFlag.OUT_OF_ORDER,
+        DeviceFlag.SLOW_REPLY,
+        DeviceFlag.NOT_SENT,
+        DeviceFlag.BUSY,
+        DeviceFlag.BUS_OVERLOADED,
+        DeviceFlag.RESTARTED,
+    }
+)
+"""What happens in an exchange, and is over with it; all else lasts until it is told to be gone."""
+
 Flags: TypeAlias = frozenset[DeviceFlag]
 """All that is the matter with a channel at an instant."""
 

@@ -86,7 +86,8 @@ def test_process_tells_what_it_obtained(child: LoopChild) -> None:
     """Before its first cycle: each step, and the rate that it can keep."""
     report = child.shared.report()
 
-    assert report[-1]["name"] == "scheduling"
+    assert report["steps"][-1]["name"] == "scheduling"
+    assert [one["placement"] for one in report["devices"]] == ["in the cycle"]
     assert child.shared.words[Word.MEASURED_RATE_HZ] > 0
     assert child.shared.words[Word.LOOP_PID] == child.process.pid
     assert isnan(read_last_output(child.runtime / "output.map")[0].drive_v)

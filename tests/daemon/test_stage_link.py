@@ -69,10 +69,11 @@ def test_status_tells_the_newest_cycle(bench: Bench) -> None:
 def test_status_tells_what_is_missing_for_real_time(bench: Bench) -> None:
     """Whoever is refused for that finds there what it is."""
     steps = [{"name": "memory", "ok": False}, {"name": "processor", "ok": True}]
-    bench.loop.shared.set_report(steps)
+    bench.loop.shared.set_report({"steps": steps, "devices": [{"name": "rig"}]})
 
     assert bench.link.status()["not_realtime"] == ["memory"]
     assert bench.link.realtime()["steps"] == steps
+    assert bench.link.realtime()["devices"] == [{"name": "rig"}] == bench.link.status()["devices"]
 
 
 def test_request_reaches_the_loop_and_its_answer_comes_back(bench: Bench) -> None:

@@ -43,7 +43,7 @@ def test_calls_go_through_as_long_as_the_device_is_there(link: FakeLink, tended:
     assert tended.write([2.0], 7)
     assert tended.read_back(7) == [2.0]
     assert tended.exchange([3.0], 8) == (True, [Sample(8, 1.0, True)])
-    assert tended.status(8) == [{DeviceFlag.GARBAGE}] * 2
+    assert tended.status(8) == [frozenset({DeviceFlag.GARBAGE})] * 2
     assert tended.status(8) == [NO_FLAGS] * 2
     assert tended.capabilities() == link.capabilities()
     assert isinstance(link, CanBeLost)

@@ -1,0 +1,233 @@
+"""Where each device is used: in the cycle, with one exchange for both roles, or behind a worker.
+
+The framework decides, not the driver, by what it measures: round trips of each device before the
+loop begins. Nothing is written for that.
+"""
+
+import os
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
+from math import inf
+from typing import Any, Final, NamedTuple, cast
+
+from piezod.daemon.clock import Clock
+from piezod.daemon.device_worker import DeviceWorker
+from piezod.devices.around import AnyDevice, Combined
+from piezod.devices.interface import Capabilities, Device, Exchanges, Identity
+from piezod.devices.tended import CanBeLost, Tended
+from piezod.units import NS_PER_S
+
+LEAST_ROUNDS, MOST_ROUNDS = 5, 100
+LONGEST_NS: Final = NS_PER_S // 2
+IN_CYCLE_PART: Final = 0.5
+"""Part of a period that all devices together may take in the cycle; the rest is for control."""
+SWITCH_S: Final = 1e-4
+"""How long a thread may run on while another one waits for the interpreter: less than usual, since
+the one that waits is the loop."""
+
+
+class Place(StrEnum):
+    """Where a device is used."""
+
+    CYCLE = "in the cycle"
+    COMBINED = "in the cycle, one exchange"
+    WORKER = "behind a worker"
+
+
+class RoundTrips(NamedTuple):
+    """How long a device takes to tell what it measures and what is in force.
+
+    Attributes:
+        median_ns: Half of the round trips took no longer.
+        p99_ns: 99 of 100 took no longer.
+        write_ns: What a write, which is not tried, is taken to cost: the longest of the exchanges.
+    """
+
+    median_ns: int
+    p99_ns: int
+    write_ns: int
+
+
+class Placement(NamedTuple):
+    """Where a device is used, and why.
+
+    Attributes:
+        name: Name of the device.
+        place: Where.
+        trips: How long it takes.
+        identity: Who it is.
+        able: What it can do.
+        allowed_hz: The highest rate of a loop that it can give samples for; infinite where it
+            measures nothing.
+        device: What is to be used for it.
+        threads: What belongs to it, to be started.
+    """
+
+    name: str
+    place: Place
+    trips: RoundTrips
+    identity: Identity
+    able: Capabilities
+    allowed_hz: float
+    device: Device
+    threads: Sequence[threading.Thread]
+
+    def document(self) -> dict[str, Any]:
+        """Return it as it is shown."""
+        return {
+            "name": self.name,
+            "identity": self.identity._asdict(),
+            "placement": str(self.place),
+            "round_trip_us": {
+                "p50": self.trips.median_ns / 1000,
+                "p99": self.trips.p99_ns / 1000,
+            },
+            "capabilities": self.able._asdict(),
+        }
+
+
+def measure(device: Device, able: Capabilities, clock: Clock) -> RoundTrips:
+    """Ask a device again and again what it measures, and what is in force, as a cycle does.
+
+    Args:
+        device: The device, open and active.
+        able: What it can do.
+        clock: The clock of the loop.
+    """
+    asked, now_ns = cast("AnyDevice", device), clock.now_ns
+    rounds: list[int] = []
+    single: list[int] = []
+    begin_ns = now_ns()
+    while len(rounds) < LEAST_ROUNDS or (
+        len(rounds) < MOST_ROUNDS and now_ns() - begin_ns < LONGEST_NS
+    ):
+        t_ns = now_ns()
+        if able.inputs:
+            asked.read(t_ns)
+        read_ns = now_ns()
+        if able.outputs:
+            asked.read_back(t_ns)
+        end_ns = now_ns()
+        rounds.append(end_ns - t_ns)
+        single.append(max(read_ns - t_ns, end_ns - read_ns))
+    rounds.sort()
+    single.sort()
+    return RoundTrips(rounds[len(rounds) // 2], _p99(rounds), _p99(single))
+
+
+def _p99(ordered: Sequence[int]) -> int:
+    return ordered[-1 - len(ordered) // 100]
+
+
+def place(
+    devices: Mapping[str, Device],
+    identities: Mapping[str, Identity],
+    rate_hz: float,
+    clock: Clock,
+) -> list[Placement]:
+    """Measure devices, and decide where each is used; threads are made and not started.
+
+    Those that take least come first into the cycle, as long as there is time left in it.
+
+    Args:
+        devices: The devices by name, open and active.
+        identities: Who each of them is.
+        rate_hz: Rate of the loop.
+        clock: The clock of the loop.
+    """
+    measured = {name: measure(each, each.capabilities(), clock) for name, each in devices.items()}
+    period_ns = round(NS_PER_S / rate_hz)
+    left_ns, placements = IN_CYCLE_PART * period_ns, {}
+    for name in sorted(devices, key=lambda one: measured[one].p99_ns):
+        device, trips = devices[name], measured[name]
+        where, cost_ns = _where(device, trips, rate_hz, left_ns)
+        left_ns -= cost_ns
+        placements[name] = _placed(
+            name, device, trips, identities[name], where, period_ns=period_ns, clock=clock
+        )
+    return [placements[name] for name in devices]
+
+
+def _where(
+    device: Device, trips: RoundTrips, rate_hz: float, left_ns: float
+) -> tuple[Place, float]:
+    """Return where a device is used, and how much of the cycle that takes."""
+    able = device.capabilities()
+    separate_ns = trips.p99_ns + (trips.write_ns if able.outputs else 0)
+    if able.max_rate_hz < rate_hz and not able.inputs:
+        return Place.WORKER, 0.0
+    if separate_ns <= left_ns:
+        return Place.CYCLE, separate_ns
+    if _exchanges(device, able) and trips.p99_ns <= left_ns:
+        return Place.COMBINED, trips.p99_ns
+    return Place.WORKER, 0.0
+
+
+def _exchanges(device: Device, able: Capabilities) -> bool:
+    return isinstance(device, Exchanges) and bool(able.inputs and able.outputs)
+
+
+def _placed(
+    name: str,
+    device: Device,
+    trips: RoundTrips,
+    identity: Identity,
+    where: Place,
+    *,
+    period_ns: int,
+    clock: Clock,
+) -> Placement:
+    able, used = device.capabilities(), device
+    allowed_hz = able.max_rate_hz if able.inputs else inf
+    threads = []
+    if isinstance(device, CanBeLost):
+        used = tended = Tended(device, identity)
+        threads.append(tended.thread)
+    if where is Place.COMBINED:
+        used = Combined(used)
+    elif where is Place.WORKER:
+        combined = _exchanges(device, able)
+        round_ns = trips.p99_ns + (0 if combined or not able.outputs else trips.write_ns)
+        used = worker = DeviceWorker(used, clock, period_ns, round_ns, exchanges=combined)
+        threads.append(worker.thread)
+        if able.inputs:
+            allowed_hz = min(allowed_hz, NS_PER_S / round_ns)
+    return Placement(name, where, trips, identity, able, allowed_hz, used, threads)
+
+
+def refusal(placements: Sequence[Placement], rate_hz: float) -> str:
+    """Say which device is too slow to measure a stage at this rate; nothing where none is."""
+    for one in placements:
+        if rate_hz > one.allowed_hz:
+            took_ms = one.trips.p99_ns / 1e6
+            return (
+                f"rate_hz is {rate_hz:g}; device {one.name} measures at most "
+                f"{one.allowed_hz:.3g} times a second, its round trip takes {took_ms:.3g} ms: "
+                "choose a lower rate"
+            )
+    return ""
+
+
+def start_threads(placements: Sequence[Placement]) -> int:
+    """Start the threads of all devices; return how many there are."""
+    threads = [thread for one in placements for thread in one.threads]
+    if threads:
+        sys.setswitchinterval(SWITCH_S)
+    for thread in threads:
+        thread.start()
+    return len(threads)
+
+
+def raise_threads(placements: Sequence[Placement]) -> None:
+    """Have the workers run before all but the loop, one below it, where it has a priority."""
+    priority = os.sched_getparam(0).sched_priority
+    if priority < 2:  # there is none below
+        return
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+    for one in placements:
+        if one.place is Place.WORKER:
+            native_id = one.threads[-1].native_id
+            if native_id is not None:
+                os.sched_setscheduler(native_id, policy, os.sched_param(priority - 1))
