@@ -239,8 +239,8 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
               "load an older set, or identify anew"),
     FaultRule("D9", "a change of mode moved the drive", ADAPTATION, NONE, L0, "info",
               "nothing to do: the drive goes over at its slew rate"),
-    FaultRule("D10", "hysteresis memory unknown", ADAPTATION, DEGRADE, L1, "warning",
-              "run `piezod condition`"),
+    FaultRule("D10", "hysteresis memory unknown", ADAPTATION, WARN, L0, "warning",
+              "run `piezod condition`: until then positions are less accurate"),
     # Process.
     FaultRule("P2", "the daemon did not end cleanly last time", PROCESS, RAMP, L2, "error",
               "see the log for why; check that the stage stands well"),

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import isfinite, nan
 from typing import Final
 
+from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.fault_register import Detection
 from piezod.control.loop_watch import CycleTiming, LoopWatch
@@ -15,7 +16,8 @@ from piezod.devices.status import Flags
 SILENT_CYCLES: Final = 5
 """An amplifier that reads back, and does not for so many cycles, is lost."""
 
-_UNVERIFIED: Final = Detection("A10")
+_UNVERIFIED, _FORGOTTEN = Detection("A10"), Detection("D10")
+_COMPENSATING: Final = frozenset({State.READY, State.RUN, State.HOLD})
 
 
 def crashed(stage: Stage, t_ns: int, fault: str, axis: int, text: str) -> Detection:
@@ -88,6 +90,8 @@ class StageWatches:
             found.append(Detection("E1"))
         if stage.state in DRIVEN and not (stage.boundary.reads_back or stage.boundary.shadow):
             found.append(_UNVERIFIED)
+        if not stage.memory_known and stage.state in _COMPENSATING and _compensates(stage):
+            found.append(_FORGOTTEN)
         return found
 
     def _detect_on(
@@ -120,3 +124,8 @@ class StageWatches:
             found.append(crashed(stage, t_ns, "P4", i, f"axis {stage.names[i]}: {axis.crash!r}"))
             axis.crash = None
         return found
+
+
+def _compensates(stage: Stage) -> bool:
+    """Tell whether an axis relies on what is remembered of its hysteresis."""
+    return any(axis.mode is not Mode.UNCOMPENSATED for axis in stage.axes)

@@ -196,6 +196,28 @@ def test_an_axis_that_oscillates_goes_with_half_its_gain_until_it_is_reset() -> 
     assert stage.state == State.RUN
 
 
+@pytest.mark.fault("D10")
+def test_a_memory_that_is_not_known_is_shown_until_it_is_conditioned() -> None:
+    """While it is relied on: not in SAFE, and not where nothing is compensated."""
+    stage = LiveStage(memory_known=False)
+    stage.cycle()
+    before = ids(stage.records[-1].present)
+    stage.do(rq.Arm())
+    armed = ids(stage.records[-1].present)
+    stage.do(rq.SelectMode(mode=Mode.UNCOMPENSATED))
+    stage.run(0.1)
+    uncompensated = ids(stage.records[-1].present)
+    stage.do(rq.Stop())
+    stage.until("SAFE")
+    stage.do(rq.SelectMode(mode=Mode.FEEDFORWARD), rq.Arm(), rq.Condition())
+    stage.until("READY", within_s=60.0)
+    stage.run(0.1)
+
+    assert (before, armed, uncompensated) == ([], ["D10"], [])
+    assert ids(stage.records[-1].present) == []
+    assert set(stage.faults()) == {"D10"}
+
+
 @pytest.mark.fault("P3")
 @pytest.mark.parametrize("kind", [Kind.READ_RAISES, Kind.WRITE_RAISES])
 def test_a_driver_that_raises_is_a_fault_and_no_crash(kind: Kind) -> None:
