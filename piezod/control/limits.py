@@ -6,6 +6,19 @@ READ_BACK_V, READ_BACK_PART = 0.5, 0.005
 """What is read back may differ from what was written by this, or by this part of the range."""
 
 
+def read_back_tolerance_v(drive_min_v: float, drive_max_v: float) -> float:
+    """Return by how much what is read back may differ from what was written, in V.
+
+    It is what noise and offset of an amplifier's own measurement may be; whoever asks whether a
+    stage is at a voltage, asks within this.
+
+    Args:
+        drive_min_v: Lowest voltage of the axis, in V.
+        drive_max_v: Highest, in V.
+    """
+    return max(READ_BACK_V, READ_BACK_PART * (drive_max_v - drive_min_v))
+
+
 class Window(NamedTuple):
     """The drive that the limits leave open in one cycle, in V."""
 
@@ -37,8 +50,8 @@ class Limits(NamedTuple):
 
     @property
     def read_back_tolerance_v(self) -> float:
-        """By how much what is read back may differ from what was written, in V: noise, offset."""
-        return max(READ_BACK_V, READ_BACK_PART * (self.drive_max_v - self.drive_min_v))
+        """By how much what is read back may differ from what was written, in V."""
+        return read_back_tolerance_v(self.drive_min_v, self.drive_max_v)
 
     def window(self, previous_v: float, elapsed_s: float) -> Window:
         """Return what may follow a voltage after a time; may be called in the loop.

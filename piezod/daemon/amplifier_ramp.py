@@ -9,6 +9,7 @@ from math import isfinite, nan
 from typing import Final, NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
+from piezod.control.limits import read_back_tolerance_v
 from piezod.devices.channels import Channels
 from piezod.errors import DeviceUnavailableError
 from piezod.units import NS_PER_S
@@ -17,8 +18,6 @@ STEP_S: Final = 0.01
 """Time between two steps."""
 PATIENCE_S: Final = 2.0
 """For how long an amplifier may refuse, tell nothing, or not be where it was sent."""
-TOLERANCE_PCT: Final = 1.0
-"""How far the voltage read back may be from the one sent, in % of the axis' range."""
 
 
 class AxisOutcome(NamedTuple):
@@ -63,7 +62,9 @@ class AmplifierRamp:
     ) -> None:
         self._channels, self._noted_v = channels, noted_v
         self._steps_v = [axis.safety.ramp_v_per_s * STEP_S for axis in axes]
-        self._ranges_v = [axis.limits.drive_max_v - axis.limits.drive_min_v for axis in axes]
+        self._tolerances_v = [
+            read_back_tolerance_v(axis.limits.drive_min_v, axis.limits.drive_max_v) for axis in axes
+        ]
         self._safe_v = [axis.safe_v for axis in axes]
         self._from_v = self._drive_v = self._read_back_v = [nan] * len(axes)
         self._from_noted = self._reads_back = self.done = False
@@ -144,9 +145,9 @@ class AmplifierRamp:
         if self._reads_back:
             self._read_back_v = list(self._channels.read_back(now_ns))
         self.done = not self._reads_back or all(
-            abs(told_v - safe_v) <= TOLERANCE_PCT / 100 * range_v
-            for told_v, safe_v, range_v in zip(
-                self._read_back_v, self._safe_v, self._ranges_v, strict=True
+            abs(told_v - safe_v) <= tolerance_v
+            for told_v, safe_v, tolerance_v in zip(
+                self._read_back_v, self._safe_v, self._tolerances_v, strict=True
             )
         )
         self._trouble = (

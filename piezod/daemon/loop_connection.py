@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from piezod.config.daemon import DaemonConfig
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.states import State
+from piezod.control.limits import read_back_tolerance_v
 from piezod.daemon.loop_health import LoopHealth
 from piezod.daemon.loop_requests import LoopRequests
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
@@ -20,9 +21,6 @@ from piezod.telemetry.ring import RingReader
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamWriter
 from piezod.telemetry.words import Word
-
-AT_SAFE_V: Final = 0.5
-"""A voltage is the safe one within this: where nothing is driven it is one that is read back."""
 
 
 class LoopConnection:
@@ -76,9 +74,13 @@ class LoopConnection:
         if not len(ending) or ending[-1]["shadow"]:
             return True
         blind = any(STATES[record["state"]] is State.BLIND for record in ending)
-        drive_v = ending[-1]["axes"]["drive_v"]
-        safe_v = [axis.safe_v for axis in self.config.axes.values()]
-        return not blind and bool(np.all(np.abs(drive_v - safe_v) <= AT_SAFE_V))
+        drive_v = ending[-1]["axes"]["drive_v"]  # where nothing is driven, what is read back
+        axes = self.config.axes.values()
+        off_v = np.abs(drive_v - [axis.safe_v for axis in axes])
+        allowed_v = [
+            read_back_tolerance_v(axis.limits.drive_min_v, axis.limits.drive_max_v) for axis in axes
+        ]
+        return not blind and bool(np.all(off_v <= allowed_v))
 
     def last(self, count: int) -> NDArray[Any]:
         """Return up to so many of the newest records, oldest first."""
