@@ -46,13 +46,17 @@ class AmplifierWatch:
         limits: What its drive may do.
         delay_ns: How long the displacement lags behind the voltage; the output lags by no more.
         period_ns: Period of the loop.
+        lag_ns: How much later than it was written a voltage is read back, where nobody waits for
+            the amplifier.
     """
 
-    def __init__(self, axis: int, limits: Limits, delay_ns: int, period_ns: int) -> None:
+    def __init__(
+        self, axis: int, limits: Limits, delay_ns: int, period_ns: int, lag_ns: int = 0
+    ) -> None:
         self._axis = axis
         self._low_v, self._high_v = limits.drive_min_v, limits.drive_max_v
         self._tolerance_v = limits.read_back_tolerance_v
-        self._written_v = RecentRange(LAG_CYCLES + DELAYS * delay_ns // period_ns)
+        self._written_v = RecentRange(LAG_CYCLES + (DELAYS * delay_ns + lag_ns) // period_ns)
         self._taken_v, self._read_back_v = nan, nan
         self._refusals = LeakyBucket()
         self._was_inside = False

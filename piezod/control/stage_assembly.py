@@ -55,10 +55,11 @@ def assemble(config: DaemonConfig, devices: StageDevices, able: Capabilities) ->
 
     def rebuilt(name: str, model: ModelFile, in_force_v: float) -> WatchedAxis:
         axis = config.axes[name]
-        return _axis(config, name, _zeroed(name, axis, from_model_file(model)), in_force_v)
+        zeroed = _zeroed(name, axis, from_model_file(model))
+        return _axis(config, name, zeroed, in_force_v, able.lag_ns)
 
     axes = {
-        name: _axis(config, name, _model_of(name, axis), axis.limits.rest_v)
+        name: _axis(config, name, _model_of(name, axis), axis.limits.rest_v, able.lag_ns)
         for name, axis in config.axes.items()
     }
     boundary = DeviceBoundary(devices, len(axes), reads_back=able.read_back, holds=able.holds)
@@ -94,7 +95,7 @@ def _unidentified(axis: StageAxisConfig) -> StageModel:
 
 
 def _axis(
-    config: DaemonConfig, name: str, model: StageModel | None, in_force_v: float
+    config: DaemonConfig, name: str, model: StageModel | None, in_force_v: float, lag_ns: int
 ) -> WatchedAxis:
     axis, period_ns = config.axes[name], round(NS_PER_S / config.rate_hz)
     used = model or _unidentified(axis)
@@ -108,7 +109,7 @@ def _axis(
     watches = AxisWatch(
         BusWatch(index),
         SensorWatch(index, WatchedSensor.of(axis, model), period_ns),
-        AmplifierWatch(index, live.limits, delay_ns, period_ns),
+        AmplifierWatch(index, live.limits, delay_ns, period_ns, lag_ns),
         AdaptationWatch(index, adaptation, model, used.position_um, period_ns),
     )
     return WatchedAxis(StageAxis(axis, live, period_ns), watches)

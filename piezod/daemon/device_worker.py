@@ -23,6 +23,7 @@ PAUSE_S: Final = 1.0
 DEADLINE: Final = 2
 """A round that takes so many periods, or so many times as long as it should, is stuck; a setpoint
 of that age is not sent any more."""
+ROUNDS_TO_TELL: Final = 3
 _STUCK: Final = frozenset({DeviceFlag.STUCK})
 
 
@@ -93,6 +94,8 @@ class DeviceWorker(Around):
         pause_s: float = PAUSE_S,
     ) -> None:
         super().__init__(device)
+        # A setpoint waits for the round under way, and is read back in the one after its own.
+        self._able = self._able._replace(lag_ns=ROUNDS_TO_TELL * round_ns)
         if not self._able.inputs:  # the newest setpoint goes out as soon as one can: at any rate
             self._able = self._able._replace(max_rate_hz=inf)
         self._clock_ns, self._pause_s = clock.now_ns, pause_s

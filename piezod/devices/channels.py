@@ -217,6 +217,7 @@ class Channels:
             all(one.soft_disable for one in driving),
             all(one.watchdog for one in driving),
             all(one.quality for one in each if one.inputs),
+            max((one.lag_ns for one in driving), default=0),
         )
 
     def activate(self, now_ns: int) -> None:

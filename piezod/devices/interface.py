@@ -104,6 +104,8 @@ class Capabilities(NamedTuple):
         soft_disable: Whether an output that is disabled comes down gently.
         watchdog: Whether the device itself makes its outputs safe when its host falls silent.
         quality: Whether samples come with a quality, so that a bad one is known to be bad.
+        lag_ns: How much later than it was written a value comes into force and is read back, where
+            the loop does not wait for it.
     """
 
     inputs: tuple[str, ...]
@@ -116,6 +118,7 @@ class Capabilities(NamedTuple):
     soft_disable: bool = False
     watchdog: bool = False
     quality: bool = False
+    lag_ns: int = 0
 
 
 class Sample(NamedTuple):

@@ -86,6 +86,26 @@ def test_single_refusals_are_forgiven() -> None:
 
 
 @pytest.mark.fault("A3")
+def test_a_read_back_may_lag_as_long_as_nobody_waits_for_it() -> None:
+    """An amplifier behind a worker tells what was in force 20 ms ago; stuck, it is told later."""
+    one = AmplifierWatch(0, LIMITS, round(LAG_MS * MS), MS, 20 * MS)
+    told_v = [5.0] * 20
+    found: list[Detection] = []
+    for k in range(2000):
+        drive_v = sine_v(k)
+        found += one.check(told_v.pop(0), NO_FLAGS)
+        one.wrote(drive_v, taken=True)
+        told_v.append(drive_v)
+
+    assert found == []
+    stuck = []
+    for k in range(2000, 2200):
+        stuck += one.check(75.0, NO_FLAGS)
+        one.wrote(140.0, taken=True)
+    assert "A3" in ids(stuck)
+
+
+@pytest.mark.fault("A3")
 @pytest.mark.parametrize("off_v", [-1.0, 1.0])
 def test_a_voltage_that_is_not_the_one_written_is_told_after_three_cycles(off_v: float) -> None:
     """With by how much it is off, and how much is allowed."""

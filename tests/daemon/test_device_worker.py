@@ -286,4 +286,5 @@ def test_an_amplifier_follows_any_loop() -> None:
         link.open()
         worker = DeviceWorker(link, FakeClock(), MS, MS)
         assert worker.capabilities().max_rate_hz == rate_hz
+        assert worker.capabilities().lag_ns == 3 * MS
         worker.close()

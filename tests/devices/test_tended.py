@@ -152,6 +152,7 @@ def test_a_combined_cycle_costs_one_exchange(link: FakeLink) -> None:
     with_write = combined.read(2)
     without = combined.read(3)
 
+    assert (combined.read_back(2), combined.read_back(3)) == ([4.0], [4.0])
     assert first == [Sample(1, 1.0, True)]
     assert with_write == [Sample(1, 1.0, True)]
     assert without == [Sample(3, 1.0, True)]
