@@ -25,7 +25,7 @@ class Profile:
         options: Of the driver.
         arguments: Of `piezod emulate`.
         unseen: Ids of faults that the driver sees, but not of this device.
-        seam: Where the driver finds its line, to put another one in its place.
+        streams: Whether it sends by itself, so that nobody knows how old a value is that comes.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Profile:
     options: Options
     arguments: tuple[str, ...] = ()
     unseen: frozenset[str] = frozenset()
-    seam: str = "piezod_drivers.serial_line.options"
+    streams: bool = False
 
     def maker(self, where: str, timeout_ms: float = 2000.0) -> Callable[[], Any]:
         """Return what constructs the driver's device for a place; it waits so long for replies."""
@@ -82,8 +82,7 @@ def _modbus(
     arguments: tuple[str, ...] = (),
 ) -> Profile:
     blind = frozenset([*unseen.split(), *(["B4"] if isinstance(options, Tcp) else [])])
-    seam = "piezod_drivers.modbus.driver"
-    return Profile(name, "modbus", wiring, options, arguments, blind, seam)
+    return Profile(name, "modbus", wiring, options, arguments, blind)
 
 
 def _units(*profiles: str) -> dict[str, object]:
@@ -115,8 +114,20 @@ PROFILES = (
     Profile("kpz101", "thorlabs_apt", Wiring((), ("1",)), Port({"model": "KPZ101"})),
     Profile("ksg101", "thorlabs_apt", Wiring(("1",), ()), Port({"model": "KSG101"})),
     Profile("lc400", "npoint_lc400", Wiring.both(("1",)), Port()),
-    Profile("ild1420", "micro_epsilon", Wiring(("distance",), ()), Port({"model": "ILD1420"})),
-    Profile("odc2520", "micro_epsilon", Wiring(("distance",), ()), Port({"model": "ODC2520"})),
+    Profile(
+        "ild1420",
+        "micro_epsilon",
+        Wiring(("distance",), ()),
+        Port({"model": "ILD1420"}),
+        streams=True,
+    ),
+    Profile(
+        "odc2520",
+        "micro_epsilon",
+        Wiring(("distance",), ()),
+        Port({"model": "ODC2520"}),
+        streams=True,
+    ),
     Profile("psj-ddrive", "psj", Wiring((), ("ch0",)), Port({"profile": "ddrive"})),
     Profile("psj-nv40", "psj", Wiring.both(("ch0",)), Port({"profile": "nv40"})),
     Profile("psj-nv200", "psj", Wiring.both(("ch0",)), Port({"profile": "nv200"})),
