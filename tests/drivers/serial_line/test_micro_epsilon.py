@@ -113,6 +113,7 @@ def test_silence_is_told() -> None:
     assert not device.status(T0_NS)[0]
     (sample,) = device.read(T0_NS + 31 * MS)
     assert sample.t_ns == T0_NS
+    assert not sample.valid
     assert set(device.status(T0_NS)[0]) == {DeviceFlag.LATE_REPLY}
 
 

@@ -18,6 +18,8 @@ _MAKER: Final = "Micro-Epsilon"
 _OPENING_NS: Final = 1_000_000_000
 """How long a sensor may take to say who it is, and to send a first value."""
 _WAIT_NS: Final = 20_000_000
+_BEFORE_OPENING: Final = frozenset({DeviceFlag.GARBAGE, DeviceFlag.OUT_OF_ORDER})
+"""A stream that was there before somebody listens is no fault."""
 _NOT_TOLD: Final = "not told"
 
 
@@ -25,7 +27,8 @@ class StreamDialogue:
     """Implements `Dialogue` without outputs.
 
     The sensor sends by itself. A reading is the newest value that has come, at the instant of the
-    call that found it; as long as no other has come, it stays what it was, with its old instant.
+    call that found it; as long as no other has come, it stays what it was, with its old instant,
+    and is not valid any more after a time-out.
 
     Args:
         options: What a configuration says.
@@ -137,11 +140,12 @@ class StreamDialogue:
         return noticed | self._conversation.take_noticed()
 
     def _note_silence(self, now_ns: int) -> None:
-        """Tell, time-out after time-out, that nothing comes."""
+        """Tell, time-out after time-out, that nothing comes: the last value is not valid then."""
         if self._quiet_since_ns is None:
             self._quiet_since_ns = now_ns
         if now_ns - self._quiet_since_ns > self._patience_ns:
             self._quiet_since_ns = now_ns
+            self._position_um = nan
             self._noticed.add(DeviceFlag.LATE_REPLY)
 
     def _ask_info(self) -> tuple[info.Info, bytes]:

@@ -56,7 +56,7 @@ class Lc400:
             self._words[codec.FIRMWARE + _WORD_BYTES * i] = word
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Answer every request that is complete."""
+        """Answer every request that is complete, all of them at once."""
         now_ns = self._bench.now_ns()
         if now_ns - self._got_ns > _PATIENCE_NS:
             self._got = b""
@@ -66,7 +66,7 @@ class Lc400:
             frame, self._got = self._got[: abs(length)], self._got[abs(length) :]
             if length > 0:
                 replies += self._obey(frame)
-        return replies
+        return [b"".join(replies)] if replies else []
 
     def due(self) -> list[bytes]:
         """Return nothing: it only speaks when asked."""
