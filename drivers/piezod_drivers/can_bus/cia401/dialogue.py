@@ -77,7 +77,7 @@ class Dialogue:
         self._access: Access | None = None
         self._first: Identity | None = None
         self._other = NO_FLAGS
-        self._watchdog = self._armed = self._beats = False
+        self._watchdog = self._armed = self._watched = self._beats = False
         self._beat_ns = self._heard_ns = 0
         self._in_force: list[float] = []
         self._in_force_ns: int | None = None
@@ -173,10 +173,9 @@ class Dialogue:
         access.read(objects.DEVICE_TYPE)  # what the node said of its state before comes before this
         self._cycle = self._make_cycle((self._set.id,) if self._set else ())
         self._health.clear()
-        self._armed, self._beat_ns = self._watchdog, 0
+        self._armed, self._watched = self._watchdog, False
         self._heard_ns = self._bus.now_ns()
         self._input_flags = [NO_FLAGS] * len(self._input_numbers)
-        self._keep_alive()
 
     def deactivate(self) -> None:
         """Disarm the watchdog, so that the outputs hold.
@@ -187,7 +186,7 @@ class Dialogue:
         from piezod_drivers.can_bus.cia401 import setup  # noqa: PLC0415 - `open` has imported it
 
         if self._armed:
-            self._armed = False
+            self._armed = self._watched = False
             setup.disarm(self._require())
 
     def sample(self, now_ns: int) -> Reading:
@@ -280,6 +279,9 @@ class Dialogue:
         own = [
             scale.word_of(value) for scale, value in zip(self._output_scales, values, strict=True)
         ]
+        if self._armed and not self._watched:
+            # The node watches from the first heartbeat on: not before somebody drives.
+            self._watched, self._beat_ns = True, 0
         words = list(layout.fill)
         for place, word in zip(layout.places, own, strict=True):
             words[place] = word
@@ -306,12 +308,14 @@ class Dialogue:
         """Show that this host lives, if it is time; and be sure that the node is as it was set up.
 
         Raises:
-            LineFault: `DISCONNECTED` if the node has started anew.
+            LineFault: `DISCONNECTED` if it is not.
         """
-        if self._health.restarted:
-            what = "the node has started anew and has lost its settings"
+        if self._health.must_be_set_up:
+            what = (
+                "the node has started anew, or its watchdog has tripped: it has to be set up again"
+            )
             raise LineFault(DeviceFlag.DISCONNECTED, what)
-        if self._armed:
+        if self._watched:
             now_ns = self._bus.now_ns()
             if now_ns - self._beat_ns >= self._options.watchdog_ms * MS // _BEATS:
                 self._cycle.tell(self._beat_frame)

@@ -41,6 +41,11 @@ class Health:
         self.flags: Flags = NO_FLAGS
         """What is the matter with the node."""
 
+    @property
+    def must_be_set_up(self) -> bool:
+        """Whether the node is no longer as it was set up: it started anew, or its watchdog did."""
+        return self.restarted or DeviceFlag.WATCHDOG_TRIPPED in self.flags
+
     def clear(self) -> None:
         """Forget everything; to be called when the node has been set up."""
         self._active.clear()

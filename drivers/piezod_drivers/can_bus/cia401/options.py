@@ -81,7 +81,7 @@ class Options(ConfigModel):
         default=126, description="This host's number; no other node on the bus may have it."
     )
     watchdog_ms: Annotated[int, Quantity(10, 10_000, "ms")] = Field(
-        default=100,
+        default=200,
         description="After so long without a sign of this host the node takes its safe codes, ms.",
     )
     rpdo: Annotated[int, Quantity(1, 512)] = Field(

@@ -10,7 +10,7 @@ from piezod_drivers.can_bus.dbc.layout import Message, Reader, Writer
 from piezod_drivers.can_bus.frame import Frame
 
 _BEGUN_ANEW: Final = 3
-"""So many frames in a row with counters that follow one another, all before the last that counted."""
+"""So many frames in a row whose counters follow one another, all before the last that counted."""
 
 
 class Checksum:
