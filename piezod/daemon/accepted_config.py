@@ -38,8 +38,8 @@ def load(path: Path, *, strict_rt: bool = False) -> DaemonConfig:
 
 
 def document(config: DaemonConfig) -> dict[str, Any]:
-    """Return a configuration as JSON, without what is at its default; its paths are absolute."""
-    text = json.dumps(config.model_dump(exclude_defaults=True), default=_absolute)
+    """Return a configuration as JSON, with what it says itself; its paths are absolute."""
+    text = json.dumps(config.model_dump(exclude_unset=True), default=_absolute)
     plain: dict[str, Any] = json.loads(text)
     return plain
 
