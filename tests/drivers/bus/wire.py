@@ -1,0 +1,146 @@
+"""A driver and its emulated device in one process, in a time that nobody waits for."""
+
+import random
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import pytest
+
+from piezod.devices import emulators, registry
+from piezod.devices.bus.serial_line import SerialLine
+from piezod.devices.bus.tcp_line import TcpLine
+from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.faults import FaultKind, Faults, Hit
+from piezod.devices.emulation.outbox import Outbox
+from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.devices.status import DeviceFlag
+from tests.drivers.bus.profiles import Profile
+
+MS = 1_000_000
+ON_THE_WAY_NS = 100_000
+TICK_NS = MS
+
+
+class StillRig:
+    """Implements `piezod.devices.emulation.bench.Rig`: each axis is where the test puts it.
+
+    Attributes:
+        position_um: Displacement of each axis, in µm.
+        drive_v: Voltage of each axis, in V, in force as soon as it is written.
+    """
+
+    def __init__(self, n_axes: int) -> None:
+        self.position_um = [0.0] * n_axes
+        self.drive_v: Sequence[float] = [0.0] * n_axes
+
+    def open(self) -> Identity:
+        return Identity("test", "still", "1", "1")
+
+    def capabilities(self) -> Capabilities:
+        axes = tuple(f"a{number}" for number in range(len(self.position_um)))
+        inputs = tuple(name for axis in axes for name in (axis, f"{axis}_v"))
+        return Capabilities(inputs, axes, True, 1e6)
+
+    def activate(self, now_ns: int) -> None:
+        pass
+
+    def deactivate(self, now_ns: int) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        both = [value for um in self.position_um for value in (um, um / 5)]
+        return [Sample(now_ns, value, True) for value in both]
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - the interface's
+        if not all(-30.0 <= value <= 150.0 for value in drive_v):
+            return False
+        self.drive_v = list(drive_v)
+        return True
+
+    def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's
+        return self.drive_v
+
+
+class Wire:
+    """What is between a driver and an emulated device; replies may be late and requests lost.
+
+    Args:
+        profile: The device.
+        timeout_ms: The driver's.
+        seed: Of what is random.
+
+    Attributes:
+        rig: What the device is connected to.
+        late: How many of the replies are late, from 0 to 1, by 1 to 10 time-outs.
+        lost: How many of the requests get lost.
+        sent: How many requests were sent.
+        now_ns: The time.
+    """
+
+    def __init__(self, profile: Profile, timeout_ms: float, seed: int) -> None:
+        self.sent, self.now_ns = 0, 1_000_000_000
+        plugin = emulators.load(profile.name)
+        assert plugin.create is not None, f"{profile.name} is on no wire"
+        arguments = dict(zip(profile.arguments[::2], profile.arguments[1::2], strict=True))
+        self.rig = StillRig(int(arguments.get("--axes", plugin.channels)))
+        self._emulator = plugin.create(Bench(self.rig, lambda: self.now_ns), "")
+        self._outbox = Outbox(Faults())
+        self._random = random.Random(seed)  # noqa: S311 - faults that can be repeated
+        self._timeout_ms, self._tick_ns = timeout_ms, 0
+        self.late = self.lost = 0.0
+
+    def send(self, data: bytes) -> None:
+        """Bring a request to the device, or lose it."""
+        self.sent += 1
+        if self._random.random() >= self.lost:
+            self._put(self._emulator.receive(data))
+
+    def receive(self, within_ns: int) -> bytes:
+        """Let time pass until something comes to the driver."""
+        end_ns = self.now_ns + within_ns
+        while True:
+            if self.now_ns >= self._tick_ns:
+                self._tick_ns = self.now_ns + TICK_NS
+                self._put(self._emulator.due())
+            if data := self._outbox.take(self.now_ns):
+                return data
+            if self.now_ns >= end_ns:
+                return b""
+            wait_ns = self._outbox.wait_ns(self.now_ns, end_ns - self.now_ns)
+            self.now_ns += min(wait_ns, max(self._tick_ns - self.now_ns, 1))
+
+    def wait(self, for_ns: int) -> None:
+        """Let time pass in which nobody asks."""
+        end_ns = self.now_ns + for_ns
+        while self.now_ns < end_ns:
+            self.now_ns = min(end_ns, max(self._tick_ns, self.now_ns + 1))
+            if self.now_ns >= self._tick_ns:
+                self._tick_ns = self.now_ns + TICK_NS
+                self._put(self._emulator.due())
+
+    def _put(self, replies: Sequence[bytes]) -> None:
+        for reply in replies:
+            late = self._random.random() < self.late
+            late_s = self._random.uniform(1, 10) * self._timeout_ms * 1e-3 if late else 0.0
+            hits = [Hit(FaultKind.LATE, late_s)]
+            self._outbox.put(reply, hits, self.now_ns + ON_THE_WAY_NS)
+
+
+@contextmanager
+def wired(profile: Profile, timeout_ms: float = 20.0, seed: int = 1) -> Iterator[Wire]:
+    """Have every line lead to a device of this process while the block runs."""
+    wire = Wire(profile, timeout_ms, seed)
+    registry.load(profile.driver)  # its lines are known from now on
+    with pytest.MonkeyPatch.context() as patched:
+        for line in (SerialLine, *SerialLine.__subclasses__(), TcpLine):
+            patched.setattr(line, "open", lambda _: None)
+            patched.setattr(line, "close", lambda _: None)
+            patched.setattr(line, "send", lambda _, data: wire.send(data))
+            patched.setattr(line, "receive", lambda _, within_ns: wire.receive(within_ns))
+            patched.setattr(line, "now_ns", lambda _: wire.now_ns)
+        no_flags: set[DeviceFlag] = set()
+        patched.setattr(SerialLine, "take_noticed", lambda _: no_flags)
+        yield wire
