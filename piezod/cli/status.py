@@ -1,6 +1,6 @@
 """`piezod status` and `piezod faults`: how a stage is now."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from piezod.cli.options import JsonOption
 from piezod.cli.stage_options import SocketOption, StageOption, connect
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from piezod.client.results import Fault, Status
+    from piezod.client.results import Document, Fault, Status
 
 
 def status(
@@ -27,6 +27,8 @@ def status(
     console = new_console()
     console.print(_summary(found))
     console.print(_axes(found))
+    if devices := found.document.get("devices"):
+        console.print(_devices(devices))
     if missing := found.document.get("not_realtime"):
         console.print(f"Not real-time: {', '.join(missing)} not obtained; docs/stage.md says why.")
     if found.faults:
@@ -68,6 +70,40 @@ def _axes(found: "Status") -> "Table":
         shown = [number(each, 3) for each in numbers]
         table.add_row(name, *shown, number(axis.drive_v, 2), "on target" if axis.on_target else "")
     return table
+
+
+def _devices(devices: "Sequence[Document]") -> "Table":
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("device", "", "used"):
+        table.add_column(heading)
+    for heading in ("round trip/µs", "99 %/µs"):
+        table.add_column(heading, justify="right")
+    table.add_column("")
+    for each in devices:
+        who, took_us = each["identity"], each["round_trip_us"]
+        able = [words for key, words in _ABLE.items() if each["capabilities"][key]]
+        table.add_row(
+            each["name"],
+            " ".join((who["maker"], who["model"], who["serial"])),
+            each["placement"],
+            *(number(took_us[key], 0) for key in ("p50", "p99")),
+            ", ".join(able),
+        )
+    return table
+
+
+_ABLE: Final = {
+    "read_back": "reads back",
+    "holds": "holds",
+    "enables": "enables",
+    "soft_disable": "soft disable",
+    "watchdog": "watchdog",
+    "quality": "quality",
+}
+"""What a device can do, and how that is said."""
 
 
 def number(value: float | None, decimals: int) -> str:

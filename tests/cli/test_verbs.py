@@ -106,6 +106,24 @@ def test_status_without_positions(piezod: Command, daemon: FakeDaemon) -> None:
     assert "in shadow: nothing is written" in out
 
 
+def test_status_tells_how_each_device_is_used(piezod: Command, daemon: FakeDaemon) -> None:
+    """Who it is, where it is used, what its round trips take, and what it can do."""
+    able = {"read_back": True, "holds": True, "enables": False, "soft_disable": False}
+    device = {
+        "name": "amp",
+        "identity": {"maker": "Acme", "model": "A1", "serial": "7", "firmware": "2"},
+        "placement": "behind a worker",
+        "round_trip_us": {"p50": 812.4, "p99": 1203.0},
+        "capabilities": {**able, "watchdog": False, "quality": False},
+    }
+    daemon.answers["GET status"] = {**STATUS, "faults": [], "devices": [device]}
+
+    _, out, _ = piezod("status")
+
+    for shown in ("amp", "Acme A1 7", "behind a worker", "812", "1203", "reads back, holds"):
+        assert shown in out
+
+
 @pytest.mark.usefixtures("daemon")
 def test_status_as_json(piezod: Command) -> None:
     """The document is the daemon's."""

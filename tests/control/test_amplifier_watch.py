@@ -98,8 +98,8 @@ def test_a_read_back_may_lag_as_long_as_nobody_waits_for_it() -> None:
         told_v.append(drive_v)
 
     assert found == []
-    stuck = []
-    for k in range(2000, 2200):
+    stuck: list[Detection] = []
+    for _ in range(200):
         stuck += one.check(75.0, NO_FLAGS)
         one.wrote(140.0, taken=True)
     assert "A3" in ids(stuck)
