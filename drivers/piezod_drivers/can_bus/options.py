@@ -19,7 +19,7 @@ _IN_THIS_MACHINE: Final = frozenset({UDP_MULTICAST, "virtual"})
 _HIGHEST_RATE_HZ: Final = 20_000.0
 
 _Text: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=4096)]
-TimeoutMs: TypeAlias = Annotated[float, Quantity(0.5, 1000, "ms")]
+TimeoutMs: TypeAlias = Annotated[float, Quantity(0.5, 5000, "ms")]
 
 
 class BusOptions(ConfigModel):

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import Final
 
-from piezod.devices.bus.line import Line, LineFault
+from piezod.devices.bus.line import Line, LineFault, Notices
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.frame import Frame
@@ -123,6 +123,8 @@ class SlcanBus:
     def take_noticed(self) -> set[DeviceFlag]:
         """Return what went wrong without making a call fail, since the last call."""
         noticed, self._noticed = self._noticed, set()
+        if isinstance(self._line, Notices):
+            noticed |= self._line.take_noticed()
         return noticed
 
     def _take(self, data: bytes) -> None:

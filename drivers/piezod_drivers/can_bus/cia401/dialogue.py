@@ -75,8 +75,6 @@ class Dialogue:
         )
         self._health = Health()
         self._access: Access | None = None
-        self._first: Identity | None = None
-        self._other = NO_FLAGS
         self._watchdog = self._armed = self._watched = self._beats = False
         self._beat_ns = self._heard_ns = 0
         self._in_force: list[float] = []
@@ -117,9 +115,6 @@ class Dialogue:
             for number, _ in self._safe
             for needed in ((objects.ERROR_VALUE, number), (objects.CONSUMER_HEARTBEAT, 1))
         )
-        self._first = self._first or identity
-        changed = identity[:3] != self._first[:3]
-        self._other = frozenset({DeviceFlag.OTHER_DEVICE}) if changed else NO_FLAGS
         self._max_rate_hz = highest_rate_hz(options.bus, self._sizes())
         return identity
 
@@ -246,7 +241,7 @@ class Dialogue:
 
     def flags(self) -> Sequence[Flags]:
         """Tell what the node has said of itself, and which inputs are at their end."""
-        common = self._health.flags | self._other
+        common = self._health.flags
         no_sensor = common - {DeviceFlag.RESTARTED}
         inputs = (
             [flags | no_sensor for flags in self._input_flags] if no_sensor else self._input_flags
@@ -290,11 +285,11 @@ class Dialogue:
     def _read_outputs(self) -> list[int]:
         words = []
         for request in self._read_requests:
-            data = self._cycle.ask([request], self._sdo_answers)[
-                objects.SDO_ANSWER + self._options.node
-            ]
-            if data[1:4] != request.data[1:4] or len(data) != _SDO_BYTES:
-                raise LineFault(DeviceFlag.OUT_OF_ORDER, "the node answers for another object")
+            place = request.data[1:4]  # an answer repeats which object it tells
+            got = self._cycle.ask([request], self._sdo_answers, lambda f: f.data[1:4] == place)  # noqa: B023 - called here only
+            (data,) = got.values()
+            if len(data) != _SDO_BYTES:
+                raise LineFault(DeviceFlag.GARBAGE, "an answer of the node has not eight bytes")
             if data[0] == _ABORT:
                 code = int.from_bytes(data[4:], "little")
                 what = f"output {request.data[3]} cannot be read back: abort code 0x{code:08X}"

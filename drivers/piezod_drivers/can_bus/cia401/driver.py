@@ -26,7 +26,7 @@ PLUGIN: Final = DriverPlugin(
     confirmed_on_hardware=False,
     channels=channels,
     sees=frozenset(
-        {"B1", "B3", "B5", "B6", "B7", "B8", "B9", "B10", "B11", "B12"}
+        {f"B{number}" for number in (1, 2, 3, 5, 6, 7, 8, 9, 10, 11, 12, 14)}
         | {"A1", "A3", "A4", "A7", "A8", "A9", "A11", "A12", "A13", "S7", "S10"}
     ),
 )

@@ -59,7 +59,7 @@ REPORT: Final = _message("Report", 0x181, 8, _POSITION, _MEASURED, _COUNTER, _CR
 class DemoNode:
     """Implements `Node`: the amplifier and the sensor of the bench's first axis.
 
-    A command whose counter or checksum is wrong is not obeyed, nor one without Enable.
+    A command whose checksum is wrong is not obeyed, nor one without Enable.
 
     Args:
         bench: What it is connected to.
@@ -74,7 +74,7 @@ class DemoNode:
             sent.uses("DriveMeasured")
         for signal in ("Saturated", "Disabled", "Echo"):
             self._status.uses(signal)
-        self._command = Received(COMMAND, "Counter", None, Checksum(COMMAND, "Crc", "crc8_j1850"))
+        self._command = Received(COMMAND, None, None, Checksum(COMMAND, "Crc", "crc8_j1850"))
         self._poll = Received(POLL, None, None, Checksum(POLL, "Crc", "crc8_j1850"))
         self._drive, self._enable = Reader(COMMAND, "Drive"), Reader(COMMAND, "Enable")
         self._asked = Reader(POLL, "Counter")
@@ -108,10 +108,9 @@ class DemoNode:
         return Frame(COMMAND.id, bytes(COMMAND.n_bytes))
 
     def _obey(self, frame: Frame) -> None:
-        if self._command.is_newer(frame):
-            self._enabled = bool(self._enable.raw(frame.data))
-            if self._enabled:
-                self._bench.drive(0, self._drive.value(frame.data))
+        self._enabled = bool(self._enable.raw(frame.data))
+        if self._enabled:
+            self._bench.drive(0, self._drive.value(frame.data))
 
     def _answer(self, frame: Frame) -> Frame:
         saturated = self._measure(self._status)

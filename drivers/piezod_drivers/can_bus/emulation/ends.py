@@ -104,11 +104,52 @@ class GroupEnd:
         self._away = away
 
 
+class Adapter:
+    """An slcan adapter: it acknowledges as LAWICEL's does.
+
+    That is CR for a command, `z` or `Z` and CR for a frame, BEL for what it refuses. The channel
+    has to be open for frames.
+
+    Attributes:
+        off_bus: Whether its controller has left the bus: frames are refused.
+    """
+
+    def __init__(self) -> None:
+        self._lines = Lines()
+        self._open = False
+        self.off_bus = False
+
+    def take(self, data: bytes) -> tuple[list[Frame], bytes]:
+        """Take what the host says; return the frames that go to the bus, and what it is told."""
+        frames: list[Frame] = []
+        answers = b""
+        for line in self._lines.feed(data):
+            frame = decode(line)
+            if frame is None:
+                answers += self._obey(line)
+            elif self.off_bus or not self._open:
+                answers += BEL
+            else:
+                frames.append(frame)
+                answers += (b"Z" if frame.extended else b"z") + CR
+        return frames, answers
+
+    def give(self, frame: Frame) -> bytes:
+        """Return what the host is told of a frame of the bus."""
+        return encode(frame) if self._open and not self.off_bus else b""
+
+    def _obey(self, line: bytes) -> bytes:
+        was_open = self._open
+        if line + CR in {OPEN, CLOSE}:
+            self._open = line + CR == OPEN
+            refused = self._open == was_open
+        else:
+            refused = was_open if line + CR in BIT_RATES.values() else line != b""
+        return BEL if refused else CR
+
+
 class AdapterEnd:
     """Implements `BusEnd` as an slcan adapter at a pty, with the node behind it.
-
-    It acknowledges as LAWICEL's does: CR for a command, `z` and CR for a frame, BEL for what it
-    refuses. The channel has to be open for frames.
 
     Args:
         path: Where the link to the pty is made.
@@ -116,8 +157,7 @@ class AdapterEnd:
 
     def __init__(self, path: Path) -> None:
         self._end = PtyEnd(path)
-        self._lines = Lines()
-        self._open = self._away = False
+        self._adapter = Adapter()
 
     def place(self) -> str:
         """The path of the link."""
@@ -130,30 +170,19 @@ class AdapterEnd:
     def vanish(self) -> None:
         """Remove the pty."""
         self._end.vanish()
-        self._open = False
-        self._lines.clear()
+        self._adapter = Adapter()
 
     def receive(self, within_ns: int) -> list[Frame]:
         """Carry commands out; return the frames that are sent to the bus."""
-        frames = []
-        answers = b""
-        for line in self._lines.feed(self._end.receive(within_ns)):
-            frame = decode(line)
-            if frame is None:
-                answers += self._obey(line)
-            elif self._away or not self._open:
-                answers += BEL
-            else:
-                frames.append(frame)
-                answers += (b"Z" if frame.extended else b"z") + CR
+        frames, answers = self._adapter.take(self._end.receive(within_ns))
         if answers:
             self._end.send(answers)
         return frames
 
     def send(self, frame: Frame) -> None:
         """Pass a frame of the bus on."""
-        if self._open and not self._away:
-            self._end.send(encode(frame))
+        if said := self._adapter.give(frame):
+            self._end.send(said)
 
     def noise(self, data: bytes) -> None:
         """Send bytes to the host."""
@@ -161,16 +190,7 @@ class AdapterEnd:
 
     def leave(self, away: bool) -> None:
         """Be off the bus, or on it again."""
-        self._away = away
-
-    def _obey(self, line: bytes) -> bytes:
-        was_open = self._open
-        if line + CR in {OPEN, CLOSE}:
-            self._open = line + CR == OPEN
-            refused = self._open == was_open
-        else:
-            refused = was_open if line + CR in BIT_RATES.values() else line != b""
-        return BEL if refused else CR
+        self._adapter.off_bus = away
 
 
 def end_at(where: str, name: str) -> BusEnd:
