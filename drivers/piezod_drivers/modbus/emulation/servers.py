@@ -34,7 +34,7 @@ class TcpServer:
         replies = []
         while len(self._got) >= _HEADER.size:
             number, protocol, length, unit = _HEADER.unpack_from(self._got)
-            if protocol != 0 or not 3 <= length <= _MOST:
+            if protocol != 0 or not 2 <= length <= _MOST:
                 self._got = b""
                 break
             if len(self._got) < length + 6:

@@ -1,0 +1,201 @@
+from struct import unpack
+
+import pytest
+
+from piezod.devices.bus.bus_device import ExchangingBusDevice
+from piezod.devices.emulation.emulator import EmulatorPlugin
+from piezod.devices.interface import Wiring
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod_drivers.modbus.emulation import plugins
+from piezod_drivers.modbus.options import Options
+from tests.drivers.modbus.emulated import emulated
+from tests.drivers.serial_line.linear_rig import LinearRig
+from tests.drivers.serial_line.scripted_line import MS, EmulatedLine
+
+ONE = Wiring(("AIN0",), ("DAC0",))
+WATCHED = {"timeout_s": 2.0, "safe": 0.5}
+
+
+def labjack(
+    watchdog: dict[str, float] | None = None, wiring: Wiring = ONE
+) -> tuple[ExchangingBusDevice, EmulatedLine, LinearRig]:
+    """Return an active T7, its line and the rig at the other end."""
+    options = {"profile": "labjack-t7", "host": "t7", "watchdog": watchdog}
+    device, line, rig = emulated(plugins.LABJACK_T7, Options.model_validate(options), wiring)
+    assert isinstance(device, ExchangingBusDevice)
+    device.open()
+    device.activate(line.now_ns())
+    return device, line, rig
+
+
+def flags(device: ExchangingBusDevice, line: EmulatedLine) -> frozenset[DeviceFlag]:
+    """Return what the device tells of any channel."""
+    return frozenset().union(*device.status(line.now_ns()))
+
+
+def set_by_somebody_else(line: EmulatedLine, address: int, value: bytes) -> None:
+    """Write two registers beside the driver."""
+    line.send(bytes.fromhex("ffff0000000b0110") + address.to_bytes(2, "big") + b"\0\2\4" + value)
+    line.receive(MS)
+
+
+@pytest.mark.parametrize(
+    ("plugin", "product", "highest"),
+    [
+        (plugins.LABJACK_T4, "T4", 5.0),
+        (plugins.LABJACK_T7, "T7", 5.0),
+        (plugins.LABJACK_T8, "T8", 10.0),
+    ],
+)
+def test_who_it_is(plugin: EmulatorPlugin, product: str, highest: float) -> None:
+    """It tells product, serial number and firmware, and goes from 0 V to the end of its range."""
+    options = Options.model_validate({"profile": f"labjack-{product.lower()}", "host": "h"})
+    device, line, rig = emulated(plugin, options, ONE, "470012345")
+    assert device.open() == ("LabJack", product, "470012345", "1.0300")
+    device.activate(line.now_ns())
+    assert device.write([highest], line.now_ns())
+    assert rig.drive_v == [pytest.approx(150)]
+    assert not device.write([highest + 0.01], line.now_ns())
+    assert not device.write([-0.01], line.now_ns())
+
+
+def test_a_cycle_is_one_request() -> None:
+    """One frame sets and reads everything; what is in force then is known without another."""
+    device, line, rig = labjack()
+    line.sent.clear()
+    taken, (sample,) = device.exchange([2.0], line.now_ns())
+    now_ns = line.now_ns()
+    assert taken
+    assert sample.position_um == pytest.approx(2.4, abs=1e-3)
+    assert rig.drive_v == [pytest.approx(60, abs=0.05)]
+    (frame,) = line.sent
+    assert frame[7:] == bytes.fromhex(
+        "4c 00 03e8 02  01 03e8 02 40000000  00 03e8 02  00 0000 02  00 f03e 02".replace(" ", "")
+    )
+    device.exchange([2.0], now_ns)
+    line.sent.clear()
+    assert list(device.read_back(now_ns)) == pytest.approx([2.0], abs=1e-3)
+    assert line.sent == []
+    assert list(device.read_back(now_ns + 1)) == pytest.approx([2.0], abs=1e-3)
+    assert len(line.sent) == 1
+
+
+def test_two_axes() -> None:
+    """Inputs and outputs may be in any order, and are never mixed up."""
+    device, line, rig = labjack(wiring=Wiring(("AIN1", "AIN0"), ("DAC1", "DAC0")))
+    taken, samples = device.exchange([1.0, 4.0], line.now_ns())
+    assert taken
+    assert rig.drive_v == pytest.approx([120, 30], abs=0.05)
+    assert [sample.position_um for sample in samples] == pytest.approx([1.2, 4.8], abs=0.01)
+
+
+def test_a_saturated_input_is_no_sample() -> None:
+    """What the LabJack gives beyond its range, -9999, is told as saturated."""
+    device, line, rig = labjack()
+    rig.valid = False
+    assert not device.read(line.now_ns())[0].valid
+    assert device.status(line.now_ns())[0] == {DeviceFlag.SATURATED}
+
+
+@pytest.mark.sees("modbus", "A9")
+def test_the_watchdog_makes_the_output_safe_when_we_die() -> None:
+    """After 2 s of silence the output is at the safe voltage, and nothing is set before it is seen.
+
+    The first write after the silence is refused: it would have been a jump. The next one is taken.
+    """
+    device, line, rig = labjack(WATCHED)
+    assert device.capabilities().watchdog
+    assert device.write([2.0], line.now_ns())
+    line.time.t_ns += 1700 * MS
+    assert device.exchange([2.1], line.now_ns())[0]
+    assert rig.drive_v == [pytest.approx(63, abs=0.05)]
+    line.time.t_ns += 2100 * MS
+    line.receive(0)
+    assert rig.drive_v == [pytest.approx(15, abs=0.05)]
+    assert not device.exchange([2.1], line.now_ns())[0]
+    assert rig.drive_v == [pytest.approx(15, abs=0.05)]
+    assert DeviceFlag.WATCHDOG_TRIPPED in flags(device, line)
+    assert list(device.read_back(line.now_ns())) == pytest.approx([0.5], abs=2e-3)
+    assert device.exchange([0.6], line.now_ns())[0]
+    assert flags(device, line) == frozenset()
+
+
+def test_a_silence_without_consequences_is_none() -> None:
+    """Where the outputs are still as they were, the first write after a silence is taken."""
+    device, line, _ = labjack(WATCHED)
+    assert device.write([2.0], line.now_ns())
+    line.time.t_ns += 1950 * MS
+    assert device.write([2.1], line.now_ns())
+    assert flags(device, line) == frozenset()
+
+
+def test_the_watchdog_is_stopped_in_the_end() -> None:
+    """A stage that was left in order holds its output."""
+    device, line, rig = labjack(WATCHED)
+    assert device.write([2.0], line.now_ns())
+    device.close()
+    line.open()
+    line.time.t_ns += 9000 * MS
+    line.receive(0)
+    assert rig.drive_v == [pytest.approx(60, abs=0.05)]
+
+
+def test_an_armed_watchdog_is_not_written_again() -> None:
+    """The settings are kept in flash memory: to find them as they should be is enough."""
+    device, line, _ = labjack(WATCHED)
+    writes = [frame for frame in line.sent if frame[7] == 16]
+    assert [unpack(">H", frame[8:10])[0] for frame in writes[:1] + writes[-1:]] == [61600, 61600]
+    line.sent.clear()
+    device._active = False  # noqa: SLF001 - as after the death of a process
+    device.activate(line.now_ns())
+    assert all(frame[7] == 3 for frame in line.sent)
+
+
+@pytest.mark.sees("modbus", "A9")
+def test_a_watchdog_that_cannot_be_armed_is_refused() -> None:
+    """A device that holds something else than was written is not activated."""
+    options = Options.model_validate({"profile": "labjack-t7", "host": "h", "watchdog": WATCHED})
+    device, line, _ = emulated(plugins.LABJACK_T7, options, ONE)
+    device.open()
+    line.change = lambda reply: reply[:-1] + b"\7" if reply[7:9] == b"\3\4" else reply
+    with pytest.raises(DeviceError, match=r"cannot be armed: register 61604 holds 7 instead of 2"):
+        device.activate(line.now_ns())
+
+
+@pytest.mark.sees("modbus", "A8")
+def test_somebody_else_who_drives_the_output_is_noticed() -> None:
+    """An output that has changed between two exchanges shows, whoever changed it."""
+    device, line, _ = labjack()
+    device.exchange([2.0], line.now_ns())
+    set_by_somebody_else(line, 1000, bytes.fromhex("3f800000"))
+    device.exchange([2.0], line.now_ns())
+    assert flags(device, line) == {DeviceFlag.LOCAL_MODE}
+    device.exchange([2.0], line.now_ns())
+    assert flags(device, line) == frozenset()
+
+
+@pytest.mark.sees("modbus", "A7")
+def test_a_restart_is_noticed() -> None:
+    """A counter that has begun anew shows that the device has, over a new connection too."""
+    device, line, _ = labjack()
+    line.time.t_ns += 60_000 * MS
+    device.read(line.now_ns())
+    device.close()
+    line.change = lambda reply: reply[:-4] + bytes(4) if reply[7] == 0x4C else reply
+    device.open()
+    device.activate(line.now_ns())
+    device.read(line.now_ns())
+    assert DeviceFlag.RESTARTED in flags(device, line)
+
+
+def test_words_in_the_wrong_order_are_noticed() -> None:
+    """What always holds 0x00112233 and does not is no LabJack, or speaks in another order."""
+    options = Options.model_validate({"profile": "labjack-t7", "host": "h"})
+    device, line, _ = emulated(plugins.LABJACK_T7, options, ONE)
+    line.change = lambda reply: reply[:-4] + reply[-2:] + reply[-4:-2]
+    with pytest.raises(DeviceError, match="55100 holds 573767697, expected 1122867"):
+        device.open()
+    line.absent = True
+    with pytest.raises(DeviceUnavailableError):
+        device.open()

@@ -1,0 +1,96 @@
+import pytest
+from pydantic import ValidationError
+
+from piezod.devices import registry
+from piezod_drivers.modbus.driver import channels_of
+from piezod_drivers.modbus.options import Options
+
+T7 = {"profile": "labjack-t7", "host": "t7"}
+TCP = {"host": "x"}
+WATCHED = {"timeout_s": 2.0, "safe": 0.0}
+ADAMS = ({"unit": 1, "profile": "adam-4024"}, {"unit": 2, "profile": "adam-6024"})
+STATUS = {"role": "status", "address": 1, "flag": "busy"}
+INPUT = {"role": "input", "channel": "a", "address": 0}
+OUTPUT = {"role": "output", "channel": "a", "address": 0, "range": (0.0, 10.0), "scale": 1e-3}
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        ({"profile": "labjack-t7"}, "name either host"),
+        ({**T7, "port": "/dev/x"}, "name either host"),
+        (TCP, "name a profile, or give registers or units"),
+        ({**T7, "profile": "labjack-u3"}, "unknown .got 'labjack-u3'., known: adam-4024"),
+        ({**T7, "registers": (INPUT,)}, "leave out one of the two"),
+        ({**T7, "units": ADAMS}, "leave out those beside"),
+        ({**TCP, "units": ({"unit": 2},)}, "name a profile, or give registers"),
+        ({**TCP, "units": (ADAMS[0], ADAMS[0])}, "same address"),
+        ({**TCP, "units": ADAMS}, "outputs of the same name: AO0, AO1"),
+        ({**TCP, "registers": (INPUT, INPUT)}, "inputs of the same name: a"),
+        ({**TCP, "registers": (INPUT,), "write_functions": (23,)}, "6 or 16 is needed"),
+        ({**T7, "watchdog": WATCHED | {"timeout_s": 1.5}}, "whole seconds .got 1.5."),
+        ({**T7, "watchdog": WATCHED | {"safe": 6.0}}, "allowed range 0 to 5 V"),
+        ({**T7, "profile": "wago-750", "watchdog": WATCHED | {"safe": 1.0}}, "must be 0"),
+        ({**T7, "profile": "adam-6024", "watchdog": WATCHED}, "none that piezod can arm"),
+    ],
+)
+def test_a_broken_rule_is_told(options: dict[str, object], what: str) -> None:
+    """Each mistake in the options is an error that says what is allowed."""
+    with pytest.raises(ValidationError, match=what):
+        Options.model_validate(options)
+
+
+@pytest.mark.parametrize(
+    ("row", "what"),
+    [
+        (INPUT | {"channel": None}, "give the channel a name"),
+        (INPUT | {"table": "coil"}, "only a status can be a coil"),
+        (INPUT | {"scale": 0.0}, "too small"),
+        (INPUT | {"range": (1.0, 1.0)}, "must be above the first"),
+        (INPUT | {"address": 65_535, "type": "int32"}, "does not fit behind"),
+        (OUTPUT | {"range": None}, "an output needs one"),
+        (OUTPUT | {"table": "input"}, "only holding registers"),
+        (OUTPUT | {"scale": 1e-4}, "numbers 0 to 100000 do not fit into uint16"),
+        (STATUS | {"flag": None}, "a status needs one"),
+        (STATUS | {"type": "float32"}, "whole number"),
+        (STATUS | {"flag": "tired"}, "flag"),
+    ],
+)
+def test_a_register_that_makes_no_sense_is_told(row: dict[str, object], what: str) -> None:
+    """Each mistake in a register is an error that says what is allowed."""
+    with pytest.raises(ValidationError, match=what):
+        Options.model_validate({**TCP, "registers": (row,)})
+
+
+@pytest.mark.parametrize(
+    ("options", "silence_s"),
+    [
+        ({"baud": 9600}, 3.5 * 10 / 9600),
+        ({"baud": 9600, "parity": "E", "stop_bits": 2}, 3.5 * 12 / 9600),
+        ({"baud": 115_200}, 1.75e-3),
+        ({"silence_ms": 0.0}, 0.0),
+    ],
+)
+def test_the_rest_of_the_line(options: dict[str, object], silence_s: float) -> None:
+    """It is 3.5 characters up to 19200 bit/s, 1.75 ms above, or what is asked for."""
+    found = Options.model_validate({"profile": "adam-4024", "port": "/dev/x"} | options)
+    assert found.silence_s == pytest.approx(silence_s)
+
+
+def test_channels_have_the_units_of_their_registers() -> None:
+    """A LabJack has inputs and outputs in V; registers have the unit that they are given."""
+    units = channels_of(Options.model_validate(T7))
+    assert set(units.inputs) == {f"AIN{i}" for i in range(14)}
+    assert units.outputs == {"DAC0": "V", "DAC1": "V"}
+    rows = (INPUT | {"unit": "%"}, OUTPUT)
+    assert channels_of(Options.model_validate({"host": "x", "registers": rows})) == (
+        {"a": "%"},
+        {"a": "V"},
+    )
+
+
+def test_the_driver_can_be_found() -> None:
+    """The driver is installed under its name, and says that nobody has tried it on hardware."""
+    plugin = registry.load("modbus")
+    assert plugin.options_model is Options
+    assert not plugin.confirmed_on_hardware

@@ -1,0 +1,179 @@
+from typing import Any
+
+import pytest
+
+from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
+from piezod.devices.emulation.emulator import EmulatorPlugin
+from piezod.devices.interface import Wiring
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod_drivers.modbus.emulation import plugins
+from piezod_drivers.modbus.options import Options
+from tests.drivers.modbus.emulated import emulated
+from tests.drivers.serial_line.scripted_line import MS, EmulatedLine
+
+WATCHED = {"watchdog": {"timeout_s": 2.0, "safe": 0.0}}
+BOXES = ({"unit": 1, "profile": "icpdas-m7017"}, {"unit": 2, "profile": "icpdas-m7024"})
+WAVESHARE = ({"unit": 1, "profile": "waveshare-ai8b"}, {"unit": 2, "profile": "waveshare-ao8b"})
+ONE = Wiring(("AI0",), ("AO0",))
+CASES: list[Any] = [
+    pytest.param(plugins.ADAM_6024, {"profile": "adam-6024", "host": "h"}, ONE, id="adam-6024"),
+    pytest.param(plugins.WAGO_750, {"profile": "wago-750", "host": "h"}, ONE, id="wago-750"),
+    pytest.param(plugins.ICPDAS, {"units": BOXES, "port": "p"}, ONE, id="icpdas"),
+    pytest.param(
+        plugins.WAVESHARE,
+        {"units": WAVESHARE, "port": "p"},
+        Wiring(("AI1",), ("AO1",)),
+        id="waveshare",
+    ),
+]
+
+
+def opened(
+    plugin: EmulatorPlugin, options: dict[str, object], wiring: Wiring = ONE
+) -> tuple[BusDevice, EmulatedLine, Any]:
+    """Return an active device, its line and the rig at the other end."""
+    device, line, rig = emulated(plugin, Options.model_validate(options), wiring)
+    device.open()
+    device.activate(line.now_ns())
+    return device, line, rig
+
+
+@pytest.mark.parametrize(("plugin", "options", "wiring"), CASES)
+def test_an_input_follows_its_output(
+    plugin: EmulatorPlugin, options: dict[str, object], wiring: Wiring
+) -> None:
+    """4 V at the output are 60 V at the actuator, 12 µm and 2.4 V at the input."""
+    device, line, rig = opened(plugin, options, wiring)
+    for value in (4.0, 0.0, 8.0):
+        assert device.write([value], line.now_ns())
+        assert rig.drive_v == [pytest.approx(15 * value, abs=0.05)]
+        assert list(device.read_back(line.now_ns())) == pytest.approx([value], abs=0.005)
+        (sample,) = device.read(line.now_ns())
+        assert sample.valid
+        assert sample.position_um == pytest.approx(15 * value * 0.2 / 5, abs=0.005)
+        assert device.status(line.now_ns()) == [frozenset()] * 2
+    device.close()
+    assert rig.drive_v == [pytest.approx(120, abs=0.05)]
+
+
+@pytest.mark.parametrize(("plugin", "options", "wiring"), CASES)
+def test_opening_moves_nothing(
+    plugin: EmulatorPlugin, options: dict[str, object], wiring: Wiring
+) -> None:
+    """To open, activate, read and close a device sends no write."""
+    device, line, _ = opened(plugin, options, wiring)
+    device.read(line.now_ns())
+    device.read_back(line.now_ns())
+    device.close()
+    at = 7 if "host" in options else 1
+    assert {frame[at] for frame in line.sent} <= {1, 3, 4}
+
+
+def test_a_coupler_with_function_23_needs_one_request_for_a_cycle() -> None:
+    """Outputs are set and inputs read in one request; the flag for both is in the answer."""
+    device, line, rig = opened(plugins.WAGO_750, {"profile": "wago-750", "host": "h"})
+    assert isinstance(device, ExchangingBusDevice)
+    device.exchange([1.0], line.now_ns())
+    line.sent.clear()
+    taken, (sample,) = device.exchange([4.0], line.now_ns())
+    assert taken
+    assert sample.position_um == pytest.approx(2.4, abs=0.005)
+    assert rig.drive_v == [pytest.approx(60, abs=0.05)]
+    assert [frame[7] for frame in line.sent] == [23]
+
+
+@pytest.mark.sees("modbus", "A9")
+def test_the_watchdog_of_a_coupler_is_armed_and_seen_to_trip() -> None:
+    """After a silence the outputs are at 0 V, writes are refused, and arming anew ends that."""
+    options: dict[str, object] = {"profile": "wago-750", "host": "h", **WATCHED}
+    device, line, rig = opened(plugins.WAGO_750, options)
+    assert device.capabilities().watchdog
+    assert not isinstance(device, ExchangingBusDevice)
+    assert device.write([4.0], line.now_ns())
+    line.time.t_ns += 1900 * MS
+    assert device.read(line.now_ns())[0].valid
+    assert rig.drive_v != [0.0]
+    line.time.t_ns += 2100 * MS
+    line.receive(0)
+    assert rig.drive_v == [0.0]
+    assert not device.write([4.0], line.now_ns())
+    assert not device.write([4.0], line.now_ns())
+    assert rig.drive_v == [0.0]
+    flags = frozenset().union(*device.status(line.now_ns()))
+    assert {DeviceFlag.WATCHDOG_TRIPPED, DeviceFlag.DEVICE_FAILURE} <= flags
+    device.deactivate(line.now_ns())
+    device.activate(line.now_ns())
+    assert device.write([4.0], line.now_ns())
+    device.deactivate(line.now_ns())
+    line.time.t_ns += 9000 * MS
+    line.receive(0)
+    assert rig.drive_v == [pytest.approx(60, abs=0.05)]
+
+
+@pytest.mark.sees("modbus", "S7")
+def test_a_saturated_input_is_told() -> None:
+    """An input beyond its range is no sample, and its channel says so; the output does not."""
+    device, line, rig = opened(plugins.ADAM_6024, {"profile": "adam-6024", "host": "h"})
+    rig.valid = False
+    line.time.t_ns += 200 * MS
+    (sample,) = device.read(line.now_ns())
+    assert not sample.valid
+    assert device.status(line.now_ns()) == [frozenset({DeviceFlag.SATURATED}), frozenset()]
+    rig.valid = True
+    line.time.t_ns += 200 * MS
+    assert device.read(line.now_ns())[0].valid
+    assert device.status(line.now_ns()) == [frozenset(), frozenset()]
+
+
+def test_another_device_is_refused() -> None:
+    """A profile whose constants are not found is not opened, and the error says what was found."""
+    device, line, _ = emulated(
+        plugins.WAGO_750,
+        Options.model_validate({"profile": "labjack-t7", "host": "h"}),
+        Wiring((), ()),
+    )
+    with pytest.raises(DeviceUnavailableError, match="no such register"):
+        device.open()
+    assert not line.opened
+    device, _, _ = emulated(
+        plugins.LABJACK_T4,
+        Options.model_validate({"profile": "labjack-t7", "host": "h"}),
+        Wiring((), ()),
+    )
+    with pytest.raises(DeviceError, match=r"no LabJack T7 .*60000 holds 4, expected 7"):
+        device.open()
+
+
+@pytest.mark.sees("modbus", "B10")
+def test_a_register_that_the_device_has_not_is_told_when_it_is_opened() -> None:
+    """A wrong map fails at once, with the exception and the request."""
+    row = {"role": "input", "channel": "AI0", "address": 700}
+    options = Options.model_validate({"registers": (row,), "host": "h"})
+    device, _, _ = emulated(plugins.ADAM_6024, options, Wiring(("AI0",), ()))
+    with pytest.raises(DeviceUnavailableError, match=r"function 3 .*exception 2"):
+        device.open()
+
+
+def test_forms_that_a_device_refuses_are_not_used() -> None:
+    """Neighbours that the map has and the device has not are left alone after opening."""
+    rows = tuple(
+        {"role": "input", "channel": f"AI{i}", "address": i, "table": "holding"} for i in range(9)
+    )
+    options = Options.model_validate({"registers": rows, "host": "h"})
+    device, line, _ = emulated(plugins.ADAM_6024, options, Wiring(("AI5",), ()))
+    device.open()
+    device.activate(line.now_ns())
+    for _ in range(4):
+        assert device.read(line.now_ns())[0].valid
+        assert device.status(line.now_ns()) == [frozenset()]
+
+
+def test_two_outputs_that_are_no_neighbours() -> None:
+    """Each of them is set, in its own request."""
+    device, line, rig = opened(
+        plugins.ICPDAS, {"units": BOXES, "port": "p"}, Wiring(("AI1",), ("AO2", "AO0"))
+    )
+    assert device.write([5.0, 3.0], line.now_ns())
+    assert rig.drive_v == [pytest.approx(45, abs=0.05), 0.0]
+    assert list(device.read_back(line.now_ns())) == pytest.approx([5.0, 3.0])
