@@ -103,6 +103,23 @@ MODBUS = (
     ),
 )
 
+_NO_READ_BACK = frozenset({"A3", "A12"})
+
+ASCII_DEMO = {
+    "outputs": {"X": {"unit": "µm", "lowest": 0.0, "highest": 26.0}},
+    "inputs": {"X": {}},
+    "identify": {"send": "INFOX", "reply": r"(?P<model>\S+) um (?P<serial>\S+)"},
+    "set": ({"send": "MOVEX {X:.4f}u", "reply": "Ok"},),
+    "read": ({"send": "GET_X", "reply": r"(?P<X>-?\d+\.\d+) um"},),
+    "errors": ({"pattern": "Error.*", "flag": "wrong request"},),
+}
+ASCII_SENSOR = {
+    "terminator": "\r\n",
+    "inputs": {"x": {}},
+    "stream": r"P (?P<x>-?\d+\.\d+) um",
+    "errors": ({"pattern": "P saturated", "flag": "saturated"},),
+}
+
 PROFILES = (
     *MODBUS,
     Profile("pi-e816", "pi_gcs1", Wiring.both(("A",)), Port()),
@@ -128,7 +145,18 @@ PROFILES = (
         Port({"model": "ODC2520"}),
         streams=True,
     ),
-    Profile("psj-ddrive", "psj", Wiring((), ("ch0",)), Port({"profile": "ddrive"})),
-    Profile("psj-nv40", "psj", Wiring.both(("ch0",)), Port({"profile": "nv40"})),
+    Profile("ascii-demo", "ascii", Wiring.both(("X",)), Port(ASCII_DEMO), unseen=_NO_READ_BACK),
+    Profile(
+        "ascii-sensor",
+        "ascii",
+        Wiring(("x",), ()),
+        Port(ASCII_SENSOR),
+        unseen=_NO_READ_BACK | {"A2", "B6", "B7", "S10"},
+        streams=True,
+    ),
+    Profile(
+        "psj-ddrive", "psj", Wiring((), ("ch0",)), Port({"profile": "ddrive"}), (), _NO_READ_BACK
+    ),
+    Profile("psj-nv40", "psj", Wiring.both(("ch0",)), Port({"profile": "nv40"}), (), _NO_READ_BACK),
     Profile("psj-nv200", "psj", Wiring.both(("ch0",)), Port({"profile": "nv200"})),
 )

@@ -39,6 +39,7 @@ def test_nv200_tells_its_setpoint() -> None:
     assert device.read_back(rig.now_ns()) == [3.0]
 
 
+@pytest.mark.sees("psj", "S6")
 def test_a_d_drives_reading_carries_the_instant_of_its_refresh() -> None:
     """What a d-Drive refreshes every 500 ms is not called new in between."""
     rig = Rig("ddrive", "position")

@@ -9,6 +9,11 @@ from tests.drivers.serial_line.psj_rig import Rig
 from tests.drivers.serial_line.scripted_line import MS
 
 
+@pytest.mark.sees("psj", "A4")
+@pytest.mark.sees("psj", "A8")
+@pytest.mark.sees("psj", "A11")
+@pytest.mark.sees("psj", "A13")
+@pytest.mark.sees("psj", "B10")
 @pytest.mark.parametrize(
     ("profile", "bits", "flag"),
     [
@@ -86,6 +91,7 @@ def test_a_status_that_fails_does_not_refuse_the_setpoint_before_it() -> None:
     assert DeviceFlag.LATE_REPLY in rig.flags()
 
 
+@pytest.mark.sees("psj", "B10")
 @pytest.mark.parametrize(
     ("profile", "error", "flag"),
     [

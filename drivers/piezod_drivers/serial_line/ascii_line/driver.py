@@ -34,7 +34,7 @@ PLUGIN: Final = DriverPlugin(
     confirmed_on_hardware=False,
     channels=_channels,
     sees=frozenset(
-        {"B1", "B2", "B3", "B5", "B6", "B7", "B10", "B11", "B13"}
+        {"B1", "B2", "B3", "B5", "B6", "B7", "B10", "B11", "B13", "B14"}
         | {"A1", "A2", "A3", "A4", "A8", "A9", "A11", "A12", "A13", "S7", "S8", "S10"}
     ),
 )

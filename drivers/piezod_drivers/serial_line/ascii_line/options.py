@@ -85,7 +85,7 @@ class Options(LineOptions):
     encoding: Literal["ascii", "latin-1", "utf-8"] = Field(
         default="ascii", description="How characters become bytes."
     )
-    longest_reply: Annotated[int, Quantity(1, 500, "bytes")] = Field(
+    longest_reply: Annotated[int, Quantity(1, 250, "bytes")] = Field(
         default=120, description="A longer line is garbage."
     )
     max_rate_hz: Annotated[float, Quantity(0.1, 20_000, "Hz")] = Field(

@@ -104,9 +104,10 @@ class StreamDialogue:
         """
         self._listen()
         self._take(now_ns)
-        if now_ns - self._last[0] > self._timeout_ns:
+        t_ns, values = self._last
+        if now_ns - t_ns > self._timeout_ns:
             raise LineFault(DeviceFlag.LATE_REPLY, "no line has come")
-        return self._last
+        return min(t_ns, now_ns), values
 
     def put(self, values: Sequence[float]) -> None:
         """Do nothing: there are no outputs."""

@@ -1,0 +1,241 @@
+"""What is said to a device whose commands and answers are options."""
+
+import pytest
+
+from piezod.devices.interface import Wiring
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod_drivers.serial_line.ascii_line.emulator import V_PER_UM, Nanopositioner
+from tests.drivers.serial_line.ascii_rig import device, started
+from tests.drivers.serial_line.linear_rig import UM_PER_V, bench
+from tests.drivers.serial_line.scripted_line import MS, ScriptedLine, says
+
+IDENTIFY = {"send": "*IDN?", "reply": r"(?P<maker>[^,]+),(?P<model>[^,]+),(?P<serial>[^,]*)"}
+
+
+def test_a_setpoint_is_written_as_its_command_says() -> None:
+    """The value stands in the command in its format, and the answer acknowledges it."""
+    dut, line = started(says(b"V 12.35\n", b"OK\n"))
+
+    assert dut.write([12.345678], line.now_ns())
+    line.assert_done()
+
+
+def test_a_sample_is_read_as_its_pattern_says() -> None:
+    """The named group of the answer is the value."""
+    dut, line = started(says(b"P?\n", b"  -1.25 \r\n"))
+
+    (sample,) = dut.read(line.now_ns())
+
+    assert (sample.position_um, sample.valid) == (-1.25, True)
+
+
+def test_all_channels_can_be_in_one_line() -> None:
+    """One command sets all outputs, and one answer tells all inputs."""
+    line = ScriptedLine(says(b"V 1.0 2.0\n", b"OK\n"), says(b"P?\n", b"3.5;4.5\n"))
+    dut = device(
+        line,
+        Wiring.both("xy"),
+        outputs={name: {"lowest": 0.0, "highest": 9.0} for name in "xy"},
+        inputs={"x": {}, "y": {}},
+        set=({"send": "V {x:.1f} {y:.1f}", "reply": "OK"},),
+        read=({"send": "P?", "reply": r"(?P<y>[\d.]+);(?P<x>[\d.]+)"},),
+    )
+    dut.open()
+    dut.activate(0)
+
+    assert dut.write([1.0, 2.0], line.now_ns())
+    assert [sample.position_um for sample in dut.read(line.now_ns())] == [4.5, 3.5]
+
+
+def test_a_command_never_sets_a_channel_that_nobody_uses() -> None:
+    """A command for two outputs of which one serves no axis is an error with its remedy."""
+    dut = device(
+        ScriptedLine(),
+        outputs={name: {"lowest": 0.0, "highest": 9.0} for name in "xy"},
+        set=({"send": "V {x} {y}", "reply": "OK"},),
+    )
+
+    with pytest.raises(DeviceError, match=r"channel y too.*name it in an axis"):
+        dut.open()
+
+
+@pytest.mark.sees("ascii", "B10")
+@pytest.mark.sees("ascii", "A4")
+@pytest.mark.parametrize(
+    ("answer", "flag"),
+    [
+        (b"ERR 17\n", DeviceFlag.WRONG_REQUEST),
+        (b"OVERLOAD\n", DeviceFlag.OVERLOAD),
+        (b"what?\n", DeviceFlag.GARBAGE),
+        (b"\xff\n", DeviceFlag.GARBAGE),
+        (b"x" * 300 + b"\nOK", DeviceFlag.GARBAGE),
+    ],
+)
+def test_what_is_no_acknowledgement_refuses_the_setpoint(answer: bytes, flag: DeviceFlag) -> None:
+    """An error, or a line of another kind, refuses the write and is told as what it is."""
+    dut, line = started(says(b"V 1.00\n", answer))
+
+    assert not dut.write([1.0], line.now_ns())
+    assert flag in dut.status(line.now_ns())[0]
+
+
+def test_no_answer_is_late_and_nothing_is_asked_until_it_cannot_come() -> None:
+    """The answer to one command is never taken for that of the next."""
+    dut, line = started(says(b"V 1.00\n"))
+
+    assert not dut.write([1.0], line.now_ns())
+    assert DeviceFlag.LATE_REPLY in dut.status(line.now_ns())[0]
+    assert not dut.write([2.0], line.now_ns())
+    line.assert_done()
+
+
+def test_numbers_that_go_round_tell_a_late_answer_from_the_next() -> None:
+    """Where answers name their command by its number, a late one is dropped."""
+    dut, line = started(
+        says(b"000 V 1.00\n"),
+        says(b"001 V 2.00\n", b"000 OK\n", b"? OK\n", b"001 OK\n"),
+        set=({"send": "{n:03d} V {x:.2f}", "reply": r"(?P<n>[^ ]+) OK"},),
+    )
+
+    assert not dut.write([1.0], line.now_ns())
+    assert dut.write([2.0], line.now_ns())
+    assert DeviceFlag.OUT_OF_ORDER in dut.status(line.now_ns())[0]
+    line.assert_done()
+
+
+def test_a_device_that_does_not_answer_is_asked_what_is_in_force() -> None:
+    """A setpoint without an answer has been taken when the device tells what is in force."""
+    dut, line = started(
+        says(b"V 1.00\n"),
+        says(b"V?\n", b"1.00\n"),
+        says(b"V?\n", b"0.99\n"),
+        set=({"send": "V {x:.2f}"},),
+        read_back=({"send": "V?", "reply": r"(?P<x>[\d.]+)"},),
+    )
+
+    assert dut.write([1.0], line.now_ns())
+    assert dut.read_back(line.now_ns()) == [0.99]
+    assert dut.capabilities().read_back
+
+
+def test_identity_comes_from_the_groups_of_its_answer() -> None:
+    """Groups called maker, model, serial and firmware tell who is there, the others nothing."""
+    line = ScriptedLine(says(b"*IDN?\n", b"Acme,Mover 3,\n"))
+
+    identity = device(line, identify=IDENTIFY).open()
+
+    assert identity == ("Acme", "Mover 3", "unknown", "unknown")
+
+
+def test_another_device_is_refused() -> None:
+    """Who answers otherwise than the pattern says is not opened."""
+    line = ScriptedLine(says(b"*IDN?\n", b"hello\n"))
+
+    with pytest.raises(DeviceError, match="another device"):
+        device(line, identify=IDENTIFY).open()
+    assert not line.opened
+
+
+def test_nobody_is_an_absent_device() -> None:
+    """Who does not say who it is, is not there."""
+    with pytest.raises(DeviceUnavailableError):
+        device(ScriptedLine(says(b"*IDN?\n")), identify=IDENTIFY).open()
+
+
+def test_start_and_stop_are_sent_around_the_run() -> None:
+    """What the options send at the start and at the end is sent once each."""
+    dut, line = started(
+        says(b"REMOTE 1\n", b"OK\n"),
+        says(b"REMOTE 0\n"),
+        start=({"send": "REMOTE 1", "reply": "OK"},),
+        stop=({"send": "REMOTE 0"},),
+    )
+
+    dut.close()
+    line.assert_done()
+
+
+def test_the_status_is_asked_after_a_setpoint_when_it_is_due() -> None:
+    """What the answer matches is told of every channel, as long as it matches."""
+    dut, line = started(
+        says(b"V 1.00\n", b"OK\n"),
+        says(b"S?\n", b"remote,hot\n"),
+        says(b"V 2.00\n", b"OK\n"),
+        says(b"V 3.00\n", b"OK\n"),
+        says(b"S?\n", b"ERR 1\n"),
+        status={
+            "send": "S?",
+            "flags": (
+                {"pattern": "local.*", "flag": "local mode"},
+                {"pattern": "[^,]*,hot", "flag": "over-temperature"},
+            ),
+        },
+    )
+
+    dut.write([1.0], line.now_ns())
+    assert dut.status(line.now_ns()) == [frozenset({DeviceFlag.OVER_TEMPERATURE})] * 2
+    dut.write([2.0], line.now_ns())
+    line.time.t_ns += 100 * MS
+    assert dut.write([3.0], line.now_ns())
+    lasting_and_new = frozenset({DeviceFlag.OVER_TEMPERATURE, DeviceFlag.WRONG_REQUEST})
+    assert dut.status(line.now_ns()) == [lasting_and_new] * 2
+    line.assert_done()
+
+
+@pytest.mark.parametrize(
+    "flag",
+    [
+        pytest.param(flag, marks=pytest.mark.sees("ascii", fault))
+        for flag, fault in [
+            (DeviceFlag.OVERLOAD, "A4"),
+            (DeviceFlag.LOCAL_MODE, "A8"),
+            (DeviceFlag.WATCHDOG_TRIPPED, "A9"),
+            (DeviceFlag.SHORT_OR_OPEN, "A11"),
+            (DeviceFlag.OVER_TEMPERATURE, "A13"),
+            (DeviceFlag.SATURATED, "S7"),
+            (DeviceFlag.LOW_LIGHT, "S8"),
+        ]
+    ],
+)
+def test_every_flag_can_be_told_by_the_status(flag: DeviceFlag) -> None:
+    """A configuration says which lines mean what."""
+    status = {"send": "S?", "flags": ({"pattern": "bad", "flag": str(flag)},)}
+    dut, line = started(says(b"V 1.00\n", b"OK\n"), says(b"S?\n", b"bad\n"), status=status)
+    dut.write([1.0], line.now_ns())
+
+    assert dut.status(line.now_ns()) == [frozenset({flag})] * 2
+
+
+def test_other_terminators_and_encodings() -> None:
+    """Commands and answers end, and are written, as the options say."""
+    dut, line = started(
+        says("V 1.00 µm\r".encode("latin-1"), "OK µm\r\n".encode("latin-1")),
+        terminator="\r",
+        reply_terminator="\r\n",
+        encoding="latin-1",
+        set=({"send": "V {x:.2f} µm", "reply": "OK µm"},),
+    )
+
+    assert dut.write([1.0], line.now_ns())
+
+
+def test_the_emulated_nanopositioner_goes_where_it_is_sent() -> None:
+    """The example's device moves its stage, tells where it is, and refuses what it cannot do."""
+    there, rig, _ = bench()
+    emulator = Nanopositioner(there, "7")
+
+    replies = [
+        emulator.receive(request)
+        for request in (b"INFOX\n", b"MOVEX 1.5u\n", b"GET_", b"X\n", b"MOVEX 99u\n", b"MOVEY 1u\n")
+    ]
+
+    assert rig.drive_v == [pytest.approx(1.5 * V_PER_UM)]
+    assert replies == [
+        [b"DEMO-26 um SN7\n"],
+        [b"Ok\n"],
+        [],
+        [f"{1.5 * V_PER_UM * UM_PER_V:.4f} um\n".encode()],
+        [b"Error: out of range\n"],
+        [b"Error: unknown command\n"],
+    ]
