@@ -152,6 +152,7 @@ def test_a_laser_whose_cable_is_pulled_makes_nobody_blind(
         laser.faults("disconnect:now:3")
         daemon.until("FAULT")
 
+        eventually(lambda: "to FAULT" in daemon.text)
         told = daemon.text
 
     assert "B1" in told
