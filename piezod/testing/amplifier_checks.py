@@ -120,8 +120,9 @@ def _bad_writes(rest_v: Sequence[float]) -> Iterator[list[float]]:
     for bad_v in (math.nan, math.inf, -math.inf, _BEYOND_V, -_BEYOND_V):
         for axis in range(len(rest_v)):
             yield [*rest_v[:axis], bad_v, *rest_v[axis + 1 :]]
-    yield []
-    yield [*rest_v, rest_v[0]]
+    if rest_v:
+        yield []
+    yield [*rest_v, 0.0]
 
 
 AMPLIFIER_CHECKS: Final = (

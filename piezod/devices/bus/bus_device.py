@@ -164,7 +164,7 @@ class BusDevice:
     def _takes(self, values: Sequence[float]) -> bool:
         return (
             self._active
-            and 0 < len(values) == len(self._ranges)
+            and len(values) == len(self._ranges)
             and all(
                 isfinite(value) and low <= value <= high
                 for value, (low, high) in zip(values, self._ranges, strict=True)
