@@ -6,7 +6,7 @@ import typer
 
 from piezod.cli.arm import arm, disarm, estop, hold, reset, resume, stop
 from piezod.cli.modes import condition, mode, zero
-from piezod.cli.motion import goto, wave
+from piezod.cli.motion import follow, goto, wave
 from piezod.cli.params import params
 from piezod.cli.record import record
 from piezod.cli.reload import reload
@@ -21,7 +21,7 @@ def add_client_verbs(app: typer.Typer) -> None:
     # A negative position begins with a dash, as options do.
     app.command(context_settings={"ignore_unknown_options": True})(goto)
     app.command(context_settings={"ignore_unknown_options": True})(wave)
-    _add(app, stream, hold, resume, condition, zero, stop, estop, reset)
+    _add(app, stream, follow, hold, resume, condition, zero, stop, estop, reset)
     app.add_typer(params, name="params")
     app.add_typer(record, name="record")
     _add(app, reload)

@@ -1,4 +1,4 @@
-"""`piezod goto` and `piezod wave`: movements."""
+"""`piezod goto`, `piezod wave` and `piezod follow`: movements."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
@@ -7,7 +7,14 @@ import typer
 
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import existing_file
-from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect, tell
+from piezod.cli.stage_options import (
+    AxesOption,
+    AxisOption,
+    SocketOption,
+    StageOption,
+    connect,
+    tell,
+)
 
 if TYPE_CHECKING:
     from piezod.client import StageClient
@@ -97,6 +104,22 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
         duration_s = duration or (loaded.duration_s if loaded else 0.0)
         answer = client.wave(waveforms, duration_s)
     tell(answer, f"following for {duration_s:g} s", json=json)
+
+
+def follow(
+    axis: AxesOption = None,
+    stage: StageOption = None,
+    socket: SocketOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Follow the command input of the axis.
+
+    It is an input of a device, as an analogue signal, which the configuration names. The stage
+    holds as soon as it tells nothing, or nothing within the range of commands.
+    """
+    with connect(stage, socket) as client:
+        answer = client.follow(axis=axis)
+    tell(answer, "following the command input", json=json)
 
 
 def _load(file: Path) -> "WaveFile":

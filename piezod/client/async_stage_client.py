@@ -206,6 +206,7 @@ class AsyncStageClient:
     mode = _method(calls.mode)
     goto = _method(calls.goto)
     wave = _method(calls.wave)
+    follow = _method(calls.follow)
     hold = _method(calls.hold)
     resume = _method(calls.resume)
     condition = _method(calls.condition)

@@ -151,6 +151,15 @@ def wave(command_um: Waveforms, duration_s: float) -> Call[Answer]:
     return _request("wave", requests.Wave, command_um=tupled(command_um), duration_s=duration_s)
 
 
+def follow(*, axis: str | None = None) -> Call[Answer]:
+    """Follow what the command input of an axis tells; HOLD as soon as that is nothing usable.
+
+    Args:
+        axis: Left out: all axes that have one.
+    """
+    return _request("follow", requests.Follow, axis=axis)
+
+
 def hold() -> Call[Answer]:
     """Hold the voltage that is in force."""
     return _request("hold", requests.Hold)

@@ -70,6 +70,13 @@ class Stream(ConfigModel):
     axes: tuple[Name, ...] = Field(min_length=1)
 
 
+class Follow(ConfigModel):
+    """Follow what the command inputs of axes tell; HOLD as soon as one tells nothing usable."""
+
+    kind: Literal["follow"] = "follow"
+    axis: AxisName = None
+
+
 class Hold(ConfigModel):
     """Hold the voltage that is in force."""
 
@@ -145,6 +152,7 @@ Request: TypeAlias = Annotated[
     | Goto
     | Wave
     | Stream
+    | Follow
     | Hold
     | Resume
     | Stop

@@ -19,6 +19,10 @@ class StageDevices(Sensor, Amplifier, TellsStatus, Protocol):
         """Call these displacements zero from now on."""
         ...
 
+    def commands(self) -> Sequence[Sample]:
+        """Tell what commanded each axis when it was read last, in µm; call it in the loop."""
+        ...
+
 
 class DeviceBoundary:
     """The sensor and the amplifier that the cycle sees.

@@ -47,6 +47,10 @@ class StageAxis:
         """Command of the last cycle, NaN where there was none."""
         self._motion, self._started_ns = rest_at(nan), 0
         self.stream: StreamedReference | None = None
+        self.follows_input = False
+        """Whether the setpoints of the stream are those of its command input."""
+        self.commanded_ns = 0
+        """Instant of the newest usable setpoint of its command input."""
         self.motion = 0
         """Number of the movement, one more with each."""
         settle = s_to_ns(config.on_target.settle_s) // period_ns
@@ -115,6 +119,7 @@ class StageAxis:
         self._voltage, self._forced, self._ends_ns = voltage, True, ends_ns
         self._ramps_to_v = nan
         self._motion, self.stream, self._reached = rest_at(nan), None, False
+        self.follows_input = False
 
     # ------------------------------------------------------------------ movements
 
@@ -143,9 +148,24 @@ class StageAxis:
         self.stream = stream
         return number
 
+    def follow_input(self, t_ns: int) -> int:
+        """Follow the command input; return the number of the movement; may be called in the loop.
+
+        What it tells is taken by `command`.
+        """
+        number = self.follow_stream(t_ns)
+        self.follows_input, self.commanded_ns = True, t_ns
+        return number
+
+    def command(self, told: Sample) -> None:
+        """Take what the command input tells; what is not usable counts as none."""
+        if self.stream is not None and told.valid and usable(told.position_um, self.pace):
+            self.stream.newest_um = told.position_um
+            self.commanded_ns = max(self.commanded_ns, told.t_ns)
+
     def _move(self, motion: Motion, t_ns: int) -> int:
         self._motion, self._started_ns, self._forced = motion, t_ns, False
-        self.stream, self._reached = None, False
+        self.stream, self._reached, self.follows_input = None, False, False
         self._on_target.restart()
         self.live.follow(motion.reference_um, t_ns)
         self.motion += 1

@@ -106,7 +106,7 @@ class StageController:
             t_ns: Instant at which it came.
         """
         one = self.stage.axes[axis]
-        if one.stream is not None and usable(position_um, one.pace):
+        if one.stream is not None and not one.follows_input and usable(position_um, one.pace):
             one.stream.newest_um = position_um
             self.stage.stream_ns = max(self.stage.stream_ns, t_ns)
 

@@ -39,6 +39,7 @@ def go_on(stage: Stage, t_ns: int, samples: Sequence[Sample], read_back_v: Seque
         case State.HOLD:
             _hold(stage, t_ns, read_back_v)
         case State.RUN:
+            _follow_inputs(stage)
             _check_stream(stage, t_ns)
         case State.IDENT:
             _drive_on(stage, t_ns)
@@ -85,14 +86,29 @@ def _hold(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
         stage.go(Event.HOLD_EXPIRED, t_ns)
 
 
+def _follow_inputs(stage: Stage) -> None:
+    for i, axis in enumerate(stage.axes):
+        if axis.follows_input:
+            axis.command(stage.boundary.devices.commands()[i])
+
+
 def _check_stream(stage: Stage, t_ns: int) -> None:
     quiet_ns = max(STREAM_CYCLES * stage.period_ns, STREAM_NS)
-    streaming = any(axis.stream is not None for axis in stage.axes)
-    if streaming and t_ns - stage.stream_ns > quiet_ns:
+    for name, axis in zip(stage.names, stage.axes, strict=True):
+        newest_ns = axis.commanded_ns if axis.follows_input else stage.stream_ns
+        if axis.stream is None or t_ns - newest_ns <= quiet_ns:
+            continue
         text = f"no setpoint for {quiet_ns / 1e6:g} ms: the stream has stopped"
-        stage.note(StageEvent(t_ns, "warning", "stream", text))
+        if axis.follows_input:
+            low_um, high_um = axis.pace.low_um, axis.pace.high_um
+            text = (
+                f"the command input has told nothing from {low_um:g} to {high_um:g} µm for "
+                f"{quiet_ns / 1e6:g} ms: it is not followed any more"
+            )
+        stage.note(StageEvent(t_ns, "warning", "stream", text, axis=name))
         stage.go(Event.HOLD, t_ns)
         stage.held_by_request = True
+        return
 
 
 def _reach(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:

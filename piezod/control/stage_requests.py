@@ -40,6 +40,8 @@ def execute(stage: Stage, request: requests.Request, t_ns: int) -> Answer:  # no
             return _wave(stage, request, t_ns)
         case requests.Stream():
             return _stream(stage, request, t_ns)
+        case requests.Follow():
+            return _follow(stage, request, t_ns)
         case requests.Condition():
             return _condition(stage, request, t_ns)
         case requests.Identify():
@@ -184,6 +186,19 @@ def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
         return Answer(False, why)
     stage.stream_ns = t_ns
     motions = [stage.axes[stage.names.index(name)].follow_stream(t_ns) for name in request.axes]
+    return Answer(True, motion=motions[0])
+
+
+def _follow(stage: Stage, request: requests.Follow, t_ns: int) -> Answer:
+    axes, why = _chosen(stage, request.axis)
+    commanded = [i for i in axes if stage.axes[i].config.command_input is not None]
+    if not (why or commanded):
+        why = "there is no command input: the configuration has to name it, as `command_input:` of "
+        why += "an axis" if request.axis is None else f"axis {request.axis}"
+    why = why or _start_running(stage, t_ns)
+    if why:
+        return Answer(False, why)
+    motions = [stage.axes[i].follow_input(t_ns) for i in commanded]
     return Answer(True, motion=motions[0])
 
 

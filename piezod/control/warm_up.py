@@ -1,6 +1,7 @@
 """Every path of the cycle, run once before it counts: what is compiled is compiled then."""
 
 from collections.abc import Sequence
+from math import nan
 
 from piezod.config import requests
 from piezod.config.combined_waveforms import WaveformConfig
@@ -43,6 +44,9 @@ class _Obedient:
 
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
         pass
+
+    def commands(self) -> Sequence[Sample]:
+        return [Sample(0, nan, False)] * len(self._axes)
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         return [

@@ -67,6 +67,10 @@ class TimedChannels:
         """Call these displacements zero from now on."""
         self._devices.zero(zero_um, true_zero_um)
 
+    def commands(self) -> Sequence[Sample]:
+        """Tell what commanded each axis when it was read last; may be called in the loop."""
+        return self._devices.commands()
+
     def open(self) -> Identity:
         """Open every device."""
         return self._devices.open()

@@ -11,7 +11,18 @@ from tests.client.fake_daemon import ACCEPTED, STATUS, FakeDaemon, told
 
 VERBS = (
     *("status", "faults", "watch", "arm", "disarm", "mode", "goto", "wave", "stream", "hold"),
-    *("resume", "condition", "zero", "stop", "estop", "reset", "reload", "params", "record"),
+    *(
+        "follow",
+        "resume",
+        "condition",
+        "zero",
+        "stop",
+        "estop",
+        "reset",
+        "reload",
+        "params",
+        "record",
+    ),
 )
 
 
@@ -42,6 +53,8 @@ def test_help_lists_the_verb(piezod: Command, verb: str) -> None:
         ("goto 12.5", "goto", {"position_um": 12.5}, "going to 12.5 µm"),
         ("goto -5 --axis x", "goto", {"position_um": -5.0, "axis": "x"}, "going to -5 µm"),
         ("goto 3 --speed 2", "goto", {"position_um": 3.0, "speed_um_per_s": 2.0}, "going to 3"),
+        ("follow", "follow", {}, "following the command input"),
+        ("follow --axis x", "follow", {"axis": "x"}, "following the command input"),
         ("hold", "hold", {}, "holding the voltage"),
         ("resume", "resume", {}, "going on"),
         ("condition --axis x", "condition", {"axis": "x"}, "conditioning"),

@@ -45,6 +45,7 @@ def test_every_request_arrives_as_it_was_meant(served: Served, stage: StageClien
     stage.mode("adaptive", axis="x")
     answer = stage.goto(12, speed_um_per_s=5)
     stage.wave({"x": SINE, "y": {"kind": "points", "points": [[0, 1], [1, 2]]}}, 3)
+    stage.follow(axis="x")
     stage.hold()
     stage.resume()
     stage.condition(axis="y")
@@ -64,10 +65,10 @@ def test_every_request_arrives_as_it_was_meant(served: Served, stage: StageClien
         requests.Goto(position_um=12.0, speed_um_per_s=5.0),
     ]
     assert [request.kind for request in served.stage.requests[3:]] == [
-        *("wave", "hold", "resume", "condition", "zero", "identify", "adopt"),
+        *("wave", "follow", "hold", "resume", "condition", "zero", "identify", "adopt"),
         *("stop", "estop", "reset", "disarm", "shutdown"),
     ]
-    adopted = served.stage.requests[9]
+    adopted = served.stage.requests[10]
     assert adopted == requests.AdoptModel(axis="x", model=model, zero_um=1.5)
 
 

@@ -32,6 +32,8 @@ SINE = {"kind": "sine", "low": 0, "high": 10.0, "frequency_hz": 1.0}
             "goto",
             {"position_um": -1.0, "axis": "x", "speed_um_per_s": 5.0},
         ),
+        (calls.follow(), "follow", {}),
+        (calls.follow(axis="y"), "follow", {"axis": "y"}),
         (calls.hold(), "hold", {}),
         (calls.resume(), "resume", {}),
         (calls.condition(), "condition", {}),

@@ -62,6 +62,7 @@ ACCESS: Final[Mapping[tuple[str, str], Access]] = {
     ("POST", "/v1/goto"): _MOVE,
     ("POST", "/v1/wave"): _MOVE._replace(most_bytes=LARGE_BODY),
     ("POST", "/v1/stream"): _MOVE,
+    ("POST", "/v1/follow"): _MOVE,
     ("POST", "/v1/resume"): _MOVE,
     ("POST", "/v1/reset"): _MOVE,
     ("POST", "/v1/zero"): _MOVE,

@@ -25,6 +25,7 @@ COMMANDS: Final[dict[str, type[BaseModel]]] = {
     "mode": requests.SelectMode,
     "goto": requests.Goto,
     "wave": requests.Wave,
+    "follow": requests.Follow,
     "hold": requests.Hold,
     "resume": requests.Resume,
     "condition": requests.Condition,
