@@ -18,7 +18,7 @@ from piezod_drivers.serial_line.micro_epsilon.info import info_of
 from piezod_drivers.serial_line.micro_epsilon.options import Options
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES
 from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench
-from tests.drivers.serial_line.scripted_line import MS, T0_NS, EmulatedLine, ScriptedLine, says
+from tests.drivers.serial_line.scripted_line import MS, T0_NS, US, EmulatedLine, ScriptedLine, says
 
 WIRING = Wiring(("distance",), ())
 GETINFO = b"GETINFO\n"
@@ -50,7 +50,7 @@ def scripted(model: str = "ILD1420", **more: object) -> tuple[BusDevice, Scripte
     if PROFILES[model].talks:
         line.then(says(GETINFO, WORD + ANSWER.replace(b"ILD1420", model.encode()) + WORD))
     device = BusDevice(model, StreamDialogue(options(model, **more), WIRING, line))
-    line.comes(stream.pack(COUNT >> 4, PROFILES[model].word_bytes), 200_000)
+    line.comes(stream.pack(COUNT >> 4, PROFILES[model].word_bytes), 200 * US)
     device.open()
     device.activate(line.now_ns())
     return device, line
@@ -75,7 +75,7 @@ def test_identity_is_found_between_values() -> None:
     """Who the sensor is comes out of the stream, in the middle of values."""
     text = b"".join(ANSWER[i : i + 1] + WORD for i in range(len(ANSWER)))
     line = ScriptedLine(says(GETINFO, WORD[1:] + WORD + text + WORD))
-    line.comes(WORD, 200_000)
+    line.comes(WORD, 200 * US)
     device = BusDevice("ILD1420", StreamDialogue(options(), WIRING, line))
     assert device.open() == ("Micro-Epsilon", "ILD1420-10", "77", "1")
 
@@ -115,6 +115,16 @@ def test_silence_is_told() -> None:
     assert sample.t_ns == T0_NS
     assert not sample.valid
     assert set(device.status(T0_NS)[0]) == {DeviceFlag.LATE_REPLY}
+
+
+def test_activating_waits_for_a_value() -> None:
+    """What came before is forgotten; the first reading is of a value that came afterwards."""
+    device, line = scripted()
+    device.deactivate(line.now_ns())
+    line.comes(stream.pack(COUNT + 5, 3))
+    line.comes(WORD, 5 * MS)
+    device.activate(line.now_ns())
+    assert device.read(line.now_ns())[0].position_um == pytest.approx(AT_COUNT_UM)
 
 
 def test_before_the_first_value_nothing_is_valid() -> None:

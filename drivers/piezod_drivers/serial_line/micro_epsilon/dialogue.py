@@ -69,7 +69,9 @@ class StreamDialogue:
         if self._profile.scaled and not range_mm:
             raise DeviceError(f"{self._line.where} tells no measuring range: set range_mm")
         self._range_um = range_mm * UM_PER_MM
-        self._wait_for_value(got)
+        got = self._until_value(got, _OPENING_NS)
+        if stream.newest(got, self._profile.word_bytes).value is None:
+            raise self._silent()
         self._conversation.forget_noticed()
         return Identity(_MAKER, told.name, told.serial, told.version)
 
@@ -87,16 +89,16 @@ class StreamDialogue:
         return ()
 
     def activate(self) -> None:
-        """Forget what has come until now.
+        """Forget what has come until now, and wait for a value that is new.
 
         Raises:
             LineFault: If the line is gone.
         """
         while len(self._line.receive(0)) >= stream.MOST_BYTES:
             continue
-        self._rest, self._in_step = b"", False
         self._t_ns = self._quiet_since_ns = None
-        self._position_um, self._flags = nan, NO_FLAGS
+        self._in_step, self._position_um, self._flags = False, nan, NO_FLAGS
+        self._rest = self._until_value(b"", self._patience_ns)
 
     def deactivate(self) -> None:
         """Do nothing."""
@@ -164,18 +166,15 @@ class StreamDialogue:
         assert told is not None  # noqa: S101 - that is how its end was found
         return told, frame
 
-    def _wait_for_value(self, got: bytes) -> None:
-        """Wait until a value has come.
-
-        Raises:
-            DeviceUnavailableError: If none comes in time.
-        """
-        end_ns = self._line.now_ns() + _OPENING_NS
+    def _until_value(self, got: bytes, within_ns: int) -> bytes:
+        """Return what has come as soon as there is a value in it, or what came in that time."""
+        end_ns = self._line.now_ns() + within_ns
         while stream.newest(got, self._profile.word_bytes).value is None:
             left_ns = end_ns - self._line.now_ns()
             if left_ns <= 0:
-                raise self._silent()
+                break
             got = (got + self._line.receive(min(left_ns, _WAIT_NS)))[-stream.MOST_BYTES :]
+        return got
 
     def _silent(self) -> DeviceUnavailableError:
         return DeviceUnavailableError(

@@ -27,5 +27,5 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=channels,
-    sees=frozenset({"B1", "B2", "B3", "B5", "B11", "S5", "S6", "S7", "S8"}),
+    sees=frozenset({"B1", "B2", "B3", "B5", "B11", "B14", "S5", "S6", "S7", "S8", "S10"}),
 )

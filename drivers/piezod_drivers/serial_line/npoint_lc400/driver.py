@@ -27,5 +27,7 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=channels,
-    sees=frozenset({"A1", "A2", "A3", "A8", "B1", "B2", "B3", "B5", "B6", "B7", "S7"}),
+    sees=frozenset(
+        {"A1", "A2", "A3", "A8", "A12", "B1", "B2", "B3", "B5", "B6", "B7", "B14", "S7"}
+    ),
 )

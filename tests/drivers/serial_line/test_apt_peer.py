@@ -1,0 +1,81 @@
+"""A host that is not ours, thorlabs-apt-protocol, speaks with the emulated cubes over a pty."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import thorlabs_apt_protocol as peer
+from serial import Serial
+
+from tests.daemon.waiting import eventually
+from tests.drivers.bus.bench import Emulated, emulated
+
+CUBE, HOST, CHANNEL = 0x50, 0x01, 1
+
+
+@pytest.fixture(scope="module")
+def cubes() -> Iterator[Emulated]:
+    """Serve an amplifier and a strain gauge reader on one bench."""
+    with emulated("kpz101", "ksg101") as served:
+        yield served
+
+
+class Host:
+    """A program with thorlabs-apt-protocol at a port.
+
+    Args:
+        port: Path of the port.
+    """
+
+    def __init__(self, port: str) -> None:
+        self._serial = Serial(port, 115_200, timeout=0.01)
+        self._unpacker = peer.Unpacker(self._serial, on_error="raise")
+
+    def __enter__(self) -> "Host":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._serial.close()
+
+    def say(self, message: bytes) -> None:
+        self._serial.write(message)
+
+    def ask(self, message: bytes, name: str) -> Any:
+        """Return the message of that name that comes next."""
+        self.say(message)
+        return eventually(lambda: next((told for told in self._unpacker if told.msg == name), None))
+
+
+def test_host_drives_the_amplifier_and_reads_the_gauge(cubes: Emulated) -> None:
+    """It identifies both, enables the output, sets a voltage, and sees the stage move."""
+    amplifier, gauge = cubes.where
+    with Host(amplifier) as kpz, Host(gauge) as ksg:
+        assert kpz.ask(peer.hw_req_info(CUBE, HOST), "hw_get_info").model_number.startswith(
+            b"KPZ101"
+        )
+        assert ksg.ask(peer.hw_req_info(CUBE, HOST), "hw_get_info").model_number.startswith(
+            b"KSG101"
+        )
+        request = peer.pz_req_tsg_reading(CUBE, HOST, CHANNEL)
+        at_rest = ksg.ask(request, "pz_get_tsg_reading").reading
+        kpz.say(peer.mod_set_chanenablestate(CUBE, HOST, CHANNEL, 1))
+        kpz.say(peer.pz_set_positioncontrolmode(CUBE, HOST, CHANNEL, 1))
+        kpz.say(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 16_384))
+        asked = kpz.ask(peer.pz_req_outputvolts(CUBE, HOST, CHANNEL), "pz_get_outputvolts")
+        assert asked.voltage == 16_384
+        eventually(
+            lambda: ksg.ask(request, "pz_get_tsg_reading").reading > at_rest + 5 / 30 * 32767
+        )
+        kpz.say(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 0))
+
+
+def test_host_gets_updates_as_long_as_it_wants_them(cubes: Emulated) -> None:
+    """Updates come until they are stopped, and tell state and voltage."""
+    with Host(cubes.where[0]) as kpz:
+        kpz.say(peer.mod_set_chanenablestate(CUBE, HOST, CHANNEL, 1))
+        kpz.say(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 0))
+        update = kpz.ask(peer.hw_start_updatemsgs(CUBE, HOST), "pz_get_pzstatusupdate")
+        assert update.enabled
+        assert not update.control_mode
+        eventually(lambda: abs(kpz.ask(b"", "pz_get_pzstatusupdate").output_voltage) < 200)
+        kpz.say(peer.pz_ack_pzstatusupdate(CUBE, HOST) + peer.hw_stop_updatemsgs(CUBE, HOST))
