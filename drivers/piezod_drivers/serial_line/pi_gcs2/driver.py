@@ -97,5 +97,5 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=_channels,
-    sees=SEES,
+    sees=SEES | {"B13"},  # over TCP
 )

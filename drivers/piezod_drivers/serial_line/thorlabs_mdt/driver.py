@@ -26,6 +26,6 @@ PLUGIN: Final = DriverPlugin(
     confirmed_on_hardware=False,
     channels=_channels,
     sees=frozenset(
-        {"B1", "B2", "B3", "B5", "B6", "B7", "B10", "B14", "A1", "A2", "A3", "A7", "A12"},
+        {"B1", "B2", "B3", "B5", "B6", "B7", "B10", "B14", "A1", "A2", "A3", "A7", "A12", "S10"}
     ),
 )
