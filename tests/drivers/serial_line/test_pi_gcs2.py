@@ -16,6 +16,7 @@ from tests.drivers.serial_line.scripted_line import (
     US,
     EmulatedLine,
     ScriptedLine,
+    Step,
     says,
 )
 
@@ -273,6 +274,40 @@ def test_a_line_that_is_pulled() -> None:
     assert isnan(device.read_back(1)[0])
     assert DeviceFlag.DISCONNECTED in device.status(1)[0]
     device.close()
+
+
+def test_a_sensor_only() -> None:
+    """A controller that drives nothing here is asked for positions only, and left as it is."""
+    line = ScriptedLine(*OPENING)
+    device = ExchangingBusDevice("GCS", Gcs2Dialogue(line, OPTIONS, Wiring(("2",), ())))
+    device.open()
+    device.activate(0)
+    line.then(says(b"POS? 2\nERR?\n", b"2=1.5\n0\n"))
+    assert device.read(1)[0].position_um == 1.5
+    line.assert_done()
+
+
+def test_an_earlier_life() -> None:
+    """What was on its way when the port is opened disturbs nothing."""
+    line = ScriptedLine(*OPENING, *LIMITS)
+    line.comes(b"1=5.0\n0\n", 20 * MS)
+    scripted(line).open()
+    line.assert_done()
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        (*OPENING, says(b"VMI? 1\nERR?\n", b"603\n")),
+        (*OPENING, *LIMITS, AT_EASE[0], says(b"ONL? 1\nERR?\n", b"603\n")),
+    ],
+)
+def test_an_error_while_opening(steps: tuple[Step, ...]) -> None:
+    """An error that is not that of an unknown command makes a device unavailable."""
+    device = scripted(ScriptedLine(*steps))
+    with pytest.raises(DeviceUnavailableError, match="error 603: too hot"):
+        device.open()
+        device.activate(0)
 
 
 def test_nobody_answers() -> None:

@@ -1,5 +1,6 @@
 """What is said to a PI controller, of either generation, that drives its axes in open loop."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -35,7 +36,7 @@ class Drive(NamedTuple):
     max_rate_hz: float
 
 
-class GcsDialogue:
+class GcsDialogue(ABC):
     """Implements `ExchangingDialogue`; channels are the axes' identifiers.
 
     Outputs are set by `SVA`, with the servo off, and stay as they are when piezod goes. Positions
@@ -115,7 +116,7 @@ class GcsDialogue:
             what = f"{self._line.where}: axis {', '.join(still)} does not give up its servo"
             raise DeviceError(what)
 
-    def deactivate(self) -> None:
+    def deactivate(self) -> None:  # noqa: B027 - it holds in every generation
         """Do nothing: the outputs hold."""
 
     def sample(self, now_ns: int) -> Reading:
@@ -147,12 +148,13 @@ class GcsDialogue:
         """Return what went wrong on the line without making an exchange fail; and forget it."""
         return self._conversation.take_noticed()
 
+    @abstractmethod
     def _drives(self, axes: Sequence[str]) -> Sequence[str]:
         """Return what the outputs are called in a query of their voltage."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _find_ranges(self) -> list[tuple[float, float]]:
-        raise NotImplementedError
+        """Return the lowest and the highest open-loop value of each output."""
 
     def _driven_by_others(self) -> Sequence[str]:
         """Return the outputs that `SVA` does not drive now."""
