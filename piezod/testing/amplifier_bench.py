@@ -1,0 +1,88 @@
+"""An amplifier under test: what it may be driven to, and what is then in force."""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Final, Generic, TypeVar
+
+from piezod.devices.interface import Amplifier
+from piezod.testing.check_support import T0_NS, opened
+
+AmplifierT = TypeVar("AmplifierT", bound=Amplifier)
+
+PATIENCE_S: Final = 2.0
+"""A device that does not live on the made-up clock of the checks may take so long, in s, until what
+was written is in force."""
+_LOOK_EACH_S: Final = 0.01
+_SETTLED_NS: Final = 1_000_000_000  # longer than any amplifier takes for one volt
+_STEP_V: Final = 1.0
+_BEYOND_V: Final = 1e6  # more than any amplifier gives
+_TOLERANCE_V: Final = 0.1  # converter steps, offset and noise of a read-back
+
+
+class Bench(Generic[AmplifierT]):
+    """An open amplifier on a clock that advances only while the output settles.
+
+    Attributes:
+        rest_v: The voltages found after opening, one per output; NaN where the device does not
+            tell.
+        driven_v: Other voltages that the amplifier can surely give.
+        now_ns: The instant.
+    """
+
+    def __init__(self, amplifier: AmplifierT) -> None:
+        self.amplifier = amplifier
+        self.now_ns = T0_NS
+        self.rest_v = list(amplifier.read_back(T0_NS))
+        known_v = [0.0 if math.isnan(axis_v) else axis_v for axis_v in self.rest_v]
+        self.driven_v = [axis_v + _STEP_V for axis_v in known_v]
+
+    def assert_taken(self, drive_v: Sequence[float]) -> None:
+        """Assert that a write is taken and in force once the output has settled."""
+        assert self.amplifier.write(drive_v, self.now_ns) is True, f"refused {drive_v} V"
+        self.assert_in_force(drive_v)
+
+    def assert_ignored(self, drive_v: Sequence[float], in_force_v: Sequence[float]) -> None:
+        """Assert that a write is refused and what was in force stays in force."""
+        assert self.amplifier.write(drive_v, self.now_ns) is False, f"took {drive_v} V"
+        self.assert_in_force(in_force_v)
+
+    def assert_in_force(self, expected_v: Sequence[float]) -> None:
+        """Assert that the output settles at these voltages.
+
+        A device on the made-up clock is there at once. A real one is asked again and again.
+        """
+        end_s = time.monotonic() + PATIENCE_S
+        while True:
+            self.now_ns += _SETTLED_NS
+            actual_v = list(self.amplifier.read_back(self.now_ns))
+            assert len(actual_v) == len(expected_v), f"{actual_v} V on {len(expected_v)} outputs"
+            if all(map(_near, expected_v, actual_v)):
+                return
+            what = f"{actual_v} V are in force, expected {expected_v} V"
+            assert time.monotonic() < end_s, what
+            time.sleep(_LOOK_EACH_S)
+
+
+def _near(expected_v: float, actual_v: float) -> bool:
+    if math.isnan(expected_v):
+        return math.isnan(actual_v)
+    return math.isclose(expected_v, actual_v, rel_tol=0, abs_tol=_TOLERANCE_V)
+
+
+@contextmanager
+def bench_of(factory: Callable[[], AmplifierT]) -> Iterator[Bench[AmplifierT]]:
+    """Construct and open an amplifier, and close it whatever happens."""
+    with opened(factory) as amplifier:
+        yield Bench(amplifier)
+
+
+def bad_writes(rest_v: Sequence[float]) -> Iterator[list[float]]:
+    """Give values that no amplifier takes: not finite, beyond any range, too few, too many."""
+    for bad_v in (math.nan, math.inf, -math.inf, _BEYOND_V, -_BEYOND_V):
+        for axis in range(len(rest_v)):
+            yield [*rest_v[:axis], bad_v, *rest_v[axis + 1 :]]
+    if rest_v:
+        yield []
+    yield [*rest_v, 0.0]

@@ -1,0 +1,205 @@
+"""The driver contract of devices with one exchange, with a status, or with one role only."""
+
+import math
+from collections.abc import Sequence
+
+import pytest
+
+from piezod.devices.interface import Capabilities, Sample
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.testing import amplifier_checks, exchange_checks, status_checks
+from piezod.testing.check_support import Check
+from piezod.testing.driver_contract import checks_for
+from tests.testing.test_driver_contract import PlainRig
+
+
+class ExchangingRig(PlainRig):
+    """Reads and writes in one exchange, and tells its status."""
+
+    def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
+        """Write, and read."""
+        return self.write(drive_v, now_ns), self.read(now_ns)
+
+    def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - the interface gives the time
+        """Tell that the first input is saturated."""
+        self.require(self.is_open, "not open")
+        return [frozenset({DeviceFlag.SATURATED}), NO_FLAGS, NO_FLAGS, NO_FLAGS]
+
+
+class AlwaysExchanges(ExchangingRig):
+    """Gives samples whether it is active or not."""
+
+    def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
+        """Write, and read without asking whether that may be."""
+        return self.write(drive_v, now_ns), [Sample(now_ns, 0.0, True)] * 2
+
+
+class ForgetsToWrite(ExchangingRig):
+    """Says that it took what it did not."""
+
+    def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
+        """Read only."""
+        return len(drive_v) == 2, self.read(now_ns)
+
+
+class GivesOneSample(ExchangingRig):
+    """Forgets its last input."""
+
+    def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
+        """Measure the first input only."""
+        taken, samples = super().exchange(drive_v, now_ns)
+        return taken, samples[:1]
+
+
+class AheadOfTime(ExchangingRig):
+    """Dates its samples after the call."""
+
+    def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
+        """Measure a nanosecond from now."""
+        return self.write(drive_v, now_ns), self.read(now_ns + 1)
+
+
+class NothingWhenBad(ExchangingRig):
+    """Gives no samples with values that it refuses."""
+
+    def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
+        """Refuse altogether."""
+        samples = self.read(now_ns)
+        taken = self.write(drive_v, now_ns)
+        return taken, samples if taken else ()
+
+
+class TakesAnything(ExchangingRig):
+    """Drives what is no number."""
+
+    def in_range(self, axis_v: float) -> bool:
+        """Accept all that is not out of range."""
+        return not (axis_v < 0 or axis_v > 150)
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        """Refuse it in a write of its own, though."""
+        return all(map(math.isfinite, drive_v)) and super().write(drive_v, now_ns)
+
+    def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
+        """Write as it is."""
+        return super().write([*drive_v][:2], now_ns), self.read(now_ns)
+
+
+class TellsTheOutputsOnly(ExchangingRig):
+    """Forgets its inputs."""
+
+    def status(self, now_ns: int) -> Sequence[Flags]:
+        """Tell of two channels."""
+        return super().status(now_ns)[2:]
+
+
+class TellsWhileClosed(ExchangingRig):
+    """Knows what cannot be known."""
+
+    def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - as above
+        """Tell at any time."""
+        return [NO_FLAGS] * 4
+
+
+class TellsWords(ExchangingRig):
+    """Has flags of its own."""
+
+    def status(self, now_ns: int) -> Sequence[Flags]:
+        """Tell what nobody knows."""
+        return [frozenset({"tired"}) for _ in super().status(now_ns)]  # type: ignore[arg-type] # the breach
+
+
+class SensorOnly(ExchangingRig):
+    """Measures both axes and drives nothing, though it has the methods."""
+
+    def capabilities(self) -> Capabilities:
+        """Tell no outputs."""
+        return super().capabilities()._replace(outputs=())
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - as above
+        """Take no value, where there is none to take."""
+        return self.is_active and not drive_v
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Tell nothing."""
+        return super().read_back(now_ns)[:0]
+
+    def status(self, now_ns: int) -> Sequence[Flags]:
+        """Tell of the inputs."""
+        return super().status(now_ns)[:2]
+
+
+class AmplifierOnly(ExchangingRig):
+    """Drives both axes and measures nothing, though it has the methods."""
+
+    def capabilities(self) -> Capabilities:
+        """Tell no inputs."""
+        return super().capabilities()._replace(inputs=())
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        """Measure nothing."""
+        return super().read(now_ns)[:0]
+
+    def status(self, now_ns: int) -> Sequence[Flags]:
+        """Tell of the outputs."""
+        return super().status(now_ns)[2:]
+
+
+class Slow(PlainRig):
+    """Comes to its voltage when it has been asked a few times."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked = 0
+
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Tell what was in force before, three times."""
+        self.asked += 1
+        return [0.0, 0.0] if self.asked % 4 else super().read_back(now_ns)
+
+
+KEEPING = (ExchangingRig, SensorOnly, AmplifierOnly)
+BREACHES = [
+    (AlwaysExchanges, exchange_checks.an_exchange_needs_an_active_device),
+    (ForgetsToWrite, exchange_checks.an_exchange_writes_and_reads),
+    (GivesOneSample, exchange_checks.an_exchange_writes_and_reads),
+    (AheadOfTime, exchange_checks.an_exchange_writes_and_reads),
+    (NothingWhenBad, exchange_checks.a_bad_exchange_is_refused_and_reads),
+    (TakesAnything, exchange_checks.a_bad_exchange_is_refused_and_reads),
+    (TellsWhileClosed, status_checks.status_needs_an_open_device),
+    (TellsTheOutputsOnly, status_checks.every_channel_has_its_flags),
+    (TellsWords, status_checks.every_channel_has_its_flags),
+]
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give up at once: what is checked here lives on the made-up clock."""
+    monkeypatch.setattr("piezod.testing.amplifier_bench.PATIENCE_S", 0.0)
+
+
+@pytest.mark.parametrize("rig", KEEPING)
+@pytest.mark.usefixtures("impatient")
+def test_device_that_keeps_the_contract_passes(
+    rig: type[ExchangingRig], subtests: pytest.Subtests
+) -> None:
+    """With both roles, or with one and no channels of the other."""
+    for check in checks_for(rig):
+        with subtests.test(check.__name__):
+            check(rig)
+
+
+@pytest.mark.parametrize(("breach", "check"), BREACHES)
+@pytest.mark.usefixtures("impatient")
+def test_breach_is_found(breach: type[PlainRig], check: Check) -> None:
+    """A device that breaks one rule fails the check of that rule."""
+    assert check in checks_for(ExchangingRig)
+    assert check not in checks_for(PlainRig)
+
+    with pytest.raises(AssertionError):
+        check(breach)
+
+
+def test_a_device_in_real_time_is_waited_for() -> None:
+    """It is asked until it is there; what it lives on is not the clock of the checks."""
+    amplifier_checks.a_write_comes_into_force(Slow)
