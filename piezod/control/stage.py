@@ -107,7 +107,7 @@ class Stage:
         """When the newest setpoint of a stream came."""
         self.blind_spells = 0
         """How often in a row the amplifier was lost; the next try to reach it waits the longer."""
-        self._before = State.BOOT
+        self._before, self._driven_when_lost = State.BOOT, False
         self._events: list[StageEvent] = []
 
     def note(self, event: StageEvent) -> None:
@@ -209,6 +209,7 @@ class Stage:
             self.untouched = False
         if state is State.BLIND:
             self.known_when_lost, self.output_known = self.output_known, False
+            self._driven_when_lost = before in DRIVEN
             self.memory_known = False
             self.blind_spells += 1
         elif state not in {State.RAMP, State.ESTOP}:
@@ -229,4 +230,5 @@ class Stage:
             no_entry=self.no_entry or self.register.no_entry,
             was_running=self._before is State.RUN,
             self_tested=self.tested,
+            was_driven=self._driven_when_lost,
         )

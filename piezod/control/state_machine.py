@@ -59,6 +59,7 @@ class Facts(NamedTuple):
         no_entry: Why nothing may be started now, for people; empty where it may.
         was_running: Whether HOLD came from RUN: `resume` leads back there, else to READY.
         self_tested: Whether the self-test has been passed since the process started.
+        was_driven: Whether voltages were written when BLIND came.
     """
 
     output_known: bool
@@ -72,6 +73,7 @@ class Facts(NamedTuple):
     no_entry: str = ""
     was_running: bool = True
     self_tested: bool = True
+    was_driven: bool = True
 
 
 class Step(NamedTuple):
@@ -165,6 +167,8 @@ def _reached(event: Event, facts: Facts) -> State:
         return _ESTOP
     if not facts.self_tested:
         return _BOOT
+    if not facts.was_driven:
+        return _SAFE  # what nobody has driven is only looked at
     return _RAMP if known else _FAULT
 
 

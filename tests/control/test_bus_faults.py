@@ -13,6 +13,7 @@ from piezod.control.fault_table import ids
 from piezod.control.stage_record import StageRecord
 from piezod.devices.injections import Kind
 from piezod.devices.status import DeviceFlag
+from tests.control.live_stage import FaultyStage
 from tests.control.swinging_stage import Case, Faulty, check_way, failed
 
 CASES = [
@@ -87,6 +88,25 @@ def test_while_blind_nothing_is_sent_and_nothing_is_caught_up(flag: DeviceFlag, 
     assert sent == 0
     (_, (first_v,)), *_ = stage.channels.writes
     assert abs(first_v - stage.x.read_back_v) < 0.5
+
+
+@pytest.mark.fault("B1")
+@pytest.mark.parametrize("reads_back", [True, False])
+def test_what_nobody_has_driven_is_not_driven_when_it_comes_back(reads_back: bool) -> None:
+    """Disarmed, a cable may be pulled: not a single write follows."""
+    stage = FaultyStage(reads_back=reads_back)
+    stage.run(0.1)
+    stage.device.write([33.0], stage.t_ns)
+    stage.fail(Kind.LOST, 100, flag=DeviceFlag.DISCONNECTED)
+    stage.run(0.01)
+    blind = stage.state
+    stage.until("FAULT")
+    stage.run(1.5)
+    stage.do(rq.Reset())
+
+    assert blind == State.BLIND
+    assert stage.state == State.SAFE
+    assert stage.channels.writes == []
 
 
 @pytest.mark.fault("B1")

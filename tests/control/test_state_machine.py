@@ -251,6 +251,18 @@ def test_an_amplifier_that_is_back_is_ramped_or_tested() -> None:
     assert following(State.BLIND, Event.LINK_BACK, unknown) is State.BLIND
 
 
+def test_an_amplifier_whose_voltage_nobody_knows_is_not_ramped() -> None:
+    """It waits for a reset; nor is one ramped that nobody has driven."""
+    unknown = GOOD._replace(output_known=False)
+    idle = GOOD._replace(was_driven=False)
+
+    assert following(State.BLIND, Event.OUTPUT_UNKNOWN, unknown) is State.FAULT
+    assert following(State.BLIND, Event.LINK_BACK, idle) is State.SAFE
+    assert following(State.BLIND, Event.LINK_BACK, idle._replace(latched=True)) is State.FAULT
+    untested = unknown._replace(self_tested=False)
+    assert following(State.BLIND, Event.OUTPUT_UNKNOWN, untested) is State.BOOT
+
+
 @pytest.mark.parametrize("state", [state for state in State if state is not State.STOPPING])
 def test_every_state_but_the_last_can_reach_safe(state: State) -> None:
     """There is no dead end; STOPPING ends the process."""
