@@ -62,7 +62,11 @@ def writes_of(unit: UnitOptions, options: Options) -> tuple[int, ...]:
 
 
 def lay_out(options: Options, wiring: Wiring) -> Layout:
-    """Plan the questions for the channels that are used."""
+    """Plan the questions for the channels that are used.
+
+    The rate that a serial line lets through is for a cycle that reads every input, sets every
+    output and reads it back.
+    """
     reads, backs, statuses, writes = [], [], [], []
     status: list[tuple[Register, list[int]]] = []
     ranges = [(0.0, 0.0)] * len(wiring.outputs)
@@ -100,7 +104,7 @@ def lay_out(options: Options, wiring: Wiring) -> Layout:
             wiring.inputs,
             wiring.outputs,
             read_back=len(told) == len(wiring.outputs) > 0,
-            max_rate_hz=_fastest_hz(options, reads, writes, together),
+            max_rate_hz=_fastest_hz(options, (*reads, *backs), writes, together),
             holds=True,
             watchdog=any(watchdog_of(unit, options) for unit in options.every_unit),
             quality=quality,
@@ -155,10 +159,10 @@ def _fastest_hz(
     limits = [profile.max_rate_hz for profile in profiles if profile is not None]
     if options.port is None:
         return min(limits, default=FASTEST_TCP_HZ)
+    requests = [block.requests[-1] for block in reads]
     if together:
-        requests = [form.request(b"\0\0" * writes[0].count) for form in together[-1:]]
+        requests[0] = together[-1].request(b"\0\0" * writes[0].count)
     else:
-        requests = [block.requests[-1] for block in reads]
         values = [0.0] * 256
         requests += [request for write in writes for request in write.requests(values)[0]]
     n_bytes = sum(len(each.pdu) + each.n_bytes + 2 * _RTU_BYTES for each in requests)

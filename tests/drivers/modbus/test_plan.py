@@ -111,10 +111,10 @@ def test_every_profile_can_be_planned(name: str) -> None:
 
 
 def test_the_rate_is_what_the_wire_lets_through() -> None:
-    """At 9600 bit/s, two reads and writes of 29 bytes and 4 rests of 3.5 characters."""
+    """At 9600 bit/s: two reads, in their longest form, a write, and three rests of the line."""
     units = ({"unit": 1, "profile": "waveshare-ai8b"}, {"unit": 2, "profile": "waveshare-ao8b"})
     options = Options.model_validate({"units": units, "port": "/dev/x", "baud": 9600})
     layout = lay_out(options, Wiring(("AI1",), ("AO1",)))
     longest_read, write = 8 + 5 + 2 * FORMS, 16
-    wire_s = (longest_read + write + 2 * 3.5) * 10 / 9600
+    wire_s = (2 * longest_read + write + 3 * 3.5) * 10 / 9600
     assert layout.able.max_rate_hz == pytest.approx(1 / wire_s)

@@ -1,0 +1,47 @@
+"""The driver and its emulated device in different processes."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from piezod.devices.interface import Wiring
+from piezod_drivers.modbus.driver import device_of, transactions_of
+from piezod_drivers.modbus.options import Options
+from tests.daemon.waiting import eventually
+from tests.drivers.bus.bench import emulated
+
+
+@pytest.mark.sees("modbus", "A9")
+def test_a_labjack_makes_its_output_safe_when_its_driver_is_gone(tmp_path: Path) -> None:
+    """A connection that ends without a word: a second later the output is at the safe voltage."""
+    trace = tmp_path / "trace.csv"
+    with emulated("labjack-t7", arguments=("--trace", str(trace))) as devices:
+        host, _, port = devices.where[0].rpartition(":")
+        options = Options.model_validate(
+            {
+                "profile": "labjack-t7",
+                "host": host,
+                "tcp_port": int(port),
+                "timeout_ms": 1000.0,
+                "watchdog": {"timeout_s": 1.0, "safe": 0.5},
+            }
+        )
+        transactions = transactions_of(options)
+        device = device_of(options, Wiring(("AIN0",), ("DAC0",)), transactions)
+        device.open()
+        device.activate(time.monotonic_ns())
+        assert device.write([2.0], time.monotonic_ns())
+        eventually(lambda: _last_v(trace) == pytest.approx(60, abs=0.05))
+        transactions.close()
+        eventually(lambda: _last_v(trace) == pytest.approx(15, abs=0.05))
+        device.close()
+
+
+def _last_v(trace: Path) -> float:
+    """Return the voltage that was written last, NaN where there is none."""
+    lines = trace.read_text(encoding="ascii").splitlines() if trace.exists() else []
+    try:
+        return float(lines[-1].split(",")[-1])
+    except (IndexError, ValueError):
+        return float("nan")
