@@ -1,0 +1,88 @@
+"""A CAN bus of a test, in a time of its own, with a node on it or nobody."""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+
+from piezod.devices.bus.line import LineFault
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceUnavailableError
+from piezod_drivers.can_bus.emulation.node import Node
+from piezod_drivers.can_bus.frame import Frame
+from tests.drivers.serial_line.scripted_line import US, TestTime
+
+
+class FakeBus:
+    """Implements `FrameBus`.
+
+    Args:
+        node: Who is on the bus.
+        time: Its clock.
+
+    Attributes:
+        sent: Every frame that was sent.
+        fault: What sending raises.
+        delay_ns: After what time each answer comes.
+        on_send: Told each frame that is sent.
+        change: What becomes of each answer: the frames that come instead.
+        opened_for: The identifiers that it was opened for.
+        told_of_stall: How often it was told that frames do not leave.
+    """
+
+    where = "a bus of this test"
+
+    def __init__(self, node: Node | None = None, time: TestTime | None = None) -> None:
+        self.node, self.time = node, time or TestTime()
+        self.sent: list[Frame] = []
+        self.fault: DeviceFlag | None = None
+        self.delay_ns = 100 * US
+        self.change: Callable[[Frame], list[Frame]] = lambda frame: [frame]
+        self.on_send: Callable[[Frame], None] = lambda _frame: None
+        self.opened_for: tuple[int, ...] = ()
+        self.told_of_stall = 0
+        self.absent = False
+        self._coming: deque[tuple[int, Frame]] = deque()
+
+    def open(self, accepted: Iterable[int]) -> None:
+        if self.absent:
+            raise DeviceUnavailableError(f"{self.where} is absent")
+        self.opened_for = tuple(accepted)
+        self._coming.clear()
+
+    def close(self) -> None:
+        pass
+
+    def send(self, frame: Frame) -> None:
+        if self.fault is not None:
+            raise LineFault(self.fault, "the test says so")
+        self.sent.append(frame)
+        self.on_send(frame)
+        if self.node is not None:
+            self._answer(self.node.receive(frame))
+
+    def receive(self, within_ns: int) -> Frame | None:
+        if self.node is not None:
+            self._answer(self.node.due())
+        until_ns = self.time.t_ns + within_ns
+        if not self._coming or self._coming[0][0] > until_ns:
+            self.time.t_ns = until_ns
+            return None
+        self.time.t_ns = max(self.time.t_ns, self._coming[0][0])
+        return self._coming.popleft()[1]
+
+    def stalled(self) -> None:
+        self.told_of_stall += 1
+
+    def now_ns(self) -> int:
+        return self.time.t_ns
+
+    def take_noticed(self) -> set[DeviceFlag]:
+        return set()
+
+    def comes(self, *frames: Frame, after_ns: int = 0) -> None:
+        """Let frames arrive so long from now."""
+        self._coming.extend((self.time.t_ns + after_ns, frame) for frame in frames)
+        self._coming = deque(sorted(self._coming, key=lambda each: each[0]))
+
+    def _answer(self, answers: list[Frame]) -> None:
+        for answer in answers:
+            self.comes(*self.change(answer), after_ns=self.delay_ns)

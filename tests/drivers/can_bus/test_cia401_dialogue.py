@@ -1,0 +1,372 @@
+"""The driver `canopen` with an emulated node, in a time that nobody waits for."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import pytest
+
+from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
+from piezod.devices.interface import Wiring
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod_drivers.can_bus.cia401 import objects as o
+from piezod_drivers.can_bus.cia401.dialogue import Dialogue
+from piezod_drivers.can_bus.cia401.node import CODES_PER_V, NODE, Cia401Node
+from piezod_drivers.can_bus.cia401.options import Options
+from piezod_drivers.can_bus.cia401.sdo_server import AbortCode, AbortError
+from piezod_drivers.can_bus.frame import Frame
+from tests.drivers.can_bus.fake_bus import FakeBus
+from tests.drivers.can_bus.profiles import CODES, canopen
+from tests.drivers.serial_line.linear_rig import bench
+from tests.drivers.serial_line.scripted_line import MS
+
+STEP_V = 1 / CODES_PER_V
+
+
+class Stand:
+    """A node, the bus it is on, and what is behind it.
+
+    Attributes:
+        device: The driver's device, of all channels.
+    """
+
+    def __init__(self, start_v: Sequence[float] = (0.0, 0.0), **more: object) -> None:
+        on_bench, self.rig, self.time = bench(2)
+        on_bench.drive_all(start_v)
+        self.node = Cia401Node(on_bench)
+        self.bus = FakeBus(self.node, self.time)
+        two = {f"a{i}": {"number": i, **CODES} for i in (1, 2)}
+        options = canopen("/dev/null", 5.0, **{"inputs": two, "outputs": two, **more})
+        self.options = Options.model_validate(options)
+        self.device = self.make(Wiring(tuple(self.options.inputs), tuple(self.options.outputs)))
+
+    def make(self, wiring: Wiring) -> Any:
+        """Construct a device of some channels."""
+        kind = ExchangingBusDevice if all(wiring) else BusDevice
+        return kind("the node", Dialogue(self.options, wiring, self.bus))
+
+    def active(self, wiring: Wiring | None = None) -> Any:
+        """Give a device that is open and active."""
+        device = self.device if wiring is None else self.make(wiring)
+        device.open()
+        device.activate(self.time.t_ns)
+        return device
+
+    def passes(self, ms: float, each: Callable[[], object] = lambda: None) -> None:
+        """Let time pass, and do something every 5 ms."""
+        for _ in range(round(ms / 5)):
+            self.time.t_ns += 5 * MS
+            each()
+
+    def flags(self) -> frozenset[DeviceFlag]:
+        """Return what is told of any channel."""
+        return frozenset().union(*self.device.status(self.time.t_ns))
+
+
+def _read(device: Any, stand: Stand) -> list[float]:
+    return [sample.position_um for sample in device.read(stand.time.t_ns)]
+
+
+def test_node_tells_who_it_is() -> None:
+    """Opening asks for the identity, changes nothing, and reads only what the node may send."""
+    stand = Stand((30.0, 60.0))
+    identity = stand.device.open()
+
+    assert identity.model == "piezod canopen-401"
+    assert stand.rig.drive_v == [30.0, 60.0]
+    assert not [frame for frame in stand.bus.sent if frame.id in {o.NMT, o.SYNC}]
+    assert {0x285, 0x585, 0x705, 0x085} <= set(stand.bus.opened_for)
+
+
+@pytest.mark.parametrize("read_back", ["sdo", "pdo", "none"])
+def test_one_exchange_drives_and_reads(read_back: str) -> None:
+    """Outputs take their values, inputs are told, and so is what is in force."""
+    stand = Stand(read_back=read_back)
+    device = stand.active()
+    taken, samples = device.exchange([1.0, 2.0], stand.time.t_ns)
+
+    assert taken
+    assert stand.rig.drive_v == pytest.approx([15.0, 30.0], abs=15 * STEP_V)
+    assert [sample.position_um for sample in samples] == pytest.approx([0.6, 1.2], abs=2 * STEP_V)
+    assert device.read_back(stand.time.t_ns) == pytest.approx([1.0, 2.0], abs=STEP_V)
+    assert device.capabilities().read_back is (read_back != "none")
+    assert stand.flags() == frozenset()
+
+
+def test_cycle_is_three_frames() -> None:
+    """With what is read back in the process data, a cycle sends process data and SYNC."""
+    stand = Stand(read_back="pdo")
+    device = stand.active()
+    stand.bus.sent.clear()
+    now_ns = stand.time.t_ns
+    device.exchange([1.0, 2.0], now_ns)
+    device.read_back(now_ns)
+
+    assert [frame.id for frame in stand.bus.sent] == [0x300 + NODE, o.SYNC]
+
+
+def test_activating_moves_nothing() -> None:
+    """Taking control leaves outputs where they are, and so does giving it back."""
+    stand = Stand((30.0, 60.0))
+    device = stand.active()
+    _read(device, stand)
+    assert stand.rig.drive_v == [30.0, 60.0]
+
+    device.exchange([1.0, 1.0], stand.time.t_ns)
+    device.close()
+    stand.passes(1000, lambda: stand.bus.receive(0))
+    assert stand.rig.drive_v == pytest.approx([15.0, 15.0], abs=15 * STEP_V)
+
+
+@pytest.mark.parametrize(
+    "wiring", [Wiring(("a2",), ()), Wiring((), ("a2",)), Wiring(("a1",), ("a2",))]
+)
+def test_channels_that_no_axis_uses_are_left_alone(wiring: Wiring) -> None:
+    """A device of one channel reads and drives that one only."""
+    stand = Stand((30.0, 60.0))
+    device = stand.active(wiring)
+    if wiring.inputs:
+        assert len(_read(device, stand)) == 1
+    if wiring.outputs:
+        assert device.write([1.0], stand.time.t_ns)
+        assert stand.rig.drive_v == pytest.approx([30.0, 15.0], abs=15 * STEP_V)
+
+
+def test_outputs_without_read_back_need_a_heartbeat() -> None:
+    """Where a node neither answers nor is read back, its heartbeat is what acknowledges."""
+    stand = Stand(read_back="none")
+    device = stand.active(Wiring((), ("a1",)))
+    stand.passes(1000, lambda: device.write([1.0], stand.time.t_ns))
+    assert device.write([1.0], stand.time.t_ns)
+
+    stand.bus.change = lambda _frame: []
+    stand.passes(500, lambda: device.write([1.0], stand.time.t_ns))
+    assert not device.write([1.0], stand.time.t_ns)
+
+
+def test_output_that_does_not_take_its_value_is_told() -> None:
+    """Where a node has no inputs in use, outputs are read back at once and compared."""
+    stand = Stand()
+    device = stand.active(Wiring((), ("a1",)))
+    assert device.write([1.0], stand.time.t_ns)
+
+    stand.bus.change = lambda frame: [frame._replace(data=frame.data[:4] + bytes(4))]
+    assert not device.write([1.0], stand.time.t_ns)
+    assert DeviceFlag.DEVICE_FAILURE in frozenset().union(*device.status(stand.time.t_ns))
+
+
+@pytest.mark.sees("canopen", "A9")
+def test_silent_host_makes_the_node_safe() -> None:
+    """When this host stops, the node goes to its safe code by itself, and the status says so.
+
+    It is as it was when somebody opens it again.
+    """
+    two = {f"a{i}": {"number": i, "safe_code": 3277 * (i - 1), **CODES} for i in (1, 2)}
+    stand = Stand(outputs=two)
+    device = stand.active()
+    assert device.capabilities().watchdog
+    stand.passes(1000)
+    assert _read(device, stand), "nobody watches before somebody drives"
+    device.exchange([5.0, 5.0], stand.time.t_ns)
+    stand.passes(1000, lambda: device.exchange([5.0, 5.0], stand.time.t_ns))
+    assert stand.rig.drive_v == pytest.approx([75.0, 75.0], abs=0.1)
+
+    stand.passes(300, stand.node.due)
+    stand.passes(300, lambda: stand.bus.receive(0))
+    assert stand.rig.drive_v == pytest.approx([0.0, 15.0], abs=0.1)
+
+
+@pytest.mark.sees("canopen", "A9")
+@pytest.mark.sees("canopen", "A8")
+def test_tripped_watchdog_is_told_and_overcome() -> None:
+    """The emergency of a node whose watchdog has tripped is told, and the node is set up again."""
+    stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
+    stand.device = device = stand.active(Wiring(("a1",), ("a1",)))
+    device.exchange([5.0], stand.time.t_ns)
+    stand.time.t_ns += 300 * MS
+    stand.bus.comes(*stand.node.due())
+    assert not device.exchange([5.0], stand.time.t_ns)[0]
+    assert DeviceFlag.WATCHDOG_TRIPPED in stand.flags()
+
+    assert not device.exchange([5.0], stand.time.t_ns)[0]
+    assert DeviceFlag.DISCONNECTED in stand.flags()
+    device.close()
+    stand.active(Wiring(("a1",), ("a1",)))
+
+
+def test_watchdog_is_disarmed_in_the_end() -> None:
+    """A node that was given back expects nobody any more, and holds."""
+    stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
+    device = stand.active(Wiring(("a1",), ("a1",)))
+    device.exchange([5.0], stand.time.t_ns)
+    device.deactivate(stand.time.t_ns)
+    stand.passes(1000, lambda: stand.bus.receive(0))
+
+    assert stand.rig.drive_v[0] == pytest.approx(75.0, abs=0.1)
+
+
+def test_node_without_watchdog_is_told() -> None:
+    """Where a node has no consumer heartbeat, the device has no watchdog and works without."""
+    stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
+    _without(stand, {o.CONSUMER_HEARTBEAT})
+    device = stand.active(Wiring(("a1",), ("a1",)))
+
+    assert not device.capabilities().watchdog
+    assert device.exchange([1.0], stand.time.t_ns)[0]
+
+
+def _without(stand: Stand, missing: set[int]) -> None:
+    entry = stand.node.entry
+
+    def some(index: int, number: int) -> Any:
+        if index in missing:
+            raise AbortError(AbortCode.NO_OBJECT)
+        return entry(index, number)
+
+    stand.node.entry = some  # type: ignore[method-assign] # a node that lacks something
+
+
+EMERGENCIES = (
+    ("A4", 0x2310, DeviceFlag.OVERLOAD),
+    ("A11", 0x2320, DeviceFlag.SHORT_OR_OPEN),
+    ("A11", 0x2330, DeviceFlag.SHORT_OR_OPEN),
+    ("A13", 0x4200, DeviceFlag.OVER_TEMPERATURE),
+    ("B10", 0x8210, DeviceFlag.WRONG_REQUEST),
+    ("B10", 0x5000, DeviceFlag.DEVICE_FAILURE),
+    ("B8", 0x8140, DeviceFlag.BUS_OFF),
+    ("B9", 0x8120, DeviceFlag.NOT_SENT),
+)
+
+
+@pytest.mark.parametrize(
+    ("code", "flag"),
+    [
+        pytest.param(code, flag, marks=pytest.mark.sees("canopen", each), id=f"{code:04X}")
+        for each, code, flag in EMERGENCIES
+    ],
+)
+def test_emergency_is_told_until_it_is_over(code: int, flag: DeviceFlag) -> None:
+    """An emergency sets a flag of all channels, until the node says that no error is left."""
+    stand = Stand()
+    device = stand.active()
+    stand.node.emergency(code, 1)
+    for _ in range(3):
+        _read(device, stand)
+        assert flag in stand.flags()
+
+    stand.node.emergency(0x0000, 1)
+    _read(device, stand)
+    assert flag in stand.flags(), "one error is over, and others are left"
+    stand.node.emergency(0x0000, 0)
+    _read(device, stand)
+    assert stand.flags() == frozenset()
+
+
+@pytest.mark.sees("canopen", "A7")
+def test_restarted_node_is_told() -> None:
+    """A node that starts anew is told of as an amplifier, is lost, and can be opened again."""
+    stand = Stand()
+    device = stand.active()
+    device.exchange([1.0, 1.0], stand.time.t_ns)
+    stand.node.receive(Frame(o.NMT, bytes((o.RESET, NODE))))
+    stand.bus.comes(Frame(o.HEARTBEAT + NODE, bytes((o.BOOTED,))))
+    _read(device, stand)
+    told = device.status(stand.time.t_ns)
+    assert [DeviceFlag.RESTARTED in each for each in told] == [False, False, True, True]
+
+    _read(device, stand)
+    assert DeviceFlag.DISCONNECTED in stand.flags()
+    device.close()
+    stand.active()
+    assert device.exchange([1.0, 1.0], stand.time.t_ns)[0]
+
+
+@pytest.mark.sees("canopen", "A8")
+def test_node_that_somebody_stops_is_told() -> None:
+    """A node that is no longer operational does not obey, and its heartbeat says so."""
+    stand = Stand()
+    device = stand.active()
+    stand.node.receive(Frame(o.NMT, bytes((o.STOP, NODE))))
+    stand.passes(200, lambda: device.write([1.0, 1.0], stand.time.t_ns))
+
+    assert not device.write([1.0, 1.0], stand.time.t_ns)
+    assert DeviceFlag.LOCAL_MODE in stand.flags()
+
+
+@pytest.mark.sees("canopen", "B12")
+def test_other_master_is_told() -> None:
+    """Who else sends SYNC, orders, or process data for the outputs, is told of."""
+    for foreign in (Frame(o.SYNC), Frame(o.NMT, b"\x01\x05"), Frame(0x305, bytes(4))):
+        stand = Stand()
+        device = stand.active()
+        stand.bus.comes(foreign)
+        _read(device, stand)
+
+        assert DeviceFlag.FOREIGN_FRAME in stand.flags()
+
+
+@pytest.mark.sees("canopen", "S7")
+def test_input_at_its_end_is_told() -> None:
+    """An input that shows the end of its converter's range says so, and that one only."""
+    stand = Stand()
+    device = stand.active()
+    stand.rig.valid = False
+    device.read(stand.time.t_ns)
+    told = device.status(stand.time.t_ns)
+
+    assert [DeviceFlag.SATURATED in each for each in told] == [True, True, False, False]
+
+
+def test_node_whose_mapping_is_fixed_is_used_as_it_is() -> None:
+    """Of a mapping that cannot be changed the channels are used, and the others held."""
+    stand = Stand((30.0, 60.0))
+
+    def fixed(_index: int, _number: int, _value: int) -> None:
+        raise AbortError(AbortCode.READ_ONLY)
+
+    node: Any = stand.node
+    node._check_mapping = fixed
+    device = stand.active(Wiring(("a2",), ("a2",)))
+
+    assert device.exchange([1.0], stand.time.t_ns)[0]
+    assert stand.rig.drive_v == pytest.approx([30.0, 15.0], abs=0.1)
+    assert _read(device, stand) == pytest.approx([0.6], abs=0.01)
+
+
+def test_node_of_another_profile_is_refused() -> None:
+    """A drive, say, is no analogue I/O: opening fails and says which profile it has."""
+    stand = Stand()
+    node: Any = stand.node
+    value = node.value
+    node.value = lambda i, n: 0x0002_0192 if i == o.DEVICE_TYPE else value(i, n)
+
+    with pytest.raises(DeviceError, match="profile 402, not of 401"):
+        stand.device.open()
+
+
+def test_absent_node_is_told_with_what_to_check() -> None:
+    """Where nobody answers, the error names the node and what may be wrong."""
+    stand = Stand()
+    stand.bus.node = None
+
+    with pytest.raises(DeviceUnavailableError, match=r"node 5 .* terminations"):
+        stand.device.open()
+
+
+def test_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without canopen opening fails, and says how to install it."""
+    monkeypatch.setitem(__import__("sys").modules, "piezod_drivers.can_bus.cia401.sdo", None)
+    monkeypatch.delattr("piezod_drivers.can_bus.cia401.sdo", raising=False)
+
+    with pytest.raises(DeviceUnavailableError, match=r'pip install "piezod\[can\]"'):
+        Stand().device.open()
+
+
+def test_rate_follows_from_the_frames() -> None:
+    """The highest rate is that at which the frames of a cycle fill the bus."""
+    stand = Stand()
+    stand.device.open()
+    # 4 bytes twice, SYNC, and four SDO frames of 8 bytes
+    bits = 2 * (47 + 32 + 16) + (47 + 8) + 4 * (47 + 64 + 24)
+
+    assert stand.device.capabilities().max_rate_hz == pytest.approx(500_000 / bits, rel=0.02)

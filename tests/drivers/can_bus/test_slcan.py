@@ -1,0 +1,235 @@
+"""Frames as text, and the adapter that speaks it."""
+
+from collections import deque
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.devices.bus.line import LineFault
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceUnavailableError
+from piezod_drivers.can_bus.emulation.ends import Adapter
+from piezod_drivers.can_bus.frame import EXTENDED_IDS, STANDARD_IDS, Frame
+from piezod_drivers.can_bus.slcan import BEL, Lines, decode, encode
+from piezod_drivers.can_bus.slcan_bus import SlcanBus
+from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, TestTime
+
+DATA = st.binary(max_size=8)
+FRAMES = st.one_of(
+    st.builds(Frame, st.integers(0, STANDARD_IDS - 1), DATA, st.just(False), st.just(False)),
+    st.builds(Frame, st.integers(0, EXTENDED_IDS - 1), DATA, st.just(True), st.just(False)),
+    st.builds(
+        Frame,
+        st.integers(0, EXTENDED_IDS - 1),
+        st.sampled_from([bytes(n) for n in range(9)]),
+        st.just(True),
+        st.just(True),
+    ),
+)
+A, B = Frame(0x305, b"\x01\x02"), Frame(0x80)
+
+
+@given(FRAMES)
+def test_frame_survives_as_text(frame: Frame) -> None:
+    """What is decoded of an encoded frame is the frame."""
+    assert decode(encode(frame)[:-1]) == frame
+
+
+def test_frames_are_written_as_adapters_do() -> None:
+    """Identifier, length and bytes follow the letter of the kind."""
+    assert encode(A) == b"t30520102\r"
+    assert encode(Frame(0x1ABCDEF0, b"\xff", extended=True)) == b"T1ABCDEF01ff\r"
+    assert decode(b"t12320A0b") == Frame(0x123, b"\x0a\x0b")
+    assert decode(b"t12320A0BFFFF") == Frame(0x123, b"\x0a\x0b"), "with a time stamp"
+    assert decode(b"r1234") == Frame(0x123, bytes(4), remote=True)
+
+
+@given(
+    st.one_of(st.binary(max_size=40), st.from_regex(rb"[tTrR][0-9A-Fa-f ]{0,30}", fullmatch=True))
+)
+def test_decoding_never_raises(line: bytes) -> None:
+    """Whatever a line is, it tells a frame that can be one, or none."""
+    frame = decode(line)
+    if frame is not None:
+        assert 0 <= frame.id < (EXTENDED_IDS if frame.extended else STANDARD_IDS)
+        assert len(frame.data) <= 8
+
+
+@given(st.lists(st.binary(max_size=50)), st.integers(0, 40))
+def test_lines_do_not_depend_on_how_bytes_come(parts: list[bytes], size: int) -> None:
+    """Lines are the same however bytes are cut, as long as none is longer than any can be."""
+    stream = b"".join(part.replace(b"\r", b"")[:20] + b"\r" for part in parts)
+    whole, cut = Lines(), Lines()
+    step = size + 1
+    pieces = [stream[i : i + step] for i in range(0, len(stream), step)]
+
+    assert whole.feed(stream) == [line for piece in pieces for line in cut.feed(piece)]
+
+
+def test_memory_is_bounded() -> None:
+    """Of bytes without an end only the last few are kept."""
+    lines = Lines()
+    lines.feed(b"x" * 1_000_000)
+
+    assert len(lines.feed(b"\r")[0]) <= 32
+
+
+class _Behind:
+    """Implements `Emulator`: an adapter, and the queue in which it holds what it cannot send.
+
+    Attributes:
+        on_bus: What has been on the bus.
+        stuck: Whether nothing leaves.
+        silent: Whether it acknowledges nothing.
+    """
+
+    def __init__(self) -> None:
+        self.adapter = Adapter()
+        self.on_bus: list[Frame] = []
+        self.queue: deque[Frame] = deque()
+        self.stuck = self.silent = False
+        self.commands: list[bytes] = []
+
+    def receive(self, data: bytes) -> list[bytes]:
+        if b"C\r" in data:
+            self.queue.clear()
+        frames, answers = self.adapter.take(data)
+        self.commands.append(data)
+        self.queue.extend(frames)
+        while self.queue and not self.stuck:
+            self.on_bus.append(self.queue.popleft())
+        return [answers] if answers and not self.silent else []
+
+    def due(self) -> list[bytes]:
+        return []
+
+
+@pytest.fixture
+def behind() -> _Behind:
+    """Give an adapter."""
+    return _Behind()
+
+
+@pytest.fixture
+def line(behind: _Behind) -> EmulatedLine:
+    """Give the line to it."""
+    return EmulatedLine(behind, TestTime())
+
+
+@pytest.fixture
+def bus(line: EmulatedLine) -> SlcanBus:
+    """Give the bus behind it, open."""
+    bus = SlcanBus(line, 500_000)
+    bus.open(())
+    return bus
+
+
+def test_opening_sets_the_bit_rate(bus: SlcanBus, behind: _Behind) -> None:
+    """The channel is closed, whoever had it open, before the bit rate is set and it is opened."""
+    assert b"".join(behind.commands) == b"\rC\rS6\rO\r"
+    bus.open(())
+    assert b"".join(behind.commands).endswith(b"\rC\rS6\rO\r")
+
+
+def test_frames_go_both_ways(bus: SlcanBus, behind: _Behind, line: EmulatedLine) -> None:
+    """A frame that is sent is on the bus, one from the bus comes; acknowledgements do not."""
+    bus.send(A)
+    line.comes(behind.adapter.give(B) + behind.adapter.give(A))
+
+    assert behind.on_bus == [A]
+    assert [bus.receive(MS), bus.receive(0), bus.receive(0)] == [B, A, None]
+    assert bus.take_noticed() == set()
+
+
+def test_nothing_comes_in_time(bus: SlcanBus) -> None:
+    """Waiting ends when the time is over."""
+    begin_ns = bus.now_ns()
+
+    assert bus.receive(3 * MS) is None
+    assert bus.now_ns() - begin_ns == 3 * MS
+
+
+@pytest.mark.sees("canopen", "B8")
+@pytest.mark.sees("can_dbc", "B8")
+def test_old_setpoint_never_leaves(bus: SlcanBus, behind: _Behind) -> None:
+    """What an adapter holds that could not leave is gone when the bus is opened again."""
+    behind.stuck = True
+    bus.send(A)
+    assert list(behind.queue) == [A]
+
+    bus.open(())
+    behind.stuck = False
+    bus.send(B)
+
+    assert behind.on_bus == [B]
+
+
+def test_old_setpoint_of_another_process_never_leaves(behind: _Behind, line: EmulatedLine) -> None:
+    """Nor what a process has left that has died with the channel open."""
+    behind.receive(b"O\r")
+    behind.stuck = True
+    behind.receive(encode(A))
+    bus = SlcanBus(line, 500_000)
+    bus.open(())
+    behind.stuck = False
+    bus.send(B)
+
+    assert behind.on_bus == [B]
+
+
+@pytest.mark.sees("canopen", "B9")
+@pytest.mark.sees("can_dbc", "B9")
+def test_refused_frame_is_told(bus: SlcanBus, behind: _Behind) -> None:
+    """A frame that the adapter refuses fails the next one, which is not sent either."""
+    behind.adapter.off_bus = True
+    bus.send(A)
+    bus.receive(MS)
+
+    with pytest.raises(LineFault) as failure:
+        bus.send(B)
+    assert failure.value.flag == DeviceFlag.NOT_SENT
+    assert behind.on_bus == []
+
+
+@pytest.mark.sees("canopen", "B3")
+@pytest.mark.sees("can_dbc", "B3")
+def test_garbage_is_told(bus: SlcanBus, line: EmulatedLine) -> None:
+    """Bytes that are no line of an adapter are told of, and hide no frame behind them."""
+    line.comes(b"\xff\x00rubbish\rt0800\r")
+
+    assert bus.receive(MS) == B
+    assert bus.take_noticed() == {DeviceFlag.GARBAGE}
+
+
+def test_unplugged_adapter_is_told(bus: SlcanBus, line: EmulatedLine) -> None:
+    """An adapter that is gone fails every call but closing."""
+    line.unplugged = True
+
+    with pytest.raises(LineFault) as failure:
+        bus.send(A)
+    assert failure.value.flag == DeviceFlag.DISCONNECTED
+    with pytest.raises(LineFault) as failure:
+        bus.receive(0)
+    assert failure.value.flag == DeviceFlag.DISCONNECTED
+    bus.close()
+
+
+def test_adapter_that_acknowledges_nothing_is_used(line: EmulatedLine, behind: _Behind) -> None:
+    """Some adapters never say CR; they are opened all the same."""
+    behind.silent = True
+    bus = SlcanBus(line, 500_000)
+    bus.open(())
+    bus.send(A)
+
+    assert behind.on_bus == [A]
+
+
+def test_adapter_that_refuses_is_not_used(line: EmulatedLine) -> None:
+    """An adapter that says BEL to the bit rate cannot be used, and the error says so."""
+    line.change = lambda reply: BEL if reply == b"\r" else reply
+    bus = SlcanBus(line, 125_000)
+
+    with pytest.raises(DeviceUnavailableError, match="refuses a bit rate of 125000 bit/s"):
+        bus.open(())
+    assert not line.opened
