@@ -148,14 +148,15 @@ def test_range_of_another_unit_has_to_be_set() -> None:
 
 @pytest.mark.sees("npoint_lc400", "B5")
 @pytest.mark.sees("npoint_lc400", "B6")
-def test_late_answers_are_never_taken_for_the_next() -> None:
+@pytest.mark.parametrize("cycles", [2000, pytest.param(50_000, marks=pytest.mark.stress)])
+def test_late_answers_are_never_taken_for_the_next(cycles: int) -> None:
     """With answers of any lateness, or twice, no command of another instant is told."""
     device, line, rig, _ = lc400(Wiring.both(("1",)))
     device.open()
     device.activate(NOW)
     seen: set[DeviceFlag] = set()
     taken = 0
-    for i in range(2000):
+    for i in range(cycles):
         line._delay_ns = i % 11 * 10 * MS if i % 40 < 2 else MS // 10  # noqa: SLF001 - the test's own line
         line.change = (lambda r: r + r) if i % 17 == 0 else (lambda r: r)
         line.time.t_ns += 2 * MS
@@ -196,14 +197,14 @@ def test_flipped_bits_are_seen_where_they_can_be() -> None:
 
 
 DECODERS: list[Callable[[bytes], object]] = [
-    codec.values,
+    codec.Poll([POSITION_1]).values,
     codec.parse_request,
     codec.text_of,
     lambda got: codec.has_tag(got, 1),
 ]
 LENGTHS = [
     codec.request_length,
-    codec.finds([POSITION_1]),
+    codec.Poll([POSITION_1]).length_of,
     codec.array_length(codec.FIRMWARE, codec.FIRMWARE_WORDS),
 ]
 

@@ -51,6 +51,8 @@ def newest(got: bytes, word_bytes: int) -> Newest:
         words += word_bytes
         if word_bytes == 2 or word[2] < _ADDITIONAL:
             value = count_of(word)
+    if end == words == len(got):
+        return Newest(value, b"", False)
     rest = got[end:]
     begun = next(
         part

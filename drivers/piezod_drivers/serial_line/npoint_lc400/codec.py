@@ -8,6 +8,7 @@ A reply repeats the address that was read. So each exchange also reads one addre
 exchange to exchange, in the memory of the wavetable: its reply is the tag of all that come with it.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from enum import IntEnum
 from struct import Struct
@@ -26,6 +27,7 @@ _READ, _WRITE, _WRITE_NEXT, _READ_ARRAY, _END = 0xA0, 0xA2, 0xA3, 0xA4, 0x55
 _CHANNEL_0: Final = 0x11830000
 _CHANNEL_STEP: Final = 0x1000
 _WAVETABLE: Final = 0xC0000000
+_TAG_END: Final = (_WAVETABLE >> 16).to_bytes(2, "little")
 _REQUEST: Final = Struct("<BIB")
 _WORD: Final = Struct("<BIiB")
 _NEXT: Final = Struct("<BiB")
@@ -83,39 +85,54 @@ def array_reply(where: int, words: Sequence[int]) -> bytes:
     return bytes((_READ_ARRAY,)) + where.to_bytes(4, "little") + data + bytes((_END,))
 
 
-def finds(addresses: Sequence[int]) -> Callable[[bytes], int]:
-    """Return a `LengthOf` for the replies of one exchange: any tag, then these addresses."""
-    fixed = [(0, bytes((_READ,))), (3, (_WAVETABLE >> 16).to_bytes(2, "little"))]
-    fixed.append((_REPLY_BYTES - 1, bytes((_END,))))
-    for i, where in enumerate(addresses, 1):
-        fixed.append((i * _REPLY_BYTES, bytes((_READ,)) + where.to_bytes(4, "little")))
-        fixed.append(((i + 1) * _REPLY_BYTES - 1, bytes((_END,))))
-    length = _REPLY_BYTES * (len(addresses) + 1)
+class Poll:
+    """The addresses that an exchange reads beside its tag.
 
-    def length_of(got: bytes) -> int:
-        for place, wanted in fixed:
+    Args:
+        addresses: In their order.
+    """
+
+    def __init__(self, addresses: Sequence[int]) -> None:
+        self._requests = b"".join(map(read, addresses))
+        begin, end = bytes((_READ,)), bytes((_END,))
+        fixed = [(0, begin), (3, _TAG_END), (_REPLY_BYTES - 1, end)]
+        for i, where in enumerate(addresses, 1):
+            fixed.append((i * _REPLY_BYTES, begin + where.to_bytes(4, "little")))
+            fixed.append(((i + 1) * _REPLY_BYTES - 1, end))
+        self._fixed, self._length = fixed, _REPLY_BYTES * (len(addresses) + 1)
+        bodies = (re.escape(begin + one.to_bytes(4, "little")) + b".{4}U" for one in addresses)
+        whole = re.escape(begin) + b".." + re.escape(_TAG_END) + b".{4}U" + b"".join(bodies)
+        self._whole = re.compile(whole, re.DOTALL)
+        self._values = Struct(f"<{_REPLY_BYTES}x" + "5xix" * len(addresses))
+
+    def request(self, number: int) -> bytes:
+        """Return what is sent in the exchange of a number."""
+        return read(tag_address(number)) + self._requests
+
+    def length_of(self, got: bytes) -> int:
+        """Find the replies of an exchange, whatever its number, as a `LengthOf`."""
+        if self._whole.match(got):
+            return self._length
+        for place, wanted in self._fixed:
             there = got[place : place + len(wanted)]
             if there != wanted[: len(there)]:
                 return _garbage(got, _READ)
-        return length if len(got) >= length else 0
+        return 0
 
-    return length_of
+    def values(self, frame: bytes) -> tuple[int, ...]:
+        """Return the words that were read.
+
+        Raises:
+            MalformedError: If these are not the replies.
+        """
+        if len(frame) != self._length:
+            raise MalformedError(f"no replies: {frame.hex()}")
+        return self._values.unpack(frame)
 
 
 def has_tag(frame: bytes, number: int) -> bool:
     """Tell whether replies are those of an exchange."""
     return frame[1:5] == tag_address(number).to_bytes(4, "little")
-
-
-def values(frame: bytes) -> list[int]:
-    """Return the words of the replies of an exchange, but the tag's.
-
-    Raises:
-        MalformedError: If these are not whole replies.
-    """
-    if len(frame) % _REPLY_BYTES:
-        raise MalformedError(f"no whole replies: {frame.hex()}")
-    return [value for _, _, value, _ in _WORD.iter_unpack(frame[_REPLY_BYTES:])]
 
 
 def array_length(where: int, n: int) -> Callable[[bytes], int]:

@@ -1,6 +1,6 @@
 """What goes over the wire to an LC.400: commands in open loop, positions, one exchange for all."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import nan
 from typing import Final
 
@@ -42,13 +42,13 @@ class Lc400Dialogue:
         watched = (Register.SETPOINT, Register.SERVO)
         addresses = [codec.address(i, register) for i in self._outputs for register in watched]
         addresses += [codec.address(i, Register.POSITION) for i in self._inputs]
-        self._polls = b"".join(map(codec.read, addresses))
-        self._length_of = codec.finds(addresses)
+        self._poll = codec.Poll(addresses)
         self._number = 0
         self._um_per_count: list[float] = []
-        self._setpoints: list[int] = []
+        self._setpoints: tuple[int, ...] = ()
         self._told_ns: int | None = None
-        self._flags: list[Flags] = [NO_FLAGS] * (len(self._inputs) + len(self._outputs))
+        self._well = [NO_FLAGS] * (len(self._inputs) + len(self._outputs))
+        self._flags: Sequence[Flags] = self._well
 
     def open(self) -> Identity:
         """Connect, and ask for the firmware and the ranges.
@@ -63,7 +63,8 @@ class Lc400Dialogue:
         self._told_ns = None
         request = codec.read_array(codec.FIRMWARE, codec.FIRMWARE_WORDS)
         length_of = codec.array_length(codec.FIRMWARE, codec.FIRMWARE_WORDS)
-        firmware = codec.text_of(self._conversation.ask(request, length_of))
+        frame = self._conversation.ask(request, length_of, is_reply=lambda _frame: True)
+        firmware = codec.text_of(frame)
         self._conversation.forget_noticed()
         self._um_per_count = [self._range_um(i) / FULL_SCALE for i in self._inputs]
         ranges = " ".join(f"{scale * FULL_SCALE:g}" for scale in self._um_per_count)
@@ -149,7 +150,7 @@ class Lc400Dialogue:
         return self._conversation.take_noticed()
 
     def _set(self, values: Sequence[float]) -> list[float]:
-        counts = [round(value / 100.0 * FULL_SCALE) for value in values]
+        counts = tuple(round(value / 100.0 * FULL_SCALE) for value in values)
         writes = b"".join(
             codec.write(codec.address(i, Register.SETPOINT), count)
             for i, count in zip(self._outputs, counts, strict=True)
@@ -163,25 +164,28 @@ class Lc400Dialogue:
     def _exchange(self, writes: bytes) -> list[float]:
         """Write, then read everything; return the positions, in µm."""
         self._told_ns = None
-        told = self._ask(writes, self._polls, self._length_of)
+        told = self._ask(writes, self._poll)
         after = 2 * len(self._outputs)
         self._setpoints, positions = told[:after:2], told[after:]
+        servos = told[1:after:2]
         saturated = [abs(position) >= HALF_SCALE for position in positions]
-        self._flags = [_SATURATED if ends else NO_FLAGS for ends in saturated] + [
-            NO_FLAGS if servo == _SERVO_OFF else _LOCAL for servo in told[1:after:2]
-        ]
+        if any(servos) or any(saturated):
+            self._flags = [_SATURATED if ends else NO_FLAGS for ends in saturated] + [
+                NO_FLAGS if servo == _SERVO_OFF else _LOCAL for servo in servos
+            ]
+        else:
+            self._flags = self._well
         return [
             nan if ends else position * scale
             for position, ends, scale in zip(positions, saturated, self._um_per_count, strict=True)
         ]
 
-    def _ask(self, writes: bytes, polls: bytes, length_of: Callable[[bytes], int]) -> list[int]:
+    def _ask(self, writes: bytes, poll: codec.Poll) -> tuple[int, ...]:
         self._number = number = (self._number + 1) % codec.TAGS
-        request = writes + codec.read(codec.tag_address(number)) + polls
         frame = self._conversation.ask(
-            request, length_of, is_reply=lambda frame: codec.has_tag(frame, number)
+            writes + poll.request(number), poll.length_of, lambda got: codec.has_tag(got, number)
         )
-        return codec.values(frame)
+        return poll.values(frame)
 
     def _range_um(self, channel: int) -> float:
         """Tell the range of a stage, in µm.
@@ -193,7 +197,7 @@ class Lc400Dialogue:
         if self._options.range_um is not None:
             return self._options.range_um
         wanted = [codec.address(channel, one) for one in (Register.RANGE_TYPE, Register.RANGE)]
-        kind, size = self._ask(b"", b"".join(map(codec.read, wanted)), codec.finds(wanted))
+        kind, size = self._ask(b"", codec.Poll(wanted))
         if kind != _RANGE_IN_UM or size <= 0:
             where, what = self._line.where, f"range {size} of kind {kind}"
             raise DeviceError(f"{where} tells a {what} for channel {channel}: set range_um")

@@ -23,6 +23,7 @@ ENABLED: Final = 1
 _BYTES_PER_CYCLE: Final = 16 + 26
 """A voltage is asked for (6 + 10), then one is set and asked for (10 + 6 + 10)."""
 _TOLERANCE: Final = FULL_SCALE // 1000
+_REQUEST: Final = codec.short(Id.REQ_OUTPUT, CHANNEL)
 _LOCAL: Final = frozenset({DeviceFlag.LOCAL_MODE})
 
 
@@ -142,8 +143,7 @@ class AmplifierDialogue:
         return self._cube.take_noticed()
 
     def _ask_output(self, before: bytes) -> int:
-        request = before + codec.short(Id.REQ_OUTPUT, CHANNEL)
-        return self._cube.ask_words(request, Id.GET_OUTPUT)[0]
+        return self._cube.ask_words(before + _REQUEST, Id.GET_OUTPUT)[0]
 
     def _ask_status(self) -> codec.Status:
         """Ask for what updates tell; none of these can be on its way, the last answer was later."""

@@ -62,13 +62,18 @@ class AsideLine:
         self._line.send(data)
 
     def receive(self, within_ns: int) -> bytes:
-        """Return what has come and is wanted; may be called in the loop.
+        """Return what has come and is wanted, in whole messages; may be called in the loop.
 
         Returns:
             Nothing also where only the unwanted came.
         """
-        before = self._rest
-        got, place = before + self._line.receive(within_ns), 0
+        before, data = self._rest, self._line.receive(within_ns)
+        if not before:  # nearly always there is nothing, or just what is wanted
+            if not data:
+                return data
+            if length_to_host(data) == len(data) and ident_of(data) == self.wanted:
+                return data
+        got, place = before + data, 0
         stale = got == before and self._line.now_ns() - self._rest_since_ns > _STALE_NS
         passed: list[bytes] = []
         while place < len(got):
@@ -94,6 +99,10 @@ class AsideLine:
         """Return what was noticed since the last call, and forget it; may be called in the loop."""
         noticed, self._noticed = self._noticed, set()
         return noticed | self._line.take_noticed() if isinstance(self._line, Notices) else noticed
+
+    def forget_noticed(self) -> None:
+        """Forget what was noticed here."""
+        self._noticed.clear()
 
     def acknowledgement_due(self) -> bool:
         """Tell, once, that the device stops its updates unless it is told that they are heard."""

@@ -140,11 +140,16 @@ def ident_of(frame: bytes) -> int:
 def length_to_host(got: bytes) -> int:
     """Find the first message to the host, as a `LengthOf`."""
     length = _length(got, _HOSTS, _UNITS)
-    if length > 0 or (length == 0 and len(got) >= _HEADER.size):
-        wanted = _DATA_BYTES.get(ident_of(got))
+    if length >= 0 and len(got) >= _HEADER.size:
+        wanted = _DATA_BYTES.get(got[0] | got[1] << 8)
         if wanted is not None and _data_bytes(got) != wanted:
             return -1
     return length
+
+
+def length_of_whole(got: bytes) -> int:
+    """Tell the length of the first of several messages that are whole, as a `LengthOf`."""
+    return _HEADER.size + _data_bytes(got) if got else 0
 
 
 def length_to_unit(got: bytes) -> int:

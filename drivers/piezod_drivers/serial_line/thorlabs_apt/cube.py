@@ -45,10 +45,11 @@ class Cube:
         """
         self.line.open()
         self._conversation.restart()
+        self._conversation.wait_out()
         self.line.send(codec.short(Id.NO_FLASH_PROGRAMMING) + codec.short(Id.STOP_UPDATES))
         self.line.wanted = Id.GET_INFO
         request = codec.short(Id.REQ_INFO)
-        frame = self._conversation.ask(request, codec.length_to_host, timeout_ns=_OPENING_NS)
+        frame = self._conversation.ask(request, codec.length_of_whole, timeout_ns=_OPENING_NS)
         try:
             hardware = codec.hardware_of(frame)
         except MalformedError as error:
@@ -59,6 +60,7 @@ class Cube:
                 f"{self.line.where} leads to a {told}, the configuration says {wanted}"
             )
         self._conversation.forget_noticed()
+        self.line.forget_noticed()
         return Identity(_MAKER, hardware.model, str(hardware.serial), hardware.firmware)
 
     def close(self) -> None:
@@ -72,7 +74,7 @@ class Cube:
             LineFault: If none comes.
         """
         self.line.wanted = wanted
-        return self._conversation.ask(request, codec.length_to_host)
+        return self._conversation.ask(request, codec.length_of_whole)
 
     def answers(self, request: bytes, wanted: int) -> bool:
         """Tell whether a request is answered, whose late answer nobody would take for another.
@@ -82,7 +84,7 @@ class Cube:
         """
         self.line.wanted = wanted
         try:
-            self._conversation.ask(request, codec.length_to_host, lambda _frame: True)
+            self._conversation.ask(request, codec.length_of_whole, lambda _frame: True)
         except LineFault as fault:
             if fault.flag is not DeviceFlag.LATE_REPLY:
                 raise
