@@ -19,7 +19,8 @@ from piezod_drivers.modbus.setup import Setup
 from piezod_drivers.modbus.transactions import Transactions
 
 _READ: Final = Struct(">BHB")
-_WRITE: Final = Struct(">BHBf")
+_WRITE: Final = Struct(">BHB")
+_ECHO: Final = bytes((FEEDBACK,))
 _WRAPS_AT: Final = 1 << 32
 _NEAR_V: Final = 0.02
 """How near to the safe voltage the output of the coarsest converter may be."""
@@ -46,24 +47,28 @@ class LabJackDialogue:
         self._watchdog = watchdog_of(options, options)
         self._safe_v = options.watchdog.safe if options.watchdog else nan
         self._silence_ns = round(0.9e9 * options.watchdog.timeout_s) if options.watchdog else inf
-        inputs = [_address(options.known, "input", name) for name in wiring.inputs]
+        inputs = [_register(options.known, "input", name) for name in wiring.inputs]
         self._outputs = [_register(options.known, "output", name) for name in wiring.outputs]
-        self._n_inputs, self._n_outputs = len(inputs), len(self._outputs)
-        self._range = next((reg.range for reg in options.known if reg.role == "input"), None)
+        self._n_inputs, self._n_outputs = n_inputs, n = len(inputs), len(self._outputs)
+        self._range = next(((row.low, row.high) for row in inputs), (0.0, 0.0))
         before = [register.address for register in self._outputs]
-        self._head = bytes((FEEDBACK,)) + _reads(before)
-        self._tail = _reads([*before, *inputs, COUNTER_10KHZ])
-        self._numbers = Struct(f">B{2 * self._n_outputs + self._n_inputs}fI")
-        self._echo = bytes((FEEDBACK,))
+        self._head = _ECHO + _reads(before)
+        self._write_heads = [_WRITE.pack(1, address, 2) for address in before]
+        measured = [register.address for register in inputs]
+        self._tail = _reads([*before, *measured, COUNTER_10KHZ])
+        layout = f">{len(self._head)}s" + n * f"{_WRITE.size}sf" + f"{len(self._tail)}s"
+        self._set_and_look = Struct(layout).pack
+        numbers = Struct(f">B{2 * n + n_inputs}fI")
+        self._unpack, self._n_bytes = numbers.unpack, numbers.size
         self._wiring = wiring
+        self._well: Sequence[Flags] = [NO_FLAGS] * (n_inputs + n)
+        self._told: Sequence[Flags] = self._well
         self._values: Sequence[float] = ()
-        self._in_force: list[float] = []
+        self._in_force: Sequence[float] = ()
         self._in_force_ns: int | None = None
-        self._last_ns = 0
-        self._counter: int | None = None
+        self._last_ns = self._counter = 0
         self._changed: DeviceFlag | None = None
         self._noticed: set[DeviceFlag] = set()
-        self._told: Sequence[Flags] = ()
 
     def open(self) -> Identity:
         """Connect, see whether words come in the right order, and read everything once.
@@ -77,9 +82,8 @@ class LabJackDialogue:
         setup = Setup(self._transactions, self._options.unit)
         setup.check(self._profile)
         identity = setup.identity(self._profile)
-        self._told = [NO_FLAGS] * (self._n_inputs + self._n_outputs)
-        self._in_force, self._in_force_ns = [], None
-        self._ask(b"")
+        self._in_force, self._in_force_ns = (), None
+        self._look()
         return identity
 
     def close(self) -> None:
@@ -129,7 +133,7 @@ class LabJackDialogue:
 
     def sample(self, now_ns: int) -> Reading:
         """Read every input; may be called in the loop."""
-        self._ask(b"")
+        self._look()
         self._in_force_ns = now_ns
         return now_ns, self._values
 
@@ -148,7 +152,7 @@ class LabJackDialogue:
     def in_force(self, now_ns: int) -> Sequence[float]:
         """Tell what the outputs hold; may be called in the loop."""
         if self._in_force_ns != now_ns:
-            self._ask(b"")
+            self._look()
             self._in_force_ns = now_ns
         return self._in_force
 
@@ -163,47 +167,54 @@ class LabJackDialogue:
         return noticed
 
     def _set(self, values: Sequence[float]) -> None:
-        if self._transactions.now_ns() - self._last_ns > self._silence_ns:
-            self._ask(b"")
+        if (
+            self._watchdog is not None
+            and self._transactions.now_ns() - self._last_ns > self._silence_ns
+        ):
+            self._look()
             if self._changed is not None:
                 what = f"{self._profile.name}: the outputs have changed while nobody asked"
                 raise LineFault(self._changed, what)
-        self._ask(
-            b"".join(
-                [
-                    _WRITE.pack(1, register.address, 2, value)
-                    for register, value in zip(self._outputs, values, strict=True)
-                ]
-            )
-        )
+        parts: list[object] = [self._head]
+        for head, value in zip(self._write_heads, values, strict=True):
+            parts += (head, value)
+        self._ask(self._set_and_look(*parts, self._tail))
 
-    def _ask(self, writes: bytes) -> None:
-        """Read the outputs, set them, read them again, the inputs and the counter."""
-        request = Request(self._head + writes + self._tail, self._echo, self._numbers.size)
-        _, pdu = self._transactions.ask(self._options.unit, [request])
-        numbers = self._numbers.unpack(pdu)
-        n = self._n_outputs
-        before, self._values = list(numbers[1 : 1 + n]), numbers[1 + 2 * n : -1]
-        self._changed = self._look_at(before, numbers[-1])
+    def _look(self) -> None:
+        self._ask(self._head + self._tail)
+
+    def _ask(self, pdu: bytes) -> None:
+        """Read the outputs, set them perhaps, read them again, the inputs and the counter."""
+        request = Request(pdu, _ECHO, self._n_bytes)
+        numbers = self._unpack(self._transactions.ask(self._options.unit, (request,))[1])
+        n, counter = self._n_outputs, numbers[-1]
+        self._changed = None
+        if counter < self._counter or numbers[1 : 1 + n] != self._in_force:
+            self._note_change(numbers[1 : 1 + n], counter)
+        self._counter, self._in_force = counter, numbers[1 + n : 1 + 2 * n]
+        if self._watchdog is not None:
+            self._last_ns = self._transactions.now_ns()
+        self._values, self._told = numbers[1 + 2 * n : -1], self._well
+        low, high = self._range
+        for value in self._values:
+            if not low <= value <= high:
+                self._note_saturated(low, high)
+                break
+
+    def _note_saturated(self, low: float, high: float) -> None:
+        self._values = [value if low <= value <= high else nan for value in self._values]
+        inputs = [_SATURATED if isnan(value) else NO_FLAGS for value in self._values]
+        self._told = [*inputs, *self._well[self._n_inputs :]]
+
+    def _note_change(self, before: Sequence[float], counter: int) -> None:
+        """Note what happened to the outputs since they were looked at last."""
+        if counter < self._counter < 0.99 * _WRAPS_AT:
+            self._changed = DeviceFlag.RESTARTED
+        elif self._in_force and before != self._in_force:
+            safe = all(abs(value - self._safe_v) < _NEAR_V for value in before)
+            self._changed = DeviceFlag.WATCHDOG_TRIPPED if safe else DeviceFlag.LOCAL_MODE
         if self._changed is not None:
             self._noticed.add(self._changed)
-        self._counter = numbers[-1]
-        self._in_force = list(numbers[1 + n : 1 + 2 * n])
-        self._last_ns = self._transactions.now_ns()
-        if self._range is not None:
-            low, high = self._range
-            self._values = [value if low <= value <= high else nan for value in self._values]
-            wells = [_SATURATED if isnan(value) else NO_FLAGS for value in self._values]
-            self._told = [*wells, *[NO_FLAGS] * n]
-
-    def _look_at(self, before: list[float], counter: int) -> DeviceFlag | None:
-        """Tell what happened to the outputs since they were looked at last."""
-        if self._counter is not None and counter < self._counter < 0.99 * _WRAPS_AT:
-            return DeviceFlag.RESTARTED
-        if not self._in_force or before == self._in_force:
-            return None
-        safe = all(abs(value - self._safe_v) < _NEAR_V for value in before)
-        return DeviceFlag.WATCHDOG_TRIPPED if safe else DeviceFlag.LOCAL_MODE
 
 
 def _reads(addresses: Sequence[int]) -> bytes:
@@ -212,7 +223,3 @@ def _reads(addresses: Sequence[int]) -> bytes:
 
 def _register(known: Sequence[Register], role: Role, name: str) -> Register:
     return next(reg for reg in known if reg.role == role and reg.channel == name)
-
-
-def _address(known: Sequence[Register], role: Role, name: str) -> int:
-    return _register(known, role, name).address

@@ -1,9 +1,11 @@
 """Emulated devices for the tests of the driver: in this process, or behind real descriptors."""
 
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from piezod.devices.bus.bus_device import BusDevice
+from piezod.devices.emulation.bench import Bench
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.devices.emulation.faults import Fault, Faults
 from piezod.devices.emulators import Emulation, Post
@@ -26,22 +28,22 @@ def transactions_over(line: EmulatedLine, options: Options) -> Transactions:
 
 
 def emulated(
-    plugin: EmulatorPlugin, options: Options, wiring: Wiring, serial: str = ""
+    plugin: EmulatorPlugin,
+    options: Options,
+    wiring: Wiring,
+    serial: str = "",
+    kind: type[EmulatedLine] = EmulatedLine,
 ) -> tuple[BusDevice, EmulatedLine, LinearRig]:
-    """Return a device that is not open, its line, and the rig at the other end."""
-    table, rig, time = bench(max(len(wiring.inputs), len(wiring.outputs)))
+    """Return a device that is not open, its line of this kind, and the rig at the other end."""
+    table, rig, clock = bench(max(len(wiring.inputs), len(wiring.outputs)))
     assert plugin.create is not None
-    line = EmulatedLine(plugin.create(table, serial), time)
+    line = kind(plugin.create(table, serial), clock)
     return device_of(options, wiring, transactions_over(line, options)), line, rig
 
 
 @contextmanager
 def served(plugin: EmulatorPlugin, where: str = "", faults: Sequence[Fault] = ()) -> Iterator[str]:
     """Serve a device at a pty or a TCP port in a thread of its own; yield where."""
-    import time  # noqa: PLC0415 - the clock of a bench in real time
-
-    from piezod.devices.emulation.bench import Bench  # noqa: PLC0415 - likewise
-
     rig = LinearRig(1)
     emulation = Emulation([Post(plugin, where, Faults(faults))], Bench(rig, time.monotonic_ns))
     places = emulation.start()
