@@ -122,9 +122,21 @@ ASCII_SENSOR = {
 
 PROFILES = (
     *MODBUS,
-    Profile("pi-e816", "pi_gcs1", Wiring.both(("A",)), Port()),
+    Profile(
+        "pi-e816",
+        "pi_gcs1",
+        Wiring.both(("A", "B")),
+        Port({"axes": ("A", "B")}),
+        ("--axes", "2"),
+    ),
     Profile("pi-gcs2", "pi_gcs2", Wiring.both(("1",)), Port()),
-    Profile("pi-gcs2-tcp", "pi_gcs2", Wiring.both(("1",)), Tcp()),
+    Profile(
+        "pi-gcs2-tcp",
+        "pi_gcs2",
+        Wiring.both(("1", "2")),
+        Tcp({"axes": ("1", "2")}),
+        ("--axes", "2"),
+    ),
     Profile("mdt693a", "thorlabs_mdt", Wiring((), ("x",)), Port()),
     Profile("mdt693b", "thorlabs_mdt", Wiring((), ("x", "y", "z")), Port(), ("--axes", "3")),
     Profile("mdt694b", "thorlabs_mdt", Wiring((), ("x",)), Port()),
