@@ -17,6 +17,7 @@ from piezod.daemon.clock import Clock
 from piezod.devices.around import Around
 from piezod.devices.interface import Device, Sample
 from piezod.devices.status import PASSING, DeviceFlag, Flags
+from piezod.units import NS_PER_S
 
 PAUSE_S: Final = 1.0
 """After a round in which its driver failed, a thread leaves the device alone for so long."""
@@ -80,6 +81,7 @@ class DeviceWorker(Around):
         period_ns: Period of the loop.
         round_ns: How long a round with the device takes, as measured.
         exchanges: Whether it reads and writes in one exchange.
+        pace_ns: How much time there is to be between the beginnings of two rounds, at least.
         pause_s: How long to leave it alone after its driver failed.
     """
 
@@ -91,16 +93,17 @@ class DeviceWorker(Around):
         round_ns: int,
         *,
         exchanges: bool = False,
+        pace_ns: int = 0,
         pause_s: float = PAUSE_S,
     ) -> None:
         super().__init__(device)
         # A setpoint waits for the round under way, and is read back in the one after its own.
-        self._able = self._able._replace(lag_ns=ROUNDS_TO_TELL * round_ns)
+        self._able = self._able._replace(lag_ns=ROUNDS_TO_TELL * max(round_ns, pace_ns))
         if not self._able.inputs:  # the newest setpoint goes out as soon as one can: at any rate
             self._able = self._able._replace(max_rate_hz=inf)
         self._clock_ns, self._pause_s = clock.now_ns, pause_s
-        self._exchanges = exchanges
-        self._deadline_ns = DEADLINE * max(period_ns, round_ns)
+        self._exchanges, self._pace_ns = exchanges, pace_ns
+        self._deadline_ns = DEADLINE * max(period_ns, round_ns, pace_ns)
         self._wish = _Wish(0, (), 0)
         self._told = _Told(0, (), self._unknown, self._no_flags, True)
         self._calls: SimpleQueue[_Call] = SimpleQueue()
@@ -186,7 +189,7 @@ class DeviceWorker(Around):
 
     def _work(self) -> None:
         while (call := self._calls.get()) is not _Call.END:
-            self._began_ns = self._clock_ns()
+            self._began_ns = began_ns = self._clock_ns()
             try:
                 self._carry_out(call)
             except Exception as error:  # noqa: BLE001 - a driver may fail in any way; B15 tells it
@@ -195,6 +198,9 @@ class DeviceWorker(Around):
             else:
                 self.crash = None
             self._began_ns = 0
+            left_ns = began_ns + self._pace_ns - self._clock_ns()
+            if left_ns > 0:
+                self._ended.wait(left_ns / NS_PER_S)
 
     def _carry_out(self, call: _Call) -> None:
         if call is _Call.ROUND:

@@ -190,7 +190,16 @@ def _placed(
     elif where is Place.WORKER:
         combined = _exchanges(device, able)
         round_ns = trips.p99_ns + (0 if combined or not able.outputs else trips.write_ns)
-        used = worker = DeviceWorker(used, clock, period_ns, round_ns, exchanges=combined)
+        # One that says it is slower than the loop is not asked more often, however fast it answers.
+        pace_ns = round(NS_PER_S / able.max_rate_hz)
+        used = worker = DeviceWorker(
+            used,
+            clock,
+            period_ns,
+            round_ns,
+            exchanges=combined,
+            pace_ns=pace_ns if pace_ns > period_ns else 0,
+        )
         threads.append(worker.thread)
         if able.inputs:
             allowed_hz = min(allowed_hz, NS_PER_S / round_ns)

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator, Sequence
 from math import inf, isnan
+from typing import Any
 
 import pytest
 
@@ -59,7 +60,7 @@ class SlowLink(FakeLink):
 class Bench:
     """A worker, its device, and the cycles of a loop of 1 ms."""
 
-    def __init__(self, **options: bool) -> None:
+    def __init__(self, **options: Any) -> None:
         self.link = SlowLink()
         self.link.open()
         self.link.activate(0)
@@ -143,6 +144,7 @@ def test_a_write_is_taken_as_long_as_the_device_takes_the_last_one(bench: Bench)
     eventually(lambda: bench.begin() and bench.write(3.0))
 
 
+@pytest.mark.fault("B15")
 def test_a_device_that_does_not_answer_is_stuck_until_it_does(bench: Bench) -> None:
     """After two periods: no samples, no write, no voltage, and it is said; nobody waits."""
     bench.sampled()
@@ -182,6 +184,7 @@ def test_a_setpoint_that_has_waited_too_long_is_not_sent(bench: Bench) -> None:
     eventually(lambda: 8.0 in bench.link.sent)
 
 
+@pytest.mark.fault("B15")
 def test_a_driver_that_fails_is_left_alone_and_tried_again(bench: Bench) -> None:
     """It is said as long as it fails; the thread lives on."""
     bench.link.breaks = RuntimeError("no such luck")
@@ -273,6 +276,20 @@ def test_a_device_that_is_lost_is_opened_again_behind_the_worker() -> None:
     worker.close()
 
     assert not tended.thread.is_alive()
+
+
+def test_a_device_is_not_asked_more_often_than_it_says() -> None:
+    """The next round waits for its time, whoever asks; the end waits for nothing."""
+    bench = Bench(pace_ns=3600 * 1000 * MS)
+    bench.begin()
+    eventually(lambda: bench.link.reads == 1)
+    for _ in range(5):
+        bench.begin()
+        bench.write(1.0)
+
+    assert bench.link.reads == 1
+    assert bench.link.sent == []
+    bench.close()
 
 
 def test_an_amplifier_follows_any_loop() -> None:

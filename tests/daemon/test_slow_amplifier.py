@@ -1,0 +1,39 @@
+"""An amplifier that is slower than the loop, in a running daemon: with emulated devices."""
+
+from pathlib import Path
+
+from tests.daemon.conftest import StartDaemon
+from tests.daemon.daemons import REPOSITORY
+from tests.daemon.waiting import eventually
+from tests.drivers.bus.bench import emulated
+
+SLOW = {"mdt": "/dev/serial/by-id/EXAMPLE-MDT", "ild": "/dev/serial/by-id/EXAMPLE-ILD"}
+
+
+def configured(folder: Path, amplifier: str, sensor: str, rate_hz: float) -> Path:
+    """Write the configuration of an amplifier of some tens of hertz, and a laser."""
+    text = (REPOSITORY / "config" / "devices" / "mdt693b.yaml").read_text(encoding="utf-8")
+    text = text.replace(SLOW["mdt"], amplifier).replace(SLOW["ild"], sensor)
+    text = text.replace("../models/", f"{REPOSITORY}/config/models/")
+    text = text.replace("rate_hz: 25", f"rate_hz: {rate_hz:g}")
+    path = folder / "stage.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_loop_is_faster_than_its_amplifier(start: StartDaemon, tmp_path: Path) -> None:
+    """It is used behind a worker, goes where it is told, and nobody takes it for faulty."""
+    with emulated("mdt693b", "ild1420") as far:
+        amplifier, laser = far.where
+        daemon = start(configured(tmp_path, amplifier, laser, 100.0)).up()
+        places = {each["name"]: each["placement"] for each in daemon.status()["devices"]}
+        daemon.do("arm")
+        daemon.do("goto", position_um=5.0)
+        eventually(lambda: daemon.status()["axes"]["x"]["on_target"])
+        status = daemon.status()
+        daemon.process.terminate()
+        code = daemon.exit_code()
+
+    assert places == {"amplifier": "behind a worker", "laser": "in the cycle"}
+    assert not [each["id"] for each in status["faults"] if each["id"][0] in "ABS"]
+    assert code == 0
