@@ -325,7 +325,7 @@ def test_node_whose_mapping_is_fixed_is_used_as_it_is() -> None:
         raise AbortError(AbortCode.READ_ONLY)
 
     node: Any = stand.node
-    node._check_mapping = fixed
+    node._check_mapping = fixed  # noqa: SLF001 - such a node
     device = stand.active(Wiring(("a2",), ("a2",)))
 
     assert device.exchange([1.0], stand.time.t_ns)[0]
