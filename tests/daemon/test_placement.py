@@ -177,6 +177,20 @@ def test_a_single_round_trip_that_was_held_up_counts_for_nothing() -> None:
     assert trips.p99_ns < 20 * US
 
 
+def test_a_driver_that_fails_when_it_is_measured_harms_nobody() -> None:
+    """The loop will meet it again, and tell it."""
+
+    class Failing(TimedLink):
+        def read(self, now_ns: int) -> Sequence[Sample]:
+            self._clock.spend_ns(900 * US)
+            raise RuntimeError(f"no luck at {now_ns}")
+
+    clock = FakeClock()
+    [one] = placed(Failing(clock, 0.0), clock=clock)
+
+    assert one.place is Place.WORKER
+
+
 def test_a_placement_is_shown_as_plain_values() -> None:
     """Name, who it is, where, round trips in µs, what it can do."""
     clock = FakeClock()
