@@ -48,6 +48,7 @@ class PsjDialogue:
         self._inputs = [int(name[2:]) for name in wiring.inputs]
         self._outputs = [int(name[2:]) for name in wiring.outputs]
         self._all = [int(name[2:]) for name in wiring.channels]
+        self._reads_back = model.tells_setpoint or model.reads == "voltage"
         self._ranges: list[tuple[float, float]] = []
         self._fresh: list[Freshness] = []
         self._flags: dict[int, Flags] = {}
@@ -74,15 +75,11 @@ class PsjDialogue:
 
     def capabilities(self) -> Capabilities:
         """Tell what it can do; the rate is what the bytes of a cycle allow at this baud rate."""
-        model = self._model
-        n_bytes = len(self._outputs) * (len(codec.command(model, model.set, 0, -100.0)) + 4)
-        n_reads = len(self._inputs) + (0 if model.acknowledges else len(self._outputs))
-        n_bytes += n_reads * (2 * len(codec.command(model, model.read, 0)) + 12)
         return Capabilities(
             inputs=self._wiring.inputs,
             outputs=self._wiring.outputs,
-            read_back=model.tells_setpoint or model.reads == "voltage",
-            max_rate_hz=model.baud / BITS_PER_BYTE / (n_bytes + STATUS_BYTES),
+            read_back=self._reads_back,
+            max_rate_hz=self._model.baud / BITS_PER_BYTE / (self._bytes() + STATUS_BYTES),
             holds=True,
         )
 
@@ -141,6 +138,17 @@ class PsjDialogue:
         """Return what went wrong without making an exchange fail."""
         noticed, self._noticed = self._noticed | self._talk.take_noticed(), set()
         return noticed
+
+    def _bytes(self) -> int:
+        """Return how many bytes a cycle has at most, both ways, but for the status."""
+        model = self._model
+        setpoint = len(codec.command(model, model.set, 0, -100.0)) + len(b"\x13\x11")
+        asked = len(codec.command(model, model.read, 0))
+        answer = asked + len(b"\x13,-100.0000\r\n\x11")
+        n_reads = len(self._inputs)
+        if self._reads_back or not model.acknowledges:
+            n_reads += len(self._outputs)
+        return len(self._outputs) * setpoint + n_reads * (asked + answer)
 
     def _look_after(self, *, at_once: bool = False) -> None:
         """Ask for a status that is due: of one channel at a time, and never before a setpoint."""
