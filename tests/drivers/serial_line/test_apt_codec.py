@@ -106,7 +106,6 @@ def test_garbage_is_refused_by_the_documented_error(garbage: bytes) -> None:
             decode(garbage)
         except MalformedError:
             continue
-    assert isinstance(codec.complaint_of(garbage), str)
 
 
 @given(st.binary(max_size=300))

@@ -1,44 +1,18 @@
-"""Thorlabs cubes: what drivers say to them, and what they make of the answers."""
+"""Thorlabs cubes: what drivers say to them, and whom they refuse."""
 
-from math import isnan
+from collections.abc import Callable
 
 import pytest
 
-from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import Wiring
-from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.thorlabs_apt import codec
-from piezod_drivers.serial_line.thorlabs_apt.amplifier import AmplifierDialogue
 from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
 from piezod_drivers.serial_line.thorlabs_apt.driver import PLUGIN
-from piezod_drivers.serial_line.thorlabs_apt.emulator import Amplifier, Reader
 from piezod_drivers.serial_line.thorlabs_apt.options import Options
-from piezod_drivers.serial_line.thorlabs_apt.reader import ReaderDialogue
-from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench
-from tests.drivers.serial_line.scripted_line import MS, EmulatedLine
-
-NOW = 5
-OUTPUT, INPUT = Wiring((), ("1",)), Wiring(("1",), ())
-
-
-def kpz(**options: object) -> tuple[BusDevice, EmulatedLine, LinearRig, Amplifier]:
-    """Return an amplifier, the line to it, and what is behind the line."""
-    stand, rig, time = bench()
-    emulator = Amplifier(stand, "")
-    line = EmulatedLine(emulator, time)
-    told = Options.model_validate({"port": "p", "model": "KPZ101", **options})
-    return BusDevice("KPZ101", AmplifierDialogue(told, OUTPUT, line)), line, rig, emulator
-
-
-def ksg(
-    request: int = Id.READING_7DE, **options: object
-) -> tuple[BusDevice, EmulatedLine, LinearRig]:
-    """Return a strain gauge reader, the line to it, and the rig behind it."""
-    stand, rig, time = bench()
-    line = EmulatedLine(Reader(stand, "", request), time)
-    told = Options.model_validate({"port": "p", "model": "KSG101", **options})
-    return BusDevice("KSG101", ReaderDialogue(told, INPUT, line)), line, rig
+from piezod_drivers.serial_line.thorlabs_apt.port import wake
+from tests.drivers.serial_line.apt_bench import NOW, answering, answering_words, instead, kpz, ksg
+from tests.drivers.serial_line.linear_rig import UM_PER_V
 
 
 def test_amplifier_says_who_it_is_and_holds() -> None:
@@ -159,122 +133,68 @@ def test_scale_of_readings_can_be_set() -> None:
     assert device.read(NOW)[0].position_um == pytest.approx(2 * 50.0 * UM_PER_V, abs=0.002)
 
 
-@pytest.mark.sees("thorlabs_apt", "S7")
-def test_end_of_range_is_told() -> None:
-    """A reading at the end of the range is invalid, and said to be saturated."""
-    device, _, rig = ksg()
-    device.open()
-    device.activate(NOW)
-    rig.valid = False
-    (sample,) = device.read(NOW)
-    assert not sample.valid
-    assert isnan(sample.position_um)
-    assert set(device.status(NOW)[0]) == {DeviceFlag.SATURATED}
-
-
-@pytest.mark.sees("thorlabs_apt", "A8")
-def test_disabled_output_is_told() -> None:
-    """An output that is switched off at the device is told by the next update."""
-    device, line, _, emulator = kpz()
-    device.open()
-    device.activate(NOW)
-    emulator.receive(codec.short(Id.SET_ENABLED, 1, 2))
-    line.time.t_ns += 200 * MS
-    device.read_back(NOW)
-    assert set(device.status(NOW)[0]) == {DeviceFlag.LOCAL_MODE}
-
-
-@pytest.mark.sees("thorlabs_apt", "A1")
-@pytest.mark.sees("thorlabs_apt", "A8")
-def test_voltage_that_is_not_set_is_refused() -> None:
-    """A write is refused where the amplifier tells another voltage than was set."""
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (answering(Id.GET_CONTROL_MODE, 2), "stays in closed loop"),
+        (answering(Id.GET_ENABLED, 2), "does not enable its output"),
+        (answering_words(Id.GET_SOURCE, 1, 2), "goes on obeying its knob or input"),
+    ],
+)
+def test_amplifier_that_gives_no_control_is_refused(
+    change: Callable[[bytes], bytes], what: str
+) -> None:
+    """An amplifier that does not do what arming needs is refused, with what to do."""
     device, line, _, _ = kpz()
     device.open()
-    device.activate(NOW)
-    line.change = lambda _: codec.long(Id.GET_OUTPUT, codec.words(1, 77), to=HOST, source=UNIT)
-    assert not device.write([50.0], NOW)
-    assert set(device.status(NOW)[0]) == {DeviceFlag.LOCAL_MODE}
+    line.change = change
+    with pytest.raises(DeviceError, match=what):
+        device.activate(NOW)
 
 
-@pytest.mark.sees("thorlabs_apt", "B10")
-def test_complaint_is_told() -> None:
-    """An error that the device reports by itself is told, and disturbs no exchange."""
+def test_unknown_limit_is_refused() -> None:
+    """An amplifier with a voltage limit that nobody knows is refused: its scale is not known."""
     device, line, _, _ = kpz()
-    device.open()
-    device.activate(NOW)
-    line.comes(codec.short(Id.RESPONSE, to=HOST, source=UNIT))
-    assert device.write([50.0], NOW)
-    assert set(device.status(NOW)[0]) == {DeviceFlag.DEVICE_FAILURE}
+    answer = codec.long(Id.GET_IO, bytes((1, 0, 9, *[0] * 7)), to=HOST, source=UNIT)
+    line.change = instead(Id.GET_IO, answer)
+    with pytest.raises(DeviceError, match="unknown voltage limit: 9"):
+        device.open()
 
 
-@pytest.mark.sees("thorlabs_apt", "B3")
-@pytest.mark.parametrize("garbage", [b"\xff", b"\x45\x06\x04", b"?" * 300])
-def test_garbage_before_an_answer_is_told(garbage: bytes) -> None:
-    """Garbage before an answer is told, and the answer is found behind it."""
-    device, line, _, _ = kpz()
-    device.open()
-    device.activate(NOW)
-    line.change = lambda reply: garbage + reply
-    assert device.write([50.0], NOW)
-    assert set(device.status(NOW)[0]) == {DeviceFlag.GARBAGE}
+def test_reader_without_travel_needs_a_scale() -> None:
+    """A reader that knows no travel is refused as long as the scale is not set."""
+    device, line, _ = ksg()
+    line.change = answering_words(Id.GET_MAX_TRAVEL, 1, 0)
+    with pytest.raises(DeviceError, match="set full_scale_um"):
+        device.open()
 
 
-def test_updates_are_never_taken_for_answers() -> None:
-    """Updates that come with each answer, in front of it or behind it, change nothing."""
-    device, line, rig, emulator = kpz()
-    device.open()
-    device.activate(NOW)
-    (update,) = emulator.receive(codec.short(Id.REQ_STATUS, 1))
-    for i in range(200):
-        line.change = (lambda r: update + r) if i % 2 else (lambda r: r + update)
-        assert device.write([float(i % 150)], NOW)
-        assert device.read_back(NOW) == pytest.approx([i % 150], abs=0.01)
-    assert not device.status(NOW)[0]
-    assert codec.short(Id.ACK_STATUS) in b"".join(line.sent)
-    assert rig.drive_v[0] == pytest.approx(199 % 150, abs=0.01)
+def test_port_that_goes_while_opening_is_told() -> None:
+    """A reader whose port goes while it is asked for readings is an absent one."""
+    device, line, _ = ksg()
+
+    def pull(reply: bytes) -> bytes:
+        line.unplugged = codec.ident_of(reply) == Id.GET_MAX_TRAVEL
+        return reply
+
+    line.change = pull
+    with pytest.raises(DeviceUnavailableError, match="is gone"):
+        device.open()
 
 
-def test_half_a_message_does_not_block_for_ever() -> None:
-    """Half a message without the rest is garbage after a while, and is not glued to later ones."""
-    device, line, _, _ = kpz()
-    device.open()
-    device.activate(NOW)
-    line.change = lambda reply: reply[:-1]
-    assert not device.write([50.0], NOW)
-    line.change = lambda reply: reply
-    line.time.t_ns += 400 * MS
-    assert device.write([60.0], NOW)
-    assert device.read_back(NOW) == pytest.approx([60.0], abs=0.01)
-    assert DeviceFlag.GARBAGE in device.status(NOW)[0]
+def test_cube_is_woken_by_rts() -> None:
+    """RTS goes on, what has come is dropped, RTS goes off, with 50 ms after each."""
+    done: list[object] = []
 
+    class Port:
+        def reset_input_buffer(self) -> None:
+            done.append("dropped")
 
-@pytest.mark.sees("thorlabs_apt", "B5")
-@pytest.mark.sees("thorlabs_apt", "B6")
-@pytest.mark.parametrize("cycles", [2000, pytest.param(50_000, marks=pytest.mark.stress)])
-def test_late_answers_are_never_taken_for_the_next(cycles: int) -> None:
-    """With answers up to ten time-outs late, or twice, no voltage of another instant is told."""
-    device, line, _, emulator = kpz()
-    device.open()
-    device.activate(NOW)
-    seen: set[DeviceFlag] = set()
-    taken = 0
-    for i in range(cycles):
-        value = float(i * 7 % 150)
-        line._delay_ns = (1 + i // 40 % 13 * 24) * MS if i % 40 == 0 else 1 * MS  # noqa: SLF001 - the test's own line
-        line.change = (lambda r: r + r) if i % 17 == 0 else (lambda r: r)
-        line.time.t_ns += 10 * MS
-        if device.write([value], NOW):
-            taken += 1
-            assert (
-                emulator.receive(codec.short(Id.REQ_OUTPUT, 1))[0][8:]
-                == codec.words(1, round(value / 150 * codec.FULL_SCALE))[2:]
-            )
-        told = device.read_back(NOW)[0]
-        held = codec.words_of(emulator.receive(codec.short(Id.REQ_OUTPUT, 1))[0], 1)[0]
-        assert isnan(told) or told == pytest.approx(held / codec.FULL_SCALE * 150)
-        seen |= device.status(NOW)[0]
-    assert taken > cycles // 20
-    assert {DeviceFlag.LATE_REPLY, DeviceFlag.OUT_OF_ORDER} <= seen
+        def __setattr__(self, name: str, value: object) -> None:
+            done.append((name, value))
+
+    wake(Port(), done.append)  # type: ignore[arg-type]  # as much of a port as is used
+    assert done == [("rts", True), 0.05, "dropped", ("rts", False), 0.05]
 
 
 def test_plug_in_tells_the_channel_of_each_model() -> None:

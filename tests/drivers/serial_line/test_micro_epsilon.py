@@ -1,59 +1,29 @@
-"""Micro-Epsilon sensors: the stream, who they are, and what the driver makes of both."""
+"""Micro-Epsilon sensors: what the driver makes of what they send."""
 
-from math import isnan, nan
+from math import isnan
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from piezod.devices.bus.bus_device import BusDevice
-from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.micro_epsilon import stream
 from piezod_drivers.serial_line.micro_epsilon.dialogue import StreamDialogue
 from piezod_drivers.serial_line.micro_epsilon.driver import PLUGIN
-from piezod_drivers.serial_line.micro_epsilon.emulator import ILD1420, ODC2520, Sensor
-from piezod_drivers.serial_line.micro_epsilon.info import info_of
-from piezod_drivers.serial_line.micro_epsilon.options import Options
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES
-from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench
-from tests.drivers.serial_line.scripted_line import MS, T0_NS, US, EmulatedLine, ScriptedLine, says
-
-WIRING = Wiring(("distance",), ())
-GETINFO = b"GETINFO\n"
-ANSWER = (
-    b"GETINFO\r\nName: ILD1420-10\r\nSerial: 77\r\nMeasuring range: 10.00mm\r\nVersion: 1\r\n->"
+from tests.drivers.serial_line.linear_rig import UM_PER_V
+from tests.drivers.serial_line.micro_epsilon_bench import (
+    ANSWER,
+    AT_COUNT_UM,
+    COUNT,
+    GETINFO,
+    WIRING,
+    WORD,
+    emulated,
+    options,
+    scripted,
 )
-COUNT = 32_000
-WORD = stream.pack(COUNT, 3)
-AT_COUNT_UM = (COUNT * 102 / 65520 - 1) / 100 * 10_000
-
-
-def options(model: str = "ILD1420", **more: object) -> Options:
-    """Return the options of a sensor."""
-    return Options.model_validate({"port": "p", "model": model, **more})
-
-
-def emulated(model: str = "ILD1420") -> tuple[BusDevice, EmulatedLine, LinearRig]:
-    """Return a sensor, the line to it, and the rig in front of it."""
-    stand, rig, time = bench()
-    plugin = ILD1420 if model == "ILD1420" else ODC2520
-    assert plugin.create is not None
-    line = EmulatedLine(plugin.create(stand, ""), time)
-    return BusDevice(model, StreamDialogue(options(model), WIRING, line)), line, rig
-
-
-def scripted(model: str = "ILD1420", **more: object) -> tuple[BusDevice, ScriptedLine]:
-    """Return an active sensor that sends what the test says."""
-    line = ScriptedLine()
-    if PROFILES[model].talks:
-        line.then(says(GETINFO, WORD + ANSWER.replace(b"ILD1420", model.encode()) + WORD))
-    device = BusDevice(model, StreamDialogue(options(model, **more), WIRING, line))
-    line.comes(stream.pack(COUNT >> 4, PROFILES[model].word_bytes), 200 * US)
-    device.open()
-    device.activate(line.now_ns())
-    return device, line
+from tests.drivers.serial_line.scripted_line import MS, T0_NS, US, ScriptedLine, says
 
 
 @pytest.mark.parametrize(("model", "resolution_um"), [("ILD1420", 0.16), ("ODC2520", 1.0)])
@@ -162,70 +132,6 @@ def test_limits_and_codes(model: str, count: int, flags: set[DeviceFlag]) -> Non
     assert set(device.status(T0_NS + MS)[0]) == flags
 
 
-@pytest.mark.parametrize(
-    ("model", "count", "position_um"),
-    [
-        ("ILD1420", 32_760, 5_000.0),
-        ("ILD1900", 98_232, 0.0),
-        ("ILD1750", 98_232 + 65_536, 10_000.0),
-        ("ODC2520", 131_026, 26.0),
-        ("ILD1402", 8_184, 5_000.0),
-    ],
-)
-def test_scales(model: str, count: int, position_um: float) -> None:
-    """Counts are what the manuals' formulas make of them, for a range of 10 mm."""
-    assert PROFILES[model].read(count, 10_000.0)[0] == pytest.approx(position_um, abs=1e-6)
-    assert PROFILES[model].count_at(position_um, 10_000.0) == count
-
-
-@given(
-    st.sampled_from(sorted(PROFILES)),
-    st.floats(-1e5, 1e5) | st.just(nan),
-)
-def test_any_count_is_read_within_range_or_refused(model: str, number: float) -> None:
-    """Whatever count comes, the displacement is within the range and a half, or NaN."""
-    profile = PROFILES[model]
-    count = 0 if isnan(number) else int(abs(number)) % (1 << 18 if profile.word_bytes == 3 else 14)
-    position_um, flags = profile.read(count, 10_000.0)
-    if not isnan(position_um):
-        assert not flags
-        assert -131_000 <= position_um <= 131_072
-
-
-@given(st.binary(max_size=400), st.sampled_from([2, 3]))
-def test_arbitrary_bytes_are_a_stream(garbage: bytes, word_bytes: int) -> None:
-    """Whatever comes, it is read without an error, and less than a word is kept."""
-    value, rest, _ = stream.newest(garbage, word_bytes)
-    assert len(rest) < word_bytes
-    assert value is None or 0 <= value < 1 << 6 * word_bytes + (2 if word_bytes == 2 else 0)
-    info_of(stream.text_of(garbage, word_bytes))
-
-
-@given(
-    st.lists(st.integers(0, 262_143), min_size=1, max_size=60),
-    st.lists(st.integers(1, 40), min_size=1, max_size=60),
-)
-def test_parts_of_a_stream_give_what_the_whole_gives(counts: list[int], cuts: list[int]) -> None:
-    """However a stream is cut, its last value is found and nothing is said to be broken."""
-    whole, place, rest = b"".join(stream.pack(count, 3) for count in counts), 0, b""
-    last = None
-    for cut in cuts * len(whole):
-        part = whole[place : place + cut]
-        place += cut
-        value, rest, broken = stream.newest(rest + part, 3)
-        assert not broken
-        last = last if value is None else value
-        if place >= len(whole):
-            break
-    assert last == counts[-1]
-
-
-def test_additional_values_are_passed_over() -> None:
-    """Values that are sent beside the distance are not taken for it."""
-    both = stream.pack(5, 3) + stream.pack(9, 3, additional=True)
-    assert stream.newest(both * 3, 3) == (5, b"", False)
-
-
 @pytest.mark.sees("micro_epsilon", "B3")
 @pytest.mark.parametrize(("model", "word_bytes"), [("ILD1420", 3), ("ILD1402", 2)])
 def test_flipped_flags_make_no_value(model: str, word_bytes: int) -> None:
@@ -261,6 +167,20 @@ def test_backlog_is_dropped_and_told() -> None:
     assert set(device.status(T0_NS)[0]) == {DeviceFlag.BUS_OVERLOADED}
 
 
+def test_lost_axis_is_beyond_the_range() -> None:
+    """An emulated sensor that sees nothing sends an error code, or one for beyond its range."""
+    device, line, rig = emulated()
+    device.open()
+    rig.valid = False
+    device.activate(line.now_ns())
+    line.time.t_ns += 2 * MS
+    assert not device.read(line.now_ns())[0].valid
+    assert set(device.status(line.now_ns())[0]) == {DeviceFlag.SATURATED}
+    rig.valid, rig.drive_v = True, [1e6]
+    line.time.t_ns += 2 * MS
+    assert not device.read(line.now_ns())[0].valid
+
+
 def test_silent_sensor_is_told_with_a_remedy() -> None:
     """A sensor that answers and sends no values is refused, with what to do."""
     line = ScriptedLine(says(GETINFO, ANSWER))
@@ -291,14 +211,3 @@ def test_bit_rate_is_the_profiles_unless_set() -> None:
     assert options("ODC2520", baud=921_600).bits_per_s == 921_600
     assert PLUGIN.channels(options()) == ({"distance": "µm"}, {})
     assert PLUGIN.create(options(), WIRING, 1) is not None
-
-
-@given(st.lists(st.binary(max_size=60), max_size=20))
-def test_emulator_survives_whatever_comes(parts: list[bytes]) -> None:
-    """An emulator answers arbitrary bytes, or not, and raises nothing."""
-    stand, _, time = bench()
-    sensor = Sensor(stand, "", "ILD1420", "ILD1420-10", 10.0, 5000.0)
-    for part in parts:
-        sensor.receive(part)
-        time.t_ns += MS
-        assert len(sensor.due()) == 1 + (time.t_ns == T0_NS + MS)

@@ -7,7 +7,6 @@ from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.thorlabs_apt.codec import (
     MOST_BYTES,
     Id,
-    MalformedError,
     Status,
     ident_of,
     length_to_host,
@@ -120,11 +119,8 @@ class AsideLine:
     def _put_aside(self, frame: bytes) -> None:
         ident = ident_of(frame)
         if ident == Id.GET_STATUS:
-            try:
-                self.status = status_of(frame)
-                self._unacknowledged += 1
-            except MalformedError:
-                self._noticed.add(DeviceFlag.GARBAGE)
+            self.status = status_of(frame)
+            self._unacknowledged += 1
         elif ident in _COMPLAINTS:
             self._noticed.add(DeviceFlag.DEVICE_FAILURE)
         elif ident in _REPLIES:

@@ -26,7 +26,8 @@ MOST_BYTES: Final = _HEADER.size + MOST_DATA
 _WORDS: Final = {n: Struct("<H" + n * "h") for n in (1, 2)}
 _STATUS: Final = Struct("<HhhL")
 _HARDWARE: Final = Struct("<l8sH4B48s12sHHH")
-_RICH: Final = Struct("<HH64s")
+_RICH_BYTES: Final = 68
+"""What it is about, a code and a text."""
 _LONG: Final = 0x80
 _HOSTS: Final = frozenset({0x00, HOST})
 _UNITS: Final = frozenset({0x00, 0x11, *range(0x21, 0x2B), UNIT})
@@ -63,7 +64,6 @@ class Id(IntEnum):
     REQ_STATUS = 0x0660
     GET_STATUS = 0x0661
     ACK_STATUS = 0x0662
-    SET_IO = 0x07D4
     REQ_IO = 0x07D5
     GET_IO = 0x07D6
     READING_7DD = 0x07DD
@@ -74,7 +74,7 @@ class Id(IntEnum):
 _DATA_BYTES: Final[dict[int, int]] = {
     Id.GET_INFO: _HARDWARE.size,
     Id.RESPONSE: 0,
-    Id.RICH_RESPONSE: _RICH.size,
+    Id.RICH_RESPONSE: _RICH_BYTES,
     Id.GET_ENABLED: 0,
     Id.GET_CONTROL_MODE: 0,
     Id.GET_OUTPUT: 4,
@@ -219,14 +219,6 @@ def pack_hardware(hardware: Hardware) -> bytes:
     model = hardware.model.encode("ascii")
     serial = hardware.serial
     return _HARDWARE.pack(serial, model, 44, minor, interim, major, 0, b"", b"", 1, 0, 1)
-
-
-def complaint_of(frame: bytes) -> str:
-    """Tell what a device complains about in a `RESPONSE` or `RICH_RESPONSE`."""
-    if len(frame) != _HEADER.size + _RICH.size:
-        return "an error without a text"
-    about, code, text = _RICH.unpack_from(frame, _HEADER.size)
-    return f"error {code} about message {about:#06x}: {_text(text)}"
 
 
 def _text(raw: bytes) -> str:

@@ -50,10 +50,7 @@ class Cube:
         self.line.wanted = Id.GET_INFO
         request = codec.short(Id.REQ_INFO)
         frame = self._conversation.ask(request, codec.length_of_whole, timeout_ns=_OPENING_NS)
-        try:
-            hardware = codec.hardware_of(frame)
-        except MalformedError as error:
-            raise LineFault(DeviceFlag.GARBAGE, str(error)) from error
+        hardware = codec.hardware_of(frame)
         if hardware.model != self._options.model:
             told, wanted = hardware.model, self._options.model
             raise DeviceError(

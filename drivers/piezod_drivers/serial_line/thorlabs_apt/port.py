@@ -1,10 +1,17 @@
 """The USB serial port of a Thorlabs cube."""
 
+from __future__ import annotations
+
 import time
 from contextlib import suppress
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from piezod.devices.bus.serial_line import SerialLine
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from serial import Serial
 
 _PULSE_S: Final = 0.05
 
@@ -21,8 +28,21 @@ class CubePort(SerialLine):
         super().open()
         assert self._serial is not None  # noqa: S101 - it was opened
         with suppress(OSError):  # a pty has no RTS
-            self._serial.rts = True
-            time.sleep(_PULSE_S)
-            self._serial.reset_input_buffer()
-            self._serial.rts = False
-            time.sleep(_PULSE_S)
+            wake(self._serial, time.sleep)
+
+
+def wake(port: Serial, sleep: Callable[[float], None]) -> None:
+    """Switch RTS on and off, and drop what comes in between.
+
+    Args:
+        port: The open port.
+        sleep: Waits so long, in s.
+
+    Raises:
+        OSError: If the port has no RTS.
+    """
+    port.rts = True
+    sleep(_PULSE_S)
+    port.reset_input_buffer()
+    port.rts = False
+    sleep(_PULSE_S)

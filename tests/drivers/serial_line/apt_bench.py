@@ -1,0 +1,54 @@
+"""Thorlabs cubes that exist in numbers, with drivers for them, in the time of a test."""
+
+from collections.abc import Callable
+
+from piezod.devices.bus.bus_device import BusDevice
+from piezod.devices.interface import Wiring
+from piezod_drivers.serial_line.thorlabs_apt import codec
+from piezod_drivers.serial_line.thorlabs_apt.amplifier import AmplifierDialogue
+from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
+from piezod_drivers.serial_line.thorlabs_apt.emulator import Amplifier, Reader
+from piezod_drivers.serial_line.thorlabs_apt.options import Options
+from piezod_drivers.serial_line.thorlabs_apt.reader import ReaderDialogue
+from tests.drivers.serial_line.linear_rig import LinearRig, bench
+from tests.drivers.serial_line.scripted_line import EmulatedLine
+
+NOW = 5
+
+
+OUTPUT, INPUT = Wiring((), ("1",)), Wiring(("1",), ())
+
+
+def kpz(**options: object) -> tuple[BusDevice, EmulatedLine, LinearRig, Amplifier]:
+    """Return an amplifier, the line to it, and what is behind the line."""
+    stand, rig, time = bench()
+    emulator = Amplifier(stand, "")
+    line = EmulatedLine(emulator, time)
+    told = Options.model_validate({"port": "p", "model": "KPZ101", **options})
+    return BusDevice("KPZ101", AmplifierDialogue(told, OUTPUT, line)), line, rig, emulator
+
+
+def ksg(
+    request: int = Id.READING_7DE, **options: object
+) -> tuple[BusDevice, EmulatedLine, LinearRig]:
+    """Return a strain gauge reader, the line to it, and the rig behind it."""
+    stand, rig, time = bench()
+    line = EmulatedLine(Reader(stand, "", request), time)
+    told = Options.model_validate({"port": "p", "model": "KSG101", **options})
+    return BusDevice("KSG101", ReaderDialogue(told, INPUT, line)), line, rig
+
+
+def instead(ident: int, answer: bytes) -> Callable[[bytes], bytes]:
+    """Return what puts an answer in the place of those of a kind."""
+    return lambda reply: answer if codec.ident_of(reply) == ident else reply
+
+
+def answering(ident: int, value: int) -> Callable[[bytes], bytes]:
+    """Return what puts a parameter in the place of answers of a kind."""
+    return instead(ident, codec.short(ident, 1, value, to=HOST, source=UNIT))
+
+
+def answering_words(ident: int, channel: int, *values: int) -> Callable[[bytes], bytes]:
+    """Return what puts numbers of a channel in the place of answers of a kind."""
+    answer = codec.long(ident, codec.words(channel, *values), to=HOST, source=UNIT)
+    return instead(ident, answer)

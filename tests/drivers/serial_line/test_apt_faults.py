@@ -1,0 +1,150 @@
+"""Thorlabs cubes: what drivers make of faults of the wire and of the device."""
+
+from math import isnan
+
+import pytest
+
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceUnavailableError
+from piezod_drivers.serial_line.thorlabs_apt import codec
+from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
+from tests.drivers.serial_line.apt_bench import NOW, answering_words, instead, kpz, ksg
+from tests.drivers.serial_line.scripted_line import MS
+
+
+@pytest.mark.sees("thorlabs_apt", "S7")
+def test_end_of_range_is_told() -> None:
+    """A reading at the end of the range is invalid, and said to be saturated."""
+    device, _, rig = ksg()
+    device.open()
+    device.activate(NOW)
+    rig.valid = False
+    (sample,) = device.read(NOW)
+    assert not sample.valid
+    assert isnan(sample.position_um)
+    assert set(device.status(NOW)[0]) == {DeviceFlag.SATURATED}
+
+
+@pytest.mark.sees("thorlabs_apt", "A8")
+def test_disabled_output_is_told() -> None:
+    """An output that is switched off at the device is told by the next update."""
+    device, line, _, emulator = kpz()
+    device.open()
+    device.activate(NOW)
+    emulator.receive(codec.short(Id.SET_ENABLED, 1, 2))
+    line.time.t_ns += 200 * MS
+    device.read_back(NOW)
+    assert set(device.status(NOW)[0]) == {DeviceFlag.LOCAL_MODE}
+
+
+@pytest.mark.sees("thorlabs_apt", "A1")
+@pytest.mark.sees("thorlabs_apt", "A8")
+def test_voltage_that_is_not_set_is_refused() -> None:
+    """A write is refused where the amplifier tells another voltage than was set."""
+    device, line, _, _ = kpz()
+    device.open()
+    device.activate(NOW)
+    line.change = lambda _: codec.long(Id.GET_OUTPUT, codec.words(1, 77), to=HOST, source=UNIT)
+    assert not device.write([50.0], NOW)
+    assert set(device.status(NOW)[0]) == {DeviceFlag.LOCAL_MODE}
+
+
+@pytest.mark.sees("thorlabs_apt", "B10")
+def test_complaint_is_told() -> None:
+    """An error that the device reports by itself is told, and disturbs no exchange."""
+    device, line, _, _ = kpz()
+    device.open()
+    device.activate(NOW)
+    line.comes(codec.short(Id.RESPONSE, to=HOST, source=UNIT))
+    assert device.write([50.0], NOW)
+    assert set(device.status(NOW)[0]) == {DeviceFlag.DEVICE_FAILURE}
+
+
+@pytest.mark.sees("thorlabs_apt", "B3")
+@pytest.mark.parametrize("garbage", [b"\xff", b"\x45\x06\x04", b"?" * 300])
+def test_garbage_before_an_answer_is_told(garbage: bytes) -> None:
+    """Garbage before an answer is told, and the answer is found behind it."""
+    device, line, _, _ = kpz()
+    device.open()
+    device.activate(NOW)
+    line.change = lambda reply: garbage + reply
+    assert device.write([50.0], NOW)
+    assert set(device.status(NOW)[0]) == {DeviceFlag.GARBAGE}
+
+
+def test_updates_are_never_taken_for_answers() -> None:
+    """Updates that come with each answer, in front of it or behind it, change nothing."""
+    device, line, rig, emulator = kpz()
+    device.open()
+    device.activate(NOW)
+    (update,) = emulator.receive(codec.short(Id.REQ_STATUS, 1))
+    for i in range(200):
+        line.change = (lambda r: update + r) if i % 2 else (lambda r: r + update)
+        assert device.write([float(i % 150)], NOW)
+        assert device.read_back(NOW) == pytest.approx([i % 150], abs=0.01)
+    assert not device.status(NOW)[0]
+    assert codec.short(Id.ACK_STATUS) in b"".join(line.sent)
+    assert rig.drive_v[0] == pytest.approx(199 % 150, abs=0.01)
+
+
+def test_half_a_message_does_not_block_for_ever() -> None:
+    """Half a message without the rest is garbage after a while, and is not glued to later ones."""
+    device, line, _, _ = kpz()
+    device.open()
+    device.activate(NOW)
+    line.change = lambda reply: reply[:-1]
+    assert not device.write([50.0], NOW)
+    line.change = lambda reply: reply
+    line.time.t_ns += 400 * MS
+    assert device.write([60.0], NOW)
+    assert device.read_back(NOW) == pytest.approx([60.0], abs=0.01)
+    assert DeviceFlag.GARBAGE in device.status(NOW)[0]
+
+
+@pytest.mark.sees("thorlabs_apt", "B5")
+@pytest.mark.sees("thorlabs_apt", "B6")
+@pytest.mark.parametrize("cycles", [2000, pytest.param(50_000, marks=pytest.mark.stress)])
+def test_late_answers_are_never_taken_for_the_next(cycles: int) -> None:
+    """With answers up to ten time-outs late, or twice, no voltage of another instant is told."""
+    device, line, _, emulator = kpz()
+    device.open()
+    device.activate(NOW)
+    seen: set[DeviceFlag] = set()
+    taken = 0
+    for i in range(cycles):
+        value = float(i * 7 % 150)
+        line._delay_ns = (1 + i // 40 % 13 * 24) * MS if i % 40 == 0 else 1 * MS  # noqa: SLF001 - the test's own line
+        line.change = (lambda r: r + r) if i % 17 == 0 else (lambda r: r)
+        line.time.t_ns += 10 * MS
+        if device.write([value], NOW):
+            taken += 1
+            assert (
+                emulator.receive(codec.short(Id.REQ_OUTPUT, 1))[0][8:]
+                == codec.words(1, round(value / 150 * codec.FULL_SCALE))[2:]
+            )
+        told = device.read_back(NOW)[0]
+        held = codec.words_of(emulator.receive(codec.short(Id.REQ_OUTPUT, 1))[0], 1)[0]
+        assert isnan(told) or told == pytest.approx(held / codec.FULL_SCALE * 150)
+        seen |= device.status(NOW)[0]
+    assert taken > cycles // 20
+    assert {DeviceFlag.LATE_REPLY, DeviceFlag.OUT_OF_ORDER} <= seen
+
+
+def test_answer_of_another_channel_is_garbage() -> None:
+    """A reading of a channel that the cube does not have is not taken."""
+    device, line, _ = ksg()
+    device.open()
+    device.activate(NOW)
+    line.change = answering_words(Id.READING_7DF, 2, 100, 100)
+    assert not device.read(NOW)[0].valid
+    assert set(device.status(NOW)[0]) == {DeviceFlag.GARBAGE}
+
+
+def test_enabled_state_of_another_channel_is_garbage() -> None:
+    """Neither is the state of another channel."""
+    device, line, _, _ = kpz()
+    device.open()
+    other = codec.short(Id.GET_ENABLED, 2, 1, to=HOST, source=UNIT)
+    line.change = instead(Id.GET_ENABLED, other)
+    with pytest.raises(DeviceUnavailableError, match="of channel 2, not 1"):
+        device.activate(NOW)
