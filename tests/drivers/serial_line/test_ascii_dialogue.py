@@ -2,6 +2,7 @@
 
 import pytest
 
+from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
@@ -78,6 +79,37 @@ def test_what_is_no_acknowledgement_refuses_the_setpoint(answer: bytes, flag: De
 
     assert not dut.write([1.0], line.now_ns())
     assert flag in dut.status(line.now_ns())[0]
+
+
+@pytest.mark.sees("ascii", "B13")
+def test_a_connection_on_which_nothing_is_acknowledged_is_lost(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What a line over TCP notices is told, and nothing is tried any more."""
+
+    def fail(_data: bytes) -> None:
+        raise LineFault(DeviceFlag.HALF_OPEN, "nothing is acknowledged")
+
+    dut, line = started()
+    monkeypatch.setattr(line, "send", fail)
+
+    assert not dut.write([1.0], line.now_ns())
+    assert DeviceFlag.HALF_OPEN in dut.status(line.now_ns())[0]
+    assert not dut.read(line.now_ns())[0].valid
+
+
+@pytest.mark.sees("ascii", "A3")
+@pytest.mark.sees("ascii", "A12")
+def test_what_is_in_force_comes_from_the_device() -> None:
+    """A voltage that somebody else has changed is told as it is."""
+    dut, line = started(
+        says(b"V 1.00\n", b"OK\n"),
+        says(b"V?\n", b"7.50\n"),
+        read_back=({"send": "V?", "reply": r"(?P<x>[\d.]+)"},),
+    )
+
+    assert dut.write([1.0], line.now_ns())
+    assert dut.read_back(line.now_ns()) == [7.5]
 
 
 def test_no_answer_is_late_and_nothing_is_asked_until_it_cannot_come() -> None:

@@ -3,12 +3,12 @@
 from collections.abc import Callable, Mapping
 from math import isfinite
 from types import MappingProxyType
-from typing import Final
+from typing import Final, Literal
 
 from piezod.devices.emulation.bench import Bench
 from piezod.devices.emulation.emulator import Emulator, EmulatorPlugin
 from piezod.units import NS_PER_S
-from piezod_drivers.serial_line.psj.models import MODELS, Model, Profile
+from piezod_drivers.serial_line.psj.models import MODELS, Profile
 
 MOST_BYTES: Final = 512
 LOWEST_V, HIGHEST_V = 0.0, 150.0
@@ -199,14 +199,17 @@ def _number(text: str) -> float:
     return value
 
 
-def _plugin(name: str, profile: Profile) -> EmulatorPlugin:
+def _plugin(
+    name: str, profile: Profile, wire: Literal["serial", "tcp"] = "serial"
+) -> EmulatorPlugin:
     def create(bench: Bench, serial: str) -> Emulator:
         return PsjEmulator(profile, bench, serial)
 
-    model: Model = MODELS[profile]
-    return EmulatorPlugin(name, f"piezosystem jena {model.title}", "serial", create)
+    how = " over TCP" if wire == "tcp" else ""
+    return EmulatorPlugin(name, f"piezosystem jena {MODELS[profile].title}{how}", wire, create)
 
 
 D_DRIVE: Final = _plugin("psj-ddrive", "ddrive")
 NV40: Final = _plugin("psj-nv40", "nv40")
 NV200: Final = _plugin("psj-nv200", "nv200")
+NV200_TCP: Final = _plugin("psj-nv200-tcp", "nv200", "tcp")
