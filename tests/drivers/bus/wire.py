@@ -1,7 +1,8 @@
 """A driver and its emulated device in one process, in a time that nobody waits for."""
 
 import random
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import pytest
@@ -73,10 +74,13 @@ class Wire:
         seed: Of what is random.
 
     Attributes:
+        emulator: The device.
         rig: What the device is connected to.
         late: How many of the replies are late, from 0 to 1, by 1 to 10 time-outs.
         lost: How many of the requests get lost.
+        change: What becomes of each reply on its way.
         sent: How many requests were sent.
+        requests: The last of them.
         now_ns: The time.
     """
 
@@ -86,17 +90,20 @@ class Wire:
         assert plugin.create is not None, f"{profile.name} is on no wire"
         arguments = dict(zip(profile.arguments[::2], profile.arguments[1::2], strict=True))
         self.rig = StillRig(int(arguments.get("--axes", plugin.channels)))
-        self._emulator = plugin.create(Bench(self.rig, lambda: self.now_ns), "")
+        self.emulator = plugin.create(Bench(self.rig, lambda: self.now_ns), "")
         self._outbox = Outbox(Faults())
         self._random = random.Random(seed)  # noqa: S311 - faults that can be repeated
         self._timeout_ms, self._tick_ns = timeout_ms, 0
         self.late = self.lost = 0.0
+        self.change: Callable[[bytes], bytes] = lambda reply: reply
+        self.requests: deque[bytes] = deque(maxlen=200)
 
     def send(self, data: bytes) -> None:
         """Bring a request to the device, or lose it."""
         self.sent += 1
+        self.requests.append(data)
         if self._random.random() >= self.lost:
-            self._put(self._emulator.receive(data))
+            self._put(self.emulator.receive(data))
 
     def receive(self, within_ns: int) -> bytes:
         """Let time pass until something comes to the driver."""
@@ -104,7 +111,7 @@ class Wire:
         while True:
             if self.now_ns >= self._tick_ns:
                 self._tick_ns = self.now_ns + TICK_NS
-                self._put(self._emulator.due())
+                self._put(self.emulator.due())
             if data := self._outbox.take(self.now_ns):
                 return data
             if self.now_ns >= end_ns:
@@ -119,14 +126,14 @@ class Wire:
             self.now_ns = min(end_ns, max(self._tick_ns, self.now_ns + 1))
             if self.now_ns >= self._tick_ns:
                 self._tick_ns = self.now_ns + TICK_NS
-                self._put(self._emulator.due())
+                self._put(self.emulator.due())
 
     def _put(self, replies: Sequence[bytes]) -> None:
         for reply in replies:
             late = self._random.random() < self.late
             late_s = self._random.uniform(1, 10) * self._timeout_ms * 1e-3 if late else 0.0
             hits = [Hit(FaultKind.LATE, late_s)]
-            self._outbox.put(reply, hits, self.now_ns + ON_THE_WAY_NS)
+            self._outbox.put(self.change(reply), hits, self.now_ns + ON_THE_WAY_NS)
 
 
 @contextmanager

@@ -1,0 +1,113 @@
+"""Bytes that nobody meant, in both directions: no emulator and no driver fails on them."""
+
+import tracemalloc
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from piezod.errors import DeviceError
+from tests.drivers.bus.profiles import PROFILES, Profile
+from tests.drivers.bus.wire import MS, Wire, wired
+
+MOST_ANSWERED = 1_000_000
+"""Bytes that may come back for one request, however large."""
+MOST_KEPT = 100_000
+
+every_profile = pytest.mark.parametrize("profile", PROFILES, ids=lambda profile: profile.name)
+few = settings(max_examples=20, suppress_health_check=list(HealthCheck))
+
+Change = Callable[[bytes], bytes]
+
+
+def _spoilt(place: int, cut: int, put: bytes) -> Change:
+    """Return what replaces so many bytes somewhere by others."""
+
+    def change(data: bytes) -> bytes:
+        at = place % (len(data) + 1)
+        return data[:at] + put + data[at + cut :]
+
+    return change
+
+
+CHANGES = st.builds(_spoilt, st.integers(0, 300), st.integers(0, 8), st.binary(max_size=8)) | (
+    st.binary(max_size=64).map(lambda data: lambda _: data)
+)
+
+
+def use(device: Any, wire: Wire) -> None:
+    """Do everything with a device that can be done with it."""
+    try:
+        device.open()
+        device.activate(wire.now_ns)
+    except DeviceError:
+        device.close()
+        return
+    inputs, outputs = device.capabilities()[:2]
+    for value in (1.0, 2.0):
+        if outputs:
+            device.write([value] * len(outputs), wire.now_ns)
+            device.read_back(wire.now_ns)
+        if inputs:
+            assert len(device.read(wire.now_ns)) == len(inputs)
+        if inputs and outputs and hasattr(device, "exchange"):
+            device.exchange([value] * len(outputs), wire.now_ns)
+        assert len(device.status(wire.now_ns)) == len(inputs) + len(outputs)
+        wire.wait(MS)
+    device.deactivate(wire.now_ns)
+    device.close()
+
+
+@every_profile
+def test_driver_survives_whatever_is_answered(profile: Profile) -> None:
+    """To open and to activate raise nothing but `DeviceError`, whatever comes; the rest nothing."""
+
+    @few
+    @given(changes=st.lists(CHANGES, min_size=1, max_size=20), from_number=st.integers(0, 40))
+    def check(changes: list[Change], from_number: int) -> None:
+        with wired(profile) as wire:
+            number = iter(range(10_000))
+
+            def change(reply: bytes) -> bytes:
+                place = next(number) - from_number
+                return changes[place % len(changes)](reply) if place >= 0 else reply
+
+            wire.change = change
+            use(profile.maker("127.0.0.1:1", 20.0)(), wire)
+
+    check()
+
+
+@every_profile
+def test_emulator_survives_whatever_comes(profile: Profile) -> None:
+    """Requests that are spoilt, cut or none raise nothing, and are answered with little."""
+    with wired(profile) as wire:
+        use(profile.maker("127.0.0.1:1", 20.0)(), wire)
+        known = [request for request in wire.requests if request] or [b"?"]
+
+        @few
+        @given(parts=st.lists(st.tuples(st.sampled_from(known), CHANGES), max_size=20))
+        def check(parts: list[tuple[bytes, Change]]) -> None:
+            for request, change in parts:
+                answered = [*wire.emulator.receive(change(request)), *wire.emulator.due()]
+                assert sum(map(len, answered)) < MOST_ANSWERED
+                wire.now_ns += MS
+
+        check()
+
+
+@every_profile
+@pytest.mark.parametrize("junk", [b"A", b"\0", b"\xff", b"1"])
+def test_emulator_keeps_little(profile: Profile, junk: bytes) -> None:
+    """What never ends is not collected for ever."""
+    with wired(profile) as wire:
+        wire.emulator.receive(junk * 20_000)
+        tracemalloc.start()
+        for _ in range(10):
+            wire.emulator.receive(junk * 20_000)
+        kept, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+
+    assert kept < MOST_KEPT
