@@ -13,6 +13,7 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
+from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod_drivers.modbus.driver import device_of, transactions_of
 from piezod_drivers.modbus.emulation import plugins
@@ -93,6 +94,11 @@ def follows(chosen: Options) -> None:
             assert device.write(values, n)
             assert [sample.position_um for sample in device.read(n)] == pytest.approx(values)
             assert device.read_back(n) == pytest.approx(values)
+            if isinstance(device, ExchangingBusDevice):
+                taken, samples = device.exchange(VALUES, n)
+                assert taken
+                assert device.read_back(-n - 1) == pytest.approx(VALUES)
+                assert len(samples) == len(VALUES)
             assert not any(device.status(n))
     finally:
         device.close()
@@ -113,11 +119,20 @@ def test_libmodbus_over_tcp(libmodbus: Path, functions: tuple[int, ...]) -> None
         )
 
 
-def test_libmodbus_over_rtu(libmodbus: Path) -> None:
+@pytest.mark.parametrize("functions", [(16,), (6, 16), (16, 23)])
+def test_libmodbus_over_rtu(libmodbus: Path, functions: tuple[int, ...]) -> None:
     """Libmodbus' server takes and gives what the driver writes and reads over a serial line."""
     with wired_ports() as (ours, theirs), running(str(libmodbus), "rtu", theirs) as ready:
         assert ready == "ready"
-        follows(options(registers=MAP, port=ours, baud=115_200, timeout_ms=1000.0))
+        follows(
+            options(
+                registers=MAP,
+                port=ours,
+                baud=115_200,
+                write_functions=functions,
+                timeout_ms=1000.0,
+            )
+        )
 
 
 def mbpoll(*words: str) -> list[str]:

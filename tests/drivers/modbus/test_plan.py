@@ -35,6 +35,14 @@ def test_registers_between_known_ones_are_read_with_them() -> None:
     assert spans([5], [5]) == [(5, (1,))]
 
 
+def test_long_blocks_are_divided() -> None:
+    """No request is for more than 125 registers."""
+    assert spans([0, 100, 200, 250], list(range(251))) == [
+        (0, (101, 102, 103)),
+        (200, (51,)),
+    ]
+
+
 def test_forms_reach_no_further_than_known_registers() -> None:
     """A block is also read with its next neighbours, as far as there are any."""
     assert spans([2], list(range(8))) == [(2, tuple(range(1, 1 + FORMS)))]

@@ -169,6 +169,14 @@ def test_forms_that_a_device_refuses_are_not_used() -> None:
         assert device.status(line.now_ns()) == [frozenset()]
 
 
+def test_what_a_device_does_not_tell() -> None:
+    """A box without the register of its version is not told apart, and works nevertheless."""
+    options = Options.model_validate({"profile": "waveshare-ai8b", "port": "p"})
+    device, _, _ = emulated(plugins.ICPDAS, options, Wiring(("AI1",), ()))
+    model = "Modbus RTU Analog Input 8CH (B)"
+    assert device.open() == ("Waveshare", model, "not told", "not told")
+
+
 def test_two_outputs_that_are_no_neighbours() -> None:
     """Each of them is set, in its own request."""
     device, line, rig = opened(

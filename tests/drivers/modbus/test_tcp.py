@@ -76,6 +76,20 @@ def test_a_damaged_header_is_not_accepted() -> None:
     assert passed == list(range(8 * (len(whole) - 4), 8 * len(whole)))
 
 
+def test_another_unit_is_not_believed() -> None:
+    """A reply with the right number and another unit is a fault."""
+    line = PlayedLine(lambda request: [(MS, reply_to(request, 5, 9))])
+    with pytest.raises(LineFault, match="unit 9 answers in the place of unit 1"):
+        tcp(line).ask(1, [REQUEST])
+
+
+def test_an_answer_of_another_form_is_not_believed() -> None:
+    """A reply with the right number and another length is a fault."""
+    line = PlayedLine(lambda request: [(MS, request[:2] + b"\0\0\0\5\1\4\2\0\7")])
+    with pytest.raises(LineFault, match="answers something else: 04 02 00 07"):
+        tcp(line).ask(1, [REQUEST])
+
+
 @given(st.binary(max_size=300), st.binary(max_size=40))
 def test_garbage_raises_nothing_but_line_faults(before: bytes, after: bytes) -> None:
     """A reply among garbage is found or not; the next one is found once the garbage has ended."""
