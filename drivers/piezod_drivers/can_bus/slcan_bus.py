@@ -10,6 +10,7 @@ from typing import Final
 from piezod.devices.bus.line import Line, LineFault, Notices
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
+from piezod_drivers.can_bus.cycle import STALLED_AFTER
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.slcan import BEL, BIT_RATES, CLOSE, OPEN, Lines, decode, encode
 
@@ -17,6 +18,7 @@ _ANSWER_NS: Final = 50_000_000
 """How long an adapter may take to acknowledge a command."""
 _CLOSING_NS: Final = 500_000_000
 _MOST_FRAMES: Final = 4096
+_ACKNOWLEDGEMENTS: Final = frozenset({b"", b"z", b"Z"})
 
 
 class SlcanBus:
@@ -35,7 +37,7 @@ class SlcanBus:
         self._lines = Lines()
         self._frames: deque[Frame] = deque(maxlen=_MOST_FRAMES)
         self._noticed: set[DeviceFlag] = set()
-        self._refused = False
+        self._refused, self._refusals = False, 0
 
     @property
     def where(self) -> str:
@@ -63,7 +65,7 @@ class SlcanBus:
             raise
         self._frames.clear()
         self._noticed.clear()
-        self._refused = False
+        self._refused, self._refusals = False, 0
 
     def close(self) -> None:
         """Close the channel, which empties the adapter's queue, and let go of the port."""
@@ -77,9 +79,12 @@ class SlcanBus:
         That the adapter had no room for it is told only later: the next frame is not sent then.
 
         Raises:
-            LineFault: `NOT_SENT` if the adapter has refused a frame before, `DISCONNECTED` if it is
-                gone.
+            LineFault: `NOT_SENT` if the adapter has refused a frame before, `BUS_OFF` if it has
+                refused several in a row, `DISCONNECTED` if it is gone.
         """
+        if self._refusals >= STALLED_AFTER:
+            what = f"{self.where}: the adapter has refused {self._refusals} frames in a row"
+            raise LineFault(DeviceFlag.BUS_OFF, what)
         if self._refused:
             self._refused = False
             raise LineFault(DeviceFlag.NOT_SENT, f"{self.where}: the adapter's queue is full")
@@ -133,7 +138,10 @@ class SlcanBus:
                 self._frames.append(frame)
             elif said == BEL:
                 self._refused = True
-            elif said not in {b"", b"z", b"Z"}:  # acknowledgements
+                self._refusals += 1
+            elif said in _ACKNOWLEDGEMENTS:
+                self._refusals = 0
+            else:
                 self._noticed.add(DeviceFlag.GARBAGE)
 
     def _quiet(self) -> None:

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterable
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
-from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.emulation.node import Node
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.serial_line.scripted_line import US, TestTime
@@ -25,6 +24,7 @@ class FakeBus:
         on_send: Told each frame that is sent.
         change: What becomes of each answer: the frames that come instead.
         opened_for: The identifiers that it was opened for.
+        when_opened: Frames that come as soon as it is opened.
         told_of_stall: How often it was told that frames do not leave.
     """
 
@@ -39,14 +39,13 @@ class FakeBus:
         self.on_send: Callable[[Frame], None] = lambda _frame: None
         self.opened_for: tuple[int, ...] = ()
         self.told_of_stall = 0
-        self.absent = False
+        self.when_opened: list[Frame] = []
         self._coming: deque[tuple[int, Frame]] = deque()
 
     def open(self, accepted: Iterable[int]) -> None:
-        if self.absent:
-            raise DeviceUnavailableError(f"{self.where} is absent")
         self.opened_for = tuple(accepted)
         self._coming.clear()
+        self.comes(*self.when_opened)
 
     def close(self) -> None:
         pass

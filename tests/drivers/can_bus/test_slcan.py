@@ -192,6 +192,25 @@ def test_refused_frame_is_told(bus: SlcanBus, behind: _Behind) -> None:
     assert behind.on_bus == []
 
 
+@pytest.mark.sees("canopen", "B8")
+@pytest.mark.sees("can_dbc", "B8")
+def test_adapter_that_refuses_again_and_again_is_off_the_bus(
+    bus: SlcanBus, behind: _Behind
+) -> None:
+    """Three frames in a row that are refused lose the bus; one that is taken begins anew."""
+    for refused, flag in ((2, DeviceFlag.NOT_SENT), (3, DeviceFlag.BUS_OFF)):
+        bus.send(A)
+        bus.receive(MS)
+        behind.adapter.off_bus = True
+        for _ in range(refused):
+            bus.send(A)
+        behind.adapter.off_bus = False
+        bus.receive(MS)
+        with pytest.raises(LineFault) as failure:
+            bus.send(A)
+        assert failure.value.flag == flag
+
+
 @pytest.mark.sees("canopen", "B3")
 @pytest.mark.sees("can_dbc", "B3")
 def test_garbage_is_told(bus: SlcanBus, line: EmulatedLine) -> None:
