@@ -193,8 +193,8 @@ def _follow(stage: Stage, request: requests.Follow, t_ns: int) -> Answer:
     axes, why = _chosen(stage, request.axis)
     commanded = [i for i in axes if stage.axes[i].config.command_input is not None]
     if not (why or commanded):
-        why = "there is no command input: the configuration has to name it, as `command_input:` of "
-        why += "an axis" if request.axis is None else f"axis {request.axis}"
+        whose = request.axis or ", ".join(stage.names)
+        why = f"there is nothing to follow: the configuration has no `command_input` for {whose}"
     why = why or _start_running(stage, t_ns)
     if why:
         return Answer(False, why)

@@ -38,6 +38,16 @@ class Bench(Generic[AmplifierT]):
         known_v = [0.0 if math.isnan(axis_v) else axis_v for axis_v in self.rest_v]
         self.driven_v = [axis_v + _STEP_V for axis_v in known_v]
 
+    def leave(self) -> None:
+        """Bring an amplifier that holds its output back to where it was, so that no check climbs.
+
+        One that does not tell where it was stays where it is.
+        """
+        if not self.amplifier.capabilities().holds or any(map(math.isnan, self.rest_v)):
+            return
+        self.amplifier.activate(self.now_ns)
+        self.amplifier.write(self.rest_v, self.now_ns)
+
     def assert_taken(self, drive_v: Sequence[float]) -> None:
         """Assert that a write is taken and in force once the output has settled."""
         assert self.amplifier.write(drive_v, self.now_ns) is True, f"refused {drive_v} V"
@@ -73,9 +83,13 @@ def _near(expected_v: float, actual_v: float) -> bool:
 
 @contextmanager
 def bench_of(factory: Callable[[], AmplifierT]) -> Iterator[Bench[AmplifierT]]:
-    """Construct and open an amplifier, and close it whatever happens."""
+    """Construct and open an amplifier; leave it where it was, and close it whatever happens."""
     with opened(factory) as amplifier:
-        yield Bench(amplifier)
+        bench = Bench(amplifier)
+        try:
+            yield bench
+        finally:
+            bench.leave()
 
 
 def bad_writes(rest_v: Sequence[float]) -> Iterator[list[float]]:

@@ -200,6 +200,38 @@ def test_breach_is_found(breach: type[PlainRig], check: Check) -> None:
         check(breach)
 
 
+class Holding(ExchangingRig):
+    """Stays where it was driven, when it is closed too; it gives 3 V at most."""
+
+    left_v: Sequence[float] = (0.0, 0.0)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.drive_v = list(self.left_v)
+
+    def capabilities(self) -> Capabilities:
+        """Tell that it holds."""
+        return super().capabilities()._replace(holds=True)
+
+    def deactivate(self, now_ns: int) -> None:  # noqa: ARG002 - as above
+        """Stay."""
+        self.is_active = False
+        type(self).left_v = tuple(self.drive_v)
+
+    def in_range(self, axis_v: float) -> bool:
+        """Tell whether one axis can be driven so."""
+        return super().in_range(axis_v) and axis_v <= 3.0
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_device_that_holds_is_left_where_it_was() -> None:
+    """However many checks there are, none begins where another ended."""
+    for check in checks_for(Holding):
+        check(Holding)
+
+    assert Holding.left_v == (0.0, 0.0)
+
+
 def test_a_device_in_real_time_is_waited_for() -> None:
     """It is asked until it is there; what it lives on is not the clock of the checks."""
     amplifier_checks.a_write_comes_into_force(Slow)
