@@ -1,0 +1,28 @@
+"""The page about drivers: its driver is one, and passes the tests that the page shows."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+PAGE = (Path(__file__).parents[2] / "docs" / "writing-a-driver.md").read_text(encoding="utf-8")
+
+
+def _blocks(kind: str) -> str:
+    return "\n\n".join(re.findall(rf"```{kind}\n(.*?)```", PAGE, flags=re.DOTALL))
+
+
+def test_page_can_be_copied(tmp_path: Path) -> None:
+    """The code of the page, put into two files, is a driver and the tests that it passes."""
+    (tmp_path / "acme_e1.py").write_text(_blocks("python"), encoding="utf-8")
+    (tmp_path / "test_acme_e1.py").write_text(_blocks("python test"), encoding="utf-8")
+    run = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider", tmp_path],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert "3 passed" in run.stdout
