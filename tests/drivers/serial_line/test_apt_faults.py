@@ -8,6 +8,7 @@ from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
+from piezod_drivers.serial_line.thorlabs_apt.emulator import Amplifier
 from tests.drivers.serial_line.apt_bench import NOW, answering_words, instead, kpz, ksg
 from tests.drivers.serial_line.scripted_line import MS
 
@@ -35,6 +36,57 @@ def test_disabled_output_is_told() -> None:
     line.time.t_ns += 200 * MS
     device.read_back(NOW)
     assert set(device.status(NOW)[0]) == {DeviceFlag.LOCAL_MODE}
+
+
+def _switch_off_and_on(emulator: Amplifier) -> None:
+    emulator.receive(codec.short(Id.SET_ENABLED, 1, 2))
+    emulator.receive(codec.long(Id.SET_OUTPUT, codec.words(1, 0)))
+
+
+@pytest.mark.sees("thorlabs_apt", "A7")
+def test_amplifier_that_was_off_is_told() -> None:
+    """An amplifier that has forgotten its voltage was switched off and on: that is told, once."""
+    device, line, _, emulator = kpz()
+    device.open()
+    device.activate(NOW)
+    assert device.write([50.0], NOW)
+    _switch_off_and_on(emulator)
+    line.time.t_ns += 200 * MS
+    assert isnan(device.read_back(NOW)[0])
+    assert set(device.status(NOW)[0]) == {DeviceFlag.RESTARTED, DeviceFlag.LOCAL_MODE}
+    assert device.read_back(NOW) == [0.0]
+    assert set(device.status(NOW)[0]) == {DeviceFlag.LOCAL_MODE}
+
+
+@pytest.mark.sees("thorlabs_apt", "A7")
+def test_amplifier_that_was_off_takes_no_voltage_unnoticed() -> None:
+    """After a time-out nothing is set before it is known that nothing was forgotten."""
+    device, line, _, emulator = kpz()
+    device.open()
+    device.activate(NOW)
+    assert device.write([50.0], NOW)
+    line.change = lambda _: b""
+    assert not device.write([51.0], NOW)
+    _switch_off_and_on(emulator)
+    line.change = lambda reply: reply
+    line.time.t_ns += 400 * MS
+    assert not device.write([52.0], NOW)
+    assert DeviceFlag.RESTARTED in device.status(NOW)[0]
+    assert device.read_back(NOW) == [0.0]
+
+
+def test_unacknowledged_zero_is_no_restart() -> None:
+    """A voltage of 0 that was set, and not acknowledged, may be in force: nothing is forgotten."""
+    device, line, _, _ = kpz()
+    device.open()
+    device.activate(NOW)
+    assert device.write([50.0], NOW)
+    line.change = lambda _: b""
+    assert not device.write([0.0], NOW)
+    line.change = lambda reply: reply
+    line.time.t_ns += 400 * MS
+    assert device.read_back(NOW) == [0.0]
+    assert DeviceFlag.RESTARTED not in device.status(NOW)[0]
 
 
 @pytest.mark.sees("thorlabs_apt", "A1")
@@ -83,7 +135,6 @@ def test_updates_are_never_taken_for_answers() -> None:
         assert device.write([float(i % 150)], NOW)
         assert device.read_back(NOW) == pytest.approx([i % 150], abs=0.01)
     assert not device.status(NOW)[0]
-    assert codec.short(Id.ACK_STATUS) in b"".join(line.sent)
     assert rig.drive_v[0] == pytest.approx(199 % 150, abs=0.01)
 
 

@@ -24,6 +24,9 @@ _BYTES_PER_CYCLE: Final = 16 + 26
 """A voltage is asked for (6 + 10), then one is set and asked for (10 + 6 + 10)."""
 _TOLERANCE: Final = FULL_SCALE // 1000
 _REQUEST: Final = codec.short(Id.REQ_OUTPUT, CHANNEL)
+_REQUEST_STATUS: Final = codec.short(Id.REQ_STATUS, CHANNEL)
+_STATUS_NS: Final = 100_000_000
+"""How often the status is asked for: its answer is put aside, and the next one found behind it."""
 _LOCAL: Final = frozenset({DeviceFlag.LOCAL_MODE})
 
 
@@ -31,7 +34,8 @@ class AmplifierDialogue:
     """Implements `Dialogue`.
 
     A setting has no acknowledgement: the voltage is asked for in the same breath, and what the
-    amplifier tells then must be what was set.
+    amplifier tells then must be what was set. After an exchange that failed, what is in force is
+    asked for before anything else is set: an amplifier that was off meanwhile has forgotten it.
 
     Args:
         options: What a configuration says.
@@ -44,6 +48,8 @@ class AmplifierDialogue:
         self._cube = Cube(options, line)
         self._max_v = 0
         self._expected_bits = 0
+        self._status_due_ns = 0
+        self._least, self._doubtful = 0, False
 
     def open(self) -> Identity:
         """Connect, and ask who is there and what the voltage limit is.
@@ -96,11 +102,10 @@ class AmplifierDialogue:
         self._take_input(self._ask_status().output)
         self._enable()
         self._expected_bits = self._ask_status().bits & StatusBit.ENABLED
-        cube.tell(codec.short(Id.START_UPDATES))
+        self._least, self._doubtful, cube.line.status = 0, False, None
 
     def deactivate(self) -> None:
-        """Hold the voltage, and have the device be silent."""
-        self._cube.tell(codec.short(Id.STOP_UPDATES))
+        """Hold the voltage."""
 
     def sample(self, now_ns: int) -> Reading:
         """Read nothing: it has no inputs."""
@@ -112,22 +117,25 @@ class AmplifierDialogue:
         Raises:
             LineFault: If the amplifier does not tell that it is set.
         """
+        if self._doubtful:
+            self._check(self._ask_output(b""))
         counts = round(values[0] / self._max_v * FULL_SCALE)
-        request = codec.long(Id.SET_OUTPUT, codec.words(CHANNEL, counts))
-        if self._cube.line.acknowledgement_due():
-            request += codec.short(Id.ACK_STATUS)
-        told = self._ask_output(request)
+        self._least = min(self._least, counts)
+        told = self._ask_output(codec.long(Id.SET_OUTPUT, codec.words(CHANNEL, counts)))
         if abs(told - counts) > _TOLERANCE:
             what = f"{counts} was set, {told} is told: somebody else sets it, or it does not obey"
             raise LineFault(DeviceFlag.LOCAL_MODE, what)
+        self._least = counts
 
     def in_force(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's
         """Ask for the voltage, in V; may be called in the loop.
 
         Raises:
-            LineFault: If no answer comes.
+            LineFault: If no answer comes, or the amplifier has forgotten what was set.
         """
-        return [self._ask_output(b"") * self._max_v / FULL_SCALE]
+        told = self._ask_output(b"")
+        self._check(told)
+        return [told * self._max_v / FULL_SCALE]
 
     def flags(self) -> Sequence[Flags]:
         """Tell whether it was disabled, or put into closed loop; may be called in the loop."""
@@ -143,7 +151,27 @@ class AmplifierDialogue:
         return self._cube.take_noticed()
 
     def _ask_output(self, before: bytes) -> int:
-        return self._cube.ask_words(before + _REQUEST, Id.GET_OUTPUT)[0]
+        """Send, and ask for the voltage in counts; now and then ask for the status beside it."""
+        now_ns = self._cube.line.now_ns()
+        if now_ns >= self._status_due_ns:
+            self._status_due_ns = now_ns + _STATUS_NS
+            before = _REQUEST_STATUS + before
+        doubtful, self._doubtful = self._doubtful, True
+        (told,) = self._cube.ask_words(before + _REQUEST, Id.GET_OUTPUT)
+        self._doubtful = doubtful
+        return told
+
+    def _check(self, told: int) -> None:
+        """Tell from a voltage of 0, where only others can be in force, that the amplifier was off.
+
+        Raises:
+            LineFault: `RESTARTED`, once.
+        """
+        forgotten = self._least > _TOLERANCE and told == 0
+        self._doubtful = False
+        if forgotten:
+            self._least = 0
+            raise LineFault(DeviceFlag.RESTARTED, "the voltage that was set is forgotten")
 
     def _ask_status(self) -> codec.Status:
         """Ask for what updates tell; none of these can be on its way, the last answer was later."""

@@ -15,7 +15,6 @@ from piezod_drivers.serial_line.thorlabs_apt.codec import (
 
 _STALE_NS: Final = 50_000_000
 """A message whose rest has not come after that time is none; the longest takes 8 ms."""
-_UPDATES_PER_ACK: Final = 5
 _COMPLAINTS: Final = frozenset({Id.RESPONSE, Id.RICH_RESPONSE})
 _REPLIES: Final = frozenset(map(int, Id)) - _COMPLAINTS
 
@@ -23,7 +22,7 @@ _REPLIES: Final = frozenset(map(int, Id)) - _COMPLAINTS
 class AsideLine:
     """Implements `Line` and `Notices` with nothing on it but the messages that are wanted.
 
-    Statuses that a device sends by itself are kept, complaints and bytes that are no message are
+    Statuses that come beside what is wanted are kept, complaints and bytes that are no message are
     noticed, and everything else is dropped.
 
     Args:
@@ -38,8 +37,7 @@ class AsideLine:
         self.wanted = 0
         """What the messages are that are passed on."""
         self.status: Status | None = None
-        """The last one that was sent."""
-        self._unacknowledged = 0
+        """The last one that came, asked for or not."""
 
     @property
     def where(self) -> str:
@@ -49,7 +47,7 @@ class AsideLine:
     def open(self) -> None:
         """Connect, as the line does."""
         self._line.open()
-        self._rest, self.status, self._unacknowledged = b"", None, 0
+        self._rest, self.status = b"", None
         self._noticed.clear()
 
     def close(self) -> None:
@@ -103,13 +101,6 @@ class AsideLine:
         """Forget what was noticed here."""
         self._noticed.clear()
 
-    def acknowledgement_due(self) -> bool:
-        """Tell, once, that the device stops its updates unless it is told that they are heard."""
-        due = self._unacknowledged >= _UPDATES_PER_ACK
-        if due:
-            self._unacknowledged = 0
-        return due
-
     def _sort(self, frame: bytes, passed: list[bytes]) -> None:
         if ident_of(frame) == self.wanted:
             passed.append(frame)
@@ -120,7 +111,6 @@ class AsideLine:
         ident = ident_of(frame)
         if ident == Id.GET_STATUS:
             self.status = status_of(frame)
-            self._unacknowledged += 1
         elif ident in _COMPLAINTS:
             self._noticed.add(DeviceFlag.DEVICE_FAILURE)
         elif ident in _REPLIES:

@@ -35,7 +35,7 @@ PLUGIN: Final = DriverPlugin(
     confirmed_on_hardware=False,
     channels=channels,
     sees=frozenset(
-        {"A1", "A2", "A3", "A8", "A12", "S7", "S10"}
+        {"A1", "A2", "A3", "A7", "A8", "A12", "S7", "S10"}
         | {"B1", "B2", "B3", "B5", "B6", "B7", "B10", "B14"}
     ),
 )
