@@ -2,6 +2,7 @@
 
 import pytest
 
+from piezod.control.fault_cases import Case
 from piezod.control.fault_register import CAUSE_CYCLES, GOOD_CYCLES, Detection
 from piezod.control.fault_table import FAULTS, INDEX, FaultRule, Reaction, ids, mask
 from tests.control.registered import S5, SECOND, Stage
@@ -123,10 +124,10 @@ def test_reset_tells_where_it_could_drop_nothing(stage: Stage) -> None:
     stage.cycles(SECOND)
     stage.cycle("A3")
     stage.cycles(SECOND)
-    stage.cycle("D10")
+    stage.cycle("D5")
 
     assert stage.register.reset(engineer=False) == ""
-    assert stage.latched == ["D10"]
+    assert stage.latched == ["D5"]
 
 
 def test_only_faults_that_stop_the_stage_forbid_to_arm(stage: Stage) -> None:
@@ -253,6 +254,26 @@ def test_a_hold_for_another_axis_is_no_second_one(stage: Stage) -> None:
 
     assert stage.cycle(S5, S5._replace(axis=1)) is Reaction.NONE
     assert stage.told == [("S5", True)] * 2
+
+
+def test_a_milder_case_of_a_latched_fault_counts_for_nothing(stage: Stage) -> None:
+    """It is over when what tripped is over; what ends it stays."""
+    stage.cycle("B3")
+    stage.cycles(GOOD_CYCLES - 1)
+    stage.cycle(Detection("B3", case=Case.SINGLE))
+
+    assert stage.present == []
+    assert stage.register.no_entry.startswith("B3 was found: ")
+
+
+def test_a_worse_case_of_a_fault_is_new_and_a_milder_one_is_not(stage: Stage) -> None:
+    """A sensor is lost, then the amplifier, then they are told together."""
+    sensor, amplifier = Detection("B1", 0, case=Case.SENSOR), Detection("B1", 0)
+    reactions = [stage.cycle(sensor), stage.cycle(amplifier, sensor), stage.cycle(sensor)]
+
+    assert reactions == [Reaction.HOLD, Reaction.BLIND, Reaction.NONE]
+    assert stage.register.unreachable
+    assert stage.told == [("B1", True)] * 2
 
 
 def test_resume_leaves_what_forbids_to_adapt(stage: Stage) -> None:
