@@ -10,7 +10,9 @@ from piezod_drivers.modbus.labjack_dialogue import LabJackDialogue
 from piezod_drivers.modbus.layout import profile_of
 from piezod_drivers.modbus.options import Options
 from piezod_drivers.modbus.register_dialogue import RegisterDialogue
-from piezod_drivers.modbus.transactions import RtuTransactions, TcpTransactions, Transactions
+from piezod_drivers.modbus.rtu import RtuTransactions
+from piezod_drivers.modbus.tcp import TcpTransactions
+from piezod_drivers.modbus.transactions import Transactions
 
 
 def transactions_of(options: Options) -> Transactions:

@@ -12,7 +12,9 @@ from piezod.devices.emulators import Emulation, Post
 from piezod.devices.interface import Wiring
 from piezod_drivers.modbus.driver import device_of
 from piezod_drivers.modbus.options import Options
-from piezod_drivers.modbus.transactions import RtuTransactions, TcpTransactions, Transactions
+from piezod_drivers.modbus.rtu import RtuTransactions
+from piezod_drivers.modbus.tcp import TcpTransactions
+from piezod_drivers.modbus.transactions import Transactions
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
 from tests.drivers.serial_line.scripted_line import EmulatedLine
 

@@ -10,7 +10,7 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.modbus.checksum import checksum
 from piezod_drivers.modbus.requests import Request, WriteMany, read, write_one
-from piezod_drivers.modbus.transactions import RtuTransactions
+from piezod_drivers.modbus.rtu import RtuTransactions
 from tests.devices.bus.played_line import MS, PlayedLine
 
 FORMS = [read("holding", 0, count) for count in (1, 2, 3)]
