@@ -1,0 +1,61 @@
+"""What a configuration of an amplifier of piezosystem jena may say."""
+
+import pytest
+from pydantic import ValidationError
+
+from piezod.devices.interface import Wiring
+from piezod_drivers.serial_line.psj.driver import PLUGIN
+from piezod_drivers.serial_line.psj.models import Profile, Reads
+from piezod_drivers.serial_line.psj.options import Options
+
+
+@pytest.mark.parametrize(
+    ("profile", "baud"),
+    [
+        ("ddrive", 115_200),
+        ("30dv", 115_200),
+        ("nv40", 19_200),
+        ("nv40-1", 9600),
+        ("nv200", 115_200),
+    ],
+)
+def test_the_baud_rate_is_the_models_unless_it_is_given(profile: Profile, baud: int) -> None:
+    """Who says nothing gets the rate that public sources use."""
+    assert Options(profile=profile, port="p").model().baud == baud
+    assert Options(profile=profile, port="p", baud=57_600).model().baud == 57_600
+
+
+@pytest.mark.parametrize(
+    ("profile", "reads", "inputs"),
+    [
+        ("ddrive", None, 0),
+        ("ddrive", "position", 6),
+        ("30dv", "position", 1),
+        ("nv40", None, 3),
+        ("nv40", "voltage", 0),
+        ("nv40-1", None, 0),
+        ("nv200", None, 1),
+        ("nv200", "nothing", 0),
+    ],
+)
+def test_only_positions_are_inputs(profile: Profile, reads: Reads | None, inputs: int) -> None:
+    """A reading is an input where it is a position, in µm; the slow one only if asked for."""
+    units = PLUGIN.channels(Options(profile=profile, port="p", reads=reads))
+
+    assert units is not None
+    assert list(units.inputs.values()) == ["µm"] * inputs
+    assert set(units.outputs.values()) == {"V"}
+
+
+def test_a_range_has_a_width() -> None:
+    """A lowest voltage that is not below the highest is an error."""
+    with pytest.raises(ValidationError, match="must be above the first of the two"):
+        Options(profile="nv200", port="p", range_v=(5.0, 5.0))
+
+
+def test_a_device_is_made_without_its_port() -> None:
+    """Constructing a device opens nothing, whether it is on a port or on a network."""
+    for where in ({"port": "/nowhere"}, {"host": "127.0.0.1", "tcp_port": 23}):
+        options = Options.model_validate({"profile": "nv200", **where})
+
+        assert PLUGIN.create(options, Wiring.both(("ch0",)), 1) is not None
