@@ -7,6 +7,7 @@ from pydantic import Field, StringConstraints, model_validator
 
 from piezod.config.fields import ConfigModel, Quantity, raise_rules
 from piezod_drivers.serial_line.ascii_line.patterns import Pattern
+from piezod_drivers.serial_line.ascii_line.rules import broken_rules
 from piezod_drivers.serial_line.ascii_line.templates import Template
 from piezod_drivers.serial_line.options import LineOptions
 
@@ -125,7 +126,5 @@ class Options(LineOptions):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        from piezod_drivers.serial_line.ascii_line.rules import broken_rules  # noqa: PLC0415 - it imports this
-
         raise_rules(broken_rules(self))
         return self
