@@ -1,12 +1,18 @@
-"""A host that is not ours, thorlabs-apt-protocol, speaks with the emulated cubes over a pty."""
+"""The emulated cubes over a pty: a host that is not ours, thorlabs-apt-protocol, and our own."""
 
+import time
 from collections.abc import Iterator
+from contextlib import closing
 from typing import Any
 
 import pytest
 import thorlabs_apt_protocol as peer
 from serial import Serial
 
+from piezod.devices.interface import Wiring
+from piezod.devices.status import DeviceFlag
+from piezod_drivers.serial_line.thorlabs_apt.driver import PLUGIN
+from piezod_drivers.serial_line.thorlabs_apt.options import Options
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import Emulated, emulated
 
@@ -79,3 +85,28 @@ def test_host_gets_updates_as_long_as_it_wants_them(cubes: Emulated) -> None:
         assert not update.control_mode
         eventually(lambda: abs(kpz.ask(b"", "pz_get_pzstatusupdate").output_voltage) < 200)
         kpz.say(peer.pz_ack_pzstatusupdate(CUBE, HOST) + peer.hw_stop_updatemsgs(CUBE, HOST))
+
+
+@pytest.mark.sees("thorlabs_apt", "A7")
+def test_amplifier_that_is_switched_off_and_on_is_told(cubes: Emulated) -> None:
+    """Our driver tells, across processes, of an amplifier that was off; armed again it obeys."""
+    options = {"port": cubes.where[0], "model": "KPZ101", "timeout_ms": 100.0}
+    device: Any = PLUGIN.create(Options.model_validate(options), Wiring((), ("1",)), 1)
+    with closing(device):
+        device.open()
+        device.activate(time.monotonic_ns())
+        eventually(lambda: device.write([5.0], time.monotonic_ns()))
+        cubes.faults("restart:now:0.1")
+        seen: set[DeviceFlag] = set()
+
+        def restarted() -> bool:
+            device.write([5.0], time.monotonic_ns())
+            seen.update(device.status(time.monotonic_ns())[0])
+            return DeviceFlag.RESTARTED in seen
+
+        eventually(restarted)
+        cubes.faults()
+        device.deactivate(time.monotonic_ns())
+        device.activate(time.monotonic_ns())
+        eventually(lambda: device.write([1.0], time.monotonic_ns()))
+        eventually(lambda: not device.status(time.monotonic_ns())[0])
