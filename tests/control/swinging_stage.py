@@ -43,7 +43,7 @@ class Faulty(FaultyStage):
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A fault, and what is done about it: the first state that is left for, and how soon."""
+    """A fault, and what is done about it: the first state that is left for, and in which cycle."""
 
     fault: str
     kind: Kind
@@ -64,7 +64,7 @@ def check_way(case: Case, stage: Faulty, after: list[StageRecord]) -> None:
     """Check that a fault was told, RUN was left in time, and the stage ended at rest."""
     first = next(i for i, record in enumerate(after) if record.state is not State.RUN)
     assert case.fault in stage.faults()
-    assert (after[first].state, first <= case.within_cycles) == (case.state, True)
+    assert (after[first].state, first < case.within_cycles) == (case.state, True)
     assert all(record.state not in {State.RUN, State.IDENT} for record in after[first:])
     assert after[-1].state in {State.SAFE, State.FAULT}
     assert abs(after[-1].axes[0].drive_v) < 0.5
