@@ -46,11 +46,11 @@ class TcpEnd:
 
     def vanish(self) -> None:
         """Close the connection and listen no longer."""
-        self._drop()
         if self._listener is not None:
             self._poll.unregister(self._listener)
             self._listener.close()
             self._listener = None
+        self._drop()
 
     def receive(self, within_ns: int) -> bytes:
         """Return what has come, as soon as something has; let clients in meanwhile."""

@@ -1,0 +1,133 @@
+"""What goes wrong on a wire: how it is written, when it happens, what becomes of replies."""
+
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.devices.emulation.faults import Fault, FaultKind, Faults, Hit, parse
+from piezod.devices.emulation.outbox import Outbox
+
+MS = 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("lost", Fault(FaultKind.LOST)),
+        ("lost:7", Fault(FaultKind.LOST, 7, 7)),
+        ("garbled:7-9:13", Fault(FaultKind.GARBLED, 7, 9, value=(13, 13))),
+        ("partial:7-", Fault(FaultKind.PARTIAL, 7)),
+        ("duplicated:every 7", Fault(FaultKind.DUPLICATED, every=7)),
+        ("late:every 7:0.01-0.2", Fault(FaultKind.LATE, every=7, value=(0.01, 0.2))),
+        ("disconnect:now:2", Fault(FaultKind.DISCONNECT, 0, 0, value=(2, 2))),
+        ("wrong-identity:3", Fault(FaultKind.IMPOSTOR, 3, 3)),
+    ],
+)
+def test_fault_is_what_was_written(text: str, fault: Fault) -> None:
+    """Kind, which, value."""
+    assert parse(text) == fault
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", "no fault ''"),
+        ("slow", "known: late, lost"),
+        ("late", "how late, in s?"),
+        ("late:3", "how late, in s?"),
+        ("lost:now", "befalls a reply, not a device at once"),
+        ("lost:0", "counted from 1"),
+        ("lost:5-3", "counted from 1, and upwards"),
+        ("lost:every 0", "every 0th"),
+        ("lost:often", "no reply is called 'often'"),
+        ("late:1:soon", "no value 'soon'"),
+        ("late:1:2-1", "no value '2-1'"),
+        ("late:1:9999", "no value '9999'"),
+        ("late:1:0.1:x", "too many parts"),
+    ],
+)
+def test_what_is_no_fault_is_told(text: str, why: str) -> None:
+    """The text says what was expected."""
+    with pytest.raises(ValueError, match=why):
+        parse(text)
+
+
+@given(st.text(alphabet="latenowevery:-. 0123456789", max_size=30) | st.text(max_size=20))
+def test_any_text_is_a_fault_or_refused(text: str) -> None:
+    """Nothing but `ValueError` is raised."""
+    with suppress(ValueError):
+        parse(text)
+
+
+def test_replies_are_counted_from_the_last_change() -> None:
+    """Each fault befalls those that it says, several may befall one; a change counts anew."""
+    faults = Faults([parse("lost:2"), parse("garbled:every 2:3")])
+    first = [faults.next_reply() for _ in range(4)]
+    faults.set([parse("lost:2-3")])
+    second = [[hit.kind for hit in faults.next_reply()] for _ in range(4)]
+
+    garbled = Hit(FaultKind.GARBLED, 3.0)
+    assert first == [[], [Hit(FaultKind.LOST, None), garbled], [], [garbled]]
+    assert second == [[], ["lost"], ["lost"], []]
+
+
+def test_at_once_is_once() -> None:
+    """What happens now befalls no reply, and is not told again."""
+    faults = Faults([parse("disconnect:now")])
+
+    assert faults.at_once() == [Hit(FaultKind.DISCONNECT, 0.5)]
+    assert (faults.at_once(), faults.next_reply()) == ([], [])
+
+
+def sent(reply: bytes, *hits: Hit, wait_ns: int = 0) -> bytes:
+    """Return what comes of a reply some time after it was given."""
+    outbox = Outbox(Faults())
+    outbox.put(reply, hits, 0)
+    return outbox.take(wait_ns)
+
+
+@pytest.mark.parametrize(
+    ("hits", "comes"),
+    [
+        ([], b"abcd"),
+        ([Hit(FaultKind.LOST, None)], b""),
+        ([Hit(FaultKind.DUPLICATED, None)], b"abcdabcd"),
+        ([Hit(FaultKind.PARTIAL, None)], b"ab"),
+        ([Hit(FaultKind.PARTIAL, 3.0)], b"abc"),
+        ([Hit(FaultKind.GARBLED, 9.0)], b"a`cd"),
+        ([Hit(FaultKind.PARTIAL, 1.0), Hit(FaultKind.DUPLICATED, None)], b"aa"),
+    ],
+)
+def test_what_becomes_of_a_reply(hits: list[Hit], comes: bytes) -> None:
+    """As the fault says, one after the other."""
+    assert sent(b"abcd", *hits) == comes
+
+
+def test_one_bit_is_flipped() -> None:
+    """Any, where none is named; there is none in an empty reply."""
+    (flipped,) = [sent(b"abcd", Hit(FaultKind.GARBLED, None))]
+    bits = int.from_bytes(flipped) ^ int.from_bytes(b"abcd")
+
+    assert bits.bit_count() == 1
+    assert sent(b"", Hit(FaultKind.GARBLED, None)) == b""
+
+
+def test_noise_comes_before_the_reply() -> None:
+    """So many bytes."""
+    noisy = sent(b"abcd", Hit(FaultKind.NOISE, 5.0))
+
+    assert (len(noisy), noisy[-4:]) == (9, b"abcd")
+
+
+def test_late_reply_holds_up_those_behind_it() -> None:
+    """A device answers in order; the outbox tells how long nothing is to be sent."""
+    outbox = Outbox(Faults())
+    outbox.put(b"1", [Hit(FaultKind.LATE, 0.05)], 0)
+    outbox.put(b"2", [], MS)
+    waits = [outbox.wait_ns(now_ns, 100 * MS) for now_ns in (0, 49 * MS, 60 * MS)]
+
+    assert waits == [50 * MS, MS, 0]
+    assert (outbox.take(49 * MS), outbox.take(50 * MS)) == (b"", b"12")
+    assert outbox.wait_ns(0, 7) == 7

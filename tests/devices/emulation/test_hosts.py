@@ -1,0 +1,301 @@
+"""Emulated devices at a pty and a TCP port, served by threads of this process."""
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from piezod.devices import emulators
+from piezod.devices.bus.line import Line, LineFault
+from piezod.devices.bus.serial_line import SerialLine
+from piezod.devices.bus.tcp_line import TcpLine
+from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.emulator import EmulatorPlugin
+from piezod.devices.emulation.faults import Faults, parse
+from piezod.devices.emulation.places import address
+from piezod.devices.emulators import Emulation, Post
+from piezod.errors import DeviceError, DeviceUnavailableError, RegistryError
+from tests.daemon.waiting import eventually
+from tests.drivers.bus.wire import StillRig
+
+LONG_NS = 5_000_000_000
+
+
+class Parrot:
+    """An emulator that says its serial number and what it has heard, since when it is connected."""
+
+    def __init__(self, bench: Bench, serial: str) -> None:
+        self._bench, self._serial, self._heard, self._unasked = bench, serial, b"", b""
+
+    def receive(self, data: bytes) -> list[bytes]:
+        self._heard += data
+        if data == b"later":
+            self._unasked = b"unasked"
+        if data == b"drive":
+            self._bench.drive_all([1.0] * self._bench.n_axes)
+        return [self._serial.encode() + b":" + self._heard]
+
+    def due(self) -> list[bytes]:
+        unasked, self._unasked = self._unasked, b""
+        return [unasked] if unasked else []
+
+    def connected(self) -> None:
+        self._heard = b""
+
+
+SERIAL = EmulatorPlugin("parrot", "a parrot", "serial", Parrot)
+TCP = EmulatorPlugin("parrot", "a parrot", "tcp", Parrot)
+
+
+@contextmanager
+def serving(plugin: EmulatorPlugin, where: str, faults: Faults, rig: StillRig) -> Iterator[str]:
+    """Serve a parrot; give where."""
+    bench = Bench(rig, time.monotonic_ns)
+    emulation = Emulation([Post(plugin, where, faults)], bench, "7")
+    (place,) = emulation.start()
+    assert emulation.running()
+    yield place
+    emulation.stop()
+
+
+@pytest.fixture(params=["serial", "tcp"])
+def wire(request: pytest.FixtureRequest) -> str:
+    """Give the kind of wire."""
+    kind: str = request.param
+    return kind
+
+
+@pytest.fixture
+def faults() -> Faults:
+    """Give the wire's faults."""
+    return Faults()
+
+
+@pytest.fixture
+def rig() -> StillRig:
+    """Give the rig."""
+    return StillRig(2)
+
+
+@pytest.fixture
+def line(wire: str, faults: Faults, rig: StillRig, tmp_path: Path) -> Iterator[Line]:
+    """Give an open line to a parrot."""
+    plugin, where = (SERIAL, str(tmp_path / "port")) if wire == "serial" else (TCP, "")
+    with serving(plugin, where, faults, rig) as place:
+        found: Line = SerialLine(place, 9600) if wire == "serial" else TcpLine(*address(place))
+        found.open()
+        yield found
+        found.close()
+
+
+def ask(line: Line, request: bytes = b"x", within_ns: int = LONG_NS) -> bytes:
+    """Send and receive."""
+    line.send(request)
+    return line.receive(within_ns)
+
+
+def reopens(line: Line) -> bool:
+    """Tell whether a line can be opened."""
+    try:
+        line.open()
+    except DeviceUnavailableError:
+        return False
+    return True
+
+
+def gone(line: Line) -> bool:
+    """Tell whether a line is lost."""
+    try:
+        line.receive(1_000_000)
+    except LineFault:
+        return True
+    return False
+
+
+def test_device_answers_and_speaks_unasked(line: Line) -> None:
+    """What it answers and what it sends by itself comes."""
+    assert ask(line) == b"7:x"
+    got = ask(line, b"later")
+    while len(got) < len(b"7:xlaterunasked"):
+        got += line.receive(LONG_NS)
+    assert got == b"7:xlaterunasked"
+
+
+def test_device_goes_on_when_its_client_comes_back(line: Line, wire: str) -> None:
+    """It is the same device; only over TCP does it know that somebody else has connected."""
+    ask(line)
+    for _ in range(3):
+        line.close()
+        eventually(lambda: reopens(line))
+        heard = ask(line)
+
+    assert heard == (b"7:xxxx" if wire == "serial" else b"7:x")
+
+
+def test_connection_goes_and_comes_back(line: Line, faults: Faults) -> None:
+    """In place of a reply; meanwhile nobody can connect."""
+    faults.set([parse("disconnect:2:0.5")])
+    assert ask(line) == b"7:x"
+    line.send(b"x")
+    eventually(lambda: gone(line))
+    assert not reopens(line)
+    eventually(lambda: reopens(line))
+    assert ask(line).startswith(b"7:")
+
+
+def test_another_device_comes_back(line: Line, faults: Faults) -> None:
+    """At once, with another serial number."""
+    faults.set([parse("wrong-identity:now:0.05")])
+    eventually(lambda: gone(line))
+    eventually(lambda: reopens(line))
+
+    assert ask(line) == b"99000099:x"
+
+
+def test_restarted_device_is_silent_and_then_new(line: Line, faults: Faults, rig: StillRig) -> None:
+    """The connection stays, nothing is heard, and the amplifier falls to 0 V."""
+    assert ask(line, b"drive") == b"7:drive"
+    driven_v = list(rig.drive_v)
+    faults.set([parse("restart:now:0.1")])
+    eventually(lambda: rig.drive_v == [0.0, 0.0])
+    heard = eventually(lambda: ask(line, b"x", 50_000_000))
+
+    assert driven_v == [1.0, 1.0]
+    assert heard.strip(b"x") == b"7:"
+
+
+def test_late_and_lost_replies(line: Line, faults: Faults) -> None:
+    """The second reply is lost, the third late."""
+    faults.set([parse("lost:2"), parse("late:3:0.03")])
+    first, second = ask(line, b"a"), ask(line, b"b", 30_000_000)
+    begin_ns = line.now_ns()
+    third = ask(line, b"c")
+
+    assert (first, second, third) == (b"7:a", b"", b"7:abc")
+    assert line.now_ns() - begin_ns >= 30_000_000
+
+
+def test_what_nobody_reads_is_dropped(line: Line) -> None:
+    """A client that sends and never reads does not stop the device."""
+    for _ in range(100):
+        line.send(bytes(1000))
+    eventually(lambda: line.receive(0) != b"")
+
+
+@pytest.mark.parametrize(
+    ("plugin", "where", "why"),
+    [
+        (SERIAL, "/nowhere/port", "no port can be made"),
+        (SERIAL, "/dev/null", "is there already"),
+        (TCP, "nowhere", "no address 'nowhere'"),
+        (TCP, "localhost:99999", "no address"),
+        (TCP, "192.0.2.1:1", "nobody can listen"),
+    ],
+)
+def test_place_that_cannot_be(plugin: EmulatorPlugin, where: str, why: str, rig: StillRig) -> None:
+    """The text names it."""
+    with pytest.raises(DeviceUnavailableError, match=why), serving(plugin, where, Faults(), rig):
+        pass
+
+
+def test_link_that_leads_nowhere_is_replaced(tmp_path: Path, rig: StillRig) -> None:
+    """An emulator that was killed leaves one."""
+    path = tmp_path / "port"
+    path.symlink_to("/dev/pts/none")
+    with serving(SERIAL, str(path), Faults(), rig):
+        assert path.exists()
+    assert not path.is_symlink()
+
+
+def test_second_client_is_turned_away(rig: StillRig) -> None:
+    """A TCP device serves one; the first one goes on."""
+    with serving(TCP, "", Faults(), rig) as place:
+        first, second = TcpLine(*address(place)), TcpLine(*address(place))
+        first.open()
+        assert ask(first) == b"7:x"
+        second.open()
+        eventually(lambda: gone(second))
+        assert ask(first) == b"7:xx"
+        first.close()
+        second.close()
+
+
+def test_one_that_fails_ends_all(rig: StillRig, tmp_path: Path) -> None:
+    """The others are not left alone on a bench."""
+    posts = [Post(SERIAL, str(tmp_path / "port"), Faults()), Post(TCP, "nowhere", Faults())]
+    with pytest.raises(DeviceUnavailableError, match="nowhere"):
+        Emulation(posts, Bench(rig, time.monotonic_ns)).start()
+    assert not (tmp_path / "port").exists()
+
+
+def test_plugin_without_either_way(rig: StillRig) -> None:
+    """It can neither be made nor served."""
+    with (
+        pytest.raises(RegistryError, match="neither be made nor served"),
+        serving(EmulatorPlugin("none", "none", "can"), "", Faults(), rig),
+    ):
+        pass
+
+
+def test_plugin_may_serve_itself(rig: StillRig) -> None:
+    """Called with everything that it needs."""
+
+    def serve(
+        bench: Bench,
+        where: str,
+        faults: Faults,
+        serial: str,
+        ready: Callable[[str], None],
+        stopping: Callable[[], bool],
+    ) -> None:
+        ready(f"{where} {serial} {bench.n_axes} {faults.at_once()}")
+        eventually(stopping)
+
+    plugin = EmulatorPlugin("own", "own", "can", serve=serve)
+    with serving(plugin, "here", Faults(), rig) as place:
+        assert place == "here 7 2 []"
+
+
+def test_what_is_no_emulator(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An entry point that leads to something else is refused, an unknown name too."""
+
+    class Point:
+        name, value = "odd", "odd:ODD"
+
+        def load(self) -> object:
+            return SERIAL
+
+    monkeypatch.setattr(emulators, "entry_points", lambda **_: [Point()])
+    with pytest.raises(RegistryError, match="no emulator that is called 'odd'"):
+        emulators.load("odd")
+    monkeypatch.setattr(emulators, "entry_points", lambda **_: [])
+    with pytest.raises(RegistryError, match="known: none"):
+        emulators.load("odd")
+
+
+@pytest.mark.parametrize("name", emulators.names())
+def test_every_installed_emulator_is_one(name: str) -> None:
+    """It can be loaded, and be made or served."""
+    plugin = emulators.load(name)
+
+    assert (plugin.create is None) != (plugin.serve is None)
+    assert plugin.summary
+
+
+def test_address_may_be_short() -> None:
+    """A port alone is one of this machine; nothing at all is any port."""
+    assert (address("[::1]:502"), address("502"), address("")) == (
+        ("::1", 502),
+        ("127.0.0.1", 502),
+        ("127.0.0.1", 0),
+    )
+    assert socket.inet_aton(address("")[0])
+
+
+def test_error_is_a_device_error() -> None:
+    """So that commands know its exit code."""
+    with pytest.raises(DeviceError):
+        address("x:y")
