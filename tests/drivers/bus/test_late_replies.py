@@ -13,8 +13,8 @@ from tests.drivers.bus.wire import MS, Wire, wired
 LEVELS = 16
 TIMEOUT_MS = 20.0
 LATE, LOST = 0.03, 0.003
-STREAM_NS = 2 * MS
-"""How old a value of a stream may be when it comes."""
+STREAM_NS = 3 * MS
+"""How old a value of a stream may be when it comes: the slowest sends every 2 ms, at ticks of 1."""
 
 
 def level_um(level: int) -> float:
