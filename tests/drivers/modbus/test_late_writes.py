@@ -29,7 +29,8 @@ class LateLine(EmulatedLine):
         super().comes(data, self.arrives_ns - before_ns)
 
 
-@pytest.mark.sees("modbus", "B5", "A1")
+@pytest.mark.sees("modbus", "B5")
+@pytest.mark.sees("modbus", "A1")
 @pytest.mark.parametrize("n_outputs", [1, 3])
 def test_what_is_acknowledged_is_in_force(n_outputs: int) -> None:
     """With late acknowledgements, a write that counts as taken has been taken, and samples fit.
