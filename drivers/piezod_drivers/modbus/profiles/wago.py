@@ -73,7 +73,7 @@ WAGO: Final = (
             ("model", Fact("holding", ITEM, "uint16", lambda number: f"750-{int(number)}")),
             ("firmware", Fact("holding", FIRMWARE, "uint16", lambda number: f"{int(number)}")),
         ),
-        max_rate_hz=500.0,
+        max_rate_hz=500.0,  # not documented
         watchdog=WatchdogPlan(
             off=[Setting(WATCHDOG_STOP, "uint16", STOP_NUMBER, is_told=False)],
             settings=_settings,

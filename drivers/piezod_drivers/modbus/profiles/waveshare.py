@@ -30,7 +30,7 @@ def _input(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> P
             range=(0.0, 0.9999 * highest),
         ),
         facts=_FACTS,
-        max_rate_hz=100.0,
+        max_rate_hz=100.0,  # not documented; at 115200 bit/s the line is slower
     )
 
 
@@ -45,7 +45,7 @@ def _output(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> 
             *row(names, 0, role="read-back", scale=1e-3, unit=unit),
         ),
         facts=_FACTS,
-        max_rate_hz=100.0,
+        max_rate_hz=100.0,  # not documented; at 115200 bit/s the line is slower
     )
 
 
