@@ -2,12 +2,13 @@
 
 Between the loop and the thread there is one slot each way: the newest setpoint, which replaces one
 that was not sent yet, and what came of the last round, samples with the instants at which they were
-taken. The thread makes a round when the loop has written, or, where it does not write, has begun a
-cycle.
+taken. Each cycle asks for a round when it begins and when it writes, so that a device that takes
+nearly a period has no pause.
 """
 
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from enum import Enum, auto
 from math import inf
 from queue import SimpleQueue
@@ -105,7 +106,7 @@ class DeviceWorker(Around):
         self._exchanges, self._pace_ns = exchanges, pace_ns
         self._deadline_ns = DEADLINE * max(period_ns, round_ns, pace_ns)
         self._wish = _Wish(0, (), 0)
-        self._told = _Told(0, (), self._unknown, self._no_flags, True)
+        self._told = _Told(0, (), self._first_read_back(), self._no_flags, True)
         self._calls: SimpleQueue[_Call] = SimpleQueue()
         self._ended = threading.Event()
         self._began_ns = 0
@@ -113,7 +114,7 @@ class DeviceWorker(Around):
         """What the driver raised, if it did, until a round goes well."""
         # The loop's alone.
         self._seen, self._given = self._told, 0
-        self._cycle_ns, self._wrote, self._stuck = -1, False, False
+        self._cycle_ns, self._stuck = -1, False
         # The thread's alone.
         self._active, self._sent, self._taken = True, 0, True
         self.thread = threading.Thread(target=self._work, name="device", daemon=True)
@@ -133,7 +134,6 @@ class DeviceWorker(Around):
         """Hand values over, in place of what was not sent yet; may be called in the loop."""
         self._begin(now_ns)
         self._wish = _Wish(self._wish.number + 1, tuple(drive_v), now_ns)
-        self._wrote = True
         self._ask()
         return self._seen.taken and not self._stuck
 
@@ -176,9 +176,7 @@ class DeviceWorker(Around):
             self._seen = came
         elif any(self._seen.flags):  # what passes was told
             self._seen = came._replace(flags=[flags - PASSING for flags in came.flags])
-        if not self._wrote:
-            self._ask()
-        self._wrote = False
+        self._ask()
 
     def _ask(self) -> None:
         """Have a round made, unless one is waiting to be."""
@@ -186,6 +184,12 @@ class DeviceWorker(Around):
             self._calls.put(_Call.ROUND)
 
     # ------------------------------------------------------------------ the thread
+
+    def _first_read_back(self) -> Sequence[float]:
+        """Ask what is in force, before the thread begins: the first cycle wants to know."""
+        with suppress(Exception):  # a driver may fail in any way; the first round tells it
+            return self._device.read_back(self._clock_ns())
+        return self._unknown
 
     def _work(self) -> None:
         while (call := self._calls.get()) is not _Call.END:

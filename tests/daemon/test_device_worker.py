@@ -108,6 +108,14 @@ def test_samples_come_with_the_instants_at_which_they_were_taken(bench: Bench) -
     assert found.position_um == 1.0
 
 
+def test_what_is_in_force_is_known_from_the_first_cycle_on(bench: Bench) -> None:
+    """It is asked for before the thread begins."""
+    bench.link.free.clear()
+    bench.begin()
+
+    assert bench.worker.read_back(bench.now_ns) == [0.0]
+
+
 def test_a_sample_is_given_once(bench: Bench) -> None:
     """A cycle into which none falls gets one that is not valid: an old one is not repeated."""
     bench.sampled()
