@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 DEMO := build/demo
 STARTED := $(shell date +%s)
 
-.PHONY: help demo test coverage stress check lint bench figures lock clean
+.PHONY: help demo test coverage stress fuzz check lint bench figures lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' Makefile
@@ -23,6 +23,9 @@ coverage: $(STAMP) ## run the tests and tell which lines they leave out (twice a
 
 stress: $(STAMP) ## run the tests that take longer
 	$(BIN)/python -m pytest -m stress --timeout 1800
+
+fuzz: $(STAMP) ## feed what a fuzzer makes up to every driver (needs atheris, 20 s each)
+	$(BIN)/python -m tests.drivers.bus.fuzz
 
 # The tests come last, so that their verdict is the last line.
 check: lint $(STAMP) ## run everything that continuous integration runs

@@ -13,7 +13,7 @@ def emulate(  # noqa: PLR0913, PLR0917 - the options of a command
     profile: Annotated[
         list[str],
         typer.Argument(
-            metavar="PROFILE[=WHERE]…",
+            metavar="PROFILE[=WHERE]",
             help="Devices, each with the path of its port or its HOST:PORT; several are connected "
             "to the same stage, axis by axis.",
         ),

@@ -10,12 +10,14 @@ from pathlib import Path
 
 import pytest
 
+from piezod.devices.bus.serial_line import SerialLine
 from piezod.devices.interface import Identity
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.options import Options
 from tests.cli.conftest import Command
 from tests.daemon.waiting import eventually
+from tests.drivers.bus.bench import emulated
 from tests.hosted_rig import hosted
 
 STAGE = """
@@ -144,3 +146,49 @@ def test_profile_that_nothing_emulates(piezod: Command) -> None:
 
     assert code == 1
     assert "no emulator is called 'acme', known: " in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (("simulated", "other", "--port", "x.tty"), "PROFILE=WHERE for each"),
+        (("simulated=a.sock", "--port", "b.sock"), "is for a single PROFILE"),
+        (("pi-e816", "--fault", "slow"), "no fault 'slow'"),
+        (("simulated", "--fault", "lost"), "has no wire"),
+        (("simulated", "--config", "stage.yaml", "--device", "rig", "--axes", "3"), "has 2"),
+        (("simulated", "--axes", "0"), "greater than or equal to 1"),
+    ],
+)
+def test_what_cannot_be_emulated(
+    piezod: Command, stage: str, arguments: tuple[str, ...], what: str
+) -> None:
+    """A mistake on the command line: exit code 2, and a text that says what would do."""
+    assert stage
+    code, _, err = piezod("emulate", *arguments)
+
+    assert code == 2
+    assert what in " ".join(err.split())
+
+
+def test_several_devices_share_a_stage() -> None:
+    """What one amplifier drives another one measures; a mistake that is typed changes nothing."""
+    with emulated("pi-e816", "pi-gcs2") as devices:
+        one, other = (SerialLine(where, 115_200) for where in devices.where)
+        one.open()
+        other.open()
+        one.send(b"SVA A50.0\n")
+
+        def voltage() -> float:
+            other.send(b"VOL? 1\n")
+            return float(other.receive(1_000_000_000).decode().strip().partition("=")[2])
+
+        eventually(lambda: voltage() > 49)
+        devices.faults("lost")
+        devices.faults()
+        assert devices.process.stdin is not None
+        devices.process.stdin.write("nonsense\n")
+        devices.process.stdin.flush()
+        assert devices.process.stdout is not None
+        assert "unchanged, no fault 'nonsense'" in devices.process.stdout.readline()
+        one.close()
+        other.close()
