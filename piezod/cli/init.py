@@ -30,7 +30,8 @@ def init(
 
     examples = {
         file.relative_to(shipped("config")): file.read_bytes()
-        for file in sorted(shipped("config").rglob("*.yaml"))
+        for file in sorted(shipped("config").rglob("*"))
+        if file.is_file()
     }
     missing = [name for name in examples if not (folder / name).exists()]
     differ = [

@@ -25,10 +25,11 @@ def test_examples_are_those_of_the_package(piezod: Command, folder: Path) -> Non
 
 
 def test_examples_are_valid_where_they_were_written(piezod: Command, folder: Path) -> None:
-    """What an experiment refers to has come along."""
+    """What an experiment or a stage refers to has come along."""
     piezod("init", folder / "mine")
-    for experiment in sorted((folder / "mine" / "experiments").iterdir()):
-        code, _, err = piezod("check", experiment)
+    mine = folder / "mine"
+    for example in sorted([*(mine / "experiments").iterdir(), *mine.glob("devices/*.yaml")]):
+        code, _, err = piezod("check", example)
 
         assert (code, err) == (0, "")
 

@@ -164,7 +164,10 @@ def test_identify_says_how_to_keep_the_model(
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (("experiment", "live.yaml", "--stage", "x"), "--stage and --socket need --live"),
+        (
+            ("experiment", "live.yaml", "--stage", "x"),
+            "--stage, --socket and --largest-step-pct need --live",
+        ),
         (("experiment", "live.yaml", "--live", "--seed", 1), "a running stage has none to give"),
         (("identify",), "Missing argument 'DATA.csv'; or --live"),
         (("identify", "live.yaml", "--live"), "DATA.csv and --live exclude each other"),
