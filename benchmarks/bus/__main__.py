@@ -13,12 +13,13 @@ from pathlib import Path
 from statistics import median
 
 from benchmarks.bus.cases import CASES, Case
-from benchmarks.bus.floor import serial_floor, tcp_floor, timed_us
+from benchmarks.bus.floor import serial_floor, tcp_floor, timed_us, udp_floor
 from benchmarks.bus.peer import emulated
-from benchmarks.bus.recorded import Exchange, recording
+from benchmarks.bus.recorded import Exchange, Recorded, recording
 from benchmarks.bus.stage import driven, timed_cycles_us
 
-ROUNDS, CYCLES = 10, 500
+ROUNDS, CYCLES = 10, 300
+FLOORS = {"serial": serial_floor, "tcp": tcp_floor, "udp": udp_floor}
 
 
 def main() -> None:
@@ -35,32 +36,37 @@ def _measure(case: Case) -> bool:
     driver_us: list[float] = []
     floor_us: list[float] = []
     with tempfile.TemporaryDirectory() as folder, emulated(case, Path(folder)) as where:
-        with driven(case, where) as device, recording() as exchanges:
-            timed_cycles_us(device, 1)
-            exchanges.clear()
-            timed_cycles_us(device, 1)
-            cycle = list(exchanges)
-        floor = serial_floor if case.wire == "serial" else tcp_floor
         for _ in range(ROUNDS):
             with driven(case, where) as device:
+                with recording() as exchanges:
+                    timed_cycles_us(device, 5)
+                    exchanges.clear()
+                    timed_cycles_us(device, 1)
                 timed_cycles_us(device, 20)
                 driver_us += timed_cycles_us(device, CYCLES)
-            with floor(where, text=case.text) as ask:
-                timed_us(ask, cycle, 20)
-                floor_us += timed_us(ask, cycle, CYCLES)
+                cycle = list(exchanges)
+                if case.wire != "tcp":
+                    floor_us += _floor_us(case, exchanges, where)
+            if case.wire == "tcp":  # there the device serves one connection at a time
+                floor_us += _floor_us(case, exchanges, where)
     return _print(case, cycle, median(driver_us), median(floor_us))
+
+
+def _floor_us(case: Case, exchanges: Recorded, where: str) -> list[float]:
+    with FLOORS[case.wire](exchanges.line, where, text=case.text) as ask:
+        timed_us(ask, exchanges, 20)
+        return timed_us(ask, exchanges, CYCLES)
 
 
 def _print(case: Case, cycle: list[Exchange], driver_us: float, floor_us: float) -> bool:
     ratio = driver_us / floor_us
     wire = ""
-    if case.baud:
+    if case.line_rate:
         n_bytes = sum(len(each.request) + len(each.reply) for each in cycle)
-        wire_us = 10 * n_bytes / case.baud * 1e6
+        wire_us = case.bits_per_byte * n_bytes / case.line_rate * 1e6
+        wire_us += len(cycle) * case.silence_us
         part = 100 * max(driver_us - floor_us, 0.0) / wire_us
-        wire = (
-            f"{n_bytes} bytes, {wire_us:.0f} µs at {case.baud} bit/s; overhead {part:.1f} % of it"
-        )
+        wire = f"{wire_us:.0f} µs at {case.line_rate} bit/s; overhead {part:.1f} % of it"
     print(
         f"{case.name:28} {driver_us:10.1f} {floor_us:9.1f} {ratio:6.2f} {case.limit:6.1f}  {wire}"
     )

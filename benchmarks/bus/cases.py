@@ -1,9 +1,8 @@
 """The buses that are measured, each with a profile that stands for it."""
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from piezod.devices.interface import Wiring
+from benchmarks.bus.example import Place, at_adapter, at_host, at_multicast, at_port, at_pty
 
 
 class Case(NamedTuple):
@@ -12,29 +11,63 @@ class Case(NamedTuple):
     Attributes:
         name: What it is called in the table.
         profile: Emulator that is the peer.
-        driver: Name of the driver.
-        options: Options of the driver, for where the emulator is served.
-        wiring: Channels that a cycle reads and drives.
-        wire: "serial" or "tcp".
-        text: Whether replies are lines of any length.
+        example: Example configuration with the driver's options and the channels that are used.
+        place: Puts the emulator's place into the options.
+        wire: "serial", "tcp" or "udp".
         limit: What the median may be, as a multiple of the floor's.
-        baud: Line rate for which the wire time is computed, in bit/s; 0 where it does not count.
+        text: Whether replies are lines of any length.
+        line_rate: Line rate for which the wire time is computed, in bit/s; 0 where it does not
+            count.
+        bits_per_byte: On that line, framing included.
+        silence_us: What the protocol has the line rest before each request at that rate.
     """
 
     name: str
     profile: str
-    driver: str
-    options: Callable[[str], Mapping[str, Any]]
-    wiring: Wiring
+    example: str
+    place: Place
     wire: str
-    text: bool
     limit: float
-    baud: int = 0
+    text: bool = False
+    line_rate: int = 0
+    bits_per_byte: float = 10.0
+    silence_us: float = 0.0
 
 
 CASES = (
+    Case("serial, PI GCS 1", "pi-e816", "pi-e816", at_port, "serial", 1.3, True, 115_200),
+    Case("serial, PI GCS 2", "pi-gcs2", "pi-gcs2", at_port, "serial", 1.3, True, 115_200),
+    Case("serial, nPoint LC.400", "lc400", "lc400", at_port, "serial", 1.3, False, 115_200),
     Case(
-        "serial, GCS 1 (pty)", "pi-e816", "pi_gcs1",
-        lambda port: {"port": port}, Wiring(("A",), ("A",)), "serial", True, 1.3, 115_200,
+        "Modbus RTU, ICP DAS", "icpdas", "icpdas", at_pty, "serial", 1.3, False, 115_200, 10.0, 1750
     ),
-)  # fmt: skip
+    Case(
+        "Modbus RTU, Waveshare",
+        "waveshare",
+        "waveshare",
+        at_pty,
+        "serial",
+        1.3,
+        False,
+        115_200,
+        10.0,
+        1750,
+    ),
+    Case("Modbus TCP, LabJack T7", "labjack-t7", "labjack-t7", at_host, "tcp", 1.5),
+    Case("Modbus TCP, WAGO 750", "wago-750", "wago-750", at_host, "tcp", 1.5),
+    # An slcan adapter sends 23 characters or so for a frame of 8 bytes, which has some 125 bits.
+    Case(
+        "slcan, CANopen",
+        "canopen-401",
+        "canopen-401",
+        at_adapter,
+        "serial",
+        1.3,
+        False,
+        500_000,
+        5.4,
+    ),
+    Case("slcan, DBC", "can-dbc-demo", "can-dbc", at_adapter, "serial", 1.3, False, 500_000, 5.4),
+    Case("udp_multicast, CANopen", "canopen-401", "canopen-401", at_multicast, "udp", 2.0),
+    Case("udp_multicast, DBC", "can-dbc-demo", "can-dbc", at_multicast, "udp", 2.0),
+)

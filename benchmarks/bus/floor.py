@@ -2,12 +2,12 @@
 
 import os
 import socket
+import struct
 import termios
 import time
-import tty
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from benchmarks.bus.recorded import Exchange
 
@@ -15,30 +15,30 @@ Ask: TypeAlias = Callable[[Exchange], None]
 
 
 @contextmanager
-def serial_floor(port: str, *, text: bool) -> Iterator[Ask]:
-    """Write and read a port, blocking.
+def serial_floor(line: Any, _where: str, *, text: bool) -> Iterator[Ask]:
+    """Write and read the port of an open line, blocking.
 
     Args:
-        port: Its path.
+        line: The line: what it has set up with its peer goes on.
         text: Whether replies are lines of any length, counted by their last byte; else they have
             the length they had.
     """
-    fd = os.open(port, os.O_RDWR | os.O_NOCTTY)
+    fd = line._fd  # noqa: SLF001 - the same port, without what is around it
+    termios.tcflush(fd, termios.TCIFLUSH)
+    os.set_blocking(fd, True)
+
+    def ask(exchange: Exchange) -> None:
+        os.write(fd, exchange.request)
+        _await(lambda: os.read(fd, 4096), exchange.reply, text=text)
+
     try:
-        tty.setraw(fd)
-        termios.tcflush(fd, termios.TCIOFLUSH)
-
-        def ask(exchange: Exchange) -> None:
-            os.write(fd, exchange.request)
-            _await(lambda: os.read(fd, 4096), exchange.reply, text=text)
-
         yield ask
     finally:
-        os.close(fd)
+        os.set_blocking(fd, False)
 
 
 @contextmanager
-def tcp_floor(address: str, *, text: bool) -> Iterator[Ask]:
+def tcp_floor(_line: Any, address: str, *, text: bool) -> Iterator[Ask]:
     """Send and receive on a connection, blocking."""
     host, _, port = address.rpartition(":")
     with socket.create_connection((host, int(port))) as connection:
@@ -47,6 +47,28 @@ def tcp_floor(address: str, *, text: bool) -> Iterator[Ask]:
         def ask(exchange: Exchange) -> None:
             connection.send(exchange.request)
             _await(lambda: connection.recv(4096), exchange.reply, text=text)
+
+        yield ask
+
+
+@contextmanager
+def udp_floor(_line: Any, address: str, *, text: bool) -> Iterator[Ask]:  # noqa: ARG001 - frames have no lines
+    """Send and receive datagrams of a multicast group, one's own among them, blocking."""
+    group, _, port = address.removeprefix("udp:").rpartition(":")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bus:
+        bus.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bus.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+        bus.bind((group, int(port)))
+        member = struct.pack("4sL", socket.inet_aton(group), socket.INADDR_ANY)
+        bus.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
+        own: set[bytes] = set()
+
+        def ask(exchange: Exchange) -> None:
+            own.add(exchange.request)
+            bus.sendto(exchange.request, (group, int(port)))
+            wanted = exchange.frames
+            while wanted:
+                wanted -= bus.recv(4096) not in own
 
         yield ask
 

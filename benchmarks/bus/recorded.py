@@ -4,8 +4,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
+import can
+from can.interfaces.udp_multicast.utils import pack_message
+
 from piezod.devices.bus.serial_line import SerialLine
 from piezod.devices.bus.tcp_line import TcpLine
+from piezod_drivers.can_bus.frame import Frame
+from piezod_drivers.can_bus.library_bus import LibraryBus
 
 
 class Exchange(NamedTuple):
@@ -14,37 +19,62 @@ class Exchange(NamedTuple):
     Attributes:
         request: The bytes that were sent.
         reply: The bytes that came; empty where there is no reply.
+        frames: In how many pieces they came; on a CAN bus those are frames.
     """
 
     request: bytes
-    reply: bytes
+    reply: bytes = b""
+    frames: int = 0
+
+    def with_reply(self, data: bytes) -> "Exchange":
+        """Return it with more of a reply."""
+        return Exchange(self.request, self.reply + data, self.frames + 1)
+
+
+class Recorded(list[Exchange]):
+    """What went over a line.
+
+    Attributes:
+        line: The line.
+    """
+
+    line: Any = None
 
 
 @contextmanager
-def recording() -> Iterator[list[Exchange]]:
-    """Collect what goes over lines while the block runs."""
-    exchanges: list[Exchange] = []
-    before = [(line, line.send, line.receive) for line in (SerialLine, TcpLine)]
-    for line, send, receive in before:
-        _watch(line, send, receive, exchanges)
+def recording() -> Iterator[Recorded]:
+    """Collect what goes over lines and over UDP's CAN bus while the block runs."""
+    exchanges = Recorded()
+    before = [(kind, kind.send, kind.receive) for kind in (SerialLine, TcpLine, LibraryBus)]
+    for kind, send, receive in before:
+        _watch(kind, send, receive, exchanges)
     try:
         yield exchanges
     finally:
-        for line, send, receive in before:
-            setattr(line, "send", send)  # noqa: B010 - a method is put back
-            setattr(line, "receive", receive)  # noqa: B010 - likewise
+        for kind, send, receive in before:
+            setattr(kind, "send", send)  # noqa: B010 - a method is put back
+            setattr(kind, "receive", receive)  # noqa: B010 - likewise
 
 
-def _watch(line: type[Any], send: Any, receive: Any, exchanges: list[Exchange]) -> None:
-    def sending(self: object, data: bytes) -> None:
-        exchanges.append(Exchange(bytes(data), b""))
+def _watch(kind: type[Any], send: Any, receive: Any, exchanges: Recorded) -> None:
+    def sending(self: object, data: bytes | Frame) -> None:
+        exchanges.line = self
+        exchanges.append(Exchange(_bytes(data)))
         send(self, data)
 
-    def receiving(self: object, within_ns: int) -> bytes:
-        data: bytes = receive(self, within_ns)
+    def receiving(self: object, within_ns: int) -> bytes | Frame | None:
+        data: bytes | Frame | None = receive(self, within_ns)
         if data and exchanges:
-            last = exchanges[-1]
-            exchanges[-1] = last._replace(reply=last.reply + data)
+            exchanges[-1] = exchanges[-1].with_reply(_bytes(data))
         return data
 
-    line.send, line.receive = sending, receiving
+    kind.send, kind.receive = sending, receiving
+
+
+def _bytes(data: bytes | Frame) -> bytes:
+    if isinstance(data, Frame):
+        message = can.Message(
+            arbitration_id=data.id, data=data.data, is_extended_id=data.extended, is_fd=False
+        )
+        return bytes(pack_message(message))
+    return bytes(data)
