@@ -1,0 +1,110 @@
+"""The whole demo over each bus: emulator, daemon and client are processes of their own."""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+import yaml
+
+from benchmarks.bus.example import Place, at_adapter, at_host, at_multicast, at_port, placed
+from tests.conftest import Figure
+from tests.daemon.daemons import REPOSITORY, Daemon
+from tests.drivers.bus.bench import emulated
+
+BUS = REPOSITORY / "config" / "experiments" / "bus.yaml"
+METRICS = ("tracking_max_pct", "nonlinearity_pct")
+PAPER_PCT = {"feedforward": (1.87, 2.17, 2.31), "adaptive": (1.49, 1.86, 2.02)}
+
+
+class Demo(NamedTuple):
+    """A stage over a bus.
+
+    Attributes:
+        profiles: Emulators of its devices, in the order of the example.
+        example: Example configuration.
+        place: Puts an emulator's place into the options of a device.
+        rate_hz: Rate of the loop.
+    """
+
+    profiles: tuple[str, ...]
+    example: str
+    place: Place
+    rate_hz: float
+
+
+DEMOS = {
+    "serial": Demo(("pi-gcs2",), "pi-gcs2", at_port, 100),
+    "serial, binary": Demo(("kpz101", "ksg101"), "kpz101-ksg101", at_port, 40),
+    "Modbus TCP": Demo(("labjack-t7",), "labjack-t7", at_host, 250),
+    "Modbus RTU": Demo(("icpdas",), "icpdas", at_port, 50),
+    "slcan": Demo(("canopen-401",), "canopen-401", at_adapter, 250),
+    "udp_multicast": Demo(
+        ("canopen-401=udp:239.74.163.7:43197",), "canopen-401", at_multicast, 250
+    ),
+    "DBC": Demo(("can-dbc-demo",), "can-dbc", at_adapter, 250),
+}
+
+
+def configured(folder: Path, demo: Demo, where: list[str]) -> Path:
+    """Write the configuration of a stage over a bus."""
+    document = placed(demo.example, where, demo.place, demo.rate_hz)
+    path = folder / "bus.yaml"
+    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    return path
+
+
+def moved(daemon: Daemon) -> dict[str, Any]:
+    """Arm, go to 12.5 µm, and return the status there."""
+    armed = daemon.command("arm", "--confirm-output")
+    assert armed.returncode == 0, armed.stderr + daemon.text
+    gone = daemon.command("goto", "12.5", "--wait")
+    assert gone.returncode == 0, gone.stderr + daemon.text
+    return daemon.status()
+
+
+def test_a_stage_over_modbus_goes_where_it_is_told(tmp_path: Path) -> None:
+    """A LabJack's emulator in another process moves its stage by 12.5 µm."""
+    demo = DEMOS["Modbus TCP"]._replace(rate_hz=50)
+    with (
+        emulated(*demo.profiles) as devices,
+        Daemon(configured(tmp_path, demo, devices.where)) as daemon,
+    ):
+        daemon.up()
+        status = moved(daemon)
+
+    assert status["axes"]["x"]["position_um"] == pytest.approx(12.5, abs=0.5)
+
+
+@pytest.mark.stress
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("bus", DEMOS)
+def test_the_papers_figures_are_reached_over_each_bus(
+    tmp_path: Path, figure: Figure, bus: str
+) -> None:
+    """Feedforward and adaptive, with commands of which a cycle moves at most 0.1 %."""
+    demo = DEMOS[bus]
+    with (
+        emulated(*demo.profiles) as devices,
+        Daemon(configured(tmp_path, demo, devices.where)) as daemon,
+    ):
+        daemon.up()
+        moved(daemon)
+        daemon.command("disarm")
+        files = str(BUS), "--out", str(tmp_path / "out"), "--largest-step-pct", "0.1"
+        ended = daemon.command("experiment", *files, "--live", "--json")
+
+    assert ended.returncode == 0, ended.stderr
+    document = json.loads(ended.stdout)
+    for warning in document["warnings"][1:]:
+        figure(f"{bus}, {demo.rate_hz:g} Hz, {warning}")
+    missed = []
+    for run in document["cases"]:
+        paper_pct = PAPER_PCT[run["mode"]][int(run["case"][-1]) - 1]
+        worst = max(run[metric] for metric in METRICS)
+        figure(
+            f"{bus}, {run['case']}, {run['mode']}: tracking {run['tracking_max_pct']:.2f} %, "
+            f"nonlinearity {run['nonlinearity_pct']:.2f} %, paper {paper_pct:.2f} %"
+        )
+        missed += [run] if worst > paper_pct else []
+    assert missed == []
