@@ -17,12 +17,12 @@ OUTSIDE_WORLD = {
     "piezod/devices": {"pydantic", "serial"},
     "piezod/testing": set(),
 }
-# Lines wait for bytes, with a deadline. A rig that is a process of its own goes on in real time: it
-# is no part of the loop.
+# Lines wait for bytes, with a deadline.
 HAVE_A_CLOCK = {
     ROOT / "piezod/devices/bus/serial_line.py",
     ROOT / "piezod/devices/bus/tcp_line.py",
-    ROOT / "drivers/piezod_drivers/emulated/host.py",
+    ROOT / "drivers/piezod_drivers/can_bus/library_bus.py",
+    ROOT / "drivers/piezod_drivers/serial_line/thorlabs_apt/port.py",
 }
 MAX_LINES = 400
 
