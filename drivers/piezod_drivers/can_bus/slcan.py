@@ -78,13 +78,10 @@ class Lines:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take what has come; return the lines that are complete, and `BEL` for each refusal."""
+        """Take what has come; return the lines that are complete, and `BEL` for each refusal.
+
+        A BEL that does not begin a line is part of garbage, and refuses nothing.
+        """
         *ended, rest = (self._rest + data).replace(BEL, BEL + CR).split(CR)
         self._rest = rest if len(rest) <= _LONGEST_LINE else rest[-_LONGEST_LINE:]
-        lines = []
-        for line in ended:
-            if line.endswith(BEL):
-                lines += [line[:-1], BEL] if len(line) > 1 else [BEL]
-            else:
-                lines.append(line)
-        return lines
+        return ended
