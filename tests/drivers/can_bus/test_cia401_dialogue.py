@@ -370,3 +370,63 @@ def test_rate_follows_from_the_frames() -> None:
     bits = 2 * (47 + 32 + 16) + (47 + 8) + 4 * (47 + 64 + 24)
 
     assert stand.device.capabilities().max_rate_hz == pytest.approx(500_000 / bits, rel=0.02)
+
+
+def _refusing(stand: Stand, *refused: tuple[int, int]) -> None:
+    """Have the node refuse to set these objects."""
+    node: Any = stand.node
+    allowed = node.set
+
+    def some(index: int, number: int, value: int) -> None:
+        if (index, number) in refused:
+            raise AbortError(AbortCode.UNSUPPORTED_ACCESS)
+        allowed(index, number, value)
+
+    node.set = some
+
+
+def test_node_that_cannot_be_set_up_is_refused() -> None:
+    """Where a node refuses what has to be, activating fails and names the object."""
+    stand = Stand()
+    _refusing(stand, (0x1801, 2))
+    with pytest.raises(DeviceError, match="0x1801:2 cannot be set"):
+        stand.active()
+
+
+def test_node_that_refuses_to_watch_is_not_used_with_safe_codes() -> None:
+    """Who asks for a watchdog gets one, or an error that says how to do without."""
+    stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
+    _refusing(stand, (o.ERROR_MODE, 1))
+    with pytest.raises(DeviceError, match="leave out safe_code"):
+        stand.active()
+
+
+def test_node_without_heartbeat_is_used_without() -> None:
+    """A node that has no heartbeat to set works all the same."""
+    stand = Stand()
+    _refusing(stand, (o.PRODUCER_HEARTBEAT, 0))
+    device = stand.active()
+
+    assert device.exchange([1.0, 1.0], stand.time.t_ns)[0]
+
+
+@pytest.mark.sees("canopen", "B10")
+def test_output_that_cannot_be_read_back_is_told() -> None:
+    """A node that refuses to tell an output in the loop has another configuration than said."""
+    stand = Stand()
+    device = stand.active()
+    _without(stand, {o.OUTPUT})
+
+    assert device.read_back(stand.time.t_ns)[0] != 0.0
+    assert DeviceFlag.WRONG_REQUEST in stand.flags()
+
+
+@pytest.mark.sees("canopen", "B3")
+def test_process_data_of_another_length_are_garbage() -> None:
+    """Process data that are not as long as what is mapped are not used."""
+    stand = Stand()
+    device = stand.active()
+    stand.bus.change = lambda frame: [frame._replace(data=frame.data[:1])]
+
+    assert not any(sample.valid for sample in device.read(stand.time.t_ns))
+    assert DeviceFlag.GARBAGE in stand.flags()

@@ -1,0 +1,175 @@
+"""The host of an emulated node: each fault, and the ends that it can be at."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from piezod.devices.emulation.faults import Faults, parse
+from piezod.errors import DeviceUnavailableError
+from piezod_drivers.can_bus.cia401.node import Cia401Node
+from piezod_drivers.can_bus.emulation.ends import AdapterEnd, GroupEnd, end_at
+from piezod_drivers.can_bus.emulation.host import NodeHost
+from piezod_drivers.can_bus.frame import Frame
+from piezod_drivers.can_bus.slcan import encode
+from tests.drivers.can_bus.ports import free_port
+from tests.drivers.can_bus.profiles import GROUP
+from tests.drivers.serial_line.linear_rig import bench
+from tests.drivers.serial_line.scripted_line import MS
+
+ASK = Frame(0x605, bytes((0x40, 0x00, 0x10, 0, 0, 0, 0, 0)))
+ANSWER = Frame(0x585, bytes((0x43, 0x00, 0x10, 0, 0x91, 0x01, 0x0C, 0)))
+
+
+class _End:
+    """Implements `BusEnd`; remembers everything."""
+
+    def __init__(self) -> None:
+        self.coming: list[Frame] = []
+        self.sent: list[Frame] = []
+        self.told: list[object] = []
+
+    def place(self) -> str:
+        return "here"
+
+    def appear(self) -> None:
+        self.told.append("there")
+
+    def vanish(self) -> None:
+        self.told.append("gone")
+
+    def receive(self, _within_ns: int) -> list[Frame]:
+        coming, self.coming = self.coming, []
+        return coming
+
+    def send(self, frame: Frame) -> None:
+        self.sent.append(frame)
+
+    def noise(self, data: bytes) -> None:
+        self.told.append(data)
+
+    def leave(self, away: bool) -> None:
+        self.told.append(away)
+
+
+class _Hosted:
+    def __init__(self) -> None:
+        on_bench, self.rig, self.time = bench(1)
+        self.end, self.faults = _End(), Faults()
+        self.serials: list[str] = []
+
+        def make(serial: str) -> Cia401Node:
+            self.serials.append(serial)
+            return Cia401Node(on_bench)
+
+        self.host = NodeHost(self.end, make, on_bench, self.faults, "7")
+        self.host.go_on(0)  # boot-up
+        self.end.sent.clear()
+
+    def asked(self, *faults: str) -> list[Frame]:
+        """Return what is sent when the node is asked while something goes wrong."""
+        self.faults.set(map(parse, faults))
+        self.end.sent.clear()
+        self.end.coming = [ASK]
+        self.host.go_on(0)
+        return self.end.sent
+
+
+def test_each_fault_befalls_frames() -> None:
+    """Frames are lost, doubled, cut, garbled, late, foreign, or come after noise."""
+    hosted = _Hosted()
+    foreign = Frame(0x305, bytes(8))
+
+    assert hosted.asked() == [ANSWER]
+    assert hosted.asked("lost") == []
+    assert hosted.asked("duplicated") == [ANSWER, ANSWER]
+    assert hosted.asked("partial:1:3") == [ANSWER._replace(data=ANSWER.data[:3])]
+    assert hosted.asked("garbled:1:0") == [
+        ANSWER._replace(data=bytes((ANSWER.data[0] ^ 1,)) + ANSWER.data[1:])
+    ]
+    assert hosted.asked("foreign") == [foreign, ANSWER]
+    assert hosted.asked("noise:1:4") == [ANSWER]
+    assert isinstance(hosted.end.told[-1], bytes)
+    assert hosted.asked("late:1:0.05") == []
+    hosted.time.t_ns += 51 * MS
+    hosted.host.go_on(0)
+    assert hosted.end.sent == [ANSWER]
+
+
+@pytest.mark.parametrize(
+    ("fault", "told", "serials"),
+    [
+        ("disconnect", ["gone", "there"], ["7"]),
+        ("wrong-identity", ["gone", "there"], ["7", "99000099"]),
+        ("restart", [], ["7", "7"]),
+        ("bus-off", [True, False], ["7"]),
+    ],
+)
+def test_each_fault_befalls_the_node(fault: str, told: list[object], serials: list[str]) -> None:
+    """The node is away for its time, and is back then; a restarted one is at 0 V."""
+    hosted = _Hosted()
+    hosted.rig.drive_v = [50.0]
+    assert hosted.asked(f"{fault}:now:0.01") == [] or fault == "bus-off"
+    hosted.time.t_ns += 11 * MS
+    hosted.host.go_on(0)
+
+    assert hosted.end.told == told
+    assert hosted.serials == serials
+    assert hosted.rig.drive_v == ([0.0] if fault == "restart" else [50.0])
+    assert ANSWER in hosted.asked()
+
+
+def test_serving_begins_and_ends() -> None:
+    """Who waits is told where the node is, and the end is gone afterwards."""
+    hosted = _Hosted()
+    places: list[str] = []
+    stops = iter([False, True])
+    hosted.host.serve(places.append, lambda: next(stops))
+
+    assert places == ["here"]
+    assert hosted.end.told == ["there", "gone"]
+
+
+def test_adapter_end_is_a_port(tmp_path: Path) -> None:
+    """At its port an adapter takes commands and frames, and gives frames when it is open."""
+    end = end_at(str(tmp_path / "can.tty"), "any")
+    assert isinstance(end, AdapterEnd)
+    end.appear()
+    port = os.open(end.place(), os.O_RDWR | os.O_NOCTTY)
+    os.write(port, b"O\r" + encode(ASK))
+    assert end.receive(1000 * MS) == [ASK]
+    end.send(ANSWER)
+    end.noise(b"x")
+    assert os.read(port, 100) == b"\rz\r" + encode(ANSWER) + b"x"
+    end.leave(True)
+    os.write(port, encode(ASK))
+    assert end.receive(1000 * MS) == []
+    os.close(port)
+    end.vanish()
+
+
+def test_group_end_is_a_member() -> None:
+    """In its group an end takes and gives frames, unless it is off the bus."""
+    where = f"udp:{GROUP}:{free_port()}"
+    one, other = end_at(where, "any"), end_at(where, "any")
+    assert isinstance(one, GroupEnd)
+    assert one.place() == where
+    one.appear()
+    other.appear()
+    one.noise(b"x")
+    one.send(ASK)
+    assert other.receive(1000 * MS) == [ASK]
+    one.leave(True)
+    one.send(ASK)
+    other.send(ANSWER)
+    assert one.receive(1000 * MS) == []
+    assert other.receive(0) == []
+    one.vanish()
+    other.vanish()
+    assert other.receive(0) == []
+
+
+def test_group_that_is_none_is_refused() -> None:
+    """A place that is no group is an error that says what is expected."""
+    with pytest.raises(DeviceUnavailableError, match="expected GROUP:PORT"):
+        end_at("udp:239.1.1.1:many", "any")
