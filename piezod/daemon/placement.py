@@ -46,11 +46,13 @@ class RoundTrips(NamedTuple):
         median_ns: Half of the round trips took no longer.
         p99_ns: 99 of 100 took no longer.
         write_ns: What a write, which is not tried, is taken to cost: the longest of the exchanges.
+        usual_write_ns: The same, at its median.
     """
 
     median_ns: int
     p99_ns: int
     write_ns: int
+    usual_write_ns: int
 
 
 class Placement(NamedTuple):
@@ -118,7 +120,11 @@ def measure(device: Device, able: Capabilities, clock: Clock) -> RoundTrips:
         single.append(max(read_ns - t_ns, end_ns - read_ns))
     rounds.sort()
     single.sort()
-    return RoundTrips(rounds[len(rounds) // 2], _p99(rounds), _p99(single))
+    return RoundTrips(_median(rounds), _p99(rounds), _p99(single), _median(single))
+
+
+def _median(ordered: Sequence[int]) -> int:
+    return ordered[len(ordered) // 2]
 
 
 def _p99(ordered: Sequence[int]) -> int:
@@ -193,7 +199,8 @@ def _placed(
         used = Combined(used)
     elif where is Place.WORKER:
         combined = _exchanges(device, able)
-        round_ns = trips.p99_ns + (0 if combined or not able.outputs else trips.write_ns)
+        writes = not combined and bool(able.outputs)
+        round_ns = trips.p99_ns + writes * trips.write_ns
         # One that says it is slower than the loop is not asked more often, however fast it answers.
         pace_ns = round(NS_PER_S / able.max_rate_hz)
         used = worker = DeviceWorker(
@@ -205,8 +212,9 @@ def _placed(
             pace_ns=pace_ns if pace_ns > period_ns else 0,
         )
         threads.append(worker.thread)
-        if able.inputs:
-            allowed_hz = min(allowed_hz, NS_PER_S / round_ns)
+        if able.inputs:  # a cycle without a sample now and then is no reason to refuse
+            usual_ns = trips.median_ns + writes * trips.usual_write_ns
+            allowed_hz = min(allowed_hz, NS_PER_S / usual_ns)
     return Placement(name, where, trips, identity, able, allowed_hz, used, threads)
 
 
@@ -214,7 +222,7 @@ def refusal(placements: Sequence[Placement], rate_hz: float) -> str:
     """Say which device is too slow to measure a stage at this rate; nothing where none is."""
     for one in placements:
         if rate_hz > one.allowed_hz:
-            took_ms = one.trips.p99_ns / 1e6
+            took_ms = one.trips.median_ns / 1e6
             return (
                 f"rate_hz is {rate_hz:g}; device {one.name} measures at most "
                 f"{one.allowed_hz:.3g} times a second, its round trip takes {took_ms:.3g} ms: "

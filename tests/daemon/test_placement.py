@@ -141,6 +141,22 @@ def test_a_sensor_slower_than_the_loop_is_refused_by_name() -> None:
     assert refusal(found, 199.0) == ""
 
 
+def test_a_sensor_that_is_slow_now_and_then_is_not_refused() -> None:
+    """It is used behind a worker, so that nobody waits; its usual round trip is what counts."""
+
+    class Unsteady(TimedLink):
+        def read(self, now_ns: int) -> Sequence[Sample]:
+            if self.reads % 10 == 0:
+                self._clock.spend_ns(5000 * US)
+            return super().read(now_ns)
+
+    clock = FakeClock()
+    found = placed(Unsteady(clock, 70.0, outputs=()), clock=clock)
+
+    assert found[0].place is Place.WORKER
+    assert refusal(found, 1000.0) == ""
+
+
 def test_a_sensor_may_say_itself_that_it_is_slower() -> None:
     """However fast it answers: it would tell old samples."""
     clock = FakeClock()
