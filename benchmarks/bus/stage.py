@@ -13,7 +13,7 @@ from benchmarks.bus.cases import Case
 from benchmarks.bus.example import placed
 from piezod.config.daemon import load_daemon
 from piezod.devices import registry
-from piezod.devices.channels import construct, pairs_of
+from piezod.devices.wiring import construct, pairs_of
 
 
 @contextmanager

@@ -15,12 +15,12 @@ from pydantic import BaseModel
 
 from piezod.config.daemon import load_daemon
 from piezod.devices import emulators, registry
-from piezod.devices.channels import pairs_of, wiring_of
 from piezod.devices.emulation.bench import Bench, Rig
 from piezod.devices.emulation.faults import Fault, Faults, parse
 from piezod.devices.emulation.trace import Trace
 from piezod.devices.emulators import Post
 from piezod.devices.interface import Wiring
+from piezod.devices.wiring import pairs_of, wiring_of
 
 _DRIVER: Final = "simulated"
 _FIRST_AXES: Final = ("x", "y", "z")

@@ -43,7 +43,7 @@ def probe(
     from piezod.config.daemon import load_daemon
     from piezod.daemon.clock import MonotonicClock
     from piezod.devices import registry
-    from piezod.devices.channels import pairs_of
+    from piezod.devices.wiring import pairs_of
 
     stage = load_daemon(config, registry)
     with owning(config):

@@ -9,8 +9,9 @@ from piezod.commission.session import Session
 from piezod.config.daemon import DaemonConfig
 from piezod.control.limits import Limits
 from piezod.daemon.clock import Clock, MonotonicClock
-from piezod.devices.channels import Channels, construct, pairs_of
+from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity
+from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
 
 

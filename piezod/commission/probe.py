@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from piezod.daemon.clock import Clock
 from piezod.devices import registry
-from piezod.devices.channels import ChannelPair, wiring_of
 from piezod.devices.interface import Amplifier, Capabilities, Device, Identity, Sensor, Wiring
+from piezod.devices.wiring import ChannelPair, wiring_of
 from piezod.errors import DeviceError
 
 if TYPE_CHECKING:

@@ -4,7 +4,8 @@ import threading
 
 from piezod.config.daemon import DaemonConfig
 from piezod.daemon.clock import Clock
-from piezod.devices.channels import Channels, construct, pairs_of
+from piezod.devices.channels import Channels
+from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
 
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 2.0

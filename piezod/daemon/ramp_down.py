@@ -10,7 +10,8 @@ from math import nan
 from piezod.config.daemon import DaemonConfig
 from piezod.daemon.amplifier_ramp import STEP_S, AmplifierRamp, AxisOutcome
 from piezod.daemon.clock import Clock
-from piezod.devices.channels import Channels, construct, pairs_of
+from piezod.devices.channels import Channels
+from piezod.devices.wiring import construct, pairs_of
 from piezod.units import s_to_ns
 
 

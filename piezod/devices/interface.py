@@ -24,7 +24,7 @@ A device lives through these steps, in this order::
 - An amplifier and sensor in one may offer one exchange for both, `Exchanges`.
 
 What a channel reads or drives is in its own unit, as its driver says; calibration to µm and V is
-the channel's, in the configuration (`devices.channels`). A simulated device may offer one call
+the channel's, in the configuration (`devices.calibration`). A simulated device may offer one call
 more, `KnowsTruth`: a real one cannot know what it measures.
 """
 

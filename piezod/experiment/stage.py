@@ -10,8 +10,9 @@ from piezod.control.axis import Axis, OpenLoopAxis, Waveform
 from piezod.control.compensated import limits_of
 from piezod.control.cycle import Cycle, CycleRecord
 from piezod.control.guard import Guard
-from piezod.devices.channels import Channels, construct, pairs_of
+from piezod.devices.channels import Channels
 from piezod.devices.interface import Device, KnowsTruth
+from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
 from piezod.experiment.error_rows import NEED_TRUTH
 from piezod.hysteresis.memory import FloatArray

@@ -9,8 +9,9 @@ from piezod.commission.session import Session
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.control.limits import Limits
 from piezod.devices import registry
-from piezod.devices.channels import Channels, construct, pairs_of
+from piezod.devices.channels import Channels
 from piezod.devices.interface import Device
+from piezod.devices.wiring import construct, pairs_of
 from piezod.testing.fake_clock import FakeClock
 
 CONFIG = Path(__file__).parents[2] / "config" / "simulated.yaml"

@@ -13,8 +13,9 @@ from piezod.daemon.last_output import LastOutputWriter, read_last_output
 from piezod.daemon.loop import SUPERVISOR_LOST_NS, Loop
 from piezod.daemon.pacer import Pacer
 from piezod.daemon.timed_channels import NOT_WRITTEN, TimedChannels
-from piezod.devices.channels import ChannelPair, Channels
+from piezod.devices.channels import Channels
 from piezod.devices.interface import Wiring
+from piezod.devices.wiring import ChannelPair
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.learned import LearnedReader

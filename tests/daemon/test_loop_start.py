@@ -25,8 +25,9 @@ from piezod.daemon.rate import (
 )
 from piezod.daemon.timed_channels import TimedChannels
 from piezod.devices import registry
-from piezod.devices.channels import ChannelPair, Channels
+from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, Wiring
+from piezod.devices.wiring import ChannelPair
 from piezod.errors import AlreadyRunningError, DeviceUnavailableError
 from piezod.telemetry.events import EventReader
 from piezod.telemetry.layout import Layout

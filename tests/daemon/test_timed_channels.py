@@ -4,8 +4,9 @@ import pytest
 
 from piezod.daemon.last_output import LastOutputWriter, read_last_output
 from piezod.daemon.timed_channels import NOT_WRITTEN, TimedChannels
-from piezod.devices.channels import ChannelPair, Channels
+from piezod.devices.channels import Channels
 from piezod.devices.interface import Wiring
+from piezod.devices.wiring import ChannelPair
 from piezod.errors import DeviceError
 from piezod.testing.fake_clock import READING_NS, FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig

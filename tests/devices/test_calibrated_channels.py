@@ -6,9 +6,10 @@ from math import isnan, nan
 import pytest
 
 from piezod.config.channels import InputConfig, LightConfig, Line, Table
-from piezod.devices.channels import ChannelPair, Channels, wiring_of
+from piezod.devices.channels import Channels
 from piezod.devices.interface import Capabilities, Identity, Sample, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag
+from piezod.devices.wiring import ChannelPair, wiring_of
 
 LINE = Line(gain=4.0, offset=1.0)
 LIGHT = LightConfig(channel="lamp", nominal=2.0, least=1.0)

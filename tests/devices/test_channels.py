@@ -5,9 +5,10 @@ from math import isnan
 
 import pytest
 
-from piezod.devices.channels import ChannelPair, Channels, wiring_of
+from piezod.devices.channels import Channels
 from piezod.devices.interface import Capabilities, Identity, KnowsTruth, Sample, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.devices.wiring import ChannelPair, wiring_of
 from piezod.errors import DeviceError, DeviceUnavailableError
 
 

@@ -8,8 +8,9 @@ import pytest
 from piezod.config.channels import LightConfig, Table
 from piezod.config.daemon import load_daemon
 from piezod.devices import registry
-from piezod.devices.channels import ChannelPair, Channels, construct, pairs_of, wiring_of
+from piezod.devices.channels import Channels
 from piezod.devices.status import DeviceFlag
+from piezod.devices.wiring import ChannelPair, construct, pairs_of, wiring_of
 from piezod.plant.plant import Plant
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import Options

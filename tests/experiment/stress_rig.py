@@ -15,8 +15,9 @@ from piezod.control.axis import Waveform
 from piezod.control.compensated import Start, compensated_axis
 from piezod.control.stage_model import StageModel
 from piezod.devices import registry
-from piezod.devices.channels import ChannelPair, Channels
+from piezod.devices.channels import Channels
 from piezod.devices.interface import Sample, Wiring
+from piezod.devices.wiring import ChannelPair
 from piezod.experiment.creeping import Creeping
 from piezod.experiment.identify_axes import identify_axes
 from piezod.experiment.stage import COMMAND_UM, TRUE_UM, Stage, opened

@@ -6,7 +6,7 @@ import pytest
 
 from piezod.config.daemon import load_daemon
 from piezod.devices import registry
-from piezod.devices.channels import construct, pairs_of
+from piezod.devices.wiring import construct, pairs_of
 from tests.drivers.can_bus.profiles import DBC
 
 

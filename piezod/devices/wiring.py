@@ -1,0 +1,84 @@
+"""Which channels serve an axis, and what each device is asked for."""
+
+from collections.abc import Iterator, Mapping
+from itertools import chain
+from typing import NamedTuple
+
+from piezod.config.axes import AxisConfig
+from piezod.config.channels import Calibration, InputConfig, LightConfig, Line
+from piezod.config.devices import DeviceConfig
+from piezod.devices import registry
+from piezod.devices.interface import Device, Wiring
+
+
+class ChannelPair(NamedTuple):
+    """Which channels serve an axis.
+
+    Attributes:
+        sensor: Name of the device that measures it.
+        amplifier: Name of the device that drives it.
+        input: Name of the sensor's channel, None for the name of the axis.
+        output: Name of the amplifier's channel, None for the name of the axis.
+        to_um: Calibration of the input.
+        to_v: Calibration of the output.
+        light: Where the light of the input is told, None where it is not.
+        command: The input that commands the axis, None where none does.
+    """
+
+    sensor: str
+    amplifier: str
+    input: str | None = None
+    output: str | None = None
+    to_um: Calibration = Line()
+    to_v: Calibration = Line()
+    light: LightConfig | None = None
+    command: InputConfig | None = None
+
+    def inputs_of(self, device: str, axis: str) -> Iterator[str]:
+        """Give the inputs of a device that the axis of this name uses."""
+        if self.sensor == device:
+            yield self.input or axis
+            if self.light is not None:
+                yield self.light.channel
+        if self.command is not None and self.command.device == device:
+            yield self.command.channel or axis
+            if self.command.light is not None:
+                yield self.command.light.channel
+
+
+def pairs_of(axes: Mapping[str, AxisConfig]) -> dict[str, ChannelPair]:
+    """Return the channels of each axis of a configuration."""
+    return {
+        name: ChannelPair(
+            axis.sensor.device,
+            axis.amplifier.device,
+            axis.sensor.channel,
+            axis.amplifier.channel,
+            axis.sensor.calibration,
+            axis.amplifier.calibration,
+            axis.sensor.light,
+            axis.command_input,
+        )
+        for name, axis in axes.items()
+    }
+
+
+def wiring_of(device: str, axes: Mapping[str, ChannelPair]) -> Wiring:
+    """Return the channels of a device that axes use, in the order of the axes."""
+    inputs = chain.from_iterable(pair.inputs_of(device, axis) for axis, pair in axes.items())
+    outputs = (pair.output or axis for axis, pair in axes.items() if pair.amplifier == device)
+    return Wiring(tuple(dict.fromkeys(inputs)), tuple(dict.fromkeys(outputs)))
+
+
+def construct(
+    devices: Mapping[str, DeviceConfig], axes: Mapping[str, ChannelPair], seed: int
+) -> dict[str, Device]:
+    """Construct devices, each for its `wiring_of`; nothing is opened.
+
+    Raises:
+        RegistryError: If a driver cannot be loaded.
+    """
+    return {
+        name: registry.load(device.driver).create(device.options, wiring_of(name, axes), seed)
+        for name, device in devices.items()
+    }
