@@ -94,6 +94,10 @@ def _text(name: str, found: "Probed", stage: "DaemonConfig") -> str:
         lines.append("  is        " + ", ".join(found.identity))
     if (able := found.capabilities) is not None:
         lines.append("  can       " + ", ".join(_abilities(able._asdict())))
+        if able.ranges:
+            each = zip(able.outputs, able.ranges, strict=True)
+            ends = ", ".join(f"{channel} {low:.6g} to {high:.6g}" for channel, (low, high) in each)
+            lines.append(f"  gives     {ends}")
     for what, values in (("reads", found.readings), ("in force", found.in_force)):
         if values:
             told = ", ".join(f"{channel} {value:.6g}" for channel, value in values.items())

@@ -51,6 +51,8 @@ def one_axis(
         channels.open()
         channels.activate(clock.now_ns())
         low_v, high_v = one.limits.drive_min_v, one.limits.drive_max_v
+        if beyond := channels.beyond_reach([(low_v, high_v)]):
+            raise DeviceError(beyond)
         limits = Limits(low_v, high_v, one.limits.slew_v_per_s)
         ramp_v_per_s = one.safety.ramp_v_per_s
         session = Session(channels, limits, config.rate_hz, ramp_v_per_s, clock, output_v)

@@ -23,10 +23,14 @@ from piezod.units import NS_PER_S
 PAUSE_S: Final = 1.0
 """After a round in which its driver failed, a thread leaves the device alone for so long."""
 DEADLINE: Final = 2
-"""A round that takes so many periods, or so many times as long as it should, is stuck; a setpoint
-of that age is not sent any more."""
+"""A round that takes so many periods, or so many times as long as it should, is late: nothing is
+known meanwhile. A setpoint of that age is not sent any more."""
+STUCK_NS: Final = NS_PER_S // 4
+"""One that takes so long is stuck: the longest that a driver waits for a reply in the loop is less.
+"""
 ROUNDS_TO_TELL: Final = 3
 _STUCK: Final = frozenset({DeviceFlag.STUCK})
+_LATE: Final = frozenset({DeviceFlag.SLOW_REPLY})
 
 
 class _Call(Enum):
@@ -74,7 +78,8 @@ class DeviceWorker(Around):
     """Implements the roles of a device by a thread that has it for itself.
 
     A sample is given once; a cycle into which no new one falls gets one that is not valid. A write
-    counts as taken as long as the device took the last one that reached it, and answers in time.
+    counts as taken as long as the device took the last one that reached it, and its rounds are not
+    late.
 
     Args:
         device: The device, open and active; `tended` where it can be lost.
@@ -105,6 +110,7 @@ class DeviceWorker(Around):
         self._clock_ns, self._pause_s = clock.now_ns, pause_s
         self._exchanges, self._pace_ns = exchanges, pace_ns
         self._deadline_ns = DEADLINE * max(period_ns, round_ns, pace_ns)
+        self._stuck_ns = max(STUCK_NS, self._deadline_ns)
         self._wish = _Wish(0, (), 0)
         self._told = _Told(0, (), self._first_read_back(), self._no_flags, True)
         self._calls: SimpleQueue[_Call] = SimpleQueue()
@@ -114,7 +120,7 @@ class DeviceWorker(Around):
         """What the driver raised, if it did, until a round goes well."""
         # The loop's alone.
         self._seen, self._given = self._told, 0
-        self._cycle_ns, self._stuck = -1, False
+        self._cycle_ns, self._late, self._stuck = -1, False, False
         # The thread's alone.
         self._active, self._sent, self._taken = True, 0, True
         self.thread = threading.Thread(target=self._work, name="device", daemon=True)
@@ -125,7 +131,7 @@ class DeviceWorker(Around):
     def read(self, now_ns: int) -> Sequence[Sample]:
         """Give the samples that came since the last cycle; may be called in the loop."""
         self._begin(now_ns)
-        if self._seen.number == self._given or self._stuck or not self._seen.samples:
+        if self._seen.number == self._given or self._late or not self._seen.samples:
             return self._no_samples(now_ns)
         self._given = self._seen.number
         return self._seen.samples
@@ -135,18 +141,19 @@ class DeviceWorker(Around):
         self._begin(now_ns)
         self._wish = _Wish(self._wish.number + 1, tuple(drive_v), now_ns)
         self._ask()
-        return self._seen.taken and not self._stuck
+        return self._seen.taken and not self._late
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Tell what was in force in the last round; may be called in the loop."""
         self._begin(now_ns)
-        return self._unknown if self._stuck else self._seen.read_back
+        return self._unknown if self._late else self._seen.read_back
 
     def status(self, now_ns: int) -> Sequence[Flags]:
         """Tell what was the matter in the last round, and of the thread; call it in the loop."""
         self._begin(now_ns)
-        if self._stuck:
-            return [(flags - PASSING) | _STUCK for flags in self._seen.flags]
+        if self._late:
+            told = _STUCK if self._stuck else _LATE
+            return [(flags - PASSING) | told for flags in self._seen.flags]
         return self._seen.flags
 
     def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the thread's own
@@ -171,7 +178,9 @@ class DeviceWorker(Around):
             return
         self._cycle_ns = now_ns
         came, began_ns = self._told, self._began_ns
-        self._stuck = self.crash is not None or 0 < began_ns < now_ns - self._deadline_ns
+        took_ns = now_ns - began_ns if began_ns else 0
+        self._stuck = self.crash is not None or took_ns > self._stuck_ns
+        self._late = self._stuck or took_ns > self._deadline_ns
         if came.number != self._seen.number:
             self._seen = came
         elif any(self._seen.flags):  # what passes was told

@@ -38,6 +38,7 @@ from piezod.daemon.rate import measure_busy_ns, sustained_rate_hz, usable_spin_n
 from piezod.daemon.realtime import Realtime, RealtimeStep
 from piezod.daemon.timed_channels import TimedChannels
 from piezod.devices import registry
+from piezod.devices.channels import Channels
 from piezod.telemetry import requests_codec
 from piezod.telemetry.shared_map import SharedMap, attach
 from piezod.telemetry.words import Word
@@ -77,7 +78,7 @@ def main(runtime: Path, config_file: Path) -> None:
     raise_threads(placements)
     found = {"steps": [step._asdict() for step in steps]}
     shared.set_report(found | {"devices": [one.document() for one in placements]})
-    _admit(controller, config, shared, placements, steps, busy_ns)
+    _admit(controller, config, shared, channels, placements, steps, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns))
     try:
@@ -96,6 +97,7 @@ def _admit(
     controller: StageController,
     config: DaemonConfig,
     shared: SharedMap,
+    channels: Channels,
     placements: Sequence[Placement],
     steps: list[RealtimeStep],
     busy_ns: int,
@@ -104,7 +106,11 @@ def _admit(
     words, rate_hz = shared.words, sustained_rate_hz(busy_ns)
     words[Word.MEASURED_RATE_HZ] = int(rate_hz)
     missing = [step.name for step in steps if not step.ok]
-    if slow := refusal(placements, config.rate_hz):
+    limits = [axis.limits for axis in config.axes.values()]
+    beyond = channels.beyond_reach([(each.drive_min_v, each.drive_max_v) for each in limits])
+    if beyond:
+        controller.stage.no_entry = beyond
+    elif slow := refusal(placements, config.rate_hz):
         controller.stage.no_entry = slow
     elif config.rate_hz > rate_hz:
         controller.stage.no_entry = (

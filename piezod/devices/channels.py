@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from math import nan
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from piezod.devices.calibration import Curve, curve_of
 from piezod.devices.inputs import CalibratedInput
@@ -19,6 +19,9 @@ from piezod.devices.interface import (
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags, TellsStatus
 from piezod.devices.wiring import ChannelPair, wiring_of
 from piezod.errors import DeviceError
+
+SLACK_V: Final = 1e-6
+"""Calibrations round."""
 
 
 class _Measuring(NamedTuple):
@@ -142,6 +145,25 @@ class Channels:
             all(one.quality for one in each if one.inputs),
             max((one.lag_ns for one in driving), default=0),
         )
+
+    def beyond_reach(self, limits_v: Sequence[tuple[float, float]]) -> str:
+        """Say which axis has limits that its amplifier cannot reach; nothing where none has.
+
+        Args:
+            limits_v: Lowest and highest voltage of each axis, in V.
+        """
+        for amplifier, axes, curves in self._amplifiers:
+            for channel, range_ in enumerate(amplifier.capabilities().ranges):
+                axis, curve = axes[channel], curves[channel] if curves else None
+                ends_v = sorted(range_ if curve is None else map(curve.physical, range_))
+                low_v, high_v = limits_v[axis]
+                if low_v < ends_v[0] - SLACK_V or high_v > ends_v[1] + SLACK_V:
+                    return (
+                        f"axis {self._axes[axis]} may be driven from {low_v:g} to {high_v:g} V, "
+                        f"its amplifier goes from {ends_v[0]:g} to {ends_v[1]:g} V: change the "
+                        "limits of the axis, or what the amplifier is said or set to give"
+                    )
+        return ""
 
     def activate(self, now_ns: int) -> None:
         """Make every device ready for cyclic calls."""

@@ -106,6 +106,8 @@ class Capabilities(NamedTuple):
         quality: Whether samples come with a quality, so that a bad one is known to be bad.
         lag_ns: How much later than it was written a value comes into force and is read back, where
             the loop does not wait for it.
+        ranges: Lowest and highest value that each output can be set to; empty where the device does
+            not tell.
     """
 
     inputs: tuple[str, ...]
@@ -119,6 +121,7 @@ class Capabilities(NamedTuple):
     watchdog: bool = False
     quality: bool = False
     lag_ns: int = 0
+    ranges: tuple[tuple[float, float], ...] = ()
 
 
 class Sample(NamedTuple):

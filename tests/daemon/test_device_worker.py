@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from piezod.daemon.device_worker import DeviceWorker
+from piezod.daemon.device_worker import STUCK_NS, DeviceWorker
 from piezod.devices.interface import Capabilities, Sample
 from piezod.devices.status import NO_FLAGS, DeviceFlag
 from piezod.devices.tended import Tended
@@ -154,7 +154,7 @@ def test_a_write_is_taken_as_long_as_the_device_takes_the_last_one(bench: Bench)
 
 @pytest.mark.fault("B15")
 def test_a_device_that_does_not_answer_is_stuck_until_it_does(bench: Bench) -> None:
-    """After two periods: no samples, no write, no voltage, and it is said; nobody waits."""
+    """After two periods: no samples, no write, no voltage; after a while it is said why."""
     bench.sampled()
     bench.link.free.clear()
     bench.begin()
@@ -163,9 +163,12 @@ def test_a_device_that_does_not_answer_is_stuck_until_it_does(bench: Bench) -> N
     began_ns = bench.now_ns
     while bench.now_ns <= began_ns + 4 * MS:
         samples = bench.begin()
-    status = bench.worker.status(bench.now_ns)
+    late = bench.worker.status(bench.now_ns)
+    while bench.now_ns <= began_ns + STUCK_NS + MS:
+        samples = bench.begin()
 
-    assert status == [STUCK, STUCK]
+    assert late == [frozenset({DeviceFlag.SLOW_REPLY})] * 2
+    assert bench.worker.status(bench.now_ns) == [STUCK, STUCK]
     assert not samples[0].valid
     assert not bench.write(6.0)
     assert all(map(isnan, bench.worker.read_back(bench.now_ns)))

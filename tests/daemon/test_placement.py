@@ -146,7 +146,7 @@ def test_a_sensor_that_is_slow_now_and_then_is_not_refused() -> None:
 
     class Unsteady(TimedLink):
         def read(self, now_ns: int) -> Sequence[Sample]:
-            if self.reads % 10 == 0:
+            if self.reads % 5 == 0:
                 self._clock.spend_ns(5000 * US)
             return super().read(now_ns)
 

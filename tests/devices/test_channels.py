@@ -239,3 +239,24 @@ def test_channels_whose_devices_tell_nothing_have_nothing_to_tell() -> None:
     devices = {"sensor": FakeSensor(("x",)), "amplifier": FakeAmplifier(("x",))}
 
     assert Channels(devices, axes).status(0) == [NO_FLAGS, NO_FLAGS]
+
+
+@pytest.mark.parametrize(
+    ("limits_v", "beyond"), [((-20.0, 120.0), False), ((0.0, 120.1), True), ((-20.1, 0.0), True)]
+)
+def test_limits_that_an_amplifier_cannot_reach_are_told(
+    limits_v: tuple[float, float], *, beyond: bool
+) -> None:
+    """The axis is named, and how far its amplifier goes."""
+
+    class Ranged(FakeAmplifier):
+        def capabilities(self) -> Capabilities:
+            return super().capabilities()._replace(ranges=((-20.0, 120.0),))
+
+    axes = {"x": ChannelPair("fibre", "short")}
+    channels = Channels({"fibre": FakeSensor(("x",)), "short": Ranged(("x",))}, axes)
+    text = channels.beyond_reach([limits_v])
+
+    assert bool(text) is beyond
+    assert not beyond or "axis x" in text
+    assert not beyond or "goes from -20 to 120 V" in text

@@ -35,9 +35,8 @@ class Demo(NamedTuple):
 
 DEMOS = {
     "serial": Demo(("pi-gcs2",), "pi-gcs2", at_port, 100),
-    "serial, binary": Demo(("kpz101", "ksg101"), "kpz101-ksg101", at_port, 40),
     "Modbus TCP": Demo(("labjack-t7",), "labjack-t7", at_host, 250),
-    "Modbus RTU": Demo(("icpdas",), "icpdas", at_port, 50),
+    "Modbus RTU": Demo(("waveshare",), "waveshare", at_port, 50),
     "slcan": Demo(("canopen-401",), "canopen-401", at_adapter, 250),
     "udp_multicast": Demo(
         ("canopen-401=udp:239.74.163.7:43197",), "canopen-401", at_multicast, 250

@@ -59,7 +59,7 @@ class BusDevice:
         except BaseException:
             self._dialogue.close()
             raise
-        self._able = able
+        self._able = able._replace(ranges=tuple(self._ranges))
         self._written = [nan] * len(able.outputs)
         self._first = self._first or identity
         other = identity._replace(firmware="") != self._first._replace(firmware="")
