@@ -9,7 +9,8 @@ from piezod.cli.options import JsonOption
 def drivers(json: JsonOption = False) -> None:
     """List the installed drivers.
 
-    A driver that cannot be loaded is listed with the reason.
+    A driver that cannot be loaded is listed with the reason. With --json, `sees` has the faults of
+    docs/faults.md that its devices give evidence of.
     """
     from piezod.cli.output import print_json
     from piezod.devices import registry
@@ -26,6 +27,7 @@ class _Driver(NamedTuple):
     distribution: str
     summary: str | None = None
     confirmed_on_hardware: bool | None = None
+    sees: tuple[str, ...] = ()
     error: str | None = None
 
 
@@ -43,7 +45,11 @@ def _look_up(name: str) -> _Driver:
     except RegistryError as error:
         return found._replace(error=str(error))
     confirmed = plugin.confirmed_on_hardware
-    return found._replace(summary=plugin.summary, confirmed_on_hardware=confirmed)
+    return found._replace(
+        summary=plugin.summary,
+        confirmed_on_hardware=confirmed,
+        sees=tuple(sorted(plugin.sees, key=lambda id_: (id_[0], int(id_[1:])))),
+    )
 
 
 def _print_table(found: Sequence[_Driver]) -> None:

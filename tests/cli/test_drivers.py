@@ -30,6 +30,7 @@ def test_list_for_programs(process: Command) -> None:
         "distribution": f"piezod {package.__version__}",
         "summary": "a stage with amplifier and sensor that exists only in numbers",
         "confirmed_on_hardware": False,
+        "sees": [],
         "error": None,
     }
 
@@ -60,3 +61,15 @@ def test_no_driver(piezod: Command, monkeypatch: pytest.MonkeyPatch) -> None:
 
     assert piezod("drivers") == (0, "No driver is installed.\n", "")
     assert json.loads(piezod("drivers", "--json").out) == {"drivers": []}
+
+
+def test_faults_that_a_driver_sees_are_told_to_programs(piezod: Command) -> None:
+    """In the order of the numbers of their ids."""
+    (row,) = (
+        row
+        for row in json.loads(piezod("drivers", "--json").out)["drivers"]
+        if row["name"] == "psj"
+    )
+
+    assert {"B1", "B5"} <= set(row["sees"])
+    assert row["sees"].index("B5") < row["sees"].index("B14")
