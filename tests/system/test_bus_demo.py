@@ -1,6 +1,8 @@
 """The whole demo over each bus: emulator, daemon and client are processes of their own."""
 
 import json
+import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,6 +55,13 @@ def configured(folder: Path, demo: Demo, where: list[str]) -> Path:
     return path
 
 
+def make_punctual(emulator: int) -> None:
+    """Give an emulator what a real device has: a processor whenever it needs one, if we may."""
+    for task in Path(f"/proc/{emulator}/task").iterdir():
+        with suppress(PermissionError):
+            os.sched_setscheduler(int(task.name), os.SCHED_FIFO, os.sched_param(10))
+
+
 def moved(daemon: Daemon) -> dict[str, Any]:
     """Arm, go to 12.5 µm, and return the status there."""
     armed = daemon.command("arm", "--confirm-output")
@@ -60,6 +69,19 @@ def moved(daemon: Daemon) -> dict[str, Any]:
     gone = daemon.command("goto", "12.5", "--wait")
     assert gone.returncode == 0, gone.stderr + daemon.text
     return daemon.status()
+
+
+def condition(daemon: Daemon) -> None:
+    """Make the hysteresis' memory known, as mode adaptive needs it, and disarm."""
+    daemon.command("disarm")
+    daemon.until("SAFE")
+    daemon.command("arm", "--confirm-output")
+    daemon.until("READY")
+    started = daemon.command("condition")
+    assert started.returncode == 0, started.stderr + daemon.text
+    daemon.until("READY", 60.0)
+    daemon.command("disarm")
+    daemon.until("SAFE")
 
 
 def test_a_stage_over_modbus_goes_where_it_is_told(tmp_path: Path) -> None:
@@ -87,9 +109,10 @@ def test_the_papers_figures_are_reached_over_each_bus(
         emulated(*demo.profiles) as devices,
         Daemon(configured(tmp_path, demo, devices.where)) as daemon,
     ):
+        make_punctual(devices.process.pid)
         daemon.up()
         moved(daemon)
-        daemon.command("disarm")
+        condition(daemon)
         files = str(BUS), "--out", str(tmp_path / "out"), "--largest-step-pct", "0.1"
         ended = daemon.command("experiment", *files, "--live", "--json")
 
