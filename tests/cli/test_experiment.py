@@ -31,6 +31,7 @@ def test_document(process: Command, experiment_file: Path, folder: Path) -> None
     assert (folder / document["data"]).is_file()
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_text(piezod: Command, experiment_file: Path, folder: Path) -> None:
     """A person reads the errors, how the model was made, and where the report is."""
     text = experiment_text(folder, experiment_file)
@@ -51,6 +52,7 @@ def test_text(piezod: Command, experiment_file: Path, folder: Path) -> None:
     assert out.endswith("Report: here/report.html\n")
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_true_errors_fit_into_80_columns(
     piezod: Command, experiment_file: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -79,6 +81,7 @@ def test_true_errors_fit_into_80_columns(
     assert all(0.02 < row["noise_rms_pct"] < 0.2 for row in rows)
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_two_axes_are_told_apart(piezod: Command, experiment_file: Path, folder: Path) -> None:
     """With several axes the table says which is which, and every axis has its model."""
     text = experiment_text(folder, experiment_file)
@@ -105,6 +108,7 @@ def experiment_text(folder: Path, file: Path) -> str:
     return (folder / file).read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_seed_is_used_and_kept(piezod: Command, experiment_file: Path, folder: Path) -> None:
     """Another seed is another stage, the same seed is the same to the bit."""
 
@@ -121,6 +125,7 @@ def test_seed_is_used_and_kept(piezod: Command, experiment_file: Path, folder: P
     assert read_hdf5(folder / "short-results" / "experiment.h5").seed == 4
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_model_file_takes_the_place_of_identification(
     piezod: Command, experiment_file: Path, folder: Path
 ) -> None:
@@ -155,6 +160,7 @@ def test_model_file_takes_the_place_of_identification(
     assert feedforward < 0.5 * uncompensated
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_warnings_are_told_everywhere(piezod: Command, experiment_file: Path, folder: Path) -> None:
     """What a person should know stands in the terminal, the document, the report and the data."""
     document = json.loads(piezod("experiment", experiment_file, "--json").out)
@@ -168,7 +174,7 @@ def test_warnings_are_told_everywhere(piezod: Command, experiment_file: Path, fo
 
 
 def test_odd_titles_and_constant_commands(
-    process: Command, experiment_file: Path, folder: Path
+    piezod: Command, experiment_file: Path, folder: Path, request: pytest.FixtureRequest
 ) -> None:
     """Signs of mathematics are plain text, a constant command has no errors in %, without ado."""
     text = experiment_text(folder, experiment_file)
@@ -176,13 +182,14 @@ def test_odd_titles_and_constant_commands(
     constant += "{kind: setpoint, level: 10}}\n"
     (folder / experiment_file).write_text(text + constant, encoding="utf-8")
 
-    code, out, err = process("experiment", experiment_file, "--json")
+    code, out, err = piezod("experiment", experiment_file, "--json")
 
     assert (code, err) == (0, "")
     last = json.loads(out)["cases"][-1]
     assert (last["case"], last["nonlinearity_pct"]) == ("$x", None)
     assert last["tracking_max_pct"] is None
-    text = process("experiment", experiment_file).out
+    request.getfixturevalue("blank_figures")  # they have been drawn once
+    text = piezod("experiment", experiment_file).out
     page = (folder / "short-results" / "report.html").read_text(encoding="utf-8")
     assert "nan" not in text
     assert "▲" not in text
@@ -190,11 +197,11 @@ def test_odd_titles_and_constant_commands(
     assert "nan %" not in page
 
 
-def test_bad_file(process: Command, folder: Path) -> None:
+def test_bad_file(piezod: Command, folder: Path) -> None:
     """Nothing is run, and nothing is on stdout."""
     (folder / "bad.yaml").write_text("rate_hz: 1\n", encoding="utf-8")
 
-    code, out, err = process("experiment", "bad.yaml", "--json")
+    code, out, err = piezod("experiment", "bad.yaml", "--json")
 
     assert (code, out) == (78, "")
     assert "bad.yaml:1:10: rate_hz: out of range (got 1)" in err
