@@ -1,13 +1,12 @@
 """The simulated rig in a process of its own, as `piezod emulate` makes it."""
 
 import csv
-import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
+
+from tests.forked import Forked, forked
 
 
 class Write(NamedTuple):
@@ -25,19 +24,12 @@ class Write(NamedTuple):
 
 
 @contextmanager
-def hosted(socket: Path, trace: Path, *arguments: str) -> Iterator["subprocess.Popen[str]"]:
+def hosted(socket: Path, trace: Path, *arguments: str) -> Iterator[Forked]:
     """Host a rig with one axis while the block runs; it has ended in order afterwards."""
-    command = [sys.executable, "-m", "piezod.cli.main", "emulate", "simulated"]
     options = ["--socket", str(socket), "--trace", str(trace), *arguments]
-    with subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        try:
-            assert "serving" in process.stdout.readline()
-            yield process
-        finally:
-            process.send_signal(signal.SIGTERM)
-            process.wait()
-    assert process.returncode == 0
+    with forked("emulate", "simulated", *options) as process:
+        assert "serving" in process.stdout.readline()
+        yield process
 
 
 def writes(trace: Path) -> list[Write]:

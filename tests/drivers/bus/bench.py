@@ -1,9 +1,6 @@
 """Emulated devices in another process, as `piezod emulate` makes them."""
 
 import json
-import signal
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from piezod.devices import emulators
+from tests.forked import Forked, forked
 
 
 class Emulated:
@@ -21,7 +19,7 @@ class Emulated:
         where: The place of each, in the order in which they were asked for.
     """
 
-    def __init__(self, process: "subprocess.Popen[str]") -> None:
+    def __init__(self, process: Forked) -> None:
         self.process = process
         self.where = [each["where"] for each in self._told()["serving"]]
 
@@ -30,13 +28,11 @@ class Emulated:
 
         As `piezod emulate --fault` takes it; in force when this returns.
         """
-        assert self.process.stdin is not None
         self.process.stdin.write(", ".join(faults) + "\n")
         self.process.stdin.flush()
         assert self._told()["faults"] == ", ".join(faults)
 
     def _told(self) -> dict[str, Any]:
-        assert self.process.stdout is not None
         line = self.process.stdout.readline()
         assert line, "the emulator has ended, see its errors above"
         document: dict[str, Any] = json.loads(line)
@@ -54,16 +50,8 @@ def emulated(*profiles: str, arguments: tuple[str, ...] = ()) -> Iterator[Emulat
     """
     with tempfile.TemporaryDirectory(prefix="piezod-") as folder:
         places = [_place(profile, Path(folder)) for profile in profiles]
-        command = [sys.executable, "-m", "piezod.cli.main", "emulate", *places, "--json"]
-        with subprocess.Popen(
-            [*command, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        ) as process:
-            try:
-                yield Emulated(process)
-            finally:
-                process.send_signal(signal.SIGTERM)
-                process.wait()
-        assert process.returncode == 0
+        with forked("emulate", *places, "--json", *arguments) as process:
+            yield Emulated(process)
 
 
 def _place(profile: str, folder: Path) -> str:
