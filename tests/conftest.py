@@ -1,5 +1,6 @@
 """Fixtures and settings for the tests of every room."""
 
+import base64
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,10 @@ from hypothesis import settings
 settings.register_profile("local", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if "CI" in os.environ else "local")
+
+BLANK_PNG = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR42mP4DwABAQEAHLCMmQAAAABJRU5ErkJggg=="
+)
 
 
 @pytest.fixture(scope="session")
@@ -24,6 +29,12 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no test data: {folder} is not a folder (set PIEZOD_SHARED_DATA)")
     return folder
+
+
+@pytest.fixture
+def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have reports with blank figures: to draw them takes longer than the rest."""
+    monkeypatch.setattr("piezod.records.report_figures.png_bytes", lambda _: BLANK_PNG)
 
 
 Figure = Callable[[str], None]

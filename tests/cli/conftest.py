@@ -1,6 +1,5 @@
 """The command, run within this process and as a process of its own."""
 
-import base64
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -23,10 +22,6 @@ class Outcome(NamedTuple):
 
 
 Command = Callable[..., Outcome]
-
-BLANK_PNG = base64.b64decode(
-    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR42mP4DwABAQEAHLCMmQAAAABJRU5ErkJggg=="
-)
 
 
 @pytest.fixture
@@ -73,12 +68,6 @@ def experiment_file(folder: Path) -> Path:
     """Return the path of an experiment that takes a second, relative to the folder."""
     (folder / "short.yaml").write_text(SHORT, encoding="utf-8")
     return Path("short.yaml")
-
-
-@pytest.fixture
-def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have reports with blank figures: to draw them takes three times as long as to measure."""
-    monkeypatch.setattr("piezod.records.report_figures.png_bytes", lambda _: BLANK_PNG)
 
 
 @pytest.fixture

@@ -200,6 +200,7 @@ def test_same_experiment_gives_the_same_page(
     assert first.read_bytes() == second.read_bytes()
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_axes_are_named_where_there_are_several(tmp_path: Path, two_axes: ExperimentResult) -> None:
     """With two axes the table has a column for them, and the headings name them."""
     few = replace(two_axes, recordings=(two_axes.recordings[2], two_axes.recordings[8]))
@@ -217,6 +218,7 @@ def test_axes_are_named_where_there_are_several(tmp_path: Path, two_axes: Experi
     ]
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_reached_references_are_said_so(
     tmp_path: Path, result: ExperimentResult, reference: Reference
 ) -> None:
@@ -230,6 +232,7 @@ def test_reached_references_are_said_so(
     ]
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_true_errors_have_a_heading_of_their_own(
     tmp_path: Path, simulated: ExperimentResult, true_reference: Reference
 ) -> None:
@@ -253,6 +256,7 @@ def test_true_errors_have_a_heading_of_their_own(
     assert "True: as the simulated stage knows it." in page.text["caption"][0]
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_without_reference_nothing_is_compared(tmp_path: Path, result: ExperimentResult) -> None:
     """Without a reference there is no such column and no such sentence."""
     one = replace(result, recordings=result.recordings[:1])
@@ -263,6 +267,7 @@ def test_without_reference_nothing_is_compared(tmp_path: Path, result: Experimen
     assert "strong" not in page.text
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_error_without_a_value_is_a_dash(tmp_path: Path, result: ExperimentResult) -> None:
     """An error that there is none of is a dash, marked only where a figure was to be reached."""
     failed = replace(result.recordings[0], metrics={"nonlinearity_pct": float("nan")})
@@ -289,6 +294,7 @@ def test_model_from_a_file_has_no_figure(tmp_path: Path, result: ExperimentResul
     assert page.given("img", "alt") == []
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_warnings_stand_before_the_errors(tmp_path: Path, result: ExperimentResult) -> None:
     """What a person should know comes first, word for word, and can be jumped to."""
     warned = replace(result, recordings=result.recordings[:1], warnings=("a < b", "c & d"))
@@ -305,6 +311,7 @@ def test_without_warnings_there_is_no_word_of_them(folder: Path) -> None:
     assert "Warnings" not in (folder / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_a_case_without_a_title_has_no_colon(tmp_path: Path, result: ExperimentResult) -> None:
     """The heading is the name alone."""
     untitled = replace(result.recordings[0], title="")
@@ -314,6 +321,7 @@ def test_a_case_without_a_title_has_no_colon(tmp_path: Path, result: ExperimentR
     assert _Page(text).text["h2"][2] == "case 1"
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_figures_of_an_earlier_report_are_removed_and_nothing_else(
     tmp_path: Path, result: ExperimentResult
 ) -> None:
@@ -330,6 +338,7 @@ def test_figures_of_an_earlier_report_are_removed_and_nothing_else(
     assert {each.name for each in tmp_path.iterdir()} == foreign | ours
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_a_page_of_somebody_else_removes_nothing(tmp_path: Path, result: ExperimentResult) -> None:
     """Figures that such a page shows are not ours, and its text need not be UTF-8."""
     (tmp_path / "report.html").write_bytes(b'\xff\n<figure id="holiday">\n<figure id="../run_01">')
