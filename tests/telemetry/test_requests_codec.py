@@ -29,6 +29,7 @@ EVERY_KIND = [
     wave(Points(kind="points", points=((0.0, 1.0), (0.5, 2.0)))),
     wave(Staircase(kind="staircase", levels=(1.0, 2.0), dwell_s=0.1)),
     requests.Stream(axes=("x", "y")),
+    requests.Follow(axis="x"),
     requests.Hold(),
     requests.Resume(),
     requests.Stop(),
