@@ -1,70 +1,17 @@
 """The driver `canopen` with an emulated node, in a time that nobody waits for."""
 
-from collections.abc import Callable, Sequence
-from typing import Any
-
 import pytest
 
-from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
-from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.can_bus.cia401 import objects as o
-from piezod_drivers.can_bus.cia401.dialogue import Dialogue
-from piezod_drivers.can_bus.cia401.node import CODES_PER_V, NODE, Cia401Node
-from piezod_drivers.can_bus.cia401.options import Options
-from piezod_drivers.can_bus.cia401.sdo_server import AbortCode, AbortError
+from piezod_drivers.can_bus.cia401.node import CODES_PER_V, NODE
 from piezod_drivers.can_bus.frame import Frame
-from tests.drivers.can_bus.fake_bus import FakeBus
-from tests.drivers.can_bus.profiles import CODES, canopen
-from tests.drivers.serial_line.linear_rig import bench
+from tests.drivers.can_bus.cia401_stand import Stand, read, without
+from tests.drivers.can_bus.profiles import CODES
 from tests.drivers.serial_line.scripted_line import MS
 
 STEP_V = 1 / CODES_PER_V
-
-
-class Stand:
-    """A node, the bus it is on, and what is behind it.
-
-    Attributes:
-        device: The driver's device, of all channels.
-    """
-
-    def __init__(self, start_v: Sequence[float] = (0.0, 0.0), **more: object) -> None:
-        on_bench, self.rig, self.time = bench(2)
-        on_bench.drive_all(start_v)
-        self.node = Cia401Node(on_bench)
-        self.bus = FakeBus(self.node, self.time)
-        two = {f"a{i}": {"number": i, **CODES} for i in (1, 2)}
-        options = canopen("/dev/null", 5.0, **{"inputs": two, "outputs": two, **more})
-        self.options = Options.model_validate(options)
-        self.device = self.make(Wiring(tuple(self.options.inputs), tuple(self.options.outputs)))
-
-    def make(self, wiring: Wiring) -> Any:
-        """Construct a device of some channels."""
-        kind = ExchangingBusDevice if all(wiring) else BusDevice
-        return kind("the node", Dialogue(self.options, wiring, self.bus))
-
-    def active(self, wiring: Wiring | None = None) -> Any:
-        """Give a device that is open and active."""
-        device = self.device if wiring is None else self.make(wiring)
-        device.open()
-        device.activate(self.time.t_ns)
-        return device
-
-    def passes(self, ms: float, each: Callable[[], object] = lambda: None) -> None:
-        """Let time pass, and do something every 5 ms."""
-        for _ in range(round(ms / 5)):
-            self.time.t_ns += 5 * MS
-            each()
-
-    def flags(self) -> frozenset[DeviceFlag]:
-        """Return what is told of any channel."""
-        return frozenset().union(*self.device.status(self.time.t_ns))
-
-
-def _read(device: Any, stand: Stand) -> list[float]:
-    return [sample.position_um for sample in device.read(stand.time.t_ns)]
 
 
 def test_node_tells_who_it_is() -> None:
@@ -109,7 +56,7 @@ def test_activating_moves_nothing() -> None:
     """Taking control leaves outputs where they are, and so does giving it back."""
     stand = Stand((30.0, 60.0))
     device = stand.active()
-    _read(device, stand)
+    read(device, stand)
     assert stand.rig.drive_v == [30.0, 60.0]
 
     device.exchange([1.0, 1.0], stand.time.t_ns)
@@ -126,7 +73,7 @@ def test_channels_that_no_axis_uses_are_left_alone(wiring: Wiring) -> None:
     stand = Stand((30.0, 60.0))
     device = stand.active(wiring)
     if wiring.inputs:
-        assert len(_read(device, stand)) == 1
+        assert len(read(device, stand)) == 1
     if wiring.outputs:
         assert device.write([1.0], stand.time.t_ns)
         assert stand.rig.drive_v == pytest.approx([30.0, 15.0], abs=15 * STEP_V)
@@ -166,7 +113,7 @@ def test_silent_host_makes_the_node_safe() -> None:
     device = stand.active()
     assert device.capabilities().watchdog
     stand.passes(1000)
-    assert _read(device, stand), "nobody watches before somebody drives"
+    assert read(device, stand), "nobody watches before somebody drives"
     device.exchange([5.0, 5.0], stand.time.t_ns)
     stand.passes(1000, lambda: device.exchange([5.0, 5.0], stand.time.t_ns))
     assert stand.rig.drive_v == pytest.approx([75.0, 75.0], abs=0.1)
@@ -208,22 +155,11 @@ def test_watchdog_is_disarmed_in_the_end() -> None:
 def test_node_without_watchdog_is_told() -> None:
     """Where a node has no consumer heartbeat, the device has no watchdog and works without."""
     stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
-    _without(stand, {o.CONSUMER_HEARTBEAT})
+    without(stand, {o.CONSUMER_HEARTBEAT})
     device = stand.active(Wiring(("a1",), ("a1",)))
 
     assert not device.capabilities().watchdog
     assert device.exchange([1.0], stand.time.t_ns)[0]
-
-
-def _without(stand: Stand, missing: set[int]) -> None:
-    entry = stand.node.entry
-
-    def some(index: int, number: int) -> Any:
-        if index in missing:
-            raise AbortError(AbortCode.NO_OBJECT)
-        return entry(index, number)
-
-    stand.node.entry = some  # type: ignore[method-assign] # a node that lacks something
 
 
 EMERGENCIES = (
@@ -251,14 +187,14 @@ def test_emergency_is_told_until_it_is_over(code: int, flag: DeviceFlag) -> None
     device = stand.active()
     stand.node.emergency(code, 1)
     for _ in range(3):
-        _read(device, stand)
+        read(device, stand)
         assert flag in stand.flags()
 
     stand.node.emergency(0x0000, 1)
-    _read(device, stand)
+    read(device, stand)
     assert flag in stand.flags(), "one error is over, and others are left"
     stand.node.emergency(0x0000, 0)
-    _read(device, stand)
+    read(device, stand)
     assert stand.flags() == frozenset()
 
 
@@ -270,11 +206,11 @@ def test_restarted_node_is_told() -> None:
     device.exchange([1.0, 1.0], stand.time.t_ns)
     stand.node.receive(Frame(o.NMT, bytes((o.RESET, NODE))))
     stand.bus.comes(Frame(o.HEARTBEAT + NODE, bytes((o.BOOTED,))))
-    _read(device, stand)
+    read(device, stand)
     told = device.status(stand.time.t_ns)
     assert [DeviceFlag.RESTARTED in each for each in told] == [False, False, True, True]
 
-    _read(device, stand)
+    read(device, stand)
     assert DeviceFlag.DISCONNECTED in stand.flags()
     device.close()
     stand.active()
@@ -300,7 +236,7 @@ def test_other_master_is_told() -> None:
         stand = Stand()
         device = stand.active()
         stand.bus.comes(foreign)
-        _read(device, stand)
+        read(device, stand)
 
         assert DeviceFlag.FOREIGN_FRAME in stand.flags()
 
@@ -317,105 +253,12 @@ def test_input_at_its_end_is_told() -> None:
     assert [DeviceFlag.SATURATED in each for each in told] == [True, True, False, False]
 
 
-def test_node_whose_mapping_is_fixed_is_used_as_it_is() -> None:
-    """Of a mapping that cannot be changed the channels are used, and the others held."""
-    stand = Stand((30.0, 60.0))
-
-    def fixed(_index: int, _number: int, _value: int) -> None:
-        raise AbortError(AbortCode.READ_ONLY)
-
-    node: Any = stand.node
-    node._check_mapping = fixed  # noqa: SLF001 - such a node
-    device = stand.active(Wiring(("a2",), ("a2",)))
-
-    assert device.exchange([1.0], stand.time.t_ns)[0]
-    assert stand.rig.drive_v == pytest.approx([30.0, 15.0], abs=0.1)
-    assert _read(device, stand) == pytest.approx([0.6], abs=0.01)
-
-
-def test_node_of_another_profile_is_refused() -> None:
-    """A drive, say, is no analogue I/O: opening fails and says which profile it has."""
-    stand = Stand()
-    node: Any = stand.node
-    value = node.value
-    node.value = lambda i, n: 0x0002_0192 if i == o.DEVICE_TYPE else value(i, n)
-
-    with pytest.raises(DeviceError, match="profile 402, not of 401"):
-        stand.device.open()
-
-
-def test_absent_node_is_told_with_what_to_check() -> None:
-    """Where nobody answers, the error names the node and what may be wrong."""
-    stand = Stand()
-    stand.bus.node = None
-
-    with pytest.raises(DeviceUnavailableError, match=r"node 5 .* terminations"):
-        stand.device.open()
-
-
-def test_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without canopen opening fails, and says how to install it."""
-    monkeypatch.setitem(__import__("sys").modules, "piezod_drivers.can_bus.cia401.sdo", None)
-    monkeypatch.delattr("piezod_drivers.can_bus.cia401.sdo", raising=False)
-
-    with pytest.raises(DeviceUnavailableError, match=r'pip install "piezod\[can\]"'):
-        Stand().device.open()
-
-
-def test_rate_follows_from_the_frames() -> None:
-    """The highest rate is that at which the frames of a cycle fill the bus."""
-    stand = Stand()
-    stand.device.open()
-    # 4 bytes twice, SYNC, and four SDO frames of 8 bytes
-    bits = 2 * (47 + 32 + 16) + (47 + 8) + 4 * (47 + 64 + 24)
-
-    assert stand.device.capabilities().max_rate_hz == pytest.approx(500_000 / bits, rel=0.02)
-
-
-def _refusing(stand: Stand, *refused: tuple[int, int]) -> None:
-    """Have the node refuse to set these objects."""
-    node: Any = stand.node
-    allowed = node.set
-
-    def some(index: int, number: int, value: int) -> None:
-        if (index, number) in refused:
-            raise AbortError(AbortCode.UNSUPPORTED_ACCESS)
-        allowed(index, number, value)
-
-    node.set = some
-
-
-def test_node_that_cannot_be_set_up_is_refused() -> None:
-    """Where a node refuses what has to be, activating fails and names the object."""
-    stand = Stand()
-    _refusing(stand, (0x1801, 2))
-    with pytest.raises(DeviceError, match="0x1801:2 cannot be set"):
-        stand.active()
-
-
-def test_node_that_refuses_to_watch_is_not_used_with_safe_codes() -> None:
-    """Who asks for a watchdog gets one, or an error that says how to do without."""
-    stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
-    _refusing(stand, (o.ERROR_MODE, 1))
-    with pytest.raises(DeviceError, match="leave out safe_code"):
-        stand.active()
-
-
-def test_node_without_heartbeat_is_used_without() -> None:
-    """A node that has no heartbeat to set works all the same."""
-    stand = Stand()
-    _refusing(stand, (o.PRODUCER_HEARTBEAT, 0))
-    device = stand.active()
-
-    assert device.exchange([1.0, 1.0], stand.time.t_ns)[0]
-
-
 @pytest.mark.sees("canopen", "B10")
 def test_output_that_cannot_be_read_back_is_told() -> None:
     """A node that refuses to tell an output in the loop has another configuration than said."""
     stand = Stand()
     device = stand.active()
-    _without(stand, {o.OUTPUT})
+    without(stand, {o.OUTPUT})
 
     assert device.read_back(stand.time.t_ns)[0] != 0.0
     assert DeviceFlag.WRONG_REQUEST in stand.flags()

@@ -1,0 +1,105 @@
+"""How the driver `canopen` sets a node up, and which nodes it does not use."""
+
+from typing import Any
+
+import pytest
+
+from piezod.devices.interface import Wiring
+from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod_drivers.can_bus.cia401 import objects as o
+from piezod_drivers.can_bus.cia401.sdo_server import AbortCode, AbortError
+from tests.drivers.can_bus.cia401_stand import Stand, read
+from tests.drivers.can_bus.profiles import CODES
+
+
+def test_node_whose_mapping_is_fixed_is_used_as_it_is() -> None:
+    """Of a mapping that cannot be changed the channels are used, and the others held."""
+    stand = Stand((30.0, 60.0))
+
+    def fixed(_index: int, _number: int, _value: int) -> None:
+        raise AbortError(AbortCode.READ_ONLY)
+
+    node: Any = stand.node
+    node._check_mapping = fixed  # noqa: SLF001 - such a node
+    device = stand.active(Wiring(("a2",), ("a2",)))
+
+    assert device.exchange([1.0], stand.time.t_ns)[0]
+    assert stand.rig.drive_v == pytest.approx([30.0, 15.0], abs=0.1)
+    assert read(device, stand) == pytest.approx([0.6], abs=0.01)
+
+
+def test_node_of_another_profile_is_refused() -> None:
+    """A drive, say, is no analogue I/O: opening fails and says which profile it has."""
+    stand = Stand()
+    node: Any = stand.node
+    value = node.value
+    node.value = lambda i, n: 0x0002_0192 if i == o.DEVICE_TYPE else value(i, n)
+
+    with pytest.raises(DeviceError, match="profile 402, not of 401"):
+        stand.device.open()
+
+
+def test_absent_node_is_told_with_what_to_check() -> None:
+    """Where nobody answers, the error names the node and what may be wrong."""
+    stand = Stand()
+    stand.bus.node = None
+
+    with pytest.raises(DeviceUnavailableError, match=r"node 5 .* terminations"):
+        stand.device.open()
+
+
+def test_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without canopen opening fails, and says how to install it."""
+    monkeypatch.setitem(__import__("sys").modules, "piezod_drivers.can_bus.cia401.sdo", None)
+    monkeypatch.delattr("piezod_drivers.can_bus.cia401.sdo", raising=False)
+
+    with pytest.raises(DeviceUnavailableError, match=r'pip install "piezod\[can\]"'):
+        Stand().device.open()
+
+
+def test_rate_follows_from_the_frames() -> None:
+    """The highest rate is that at which the frames of a cycle fill the bus."""
+    stand = Stand()
+    stand.device.open()
+    # 4 bytes twice, SYNC, and four SDO frames of 8 bytes
+    bits = 2 * (47 + 32 + 16) + (47 + 8) + 4 * (47 + 64 + 24)
+
+    assert stand.device.capabilities().max_rate_hz == pytest.approx(500_000 / bits, rel=0.02)
+
+
+def _refusing(stand: Stand, *refused: tuple[int, int]) -> None:
+    """Have the node refuse to set these objects."""
+    node: Any = stand.node
+    allowed = node.set
+
+    def some(index: int, number: int, value: int) -> None:
+        if (index, number) in refused:
+            raise AbortError(AbortCode.UNSUPPORTED_ACCESS)
+        allowed(index, number, value)
+
+    node.set = some
+
+
+def test_node_that_cannot_be_set_up_is_refused() -> None:
+    """Where a node refuses what has to be, activating fails and names the object."""
+    stand = Stand()
+    _refusing(stand, (0x1801, 2))
+    with pytest.raises(DeviceError, match="0x1801:2 cannot be set"):
+        stand.active()
+
+
+def test_node_that_refuses_to_watch_is_not_used_with_safe_codes() -> None:
+    """Who asks for a watchdog gets one, or an error that says how to do without."""
+    stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
+    _refusing(stand, (o.ERROR_MODE, 1))
+    with pytest.raises(DeviceError, match="leave out safe_code"):
+        stand.active()
+
+
+def test_node_without_heartbeat_is_used_without() -> None:
+    """A node that has no heartbeat to set works all the same."""
+    stand = Stand()
+    _refusing(stand, (o.PRODUCER_HEARTBEAT, 0))
+    device = stand.active()
+
+    assert device.exchange([1.0, 1.0], stand.time.t_ns)[0]
