@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from piezod.experiment.automatic import Choice, Wanted, choose
+from piezod.experiment.record import Record
 from tests.cli.conftest import Command
 from tests.experiment.made_up import record_of, swells, write_record
 
@@ -18,6 +20,23 @@ def data(folder: Path) -> Path:
     return Path("data.csv")
 
 
+CHOICES: dict[bytes, Choice] = {}
+
+
+@pytest.fixture
+def chosen_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have tests share the choice for a record, which takes seconds."""
+
+    def known(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
+        key = record.position_um.tobytes()
+        if key not in CHOICES:
+            CHOICES[key] = choose(record, wanted, delay_s)
+        return CHOICES[key]
+
+    monkeypatch.setattr("piezod.experiment.identify_file.choose", known)
+
+
+@pytest.mark.usefixtures("chosen_once")
 def test_the_candidates_and_the_choice_are_told(piezod: Command, data: Path) -> None:
     """A person reads what was tried, what was taken, and why."""
     code, out, err = piezod("identify", data, *AUTO, "--delay-s", 0)
@@ -32,6 +51,7 @@ def test_the_candidates_and_the_choice_are_told(piezod: Command, data: Path) -> 
     assert "the one with the fewest parameters is taken" in " ".join(out.split())
 
 
+@pytest.mark.usefixtures("chosen_once")
 def test_the_document_tells_the_choice(piezod: Command, data: Path) -> None:
     """The model taken has no more parameters than the best, and an error within the limit."""
     document = json.loads(piezod("identify", data, *AUTO, "--delay-s", 0, "--json").out)
