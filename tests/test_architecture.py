@@ -17,7 +17,7 @@ OUTSIDE_WORLD = {
     "piezod/devices": {"pydantic", "serial"},
     "piezod/testing": set(),
 }
-# Lines wait for bytes, with a deadline.
+# Implementations of `Line` and `FrameBus`, which wait for bytes until a deadline; nothing else may.
 HAVE_A_CLOCK = {
     ROOT / "piezod/devices/bus/serial_line.py",
     ROOT / "piezod/devices/bus/tcp_line.py",
