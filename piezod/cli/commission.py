@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
 from piezod.cli.owned_stage import owning
 from piezod.cli.paths import check_writable, existing_file
@@ -64,7 +65,7 @@ def commission(
     folder.mkdir(parents=True, exist_ok=True)
     check_writable(folder)
     findings, not_done = Findings(), list[str]()
-    with owning(config), one_axis(stage, name, output_v) as opened:
+    with owning(config), unwinding(), one_axis(stage, name, output_v) as opened:
         _tell_identities(opened)
         trouble = _walk(opened, findings, not_done, asking=not yes)
     sheet = _write(folder, stage, name, findings, not_done, opened)

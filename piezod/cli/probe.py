@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
 from piezod.cli.owned_stage import owning
 from piezod.cli.paths import existing_file
@@ -54,7 +55,8 @@ def probe(
             for name, each in found.items():
                 console.print(_text(name, each, stage), soft_wrap=True)
         if wiggle and not any(each.error for each in found.values()):
-            wiggled = _wiggle(stage, asking=not yes, telling=not json)
+            with unwinding():
+                wiggled = _wiggle(stage, asking=not yes, telling=not json)
     if json:
         devices = {name: _document(each) for name, each in found.items()}
         print_json({"devices": devices, "wiggled": wiggled})

@@ -1,9 +1,10 @@
 """One axis of a stage, opened to be driven by hand; left where it was found."""
 
+import signal
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import nan
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from piezod.commission.session import Session
 from piezod.config.daemon import DaemonConfig
@@ -25,6 +26,19 @@ class OneAxis(NamedTuple):
 
     session: Session
     identities: Mapping[str, Identity]
+
+
+ENDING: Final = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Let signals that end the process wait until the block has."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -59,7 +73,8 @@ def one_axis(
         try:
             yield OneAxis(session, channels.identities)
         finally:
-            with suppress(DeviceError):  # what ended the block is what is to be told
+            # What ended the block is what is to be told, and the way back has an end.
+            with _undisturbed(), suppress(DeviceError):
                 session.back()
     finally:
         channels.deactivate(clock.now_ns())

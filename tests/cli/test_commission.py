@@ -1,7 +1,10 @@
 """Tests of `piezod probe` and `piezod commission`, on a clock that nobody waits for."""
 
 import json
+import os
 import re
+import signal
+from collections.abc import Sequence
 from io import StringIO
 from pathlib import Path
 
@@ -99,3 +102,25 @@ def test_commission_of_an_axis_that_is_not_there(piezod: Command, config: Path) 
 
     assert outcome.code == 2
     assert "known: x" in outcome.err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_commission_goes_back_when_it_is_told_to_end(
+    piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
+) -> None:
+    """Even where it is told again on its way back; it exits with 130."""
+    written: list[float] = []
+    write = SimulatedRig.write
+
+    def noting(rig: SimulatedRig, drive_v: Sequence[float], now_ns: int) -> bool:
+        written.append(drive_v[0])
+        if drive_v[0] > 30.0:
+            os.kill(os.getpid(), number)
+        return write(rig, drive_v, now_ns)
+
+    monkeypatch.setattr(SimulatedRig, "write", noting)
+    outcome = piezod("commission", str(config), "--yes")
+
+    assert outcome.code == 130
+    assert max(written) < 31.0
+    assert written[-1] == pytest.approx(0.0, abs=0.01)
