@@ -1,0 +1,369 @@
+"""CAN in a kernel that has it: run in the guest, by `tests/system/test_guest_buses.py`."""
+
+import os
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import can
+import canopen
+import pytest
+
+from piezod.devices import registry
+from piezod.devices.bus.line import LineFault
+from piezod.devices.interface import Wiring
+from piezod.devices.status import DeviceFlag
+from piezod.errors import DeviceUnavailableError
+from piezod_drivers.can_bus.cycle import STALLED_AFTER, Cycle
+from piezod_drivers.can_bus.frame import Frame
+from piezod_drivers.can_bus.library_bus import LibraryBus
+from tests.daemon.waiting import eventually
+from tests.drivers.can_bus.canopen_node import Device
+from tests.drivers.can_bus.profiles import CODES, canopen as canopen_options
+
+pytestmark = pytest.mark.skipif("PIEZOD_GUEST" not in os.environ, reason="runs in the guest")
+
+CODES_PER_V = 3276.7
+SECOND_NS = 1_000_000_000
+SETPOINTS, SYNC, HOST_BEAT = 0x305, 0x80, 0x700 + 126
+OLD, NEW = Frame(SETPOINTS, b"\x01\x02"), Frame(SETPOINTS, b"\x03\x04")
+NOBODY = 65_534
+
+
+def system(command: str) -> str:
+    """Run a command; return what it prints."""
+    ended = subprocess.run(command.split(), capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, f"{command}: {ended.stderr}"
+    return ended.stdout
+
+
+def up(name: str) -> None:
+    """Bring a controller's interface up."""
+    system(f"ip link set {name} up type can bitrate 500000")
+
+
+@pytest.fixture
+def vcan() -> Iterator[str]:
+    """Return a virtual interface of the kernel, which is up."""
+    system("ip link add vcan0 type vcan")
+    system("ip link set vcan0 up")
+    yield "vcan0"
+    subprocess.run(["ip", "link", "delete", "vcan0"], check=False, capture_output=True)
+
+
+@pytest.fixture
+def controllers() -> Iterator[tuple[str, str]]:
+    """Return two controllers on one bus, which are up."""
+    for name in ("can0", "can1"):
+        up(name)
+    yield "can0", "can1"
+    for name in ("can0", "can1"):
+        system(f"ip link set {name} down")
+
+
+@contextmanager
+def node_on(name: str) -> Iterator[None]:
+    """Have a node by the canopen library on an interface."""
+    network = canopen.Network()
+    network.connect(interface="socketcan", channel=name)
+    try:
+        Device(network)
+        yield
+    finally:
+        network.disconnect()
+
+
+@contextmanager
+def listening(name: str) -> Iterator[can.BusABC]:
+    """Hear everything on an interface."""
+    with can.Bus(interface="socketcan", channel=name) as bus:
+        yield bus
+
+
+def heard(bus: can.BusABC) -> list[can.Message]:
+    """Return what has come."""
+    return list(iter(lambda: bus.recv(0), None))
+
+
+def device_on(name: str, **more: object) -> Any:
+    """Return our driver's device for the node on an interface; it is not open."""
+    bus = {"interface": "socketcan", "channel": name}
+    plugin = registry.load("canopen")
+    settings = {**canopen_options("", **more), "bus": bus}
+    return plugin.create(plugin.options_model.model_validate(settings), Wiring(("ai1",), ("ao1",)), 1)
+
+
+def device_at(name: str, **more: object) -> Any:
+    """Return our driver's device, open and active."""
+    device = device_on(name, **more)
+    device.open()
+    device.activate(time.monotonic_ns())
+    return device
+
+
+def drives(device: Any, volts: float) -> None:
+    """Assert that the output is set, read back, and that its half is at the input."""
+    now_ns = time.monotonic_ns()
+    taken, (sample,) = device.exchange([volts], now_ns)
+    assert taken, device.status(now_ns)
+    assert sample.position_um == pytest.approx(volts / 2, abs=2 / CODES_PER_V)
+    assert device.read_back(now_ns) == pytest.approx([volts], abs=1 / CODES_PER_V)
+
+
+def flags(device: Any) -> set[DeviceFlag]:
+    """Return what the status of a device tells of any channel."""
+    return set().union(*device.status(time.monotonic_ns()))
+
+
+@contextmanager
+def plugged(name: str, n_frames: int) -> Iterator[None]:
+    """Hold frames up in the kernel's queue, as on a bus where nobody acknowledges."""
+    system(f"tc qdisc add dev {name} root plug limit {n_frames * 16}")
+    try:
+        yield
+    finally:
+        system(f"tc qdisc delete dev {name} root")
+
+
+def unplug(name: str) -> None:
+    """Let the queue go, and all that is to come."""
+    system(f"tc qdisc change dev {name} root plug release_indefinite")
+
+
+def test_driver_drives_a_node_at_a_virtual_interface(vcan: str) -> None:
+    """Opened, set up, driven, read and read back, by frames of the kernel."""
+    with node_on(vcan):
+        device = device_at(vcan)
+        for volts in (1.0, -3.0, 8.0):
+            drives(device, volts)
+        assert flags(device) == set()
+        device.close()
+
+
+def test_driver_drives_a_node_at_another_controller(controllers: tuple[str, str]) -> None:
+    """So at the registers of an SJA1000, with the node at another one."""
+    ours, theirs = controllers
+    with node_on(theirs):
+        device = device_at(ours)
+        for volts in (1.0, -3.0, 8.0):
+            drives(device, volts)
+        assert flags(device) == set()
+        device.close()
+
+
+def test_kernel_filters_and_spares_us_our_own(vcan: str) -> None:
+    """What is not accepted, and what we have sent, does not come; the rest does."""
+    bus = LibraryBus("socketcan", vcan, {})
+    bus.open((0x123, 0x12345))
+    with listening(vcan) as other:
+        bus.send(Frame(0x123, b"own"))
+        sent = eventually(lambda: other.recv(0))
+        for number, extended in ((0x124, False), (0x12345, True), (0x123, False)):
+            other.send(can.Message(arbitration_id=number, data=b"x", is_extended_id=extended))
+        assert bus.receive(SECOND_NS) == Frame(0x12345, b"x", extended=True)
+        assert bus.receive(SECOND_NS) == Frame(0x123, b"x")
+        assert bus.receive(0) is None
+    bus.close()
+    assert bytes(sent.data) == b"own"
+
+
+def test_host_shows_that_it_lives(vcan: str) -> None:
+    """Where the node watches this host, its heartbeat is on the bus, and stops in the end."""
+    outputs = {"ao1": {"number": 1, **CODES, "safe_code": 0}}
+    with node_on(vcan), listening(vcan) as ear:
+        device = device_at(vcan, outputs=outputs, watchdog_ms=10_000)
+        assert device.capabilities().watchdog
+        assert HOST_BEAT not in [message.arbitration_id for message in heard(ear)]
+        drives(device, 1.0)
+        beats = [message for message in heard(ear) if message.arbitration_id == HOST_BEAT]
+        device.close()
+    assert [bytes(beat.data) for beat in beats] == [b"\x05"]
+
+
+@pytest.mark.sees("canopen", "B12")
+def test_foreign_setpoint_is_told(vcan: str) -> None:
+    """Another program that sends what only this host should is seen."""
+    with node_on(vcan), listening(vcan) as other:
+        device = device_at(vcan)
+        drives(device, 1.0)
+        other.send(can.Message(arbitration_id=SETPOINTS, data=bytes(2), is_extended_id=False))
+        device.exchange([1.0], time.monotonic_ns())
+        assert flags(device) == {DeviceFlag.FOREIGN_FRAME}
+        device.close()
+
+
+def is_lost(device: Any) -> bool:
+    """Tell whether a device says that it is lost."""
+    _, (sample,) = device.exchange([1.0], time.monotonic_ns())
+    return not sample.valid and flags(device) == {DeviceFlag.DISCONNECTED}
+
+
+@pytest.mark.sees("canopen", "B1")
+def test_interface_that_is_taken_down_is_told(controllers: tuple[str, str]) -> None:
+    """The device is lost, cannot be opened meanwhile, and is there again when it is up."""
+    ours, theirs = controllers
+    with node_on(theirs):
+        device = device_at(ours)
+        drives(device, 1.0)
+        system(f"ip link set {ours} down")
+        assert is_lost(device)
+        device.close()
+        with pytest.raises(DeviceUnavailableError, match="down") as refusal:
+            device.open()
+        print(refusal.value)
+        up(ours)
+        device.open()
+        device.activate(time.monotonic_ns())
+        drives(device, 2.0)
+        device.close()
+
+
+@pytest.mark.sees("canopen", "B1")
+def test_controller_that_is_pulled_out_is_told(controllers: tuple[str, str]) -> None:
+    """So where the controller itself goes and comes back."""
+    ours, theirs = controllers
+    function = Path(f"/sys/class/net/{ours}/device").resolve()
+    with node_on(theirs):
+        device = device_at(ours)
+        drives(device, 1.0)
+        (function / "remove").write_text("1")
+        assert is_lost(device)
+        device.close()
+        with pytest.raises(DeviceUnavailableError, match="bring it up: ip link set") as refusal:
+            device.open()
+        print(refusal.value)
+        Path("/sys/bus/pci/rescan").write_text("1")
+        eventually(lambda: Path(f"/sys/class/net/{ours}").exists())
+        up(ours)
+        device.open()
+        device.activate(time.monotonic_ns())
+        drives(device, 2.0)
+        device.close()
+
+
+@pytest.mark.sees("canopen", "B9")
+def test_full_queue_is_told(controllers: tuple[str, str]) -> None:
+    """The kernel's ENOBUFS becomes `NOT_SENT`."""
+    ours, _ = controllers
+    bus = LibraryBus("socketcan", ours, {})
+    bus.open(())
+    with plugged(ours, 2):
+        bus.send(OLD)
+        bus.send(OLD)
+        with pytest.raises(LineFault) as caught:
+            bus.send(OLD)
+        assert caught.value.flag is DeviceFlag.NOT_SENT
+        bus.close()
+
+
+def test_kernel_keeps_frames_of_who_is_gone(controllers: tuple[str, str]) -> None:
+    """A frame in the queue outlives its socket, and leaves later: that is the danger."""
+    ours, theirs = controllers
+    with plugged(ours, 2):
+        with listening(ours) as sender:
+            sender.send(can.Message(arbitration_id=OLD.id, data=OLD.data, is_extended_id=False))
+        with listening(theirs) as ear:
+            unplug(ours)
+            assert bytes(eventually(lambda: ear.recv(0)).data) == OLD.data
+
+
+@pytest.mark.sees("canopen", "B8")
+def test_old_setpoint_never_leaves(controllers: tuple[str, str]) -> None:
+    """After a stall, what is opened again sends the new setpoint and none of the old ones."""
+    ours, theirs = controllers
+    bus = LibraryBus("socketcan", ours, {})
+    bus.open(())
+    with plugged(ours, 2):
+        stall(Cycle(bus, SECOND_NS, (), lambda _: None))
+        bus.close()
+        with listening(theirs) as ear:
+            bus.open(())
+            unplug(ours)
+            bus.send(NEW)
+            assert bytes(eventually(lambda: ear.recv(0)).data) == NEW.data
+            assert heard(ear) == []
+        bus.close()
+
+
+@pytest.mark.sees("canopen", "B8")
+def test_stalled_device_drives_again(controllers: tuple[str, str]) -> None:
+    """Where nothing leaves, the device is lost; opened again, it sends nothing old, and drives."""
+    ours, theirs = controllers
+    with node_on(theirs), listening(theirs) as ear:
+        device = device_at(ours)
+        drives(device, 1.0)
+        with plugged(ours, 1):
+            taken = [device.exchange([9.0], time.monotonic_ns())[0] for _ in range(9)]
+            assert not any(taken)
+            assert DeviceFlag.BUS_OFF in flags(device)
+            device.close()
+            heard(ear)
+            system(f"ip link set {ours} up")
+            opened = threading.Thread(target=device.open)
+            opened.start()
+            unplug(ours)
+            opened.join()
+        device.activate(time.monotonic_ns())
+        drives(device, 2.0)
+        device.close()
+        sent = [bytes(each.data) for each in heard(ear) if each.arbitration_id == SETPOINTS]
+    assert set(sent) == {round(2.0 * CODES_PER_V).to_bytes(2, "little")}
+
+
+def test_queue_is_not_used_without_the_right_to_empty_it(controllers: tuple[str, str]) -> None:
+    """Who may not take the interface down is told what to do; whoever does it, it is enough."""
+    ours, _ = controllers
+    bus = LibraryBus("socketcan", ours, {})
+    bus.open(())
+    with plugged(ours, 2):
+        stall(Cycle(bus, SECOND_NS, (), lambda _: None))
+        bus.close()
+        os.seteuid(NOBODY)  # which gives up what root may
+        try:
+            with pytest.raises(DeviceUnavailableError, match=f"ip link set {ours} down"):
+                bus.open(())
+        finally:
+            os.seteuid(0)
+        system(f"ip link set {ours} down")
+        up(ours)
+        os.seteuid(NOBODY)
+        try:
+            bus.open(())
+        finally:
+            os.seteuid(0)
+        bus.close()
+
+
+@pytest.mark.sees("canopen", "B8")
+def test_controller_off_the_bus_is_told(controllers: tuple[str, str]) -> None:
+    """The kernel's error frame loses the device; opened again, it drives."""
+    ours, theirs = controllers
+    with node_on(theirs), listening(ours) as driver:
+        device = device_at(ours)
+        drives(device, 1.0)
+        driver.send(can.Message(arbitration_id=0x40, data=bytes(8), is_error_frame=True))
+        eventually(lambda: any(each.is_error_frame for each in heard(driver)))
+        taken, _ = device.exchange([2.0], time.monotonic_ns())
+        assert not taken
+        assert flags(device) == {DeviceFlag.BUS_OFF}
+        device.close()
+        device.open()
+        device.activate(time.monotonic_ns())
+        drives(device, 2.0)
+        device.close()
+
+
+def stall(cycle: Cycle) -> None:
+    """Send until the bus counts as left."""
+    for _ in range(2):
+        cycle.tell(OLD)
+    caught = []
+    for _ in range(STALLED_AFTER):
+        with pytest.raises(LineFault) as fault:
+            cycle.tell(OLD)
+        caught.append(fault.value.flag)
+    assert caught == [DeviceFlag.NOT_SENT] * (STALLED_AFTER - 1) + [DeviceFlag.BUS_OFF]

@@ -1,0 +1,181 @@
+"""A guest in QEMU with a kernel of its own, for buses that the kernel of this machine may lack.
+
+Its root are the files of this machine, read-only, so that it has the interpreter and the libraries
+of the test at the same places. It has two CAN controllers on one bus and a USB controller; USB
+serial adapters are plugged and unplugged as the test wants.
+"""
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+from tests.daemon.waiting import eventually
+from tests.system.guest.kernel import Kernel
+
+_HERE: Final = Path(__file__).parent
+_REPOSITORY: Final = _HERE.parents[2]
+_QEMU: Final = "qemu-system-x86_64"
+_NEEDED: Final = (
+    *(_QEMU, "busybox", "cpio", "dpkg-deb", "apt-get", "modprobe", "depmod"),
+    *("udevadm", "ip", "stty"),
+)
+_MODULES: Final = ("can_raw", "can_bcm", "vcan", "kvaser_pci", "sch_plug", "xhci_pci", "ftdi_sio")
+_BOOT_S: Final = 300.0
+_COMMAND_S: Final = 900.0
+
+
+def why_not() -> str:
+    """Tell why no guest can be booted here; empty if one can."""
+    if os.geteuid() != 0:
+        return "only root can lend a guest all files"
+    missing = [name for name in _NEEDED if shutil.which(name) is None]
+    return f"not installed: {', '.join(missing)}" if missing else ""
+
+
+class Guest:
+    """A guest that is running.
+
+    Args:
+        share: Folder that it can write to.
+        control: Carries commands to it, and what it asks for.
+        monitor: Carries commands to QEMU.
+    """
+
+    def __init__(self, share: Path, control: socket.socket, monitor: socket.socket) -> None:
+        self._share = share
+        control.settimeout(_COMMAND_S)
+        monitor.settimeout(60)
+        self._control = control.makefile("rw", encoding="utf-8", newline="\n")
+        self._monitor = monitor.makefile("rw", encoding="utf-8", newline="\n")
+        self._monitor.readline()
+        self._tell_qemu("qmp_capabilities")
+
+    def close(self) -> None:
+        """Let go of its wires."""
+        self._control.close()
+        self._monitor.close()
+
+    def wait_until_booted(self) -> None:
+        """Wait until it takes commands."""
+        assert self._serve() == 0
+
+    def run(self, command: str) -> tuple[int, str]:
+        """Run a shell command in it.
+
+        Meanwhile it may ask for an adapter to be plugged or unplugged.
+
+        Returns:
+            The exit code, and what it printed.
+        """
+        self._say(command)
+        code = self._serve()
+        return code, (self._share / "output").read_text("utf-8", "replace")
+
+    def check(self, name: str, *arguments: str) -> tuple[int, str]:
+        """Run the tests of a file of this folder in it; return their exit code and report."""
+        tests = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-p", "no:randomly"]
+        options = ["-n0", "-rA", "-m", "''", "--rootdir", str(_REPOSITORY), *arguments]
+        command = " ".join([*tests, *options, str(_HERE / name)])
+        return self.run(f"cd {_REPOSITORY} && PIEZOD_GUEST=1 {command}")
+
+    def _serve(self) -> int:
+        """Do what it asks for until it has done what it was told; return its exit code."""
+        for line in self._control:
+            word, _, rest = line.strip().partition(" ")
+            match word:
+                case "done":
+                    return int(rest)
+                case "plug":
+                    identity, _, chardev = rest.partition(" ")
+                    device = {"driver": "usb-serial", "bus": "usb.0", "serial": identity}
+                    self._tell_qemu("device_add", id=identity, chardev=chardev, **device)
+                    self._say("ok")
+                case "unplug":
+                    self._tell_qemu("device_del", id=rest)
+                    self._say("ok")
+        raise AssertionError("the guest has ended")
+
+    def _say(self, line: str) -> None:
+        self._control.write(line + "\n")
+        self._control.flush()
+
+    def _tell_qemu(self, command: str, **arguments: str) -> None:
+        document: dict[str, Any] = {"execute": command}
+        if arguments:
+            document["arguments"] = arguments
+        self._monitor.write(json.dumps(document) + "\n")
+        self._monitor.flush()
+        for line in self._monitor:
+            answer = json.loads(line)
+            if "return" in answer:
+                return
+            assert "error" not in answer, answer
+        raise AssertionError("QEMU has ended")
+
+
+@contextmanager
+def booted(kernel: Kernel, console: Path, far_end: str) -> Iterator[Guest]:
+    """Boot a guest; it is switched off when the block ends.
+
+    Args:
+        kernel: What is booted.
+        console: Takes what its kernel prints.
+        far_end: Serial port or pty that is behind a USB adapter at `wire`.
+    """
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pz-guest-")))
+        share = folder / "share"
+        share.mkdir()
+        shutil.copy(_HERE / "start.sh", share)
+        command = _command(kernel, folder, console, far_end)
+        process = stack.enter_context(subprocess.Popen(command, stdin=subprocess.DEVNULL))
+        stack.callback(process.kill)
+        control = stack.enter_context(_connected(process, folder / "control"))
+        monitor = stack.enter_context(_connected(process, folder / "monitor"))
+        guest = Guest(share, control, monitor)
+        stack.callback(guest.close)
+        control.settimeout(_BOOT_S)
+        guest.wait_until_booted()
+        control.settimeout(_COMMAND_S)
+        code, told = guest.run(f"modprobe --dirname={kernel.modules} --all {' '.join(_MODULES)}")
+        assert code == 0, told
+        yield guest
+
+
+def _connected(process: "subprocess.Popen[bytes]", path: Path) -> socket.socket:
+    eventually(lambda: path.exists() or process.poll() is not None)
+    assert process.poll() is None, "QEMU does not start, see its errors above"
+    wire = socket.socket(socket.AF_UNIX)
+    wire.connect(str(path))
+    return wire
+
+
+def _command(kernel: Kernel, folder: Path, console: Path, far_end: str) -> list[str]:
+    machine = "-nodefaults -no-user-config -machine q35 -cpu max -smp 2 -m 1024 -display none"
+    emulation = "-accel tcg,thread=multi -no-reboot"
+    log = "console=ttyS0 quiet panic=-1 net.ifnames=0 mitigations=off"
+    nine = "security_model=none,multidevs=remap"
+    return [
+        _QEMU,
+        *machine.split(),
+        *emulation.split(),
+        *("-kernel", str(kernel.image), "-initrd", str(kernel.initial), "-append", log),
+        *("-serial", f"file:{console}"),
+        *("-chardev", f"socket,id=control,path={folder}/control,server=on,wait=off"),
+        *("-serial", "chardev:control"),
+        *("-qmp", f"unix:{folder}/monitor,server=on,wait=off"),
+        *("-virtfs", f"local,path=/,mount_tag=root,readonly=on,{nine}"),
+        *("-virtfs", f"local,path={folder}/share,mount_tag=share,{nine}"),
+        *("-object", "can-bus,id=bus"),
+        *("-device", "kvaser_pci,canbus=bus", "-device", "kvaser_pci,canbus=bus"),
+        *("-device", "qemu-xhci,id=usb"),
+        *("-chardev", f"serial,id=wire,path={far_end}", "-chardev", "null,id=nothing"),
+    ]
