@@ -7,6 +7,7 @@ test worker, and forks; otherwise they are what the command line starts.
 import multiprocessing
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,10 +22,69 @@ _SERVER.set_forkserver_preload(["tests.preloaded"])
 
 
 class Forked:
-    """A process.
+    """A process, as `subprocess.Popen` is one.
+
+    Args:
+        arguments: Of `piezod`.
+        streams: What it has for standard input, output and error; they stay open here.
+        environ: Its environment; this process's if not given.
 
     Attributes:
         pid: Its number.
+    """
+
+    def __init__(
+        self,
+        arguments: Sequence[str],
+        streams: tuple[int, int, int],
+        environ: Mapping[str, str] | None = None,
+    ) -> None:
+        theirs = [Connection(os.dup(each)) for each in streams]
+        what = tuple(arguments), str(Path.cwd()), dict(environ or os.environ), theirs
+        self._process = _SERVER.Process(target=_run, args=what, daemon=True)
+        self._process.start()
+        for each in theirs:
+            each.close()
+        assert self._process.pid is not None
+        self.pid = self._process.pid
+
+    def poll(self) -> int | None:
+        """Return its exit code, None while it lives."""
+        return self._process.exitcode
+
+    def wait(self, within_s: float | None = None) -> int:
+        """Wait for its end; return its exit code.
+
+        Raises:
+            TimeoutExpired: If it lives on.
+        """
+        self._process.join(within_s)
+        code = self._process.exitcode
+        if code is None:
+            raise subprocess.TimeoutExpired("piezod", within_s or 0.0)
+        return code
+
+    def send_signal(self, number: int) -> None:
+        """Send it a signal, if it lives."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def terminate(self) -> None:
+        """Tell it to end."""
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it."""
+        self.send_signal(signal.SIGKILL)
+
+
+class Piped(Forked):
+    """One that is talked to.
+
+    Args:
+        arguments: Of `piezod`.
+
+    Attributes:
         stdin: What is written here, it reads from standard input.
         stdout: What it prints.
     """
@@ -32,41 +92,23 @@ class Forked:
     def __init__(self, arguments: Sequence[str]) -> None:
         read_fd, stdin_fd = os.pipe()
         stdout_fd, write_fd = os.pipe()
-        theirs = (
-            Connection(read_fd, writable=False),
-            Connection(write_fd, readable=False),
-            Connection(os.dup(2), readable=False),
-        )
-        what = tuple(arguments), str(Path.cwd()), dict(os.environ), theirs
-        self._process = _SERVER.Process(target=_run, args=what)
-        self._process.start()
-        for each in theirs:
-            each.close()
-        assert self._process.pid is not None
-        self.pid = self._process.pid
+        super().__init__(arguments, (read_fd, write_fd, 2))
+        os.close(read_fd)
+        os.close(write_fd)
         self.stdin = os.fdopen(stdin_fd, "w", encoding="utf-8")
         self.stdout = os.fdopen(stdout_fd, encoding="utf-8")
 
-    def end(self) -> int | None:
-        """Tell it to end, and wait; return its exit code."""
-        if self._process.is_alive():
-            os.kill(self.pid, signal.SIGTERM)
-        self._process.join()
-        code = self._process.exitcode
-        self._process.close()
-        self.stdin.close()
-        self.stdout.close()
-        return code
-
 
 @contextmanager
-def forked(*arguments: str) -> Iterator[Forked]:
+def forked(*arguments: str) -> Iterator[Piped]:
     """Run `piezod` with these arguments while the block runs; it has ended in order afterwards."""
-    process = Forked(arguments)
-    try:
-        yield process
-    finally:
-        code = process.end()
+    process = Piped(arguments)
+    with process.stdin, process.stdout:
+        try:
+            yield process
+        finally:
+            process.terminate()
+            code = process.wait()
     assert code == 0
 
 

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.forked import Forked, forked
+from tests.forked import Piped, forked
 
 
 class Write(NamedTuple):
@@ -24,7 +24,7 @@ class Write(NamedTuple):
 
 
 @contextmanager
-def hosted(socket: Path, trace: Path, *arguments: str) -> Iterator[Forked]:
+def hosted(socket: Path, trace: Path, *arguments: str) -> Iterator[Piped]:
     """Host a rig with one axis while the block runs; it has ended in order afterwards."""
     options = ["--socket", str(socket), "--trace", str(trace), *arguments]
     with forked("emulate", "simulated", *options) as process:

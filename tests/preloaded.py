@@ -1,9 +1,12 @@
-"""All that emulated devices need, with kernels loaded: what `tests.forked` forks from."""
+"""All that devices and daemons need, with kernels loaded: what `tests.forked` forks from."""
 
 import rich.console  # noqa: F401 - to have them imported is all that these are for
 
 import piezod.cli.emulate
 import piezod.cli.output
+import piezod.cli.run
+import piezod.daemon.run_stage
+import piezod.daemon.supervisor
 import piezod.devices.emulators  # noqa: F401 - likewise
 from piezod.cli.emulate_parts import bench, default_rig
 

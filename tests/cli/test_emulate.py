@@ -185,10 +185,8 @@ def test_several_devices_share_a_stage() -> None:
         eventually(lambda: voltage() > 49)
         devices.faults("lost")
         devices.faults()
-        assert devices.process.stdin is not None
         devices.process.stdin.write("nonsense\n")
         devices.process.stdin.flush()
-        assert devices.process.stdout is not None
         assert "unchanged, no fault 'nonsense'" in devices.process.stdout.readline()
         one.close()
         other.close()

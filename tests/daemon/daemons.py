@@ -21,6 +21,7 @@ from piezod.daemon.paths import StagePaths, stage_paths
 from piezod.telemetry.shared_map import MapError, attach
 from piezod.telemetry.words import Word
 from tests.daemon.waiting import eventually
+from tests.forked import Forked
 
 # A unix socket has none; httpx's own takes 25 ms to make, too long for who asks again and again.
 NO_TLS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
@@ -60,13 +61,12 @@ class Daemon:
         """Start it again after its end."""
         self.process = self.another()
 
-    def another(self) -> "subprocess.Popen[bytes]":
+    def another(self) -> Forked:
         """Start `piezod run` with the same files; the caller waits for its end."""
-        command = [sys.executable, "-m", "piezod.cli.main", "run", *self._arguments]
-        with self.log.open("ab") as log:
-            return subprocess.Popen(
-                [*command, str(self.config)], env=self.environ, stdout=log, stderr=log
-            )
+        arguments = ("run", *self._arguments, str(self.config))
+        with self.log.open("ab") as log, Path(os.devnull).open("rb") as nothing:
+            streams = (nothing.fileno(), log.fileno(), log.fileno())
+            return Forked(arguments, streams, self.environ)
 
     def command(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
         """Run another command of ours with the same folders."""

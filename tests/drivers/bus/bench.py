@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from piezod.devices import emulators
-from tests.forked import Forked, forked
+from tests.forked import Piped, forked
 
 
 class Emulated:
@@ -19,7 +19,7 @@ class Emulated:
         where: The place of each, in the order in which they were asked for.
     """
 
-    def __init__(self, process: Forked) -> None:
+    def __init__(self, process: Piped) -> None:
         self.process = process
         self.where = [each["where"] for each in self._told()["serving"]]
 
