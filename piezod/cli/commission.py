@@ -13,6 +13,7 @@ from piezod.cli.paths import check_writable, existing_file
 if TYPE_CHECKING:
     from piezod.commission.bench import OneAxis
     from piezod.commission.procedure import Findings, Step
+    from piezod.commission.session import Session
     from piezod.config.daemon import DaemonConfig
 
 PROFILE_NAME = "stage.yaml"
@@ -105,7 +106,7 @@ def _walk(
 
     steps = steps_of(opened.session, findings)
     for step in steps:
-        if asking and not _confirmed(step):
+        if asking and not _confirmed(step, opened.session):
             not_done += [step.name, *(later.name for later in steps)]
             return None
         try:
@@ -116,8 +117,9 @@ def _walk(
     return None
 
 
-def _confirmed(step: "Step") -> bool:
-    return typer.confirm(f"{step.name}: {step.what}?", default=not step.moves, err=True)
+def _confirmed(step: "Step", session: "Session") -> bool:
+    with session.holding():
+        return typer.confirm(f"{step.name}: {step.what}?", default=not step.moves, err=True)
 
 
 def _write(

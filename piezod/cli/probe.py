@@ -76,7 +76,9 @@ def _wiggle(stage: "DaemonConfig", *, asking: bool, telling: bool) -> dict[str, 
             what = (
                 f"axis {axis}: {size_v:+.2f} V from {session.drive_v:z.2f} V, three times, and back"
             )
-            if asking and not typer.confirm(what + "?", default=False, err=True):
+            with session.holding():
+                wanted = not asking or typer.confirm(what + "?", default=False, err=True)
+            if not wanted:
                 continue
             noise, _ = measure_noise(session)
             found, _ = find_polarity(session, noise.rms_um)

@@ -2,7 +2,7 @@
 
 import signal
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from math import nan
 from typing import Final, NamedTuple
 
@@ -33,12 +33,35 @@ ENDING: Final = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Let signals that end the process wait until the block has."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    """Ignore signals that end the process until the block has ended."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in ENDING}
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _going_back(session: Session) -> Iterator[None]:
+    """Ramp back to the voltage found, whatever ends the block."""
+    try:
+        yield
+    except BaseException as ended:
+        _go_back(session, f"{ended}; " if str(ended) else "")
+        raise
+    _go_back(session, "")
+
+
+def _go_back(session: Session, before: str) -> None:
+    try:
+        with _undisturbed():
+            session.back()
+    except DeviceError as error:
+        raise DeviceError(
+            f"{before}the axis is NOT back at {session.found_v:z.2f} V, {session.drive_v:z.2f} V "
+            f"were written last: {error}"
+        ) from error
 
 
 @contextmanager
@@ -70,12 +93,8 @@ def one_axis(
         limits = Limits(low_v, high_v, one.limits.slew_v_per_s)
         ramp_v_per_s = one.safety.ramp_v_per_s
         session = Session(channels, limits, config.rate_hz, ramp_v_per_s, clock, output_v)
-        try:
+        with _going_back(session):
             yield OneAxis(session, channels.identities)
-        finally:
-            # What ended the block is what is to be told, and the way back has an end.
-            with _undisturbed(), suppress(DeviceError):
-                session.back()
     finally:
         channels.deactivate(clock.now_ns())
         channels.close()

@@ -116,6 +116,8 @@ def _delay(session: Session, findings: Findings) -> Step:
         session.go(bias_v)
         findings.response, findings.traces["delay"] = found, _ = measure_delay(session)
         session.back()
+        if not found.found:
+            return "no delay can be told from these sines; try a higher rate_hz"
         return f"delay {found.delay_s * 1e3:.3f} ± {found.uncertainty_s * 1e3:.3f} ms"
 
     what = f"ramp to {bias_v:.1f} V, sines of {2 * size_v:+.1f} V from there, and back"

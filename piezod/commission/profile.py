@@ -48,7 +48,8 @@ def _found(findings: Findings) -> list[str]:
         lines.append(f"noise of the sensor {noise.rms_um * 1e3:.1f} nm rms")
     if travel := findings.travel:
         lines.append(f"travel {abs(travel.travel_um):.3f} µm, loop {travel.loop_pct:.1f} % wide")
-    if response := findings.response:
+    response = findings.response
+    if response is not None and response.found:
         lines.append(f"delay {response.delay_s * 1e3:.3f} ± {response.uncertainty_s * 1e3:.3f} ms")
     return lines
 
@@ -80,8 +81,8 @@ def _axis(
         found["sensor"] = _turned(config)
     found.pop("model", None)  # another stage's; `piezod identify --live` makes this one's
     compensator = dict(found.get("compensator", {}))
-    if findings.response is not None:
-        compensator["delay_s"] = round(max(findings.response.delay_s, 0.0), 6)
+    if findings.response is not None and findings.response.found:
+        compensator["delay_s"] = round(findings.response.delay_s, 6)
     found["compensator"] = compensator
     safety = dict(found.get("safety", {}))
     if "ramp_v_per_s" in safety:

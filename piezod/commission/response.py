@@ -36,6 +36,11 @@ class Response(NamedTuple):
     frequencies_hz: FloatArray
     lag_deg: FloatArray
 
+    @property
+    def found(self) -> bool:
+        """Whether it is a delay: noise, or a loop that is slow, may give a negative one."""
+        return self.delay_s >= 0.0
+
 
 def measure_delay(session: Session) -> tuple[Response, Trace]:
     """Drive small sines of several frequencies.

@@ -1,6 +1,8 @@
 """One axis, driven by hand: slowly, within its limits, and back to where it was found."""
 
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf, isfinite, nan
 from typing import Final
@@ -15,10 +17,12 @@ from piezod.devices.channels import Channels
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod.hysteresis.memory import FloatArray
-from piezod.units import NS_PER_S
+from piezod.units import NS_PER_S, s_to_ns
 
-MOST_REFUSALS: Final = 5
-"""So many writes refused in a row end a step."""
+PATIENCE_S: Final = 2.0
+"""Writes that are refused for so long end a step; a lost reply is over by then."""
+HOLD_S: Final = 0.1
+"""Who waits is asked so often whether that is over."""
 OFF_V, OFF_CYCLES = 5.0, 50
 """A voltage read back that is so far from the one written, for so long, ends a step."""
 ENDING: Final = frozenset(
@@ -32,6 +36,12 @@ ENDING: Final = frozenset(
     }
 )
 """What a device says that ends a step."""
+ELSEWHERE: Final = frozenset(
+    {DeviceFlag.LOCAL_MODE, DeviceFlag.RESTARTED, DeviceFlag.WATCHDOG_TRIPPED}
+)
+"""After one of these somebody else has decided about the voltage: it is left as it is."""
+LONGEST_PERIODS: Final = 2
+"""A cycle that comes later does no more than after so many periods: a pause makes no step."""
 
 
 @dataclass(frozen=True)
@@ -110,10 +120,17 @@ class Session:
                 "it is not known which voltage is in force: the amplifier "
                 + ("tells none" if self._reads_back else "does not read back; say it: --output-v")
             )
+        slack_v = limits.read_back_tolerance_v
+        if not limits.drive_min_v - slack_v <= told_v <= limits.drive_max_v + slack_v:
+            raise DeviceError(
+                f"{told_v:.2f} V are in force, the axis may be driven from {limits.drive_min_v:g} "
+                f"to {limits.drive_max_v:g} V: bring it there first, or correct the limits"
+            )
         self.found_v = told_v
         """Voltage in force when the session began, in V."""
         self.drive_v = told_v
         """Voltage in force, in V."""
+        self._left_alone = ""
 
     def rest(self, duration_s: float) -> Trace:
         """Hold the voltage, and record.
@@ -130,24 +147,59 @@ class Session:
         Raises:
             DeviceError: If the devices say that something is wrong.
         """
-        from_v = self.drive_v
-        duration_s = abs(drive_v - from_v) / self._ramp_v_per_s
-        slope = np.copysign(self._ramp_v_per_s, drive_v - from_v)
-        reach = min if drive_v > from_v else max
-        return self.drive(lambda t_s: reach(from_v + slope * t_s, drive_v), duration_s + 0.05)
+        from_v, way_v = self.drive_v, drive_v - self.drive_v
+        duration_s = abs(way_v) / self._ramp_v_per_s
+
+        def ramp_v(t_s: float) -> float:
+            return from_v + way_v * min(t_s / duration_s, 1.0) if duration_s else drive_v
+
+        return self.drive(ramp_v, duration_s + 0.05)
 
     def back(self) -> Trace:
-        """Ramp to where the axis was found, as far as its limits go.
+        """Ramp from the voltage that is read back to where the axis was found.
 
         Raises:
-            DeviceError: If the devices say that something is wrong.
+            DeviceError: If the devices say that something is wrong, or have said that somebody else
+                has changed the voltage: then nothing is driven.
         """
+        if self._left_alone:
+            raise DeviceError(f"the voltage is left as it is, {self._left_alone}")
+        if self._reads_back:
+            self.drive_v = self._told_v()
         return self.go(min(max(self.found_v, self.limits.drive_min_v), self.limits.drive_max_v))
+
+    @contextmanager
+    def holding(self) -> Iterator[None]:
+        """Hold the voltage while the block waits for somebody: a device may expect to be asked.
+
+        Raises:
+            DeviceError: If the devices say meanwhile that something is wrong.
+        """
+        ended, troubles = threading.Event(), list[DeviceError]()
+
+        def hold() -> None:
+            try:
+                while not ended.is_set():
+                    self.rest(HOLD_S)
+            except DeviceError as error:
+                troubles.append(error)
+
+        thread = threading.Thread(target=hold)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+        if troubles:
+            raise troubles[0]
 
     def drive(
         self, wave_v: Callable[[float], float], duration_s: float, rate_hz: float | None = None
     ) -> Trace:
         """Drive a voltage over time, and record.
+
+        Time goes on with every write that is taken, by two periods at most.
 
         Args:
             wave_v: Voltage in V at a time in s from now.
@@ -157,30 +209,46 @@ class Session:
         Raises:
             DeviceError: If the devices say that something is wrong.
         """
-        rate_hz = rate_hz or self.rate_hz
-        period_ns = round(NS_PER_S / rate_hz)
+        period_ns = round(NS_PER_S / (rate_hz or self.rate_hz))
         guard = Guard([self.limits], period_ns / NS_PER_S)
         pacer, watch = Pacer(self._clock, period_ns, 0), _Watch()
         rows: list[tuple[float, float, float, float]] = []
-        begin_ns = self._clock.now_ns() + period_ns
-        before_ns = begin_ns - period_ns
-        while not rows or rows[-1][0] < duration_s:
+        begin_ns = before_ns = self._clock.now_ns()
+        over_s = 0.0
+        while not rows or over_s < duration_s:
             pacer.wait()
             now_ns = self._clock.now_ns()
             position_um = self._read(now_ns)
             told_v = self._channels.read_back(now_ns)[0] if self._reads_back else nan
-            flags = frozenset[DeviceFlag]().union(*self._channels.status(now_ns))
-            watch.told(told_v - self.drive_v, flags)
-            t_s = (now_ns - begin_ns) / NS_PER_S
-            rows.append((t_s, self.drive_v, told_v, position_um))
-            elapsed_s = (now_ns - before_ns) / NS_PER_S
-            asked_v = [wave_v(max(t_s, 0.0))]
+            self._judge(watch, told_v, now_ns)
+            rows.append(((now_ns - begin_ns) / NS_PER_S, self.drive_v, told_v, position_um))
+            elapsed_s = min(now_ns - before_ns, LONGEST_PERIODS * period_ns) / NS_PER_S
+            asked_v = [wave_v(over_s)]
             admitted = guard.admit(now_ns, now_ns, asked_v, [self.drive_v], elapsed_s)
             taken = admitted.writable and self._channels.write(admitted.drive_v, now_ns)
-            watch.wrote(taken=taken, drive_v=admitted.drive_v[0])
+            watch.wrote(taken=taken, drive_v=admitted.drive_v[0], now_ns=now_ns)
             if taken:
-                self.drive_v, before_ns = admitted.drive_v[0], now_ns
+                self.drive_v, over_s = admitted.drive_v[0], over_s + elapsed_s
+            before_ns = now_ns
         return Trace(*np.array(rows).T)
+
+    def _judge(self, watch: "_Watch", told_v: float, now_ns: int) -> None:
+        flags = frozenset[DeviceFlag]().union(*self._channels.status(now_ns))
+        if elsewhere := flags & ELSEWHERE:
+            self._left_alone = ", ".join(sorted(elsewhere))
+        watch.told(told_v - self.drive_v, flags)
+
+    def _told_v(self) -> float:
+        """Return the voltage that is read back, as soon as it is."""
+        end_ns = self._clock.now_ns() + s_to_ns(PATIENCE_S)
+        while True:
+            now_ns = self._clock.now_ns()
+            told_v = self._channels.read_back(now_ns)[0]
+            if isfinite(told_v):
+                return told_v
+            if now_ns > end_ns:
+                raise DeviceError("the amplifier does not tell which voltage is in force")
+            self._clock.sleep_until_ns(now_ns + s_to_ns(1.0 / self.rate_hz))
 
     def _read(self, now_ns: int) -> float:
         sample = self._channels.read(now_ns)[0]
@@ -191,7 +259,7 @@ class _Watch:
     """Ends a step where the devices do not do what they are told."""
 
     def __init__(self) -> None:
-        self._refusals = self._off = 0
+        self._refused_ns = self._off = 0
 
     def told(self, off_v: float, flags: frozenset[DeviceFlag]) -> None:
         """Judge what is read back, and what the devices say."""
@@ -204,8 +272,12 @@ class _Watch:
                 "calibration of the channel, the load, and that nobody else drives the amplifier"
             )
 
-    def wrote(self, *, taken: bool, drive_v: float) -> None:
+    def wrote(self, *, taken: bool, drive_v: float, now_ns: int) -> None:
         """Judge a write."""
-        self._refusals = 0 if taken else self._refusals + 1
-        if self._refusals >= MOST_REFUSALS:
-            raise DeviceError(f"the amplifier refuses {drive_v:.2f} V, {self._refusals} times")
+        if taken:
+            self._refused_ns = 0
+            return
+        self._refused_ns = self._refused_ns or now_ns
+        refused_s = (now_ns - self._refused_ns) / NS_PER_S
+        if refused_s > PATIENCE_S:
+            raise DeviceError(f"the amplifier has refused {drive_v:.2f} V for {refused_s:.1f} s")

@@ -99,7 +99,10 @@ def rows_of(findings: Findings) -> Iterator[Row]:
         yield Row("its largest deviation", f"{amplifier.worst_v:.4f}", "V", how)
     if response := findings.response:
         value = f"{response.delay_s * 1e3:.3f} ± {response.uncertainty_s * 1e3:.3f}"
-        yield Row("delay", value, "ms", "slope of the phase of small sines")
+        value = value if response.found else "none found"
+        yield Row(
+            "delay", value, "ms" if response.found else "", "slope of the phase of small sines"
+        )
     if ringing := findings.ringing:
         how = f"ringing after small steps, looked for up to {ringing.searched_hz:g} Hz"
         found = f"{ringing.frequency_hz:.1f}" if ringing.found else "none found"

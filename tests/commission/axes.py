@@ -43,6 +43,7 @@ def session(
     channels.open()
     try:
         channels.activate(clock.now_ns())
+        clock.spend_ns(2_000_000_000)
         yield Session(channels, limits, rate_hz, 50.0, clock)
     finally:
         channels.close()

@@ -1,19 +1,23 @@
 """Tests of driving an axis by hand."""
 
+from collections.abc import Callable, Sequence
 from math import inf, nan, sin
 
 import numpy as np
 import pytest
 
-from piezod.commission.session import MOST_REFUSALS, Session, Trace, joined
+from piezod.commission.session import PATIENCE_S, Session, Trace, joined
 from piezod.control.limits import Limits
 from piezod.devices.faulty import FaultyDevice
 from piezod.devices.injections import Injection, Kind
+from piezod.devices.interface import Device
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
+from piezod.testing.fake_clock import FakeClock
 from tests.commission.axes import T0_NS, session
+from tests.daemon.waiting import eventually
 
-SOON_NS = T0_NS + 100_000_000
+SOON_NS = T0_NS + 2_100_000_000
 
 
 def faulty(kind: Kind, value: float = nan, flag: DeviceFlag = DeviceFlag.OVERLOAD) -> FaultyDevice:
@@ -57,7 +61,7 @@ def test_a_ramp_takes_its_time() -> None:
 @pytest.mark.parametrize(
     ("wrap", "text"),
     [
-        (faulty(Kind.REFUSED), f"refuses 0.00 V, {MOST_REFUSALS} times"),
+        (faulty(Kind.REFUSED), "has refused 0.00 V for 2.0 s"),
         (faulty(Kind.READ_BACK_OFFSET, 7.0), "the voltage read back is 7.0 V off"),
         (faulty(Kind.FLAGGED, flag=DeviceFlag.SHORT_OR_OPEN), "the device says: short or open"),
     ],
@@ -67,7 +71,7 @@ def test_a_device_that_does_not_do_what_it_is_told_ends_a_step(
 ) -> None:
     """The error says what it did instead."""
     with session(wrap=wrap) as axis, pytest.raises(DeviceError, match=text):  # type: ignore[arg-type] # a factory
-        axis.rest(0.5)
+        axis.rest(PATIENCE_S + 0.5)
 
 
 def test_an_unknown_voltage_is_no_place_to_begin() -> None:
@@ -102,3 +106,119 @@ def _short(axis: Session) -> Trace:
 
 def _no_read_back() -> Injection:
     return Injection(Kind.READ_BACK_OFFSET, 0, value=nan)
+
+
+def written_by(axis: Session, wrap: list[float]) -> None:
+    """Note every voltage that an axis writes from now on."""
+    write = axis._channels.write  # noqa: SLF001 - what goes to the devices
+
+    def noting(drive_v: Sequence[float], now_ns: int) -> bool:
+        wrap.append(drive_v[0])
+        return write(drive_v, now_ns)
+
+    axis._channels.write = noting  # type: ignore[method-assign] # noqa: SLF001 - likewise
+
+
+def test_who_is_there_already_stays() -> None:
+    """To go back from the voltage found writes that voltage and no other."""
+    written: list[float] = []
+    with session(wrap=resting_at(60.0)) as axis:
+        written_by(axis, written)
+        axis.back()
+        axis.go(axis.drive_v)
+
+    assert written == pytest.approx([60.0] * len(written), abs=0.5)
+
+
+def test_an_axis_outside_its_limits_is_not_driven() -> None:
+    """The error says where it is, and what it may be driven to."""
+    with (
+        pytest.raises(DeviceError, match=r"1[34]\d\.\d+ V are in force, .* from 0 to 100 V"),
+        session(wrap=resting_at(140.0), limits=Limits(0.0, 100.0, 20_000.0)),
+    ):
+        pass
+
+
+def test_a_pause_makes_no_step() -> None:
+    """A second in which nothing ran changes the voltage by two periods of the ramp."""
+    with session() as axis:
+        clock = axis._clock  # noqa: SLF001 - the test's own
+        assert isinstance(clock, FakeClock)
+        write = axis._channels.write  # noqa: SLF001 - to stop in the middle
+        paused = False
+
+        def pausing(drive_v: Sequence[float], now_ns: int) -> bool:
+            nonlocal paused
+            if drive_v[0] > 10.0 and not paused:
+                paused = True
+                clock.spend_ns(1_000_000_000)
+            return write(drive_v, now_ns)
+
+        axis._channels.write = pausing  # type: ignore[method-assign] # noqa: SLF001 - likewise
+        trace = axis.go(20.0)
+
+    assert paused
+    assert np.max(np.abs(np.diff(trace.drive_v))) < 3 * 50.0 / 1000.0
+
+
+def test_refusals_that_end_in_time_cost_nothing_but_time() -> None:
+    """A lost reply, after which nothing may be asked for 300 ms, does not end the way back."""
+    refused = Injection(Kind.REFUSED, SOON_NS, SOON_NS + 300_000_000)
+    with session(wrap=lambda device: FaultyDevice(device, [refused])) as axis:  # type: ignore[arg-type] # the rig is both
+        trace = axis.go(10.0)
+        axis.back()
+
+    assert trace.t_s[-1] > 0.5
+    assert axis.drive_v == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("flag", [DeviceFlag.WATCHDOG_TRIPPED, DeviceFlag.RESTARTED])
+def test_a_voltage_that_somebody_else_has_changed_is_left_alone(flag: DeviceFlag) -> None:
+    """The way back would be a step: nothing is written any more."""
+    written: list[float] = []
+    with session(wrap=faulty(Kind.FLAGGED, flag=flag)) as axis:  # type: ignore[arg-type] # a factory
+        with pytest.raises(DeviceError, match=str(flag)):
+            axis.go(20.0)
+        written_by(axis, written)
+        with pytest.raises(DeviceError, match="left as it is"):
+            axis.back()
+
+    assert written == []
+
+
+def test_the_voltage_is_held_while_somebody_is_waited_for() -> None:
+    """A device that expects to be asked is asked all the time."""
+    written: list[float] = []
+    with session() as axis:
+        axis.go(5.0)
+        written_by(axis, written)
+        with axis.holding():
+            eventually(lambda: len(written) > 10)
+
+    assert set(written) == {5.0}
+
+
+def test_what_goes_wrong_meanwhile_is_told() -> None:
+    """When the wait is over."""
+    written: list[float] = []
+    with session(wrap=faulty(Kind.FLAGGED)) as axis:  # type: ignore[arg-type] # a factory
+        written_by(axis, written)
+        with pytest.raises(DeviceError, match="overload"), axis.holding():
+            eventually(lambda: len(written) > 90)
+
+
+def resting_at(drive_v: float) -> Callable[[Device], Device]:
+    """Return a wrapper for a rig that somebody has left at a voltage."""
+
+    def left(device: Device) -> Device:
+        activate = device.activate
+
+        def activating(now_ns: int) -> None:
+            activate(now_ns)
+            device.write([drive_v], now_ns)  # type: ignore[attr-defined] # the rig is both
+            device.read_back(now_ns + 1_000_000_000)  # type: ignore[attr-defined] # likewise
+
+        device.activate = activating  # type: ignore[method-assign] # of this one
+        return device
+
+    return left
