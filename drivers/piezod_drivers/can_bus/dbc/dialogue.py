@@ -10,9 +10,9 @@ from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.cycle import Cycle
-from piezod_drivers.can_bus.dbc.frames import Checksum, Received, Sent
-from piezod_drivers.can_bus.dbc.layout import Message, Reader
-from piezod_drivers.can_bus.dbc.options import Options, SignalPlace, flag_of, messages_of
+from piezod_drivers.can_bus.dbc.described import Described
+from piezod_drivers.can_bus.dbc.layout import Reader
+from piezod_drivers.can_bus.dbc.options import Options
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.frame_bus import FrameBus
 from piezod_drivers.can_bus.options import highest_rate_hz
@@ -20,67 +20,6 @@ from piezod_drivers.can_bus.options import highest_rate_hz
 MS: Final = 1_000_000
 _FIRST_NS: Final = 1_000_000_000
 """How long the device may take for its first frames."""
-
-
-class Described:
-    """The frames and signals of a configuration that a wiring uses.
-
-    Args:
-        options: What a configuration says.
-        wiring: The channels that are used.
-    """
-
-    def __init__(self, options: Options, wiring: Wiring) -> None:
-        self._options, self._messages = options, messages_of(options)
-        outputs = [options.outputs[name] for name in wiring.outputs]
-        backs = [output.read_back for output in outputs]
-        self.drives = [(self._message(output).id, output.signal) for output in outputs]
-        self.ranges = [self._message(one).signals[one.signal].range for one in outputs]
-        self.inputs = [self._place(options.inputs[name]) for name in wiring.inputs]
-        self.backs = [self._place(back) for back in backs if back is not None]
-        self.reads_back = bool(outputs) and len(self.backs) == len(outputs)
-        self.flags = [(flag_of(name), *self._place(one)) for name, one in options.flags.items()]
-        sent = {output.message for output in outputs} | {options.request} - {None}
-        self.sent = {self._messages[name].id: self._make_sent(name) for name in sent if name}
-        self.request = None if options.request is None else self._messages[options.request].id
-        for identifier, signal in self.drives:
-            self.sent[identifier].uses(signal)
-        needed = [identifier for identifier, _ in (*self.inputs, *self.backs)]
-        self.answers = frozenset(needed)
-        told = self.answers | {identifier for _, identifier, _ in self.flags}
-        self.received = {
-            one.id: self._make_received(one) for one in self._messages.values() if one.id in told
-        }
-        self.tagged = bool(self.answers) and all(
-            one.name in options.echoes for one in self._messages.values() if one.id in self.answers
-        )
-
-    @property
-    def sizes(self) -> list[int]:
-        """Bytes of each frame of a cycle."""
-        used = {*self.sent, *self.answers}
-        return [one.n_bytes for one in self._messages.values() if one.id in used]
-
-    def _message(self, place: SignalPlace) -> Message:
-        return self._messages[place.message]
-
-    def _place(self, place: SignalPlace) -> tuple[int, Reader]:
-        message = self._message(place)
-        return message.id, Reader(message, place.signal)
-
-    def _checksum(self, message: Message) -> Checksum | None:
-        place = self._options.checksums.get(message.name)
-        return None if place is None else Checksum(message, place.signal, place.algorithm)
-
-    def _make_sent(self, name: str) -> Sent:
-        message, options = self._messages[name], self._options
-        constants = options.constants.get(name, {})
-        return Sent(message, constants, options.counters.get(name), self._checksum(message))
-
-    def _make_received(self, message: Message) -> Received:
-        options, name = self._options, message.name
-        counter, echo = options.counters.get(name), options.echoes.get(name)
-        return Received(message, counter, echo, self._checksum(message))
 
 
 class Dialogue:
@@ -110,6 +49,7 @@ class Dialogue:
 
         Raises:
             DeviceUnavailableError: If it does neither.
+            DeviceError: If an output that is not used would be set too, and cannot be read back.
             LineFault: If the bus fails.
         """
         described = self._described = Described(self._options, self._wiring)
@@ -147,7 +87,17 @@ class Dialogue:
         return self._frames.ranges
 
     def activate(self) -> None:
-        """Do nothing: the first message that drives takes control."""
+        """Take over the outputs that are not used, but sent; the first of these takes control.
+
+        Raises:
+            DeviceError: If one of them is where it cannot be held.
+            LineFault: If the device does not tell where they are, or the bus fails.
+        """
+        if fills := self._frames.fills:
+            self._ask((), None)
+            held = [(fill.place, fill.held(self._value(fill.back))) for fill in fills]
+            for (identifier, signal), value in held:
+                self._frames.sent[identifier].put(signal, value)
 
     def deactivate(self) -> None:
         """Do nothing: outputs hold."""

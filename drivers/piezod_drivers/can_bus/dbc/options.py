@@ -100,8 +100,8 @@ class Options(ConfigModel):
     )
     request: _Word | None = Field(
         default=None,
-        description="The message that the device answers with its inputs. Left out: the device "
-        "sends them by itself.",
+        description="The message that the device answers with its inputs; it must set no output. "
+        "Left out: the device sends them by itself.",
     )
     counters: dict[_Word, _Word] = Field(
         default_factory=dict,
@@ -149,9 +149,22 @@ class Options(ConfigModel):
             yield from _broken_place(place, messages)
         if self.request is not None and self.request not in messages:
             yield ("request",), _unknown("message", self.request, messages)
-        elif self.request is not None and self.request not in self.counters and self.echoes:
-            yield ("echoes",), f"there is nothing to repeat: name the counter of {self.request}"
+        elif self.request is not None:
+            yield from self._broken_request(self.request, messages)
         yield from self._broken_checksums(messages)
+
+    def _broken_request(
+        self, request: str, messages: Mapping[str, Message]
+    ) -> Iterator[BrokenRule]:
+        if request not in self.counters and self.echoes:
+            yield ("echoes",), f"there is nothing to repeat: name the counter of {request}"
+        for name, output in self.outputs.items():
+            message = messages.get(output.message)
+            if message is not None and message.id == messages[request].id:
+                what = f"{request} sets output {name}: to ask by it would set that to 0 at first"
+                remedy = "name a message that sets nothing, or leave request out if the device"
+                yield ("request",), f"{what}; {remedy} sends by itself"
+                return
 
     def _broken_checksums(self, messages: Mapping[str, Message]) -> Iterator[BrokenRule]:
         for name, place in self.checksums.items():

@@ -1,0 +1,187 @@
+"""Outputs that `can_dbc` must leave alone: nobody uses them, or nobody has set them yet."""
+
+from collections.abc import Sequence
+from struct import pack, unpack_from
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
+from piezod.devices.interface import Wiring
+from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod_drivers.can_bus.dbc.dialogue import Dialogue
+from piezod_drivers.can_bus.dbc.options import Options
+from piezod_drivers.can_bus.frame import Frame
+from tests.drivers.can_bus.fake_bus import FakeBus
+from tests.drivers.serial_line.scripted_line import MS
+
+COMMAND, STATUS, POLL = 0x100, 0x101, 0x102
+BACK = ("b", "a")
+"""Outputs that are read back."""
+
+
+def _signal(start: int, **more: object) -> dict[str, object]:
+    return {"start": start, "bits": 16, "scale": 0.01, **more}
+
+
+def _options(request: str | None = "Poll", backs: Sequence[str] = BACK) -> dict[str, Any]:
+    """Return options of a device whose two outputs are set by one message."""
+    outputs: dict[str, Any] = {
+        name: {"message": "Command", "signal": name.upper()} for name in ("a", "b")
+    }
+    for name in backs:
+        outputs[name]["read_back"] = {"message": "Status", "signal": f"V{name.upper()}"}
+    return {
+        "bus": {"interface": "virtual", "channel": "x"},
+        "timeout_ms": 20.0,
+        "messages": {
+            "Command": {
+                "id": COMMAND,
+                "signals": {
+                    "A": _signal(0, range=(0.0, 150.0)),
+                    "B": _signal(16, range=(0.0, 150.0)),
+                    "Mode": {"start": 32, "bits": 8},
+                },
+            },
+            "Status": {
+                "id": STATUS,
+                "signals": {"P": _signal(0), "VA": _signal(32), "VB": _signal(48)},
+            },
+            "Poll": {"id": POLL, "bytes": 0},
+        },
+        "inputs": {"p": {"message": "Status", "signal": "P"}},
+        "outputs": outputs,
+        "request": request,
+    }
+
+
+class Amplifier:
+    """Implements `Node`: a command sets both outputs; it answers, or reports each change by itself.
+
+    Args:
+        reports: Whether it does the latter.
+
+    Attributes:
+        codes: What the outputs are at, in steps of 0.01 V.
+        commands: What they were set to.
+    """
+
+    def __init__(self, *, reports: bool) -> None:
+        self._reports = reports
+        self.codes: tuple[int, ...] = (10_000, 8_000)
+        self._reported: tuple[int, ...] = ()
+        self.commands: list[tuple[int, ...]] = []
+
+    def receive(self, frame: Frame) -> list[Frame]:
+        if frame.id == COMMAND:
+            self.codes = unpack_from("<HH", frame.data)
+            self.commands.append(self.codes)
+            return []
+        return [self._status()]
+
+    def due(self) -> list[Frame]:
+        reported, self._reported = self._reported, self.codes
+        return [self._status()] if self._reports and reported != self.codes else []
+
+    def foreign(self) -> Frame:
+        raise NotImplementedError
+
+    def _status(self) -> Frame:
+        return Frame(STATUS, pack("<4H", 500, 0, *self.codes))
+
+
+def _device(wiring: Wiring, options: dict[str, Any]) -> tuple[Any, Amplifier]:
+    """Return a device that is not open, and the amplifier on its bus."""
+    amplifier = Amplifier(reports=options["request"] is None)
+    bus = FakeBus(amplifier)
+    bus.delay_ns = 0
+    kind = ExchangingBusDevice if all(wiring) else BusDevice
+    return kind("it", Dialogue(Options.model_validate(options), wiring, bus)), amplifier
+
+
+@pytest.mark.parametrize("request_", ["Command", "Twin"])
+def test_request_that_drives_is_refused(request_: str) -> None:
+    """To ask by a message that sets outputs would set them to 0 before anybody drives."""
+    options = _options(request_)
+    options["messages"]["Twin"] = {"id": COMMAND, "bytes": 8}
+    with pytest.raises(ValidationError, match=f"{request_} sets output a: .* name a message that"):
+        Options.model_validate(options)
+
+
+@pytest.mark.parametrize("request_", ["Poll", None])
+def test_output_that_nobody_uses_is_held(request_: str | None) -> None:
+    """What is set by the same message goes on as it was read back when control was taken."""
+    device, amplifier = _device(Wiring(("p",), ("a",)), _options(request_))
+    device.open()
+    amplifier.codes = (10_000, 7_000)
+    device.activate(MS)
+    assert device.read_back(2 * MS) == [100.0]
+    assert device.write([100.5], 3 * MS)
+    assert device.exchange([101.0], 4 * MS)[0]
+
+    assert amplifier.commands == [(10_050, 7_000), (10_100, 7_000)]
+
+
+def test_output_is_held_where_it_is_after_the_device_was_away() -> None:
+    """Each time that control is taken, it is read back again."""
+    device, amplifier = _device(Wiring((), ("b",)), _options())
+    device.open()
+    device.activate(MS)
+    device.close()
+    amplifier.codes = (2_000, 8_000)
+    device.open()
+    device.activate(2 * MS)
+    assert device.write([81.0], 3 * MS)
+
+    assert amplifier.commands == [(2_000, 8_100)]
+
+
+def test_output_that_cannot_be_read_back_has_to_be_used() -> None:
+    """Nobody knows where it is, so opening is refused, with what to do about it."""
+    options = _options(backs=("a",))
+    device, amplifier = _device(Wiring(("p",), ("a",)), options)
+    with pytest.raises(DeviceError, match=r"Command sets output b too, .* name its read_back, or"):
+        device.open()
+
+    for wiring in (Wiring(("p",), ("a", "b")), Wiring(("p",), ("b",)), Wiring(("p",), ())):
+        device, amplifier = _device(wiring, options)
+        device.open()
+        device.activate(MS)
+        assert not amplifier.commands
+
+
+def test_output_that_is_beyond_its_range_is_not_taken_over() -> None:
+    """It could not be held: control is not taken, and nothing is set."""
+    device, amplifier = _device(Wiring((), ("a",)), _options())
+    device.open()
+    amplifier.codes = (0, 15_200)
+    with pytest.raises(DeviceError, match=r"output b, .* reads back 152, its range is 0 to 150"):
+        device.activate(MS)
+    amplifier.codes = (0, 15_001)
+    device.activate(MS)
+    assert device.write([1.0], 2 * MS)
+
+    assert amplifier.commands == [(100, 15_000)]
+
+
+def test_output_that_does_not_tell_where_it_is_is_not_taken_over() -> None:
+    """Where the device has fallen silent, control is not taken."""
+    device, amplifier = _device(Wiring((), ("a",)), _options())
+    device.open()
+    amplifier.receive = lambda frame: []  # type: ignore[method-assign] # noqa: ARG005 # a silent one
+    with pytest.raises(DeviceUnavailableError, match="cannot be activated"):
+        device.activate(MS)
+    assert not device.write([1.0], 2 * MS)
+
+
+@pytest.mark.parametrize("request_", ["Poll", None])
+def test_device_of_which_inputs_are_used_is_told_nothing(request_: str | None) -> None:
+    """Who only reads sends requests and no command."""
+    device, amplifier = _device(Wiring(("p",), ()), _options(request_))
+    device.open()
+    device.activate(MS)
+    assert device.read(2 * MS)[0].position_um == 5.0
+    device.close()
+
+    assert not amplifier.commands
