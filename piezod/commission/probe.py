@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from piezod.config.daemon import DaemonConfig
 
 EXCHANGES: Final = 200
+ALL_PCT: Final = 100.0
 SHARE_OF_PERIOD: Final = 0.5
 """The exchanges of a cycle are to take at most this part of a period."""
 
@@ -92,6 +93,11 @@ def _probed(config: "DaemonConfig", name: str, wiring: Wiring, clock: Clock) -> 
                     found = _look_at_inputs(found, inputs, clock)
     except DeviceError as error:
         return found._replace(error=str(error))
+    trips = [trip for trip in (found.read, found.read_back) if trip is not None]
+    if any(trip.failed_pct == ALL_PCT for trip in trips):
+        return found._replace(
+            error="it is there, but tells nothing that can be used: wrong driver?"
+        )
     return found._replace(rate_hz=_allowed_hz(found))
 
 

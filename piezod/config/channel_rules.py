@@ -39,10 +39,24 @@ def broken_devices(
             elif drivers is not None:
                 yield from _broken_channel(path, name, channel, devices[channel.device], drivers)
     yield from _driven_twice(axes)
+    yield from _same_port(devices)
     used = {channel.device for axis in axes.values() for _, channel in axis.channels()}
     for name in known:
         if name not in used:
             yield ("devices", name), "no axis uses this device, leave it out or name it in an axis"
+
+
+def _same_port(devices: Mapping[str, "DeviceConfig"]) -> Iterator[BrokenRule]:
+    """Find devices that have the port of another one: only one program can hold it, once."""
+    held: dict[str, str] = {}
+    for name, device in devices.items():
+        port = getattr(device.options, "port", None)
+        if not isinstance(port, str):
+            continue
+        if port in held:
+            what = f"{show(port)} is the port of device {held[port]} too; each needs its own"
+            yield ("devices", name, "options", "port"), what
+        held[port] = name
 
 
 def _broken_channel(

@@ -11,6 +11,7 @@ from piezod.daemon.service.stage_service import NoAnswerError, UnavailableError
 from piezod.telemetry.mailbox import EXPIRED, MailboxAnswer, MailboxFullError, MailboxWriter
 from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.shared_map import SharedMap
+from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 
 URGENT: Final = (Stop, Hold, Disarm, Shutdown)
@@ -28,7 +29,7 @@ class LoopRequests:
     """
 
     def __init__(self, shared: SharedMap) -> None:
-        self._mailbox = MailboxWriter(shared)
+        self._mailbox, self._words = MailboxWriter(shared), shared.words
         periods_ns = EXPIRES_PERIODS * shared.layout.period_ns
         self._expires_ns = max(int(EXPIRES_S * NS_PER_S), periods_ns)
 
@@ -54,6 +55,8 @@ class LoopRequests:
             if found is not None:
                 return Answer(found.accepted, found.why, found.motion)
             await asyncio.sleep(_POLL_S)
+        if not self._words[Word.HEALTHY_CYCLES]:
+            raise NoAnswerError("the loop is starting", "try again in some seconds")
         what = f"the loop did not look at the request within {self._expires_ns / NS_PER_S:g} s"
         raise NoAnswerError(what, "look at the log and at `piezod status`, then try again")
 

@@ -32,8 +32,8 @@ axes:
 """
 
 
-class _NoOptions(ConfigModel):
-    pass
+class _Options(ConfigModel):
+    port: str | None = None
 
 
 class _Units(NamedTuple):
@@ -57,7 +57,7 @@ class _Drivers:
         return list(UNITS)
 
     def load(self, name: str) -> _Plugin:
-        return _Plugin(_NoOptions, lambda _options: UNITS[name])
+        return _Plugin(_Options, lambda _options: UNITS[name])
 
 
 def load(*replacements: tuple[str, str]) -> DaemonConfig:
@@ -198,3 +198,12 @@ def test_light_and_command_are_read_from_the_file() -> None:
         channel="AIN1", nominal=2.0, least=1.0, divides=False
     )
     assert axes["out"].command_input == InputConfig(device="gauge")
+
+
+def test_two_devices_cannot_have_one_port() -> None:
+    """The second one is told, with the name of the first."""
+    with pytest.raises(ConfigError, match=r"devices\.gauge\.options\.port: .* of device daq too"):
+        load(
+            ("daq: {driver: daq}", "daq: {driver: daq, options: {port: /dev/a}}"),
+            ("gauge: {driver: gauge}", "gauge: {driver: gauge, options: {port: /dev/a}}"),
+        )

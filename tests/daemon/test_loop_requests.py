@@ -12,6 +12,7 @@ from piezod.daemon.loop_requests import LoopRequests
 from piezod.daemon.service.stage_service import NoAnswerError, UnavailableError
 from piezod.telemetry.layout import REQUEST_SLOTS, URGENT_SLOTS, Layout
 from piezod.telemetry.shared_map import SharedMap, create
+from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 from tests.daemon.fake_loop import FakeLoop
 
@@ -37,9 +38,12 @@ def test_answer_of_the_loop_is_given_back(shared: SharedMap, answer: Answer) -> 
 
 
 def test_request_that_nobody_takes_expires(shared: SharedMap) -> None:
-    """Without a loop there is an error, and the request is not carried out later."""
+    """The error says whether the loop has begun; the request is not carried out later."""
     requests = LoopRequests(shared)
 
+    with pytest.raises(NoAnswerError, match="the loop is starting"):
+        _ask(requests, Goto(position_um=3.0))
+    shared.words[Word.HEALTHY_CYCLES] = 1
     with pytest.raises(NoAnswerError, match=r"within 0\.5 s"):
         _ask(requests, Goto(position_um=3.0))
     with FakeLoop(shared) as loop:
