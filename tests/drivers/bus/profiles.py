@@ -26,6 +26,8 @@ class Profile:
         arguments: Of `piezod emulate`.
         unseen: Ids of faults that the driver sees, but not of this device.
         streams: Whether it sends by itself, so that nobody knows how old a value is that comes.
+        takes_long: Whether what goes wrong with it is tried by `make stress` only: another profile
+            of its driver shows the same.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Profile:
     arguments: tuple[str, ...] = ()
     unseen: frozenset[str] = frozenset()
     streams: bool = False
+    takes_long: bool = False
 
     def maker(self, where: str, timeout_ms: float = 2000.0) -> Callable[[], Any]:
         """Return what constructs the driver's device for a place; it waits so long for replies."""
@@ -137,9 +140,9 @@ PROFILES = (
         Tcp({"axes": ("1", "2")}),
         ("--axes", "2"),
     ),
-    Profile("mdt693a", "thorlabs_mdt", Wiring((), ("x",)), Port()),
+    Profile("mdt693a", "thorlabs_mdt", Wiring((), ("x",)), Port(), takes_long=True),
     Profile("mdt693b", "thorlabs_mdt", Wiring((), ("x", "y", "z")), Port(), ("--axes", "3")),
-    Profile("mdt694b", "thorlabs_mdt", Wiring((), ("x",)), Port()),
+    Profile("mdt694b", "thorlabs_mdt", Wiring((), ("x",)), Port(), takes_long=True),
     Profile("kpz101", "thorlabs_apt", Wiring((), ("1",)), Port({"model": "KPZ101"})),
     Profile("ksg101", "thorlabs_apt", Wiring(("1",), ()), Port({"model": "KSG101"})),
     Profile("lc400", "npoint_lc400", Wiring.both(("1",)), Port()),

@@ -17,6 +17,7 @@ def _row(profile: Profile) -> object:
     """Return a profile with the marks of the faults that its driver is seen to see."""
     ids = {each for row in checks_of(profile) for each in row.ids}
     marks = [pytest.mark.sees(profile.driver, each) for each in sorted(ids)]
+    marks += [pytest.mark.stress] if profile.takes_long else []
     return pytest.param(profile, marks=marks, id=profile.name)
 
 
