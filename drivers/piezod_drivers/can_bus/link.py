@@ -2,6 +2,7 @@
 
 import errno
 import socket
+import weakref
 from fcntl import ioctl
 from pathlib import Path
 from struct import Struct
@@ -32,14 +33,30 @@ class Network(Protocol):
 
 
 class Kernel:
-    """Implements `Network`."""
+    """Implements `Network`.
+
+    The kernel counts how often an interface lost its bus, not how often somebody took it down. But
+    it tells every socket of the interface: one that hears nothing else is kept for that.
+    """
+
+    def __init__(self) -> None:
+        self._witness: socket.socket | None = None
+        self._taken_down = 0
 
     def times_down(self, name: str) -> int:
-        """Tell it from sysfs; 0 where the interface is not there."""
+        """Tell how often, since the first call; 0 where the interface is not there."""
+        if self._witness is None:
+            self._witness = _witness(name)
+            if self._witness is not None:
+                weakref.finalize(self, self._witness.close)
+        elif self._witness.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            self._taken_down += 1
+            self._dismiss()
         try:
-            return int(Path(f"/sys/class/net/{name}/carrier_down_count").read_text("ascii"))
+            count = Path(f"/sys/class/net/{name}/carrier_down_count").read_text("ascii")
+            return int(count) + self._taken_down
         except (OSError, ValueError):
-            return 0
+            return self._taken_down
 
     def restart(self, name: str) -> None:
         """Take an interface down and up; needs CAP_NET_ADMIN.
@@ -55,6 +72,26 @@ class Kernel:
                     ioctl(any_socket, _SET_FLAGS, _REQUEST.pack(name.encode()[:15], wanted))
         except OSError as error:
             raise DeviceUnavailableError(_refusal(name, error)) from error
+        self._dismiss()
+
+    def _dismiss(self) -> None:
+        if self._witness is not None:
+            self._witness.close()
+            self._witness = None
+
+
+def _witness(name: str) -> socket.socket | None:
+    """Return a socket that gets nothing of an interface but that it was taken down."""
+    witness = None
+    try:
+        witness = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        witness.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"")
+        witness.bind((name,))
+    except OSError:
+        if witness is not None:
+            witness.close()
+        return None
+    return witness
 
 
 def _refusal(name: str, error: OSError) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import termios
@@ -186,10 +187,12 @@ class SerialLine:
 
 
 def _refusal(port: str, error: Exception) -> str:
-    if isinstance(error, FileNotFoundError) or getattr(error, "errno", None) == 2:
+    number = getattr(error, "errno", None)
+    if number == errno.ENOENT:
         return f"no port {port}: plug it in, or name another one of /dev/serial/by-id"
-    if getattr(error, "errno", None) == 13:
+    if number == errno.EACCES:
         return f"no access to {port}: the user has to be in the group that it belongs to"
-    if isinstance(error.__cause__ or error.__context__, BlockingIOError) or "lock" in str(error):
+    locked = isinstance(error.__cause__ or error.__context__, BlockingIOError)
+    if number == errno.EBUSY or locked or "lock" in str(error):  # busy: by the kernel, not for root
         return f"{port} is held by another program: end it, or name another port"
     return f"{port} cannot be opened: {error}"

@@ -1,5 +1,6 @@
 """A serial port as a line, with a pty for the port."""
 
+import errno
 import os
 import pty
 import termios
@@ -220,6 +221,19 @@ def test_no_access(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("os.open", refuse)
     with pytest.raises(DeviceUnavailableError, match="has to be in the group"):
+        SerialLine(str(cable.path), 115_200).open()
+
+
+def test_kernel_that_refuses_is_told_as_a_lock(
+    cable: Cable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A port that the kernel keeps for another program is held, as one that this has locked."""
+
+    def refuse(*_: object) -> int:
+        raise OSError(errno.EBUSY, "Device or resource busy")
+
+    monkeypatch.setattr("os.open", refuse)
+    with pytest.raises(DeviceUnavailableError, match="held by another program"):
         SerialLine(str(cable.path), 115_200).open()
 
 

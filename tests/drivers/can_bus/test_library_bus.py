@@ -305,6 +305,21 @@ def test_kernel_is_asked_for_what_it_knows() -> None:
         Kernel().restart("no-such-if")
 
 
+def test_who_takes_an_interface_down_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kernel does not count it, but tells the sockets of the interface: each time once."""
+
+    def refused(_name: str) -> socket.socket:
+        """Return a socket that the kernel has an error for."""
+        told = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        told.connect(("127.0.0.1", free_port()))
+        told.send(b"")
+        return told
+
+    monkeypatch.setattr("piezod_drivers.can_bus.link._witness", refused)
+    kernel = Kernel()
+    assert [kernel.times_down("no-such-can") for _ in range(4)] == [0, 1, 1, 2]
+
+
 def test_socketcan_interface_carries_frames() -> None:
     """Two ends of a virtual interface of the kernel, where it has any."""
     try:

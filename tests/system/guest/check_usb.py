@@ -1,4 +1,4 @@
-"""A USB serial adapter of a real kernel: run in the guest, by `tests/system/test_guest_buses.py`."""
+"""A USB serial adapter of a real kernel: run in the guest, by `test_guest_buses.py`."""
 
 import errno
 import os
@@ -41,7 +41,7 @@ def host(request: str) -> None:
     while not answer.endswith(b"\n"):
         answer += os.read(fd, 1)
     os.close(fd)
-    assert answer == b"ok\n"
+    assert answer == b"ok\n", answer
 
 
 def path_of(identity: str) -> Path:
@@ -136,7 +136,7 @@ def test_adapter_that_is_pulled_out_is_told(adapter: str) -> None:
     assert not device.write([30.0], time.monotonic_ns())
     assert flags(device) == {DeviceFlag.DISCONNECTED}
     device.close()
-    with pytest.raises(DeviceUnavailableError, match="no port .* plug it in"):
+    with pytest.raises(DeviceUnavailableError, match=r"no port .* plug it in"):
         device.open()
     plug(OURS)
     drives(device, 40.0)

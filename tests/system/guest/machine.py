@@ -95,29 +95,40 @@ class Guest:
                     return int(rest)
                 case "plug":
                     identity, _, chardev = rest.partition(" ")
-                    device = {"driver": "usb-serial", "bus": "usb.0", "serial": identity}
-                    self._tell_qemu("device_add", id=identity, chardev=chardev, **device)
-                    self._say("ok")
+                    self._say(self._plug(identity, chardev))
                 case "unplug":
-                    self._tell_qemu("device_del", id=rest)
-                    self._say("ok")
+                    self._say(self._tell_qemu("device_del", id=rest))
         raise AssertionError("the guest has ended")
 
     def _say(self, line: str) -> None:
         self._control.write(line + "\n")
         self._control.flush()
 
-    def _tell_qemu(self, command: str, **arguments: str) -> None:
+    def _plug(self, identity: str, chardev: str) -> str:
+        return self._tell_qemu(
+            "device_add",
+            driver="usb-serial",
+            bus="usb.0",
+            id=identity,
+            serial=identity,
+            chardev=chardev,
+        )
+
+    def _tell_qemu(self, command: str, **arguments: str) -> str:
+        """Have QEMU do something; return `ok`, or why it has not."""
         document: dict[str, Any] = {"execute": command}
         if arguments:
             document["arguments"] = arguments
         self._monitor.write(json.dumps(document) + "\n")
         self._monitor.flush()
+        awaited = {"return", "DEVICE_DELETED"} if command == "device_del" else {"return"}
         for line in self._monitor:
             answer = json.loads(line)
-            if "return" in answer:
-                return
-            assert "error" not in answer, answer
+            if "error" in answer:
+                return str(answer["error"]["desc"])
+            awaited -= {*answer, answer.get("event")}
+            if not awaited:
+                return "ok"
         raise AssertionError("QEMU has ended")
 
 
@@ -177,5 +188,6 @@ def _command(kernel: Kernel, folder: Path, console: Path, far_end: str) -> list[
         *("-object", "can-bus,id=bus"),
         *("-device", "kvaser_pci,canbus=bus", "-device", "kvaser_pci,canbus=bus"),
         *("-device", "qemu-xhci,id=usb"),
-        *("-chardev", f"serial,id=wire,path={far_end}", "-chardev", "null,id=nothing"),
+        *("-chardev", f"serial,id=wire,path={far_end}"),
+        *("-chardev", f"file,id=nothing,path={folder}/nothing"),
     ]
