@@ -10,7 +10,7 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
-from piezod_drivers.modbus.layout import profile_of, watchdog_of
+from piezod_drivers.modbus.layout import profile_of, watched
 from piezod_drivers.modbus.options import Options
 from piezod_drivers.modbus.profiles.labjack import COUNTER_10KHZ
 from piezod_drivers.modbus.register import Register, Role
@@ -32,7 +32,9 @@ class LabJackDialogue:
 
     Each request reads the outputs before it sets them, and after: a watchdog that has tripped, or
     somebody else who drives them, shows. It reads a counter too, which a restart sets back. After a
-    silence that may have tripped the watchdog, nothing is set before the outputs were looked at.
+    silence that may have tripped the watchdog, nothing is set before the outputs were looked at;
+    where it has tripped, nothing is until somebody opens the device again and takes the outputs
+    over where they are. A watchdog is armed only where outputs are used.
 
     Args:
         options: What a configuration says.
@@ -44,9 +46,11 @@ class LabJackDialogue:
         profile = profile_of(options)
         assert profile is not None  # noqa: S101 - whoever chose this dialogue looked at it
         self._profile, self._options, self._transactions = profile, options, transactions
-        self._watchdog = watchdog_of(options, options)
-        self._safe_v = options.watchdog.safe if options.watchdog else nan
-        self._silence_ns = round(0.9e9 * options.watchdog.timeout_s) if options.watchdog else inf
+        plans = [plan for _, plan in watched(options, wiring)]
+        self._watchdog = plans[0] if plans else None
+        wanted = options.watchdog if plans else None
+        self._safe_v = wanted.safe if wanted else nan
+        self._silence_ns = round(0.9e9 * wanted.timeout_s) if wanted else inf
         inputs = [_register(options.known, "input", name) for name in wiring.inputs]
         self._outputs = [_register(options.known, "output", name) for name in wiring.outputs]
         self._n_inputs, self._n_outputs = n_inputs, n = len(inputs), len(self._outputs)
@@ -68,6 +72,7 @@ class LabJackDialogue:
         self._in_force_ns: int | None = None
         self._last_ns = self._counter = 0
         self._changed: DeviceFlag | None = None
+        self._ours = False
         self._noticed: set[DeviceFlag] = set()
 
     def open(self) -> Identity:
@@ -121,9 +126,10 @@ class LabJackDialogue:
                 self._noticed.add(DeviceFlag.WATCHDOG_TRIPPED)
                 raise
             self._last_ns = self._transactions.now_ns()
+        self._ours = True
 
     def deactivate(self) -> None:
-        """Stop the watchdog; outputs hold.
+        """Stop the watchdog, if it was armed; outputs hold.
 
         Raises:
             LineFault: If an exchange fails.
@@ -167,14 +173,12 @@ class LabJackDialogue:
         return noticed
 
     def _set(self, values: Sequence[float]) -> None:
-        if (
-            self._watchdog is not None
-            and self._transactions.now_ns() - self._last_ns > self._silence_ns
-        ):
+        if self._transactions.now_ns() - self._last_ns > self._silence_ns:
             self._look()
-            if self._changed is not None:
-                what = f"{self._profile.name}: the outputs have changed while nobody asked"
-                raise LineFault(self._changed, what)
+            self._ours &= self._changed is None
+        if not self._ours:
+            what = "the outputs have changed while nobody asked: they have to be taken over again"
+            raise LineFault(DeviceFlag.DISCONNECTED, f"{self._profile.name}: {what}")
         parts: list[object] = [self._head]
         for head, value in zip(self._write_heads, values, strict=True):
             parts += (head, value)
@@ -213,6 +217,7 @@ class LabJackDialogue:
         elif self._in_force and before != self._in_force:
             safe = all(abs(value - self._safe_v) < _NEAR_V for value in before)
             self._changed = DeviceFlag.WATCHDOG_TRIPPED if safe else DeviceFlag.LOCAL_MODE
+            self._ours &= not safe
         if self._changed is not None:
             self._noticed.add(self._changed)
 

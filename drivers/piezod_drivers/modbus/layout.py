@@ -53,6 +53,21 @@ def watchdog_of(unit: UnitOptions, options: Options) -> WatchdogPlan | None:
     return profile.watchdog if profile is not None and options.watchdog is not None else None
 
 
+def watched(options: Options, wiring: Wiring) -> list[tuple[int, WatchdogPlan]]:
+    """Return the watchdogs that are to be armed, of devices whose outputs are used.
+
+    Others would trip, as nobody sets their outputs.
+
+    Returns:
+        The address of each device, and how its watchdog is armed.
+    """
+    return [
+        (unit.unit, plan)
+        for unit in options.every_unit
+        if (plan := watchdog_of(unit, options)) and _placed(unit.known, "output", wiring.outputs)
+    ]
+
+
 def writes_of(unit: UnitOptions, options: Options) -> tuple[int, ...]:
     """Tell the functions that may be used for writing to a device."""
     profile = profile_of(unit)
@@ -106,7 +121,7 @@ def lay_out(options: Options, wiring: Wiring) -> Layout:
             read_back=len(told) == len(wiring.outputs) > 0,
             max_rate_hz=_fastest_hz(options, (*reads, *backs), writes, together),
             holds=True,
-            watchdog=any(watchdog_of(unit, options) for unit in options.every_unit),
+            watchdog=bool(watched(options, wiring)),
             quality=quality,
         ),
     )

@@ -8,7 +8,7 @@ from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
-from piezod_drivers.modbus.layout import lay_out, profile_of, watchdog_of
+from piezod_drivers.modbus.layout import lay_out, profile_of, watched
 from piezod_drivers.modbus.options import Options
 from piezod_drivers.modbus.plan import ReadBlock, WriteBlock
 from piezod_drivers.modbus.setup import Setup
@@ -22,6 +22,9 @@ SILENCE_NS: Final = 300_000_000
 class RegisterDialogue:
     """Implements `ExchangingDialogue` for the units of one line.
 
+    Watchdogs are armed only where outputs are used. Where one has tripped, outputs are not where
+    they were, and nothing is set until somebody opens the device again and takes them over there.
+
     Args:
         options: What a configuration says.
         wiring: The channels that are used.
@@ -31,12 +34,16 @@ class RegisterDialogue:
     def __init__(self, options: Options, wiring: Wiring, transactions: Transactions) -> None:
         self._options, self._transactions = options, transactions
         self._layout = lay_out(options, wiring)
+        self._watched = watched(options, wiring)
+        self._n_inputs = len(wiring.inputs)
         self._no_values = [nan] * len(wiring.inputs)
         self._well: list[Flags] = [NO_FLAGS] * len((*wiring.inputs, *wiring.outputs))
         self._said = self._told = self._well
         self._together = self._layout.together
         self._status_ns: int | None = None
         self._last_ns = 0
+        self._tripped = self._lasts = False
+        self._noticed: set[DeviceFlag] = set()
         self._in_force: Sequence[float] = ()
         self._in_force_ns: int | None = None
 
@@ -86,20 +93,24 @@ class RegisterDialogue:
             DeviceError: If one cannot be armed.
             LineFault: If an exchange fails.
         """
-        for unit in self._options.every_unit:
-            plan, wanted = watchdog_of(unit, self._options), self._options.watchdog
-            if plan is not None and wanted is not None:
-                Setup(self._transactions, unit.unit).arm(plan, wanted.timeout_s, wanted.safe)
+        if (wanted := self._options.watchdog) is not None:
+            for unit, plan in self._watched:
+                Setup(self._transactions, unit).arm(plan, wanted.timeout_s, wanted.safe)
+        self._tripped = self._lasts = False
+        if self._layout.status and self._layout.writes:
+            self._transactions.settle()
+            self._said = self._told = self._read_status()
+            self._tripped = self._lasts = self._says_tripped()
+        self._last_ns = self._transactions.now_ns()
 
     def deactivate(self) -> None:
-        """Stop the watchdogs; outputs hold.
+        """Stop the watchdogs that were armed; outputs hold.
 
         Raises:
             LineFault: If an exchange fails.
         """
-        for unit in self._options.every_unit:
-            if (plan := watchdog_of(unit, self._options)) is not None:
-                Setup(self._transactions, unit.unit).disarm(plan)
+        for unit, plan in self._watched:
+            Setup(self._transactions, unit).disarm(plan)
 
     def sample(self, now_ns: int) -> Reading:
         """Read every input, and the status now and then; may be called in the loop."""
@@ -110,14 +121,14 @@ class RegisterDialogue:
     def put(self, values: Sequence[float]) -> None:
         """Set every output; may be called in the loop."""
         self._in_force_ns = None
-        self._look_after_silence()
+        self._require_untripped()
         for block in self._layout.writes:
             self._write(block, values)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
         """Set and read everything in one request (function 23); may be called in the loop."""
         self._in_force_ns = None
-        self._look_after_silence()
+        self._require_untripped()
         write, block = self._layout.writes[0], self._layout.reads[0]
         words = write.words(values)
         requests = [form.request(words) for form in self._together]
@@ -140,7 +151,9 @@ class RegisterDialogue:
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return what went wrong on the line without making an exchange fail."""
-        return self._transactions.take_noticed()
+        noticed = self._transactions.take_noticed() | self._noticed
+        self._noticed = set()
+        return noticed
 
     def _try_forms(self, block: ReadBlock) -> None:
         """Keep the forms of a question that the device takes."""
@@ -168,20 +181,32 @@ class RegisterDialogue:
         for request in ways[0] if self._transactions.is_free(block.unit, ways[0]) else ways[-1]:
             self._transactions.ask(block.unit, [request])
 
-    def _look_after_silence(self) -> None:
-        """Ask whether the watchdog has tripped, where nobody was heard for long.
+    def _require_untripped(self) -> None:
+        """Be sure that no watchdog has tripped; ask, where nobody was heard for long.
 
         Raises:
-            LineFault: If it has: to set an output now would be a jump.
+            LineFault: If one has: to set an output now would be a jump. `DISCONNECTED` where to
+                open the device again may help.
         """
         now_ns = self._transactions.now_ns()
         silent = now_ns - self._last_ns > SILENCE_NS
         self._last_ns = now_ns
-        if silent and self._layout.status:
+        if self._layout.status and (silent or self._lasts):
             self._said = self._told = self._read_status()
-            if any(DeviceFlag.WATCHDOG_TRIPPED in flags for flags in self._said):
-                what = "the watchdog has tripped: the outputs are not where they were"
-                raise LineFault(DeviceFlag.WATCHDOG_TRIPPED, what)
+        self._tripped |= self._says_tripped()
+        if not self._tripped:
+            return
+        self._noticed.add(DeviceFlag.WATCHDOG_TRIPPED)
+        what = "the watchdog has tripped: the outputs are not where they were"
+        self._lasts &= self._says_tripped()
+        if self._lasts:
+            what = f"{what}, and its status has to be cleared first"
+            raise LineFault(DeviceFlag.WATCHDOG_TRIPPED, what)
+        raise LineFault(DeviceFlag.DISCONNECTED, f"{what}, and have to be taken over again")
+
+    def _says_tripped(self) -> bool:
+        outputs = self._said[self._n_inputs :]
+        return any(DeviceFlag.WATCHDOG_TRIPPED in flags for flags in outputs)
 
     def _noted(self, values: list[float], now_ns: int) -> Reading:
         """Note saturated inputs, and ask for the status where it is due."""

@@ -2,14 +2,15 @@ from struct import unpack
 
 import pytest
 
-from piezod.devices.bus.bus_device import ExchangingBusDevice
+from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod_drivers.modbus.driver import device_of
 from piezod_drivers.modbus.emulation import plugins
 from piezod_drivers.modbus.options import Options
-from tests.drivers.modbus.emulated import emulated
+from tests.drivers.modbus.emulated import emulated, transactions_over
 from tests.drivers.serial_line.linear_rig import LinearRig
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine
 
@@ -27,6 +28,16 @@ def labjack(
     device.open()
     device.activate(line.now_ns())
     return device, line, rig
+
+
+def labjack_at(line: EmulatedLine, watchdog: dict[str, float], wiring: Wiring) -> BusDevice:
+    """Return another active device of the same T7."""
+    options = {"profile": "labjack-t7", "host": "t7", "watchdog": watchdog}
+    model = Options.model_validate(options)
+    device = device_of(model, wiring, transactions_over(line, model))
+    device.open()
+    device.activate(line.now_ns())
+    return device
 
 
 def flags(device: ExchangingBusDevice, line: EmulatedLine) -> frozenset[DeviceFlag]:
@@ -100,9 +111,9 @@ def test_a_saturated_input_is_no_sample() -> None:
 
 @pytest.mark.sees("modbus", "A9")
 def test_the_watchdog_makes_the_output_safe_when_we_die() -> None:
-    """After 2 s of silence the output is at the safe voltage, and nothing is set before it is seen.
+    """After 2 s of silence the output is at the safe voltage, and nothing is set from then on.
 
-    The first write after the silence is refused: it would have been a jump. The next one is taken.
+    It would be a jump. When the device is open again and its output was read, writes are taken.
     """
     device, line, rig = labjack(WATCHED)
     assert device.capabilities().watchdog
@@ -114,11 +125,51 @@ def test_the_watchdog_makes_the_output_safe_when_we_die() -> None:
     line.receive(0)
     assert rig.drive_v == [pytest.approx(15, abs=0.05)]
     assert not device.exchange([2.1], line.now_ns())[0]
+    assert {DeviceFlag.WATCHDOG_TRIPPED, DeviceFlag.DISCONNECTED} == flags(device, line)
+    assert not device.exchange([2.1], line.now_ns())[0]
+    assert not device.write([2.1], line.now_ns())
     assert rig.drive_v == [pytest.approx(15, abs=0.05)]
-    assert DeviceFlag.WATCHDOG_TRIPPED in flags(device, line)
+    device.close()
+    device.open()
     assert list(device.read_back(line.now_ns())) == pytest.approx([0.5], abs=2e-3)
+    device.activate(line.now_ns())
     assert device.exchange([0.6], line.now_ns())[0]
     assert flags(device, line) == frozenset()
+
+
+@pytest.mark.sees("modbus", "A9")
+def test_a_watchdog_that_is_seen_to_have_tripped_ends_writing() -> None:
+    """Who reads after the silence, before anybody writes, does not let the next write through."""
+    device, line, rig = labjack(WATCHED)
+    assert device.write([2.0], line.now_ns())
+    line.time.t_ns += 2100 * MS
+    line.receive(0)
+    for _ in range(3):
+        device.read(line.now_ns())
+        device.read_back(line.now_ns())
+        assert not device.write([2.0], line.now_ns())
+    assert rig.drive_v == [pytest.approx(15, abs=0.05)]
+
+
+@pytest.mark.parametrize(("armed", "end_v"), [(None, 60), (WATCHED, 15)])
+def test_who_only_reads_leaves_outputs_and_watchdog_alone(
+    armed: dict[str, float] | None, end_v: float
+) -> None:
+    """Neither is a watchdog armed, nor one stopped that was armed before."""
+    device, line, rig = labjack(armed)
+    assert device.write([2.0], line.now_ns())
+    line.sent.clear()
+    reader = labjack_at(line, WATCHED, Wiring(("AIN0",), ()))
+    assert not reader.capabilities().watchdog
+    assert reader.read(line.now_ns())[0].valid
+    reader.close()
+    asked = [frame for frame in line.sent if frame[7] != 3]
+    assert asked
+    assert all(frame[7] == 0x4C and frame[8::4] == bytes(len(frame[8::4])) for frame in asked)
+    line.open()
+    line.time.t_ns += 9000 * MS
+    line.receive(0)
+    assert rig.drive_v == [pytest.approx(end_v, abs=0.05)]
 
 
 def test_a_silence_without_consequences_is_none() -> None:

@@ -39,6 +39,13 @@ def opened(
     return device, line, rig
 
 
+def set_by_somebody_else(line: EmulatedLine, address: int, word: int) -> None:
+    """Write a register beside the driver."""
+    frame = bytes.fromhex("ffff000000060106")
+    line.send(frame + address.to_bytes(2, "big") + word.to_bytes(2, "big"))
+    line.receive(MS)
+
+
 @pytest.mark.parametrize(("plugin", "options", "wiring"), CASES)
 def test_an_input_follows_its_output(
     plugin: EmulatorPlugin, options: dict[str, object], wiring: Wiring
@@ -85,7 +92,7 @@ def test_a_coupler_with_function_23_needs_one_request_for_a_cycle() -> None:
 
 @pytest.mark.sees("modbus", "A9")
 def test_the_watchdog_of_a_coupler_is_armed_and_seen_to_trip() -> None:
-    """After a silence the outputs are at 0 V, writes are refused, and arming anew ends that."""
+    """After a silence the outputs are at 0 V, and nothing is set before the device is open anew."""
     options: dict[str, object] = {"profile": "wago-750", "host": "h", **WATCHED}
     device, line, rig = opened(plugins.WAGO_750, options)
     assert device.capabilities().watchdog
@@ -101,14 +108,86 @@ def test_the_watchdog_of_a_coupler_is_armed_and_seen_to_trip() -> None:
     assert not device.write([4.0], line.now_ns())
     assert rig.drive_v == [0.0]
     flags = frozenset().union(*device.status(line.now_ns()))
-    assert {DeviceFlag.WATCHDOG_TRIPPED, DeviceFlag.DEVICE_FAILURE} <= flags
-    device.deactivate(line.now_ns())
+    assert flags == {DeviceFlag.WATCHDOG_TRIPPED, DeviceFlag.DISCONNECTED}
+    device.close()
+    device.open()
+    assert list(device.read_back(line.now_ns())) == [0.0]
     device.activate(line.now_ns())
     assert device.write([4.0], line.now_ns())
     device.deactivate(line.now_ns())
     line.time.t_ns += 9000 * MS
     line.receive(0)
     assert rig.drive_v == [pytest.approx(60, abs=0.05)]
+
+
+@pytest.mark.sees("modbus", "A9")
+def test_a_watchdog_that_is_seen_to_have_tripped_ends_writing() -> None:
+    """Who reads in between, before anybody writes again, does not let a write through."""
+    device, line, rig = opened(plugins.WAGO_750, {"profile": "wago-750", "host": "h", **WATCHED})
+    assert device.write([4.0], line.now_ns())
+    line.time.t_ns += 2100 * MS
+    line.receive(0)
+    for _ in range(3):
+        device.read(line.now_ns())
+        device.read_back(line.now_ns())
+        assert not device.write([4.0], line.now_ns())
+    assert rig.drive_v == [0.0]
+
+
+@pytest.mark.sees("modbus", "A9")
+def test_a_status_that_piezod_cannot_clear_refuses_until_it_is_cleared() -> None:
+    """A watchdog that says after activating that it has tripped is not opened again and again.
+
+    When its maker's program has cleared it, the outputs have to be taken over once more.
+    """
+    # The second output of the emulated coupler plays the status of a device of one's own.
+    rows = (
+        {"role": "input", "channel": "AI0", "table": "input", "address": 0, "type": "int16"},
+        {"role": "output", "channel": "AO0", "address": 0, "range": (0.0, 30_000.0)},
+        {"role": "read-back", "channel": "AO0", "address": 0x200},
+        {"role": "status", "address": 0x201, "flag": "watchdog tripped", "mask": 0x4000},
+    )
+    options = Options.model_validate({"registers": rows, "host": "h"})
+    device, line, rig = emulated(plugins.WAGO_750, options, ONE)
+    line.open()
+    set_by_somebody_else(line, 1, 0x4000)
+    device.open()
+    device.activate(line.now_ns())
+    for _ in range(2):
+        assert not device.write([4000.0], line.now_ns())
+        assert device.read(line.now_ns())[0].valid
+        flags = frozenset().union(*device.status(line.now_ns()))
+        assert flags == {DeviceFlag.WATCHDOG_TRIPPED}
+    set_by_somebody_else(line, 1, 0)
+    for _ in range(2):
+        assert not device.write([4000.0], line.now_ns())
+        assert DeviceFlag.DISCONNECTED in device.status(line.now_ns())[1]
+    assert rig.drive_v == [0.0]
+    device.close()
+    device.open()
+    device.activate(line.now_ns())
+    assert device.write([4000.0], line.now_ns())
+
+
+READ_ONLY: list[Any] = [
+    *(pytest.param(*case.values[:2], case.values[2].inputs, id=case.id) for case in CASES),
+    pytest.param(
+        plugins.WAGO_750, {"profile": "wago-750", "host": "h", **WATCHED}, ("AI0",), id="watched"
+    ),
+]
+
+
+@pytest.mark.parametrize(("plugin", "options", "inputs"), READ_ONLY)
+def test_a_device_of_which_inputs_are_used_is_sent_no_write(
+    plugin: EmulatorPlugin, options: dict[str, object], inputs: tuple[str, ...]
+) -> None:
+    """Who only reads sets no output and neither arms nor stops a watchdog."""
+    device, line, _ = opened(plugin, options, Wiring(inputs, ()))
+    assert not device.capabilities().watchdog
+    assert device.read(line.now_ns())[0].valid
+    device.close()
+    at = 7 if "host" in options else 1
+    assert {frame[at] for frame in line.sent} <= {1, 3, 4}
 
 
 @pytest.mark.sees("modbus", "S7")
