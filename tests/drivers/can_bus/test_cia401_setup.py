@@ -5,9 +5,12 @@ from typing import Any
 import pytest
 
 from piezod.devices.interface import Wiring
+from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.can_bus.cia401 import objects as o
+from piezod_drivers.can_bus.cia401.node import NODE
 from piezod_drivers.can_bus.cia401.sdo_server import AbortCode, AbortError
+from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.cia401_stand import Stand, read
 from tests.drivers.can_bus.profiles import CODES
 
@@ -103,3 +106,42 @@ def test_node_without_heartbeat_is_used_without() -> None:
     device = stand.active()
 
     assert device.exchange([1.0, 1.0], stand.time.t_ns)[0]
+
+
+@pytest.mark.parametrize("read_back", ["sdo", "pdo"])
+def test_node_of_which_only_inputs_are_used_is_not_touched(read_back: str) -> None:
+    """Who only reads writes no object, orders no state and sends no SYNC: somebody may drive it."""
+    outputs = {"a1": {"number": 1, "safe_code": 0, **CODES}}
+    stand = Stand((30.0, 60.0), outputs=outputs, read_back=read_back)
+    device = stand.active(Wiring(("a2", "a1"), ()))
+    assert not device.capabilities().watchdog
+    assert read(device, stand) == pytest.approx([2.4, 1.2], abs=0.01)
+    stand.rig.drive_v = [60.0, 60.0]
+    assert read(device, stand) == pytest.approx([2.4, 2.4], abs=0.01)
+    assert device.status(stand.time.t_ns) == [frozenset()] * 2
+    stand.rig.valid = False
+    read(device, stand)
+    assert all(DeviceFlag.SATURATED in each for each in device.status(stand.time.t_ns))
+    device.close()
+
+    assert {frame.id for frame in stand.bus.sent} == {o.SDO_REQUEST + NODE}
+    assert {frame.data[0] & 0xE0 for frame in stand.bus.sent} <= {0x40, 0x60}  # reads only
+
+
+def test_node_of_which_only_inputs_are_used_may_have_another_master() -> None:
+    """Its SYNC and its orders are not ours, and nobody is told of them as foreign."""
+    stand = Stand()
+    device = stand.active(Wiring(("a1",), ()))
+    stand.bus.comes(Frame(o.SYNC), Frame(o.NMT, b"\x01\x05"))
+    read(device, stand)
+
+    assert device.status(stand.time.t_ns) == [frozenset()]
+
+
+def test_node_of_sensors_is_set_up() -> None:
+    """One that has no outputs is read by process data, at the rate that these allow."""
+    stand = Stand(outputs={})
+    device = stand.active(Wiring(("a1",), ()))
+    assert read(device, stand) == [0.0]
+
+    assert o.SYNC in {frame.id for frame in stand.bus.sent}

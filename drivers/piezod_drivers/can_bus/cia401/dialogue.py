@@ -14,6 +14,7 @@ from piezod_drivers.can_bus.cia401 import objects
 from piezod_drivers.can_bus.cia401.health import Health
 from piezod_drivers.can_bus.cia401.options import Options
 from piezod_drivers.can_bus.cia401.pdo import Scale, pack, unpack
+from piezod_drivers.can_bus.cia401.words import SDO_BYTES, read_words, requests_for
 from piezod_drivers.can_bus.cycle import Cycle
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.frame_bus import FrameBus
@@ -24,16 +25,11 @@ if TYPE_CHECKING:
     from piezod_drivers.can_bus.cia401.setup import Layout
 
 MS: Final = 1_000_000
-_SDO_BYTES: Final = 8
 _BEATS: Final = 4
 """So often the host shows that it lives, in the time that the node waits for it."""
 _MISSED: Final = 3
 """A node is silent when so many of its heartbeats have not come."""
 _SYNC: Final = Frame(objects.SYNC)
-_READ: Final = 0x40
-_ANSWER: Final = 0x4B
-_ABORT: Final = 0x80
-"""SDO: read an object; two bytes of it; there is none."""
 
 
 class Dialogue:
@@ -43,6 +39,9 @@ class Dialogue:
     node's answer to the SYNC, sent after the outputs, that acknowledges them. A node of which no
     input is used does not answer; there, outputs are acknowledged by reading them back, or, where
     that is switched off, by the node's heartbeat.
+
+    Where the node has outputs and none of them is used, inputs are read by SDO: somebody else may
+    drive it, so that it is not set up, nor started, and no SYNC is sent.
 
     Args:
         options: What a configuration says.
@@ -63,13 +62,11 @@ class Dialogue:
         self._ranges = [channel.range for channel in outputs]
         self._safe = [(c.number, c.safe_code) for c in outputs if c.safe_code is not None]
         self._by_pdo = options.read_back == "pdo" and bool(outputs)
-        self._asks = bool(inputs) or self._by_pdo
+        self._only_looks = bool(options.outputs) and not outputs
+        self._asks = (bool(inputs) and not self._only_looks) or self._by_pdo
         node = options.node
-        self._read_requests = [
-            Frame(objects.SDO_REQUEST + node, bytes((_READ, 0x11, 0x64, number, 0, 0, 0, 0)))
-            for number in self._output_numbers
-        ]
-        self._sdo_answers = frozenset({objects.SDO_ANSWER + node})
+        self._read_inputs = requests_for(node, objects.INPUT, self._input_numbers)
+        self._read_outputs = requests_for(node, objects.OUTPUT, self._output_numbers)
         self._beat_frame = Frame(
             objects.HEARTBEAT + options.host_node, bytes((objects.OPERATIONAL,))
         )
@@ -141,6 +138,8 @@ class Dialogue:
     def activate(self) -> None:
         """Set the node's process data up, arm its watchdog and start it; outputs stay as they are.
 
+        Where the node has outputs and none of them is used, nothing of that is done.
+
         Raises:
             DeviceError: If the node cannot be set up so.
             LineFault: If it does not answer, or the bus fails.
@@ -148,6 +147,9 @@ class Dialogue:
         from piezod_drivers.can_bus.cia401 import setup  # noqa: PLC0415 - `open` has imported it
 
         options, access = self._options, self._require()
+        if self._only_looks:
+            self._begin(())
+            return
         pdos = []
         if self._output_numbers:
             pdos.append(setup.Pdo.sets(options.rpdo, self._output_numbers))
@@ -166,11 +168,8 @@ class Dialogue:
         self._beats = setup.beat(access, options.heartbeat_ms)
         access.order(objects.START)
         access.read(objects.DEVICE_TYPE)  # what the node said of its state before comes before this
-        self._cycle = self._make_cycle((self._set.id,) if self._set else ())
-        self._health.clear()
-        self._armed, self._watched = self._watchdog, False
-        self._heard_ns = self._bus.now_ns()
-        self._input_flags = [NO_FLAGS] * len(self._input_numbers)
+        self._begin((self._set.id,) if self._set else ())
+        self._armed = self._watchdog
 
     def deactivate(self) -> None:
         """Disarm the watchdog, so that the outputs hold.
@@ -190,6 +189,8 @@ class Dialogue:
         Raises:
             LineFault: If the node does not answer in time, or the bus fails.
         """
+        if self._only_looks:
+            return now_ns, self._measured(read_words(self._cycle, self._read_inputs))
         return now_ns, self._ask([_SYNC], now_ns)
 
     def put(self, values: Sequence[float]) -> None:
@@ -207,7 +208,7 @@ class Dialogue:
         self._cycle.tell(frame)
         if self._options.read_back == "none":
             self._require_heartbeat()
-        elif (in_force := self._read_outputs()) != words:
+        elif (in_force := read_words(self._cycle, self._read_outputs)) != words:
             what = f"outputs were set to codes {words} and are at {in_force}"
             raise LineFault(DeviceFlag.DEVICE_FAILURE, what)
 
@@ -232,7 +233,7 @@ class Dialogue:
             self._ask([_SYNC], now_ns)
             return self._in_force
         self._keep_alive()
-        words = self._read_outputs()
+        words = read_words(self._cycle, self._read_outputs)
         self._in_force = [
             s.value_of(word) for s, word in zip(self._output_scales, words, strict=True)
         ]
@@ -264,7 +265,10 @@ class Dialogue:
             told = zip(self._output_scales, words[n_inputs:], strict=True)
             self._in_force = [scale.value_of(word) for scale, word in told]
             self._in_force_ns = now_ns
-        read = list(zip(self._input_scales, words, strict=False))
+        return self._measured(words[:n_inputs])
+
+    def _measured(self, words: Sequence[int]) -> list[float]:
+        read = list(zip(self._input_scales, words, strict=True))
         self._input_flags = [_SATURATED if s.is_at_an_end(word) else NO_FLAGS for s, word in read]
         return [scale.value_of(word) for scale, word in read]
 
@@ -281,23 +285,6 @@ class Dialogue:
         for place, word in zip(layout.places, own, strict=True):
             words[place] = word
         return Frame(layout.id, pack(words)), own
-
-    def _read_outputs(self) -> list[int]:
-        words = []
-        for request in self._read_requests:
-            place = request.data[1:4]  # an answer repeats which object it tells
-            got = self._cycle.ask([request], self._sdo_answers, lambda f: f.data[1:4] == place)  # noqa: B023 - called here only
-            (data,) = got.values()
-            if len(data) != _SDO_BYTES:
-                raise LineFault(DeviceFlag.GARBAGE, "an answer of the node has not eight bytes")
-            if data[0] == _ABORT:
-                code = int.from_bytes(data[4:], "little")
-                what = f"output {request.data[3]} cannot be read back: abort code 0x{code:08X}"
-                raise LineFault(DeviceFlag.WRONG_REQUEST, what)
-            if data[0] != _ANSWER:
-                raise LineFault(DeviceFlag.GARBAGE, "the node's answer is none of two bytes")
-            words.append(data[4] | data[5] << 8)
-        return words
 
     def _keep_alive(self) -> None:
         """Show that this host lives, if it is time; and be sure that the node is as it was set up.
@@ -332,15 +319,19 @@ class Dialogue:
         elif frame.id == objects.EMERGENCY + node:
             self._health.take_emergency(frame.data)
 
+    def _begin(self, own: Sequence[int]) -> None:
+        """Forget what was before the node was set up; identifiers of `own` are only ours."""
+        self._cycle = self._make_cycle(own)
+        self._health.clear()
+        self._armed = self._watched = False
+        self._heard_ns = self._bus.now_ns()
+        self._input_flags = [NO_FLAGS] * len(self._input_numbers)
+
     def _make_cycle(self, own: Sequence[int]) -> Cycle:
         options = self._options
-        ours = (
-            objects.NMT,
-            objects.SYNC,
-            objects.SDO_REQUEST + options.node,
-            objects.HEARTBEAT + options.host_node,
-            *own,
-        )
+        ours = [objects.SDO_REQUEST + options.node, *own]
+        if not self._only_looks:
+            ours += [objects.NMT, objects.SYNC, objects.HEARTBEAT + options.host_node]
         return Cycle(self._bus, round(options.timeout_ms * MS), ours, self._take)
 
     def _accepted(self) -> list[int]:
@@ -354,8 +345,10 @@ class Dialogue:
         told = len(self._input_numbers) + (n_out if self._by_pdo else 0)
         sizes = [2 * n_out] if n_out else []
         sizes += [0, 2 * told] if self._asks else []
+        if self._only_looks:
+            sizes += [SDO_BYTES, SDO_BYTES] * len(self._input_numbers)
         if self._options.read_back == "sdo":
-            sizes += [_SDO_BYTES, _SDO_BYTES] * n_out
+            sizes += [SDO_BYTES, SDO_BYTES] * n_out
         return sizes
 
     def _require(self) -> Access:
