@@ -12,7 +12,14 @@ from piezod.errors import DeviceError, DeviceUnavailableError
 
 AnswerT = TypeVar("AnswerT")
 
-LOSING = frozenset({DeviceFlag.DISCONNECTED, DeviceFlag.HALF_OPEN, DeviceFlag.BUS_OFF})
+LOSING = frozenset(
+    {
+        DeviceFlag.DISCONNECTED,
+        DeviceFlag.HALF_OPEN,
+        DeviceFlag.BUS_OFF,
+        DeviceFlag.PARTIAL_WRITE,  # the next request would be read as the end of the broken one
+    }
+)
 """After one of these nothing is tried until the device is opened again."""
 
 

@@ -10,6 +10,8 @@ from piezod.devices.status import DeviceFlag
 LengthOf: TypeAlias = Callable[[bytes], int]
 """Tells how many of the bytes that have come, from the first on, make a frame; 0 as long as more
 has to come; -n where the first n are garbage."""
+Fits: TypeAlias = Callable[[bytes], bool]
+"""Tells of a frame whether it can be the reply."""
 
 PATIENCE: Final = 10
 """A reply is taken for lost when it has been late for so many time-outs."""
@@ -28,7 +30,8 @@ class Conversation:
 
     Where replies carry a tag of their request, `is_reply` tells them apart, and a reply that comes
     too late is dropped when it comes. Where they do not, nothing is asked after a time-out until
-    the late reply has come, or can no longer come: `PATIENCE` time-outs later.
+    the late reply has come, or can no longer come: `PATIENCE` time-outs later. A frame that cannot
+    be that reply, as a warning that the device sends by itself, ends no waiting.
 
     Args:
         line: The line, opened and closed by whoever owns it.
@@ -40,6 +43,7 @@ class Conversation:
         self._notices = line if isinstance(line, Notices) else None
         self._rest = b""
         self._owed: LengthOf | None = None
+        self._owed_fits: Fits | None = None
         self._owed_until_ns = 0
         self._noticed: set[DeviceFlag] = set()
 
@@ -91,8 +95,9 @@ class Conversation:
         self,
         request: bytes,
         length_of: LengthOf,
-        is_reply: Callable[[bytes], bool] | None = None,
+        is_reply: Fits | None = None,
         timeout_ns: int | None = None,
+        fits: Fits | None = None,
     ) -> bytes:
         """Send a request and return the frame that answers it; may be called in the loop.
 
@@ -102,6 +107,9 @@ class Conversation:
             is_reply: Tells whether a frame answers this very request, and no earlier one; None
                 where frames do not tell.
             timeout_ns: How long to wait, if not as long as usual.
+            fits: Where frames carry no tag, and `length_of` finds those of other kinds too: tells
+                whether a frame is of the kind of this reply, an error among them. Others are
+                garbage, and the reply is still owed.
 
         Raises:
             LineFault: `LATE_REPLY` if none came in time, or whatever the line raises.
@@ -112,6 +120,7 @@ class Conversation:
         if stale := line.receive(0):
             self._drop(stale)
         line.send(request)
+        belongs = is_reply or fits
         begin_ns = line.now_ns()
         wait_ns = self._timeout_ns if timeout_ns is None else timeout_ns
         end_ns = begin_ns + wait_ns
@@ -124,12 +133,12 @@ class Conversation:
                     got = got[-length:]
                     continue
                 frame, got = got[:length], got[length:]
-                if is_reply is None or is_reply(frame):
+                if belongs is None or belongs(frame):
                     self._rest = got
                     if line.now_ns() - begin_ns > SLOW * wait_ns:
                         self._noticed.add(DeviceFlag.SLOW_REPLY)
                     return frame
-                self._noticed.add(DeviceFlag.OUT_OF_ORDER)
+                self._noticed.add(DeviceFlag.OUT_OF_ORDER if is_reply else DeviceFlag.GARBAGE)
             if len(got) > MOST_BYTES:
                 got = b""
                 self._noticed.add(DeviceFlag.GARBAGE)
@@ -138,7 +147,8 @@ class Conversation:
             self._noticed.add(DeviceFlag.GARBAGE)
         self._rest = got
         if is_reply is None:
-            self._owed, self._owed_until_ns = length_of, end_ns + PATIENCE * wait_ns
+            self._owed, self._owed_fits = length_of, fits
+            self._owed_until_ns = end_ns + PATIENCE * wait_ns
         raise LineFault(DeviceFlag.LATE_REPLY, f"no reply within {wait_ns / 1e6:g} ms")
 
     def _settle(self) -> None:
@@ -154,12 +164,19 @@ class Conversation:
         now_ns = self._line.now_ns()  # before what it is compared with: a reply may come any time
         got = self._rest + self._line.receive(0)
         self._rest = got[-MOST_BYTES:]
-        while (length := self._owed(self._rest)) < 0:
-            self._rest = self._rest[-length:]
+        while (length := self._owed(self._rest)) and not self._pays(length):
+            self._rest = self._rest[abs(length) :]
         if length == 0 and now_ns < self._owed_until_ns:
             raise _StillOwedError(DeviceFlag.LATE_REPLY, "a late reply may still come")
         self._noticed.add(DeviceFlag.LATE_REPLY)
         self._rest, self._owed = b"", None
+
+    def _pays(self, length: int) -> bool:
+        fits = self._owed_fits
+        if length > 0 and (fits is None or fits(self._rest[:length])):
+            return True
+        self._noticed.add(DeviceFlag.GARBAGE)
+        return False
 
     def _drop(self, stale: bytes) -> None:
         if stale:

@@ -45,8 +45,9 @@ class Line(Protocol):
         """Send all of this; may be called in the loop.
 
         Raises:
-            LineFault: `PARTIAL_WRITE` if only a part went out in time, `DISCONNECTED` if it is
-                gone.
+            LineFault: `PARTIAL_WRITE` if only a part went out in time: then nothing more may go
+                out before it was opened again, and the dialogue's `open` has to end that part so
+                that nobody obeys it. `DISCONNECTED` if it is gone.
         """
         ...
 

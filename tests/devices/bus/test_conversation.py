@@ -1,5 +1,7 @@
 """Requests and replies: what is a reply, and that a late one is never taken for the next."""
 
+from collections.abc import Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import pytest
@@ -187,6 +189,55 @@ def test_late_tagged_reply_within_the_time_of_the_next() -> None:
     assert conversation.ask(b"2", lines, lambda frame: frame == b">2\n") == b">2\n"
 
 
+def starts_with_digit(frame: bytes) -> bool:
+    """Tell a reply from what the device says by itself."""
+    return frame[:1].isdigit()
+
+
+def test_foreign_frame_is_no_reply() -> None:
+    """It is garbage, and the reply is found behind it."""
+    line = PlayedLine(lambda _: [(MS, b">warning\n"), (2 * MS, b"1\n")])
+    conversation = talk(line)
+
+    assert conversation.ask(b"?", lines, fits=starts_with_digit) == b"1\n"
+    assert conversation.take_noticed() == {DeviceFlag.GARBAGE}
+
+
+@pytest.mark.parametrize("foreign_ms", [1, 25])
+def test_foreign_frame_ends_no_waiting(foreign_ms: int) -> None:
+    """The reply is owed still, whether it came in time or afterwards; then the late one comes."""
+    line = PlayedLine(
+        lambda request: (
+            [(foreign_ms * MS, b">warning\n"), (90 * MS, b"1\n")]
+            if request == b"1"
+            else [(MS, b"2\n")]
+        )
+    )
+    conversation = talk(line)
+    with pytest.raises(LineFault):
+        conversation.ask(b"1", lines, fits=starts_with_digit)
+    line.t_ns += 10 * MS
+
+    with pytest.raises(LineFault, match="may still come"):
+        conversation.ask(b"2", lines, fits=starts_with_digit)
+    line.t_ns += 65 * MS
+    assert conversation.ask(b"2", lines, fits=starts_with_digit) == b"2\n"
+    assert conversation.take_noticed() == {DeviceFlag.GARBAGE, DeviceFlag.LATE_REPLY}
+
+
+def test_foreign_frames_end_with_patience() -> None:
+    """A device that goes on saying something else is asked again when its reply is lost."""
+    line = PlayedLine(lambda request: [(MS, b"2\n")] if request == b"2" else [])
+    conversation = talk(line)
+    with pytest.raises(LineFault):
+        conversation.ask(b"1", lines, fits=starts_with_digit)
+    for k in range(20):
+        line.comes(b">warning\n", (20 * k - 1) * MS)
+    conversation.wait_out()
+
+    assert conversation.ask(b"2", lines, fits=starts_with_digit) == b"2\n"
+
+
 class Fate(NamedTuple):
     """What becomes of a reply.
 
@@ -196,6 +247,7 @@ class Fate(NamedTuple):
         twice: Whether it comes twice.
         cut: How many of its bytes are kept.
         noise: What comes before it.
+        foreign_ms: When frames come that are no replies, after the request.
     """
 
     late_ms: int
@@ -203,6 +255,7 @@ class Fate(NamedTuple):
     twice: bool
     cut: int
     noise: bytes
+    foreign_ms: Sequence[int]
 
 
 FATES = st.builds(
@@ -212,6 +265,7 @@ FATES = st.builds(
     st.booleans(),
     st.just(100) | st.integers(0, 6),
     st.just(b"") | st.binary(max_size=4),
+    st.lists(st.integers(0, 2 * PATIENCE * TIMEOUT_MS), max_size=4),
 )
 
 
@@ -220,7 +274,10 @@ FATES = st.builds(
     pauses_ms=st.lists(st.integers(0, 3 * PATIENCE * TIMEOUT_MS), min_size=30, max_size=30),
 )
 def test_no_fate_makes_a_reply_another_ones(fates: list[Fate], pauses_ms: list[int]) -> None:
-    """Whatever happens, a reply of full length that is accepted is that of this very request."""
+    """Whatever happens, a reply of full length that is accepted is that of this very request.
+
+    Frames that are no replies come at any time, also while a late one is waited for.
+    """
     line = PlayedLine()
     conversation = talk(line)
     for number, (fate, pause_ms) in enumerate(zip(fates, pauses_ms, strict=False)):
@@ -228,11 +285,35 @@ def test_no_fate_makes_a_reply_another_ones(fates: list[Fate], pauses_ms: list[i
         whole = fate.noise + reply[: fate.cut]
         due_ns = (TIMEOUT_MS + fate.late_ms) * MS
         coming = [] if fate.lost else [(due_ns, whole)] * (2 if fate.twice else 1)
+        coming += [(ms * MS, b">warn\n") for ms in fate.foreign_ms]
         line.answer = lambda _, coming=coming: coming  # type: ignore[misc] # a default argument
         try:
-            got = conversation.ask(b"?", lines)
+            got = conversation.ask(b"?", lines, fits=starts_with_digit)
         except LineFault as fault:
             assert fault.flag == DeviceFlag.LATE_REPLY
         else:
             assert len(got) != 6 or got == reply or fate.noise
+        line.t_ns += pause_ms * MS
+
+
+STEPS = st.tuples(
+    st.sampled_from([10]) | st.integers(TIMEOUT_MS + 1, (1 + PATIENCE) * TIMEOUT_MS),
+    st.lists(st.integers(0, 60), max_size=2),
+    st.integers(0, 40),
+)
+
+
+@given(steps=st.lists(STEPS, min_size=3, max_size=40))
+def test_foreign_frames_never_make_a_late_reply_another_ones(
+    steps: list[tuple[int, list[int], int]],
+) -> None:
+    """Late replies, frames that are none, and requests in close succession, in any order."""
+    line = PlayedLine()
+    conversation = talk(line)
+    for number, (after_ms, foreign_ms, pause_ms) in enumerate(steps):
+        reply = b"%d\n" % number
+        coming = [(after_ms * MS, reply), *((ms * MS, b">warn\n") for ms in foreign_ms)]
+        line.answer = lambda _, coming=coming: coming  # type: ignore[misc] # a default argument
+        with suppress(LineFault):
+            assert conversation.ask(b"?", lines, fits=starts_with_digit) == reply
         line.t_ns += pause_ms * MS

@@ -172,7 +172,13 @@ PROFILES = (
     Profile(
         "psj-ddrive", "psj", Wiring((), ("ch0",)), Port({"profile": "ddrive"}), (), _NO_READ_BACK
     ),
-    Profile("psj-nv40", "psj", Wiring.both(("ch0",)), Port({"profile": "nv40"}), (), _NO_READ_BACK),
+    Profile(
+        "psj-nv40",
+        "psj",
+        Wiring.both(("ch0",)),
+        Port({"profile": "nv40", "remote": True}),
+        unseen=_NO_READ_BACK,
+    ),
     Profile("psj-nv200", "psj", Wiring.both(("ch0",)), Port({"profile": "nv200"})),
     Profile("psj-nv200-tcp", "psj", Wiring.both(("ch0",)), Tcp({"profile": "nv200"})),
 )

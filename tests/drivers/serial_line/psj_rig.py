@@ -17,7 +17,12 @@ class Rig:
     """A device, the emulator that it talks to, and all between them."""
 
     def __init__(
-        self, profile: Profile, reads: Reads | None = None, wiring: Wiring | None = None
+        self,
+        profile: Profile,
+        reads: Reads | None = None,
+        wiring: Wiring | None = None,
+        *,
+        remote: bool = True,
     ) -> None:
         model = MODELS[profile]
         model = model._replace(reads=reads or model.reads)
@@ -28,7 +33,8 @@ class Rig:
         self.line = EmulatedLine(self.emulator, self.time)
         inputs = ("ch0",) if model.reads == "position" else ()
         wanted = wiring or Wiring(inputs, ("ch0",))
-        self.device = BusDevice("psj", PsjDialogue(self.line, model, wanted, RANGE_V, 0.05))
+        dialogue = PsjDialogue(self.line, model, wanted, RANGE_V, 0.05, remote=remote)
+        self.device = BusDevice("psj", dialogue)
 
     def send(self, text: bytes) -> None:
         """Do at the device what a user would do."""

@@ -60,13 +60,18 @@ def test_output_that_is_on_stays() -> None:
     assert rig.drive_v == before != [0.0]
 
 
-def test_closed_loop_is_opened_smoothly() -> None:
-    """Closed loop is left by the mode that does not jump."""
-    device, line, _, emulator = kpz()
-    emulator.receive(codec.short(Id.SET_CONTROL_MODE, 1, 2))
+@pytest.mark.parametrize("mode", [2, 4])
+def test_closed_loop_is_refused(mode: int) -> None:
+    """Nobody knows the voltage that comes of opening the loop: nothing is set, and it says how."""
+    device, line, rig, emulator = kpz()
+    emulator.receive(codec.short(Id.SET_CONTROL_MODE, 1, mode))
+    rig.drive_v[0] = 40.0
     device.open()
-    device.activate(NOW)
-    assert codec.short(Id.SET_CONTROL_MODE, 1, 3) in line.sent
+    line.sent.clear()
+    with pytest.raises(DeviceError, match=r"in closed loop.*open the loop at rest"):
+        device.activate(NOW)
+    assert line.sent == [codec.short(Id.REQ_CONTROL_MODE, 1)]
+    assert rig.drive_v == [40.0]
 
 
 def test_knob_that_adds_nothing_is_switched_off() -> None:
@@ -136,7 +141,6 @@ def test_scale_of_readings_can_be_set() -> None:
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        (answering(Id.GET_CONTROL_MODE, 2), "stays in closed loop"),
         (answering(Id.GET_ENABLED, 2), "does not enable its output"),
         (answering_words(Id.GET_SOURCE, 1, 2), "goes on obeying its knob or input"),
     ],

@@ -188,6 +188,100 @@ def test_start_and_stop_are_sent_around_the_run() -> None:
     line.assert_done()
 
 
+START = {
+    "start": ({"send": "SERVO OFF"}, {"send": "REMOTE 1", "reply": "OK"}),
+    "stop": ({"send": "REMOTE 0"},),
+}
+
+
+def test_a_device_that_is_only_read_is_not_started() -> None:
+    """Without an output of its own an axis sends nothing that could change the outputs."""
+    line = ScriptedLine(says(b"P?\n", b"1.5\n"))
+    dut = device(line, Wiring(("x",), ()), **START)
+    dut.open()
+    dut.activate(0)
+
+    assert dut.read(line.now_ns())[0].position_um == 1.5
+    dut.close()
+    line.assert_done()
+
+
+def test_a_device_without_outputs_is_started() -> None:
+    """A sensor has no outputs that could change, and may have to be started."""
+    line = ScriptedLine(says(b"SERVO OFF\n"), says(b"REMOTE 1\n", b"OK\n"))
+    dut = device(line, Wiring(("x",), ()), outputs={}, set=(), **START)
+    dut.open()
+    dut.activate(0)
+    line.assert_done()
+
+
+@pytest.mark.parametrize("stray", [b"Temp warning\n", b"OK\n", b"\xff\n"])
+def test_a_line_that_is_no_such_answer_ends_no_waiting(stray: bytes) -> None:
+    """After a time-out only what can be the late answer ends the waiting; so it is not the next."""
+    dut, line = started(says(b"P?\n"))
+    assert not dut.read(line.now_ns())[0].valid
+    line.comes(stray)
+    assert not dut.read(line.now_ns())[0].valid
+    assert DeviceFlag.GARBAGE in dut.status(line.now_ns())[0]
+
+    line.comes(b"1.0\n")
+    line.then(says(b"P?\n", b"9.0\n"))
+    assert dut.read(line.now_ns())[0].position_um == 9.0
+    line.assert_done()
+
+
+def test_a_line_that_is_no_such_answer_is_not_taken_for_it() -> None:
+    """It may come before the answer, which is found behind it."""
+    dut, line = started(says(b"P?\n", b"Temp warning\n", b"1.5\n"))
+
+    assert dut.read(line.now_ns())[0].position_um == 1.5
+    assert DeviceFlag.GARBAGE in dut.status(line.now_ns())[0]
+
+
+@pytest.mark.sees("ascii", "A8")
+@pytest.mark.parametrize(("told", "taken"), [(b"1.04\n", True), (b"60.0\n", False)])
+def test_a_setpoint_that_is_read_back_otherwise_is_refused(told: bytes, taken: bool) -> None:
+    """Where a tolerance is given, a device that refuses in silence is found out at once."""
+    dut, line = started(
+        says(b"V 1.00\n"),
+        says(b"V?\n", told),
+        outputs={"x": {"lowest": 0.0, "highest": 100.0, "tolerance": 0.05}},
+        set=({"send": "V {x:.2f}"},),
+        read_back=({"send": "V?", "reply": r"(?P<x>[\d.]+)"},),
+    )
+
+    assert dut.write([1.0], line.now_ns()) == taken
+    assert (DeviceFlag.LOCAL_MODE in dut.status(line.now_ns())[0]) != taken
+
+
+@pytest.mark.sees("ascii", "A2")
+@pytest.mark.parametrize("read_back", [False, True])
+def test_half_a_command_is_made_an_unknown_one(
+    monkeypatch: pytest.MonkeyPatch, *, read_back: bool
+) -> None:
+    """A device of which a command went out in part is lost; opened again, it forgets that part."""
+
+    def fail(_data: bytes) -> None:
+        raise LineFault(DeviceFlag.PARTIAL_WRITE, "3 of 7 bytes went out")
+
+    silent: dict[str, object] = {
+        "set": ({"send": "V {x:.2f}"},),
+        "read_back": ({"send": "V?", "reply": r"(?P<x>[\d.]+)"},),
+    }
+    dut, line = started(**(silent if read_back else {}))
+    with monkeypatch.context() as patched:
+        patched.setattr(line, "send", fail)
+        assert not dut.write([1.0], line.now_ns())
+    assert not dut.write([1.0], line.now_ns())
+    dut.close()
+
+    line.then(says(b"~\n", b"ERR 1\n"), says(b"P?\n", b"1.5\n"))
+    dut.open()
+    dut.activate(0)
+    assert dut.read(line.now_ns())[0].position_um == 1.5
+    line.assert_done()
+
+
 def test_the_status_is_asked_after_a_setpoint_when_it_is_due() -> None:
     """What the answer matches is told of every channel, as long as it matches."""
     dut, line = started(

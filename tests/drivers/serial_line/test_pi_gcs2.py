@@ -1,3 +1,4 @@
+import re
 from math import isnan
 
 import pytest
@@ -119,6 +120,38 @@ def test_activation_leaves_the_output() -> None:
     assert rig.drive_v == [40.0]
     assert b"SVO 1 0\nSVA 1 40.0000\nERR?\n" in line.sent
     assert device.write([41.0], 1)
+
+
+@pytest.mark.parametrize("in_force_v", [-20.5, 999.0])
+def test_activation_never_clamps(in_force_v: float) -> None:
+    """An output that the servo holds beyond the range would jump: it is refused, nothing is set."""
+    device, line, emulator, rig = emulated()
+    emulator.axes[0].servo = True
+    monitored = f"1={in_force_v}".encode()
+    rig.drive_v[0] = 40.0
+    line.change = lambda reply: re.sub(rb"1=40\.0*", monitored, reply)
+    with pytest.raises(DeviceError, match=r"axis 1 is at .* beyond -20 to .* would jump"):
+        device.activate(0)
+    assert emulator.axes[0].servo
+    assert not [sent for sent in line.sent if b"SVA 1" in sent or b"SVO 1" in sent]
+
+
+def test_activation_needs_a_number() -> None:
+    """A voltage beyond all numbers is none: control is not taken, and nothing is set."""
+    device, line, emulator, rig = emulated()
+    emulator.axes[0].servo = True
+    rig.drive_v[0] = 40.0
+    line.change = lambda reply: re.sub(rb"1=40\.0*", b"1=1e400", reply)
+    with pytest.raises(DeviceUnavailableError, match="no voltage or position"):
+        device.activate(0)
+    assert not [sent for sent in line.sent if b"SVA 1" in sent or b"SVO 1" in sent]
+
+
+def test_a_range_without_end() -> None:
+    """A limit that is no number is not taken for one."""
+    line = ScriptedLine(*OPENING, says(b"VMI? 1\nERR?\n", b"1=-1e999\n0\n"))
+    with pytest.raises(DeviceError, match="tells no range"):
+        scripted(line).open()
 
 
 def test_activation_takes_over_from_the_analog_input() -> None:

@@ -39,6 +39,14 @@ def test_a_part_is_no_reply(n: int) -> None:
     assert TWO.length_of(GOOD[:n]) == 0
 
 
+@pytest.mark.parametrize("number", [b"1e400", b"-9e999"])
+def test_infinity_is_no_number(number: bytes) -> None:
+    """What no number can hold is garbage, and never a voltage."""
+    with pytest.raises(LineFault) as fault:
+        TWO.numbers(GOOD.replace(b"33.1", number))
+    assert fault.value.flag == DeviceFlag.GARBAGE
+
+
 def test_bare_replies() -> None:
     """Replies of the first generation are told apart by their place."""
     assert LETTER.numbers(b"+0010.5000\n-0003.2500\n0\n") == [10.5, -3.25]

@@ -2,6 +2,7 @@
 
 import pytest
 
+from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.psj.models import Profile
 from tests.drivers.serial_line.linear_rig import UM_PER_V
 from tests.drivers.serial_line.psj_rig import ALL, Rig
@@ -78,3 +79,30 @@ def test_an_nv40_1_is_read_after_every_setpoint() -> None:
 
     assert not device.write([5.0], rig.now_ns())
     assert rig.line.sent == [b"wr,5.000\r", b"rd\r"]
+
+
+@pytest.mark.sees("psj", "B6")
+@pytest.mark.parametrize("stray", [b"\x13\r\n\x11", b"\x13meas,7.0\r\n\x11", b"\x13hello\r\n\x11"])
+def test_an_answer_to_something_else_ends_no_waiting(stray: bytes) -> None:
+    """While the answer to `set` is owed, only that ends the waiting; and no other one is it."""
+    rig = Rig("nv200")
+    device = rig.started()
+    rig.line.change = lambda _reply: b""
+    assert device.read_back(rig.now_ns()) != [0.0]
+    rig.line.change = lambda reply: reply
+    rig.line.comes(stray)
+
+    assert not device.write([5.0], rig.now_ns())
+    assert DeviceFlag.GARBAGE in rig.flags()
+    rig.line.comes(b"\x13set,3.000\r\n\x11")
+    assert device.read_back(rig.now_ns() + 1) == [0.0]
+
+
+def test_a_stray_answer_in_time_is_not_taken() -> None:
+    """What answers another command comes first, and the right answer is found behind it."""
+    rig = Rig("nv200")
+    device = rig.started()
+    rig.line.change = lambda reply: b"\x13meas,7.0\r\n\x11" + reply
+
+    assert device.read_back(rig.now_ns()) == [0.0]
+    assert device.write([5.0], rig.now_ns())

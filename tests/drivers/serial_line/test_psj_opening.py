@@ -67,6 +67,61 @@ def test_taking_and_leaving_control_moves_nothing(profile: Profile) -> None:
     assert rig.rig.drive_v[:1] == [33.0]
 
 
+NV40S: list[tuple[Profile, Reads | None, bytes, bytes]] = [
+    ("nv40", None, b"set,0,10\r", b"setk,0,%d\r"),
+    ("nv40", "voltage", b"set,0,10\r", b"setk,0,%d\r"),
+    ("nv40-1", None, b"wr,10\r", b"i%d\r"),
+]
+
+
+@pytest.mark.parametrize(("profile", "reads", "put", "hand_over"), NV40S)
+def test_an_emulated_nv40_jumps_when_it_comes_under_remote_control(
+    profile: Profile, reads: Reads | None, put: bytes, hand_over: bytes
+) -> None:
+    """Its knob sets the voltage until then, and a setpoint that nobody knows from then on."""
+    rig = Rig(profile, reads)
+    rig.emulator.knob_v[0] = 40.0
+    seen = []
+    for request in (hand_over % 0, put, hand_over % 1):
+        rig.send(request)
+        seen.append(rig.rig.drive_v[0])
+
+    assert seen == [40.0, 40.0, 10.0]
+
+
+@pytest.mark.parametrize("remote", [False, True])
+@pytest.mark.parametrize(("profile", "reads", "put", "hand_over"), NV40S)
+def test_an_nv40_is_never_put_under_remote_control(
+    profile: Profile, reads: Reads | None, put: bytes, hand_over: bytes, *, remote: bool
+) -> None:
+    """Unless somebody says that it is, it is refused; its voltage stays, even if that is wrong."""
+    rig = Rig(profile, reads, remote=remote)
+    rig.emulator.knob_v[0] = 40.0
+    rig.send(hand_over % 0)
+    rig.send(put)
+    rig.device.open()
+
+    if remote:
+        rig.device.activate(rig.now_ns())
+    else:
+        with pytest.raises(DeviceError, match=r"may jump.*send (setk|i1).*`remote: true`"):
+            rig.device.activate(rig.now_ns())
+    rig.device.close()
+    assert rig.rig.drive_v[0] == 40.0
+
+
+@pytest.mark.parametrize("profile", ALL)
+def test_half_a_setpoint_is_not_obeyed_when_the_device_is_opened_again(profile: Profile) -> None:
+    """What did not go out as a whole is ended so that nobody takes it for a voltage."""
+    rig = Rig(profile)
+    numbered = MODELS[profile].numbered
+    rig.send(f"{MODELS[profile].set},{'0,' if numbered else ''}1".encode())
+
+    rig.device.open()
+
+    assert rig.rig.drive_v[0] == 0.0
+
+
 @pytest.mark.parametrize("profile", ALL)
 def test_another_model_is_refused(profile: Profile) -> None:
     """A device that greets as another model is not opened, and the error names both."""

@@ -53,6 +53,13 @@ def test_a_range_has_a_width() -> None:
         Options(profile="nv200", port="p", range_v=(5.0, 5.0))
 
 
+def test_only_an_nv40_has_to_be_said_to_be_under_remote_control() -> None:
+    """The others are asked, and what is said of them would not count."""
+    assert Options(profile="nv40-1", port="p", remote=True).remote
+    with pytest.raises(ValidationError, match="not for nv200, which is asked"):
+        Options(profile="nv200", port="p", remote=True)
+
+
 def test_a_device_is_made_without_its_port() -> None:
     """Constructing a device opens nothing, whether it is on a port or on a network."""
     for where in ({"port": "/nowhere"}, {"host": "127.0.0.1", "tcp_port": 23}):

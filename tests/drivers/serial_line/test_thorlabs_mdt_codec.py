@@ -131,3 +131,29 @@ def test_who_it_is() -> None:
 def test_numbers(told: bytes, number: float | None) -> None:
     """A limit stands in brackets or bare; an error has none."""
     assert number_in(told, b"%\r") == number
+
+
+@pytest.mark.parametrize(
+    ("frame", "taken"),
+    [
+        (b">", True),
+        (b"\r\n>", True),
+        (b"XVOLTAGE=1.000\r\n>", True),
+        (b"CMD_NOT_DEFINED>", True),
+        (b"!", True),
+        (b"Temp warning\r>", False),
+        (b"XVOLTAGE=2.000\r>", False),
+    ],
+)
+def test_what_can_answer_a_setting(frame: bytes, taken: bool) -> None:
+    """A prompt alone, behind the repeated request, or a refusal; nothing else."""
+    assert Replies(b">", b"").is_taken(frame, b"XVOLTAGE=1.000\r") == taken
+
+
+def test_what_can_answer_a_query() -> None:
+    """As many voltages as are asked for, or a refusal."""
+    replies = Replies(b">", b"\r>")
+    assert replies.tells(b"[ 1.00, 2.00, 3.00]\r>", 3)
+    assert not replies.tells(b"[ 1.00]\r>", 3)
+    assert not replies.tells(b"[ 1.00, 2.00, 3.00]\r>", 1)
+    assert replies.tells(b"CMD_ARG_RANGE_ERR>", 1)

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from itertools import count
 from typing import Final
 
-from piezod.devices.bus.conversation import Conversation
+from piezod.devices.bus.conversation import Conversation, Fits
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
@@ -26,6 +26,9 @@ from piezod_drivers.serial_line.ascii_line.templates import TAG, parsed
 
 UNKNOWN: Final = "unknown"
 _ANY_TEXT: Final = re.compile(".*", re.DOTALL)
+_NO_COMMAND: Final = parsed("~")
+_QUIET_NS: Final = 100_000_000
+_MOST_CHUNKS: Final = 20
 
 
 class AsciiDialogue:
@@ -45,14 +48,17 @@ class AsciiDialogue:
         self._set = _using([exchange(ask) for ask in options.set], wiring.outputs)
         self._read = _using([exchange(ask) for ask in options.read], wiring.inputs)
         self._back = _using([exchange(ask) for ask in options.read_back], wiring.outputs)
-        self._start = [exchange(ask) for ask in options.start]
-        self._stop = [exchange(ask) for ask in options.stop]
+        only_read = bool(options.outputs) and not wiring.outputs  # as `piezod probe` does
+        self._start = [] if only_read else [exchange(ask) for ask in options.start]
+        self._stop = [] if only_read else [exchange(ask) for ask in options.stop]
+        self._tolerances = {name: output.tolerance for name, output in options.outputs.items()}
         status = options.status
         self._status_ns = 0
         self._status_every_ns = 0 if status is None else round(status.every_ms * 1e6)
         self._status_places = () if status is None else parsed(status.send)
         self._status_flags = () if status is None else flagging(status.flags)
         self._flags = NO_FLAGS
+        self._broken = False
         self._tags = count()
         self._noticed: set[DeviceFlag] = set()
 
@@ -70,12 +76,13 @@ class AsciiDialogue:
                 )
         self._line.open()
         self._talk.restart()
+        self._abort()
         self._flags = NO_FLAGS
         if self._options.identify is None:
             return Identity(UNKNOWN, f"device at {self._line.where}", UNKNOWN, UNKNOWN)
         who = exchange(self._options.identify)
         try:
-            found = self._exchange(who, {})
+            found = self._exchange(who, {}, anybody=True)
         except LineFault as fault:
             if fault.flag is DeviceFlag.GARBAGE:
                 raise DeviceError(f"{self._line.where} is another device: {fault}") from fault
@@ -119,14 +126,18 @@ class AsciiDialogue:
         return now_ns, [told[name] for name in self._wiring.inputs]
 
     def put(self, values: Sequence[float]) -> None:
-        """Set every output; where a device does not answer, ask what is in force."""
+        """Set every output; where a device does not answer, ask what is in force.
+
+        Raises:
+            LineFault: If an exchange fails; `LOCAL_MODE` if it reads back another setpoint.
+        """
         named = dict(zip(self._wiring.outputs, values, strict=True))
         answered = True
         for each in self._set:
             self._exchange(each, named)
             answered &= each.reply is not None
         if not answered:
-            self._numbers(self._back, self._wiring.outputs)
+            self._compare(named, self._numbers(self._back, self._wiring.outputs))
         self._look_after()
 
     def in_force(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - it is asked every time
@@ -150,8 +161,22 @@ class AsciiDialogue:
             told.update({name: number(found[name]) for name in each.names if name in channels})
         return told
 
-    def _exchange(self, each: Exchange, values: Mapping[str, float]) -> Found:
+    def _compare(self, wanted: Mapping[str, float], told: Mapping[str, float]) -> None:
+        for name, value in wanted.items():
+            tolerance = self._tolerances[name]
+            if tolerance is not None and abs(told[name] - value) > tolerance:
+                what = f"{name} was set to {value:g}, {told[name]:g} is told: it does not obey"
+                raise LineFault(DeviceFlag.LOCAL_MODE, what)
+
+    def _exchange(
+        self, each: Exchange, values: Mapping[str, float], *, anybody: bool = False
+    ) -> Found:
         """Send a command and return what the groups of its answer match; call it in the loop.
+
+        Args:
+            each: The command and its answer.
+            values: What stands in the command.
+            anybody: Whether another answer is one too, as another device gives it.
 
         Raises:
             LineFault: If it is not answered as it should be.
@@ -160,18 +185,42 @@ class AsciiDialogue:
         request = self._lines.request(each.places, {**values, TAG: tag})
         reply = each.reply
         if reply is None:
-            self._talk.tell(request)
+            self._tell(request)
             return {}
 
-        def answers(line: bytes) -> bool:
+        def fits(line: bytes) -> bool:
             try:
                 found = matched(self._lines.text(line), reply, self._errors)
             except LineFault as fault:
                 return fault.flag is not DeviceFlag.GARBAGE
-            return found[TAG].strip().isdecimal() and int(found[TAG]) == tag
+            return not each.tagged or (found[TAG].strip().isdecimal() and int(found[TAG]) == tag)
 
-        line = self._talk.ask(request, self._lines.length, answers if each.tagged else None)
+        is_reply = fits if each.tagged else None
+        line = self._ask(request, is_reply, None if anybody else fits)
         return matched(self._lines.text(line), reply, self._errors)
+
+    def _ask(self, request: bytes, is_reply: Fits | None = None, fits: Fits | None = None) -> bytes:
+        try:
+            return self._talk.ask(request, self._lines.length, is_reply, fits=fits)
+        except LineFault as fault:
+            self._broken |= fault.flag is DeviceFlag.PARTIAL_WRITE
+            raise
+
+    def _tell(self, request: bytes) -> None:
+        try:
+            self._talk.tell(request)
+        except LineFault as fault:
+            self._broken |= fault.flag is DeviceFlag.PARTIAL_WRITE
+            raise
+
+    def _abort(self) -> None:
+        """Make half a command that went out one that nobody knows, and read away what it says."""
+        if self._broken:
+            self._line.send(self._lines.request(_NO_COMMAND, {}))
+            self._broken = False
+            for _ in range(_MOST_CHUNKS):
+                if not self._line.receive(_QUIET_NS):
+                    break
 
     def _look_after(self) -> None:
         """Ask for a status that is due; never before a setpoint."""
@@ -181,7 +230,7 @@ class AsciiDialogue:
         self._status_ns = now_ns
         request = self._lines.request(self._status_places, {TAG: next(self._tags) % TAGS})
         try:
-            text = self._lines.text(self._talk.ask(request, self._lines.length))
+            text = self._lines.text(self._ask(request))
             matched(text, _ANY_TEXT, self._errors)
         except LineFault as fault:
             self._noticed.add(fault.flag)

@@ -68,6 +68,11 @@ class OutputConfig(ConfigModel):
     unit: Unit = Field(default="V", description="Unit of its values: V, µm, %, ….")
     lowest: Value = Field(description="Lowest value that is sent.")
     highest: Value = Field(description="Highest value that is sent.")
+    tolerance: Annotated[float, Quantity(0, 1e9)] | None = Field(
+        default=None,
+        description="How far from a setpoint without an answer the value read back may be, just "
+        "after it; for a device that reads the setpoint back. Left out: not compared.",
+    )
 
 
 class InputConfig(ConfigModel):
@@ -99,9 +104,13 @@ class Options(LineOptions):
         description="Asks who is there; groups maker, model, serial, firmware tell, others match.",
     )
     start: tuple[AskConfig, ...] = Field(
-        default=(), max_length=20, description="Sent before the first setpoint or sample."
+        default=(),
+        max_length=20,
+        description="Sent before the first setpoint or sample; not if none of the outputs is used.",
     )
-    stop: tuple[AskConfig, ...] = Field(default=(), max_length=20, description="Sent at the end.")
+    stop: tuple[AskConfig, ...] = Field(
+        default=(), max_length=20, description="Sent at the end, likewise."
+    )
     set: tuple[AskConfig, ...] = Field(
         default=(), max_length=20, description="Set the outputs, one or several at a time."
     )

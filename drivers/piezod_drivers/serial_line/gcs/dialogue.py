@@ -98,16 +98,18 @@ class GcsDialogue(ABC):
         """Switch off what else drives the outputs, and keep them at the voltage they have.
 
         Raises:
-            DeviceError: If the servo cannot be switched off.
+            DeviceError: If the servo cannot be switched off, or what is in force not be kept.
             LineFault: If an exchange fails.
         """
         foreign = self._driven_by_others()
         if not foreign:
             return
-        in_force = dict(zip(self._wiring.outputs, self._ask_in_force(), strict=True))
+        in_force = self._ask_in_force()
         held = [
-            min(max(in_force[axis], low), high)
-            for axis, (low, high) in zip(self._wiring.outputs, self._ranges, strict=True)
+            self._holdable(axis, value, low, high)
+            for axis, value, (low, high) in zip(
+                self._wiring.outputs, in_force, self._ranges, strict=True
+            )
             if axis in foreign
         ]
         request = self._take_over(foreign) + self._syntax.setting("SVA", foreign, volts(held))
@@ -163,6 +165,17 @@ class GcsDialogue(ABC):
     def _take_over(self, axes: Sequence[str]) -> bytes:
         """Return the request that makes `SVA` drive these axes."""
         return self._syntax.setting("SVO", axes, ["0"] * len(axes))
+
+    def _holdable(self, axis: str, value: float, low: float, high: float) -> float:
+        """Return what is in force on an axis.
+
+        Raises:
+            DeviceError: If it is out of the range: to put it there would be a jump.
+        """
+        if low <= value <= high:
+            return value
+        what = f"{self._line.where}: axis {axis} is at {value:g}, beyond {low:g} to {high:g}"
+        raise DeviceError(f"{what}, and would jump: move it there, or switch off its servo at rest")
 
     def _switched(self, query: str, ids: Sequence[str], *, on: int) -> list[str]:
         """Return the outputs whose switch is `on`; `ids` are theirs in the query."""

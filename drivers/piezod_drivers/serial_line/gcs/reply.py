@@ -2,6 +2,7 @@
 
 import re
 from itertools import islice
+from math import isfinite
 from typing import Final
 
 from piezod.devices.bus.line import LineFault
@@ -60,9 +61,12 @@ class Reply:
         return values
 
     def numbers(self, frame: bytes) -> list[float]:
-        """Return the values in a frame, all of them numbers; may be called in the loop.
+        """Return the values in a frame, all of them finite; may be called in the loop.
 
         Raises:
-            LineFault: As `texts` does.
+            LineFault: As `texts` does; `GARBAGE` where a number is beyond all bounds.
         """
-        return [float(text) for text in self.texts(frame)]
+        numbers = [float(text) for text in self.texts(frame)]
+        if not all(map(isfinite, numbers)):
+            raise LineFault(DeviceFlag.GARBAGE, f"no voltage or position: {frame[:80]!r}")
+        return numbers

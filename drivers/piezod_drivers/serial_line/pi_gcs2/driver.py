@@ -1,6 +1,7 @@
 """PI controllers that speak GCS 2.0, over a serial port, USB's virtual one, or TCP."""
 
 from collections.abc import Sequence
+from math import isfinite
 from typing import Final
 
 from piezod.devices.bus.bus_device import ExchangingBusDevice
@@ -55,7 +56,11 @@ class Gcs2Dialogue(GcsDialogue):
     def _limits(self, query: str) -> list[float]:
         reply = Reply(*self._syntax.numbers(self._amplifiers))
         request = self._syntax.query(query, self._amplifiers)
-        return [float(text) for text in self._ask_once(request, reply)]
+        limits = [float(text) for text in self._ask_once(request, reply)]
+        if not all(map(isfinite, limits)):
+            what = f"{self._line.where} tells no range of its outputs: {limits}; give range_v"
+            raise DeviceError(what)
+        return limits
 
     def _driven_by_others(self) -> Sequence[str]:
         others = {*super()._driven_by_others(), *self._offline()}

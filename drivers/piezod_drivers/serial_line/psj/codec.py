@@ -125,6 +125,23 @@ def text_of(frame: bytes) -> str:
     return text
 
 
+def tells(name: str, channel: int | None, frame: bytes) -> bool:
+    """Tell whether a frame can be the answer to a question: its values, or an error."""
+    try:
+        return _names(text_of(frame), name, channel) is not None
+    except LineFault as fault:
+        return fault.flag is not DeviceFlag.GARBAGE
+
+
+def acknowledges(name: str, frame: bytes) -> bool:
+    """Tell whether a frame can be the answer to a setting: nothing, its own name, or an error."""
+    try:
+        text = text_of(frame)
+    except LineFault as fault:
+        return fault.flag is not DeviceFlag.GARBAGE
+    return not text or text.partition(",")[0].strip() == name
+
+
 def fields(text: str, name: str, channel: int | None, count: int) -> list[str]:
     """Return the values that an answer tells.
 
@@ -138,12 +155,10 @@ def fields(text: str, name: str, channel: int | None, count: int) -> list[str]:
         LineFault: `OUT_OF_ORDER` if it answers another command, `GARBAGE` if it tells too few
             values or too many.
     """
-    words = [word.strip() for word in text.split(",")]
-    wanted = [name] if channel is None else [name, str(channel)]
-    if words[: len(wanted)] != wanted:
-        what = f"{','.join(wanted)} was answered by {text[:40]!r}"
+    values = _names(text, name, channel)
+    if values is None:
+        what = f"{name} was answered by {text[:40]!r}"
         raise LineFault(DeviceFlag.OUT_OF_ORDER, what)
-    values = words[len(wanted) :]
     if len(values) != count:
         raise LineFault(DeviceFlag.GARBAGE, f"{count} values were expected, {text[:40]!r} came")
     return values
@@ -178,6 +193,13 @@ def flags_of(status: int, bits: Sequence[Bits]) -> Flags:
     """Return what a status word says is the matter."""
     found = frozenset(bit.flag for bit in bits if bool(status & bit.mask) == bit.present)
     return found or NO_FLAGS
+
+
+def _names(text: str, name: str, channel: int | None) -> list[str] | None:
+    """Return what follows command and channel in an answer, None where it names others."""
+    words = [word.strip() for word in text.split(",")]
+    wanted = [name] if channel is None else [name, str(channel)]
+    return words[len(wanted) :] if words[: len(wanted)] == wanted else None
 
 
 def _up_to(end: int, got: bytes) -> int:

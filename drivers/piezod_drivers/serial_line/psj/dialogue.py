@@ -33,6 +33,7 @@ class PsjDialogue:
         wiring: Which channels are used.
         range_v: Lowest and highest voltage, in V.
         timeout_s: How long to wait for a reply, in s.
+        remote: Whether an NV40 is under remote control, as the configuration says.
     """
 
     def __init__(
@@ -42,9 +43,11 @@ class PsjDialogue:
         wiring: Wiring,
         range_v: tuple[float, float],
         timeout_s: float,
+        *,
+        remote: bool = False,
     ) -> None:
         self._line, self._model, self._wiring, self._range_v = line, model, wiring, range_v
-        self._talk = Talk(line, model, timeout_s)
+        self._talk, self._remote = Talk(line, model, timeout_s), remote
         self._inputs = [int(name[2:]) for name in wiring.inputs]
         self._outputs = [int(name[2:]) for name in wiring.outputs]
         self._all = [int(name[2:]) for name in wiring.channels]
@@ -88,12 +91,12 @@ class PsjDialogue:
         return self._ranges
 
     def activate(self) -> None:
-        """Take control where the outputs are; see `takeover`.
+        """See that the outputs can be driven from where they are; see `takeover`.
 
         Raises:
             DeviceError: If that is not possible without a jump.
         """
-        take_over(self._model, self._outputs, self._talk)
+        take_over(self._model, self._outputs, self._talk, remote=self._remote)
         for _ in self._all:
             self._look_after(at_once=True)
         self._talk.forget_noticed()
@@ -112,7 +115,11 @@ class PsjDialogue:
         return t_ns, values
 
     def put(self, values: Sequence[float]) -> None:
-        """Set every output, in V; each is acknowledged, or read where it is not."""
+        """Set every output, in V; each is acknowledged, or read where it is not.
+
+        What an NV40/1 reads is measured, and follows the setpoint later: that it does is watched
+        by whoever reads back.
+        """
         model = self._model
         for channel, value in zip(self._outputs, values, strict=True):
             if model.acknowledges:

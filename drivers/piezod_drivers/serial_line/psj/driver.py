@@ -21,7 +21,8 @@ def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
     model = options.model()
     line = make_line(options.model_copy(update={"baud": model.baud}))
     timeout_s = options.timeout_ms * 1e-3
-    return BusDevice(model.title, PsjDialogue(line, model, wiring, options.range_v, timeout_s))
+    dialogue = PsjDialogue(line, model, wiring, options.range_v, timeout_s, remote=options.remote)
+    return BusDevice(model.title, dialogue)
 
 
 PLUGIN: Final = DriverPlugin(

@@ -44,7 +44,7 @@ _ERRORS: Final[Mapping[str, tuple[str, str, str]]] = MappingProxyType(
 
 
 class PsjEmulator:
-    """Implements `Emulator` for every model.
+    """Implements `Emulator` for every model; an NV40 is under remote control already.
 
     Args:
         profile: Which model it is.
@@ -62,6 +62,10 @@ class PsjEmulator:
         self._shown: list[tuple[int, float]] = [(-NS_PER_S, 0.0)] * self._channels
         self.reads = self._model.reads
         """What its reading tells: an NV40/3 without CLE tells the voltage."""
+        self.remote = [True] * self._channels
+        """Whether an NV40's voltage is the port's; else its knob's."""
+        self.knob_v = [0.0] * self._channels
+        """What the knobs of an NV40 are turned to, in V."""
         self.fault_bits = 0
         """Bits of the status word that are inverted, so that tests see every fault."""
 
@@ -98,6 +102,7 @@ class PsjEmulator:
             words = [f"{self.fault_bits:x}"] * self._channels
             return ",".join(["ERROR", *words, *["1"] * (self._model.channels - self._channels)])
         if name in {"i1", "i0", "ol", "cl"} and self._profile == "nv40-1":
+            self._hand_over(0, name)
             return ""
         if name == "ver" and self._profile == "nv40":
             return f"ver,V1.03\r\nsdate,2026-01-01\r\nserno,{self._serial}"
@@ -146,10 +151,19 @@ class PsjEmulator:
             return f"{self._setpoint[channel]:.3f}"
         if self._family() == 0:  # it limits, without a word of it
             value = min(max(value, LOWEST_V), HIGHEST_V)
-        if not LOWEST_V <= value <= HIGHEST_V or not self._bench.drive(channel, value):
+        if not LOWEST_V <= value <= HIGHEST_V:
             raise RefusedError("range")
         self._setpoint[channel] = value
+        if self.remote[channel] and not self._bench.drive(channel, value):
+            raise RefusedError("range")
         return None
+
+    def _hand_over(self, channel: int, word: str) -> None:
+        """Obey i1, i0, setk 1, setk 0: the voltage is that of whoever sets it from now on."""
+        if word in {"i1", "i0"}:
+            self.remote[channel] = word == "i1"
+            source = self._setpoint if self.remote[channel] else self.knob_v
+            self._bench.drive(channel, source[channel])
 
     def _read(self, channel: int, _value: float | None) -> str:
         t_ns, shown = self._shown[channel]
@@ -176,6 +190,8 @@ class PsjEmulator:
             if value is None:
                 return f"{self._settings.get((name, channel), 0.0):g}"
             self._settings[name, channel] = value
+            if name == "setk":
+                self._hand_over(channel, "i1" if value else "i0")
             return None
 
         return obey

@@ -11,10 +11,12 @@ from piezod_drivers.serial_line.psj.models import Model
 from piezod_drivers.serial_line.psj.talk import Talk
 
 UNKNOWN = "unknown"
+_NO_COMMAND = "~"
+"""Makes what is left of a setpoint that did not go out as a whole a command that nobody knows."""
 
 
 def identity_of(talk: Talk, model: Model, where: str) -> Identity:
-    """Ask who is there; twice, as what was typed before may spoil the first answer.
+    """Ask who is there, after something that ends half a command without obeying it.
 
     Args:
         talk: To the device.
@@ -26,7 +28,7 @@ def identity_of(talk: Talk, model: Model, where: str) -> Identity:
         LineFault: If nobody does.
     """
     length_of = None if model.frames else codec.prompt
-    talk.ask_once("", None, length_of)
+    talk.ask_once(_NO_COMMAND, None, length_of)
     frame = talk.ask_once("", None, length_of)
     if not frame:
         raise LineFault(DeviceFlag.LATE_REPLY, f"nobody answers at {where}")

@@ -26,16 +26,23 @@ class Options(LineOptions):
         default=(-20.0, 130.0),
         description="Lowest and highest voltage, V; what the device tells narrows it.",
     )
+    remote: bool = Field(
+        default=False,
+        description="Whether you have put an NV40 under remote control and in open loop, with its "
+        "voltage at rest; it does not tell. Only for nv40 and nv40-1.",
+    )
     timeout_ms: TimeoutMs = Field(default=50.0, description="How long to wait for each reply, ms.")
 
     @model_validator(mode="after")
-    def _check_range(self) -> Self:
-        raise_rules(self._broken_range())
+    def _check(self) -> Self:
+        raise_rules(self._broken_rules())
         return self
 
-    def _broken_range(self) -> Iterator[BrokenRule]:
+    def _broken_rules(self) -> Iterator[BrokenRule]:
         if not self.range_v[0] < self.range_v[1]:
             yield ("range_v", 1), "must be above the first of the two"
+        if self.remote and not self.profile.startswith("nv40"):
+            yield ("remote",), f"is not for {self.profile}, which is asked: leave it out"
 
     def model(self) -> Model:
         """Return the model, with its baud rate and its reading as they are given."""

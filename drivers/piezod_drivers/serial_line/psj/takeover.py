@@ -8,17 +8,18 @@ from piezod_drivers.serial_line.psj.models import Model
 from piezod_drivers.serial_line.psj.talk import Talk
 
 
-def take_over(model: Model, outputs: Sequence[int], talk: Talk) -> None:
-    """Put the outputs under remote control, in open loop.
+def take_over(model: Model, outputs: Sequence[int], talk: Talk, *, remote: bool) -> None:
+    """Make sure that the outputs are under remote control, in open loop; nothing is changed.
 
-    Where the device's own loop is closed, or its setpoint comes from elsewhere, nothing is changed:
-    its voltage would jump. An NV40/3 that reads positions keeps the setpoint that it had, which
-    nobody can ask for; an NV40/1 cannot be asked for its loop, and is put in open loop.
+    Where the device's own loop is closed, or its setpoint comes from elsewhere, its voltage would
+    jump. An NV40 does not tell who sets its voltage, nor which setpoint waits for the moment in
+    which the port does: somebody has to say that this moment has passed.
 
     Args:
         model: Which model it is.
         outputs: Numbers of the channels.
         talk: To the device.
+        remote: Whether an NV40 is under remote control, as somebody says.
 
     Raises:
         DeviceError: If control cannot be taken without a jump; it says what is to be done.
@@ -31,9 +32,10 @@ def take_over(model: Model, outputs: Sequence[int], talk: Talk) -> None:
             case "NV200/D":
                 _nv200(talk)
             case "NV40/3":
-                _nv40(model, channel, talk)
+                _nv40(model, channel, talk, remote=remote)
             case "NV40/1 CL":
-                _nv40_1(model, talk)
+                what = "nobody has said that it is under remote control and in open loop"
+                _refuse_if(not remote, what, "i1 and ol, then set `remote: true`")
 
 
 def _d_drive(channel: int, talk: Talk) -> None:
@@ -49,22 +51,12 @@ def _nv200(talk: Talk) -> None:
     _refuse_if(source != "0", f"its setpoint comes from source {source}", "modsrc,0")
 
 
-def _nv40(model: Model, channel: int, talk: Talk) -> None:
+def _nv40(model: Model, channel: int, talk: Talk, *, remote: bool) -> None:
     if model.reads == "position":
         closed = talk.value("cloop", channel) != "0"
         _refuse_if(closed, f"channel {channel} is in closed loop", f"cloop,{channel},0")
-        talk.ask("setk", channel, 1)
-        return
-    drive_v = codec.number(talk.value(model.read, channel))
-    talk.ask("setk", channel, 1)
-    talk.ask(model.set, channel, drive_v)
-
-
-def _nv40_1(model: Model, talk: Talk) -> None:
-    drive_v = codec.number(talk.value(model.read))
-    talk.tell("i1")
-    talk.tell("ol")
-    talk.tell(model.set, None, drive_v)
+    what = f"nobody has said that channel {channel} is under remote control"
+    _refuse_if(not remote, what, f"setk,{channel},1, then set `remote: true`")
 
 
 def _refuse_if(hindered: bool, what: str, remedy: str) -> None:

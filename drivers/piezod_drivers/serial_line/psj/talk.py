@@ -1,5 +1,6 @@
 """Questions to an amplifier of piezosystem jena and what they are answered, one at a time."""
 
+from functools import partial
 from typing import Final
 
 from piezod.devices.bus.conversation import PATIENCE, Conversation, LengthOf
@@ -58,7 +59,8 @@ class Talk:
             LineFault: If none comes, or it tells an error.
         """
         request = self.command(name, channel, *values)
-        return codec.text_of(self._conversation.ask(request, self._frame))
+        fits = partial(codec.acknowledges, name)
+        return codec.text_of(self._conversation.ask(request, self._frame, fits=fits))
 
     def value(self, name: str, channel: int | None = None) -> str:
         """Return the one value that a question is answered; may be called in the loop.
@@ -83,8 +85,10 @@ class Talk:
             LineFault: If none come.
         """
         request = self.command(name, channel)
-        text = codec.text_of(self._conversation.ask(request, length_of or self._frame))
-        return codec.fields(text, name, channel if self._model.numbered else None, count)
+        named = channel if self._model.numbered else None
+        fits = partial(codec.tells, name, named)
+        frame = self._conversation.ask(request, length_of or self._frame, fits=fits)
+        return codec.fields(codec.text_of(frame), name, named, count)
 
     def ask_once(
         self, name: str, channel: int | None = None, length_of: LengthOf | None = None

@@ -86,19 +86,20 @@ class AmplifierDialogue:
         return [(0.0, float(self._max_v))] * len(self._outputs)
 
     def activate(self) -> None:
-        """Take control without a jump: of open loop, of the input, of the output that is off.
+        """Take control without a jump: of the input, of the output that is off.
 
         Raises:
-            DeviceError: If it does not give control, or not without a jump.
+            DeviceError: If it does not give control, or not without a jump: in closed loop nobody
+                knows which voltage comes of opening it.
             LineFault: If an exchange fails.
         """
+        if not self._outputs:
+            return
         cube = self._cube
         mode = cube.ask_parameter(Id.REQ_CONTROL_MODE, Id.GET_CONTROL_MODE)
         if mode not in {OPEN, OPEN_SMOOTH}:
-            cube.tell(codec.short(Id.SET_CONTROL_MODE, CHANNEL, OPEN_SMOOTH))
-            mode = cube.ask_parameter(Id.REQ_CONTROL_MODE, Id.GET_CONTROL_MODE)
-        if mode not in {OPEN, OPEN_SMOOTH}:
-            raise DeviceError("the amplifier stays in closed loop: open it at the device")
+            what = "the amplifier is in closed loop, and its voltage would jump"
+            raise DeviceError(f"{what}: open the loop at rest, at the device or with Kinesis")
         self._take_input(self._ask_status().output)
         self._enable()
         self._expected_bits = self._ask_status().bits & StatusBit.ENABLED

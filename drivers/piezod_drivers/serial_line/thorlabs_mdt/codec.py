@@ -89,6 +89,15 @@ class Replies:
             return match.end() if told else -match.end()
         return -len(data) if len(data) > _LONGEST else _garbage(data)
 
+    def is_taken(self, frame: bytes, request: bytes) -> bool:
+        """Tell whether a frame answers a setting: a prompt, behind the request or a refusal."""
+        return _is_refusal(frame) or not frame[:-1].replace(request, b"").strip(b"\0\r\n ")
+
+    def tells(self, frame: bytes, n_values: int) -> bool:
+        """Tell whether a frame answers a query: so many voltages, or a refusal."""
+        match = _ANY_VALUES.search(frame)
+        return match is None or match.group(1).count(b",") == n_values - 1
+
     def check(self, frame: bytes) -> None:
         """Look whether a setting was taken; may be called in the loop.
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from piezod.devices.bus.conversation import Conversation, LengthOf
+from piezod.devices.bus.conversation import Conversation, Fits, LengthOf
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
@@ -135,15 +135,22 @@ class MdtDialogue:
         return self._conversation.take_noticed() | restarted
 
     def _set(self, command: str) -> None:
-        self._replies.check(self._ask(command, self._replies.taken_length))
+        request = line_of(command)
+
+        def fits(frame: bytes) -> bool:
+            return self._replies.is_taken(frame, request)
+
+        self._replies.check(self._ask(request, self._replies.taken_length, fits))
 
     def _get(self, command: str, n_values: int) -> list[float]:
-        frame = self._ask(command, self._replies.values_length)
+        def fits(frame: bytes) -> bool:
+            return self._replies.tells(frame, n_values)
+
+        frame = self._ask(line_of(command), self._replies.values_length, fits)
         return self._replies.values(frame, n_values)
 
-    def _ask(self, command: str, length_of: LengthOf) -> bytes:
-        request = line_of(command)
-        frame = self._conversation.ask(request, length_of)
+    def _ask(self, request: bytes, length_of: LengthOf, fits: Fits) -> bytes:
+        frame = self._conversation.ask(request, length_of, fits=fits)
         if self._silent and frame.startswith(request):  # it has forgotten that it shall not repeat
             self._restarted.add(DeviceFlag.RESTARTED)
         return frame
