@@ -37,8 +37,9 @@ def safe(
     """Ramp a stage to its safe voltage after its daemon has died.
 
     The ramp starts from the voltage read back, or, where the amplifier tells none, from the one
-    that the daemon wrote last. Exits with 0 if all axes are there; else it says UNKNOWN and why,
-    and exits with 1. Exits with 75 if the daemon lives, or its loop does not end.
+    that the daemon wrote last. To an amplifier that is another one than the daemon's, nothing is
+    written. Exits with 0 if all axes are there; else it says UNKNOWN and why, and exits with 1.
+    Exits with 75 if the daemon lives, or its loop does not end.
     """
     from piezod.daemon.paths import stage_paths
 
@@ -93,13 +94,15 @@ def _ramp_down(
 ) -> "dict[str, AxisOutcome]":
     from piezod.daemon.clock import MonotonicClock
     from piezod.daemon.last_output import read_last_output
-    from piezod.daemon.ramp_down import ramp_down
+    from piezod.daemon.noted_identities import noted_identities
+    from piezod.daemon.ramp_down import Noted, ramp_down
 
     noted = read_last_output(paths.output_map)
     noted_v: dict[str, float] = {}
     if len(noted) == len(config.axes):
         noted_v = {name: each.drive_v for name, each in zip(config.axes, noted, strict=True)}
-    return ramp_down(config, noted_v, within_s, MonotonicClock())
+    known = Noted(noted_v, noted_identities(paths.identities))
+    return ramp_down(config, known, within_s, MonotonicClock())
 
 
 def _tell(outcomes: "dict[str, AxisOutcome]", *, json: bool) -> None:

@@ -65,6 +65,9 @@ class AmplifierWatch:
         self._written = self._not_taken = self._not_finite = False
         self.overloaded = False
         """Whether the amplifier says so now."""
+        self.strayed_v = nan
+        """What is read back in this cycle where it is nothing that was written lately, in V; NaN
+        where it is, or where the writes of some cycles have not changed it (A3)."""
 
     def check(self, read_back_v: float, flags: Flags) -> Sequence[Detection]:
         """Return what is wrong with the channel; call it once in each cycle, before the write.
@@ -85,6 +88,7 @@ class AmplifierWatch:
         if read_back_v - read_back_v == 0.0:
             off_v = self._deviation_v(read_back_v)
             wrong |= self._is_over_voltage(read_back_v) or off_v > 0.0
+        self.strayed_v = nan
         if not wrong:
             self._mismatched, self._written = 0, False
             return _NOTHING
@@ -135,7 +139,7 @@ class AmplifierWatch:
         May be called in the loop. A cycle in which nothing is written does the same.
         """
         self._written_v.forget()
-        self._taken_v = nan
+        self._taken_v = self.strayed_v = nan
         self._refusals.reset()
         self._mismatched = self._in_range_end = self._at_slew_rate = 0
         self._written = self._not_taken = self._not_finite = False
@@ -178,6 +182,8 @@ class AmplifierWatch:
         if off_v > COLLAPSE_V and abs(before_v) - abs(read_back_v) > COLLAPSE_V:
             found.append(Detection("A7", self._axis, off_v, COLLAPSE_V))
         self._mismatched = self._mismatched + 1 if off_v > 0.0 else 0
+        if 0 < self._mismatched < MISMATCH_CYCLES:
+            self.strayed_v = read_back_v
         if self._mismatched >= MISMATCH_CYCLES:
             found.append(Detection("A3", self._axis, off_v, self._tolerance_v))
         return found

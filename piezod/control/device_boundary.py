@@ -32,12 +32,20 @@ class DeviceBoundary:
         n_axes: Number of their axes.
         reads_back: Whether the amplifiers tell what is in force.
         holds: Whether their outputs stay as they are when they are deactivated.
+        tells_restart: Whether they tell, before they take a write, that they were restarted.
     """
 
     def __init__(
-        self, devices: StageDevices, n_axes: int, *, reads_back: bool, holds: bool
+        self,
+        devices: StageDevices,
+        n_axes: int,
+        *,
+        reads_back: bool,
+        holds: bool,
+        tells_restart: bool = False,
     ) -> None:
         self.devices, self.reads_back, self.holds = devices, reads_back, holds
+        self.tells_restart = tells_restart
         self._nothing, self._no_flags = [nan] * n_axes, [NO_FLAGS] * (2 * n_axes)
         self._true_zero_um = [0.0] * n_axes
         self.open = False
@@ -77,6 +85,11 @@ class DeviceBoundary:
             taken = False
         self.sent_v = None if taken else drive_v
         return taken
+
+    def forget_sent(self, axis: int) -> None:
+        """Forget what was sent last to an axis: it is known not to be in force."""
+        if self.sent_v is not None:
+            self.sent_v = [nan if i == axis else sent for i, sent in enumerate(self.sent_v)]
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Tell what is in force on each axis, in V, NaN where nobody can; call it in the loop."""

@@ -18,6 +18,7 @@ GOOD_CYCLES: Final = 20
 """A fault is gone after so many cycles in a row in which no watch finds it."""
 CAUSE_CYCLES: Final = 10
 """For so many cycles after it appeared, a fault is taken for the cause of others."""
+_TRIPPED: Final = mask(["A9"])
 _DEGRADING: Final = mask(
     rule.id
     for rule in FAULTS
@@ -107,8 +108,12 @@ class FaultRegister:
 
     @property
     def unreachable(self) -> bool:
-        """Whether a fault is present that makes an amplifier unreachable."""
-        return any(self._rules[index].reaction is Reaction.BLIND for index in _places(self.present))
+        """Whether a fault is present that makes an amplifier unreachable.
+
+        A watchdog that has tripped does not: many tell so until they take a write.
+        """
+        places = _places(self.present & ~_TRIPPED)
+        return any(self._rules[index].reaction is Reaction.BLIND for index in places)
 
     def axes_of(self, fault: str) -> int:
         """Return the axes on which a fault was found since it is present or latched, as bits."""

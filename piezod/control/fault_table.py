@@ -156,7 +156,7 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
     FaultRule("A8", "amplifier in local mode or disabled", AMPLIFIER, HOLD, L1, "error",
               "give the amplifier back to remote control"),
     FaultRule("A9", "amplifier's own watchdog tripped or not to be set",
-              AMPLIFIER, RAMP, L2, "error",
+              AMPLIFIER, BLIND, L2, "error",
               "check the amplifier's timeout and its version"),
     FaultRule("A10", "amplifier does not read back", AMPLIFIER, NONE, L0, "info",
               "nothing to do: what is written is not verified"),

@@ -198,7 +198,8 @@ class Stage:
             for axis in self.axes:
                 axis.stay(t_ns)
         elif state in {State.RAMP, State.ESTOP}:
-            for axis in self.axes:
+            for i, axis in enumerate(self.axes):
+                self._begin_where_it_is(i)
                 axis.ramp_to(axis.config.safe_v)
         elif state not in _NOT_HELD:
             for axis in self.axes:
@@ -216,6 +217,18 @@ class Stage:
             self.blind_spells = 0
         if before is State.IDENT:
             self.steps.clear()
+
+    def _begin_where_it_is(self, index: int) -> None:
+        """Have the way to the safe voltage begin where the output has fallen to by itself.
+
+        What is read back farther away from the safe voltage is not taken over: no way down may
+        begin with a step up, and a single answer may be wrong.
+        """
+        axis, strayed_v = self.axes[index], self.watches[index].amplifier.strayed_v
+        safe_v = axis.config.safe_v
+        if abs(strayed_v - safe_v) < abs(axis.live.in_force_v - safe_v):  # not where it is NaN
+            axis.track(strayed_v)
+            self.boundary.forget_sent(index)
 
     def _facts(self) -> Facts:
         return Facts(

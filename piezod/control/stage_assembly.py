@@ -62,7 +62,13 @@ def assemble(config: DaemonConfig, devices: StageDevices, able: Capabilities) ->
         name: _axis(config, name, _model_of(name, axis), axis.limits.rest_v, able.lag_ns)
         for name, axis in config.axes.items()
     }
-    boundary = DeviceBoundary(devices, len(axes), reads_back=able.read_back, holds=able.holds)
+    boundary = DeviceBoundary(
+        devices,
+        len(axes),
+        reads_back=able.read_back,
+        holds=able.holds,
+        tells_restart=able.tells_restart,
+    )
     register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)
     stage = Stage(
         Owned(axes, boundary, period_ns, rebuilt), register, memory_known=able.opens_relaxed

@@ -21,7 +21,7 @@ FIRST_TRY_NS, LAST_TRY_NS = s_to_ns(0.1), s_to_ns(2.0)
 STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 """A stream has stopped when nothing came for so many cycles and for so long."""
 
-_RESTARTED, _LOCAL = mask(["A7"]), mask(["A8"])
+_FALLEN, _LOCAL = mask(["A7", "A9"]), mask(["A8"])
 
 
 def go_on(stage: Stage, t_ns: int, samples: Sequence[Sample], read_back_v: Sequence[float]) -> None:
@@ -115,8 +115,8 @@ def _reach(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """Take the amplifier over from what it reads back, after a while that grows with each spell.
 
     One that does not read back is taken over from the write that it acknowledged last, if there was
-    one, if it has not been restarted, and if it holds its output by itself. If not, nobody knows
-    where a ramp would begin.
+    one, if it would have told that it was restarted and has not, and if it holds its output by
+    itself. If not, nobody knows where a ramp would begin.
     """
     wait_ns = min(FIRST_TRY_NS << min(stage.blind_spells - 1, 10), LAST_TRY_NS)
     if stage.register.unreachable or t_ns - stage.since_ns < wait_ns:
@@ -139,9 +139,13 @@ def _reach(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
 
 
 def _still_as_written(stage: Stage) -> bool:
-    """Tell whether an amplifier that was lost still gives what it acknowledged last."""
-    restarted = stage.register.latched & _RESTARTED
-    return stage.known_when_lost and stage.boundary.holds and not restarted
+    """Tell whether an amplifier that was lost still gives what it acknowledged last.
+
+    One that does not tell a restart may have been without power meanwhile, and be at 0 V.
+    """
+    fallen = stage.register.latched & _FALLEN
+    tells = stage.boundary.holds and stage.boundary.tells_restart
+    return stage.known_when_lost and tells and not fallen
 
 
 def _drive_on(stage: Stage, t_ns: int) -> None:

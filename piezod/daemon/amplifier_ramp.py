@@ -10,14 +10,18 @@ from typing import Final, NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
 from piezod.control.limits import read_back_tolerance_v
+from piezod.daemon.noted_identities import is_same
 from piezod.devices.channels import Channels
-from piezod.errors import DeviceUnavailableError
+from piezod.devices.interface import Identity
+from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod.units import NS_PER_S
 
 STEP_S: Final = 0.01
 """Time between two steps."""
 PATIENCE_S: Final = 2.0
 """For how long an amplifier may refuse, tell nothing, or not be where it was sent."""
+NEAR_V: Final = 1.0
+"""An output that is no farther outside the limits, and takes nothing there, is given the limit."""
 
 
 class AxisOutcome(NamedTuple):
@@ -48,6 +52,7 @@ class AmplifierRamp:
         axes: The axes that it drives.
         noted_v: The voltage written last on each, in V; NaN where that is not known.
         wait_s: For how long it may be unavailable, as that of a loop that is about to end.
+        expected: Who it has to be, whatever its firmware; None: anybody.
 
     Attributes:
         done: Whether there is nothing left to do but to close it.
@@ -59,8 +64,10 @@ class AmplifierRamp:
         axes: Sequence[StageAxisConfig],
         noted_v: Sequence[float],
         wait_s: float,
+        expected: Identity | None = None,
     ) -> None:
-        self._channels, self._noted_v = channels, noted_v
+        self._channels, self._noted_v, self._expected = channels, noted_v, expected
+        self._limits_v = [(axis.limits.drive_min_v, axis.limits.drive_max_v) for axis in axes]
         self._steps_v = [axis.safety.ramp_v_per_s * STEP_S for axis in axes]
         self._tolerances_v = [
             read_back_tolerance_v(axis.limits.drive_min_v, axis.limits.drive_max_v) for axis in axes
@@ -103,7 +110,7 @@ class AmplifierRamp:
 
     def _open(self, now_ns: int) -> bool:
         try:
-            self._channels.open()
+            self._recognise(self._channels.open())
             self._channels.activate(now_ns)
         except DeviceUnavailableError as error:
             self._channels.close()
@@ -112,6 +119,15 @@ class AmplifierRamp:
         self._reads_back = self._channels.capabilities().read_back
         self._phase, self._patience_s = self._find_start, PATIENCE_S
         return True
+
+    def _recognise(self, found: Identity) -> None:
+        """Refuse an amplifier that nobody meant: what rests on it is not known either."""
+        if self._expected is not None and not is_same(found, self._expected):
+            who, wanted = (" ".join(each[:3]) for each in (found, self._expected))
+            raise DeviceError(
+                f"it is another device: {who}, expected: {wanted}; nothing was written; connect "
+                "the right one, or start the daemon with this one"
+            )
 
     def _find_start(self, now_ns: int) -> bool:
         told_v = list(self._channels.read_back(now_ns)) if self._reads_back else []
@@ -134,12 +150,24 @@ class AmplifierRamp:
             )
         ]
         if not self._channels.write(next_v, now_ns):
-            self._trouble = f"the amplifier refuses {_volts(next_v)}"
-            return False
+            inside_v = self._just_inside(next_v)
+            if inside_v == next_v or not self._channels.write(inside_v, now_ns):
+                self._trouble = f"the amplifier refuses {_volts(next_v)}"
+                return False
+            next_v = inside_v
         self._drive_v = next_v
         if next_v == self._safe_v:
             self._phase = self._verify
         return True
+
+    def _just_inside(self, drive_v: list[float]) -> list[float]:
+        """Return the limits instead of what is a little beyond them."""
+        inside_v = [
+            min(max(each_v, low_v), high_v)
+            for each_v, (low_v, high_v) in zip(drive_v, self._limits_v, strict=True)
+        ]
+        near = all(abs(a - b) <= NEAR_V for a, b in zip(inside_v, drive_v, strict=True))
+        return inside_v if near else drive_v
 
     def _verify(self, now_ns: int) -> bool:
         if self._reads_back:

@@ -25,8 +25,9 @@ from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.loop import Loop
 from piezod.daemon.loop_devices import make_channels
 from piezod.daemon.loop_start import wait_for_devices, wait_for_lock
+from piezod.daemon.noted_identities import note_identities
 from piezod.daemon.pacer import Pacer
-from piezod.daemon.paths import LOOP_LOCK
+from piezod.daemon.paths import IDENTITIES, LOOP_LOCK
 from piezod.daemon.placement import (
     Placement,
     place,
@@ -66,6 +67,7 @@ def main(runtime: Path, config_file: Path) -> None:
     lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
     if lock is None or not wait_for_devices(channels, shared, clock):
         return  # the end of the process releases the lock, nothing before it
+    note_identities(runtime / IDENTITIES, channels.identities)
     placements = place(channels.devices, channels.identities, config.rate_hz, clock)
     channels.use({one.name: one.device for one in placements})
     threads = start_threads(placements)

@@ -17,6 +17,7 @@ from piezod.errors import ConfigError, Problem
 # Of the 108 bytes of a unix socket's address the last is a zero.
 LONGEST_SOCKET_PATH: Final = 107
 LOOP_LOCK: Final = "loop.lock"
+IDENTITIES: Final = "identities.json"
 
 
 class StagePaths(NamedTuple):
@@ -56,6 +57,11 @@ class StagePaths(NamedTuple):
     def output_map(self) -> Path:
         """The voltage written last on each axis, for `piezod safe`."""
         return self.runtime / "output.map"
+
+    @property
+    def identities(self) -> Path:
+        """Who each device said it is when the loop opened it, for `piezod safe`."""
+        return self.runtime / IDENTITIES
 
     @property
     def running(self) -> Path:

@@ -6,23 +6,37 @@ Each amplifier goes its own way: one that fails leaves the others to their ramps
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from math import nan
+from typing import NamedTuple
 
 from piezod.config.daemon import DaemonConfig
 from piezod.daemon.amplifier_ramp import STEP_S, AmplifierRamp, AxisOutcome
 from piezod.daemon.clock import Clock
 from piezod.devices.channels import Channels
+from piezod.devices.interface import Identity
 from piezod.devices.wiring import construct, pairs_of
 from piezod.units import s_to_ns
 
 
+class Noted(NamedTuple):
+    """What the loop left on record.
+
+    Attributes:
+        drive_v: Voltage written last on each axis, in V, where that is known.
+        identities: Who each device said it is when the loop opened it, where that is known.
+    """
+
+    drive_v: Mapping[str, float]
+    identities: Mapping[str, Identity]
+
+
 def ramp_down(
-    config: DaemonConfig, noted_v: Mapping[str, float], wait_s: float, clock: Clock
+    config: DaemonConfig, noted: Noted, wait_s: float, clock: Clock
 ) -> dict[str, AxisOutcome]:
     """Ramp every axis of a stage from the voltage in force to its safe voltage.
 
     Args:
         config: The stage.
-        noted_v: Voltage written last on each axis, in V, where that is known.
+        noted: What the loop left on record.
         wait_s: For how long an amplifier may be unavailable.
         clock: Paces the steps.
 
@@ -35,7 +49,7 @@ def ramp_down(
     """
     amplifiers = list(dict.fromkeys(axis.amplifier.device for axis in config.axes.values()))
     outcomes: dict[str, AxisOutcome] = {}
-    with _ramps(config, amplifiers, noted_v, wait_s, clock) as ramps:
+    with _ramps(config, amplifiers, noted, wait_s, clock) as ramps:
         while not all(ramp.done for ramp in ramps):
             for ramp in ramps:
                 if not ramp.done:
@@ -51,7 +65,7 @@ def ramp_down(
 def _ramps(
     config: DaemonConfig,
     amplifiers: list[str],
-    noted_v: Mapping[str, float],
+    noted: Noted,
     wait_s: float,
     clock: Clock,
 ) -> Iterator[list[AmplifierRamp]]:
@@ -59,9 +73,10 @@ def _ramps(
     try:
         for name in amplifiers:
             driven = _driven(config, name)
-            noted = [noted_v.get(axis, nan) for axis in driven]
+            noted_v = [noted.drive_v.get(axis, nan) for axis in driven]
             axes = [config.axes[axis] for axis in driven]
-            ramps.append(AmplifierRamp(_channels(config, name, driven), axes, noted, wait_s))
+            channels, who = _channels(config, name, driven), noted.identities.get(name)
+            ramps.append(AmplifierRamp(channels, axes, noted_v, wait_s, who))
         yield ramps
     finally:
         for ramp in ramps:

@@ -117,11 +117,11 @@ class Channels:
             self._tellers.append((device, measured + outputs))
 
     def open(self) -> Identity:
-        """Open every device; if one cannot be, those before it are closed again."""
+        """Open every device; if one cannot be, whatever it raises, all are closed again."""
         try:
             for name, device in self._devices.items():
                 self.identities[name] = device.open()
-        except DeviceError:
+        except BaseException:
             self.close()
             raise
         return Identity(
@@ -144,6 +144,7 @@ class Channels:
             all(one.watchdog for one in driving),
             all(one.quality for one in each if one.inputs),
             max((one.lag_ns for one in driving), default=0),
+            tells_restart=all(one.tells_restart for one in driving),
         )
 
     def beyond_reach(self, limits_v: Sequence[tuple[float, float]]) -> str:

@@ -108,6 +108,10 @@ class Capabilities(NamedTuple):
             the loop does not wait for it.
         ranges: Lowest and highest value that each output can be set to; empty where the device does
             not tell.
+        tells_restart: Whether the device tells that it was switched off and on again, or has fallen
+            back to its own safe state, before it takes another write; also where the connection was
+            lost and the device opened again. What was written last to any other one is not known to
+            be in force after it has been away, unless it is read back.
     """
 
     inputs: tuple[str, ...]
@@ -122,6 +126,7 @@ class Capabilities(NamedTuple):
     quality: bool = False
     lag_ns: int = 0
     ranges: tuple[tuple[float, float], ...] = ()
+    tells_restart: bool = False
 
 
 class Sample(NamedTuple):

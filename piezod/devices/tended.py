@@ -157,7 +157,7 @@ class Tended(Around):
 
     def _open_again(self) -> None:
         wait_s, longest_s = self._waits_s
-        super().close()
+        self._let_go()
         while not self._ended.wait(wait_s):
             if self._came_back():
                 self._lost.clear()
@@ -181,5 +181,12 @@ class Tended(Around):
             who, wanted = (" ".join(one) for one in (found, self._identity))
             self.absent = f"another device came back: {who}, expected: {wanted}"
             self._while_away = [each | {DeviceFlag.OTHER_DEVICE} for each in self._gone]
-        super().close()
+        self._let_go()
         return False
+
+    def _let_go(self) -> None:
+        """Close the device; if its driver fails at that, it is opened again all the same."""
+        try:
+            super().close()
+        except Exception as error:  # noqa: BLE001 - it must not end the thread
+            self.absent = self.absent or str(error)

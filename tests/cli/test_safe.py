@@ -15,7 +15,9 @@ import pytest
 
 from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.lock import Lock, device_lock
+from piezod.daemon.noted_identities import note_identities
 from piezod.daemon.paths import StagePaths, stage_paths
+from piezod.devices.interface import Identity
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.options import Options
 from tests.cli.conftest import Command
@@ -107,6 +109,19 @@ def test_rig_that_has_gone_is_unknown(
 
     assert (code, out) == (1, "")
     assert "axis x: the voltage is UNKNOWN: no rig at" in err
+
+
+def test_another_rig_than_the_daemons_is_left_alone(
+    piezod: Command, paths: StagePaths, rig: EmulatedRig
+) -> None:
+    """It says UNKNOWN and who is there, exits with 1, and the rig stays where it is."""
+    note_identities(paths.identities, {"rig": Identity("piezod", "another rig", "7", "1.0")})
+    code, _, err = piezod("safe", "stage.yaml")
+
+    assert code == 1
+    assert "UNKNOWN: it is another device: " in err
+    assert "expected: piezod another rig 7" in err
+    assert in_force_v(rig) > 59.5
 
 
 @pytest.mark.usefixtures("rig")

@@ -46,6 +46,7 @@ class LiveStage:
         memory_known: Whether the hysteresis' memory is known at the start.
         holds: Whether the amplifier says that it keeps its voltage when it is deactivated.
         reads_back: Whether the amplifier says that it tells its voltage.
+        tells_restart: Whether the amplifier says that it tells a restart.
     """
 
     def __init__(
@@ -56,6 +57,7 @@ class LiveStage:
         memory_known: bool = True,
         holds: bool = False,
         reads_back: bool = True,
+        tells_restart: bool = False,
     ) -> None:
         self.config = config or load_daemon(CONFIG, registry)
         axes = pairs_of(self.config.axes)
@@ -67,7 +69,10 @@ class LiveStage:
         self.channels.open()
         self.channels.activate(0)
         able = self.channels.capabilities()._replace(
-            opens_relaxed=memory_known, holds=holds, read_back=reads_back
+            opens_relaxed=memory_known,
+            holds=holds,
+            read_back=reads_back,
+            tells_restart=tells_restart,
         )
         self.controller = assemble(self.config, self.channels, able)
         self.events: list[StageEvent] = []
@@ -134,6 +139,7 @@ class FaultyStage(LiveStage):
         config: The configuration; the one that ships if not given.
         holds: Whether the amplifier says that it keeps its voltage when it is deactivated.
         reads_back: Whether the amplifier says that it tells its voltage.
+        tells_restart: Whether the amplifier says that it tells a restart.
     """
 
     def __init__(
@@ -142,6 +148,7 @@ class FaultyStage(LiveStage):
         *,
         holds: bool = False,
         reads_back: bool = True,
+        tells_restart: bool = False,
     ) -> None:
         made: list[FaultyDevice] = []
 
@@ -149,7 +156,9 @@ class FaultyStage(LiveStage):
             made.append(FaultyDevice(cast("SensorAmplifier", device)))
             return made[0]
 
-        super().__init__(config, wrapped, holds=holds, reads_back=reads_back)
+        super().__init__(
+            config, wrapped, holds=holds, reads_back=reads_back, tells_restart=tells_restart
+        )
         (self.device,) = made
 
     def fail(self, kind: Kind, cycles: int | None = None, **what: Any) -> None:

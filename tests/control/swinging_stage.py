@@ -25,16 +25,22 @@ class Faulty(FaultyStage):
         mode: How it follows.
         holds: Whether the amplifier says that it keeps its voltage when it is deactivated.
         reads_back: Whether the amplifier says that it tells its voltage.
+        tells_restart: Whether the amplifier says that it tells a restart.
     """
 
     def __init__(
-        self, mode: Mode = Mode.ADAPTIVE, *, holds: bool = False, reads_back: bool = True
+        self,
+        mode: Mode = Mode.ADAPTIVE,
+        *,
+        holds: bool = False,
+        reads_back: bool = True,
+        tells_restart: bool = False,
     ) -> None:
         config = load_daemon(CONFIG, registry)
         brief = config.axes["x"].conditioning.model_copy(update={"cycles": 2, "frequency_hz": 2.0})
         axis = config.axes["x"].model_copy(update={"conditioning": brief})
         one = config.model_copy(update={"axes": {"x": axis}})
-        super().__init__(one, holds=holds, reads_back=reads_back)
+        super().__init__(one, holds=holds, reads_back=reads_back, tells_restart=tells_restart)
         self.cycle()
         self.do(rq.Arm(confirm_output=True), rq.SelectMode(mode=mode), SWING)
         self.run(1.2)

@@ -196,8 +196,8 @@ def test_what_is_not_read_back_is_shown_while_it_is_driven() -> None:
 
 @pytest.mark.fault("A10")
 def test_an_output_that_is_held_and_not_read_back_is_ramped_from_the_last_write() -> None:
-    """It was acknowledged, and nothing says that the amplifier was restarted."""
-    stage = Faulty(Mode.FEEDFORWARD, holds=True, reads_back=False)
+    """It was acknowledged, and the amplifier would have told that it was restarted."""
+    stage = Faulty(Mode.FEEDFORWARD, holds=True, reads_back=False, tells_restart=True)
     while stage.x.drive_v < 60.0:
         stage.cycle()
     stage.fail(Kind.LOST, 50, flag=DeviceFlag.DISCONNECTED)
@@ -214,14 +214,24 @@ def test_an_output_that_is_held_and_not_read_back_is_ramped_from_the_last_write(
 
 
 @pytest.mark.fault("A10")
-@pytest.mark.parametrize("holds", [False, True])
-def test_an_output_that_nobody_knows_is_not_ramped(holds: bool) -> None:
-    """The amplifier does not hold it, or was restarted: FAULT, with what to do, and no write."""
-    stage = Faulty(Mode.FEEDFORWARD, holds=holds, reads_back=False)
+@pytest.mark.parametrize(
+    ("holds", "tells_restart", "told_flag", "fault"),
+    [
+        (False, True, None, "B1"),
+        (True, False, None, "B1"),
+        (True, True, DeviceFlag.RESTARTED, "A7"),
+        (True, True, DeviceFlag.WATCHDOG_TRIPPED, "A9"),
+    ],
+)
+def test_an_output_that_nobody_knows_is_not_ramped(
+    holds: bool, tells_restart: bool, told_flag: DeviceFlag | None, fault: str
+) -> None:
+    """It is not held, would not tell a restart, or told one: FAULT, what to do, and no write."""
+    stage = Faulty(Mode.FEEDFORWARD, holds=holds, reads_back=False, tells_restart=tells_restart)
     stage.fail(Kind.LOST, 50, flag=DeviceFlag.DISCONNECTED)
     stage.run(0.051)
-    if holds:
-        stage.fail(Kind.FLAGGED, 1, flag=DeviceFlag.RESTARTED)
+    if told_flag is not None:
+        stage.fail(Kind.FLAGGED, 1, flag=told_flag)
     stage.channels.writes.clear()
     stage.until("FAULT")
     stage.run(1.5)
@@ -229,8 +239,25 @@ def test_an_output_that_nobody_knows_is_not_ramped(holds: bool) -> None:
     stage.do(rq.Reset())
     refused, confirmed = stage.ask(rq.Arm()), stage.ask(rq.Arm(confirm_output=True))
 
-    assert ("A7" in stage.faults()) == holds
+    assert {fault, "B1"} == set(stage.faults()) & {"A7", "A9", "B1"}
     assert len(told) == 1
     assert "--confirm-output" in told[0]
     assert stage.channels.writes[0][1] == (0.0,)
     assert (refused.accepted, confirmed.accepted) == (False, True)
+
+
+@pytest.mark.fault("A1")
+def test_an_amplifier_that_was_without_power_is_not_written_its_old_voltage() -> None:
+    """It neither reads back nor tells a restart: after some refusals it may be at 0 V, untold."""
+    stage = Faulty(Mode.FEEDFORWARD, holds=True, reads_back=False)
+    while stage.x.drive_v < 60.0:
+        stage.cycle()
+    stage.fail(Kind.REFUSED, 30)
+    stage.run(0.03)
+    blind = stage.state
+    stage.channels.writes.clear()
+    stage.until("FAULT")
+    stage.run(0.5)
+
+    assert blind == State.BLIND
+    assert stage.channels.writes == []

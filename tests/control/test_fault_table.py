@@ -138,8 +138,8 @@ def test_each_rule_is_consistent(rule: FaultRule) -> None:
     ("reaction", "faults"),
     [
         (Reaction.CUT, ["A11", "A12", "A13"]),
-        (Reaction.BLIND, ["A1", "A2", "A7", "B1", "B2", "B8", "B9", "B13", "B14", "B15"]),
-        (Reaction.RAMP, ["S10", "A9", "B10", "L3", "L5", "P2", "E1", "H1"]),
+        (Reaction.BLIND, ["A1", "A2", "A7", "A9", "B1", "B2", "B8", "B9", "B13", "B14", "B15"]),
+        (Reaction.RAMP, ["S10", "B10", "L3", "L5", "P2", "E1", "H1"]),
     ],
 )
 def test_the_grave_reactions_are_for_these_faults(reaction: Reaction, faults: list[str]) -> None:

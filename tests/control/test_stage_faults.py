@@ -29,7 +29,7 @@ CASES = [
     Case("A3", Kind.READ_BACK_OFFSET, {"value": 4.0}, State.HOLD, 20),
     Case("A4", Kind.FLAGGED, {"flag": DeviceFlag.OVERLOAD}, State.HOLD, 3),
     Case("A8", Kind.FLAGGED, {"flag": DeviceFlag.LOCAL_MODE}, State.HOLD, 3),
-    Case("A9", Kind.FLAGGED, {"flag": DeviceFlag.WATCHDOG_TRIPPED}, State.RAMP, 3),
+    Case("A9", Kind.FLAGGED, {"flag": DeviceFlag.WATCHDOG_TRIPPED}, State.BLIND, 3),
     Case("A11", Kind.FLAGGED, {"flag": DeviceFlag.SHORT_OR_OPEN}, State.FAULT, 3),
     Case("A12", Kind.READ_BACK_OFFSET, {"value": 200.0}, State.FAULT, 4),
     Case("A13", Kind.FLAGGED, {"flag": DeviceFlag.OVER_TEMPERATURE}, State.FAULT, 3),
@@ -281,6 +281,72 @@ def test_a_process_that_stood_still_ramps() -> None:
 
     assert "L5" in stage.faults()
     assert stage.state == State.RAMP
+
+
+def fallen_during_a_pause(flag: DeviceFlag | None = None) -> Faulty:
+    """Return a stage whose output fell from about 13 V to 0 while its loop stood still for 4 s."""
+    stage = Faulty()
+    while not 12.0 < stage.x.drive_v < 15.0:
+        stage.cycle()
+    stage.device.deactivate(stage.t_ns)
+    stage.device.activate(stage.t_ns)
+    if flag is not None:
+        stage.fail(Kind.FLAGGED, 4005, flag=flag)
+    stage.channels.writes.clear()
+    stage.cycle(CycleTiming(0, 4000, 10_000, 0, 0))
+    return stage
+
+
+@pytest.mark.fault("A9")
+def test_a_watchdog_that_tripped_is_told_and_the_way_down_begins_where_the_output_is() -> None:
+    """However little it fell, and though the loop stood still: nothing near the old voltage."""
+    stage = fallen_during_a_pause(DeviceFlag.WATCHDOG_TRIPPED)
+    blind, sent = stage.state, len(stage.channels.writes)
+    stage.until("RAMP")
+    stage.run(1.0)
+
+    assert "A9" in stage.faults()
+    assert (blind, sent) == (State.BLIND, 0)
+    assert max(drive_v for _, (drive_v,) in stage.channels.writes) < 0.8
+    assert stage.state == State.FAULT
+
+
+@pytest.mark.fault("A9")
+def test_a_watchdog_that_stays_tripped_does_not_keep_a_stage_from_its_safe_voltage() -> None:
+    """Many tell so until they take a write: the stage is ramped after the first wait."""
+    stage = Faulty()
+    stage.fail(Kind.FLAGGED, None, flag=DeviceFlag.WATCHDOG_TRIPPED)
+    stage.until("RAMP", within_s=0.2)
+    stage.until("FAULT")
+
+    assert stage.faults().count("A9") == 1
+    assert stage.x.drive_v == 0.0
+
+
+@pytest.mark.fault("L5")
+def test_a_way_down_begins_where_the_output_has_just_fallen() -> None:
+    """Nothing but the read-back tells that it has, and by less than a collapse."""
+    stage = fallen_during_a_pause()
+    state = stage.state
+    stage.run(1.0)
+
+    assert state == State.RAMP
+    assert max(drive_v for _, (drive_v,) in stage.channels.writes) < 0.8
+
+
+@pytest.mark.parametrize("off_v", [30.0, nan])
+def test_no_way_down_begins_with_a_step_up(off_v: float) -> None:
+    """A single answer that is wrong, or none, does not make it begin elsewhere."""
+    stage = Faulty()
+    before_v = stage.x.drive_v
+    stage.fail(Kind.READ_BACK_OFFSET, 1, value=off_v)
+    stage.cycle()
+    last_v = stage.x.drive_v
+    stage.ask(rq.Stop())
+
+    assert stage.state == State.RAMP
+    assert abs(last_v - before_v) < 2.0
+    assert stage.x.drive_v == pytest.approx(last_v, abs=0.2)
 
 
 @pytest.mark.fault("L1")

@@ -1,7 +1,7 @@
 """An amplifier with every fault that a ramp-down may meet."""
 
 from collections.abc import Callable, Sequence
-from math import nan
+from math import inf, nan
 from typing import Any
 
 from piezod.config.daemon import DaemonConfig
@@ -35,6 +35,8 @@ class FakeAmplifier:
         absent: How often it cannot be opened.
         wrong: What its driver raises instead of opening it.
         closed: Whether it was let go of.
+        activated: Whether it was activated.
+        highest_v: The highest voltage that it takes.
     """
 
     def __init__(self, axes: tuple[str, ...], drive_v: float = 75.0) -> None:
@@ -43,6 +45,7 @@ class FakeAmplifier:
         self.writes: list[tuple[int, list[float]]] = []
         self.reads_back = True
         self.silent = self.refuses = self.stuck = self.closed = False
+        self.activated, self.highest_v = False, inf
         self.absent = 0
         self.wrong: Exception | None = None
 
@@ -57,8 +60,8 @@ class FakeAmplifier:
     def capabilities(self) -> Capabilities:
         return Capabilities(self.axes, self.axes, self.reads_back, 1e3, holds=True)
 
-    def activate(self, now_ns: int) -> None:
-        """Be ready."""
+    def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's
+        self.activated = True
 
     def deactivate(self, now_ns: int) -> None:
         """Hold."""
@@ -67,7 +70,7 @@ class FakeAmplifier:
         self.closed = True
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        if self.refuses:
+        if self.refuses or max(drive_v) > self.highest_v:
             return False
         self.writes.append((now_ns, list(drive_v)))
         if not self.stuck:

@@ -8,6 +8,7 @@ import pytest
 from piezod.config.requests import Arm, Goto, Shutdown
 from piezod.config.states import State
 from piezod.daemon.last_output import read_last_output
+from piezod.daemon.noted_identities import noted_identities
 from piezod.telemetry.words import Word
 from tests.daemon.loop_child import LoopChild
 from tests.daemon.waiting import eventually
@@ -54,6 +55,13 @@ def test_stage_moves_and_comes_back(child: LoopChild) -> None:
     assert code == 0
     [left] = read_last_output(child.runtime / "output.map")
     assert left.drive_v == pytest.approx(0.0, abs=0.1)
+
+
+def test_devices_are_on_record(child: LoopChild) -> None:
+    """By their names in the configuration, for whoever has to bring the stage down without them."""
+    [(name, who)] = noted_identities(child.runtime / "identities.json").items()
+
+    assert (name, who.model) == ("rig", "simulated stack")
 
 
 @pytest.mark.fault("H1")

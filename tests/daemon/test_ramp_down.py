@@ -6,8 +6,9 @@ from math import isnan
 import pytest
 
 from piezod.daemon.amplifier_ramp import AxisOutcome
-from piezod.daemon.ramp_down import ramp_down
+from piezod.daemon.ramp_down import Noted, ramp_down
 from piezod.devices import registry
+from piezod.devices.interface import Identity
 from piezod.errors import DeviceError
 from piezod.testing.fake_clock import FakeClock
 from piezod.units import NS_PER_S
@@ -32,10 +33,13 @@ class Bench:
         monkeypatch.setattr(registry, "names", lambda: ("fake",))
         monkeypatch.setattr(registry, "load", lambda _name: plugin)
         self.config = stage_of(axes)
+        self.identities: dict[str, Identity] = {}
+        """Who each amplifier was when the loop opened it."""
 
     def run(self, **noted_v: float) -> dict[str, AxisOutcome]:
         """Ramp down; the amplifiers are closed afterwards."""
-        outcomes = ramp_down(self.config, noted_v, 5.0, FakeClock(NS_PER_S))
+        noted = Noted(noted_v, self.identities)
+        outcomes = ramp_down(self.config, noted, 5.0, FakeClock(NS_PER_S))
         assert all(amplifier.closed for amplifier in self.amplifiers.values())
         return outcomes
 
@@ -63,6 +67,41 @@ def test_axis_outside_its_range_comes_back(bench: Bench) -> None:
 
     assert bench.run()["x"].why == ""
     assert bench.amplifiers["amp"].drive_v == [10.0]
+
+
+@pytest.mark.parametrize(("drive_v", "safe"), [(120.8, True), (125.0, False)])
+def test_axis_a_little_beyond_what_can_be_given_is_brought_to_its_end(
+    bench: Bench, drive_v: float, *, safe: bool
+) -> None:
+    """Where nothing outside the limits can be written; from farther away that would be a jump."""
+    amplifier = bench.amplifiers["amp"]
+    amplifier.drive_v, amplifier.highest_v = [drive_v], 120.0
+    outcome = bench.run()["x"]
+
+    assert (outcome.why == "") is safe
+    assert [written for _, (written,) in amplifier.writes][:1] == ([120.0] if safe else [])
+    assert safe or outcome.why == "the amplifier refuses 124.50 V"
+
+
+WHO = Identity("piezod", "fake", "0", "0")
+
+
+@pytest.mark.parametrize("part", ["maker", "model", "serial"])
+def test_another_amplifier_is_left_alone(bench: Bench, part: str) -> None:
+    """Nothing is known of what rests on it: it is not activated, and no write reaches it."""
+    bench.identities["amp"] = WHO._replace(**{part: "other"})
+    outcome = bench.run(x=75.0)["x"]
+
+    assert outcome.why.startswith("it is another device: piezod fake 0, expected: ")
+    assert bench.amplifiers["amp"].writes == []
+    assert not bench.amplifiers["amp"].activated
+
+
+def test_the_same_amplifier_with_other_firmware_is_ramped(bench: Bench) -> None:
+    """As is one of which nothing was noted: see every other test."""
+    bench.identities.update(amp=WHO._replace(firmware="1"), other=WHO._replace(serial="1"))
+
+    assert bench.run()["x"].why == ""
 
 
 def test_axis_at_its_safe_voltage_stays(bench: Bench) -> None:

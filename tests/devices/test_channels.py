@@ -206,6 +206,24 @@ def test_a_device_that_is_absent_leaves_none_open() -> None:
     assert fibre.done == ["open", "close"]
 
 
+@pytest.mark.parametrize("error", [UnicodeDecodeError("ascii", b"\xff", 0, 1, "no"), SystemExit()])
+def test_a_driver_that_fails_to_open_leaves_none_open(
+    monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    """Whatever it raises, and not only what it may."""
+
+    def wrong(_device: FakeDevice) -> Identity:
+        raise error
+
+    fibre, failing = FakeSensor(("x",)), FakeBoth(("x",))
+    monkeypatch.setattr(FakeBoth, "open", wrong)
+    channels = Channels({"fibre": fibre, "rig": failing}, {"x": ChannelPair("fibre", "rig")})
+    with pytest.raises(type(error)):
+        channels.open()
+
+    assert fibre.done == ["open", "close"]
+
+
 class FakeTeller(FakeAmplifier):
     """Says that its first axis is overloaded."""
 

@@ -107,6 +107,23 @@ def test_another_device_is_not_taken_for_the_lost_one(link: FakeLink, tended: Te
     eventually(lambda: tended.there)
 
 
+def test_a_driver_that_fails_to_close_is_opened_again_all_the_same(
+    link: FakeLink, tended: Tended, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The thread goes on, and tells it; the device is used when it is back."""
+
+    def wrong() -> None:
+        raise OSError("closed by the wrong end")
+
+    monkeypatch.setattr(link, "close", wrong)
+    link.pulled = True
+    tended.read(1)
+    eventually(lambda: tended.absent)
+    link.pulled = False
+    eventually(lambda: tended.there)
+    monkeypatch.undo()
+
+
 def test_a_device_that_was_deactivated_meanwhile_comes_back_so(
     link: FakeLink, tended: Tended
 ) -> None:
