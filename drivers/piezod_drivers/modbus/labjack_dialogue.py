@@ -118,6 +118,7 @@ class LabJackDialogue:
             DeviceError: If it cannot be armed.
             LineFault: If an exchange fails.
         """
+        self._last_ns = self._transactions.now_ns()
         if self._watchdog is not None and self._options.watchdog is not None:
             setup, wanted = Setup(self._transactions, self._options.unit), self._options.watchdog
             try:
@@ -125,7 +126,6 @@ class LabJackDialogue:
             except DeviceError:
                 self._noticed.add(DeviceFlag.WATCHDOG_TRIPPED)
                 raise
-            self._last_ns = self._transactions.now_ns()
         self._ours = True
 
     def deactivate(self) -> None:
@@ -189,15 +189,14 @@ class LabJackDialogue:
 
     def _ask(self, pdu: bytes) -> None:
         """Read the outputs, set them perhaps, read them again, the inputs and the counter."""
-        request = Request(pdu, _ECHO, self._n_bytes)
+        request, asked_ns = Request(pdu, _ECHO, self._n_bytes), self._transactions.now_ns()
         numbers = self._unpack(self._transactions.ask(self._options.unit, (request,))[1])
         n, counter = self._n_outputs, numbers[-1]
         self._changed = None
         if counter < self._counter or numbers[1 : 1 + n] != self._in_force:
             self._note_change(numbers[1 : 1 + n], counter)
         self._counter, self._in_force = counter, numbers[1 + n : 1 + 2 * n]
-        if self._watchdog is not None:
-            self._last_ns = self._transactions.now_ns()
+        self._last_ns = asked_ns  # whoever is stopped before the reply has been silent since
         self._values, self._told = numbers[1 + 2 * n : -1], self._well
         low, high = self._range
         for value in self._values:

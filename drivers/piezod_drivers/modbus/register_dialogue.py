@@ -93,6 +93,7 @@ class RegisterDialogue:
             DeviceError: If one cannot be armed.
             LineFault: If an exchange fails.
         """
+        self._last_ns = self._transactions.now_ns()
         if (wanted := self._options.watchdog) is not None:
             for unit, plan in self._watched:
                 Setup(self._transactions, unit).arm(plan, wanted.timeout_s, wanted.safe)
@@ -101,7 +102,6 @@ class RegisterDialogue:
             self._transactions.settle()
             self._said = self._told = self._read_status()
             self._tripped = self._lasts = self._says_tripped()
-        self._last_ns = self._transactions.now_ns()
 
     def deactivate(self) -> None:
         """Stop the watchdogs that were armed; outputs hold.

@@ -151,6 +151,28 @@ def test_a_watchdog_that_is_seen_to_have_tripped_ends_writing() -> None:
     assert rig.drive_v == [pytest.approx(15, abs=0.05)]
 
 
+@pytest.mark.sees("modbus", "A9")
+def test_who_was_stopped_before_the_reply_has_been_silent_since(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A process that is stopped in the middle of an exchange looks before it sets the next one."""
+    device, line, rig = labjack(WATCHED)
+    receive = line.receive
+
+    def stopped(within_ns: int) -> bytes:
+        data = receive(within_ns)
+        line.time.t_ns += 2100 * MS
+        return data
+
+    with monkeypatch.context() as patch:
+        patch.setattr(line, "receive", stopped)
+        assert device.exchange([2.0], line.now_ns())[0]
+    line.receive(0)
+    assert rig.drive_v == [pytest.approx(15, abs=0.05)]
+    assert not device.exchange([2.0], line.now_ns())[0]
+    assert rig.drive_v == [pytest.approx(15, abs=0.05)]
+
+
 @pytest.mark.parametrize(("armed", "end_v"), [(None, 60), (WATCHED, 15)])
 def test_who_only_reads_leaves_outputs_and_watchdog_alone(
     armed: dict[str, float] | None, end_v: float
