@@ -107,6 +107,8 @@ class Stage:
         """When the newest setpoint of a stream came."""
         self.blind_spells = 0
         """How often in a row the amplifier was lost; the next try to reach it waits the longer."""
+        self.output_lost: Callable[[], None] = _nobody
+        """To be told when what was written last says nothing any more of what is in force."""
         self._before, self._driven_when_lost = State.BOOT, False
         self._events: list[StageEvent] = []
 
@@ -213,6 +215,8 @@ class Stage:
             self._driven_when_lost = before in DRIVEN
             self.memory_known = False
             self.blind_spells += 1
+            if not (self.boundary.reads_back or self.boundary.tells_restart):
+                self.output_lost()
         elif state not in {State.RAMP, State.ESTOP}:
             self.blind_spells = 0
         if before is State.IDENT:
@@ -245,3 +249,7 @@ class Stage:
             self_tested=self.tested,
             was_driven=self._driven_when_lost,
         )
+
+
+def _nobody() -> None:
+    """Tell nobody."""

@@ -71,6 +71,10 @@ class LastOutputWriter:
             self._words[at + 3] = turn
             at += _WORDS_PER_AXIS
 
+    def forget(self, t_ns: int) -> None:
+        """Note that what was written last says nothing any more; may be called in the loop."""
+        self.note([nan] * self._words[0], t_ns)
+
 
 def read_last_output(path: Path) -> list[LastOutput]:
     """Return what was written last on each axis; an empty list where nobody noted anything.

@@ -74,6 +74,7 @@ def main(runtime: Path, config_file: Path) -> None:
     noted = LastOutputWriter(runtime / "output.map", len(config.axes))
     timed = TimedChannels(channels, clock, noted)
     controller = assemble(config, timed, channels.capabilities())
+    controller.stage.output_lost = lambda: noted.forget(clock.now_ns())
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
     realtime = Realtime(config.loop, shared, 1 + threads)
     steps = realtime.set_up()

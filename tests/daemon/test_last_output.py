@@ -94,3 +94,12 @@ def test_reading_needs_the_standard_library_only() -> None:
     ours = {name for name in done.stdout.split() if name.startswith("piezod.")}
     assert ours == {"piezod.daemon", "piezod.daemon.last_output"}
     assert not {"numpy", "numba", "pydantic"} & set(done.stdout.split())
+
+
+def test_what_is_forgotten_is_not_known(path: Path) -> None:
+    """Of no axis, until it is written again."""
+    writer = LastOutputWriter(path, 2)
+    writer.note([60.0, 70.0], 1)
+    writer.forget(2)
+
+    assert [isnan(each.drive_v) for each in read_last_output(path)] == [True, True]
