@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import pytest
 import yaml
 
-from benchmarks.bus.example import Place, at_adapter, at_host, at_multicast, at_port, placed
+from benchmarks.bus.example import Place, at_adapter, at_host, at_multicast, at_port, at_pty, placed
 from tests.conftest import Figure
 from tests.daemon.daemons import REPOSITORY, Daemon
 from tests.drivers.bus.bench import emulated
@@ -36,14 +36,14 @@ class Demo(NamedTuple):
 
 
 DEMOS = {
-    "serial": Demo(("pi-gcs2",), "pi-gcs2", at_port, 100),
-    "Modbus TCP": Demo(("labjack-t7",), "labjack-t7", at_host, 100),
-    "Modbus RTU": Demo(("waveshare",), "waveshare", at_port, 50),
-    "slcan": Demo(("canopen-401",), "canopen-401", at_adapter, 100),
+    "serial": Demo(("pi-gcs2",), "pi-gcs2", at_port, 150),
+    "Modbus TCP": Demo(("labjack-t7",), "labjack-t7", at_host, 250),
+    "Modbus RTU": Demo(("waveshare",), "waveshare", at_pty, 100),
+    "slcan": Demo(("canopen-401",), "canopen-401", at_adapter, 250),
     "udp_multicast": Demo(
-        ("canopen-401=udp:239.74.163.7:43197",), "canopen-401", at_multicast, 100
+        ("canopen-401=udp:239.74.163.7:43197",), "canopen-401", at_multicast, 250
     ),
-    "DBC": Demo(("can-dbc-demo",), "can-dbc", at_adapter, 100),
+    "DBC": Demo(("can-dbc-demo",), "can-dbc", at_adapter, 250),
 }
 
 
