@@ -166,12 +166,14 @@ def test_restart_brings_the_rig_to_its_safe_voltage_first(stage: Stage) -> None:
     left_v = stage.in_force_v()
     stage.daemon.start()
     status = stage.daemon.until("FAULT", 90.0)
+    # On a busy machine the rig may not answer in the very first cycle.
+    drive_v = eventually(lambda: stage.daemon.status()["axes"]["x"]["drive_v"], 20.0)
     ended_v = stage.writes()[-1].drive_v
     refused = stage.daemon.ask("POST", "arm", {}).status_code
 
     assert left_v > SAFE_V + 5
     assert ended_v == SAFE_V
-    assert status["axes"]["x"]["drive_v"] == pytest.approx(SAFE_V, abs=0.5)
+    assert drive_v == pytest.approx(SAFE_V, abs=0.5)
     assert [fault["id"] for fault in status["faults"]] == ["P2"]
     assert refused == 409
 
