@@ -39,17 +39,20 @@ DEMOS = {
     "serial": Demo(("pi-gcs2",), "pi-gcs2", at_port, 150),
     "Modbus TCP": Demo(("labjack-t7",), "labjack-t7", at_host, 250),
     "Modbus RTU": Demo(("waveshare",), "waveshare", at_pty, 100),
-    "slcan": Demo(("canopen-401",), "canopen-401", at_adapter, 100),
+    "slcan": Demo(("canopen-401",), "canopen-401", at_adapter, 150),
     "udp_multicast": Demo(
-        ("canopen-401=udp:239.74.163.7:43197",), "canopen-401", at_multicast, 100
+        ("canopen-401=udp:239.74.163.7:43197",), "canopen-401", at_multicast, 150
     ),
-    "DBC": Demo(("can-dbc-demo",), "can-dbc", at_adapter, 100),
+    "DBC": Demo(("can-dbc-demo",), "can-dbc", at_adapter, 150),
 }
 
 
 def configured(folder: Path, demo: Demo, where: list[str]) -> Path:
     """Write the configuration of a stage over a bus."""
     document = placed(demo.example, where, demo.place, demo.rate_hz)
+    for device in document["devices"].values():
+        # An emulator is a process among others, which now and then wait for longer than a device.
+        device["options"]["timeout_ms"] = max(device["options"].get("timeout_ms", 0), 30)
     document["loop"] = {"cpu": min(os.sched_getaffinity(0))}  # loops of other tests have the last
     path = folder / "bus.yaml"
     path.write_text(yaml.safe_dump(document), encoding="utf-8")
