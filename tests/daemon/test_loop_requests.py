@@ -61,10 +61,17 @@ def test_emergency_stop_is_never_refused(shared: SharedMap) -> None:
 
     with pytest.raises(UnavailableError, match="4 requests wait"):
         _ask(requests, Hold())
-    with FakeLoop(shared) as loop:
-        assert _ask(requests, Estop()).accepted
 
-    assert loop.requests[0] == Estop()
+    async def posted_before_the_loop_looks() -> tuple[Answer, list[Request]]:
+        asked = asyncio.create_task(requests.ask(Estop()))
+        await asyncio.sleep(0)
+        with FakeLoop(shared) as loop:
+            return await asked, loop.requests
+
+    answer, taken = asyncio.run(posted_before_the_loop_looks())
+
+    assert answer.accepted
+    assert taken[0] == Estop()
 
 
 @pytest.mark.fault("E1")
