@@ -39,11 +39,11 @@ DEMOS = {
     "serial": Demo(("pi-gcs2",), "pi-gcs2", at_port, 150),
     "Modbus TCP": Demo(("labjack-t7",), "labjack-t7", at_host, 250),
     "Modbus RTU": Demo(("waveshare",), "waveshare", at_pty, 100),
-    "slcan": Demo(("canopen-401",), "canopen-401", at_adapter, 150),
+    "slcan": Demo(("canopen-401",), "canopen-401", at_adapter, 250),
     "udp_multicast": Demo(
-        ("canopen-401=udp:239.74.163.7:43197",), "canopen-401", at_multicast, 150
+        ("canopen-401=udp:239.74.163.7:43197",), "canopen-401", at_multicast, 250
     ),
-    "DBC": Demo(("can-dbc-demo",), "can-dbc", at_adapter, 150),
+    "DBC": Demo(("can-dbc-demo",), "can-dbc", at_adapter, 250),
 }
 
 
