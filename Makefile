@@ -7,6 +7,9 @@ STARTED := $(shell date +%s)
 # One worker more than the fewest cores: many tests wait for a device or a daemon most of the time.
 WORKERS := --numprocesses 3 --dist worksteal
 
+# Where it is set, each of the processes that tests start compiles anew whatever it imports.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help demo test coverage stress fuzz check lint bench figures lock clean
 
 help: ## show this list
