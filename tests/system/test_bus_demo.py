@@ -39,11 +39,11 @@ DEMOS = {
     "serial": Demo(("pi-gcs2",), "pi-gcs2", at_port, 150),
     "Modbus TCP": Demo(("labjack-t7",), "labjack-t7", at_host, 250),
     "Modbus RTU": Demo(("waveshare",), "waveshare", at_pty, 100),
-    "slcan": Demo(("canopen-401",), "canopen-401", at_adapter, 250),
+    "slcan": Demo(("canopen-401",), "canopen-401", at_adapter, 100),
     "udp_multicast": Demo(
-        ("canopen-401=udp:239.74.163.7:43197",), "canopen-401", at_multicast, 250
+        ("canopen-401=udp:239.74.163.7:43197",), "canopen-401", at_multicast, 100
     ),
-    "DBC": Demo(("can-dbc-demo",), "can-dbc", at_adapter, 250),
+    "DBC": Demo(("can-dbc-demo",), "can-dbc", at_adapter, 100),
 }
 
 
@@ -90,7 +90,7 @@ def condition(daemon: Daemon) -> None:
 
 def test_a_stage_over_modbus_goes_where_it_is_told(tmp_path: Path) -> None:
     """A LabJack's emulator in another process moves its stage by 12.5 µm."""
-    demo = DEMOS["Modbus TCP"]._replace(rate_hz=50)
+    demo = DEMOS["Modbus TCP"]._replace(rate_hz=20)
     with (
         emulated(*demo.profiles) as devices,
         Daemon(configured(tmp_path, demo, devices.where)) as daemon,
