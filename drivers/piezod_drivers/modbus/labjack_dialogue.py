@@ -18,8 +18,8 @@ from piezod_drivers.modbus.requests import FEEDBACK, Request
 from piezod_drivers.modbus.setup import Setup
 from piezod_drivers.modbus.transactions import Transactions
 
-_READ: Final = Struct(">BHB")
-_WRITE: Final = Struct(">BHB")
+_PART: Final = Struct(">BHB")
+"""Begins a part of a request: 0 to read, 1 to write; the address; how many registers."""
 _ECHO: Final = bytes((FEEDBACK,))
 _WRAPS_AT: Final = 1 << 32
 _NEAR_V: Final = 0.02
@@ -54,13 +54,13 @@ class LabJackDialogue:
         inputs = [_register(options.known, "input", name) for name in wiring.inputs]
         self._outputs = [_register(options.known, "output", name) for name in wiring.outputs]
         self._n_inputs, self._n_outputs = n_inputs, n = len(inputs), len(self._outputs)
-        self._range = next(((row.low, row.high) for row in inputs), (0.0, 0.0))
+        self._input_ranges = [(register.low, register.high) for register in inputs]
         before = [register.address for register in self._outputs]
         self._head = _ECHO + _reads(before)
-        self._write_heads = [_WRITE.pack(1, address, 2) for address in before]
+        self._write_heads = [_PART.pack(1, address, 2) for address in before]
         measured = [register.address for register in inputs]
         self._tail = _reads([*before, *measured, COUNTER_10KHZ])
-        layout = f">{len(self._head)}s" + n * f"{_WRITE.size}sf" + f"{len(self._tail)}s"
+        layout = f">{len(self._head)}s" + n * f"{_PART.size}sf" + f"{len(self._tail)}s"
         self._set_and_look = Struct(layout).pack
         numbers = Struct(f">B{2 * n + n_inputs}fI")
         self._unpack, self._n_bytes = numbers.unpack, numbers.size
@@ -190,7 +190,7 @@ class LabJackDialogue:
     def _ask(self, pdu: bytes) -> None:
         """Read the outputs, set them perhaps, read them again, the inputs and the counter."""
         request, asked_ns = Request(pdu, _ECHO, self._n_bytes), self._transactions.now_ns()
-        numbers = self._unpack(self._transactions.ask(self._options.unit, (request,))[1])
+        numbers = self._unpack(self._transactions.ask(self._options.unit, (request,)))
         n, counter = self._n_outputs, numbers[-1]
         self._changed = None
         if counter < self._counter or numbers[1 : 1 + n] != self._in_force:
@@ -198,14 +198,16 @@ class LabJackDialogue:
         self._counter, self._in_force = counter, numbers[1 + n : 1 + 2 * n]
         self._last_ns = asked_ns  # whoever is stopped before the reply has been silent since
         self._values, self._told = numbers[1 + 2 * n : -1], self._well
-        low, high = self._range
-        for value in self._values:
+        for value, (low, high) in zip(self._values, self._input_ranges, strict=True):
             if not low <= value <= high:
-                self._note_saturated(low, high)
+                self._note_saturated()
                 break
 
-    def _note_saturated(self, low: float, high: float) -> None:
-        self._values = [value if low <= value <= high else nan for value in self._values]
+    def _note_saturated(self) -> None:
+        self._values = [
+            value if low <= value <= high else nan
+            for value, (low, high) in zip(self._values, self._input_ranges, strict=True)
+        ]
         inputs = [_SATURATED if isnan(value) else NO_FLAGS for value in self._values]
         self._told = [*inputs, *self._well[self._n_inputs :]]
 
@@ -222,7 +224,7 @@ class LabJackDialogue:
 
 
 def _reads(addresses: Sequence[int]) -> bytes:
-    return b"".join([_READ.pack(0, address, 2) for address in addresses])
+    return b"".join([_PART.pack(0, address, 2) for address in addresses])
 
 
 def _register(known: Sequence[Register], role: Role, name: str) -> Register:

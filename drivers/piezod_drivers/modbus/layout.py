@@ -84,7 +84,8 @@ def lay_out(options: Options, wiring: Wiring) -> Layout:
     """
     reads, backs, statuses, writes = [], [], [], []
     status: list[tuple[Register, list[int]]] = []
-    ranges = [(0.0, 0.0)] * len(wiring.outputs)
+    n_outputs = len(wiring.outputs)
+    ranges = [(0.0, 0.0)] * n_outputs
     told, quality = set(), False
     for unit in options.every_unit:
         readable = [register for register in unit.known if register.role != "output"]
@@ -118,8 +119,8 @@ def lay_out(options: Options, wiring: Wiring) -> Layout:
         Capabilities(
             wiring.inputs,
             wiring.outputs,
-            read_back=len(told) == len(wiring.outputs) > 0,
-            max_rate_hz=_fastest_hz(options, (*reads, *backs), writes, together),
+            read_back=len(told) == n_outputs > 0,
+            max_rate_hz=_fastest_hz(options, n_outputs, (*reads, *backs), writes, together),
             holds=True,
             watchdog=bool(watched(options, wiring)),
             quality=quality,
@@ -166,6 +167,7 @@ def _together(
 
 def _fastest_hz(
     options: Options,
+    n_outputs: int,
     reads: Sequence[ReadBlock],
     writes: Sequence[WriteBlock],
     together: Sequence[WriteAndRead],
@@ -178,7 +180,7 @@ def _fastest_hz(
     if together:
         requests[0] = together[-1].request(b"\0\0" * writes[0].count)
     else:
-        values = [0.0] * 256
+        values = [0.0] * n_outputs
         requests += [request for write in writes for request in write.requests(values)[0]]
     n_bytes = sum(len(each.pdu) + each.n_bytes + 2 * _RTU_BYTES for each in requests)
     wire_s = n_bytes * options.character_s + len(requests) * options.silence_s

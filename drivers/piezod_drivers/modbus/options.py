@@ -5,6 +5,7 @@ from typing import Annotated, Final, Literal, Self, TypeAlias
 
 from pydantic import Field, StringConstraints, model_validator
 
+from piezod.config.document import KeyPath
 from piezod.config.fields import BrokenRule, ConfigModel, Quantity, raise_rules
 from piezod_drivers.modbus.profiles import PROFILES
 from piezod_drivers.modbus.register import Register
@@ -13,6 +14,7 @@ UnitAddress: TypeAlias = Annotated[int, Quantity(0, 255)]
 Port: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=4096)]
 Host: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=253)]
 
+SERIAL_ADDRESSES: Final = range(1, 248)
 DEFAULT_BAUD: Final = 9600
 DEFAULT_WRITES: Final = (6, 16)
 
@@ -65,8 +67,20 @@ class UnitOptions(ConfigModel):
             names = [reg.channel for reg in self.registers if reg.role == role]
             if twice := {str(name) for name in names if names.count(name) > 1}:
                 yield ("registers",), f"{role}s of the same name: {', '.join(sorted(twice))}"
+        yield from self._broken_rules_of_references()
         if not {6, 16} & set(self.write_functions):
             yield ("write_functions",), "6 or 16 is needed, to write where nothing is read"
+
+    def _broken_rules_of_references(self) -> Iterator[BrokenRule]:
+        """A read-back or a status of a channel that is not there would never be asked for."""
+        outputs = {reg.channel for reg in self.registers if reg.role == "output"}
+        inputs = {reg.channel for reg in self.registers if reg.role == "input"}
+        for i, reg in enumerate(self.registers):
+            path = ("registers", i, "channel")
+            if reg.role == "read-back" and reg.channel not in outputs:
+                yield path, f"a read-back is of an output, and none is called {reg.channel!r}"
+            if reg.role == "status" and reg.channel not in {None, *inputs, *outputs}:
+                yield path, f"no input or output of this unit is called {reg.channel!r}"
 
 
 class Options(UnitOptions):
@@ -131,14 +145,22 @@ class Options(UnitOptions):
                 yield ("units", i, "profile"), "name a profile, or give registers"
         if not self.units and self.profile is None and not self.registers:
             yield ("profile",), "name a profile, or give registers or units"
-        addresses = [unit.unit for unit in self.units]
-        if len(set(addresses)) < len(addresses):
-            yield ("units",), "two have the same address"
+        yield from self._broken_rules_of_addresses()
         yield from self._broken_rules_of_channels()
         yield from self._broken_rules_of_watchdog()
 
+    def _broken_rules_of_addresses(self) -> Iterator[BrokenRule]:
+        addresses = [unit.unit for unit in self.units]
+        if len(set(addresses)) < len(addresses):
+            yield ("units",), "two have the same address"
+        for i, unit in enumerate(self.every_unit):
+            if self.port is not None and unit.unit not in SERIAL_ADDRESSES:
+                path: KeyPath = ("units", i, "unit") if self.units else ("unit",)
+                what = f"no address on a serial line (got {unit.unit}), allowed range 1 to 247"
+                yield path, f"{what}; 0 speaks to all devices at once, and none of them answers"
+
     def _broken_rules_of_channels(self) -> Iterator[BrokenRule]:
-        known = [reg for unit in self.units if _has_profile(unit) for reg in unit.known]
+        known = [reg for unit in self.units if _is_known(unit) for reg in unit.known]
         for role in ("input", "output"):
             names = [reg.channel for reg in known if reg.role == role]
             if twice := {str(name) for name in names if names.count(name) > 1}:
@@ -146,7 +168,7 @@ class Options(UnitOptions):
                 yield ("units",), what + "give one of the units registers of its own"
 
     def _broken_rules_of_watchdog(self) -> Iterator[BrokenRule]:
-        if self.watchdog is None or not all(map(_has_profile, self.every_unit)):
+        if self.watchdog is None or not all(map(_is_known, self.every_unit)):
             return
         profiles = [PROFILES[unit.profile] for unit in self.every_unit if unit.profile]
         watched = [profile.watchdog for profile in profiles if profile.watchdog is not None]
@@ -157,5 +179,6 @@ class Options(UnitOptions):
                 yield ("watchdog",), why
 
 
-def _has_profile(unit: UnitOptions) -> bool:
+def _is_known(unit: UnitOptions) -> bool:
+    """Tell whether `known` can be asked for: the profile, if one is named, is there."""
     return unit.profile is None or unit.profile in PROFILES

@@ -6,7 +6,14 @@ from math import inf, nan
 from typing import Final, NamedTuple, TypeAlias
 
 from piezod_drivers.modbus.register import Register, Table, packer, unpacker
-from piezod_drivers.modbus.requests import MOST_READ, Request, WriteMany, read, write_one
+from piezod_drivers.modbus.requests import (
+    MOST_READ,
+    MOST_WRITTEN,
+    Request,
+    WriteMany,
+    read,
+    write_one,
+)
 
 FORMS: Final = 3
 """In so many lengths a block is read by turns, where its device has the registers."""
@@ -40,7 +47,7 @@ class ReadBlock:
     def __init__(self, unit: int, wanted: Sequence[tuple[int, Register]], extent: Extent) -> None:
         table: Table = wanted[0][1].table
         start, end = _around(register for _, register in wanted)
-        self.unit, self.table, self.start, self.count = unit, table, start, end - start
+        self.unit, self.start, self.count = unit, start, end - start
         most = min(extent[1] - start, MOST_COILS if table == "coil" else MOST_READ)
         longer = range(self.count, min(most, self.count + FORMS - 1) + 1)
         counts = longer if table != "coil" else (self.count,)
@@ -138,8 +145,9 @@ def write_blocks(
     """Group registers that follow each other, where the device can write several at once."""
     groups: list[list[tuple[int, Register]]] = []
     for place, register in sorted(wanted, key=lambda one: one[1].address):
-        end = _around(reg for _, reg in groups[-1])[1] if groups else -1
-        if end == register.address and 16 in functions:
+        start, end = _around(reg for _, reg in groups[-1]) if groups else (0, -1)
+        fits = register.address + register.size - start <= MOST_WRITTEN
+        if end == register.address and fits and 16 in functions:
             groups[-1].append((place, register))
         else:
             groups.append([(place, register)])
@@ -160,7 +168,7 @@ def _extents(known: Iterable[Register]) -> dict[Table, list[Extent]]:
 
 
 def _joined(spans: Sequence[Extent]) -> list[Extent]:
-    starts = [spans[0][0]] + [high for (_, low), (high, _) in pairwise(spans) if high > low]
+    starts = [spans[0][0]] + [start for (_, end), (start, _) in pairwise(spans) if start > end]
     return [
         (start, max(high for low, high in spans if start <= low < until))
         for start, until in pairwise([*starts, 1 << 17])

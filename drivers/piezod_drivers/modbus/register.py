@@ -17,7 +17,14 @@ WordOrder: TypeAlias = Literal["big", "little"]
 Address: TypeAlias = Annotated[int, Quantity(0, 65_535)]
 Value: TypeAlias = Annotated[float, Quantity(-1e9, 1e9)]
 
-_FORMATS: Final = {"int16": "h", "uint16": "H", "int32": "i", "uint32": "I", "float32": "f"}
+STRUCTS: Final[dict[NumberType, Struct]] = {
+    "int16": Struct(">h"),
+    "uint16": Struct(">H"),
+    "int32": Struct(">i"),
+    "uint32": Struct(">I"),
+    "float32": Struct(">f"),
+}
+"""How numbers are coded, big end first."""
 _LIMITS: Final = {
     "int16": (-(2**15), 2**15 - 1),
     "uint16": (0, 2**16 - 1),
@@ -120,7 +127,7 @@ class Register(ConfigModel):
 
 def unpacker(register: Register) -> Unpack:
     """Return what turns the words of a register, big end first, into its number."""
-    unpack_from = Struct(">" + _FORMATS[register.type]).unpack_from
+    unpack_from = STRUCTS[register.type].unpack_from
     if register.size == 1 or register.words == "big":
         return lambda data, at: unpack_from(data, at)[0]
     return lambda data, at: unpack_from(data[at + 2 : at + 4] + data[at : at + 2])[0]
@@ -128,7 +135,7 @@ def unpacker(register: Register) -> Unpack:
 
 def packer(register: Register) -> Pack:
     """Return what turns a value into the words of a register; the value is within its range."""
-    pack = Struct(">" + _FORMATS[register.type]).pack
+    pack = STRUCTS[register.type].pack
     scale, offset = register.scale, register.offset
     if register.type == "float32":
         words: Pack = lambda value: pack((value - offset) / scale)  # noqa: E731 - one of two

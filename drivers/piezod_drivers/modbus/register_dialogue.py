@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import isnan, nan
 from typing import Final
 
+from piezod.devices.bus.bus_device import LOSING
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
@@ -16,7 +17,9 @@ from piezod_drivers.modbus.transactions import Transactions
 
 STATUS_PERIOD_NS: Final = 100_000_000
 SILENCE_NS: Final = 300_000_000
-"""After so long a watchdog may have tripped: the device is asked before outputs are set."""
+"""After so long a watchdog may have tripped: the device is asked before outputs are set.
+
+Sooner where one is armed that waits for less."""
 
 
 class RegisterDialogue:
@@ -35,6 +38,9 @@ class RegisterDialogue:
         self._options, self._transactions = options, transactions
         self._layout = lay_out(options, wiring)
         self._watched = watched(options, wiring)
+        wanted = options.watchdog if self._watched else None
+        armed_ns = round(0.9e9 * wanted.timeout_s) if wanted else SILENCE_NS
+        self._silence_ns = min(SILENCE_NS, armed_ns)
         self._n_inputs = len(wiring.inputs)
         self._no_values = [nan] * len(wiring.inputs)
         self._well: list[Flags] = [NO_FLAGS] * len((*wiring.inputs, *wiring.outputs))
@@ -69,9 +75,11 @@ class RegisterDialogue:
             identities.append(setup.identity(profile))
         self._said = self._told = self._well
         self._status_ns = self._in_force_ns = None
-        for block in (*self._layout.reads, *self._layout.backs, *self._layout.statuses):
+        reads = [self._try_forms(block) for block in self._layout.reads]
+        if self._together:
+            self._together = [self._together[form] for form in reads[0]]
+        for block in (*self._layout.backs, *self._layout.statuses):
             self._try_forms(block)
-        del self._together[len(self._layout.reads[0].requests) if self._together else 0 :]
         return Identity(*(" + ".join(parts) for parts in zip(*identities, strict=True)))
 
     def close(self) -> None:
@@ -119,20 +127,24 @@ class RegisterDialogue:
         return self._noted(values, now_ns)
 
     def put(self, values: Sequence[float]) -> None:
-        """Set every output; may be called in the loop."""
+        """Set every output; without inputs, read the status now and then; call it in the loop."""
         self._in_force_ns = None
-        self._require_untripped()
+        began_ns = self._require_untripped()
         for block in self._layout.writes:
             self._write(block, values)
+        self._last_ns = began_ns  # whoever is stopped before the reply has been silent since
+        if not self._layout.reads:
+            self._look_around(began_ns)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
         """Set and read everything in one request (function 23); may be called in the loop."""
         self._in_force_ns = None
-        self._require_untripped()
+        began_ns = self._require_untripped()
         write, block = self._layout.writes[0], self._layout.reads[0]
         words = write.words(values)
         requests = [form.request(words) for form in self._together]
-        _, pdu = self._transactions.ask(write.unit, requests, block.turn())
+        pdu = self._transactions.ask(write.unit, requests, block.turn())
+        self._last_ns = began_ns
         measured = self._no_values.copy()
         block.decode(pdu, measured)
         return self._noted(measured, now_ns)
@@ -155,8 +167,8 @@ class RegisterDialogue:
         self._noticed = set()
         return noticed
 
-    def _try_forms(self, block: ReadBlock) -> None:
-        """Keep the forms of a question that the device takes."""
+    def _try_forms(self, block: ReadBlock) -> list[int]:
+        """Keep the forms of a question that the device takes; return their places."""
         taken = []
         for form, request in enumerate(block.requests):
             try:
@@ -166,10 +178,11 @@ class RegisterDialogue:
                 if form == 0 or fault.flag is not DeviceFlag.WRONG_REQUEST:
                     raise
         block.keep(taken)
+        return taken
 
     def _read(self, blocks: Sequence[ReadBlock], into: list[float]) -> None:
         for block in blocks:
-            _, pdu = self._transactions.ask(block.unit, block.requests, block.turn())
+            pdu = self._transactions.ask(block.unit, block.requests, block.turn())
             block.decode(pdu, into)
 
     def _write(self, block: WriteBlock, values: Sequence[float]) -> None:
@@ -181,21 +194,23 @@ class RegisterDialogue:
         for request in ways[0] if self._transactions.is_free(block.unit, ways[0]) else ways[-1]:
             self._transactions.ask(block.unit, [request])
 
-    def _require_untripped(self) -> None:
+    def _require_untripped(self) -> int:
         """Be sure that no watchdog has tripped; ask, where nobody was heard for long.
+
+        Returns:
+            When that began: whoever acknowledges what is asked next was heard since.
 
         Raises:
             LineFault: If one has: to set an output now would be a jump. `DISCONNECTED` where to
                 open the device again may help.
         """
-        now_ns = self._transactions.now_ns()
-        silent = now_ns - self._last_ns > SILENCE_NS
-        self._last_ns = now_ns
+        began_ns = self._transactions.now_ns()
+        silent = began_ns - self._last_ns > self._silence_ns
         if self._layout.status and (silent or self._lasts):
             self._said = self._told = self._read_status()
         self._tripped |= self._says_tripped()
         if not self._tripped:
-            return
+            return began_ns
         self._noticed.add(DeviceFlag.WATCHDOG_TRIPPED)
         what = "the watchdog has tripped: the outputs are not where they were"
         self._lasts &= self._says_tripped()
@@ -210,17 +225,34 @@ class RegisterDialogue:
 
     def _noted(self, values: list[float], now_ns: int) -> Reading:
         """Note saturated inputs, and ask for the status where it is due."""
-        if self._layout.status and (
-            self._status_ns is None or now_ns - self._status_ns >= STATUS_PERIOD_NS
-        ):
-            self._status_ns = now_ns
-            self._said = self._read_status()
+        self._ask_status(now_ns)
         self._told = self._said
         if nan_at := [place for place, value in enumerate(values) if isnan(value)]:
             self._told = list(self._said)
             for place in nan_at:
                 self._told[place] |= {DeviceFlag.SATURATED}
         return now_ns, values
+
+    def _look_around(self, now_ns: int) -> None:
+        """Ask for the status where it is due; outputs are set, whatever becomes of that.
+
+        Raises:
+            LineFault: If the device is lost.
+        """
+        try:
+            self._ask_status(now_ns)
+        except LineFault as fault:
+            if fault.flag in LOSING:
+                raise
+            self._noticed.add(fault.flag)
+        self._told = self._said
+
+    def _ask_status(self, now_ns: int) -> None:
+        if self._layout.status and (
+            self._status_ns is None or now_ns - self._status_ns >= STATUS_PERIOD_NS
+        ):
+            self._status_ns = now_ns
+            self._said = self._read_status()
 
     def _read_status(self) -> list[Flags]:
         numbers = [0.0] * len(self._layout.status)

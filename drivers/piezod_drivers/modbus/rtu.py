@@ -63,15 +63,14 @@ class RtuTransactions(OneLine):
             self._absorb(self._line.receive(left_ns))
         self._owed.clear()
 
-    def ask(self, unit: int, requests: Sequence[Request], first: int = 0) -> tuple[int, bytes]:
+    def ask(self, unit: int, requests: Sequence[Request], first: int = 0) -> bytes:
         """Send one request of several that ask for the same; may be called in the loop.
 
         Raises:
             LineFault: If there is no answer in time, or a late one may still come, or the device
                 refuses.
         """
-        which = self._free(unit, requests, first)
-        request = requests[which]
+        request = self._free(unit, requests, first)
         frame = bytes((unit,)) + request.pdu
         self._rest()
         self._n_bytes = request.n_bytes + 3
@@ -85,8 +84,8 @@ class RtuTransactions(OneLine):
             self._quiet_ns = self._line.now_ns() + self._silence_ns
         pdu = reply[1:-2]
         if len(pdu) == request.n_bytes and pdu.startswith(request.echo):
-            return which, pdu
-        return which, judge(pdu, request, self.who(unit))
+            return pdu
+        return judge(pdu, request, self.who(unit))
 
     def is_free(self, unit: int, requests: Sequence[Request]) -> bool:
         """Tell whether no late reply can be mistaken for one to these; call it in the loop."""
@@ -98,19 +97,19 @@ class RtuTransactions(OneLine):
             self._owed.get(bytes((unit,)) + request.echo, 0) <= now_ns for request in requests
         )
 
-    def _free(self, unit: int, requests: Sequence[Request], first: int) -> int:
+    def _free(self, unit: int, requests: Sequence[Request], first: int) -> Request:
         """Choose a request whose reply cannot be mistaken for a late one."""
         self._tag = bytes((unit,)) + requests[first].echo
         if not self._owed:
-            return first
+            return requests[first]
         self._absorb(self._line.receive(0))
         now_ns = self._line.now_ns()
         for turn in range(len(requests)):
-            which = (first + turn) % len(requests)
-            self._tag = bytes((unit,)) + requests[which].echo
+            request = requests[(first + turn) % len(requests)]
+            self._tag = bytes((unit,)) + request.echo
             if self._owed.get(self._tag, 0) <= now_ns:
                 self._owed.pop(self._tag, None)
-                return which
+                return request
         raise LineFault(DeviceFlag.LATE_REPLY, f"{self.who(unit)}: a late reply may still come")
 
     def _rest(self) -> None:

@@ -1,7 +1,6 @@
 """What is said to a device before and after its cyclic use: who it is, and its watchdog."""
 
 from collections.abc import Sequence
-from struct import Struct
 from typing import Final
 
 from piezod.devices.bus.line import LineFault
@@ -9,19 +8,12 @@ from piezod.devices.interface import Identity
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.modbus.profiles.profile import Profile, Setting, WatchdogPlan
-from piezod_drivers.modbus.register import NumberType, Table
+from piezod_drivers.modbus.register import STRUCTS, NumberType, Table
 from piezod_drivers.modbus.requests import WriteMany, read, write_one
 from piezod_drivers.modbus.transactions import Transactions
 
 NOT_TOLD: Final = "not told"
 """What a device says of itself that its protocol cannot ask for."""
-_STRUCTS: Final = {
-    "int16": Struct(">h"),
-    "uint16": Struct(">H"),
-    "int32": Struct(">i"),
-    "uint32": Struct(">I"),
-    "float32": Struct(">f"),
-}
 
 
 class Setup:
@@ -45,9 +37,9 @@ class Setup:
         Raises:
             LineFault: If that fails.
         """
-        layout = _STRUCTS[kind]
+        layout = STRUCTS[kind]
         count = 1 if table == "coil" else layout.size // 2
-        _, pdu = self._transactions.ask(self._unit, [read(table, address, count)])
+        pdu = self._transactions.ask(self._unit, [read(table, address, count)])
         return float(pdu[2] & 1 if table == "coil" else layout.unpack_from(pdu, 2)[0])
 
     def set(self, setting: Setting) -> None:
@@ -135,9 +127,9 @@ class Setup:
 
 def _words(setting: Setting) -> bytes:
     number = setting.number if setting.type == "float32" else int(setting.number)
-    return _STRUCTS[setting.type].pack(number)
+    return STRUCTS[setting.type].pack(number)
 
 
 def _held(setting: Setting) -> float:
     """Return the number as a device can hold it."""
-    return float(_STRUCTS[setting.type].unpack(_words(setting))[0])
+    return float(STRUCTS[setting.type].unpack(_words(setting))[0])

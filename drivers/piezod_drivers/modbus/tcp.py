@@ -29,7 +29,7 @@ class TcpTransactions(OneLine):
         super().__init__(line, timeout_s)
         self._number, self._tag = 0, b""
 
-    def ask(self, unit: int, requests: Sequence[Request], first: int = 0) -> tuple[int, bytes]:
+    def ask(self, unit: int, requests: Sequence[Request], first: int = 0) -> bytes:
         """Send one request; may be called in the loop.
 
         Raises:
@@ -45,8 +45,8 @@ class TcpTransactions(OneLine):
             raise LineFault(DeviceFlag.GARBAGE, what)
         pdu = reply[7:]
         if len(pdu) == request.n_bytes and pdu.startswith(request.echo):
-            return first, pdu
-        return first, judge(pdu, request, self.who(unit))
+            return pdu
+        return judge(pdu, request, self.who(unit))
 
     def settle(self) -> None:
         """Do nothing: no late reply is in the way."""

@@ -24,7 +24,7 @@ class Transactions(Protocol):
         """Let go. Never raises."""
         ...
 
-    def ask(self, unit: int, requests: Sequence[Request], first: int = 0) -> tuple[int, bytes]:
+    def ask(self, unit: int, requests: Sequence[Request], first: int = 0) -> bytes:
         """Send one request of several that ask for the same; may be called in the loop.
 
         Args:
@@ -33,7 +33,7 @@ class Transactions(Protocol):
             first: Which one is to be taken, if a late reply to it cannot come any more.
 
         Returns:
-            Which one was sent, and the reply with its function.
+            The reply with its function.
 
         Raises:
             LineFault: If there is no answer in time, or the device refuses.

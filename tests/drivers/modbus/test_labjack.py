@@ -109,6 +109,27 @@ def test_a_saturated_input_is_no_sample() -> None:
     assert device.status(line.now_ns())[0] == {DeviceFlag.SATURATED}
 
 
+@pytest.mark.sees("modbus", "S7")
+@pytest.mark.parametrize("order", [(0, 1, 2, 3, 4), (4, 3, 2, 1, 0)])
+def test_an_input_of_a_t4_saturates_at_the_end_of_its_own_range(order: tuple[int, ...]) -> None:
+    """AIN0 to AIN3 go to 10 V and the others to 2.5 V, in whatever order they are used."""
+    wiring = Wiring(tuple(f"AIN{i}" for i in order), ())
+    options = Options.model_validate({"profile": "labjack-t4", "host": "h"})
+    device, line, rig = emulated(plugins.LABJACK_T4, options, wiring)
+    device.open()
+    device.activate(line.now_ns())
+    rig.drive_v = [60.0] * 5
+    assert [sample.position_um for sample in device.read(line.now_ns())] == pytest.approx([2.4] * 5)
+    assert device.status(line.now_ns()) == [frozenset()] * 5
+    rig.drive_v = [75.0] * 5
+    told = dict(zip(wiring.inputs, device.read(line.now_ns()), strict=True))
+    assert not told.pop("AIN4").valid
+    assert [sample.position_um for sample in told.values()] == pytest.approx([3.0] * 4)
+    flags = dict(zip(wiring.inputs, device.status(line.now_ns()), strict=True))
+    assert flags.pop("AIN4") == {DeviceFlag.SATURATED}
+    assert set(flags.values()) == {frozenset()}
+
+
 @pytest.mark.sees("modbus", "A9")
 def test_the_watchdog_makes_the_output_safe_when_we_die() -> None:
     """After 2 s of silence the output is at the safe voltage, and nothing is set from then on.

@@ -12,6 +12,7 @@ ADAMS = ({"unit": 1, "profile": "adam-4024"}, {"unit": 2, "profile": "adam-6024"
 STATUS = {"role": "status", "address": 1, "flag": "busy"}
 INPUT = {"role": "input", "channel": "a", "address": 0}
 OUTPUT = {"role": "output", "channel": "a", "address": 0, "range": (0.0, 10.0), "scale": 1e-3}
+BACK = {"role": "read-back", "channel": "a", "address": 0}
 
 
 @pytest.mark.parametrize(
@@ -32,12 +33,33 @@ OUTPUT = {"role": "output", "channel": "a", "address": 0, "range": (0.0, 10.0), 
         ({**T7, "watchdog": WATCHED | {"safe": 6.0}}, "allowed range 0 to 5 V"),
         ({**T7, "profile": "wago-750", "watchdog": WATCHED | {"safe": 1.0}}, "must be 0"),
         ({**T7, "profile": "adam-6024", "watchdog": WATCHED}, "none that piezod can arm"),
+        ({**T7, "profile": "wago-750", "watchdog": WATCHED | {"timeout_s": 0.25}}, "tenths of a s"),
+        ({"profile": "adam-4024", "port": "p", "unit": 0}, "line .got 0., allowed .* 1 to 247"),
+        ({"units": ({"unit": 248, "profile": "adam-4024"},), "port": "p"}, "serial line .got 248."),
+        ({**TCP, "registers": (INPUT, BACK)}, "is of an output, and none is called 'a'"),
+        ({**TCP, "registers": (OUTPUT, BACK | {"channel": "b"})}, "none is called 'b'"),
+        ({**TCP, "registers": (OUTPUT, STATUS | {"channel": "b"})}, "no input or output .* 'b'"),
     ],
 )
 def test_a_broken_rule_is_told(options: dict[str, object], what: str) -> None:
     """Each mistake in the options is an error that says what is allowed."""
     with pytest.raises(ValidationError, match=what):
         Options.model_validate(options)
+
+
+@pytest.mark.parametrize(
+    ("line", "unit"), [({"port": "p"}, 1), ({"port": "p"}, 247), (TCP, 0), (TCP, 255)]
+)
+def test_addresses_up_to_the_ends_are_taken(line: dict[str, object], unit: int) -> None:
+    """A serial line has the addresses 1 to 247; over TCP 0 and 255 mean the device itself."""
+    assert Options.model_validate({**line, "profile": "wago-750", "unit": unit}).unit == unit
+
+
+def test_a_status_may_be_about_an_input_or_an_output_or_all() -> None:
+    """References to channels that are there, and a status of the whole unit, are taken."""
+    about = (STATUS | {"channel": "a"}, STATUS | {"channel": "b"}, STATUS)
+    rows = (OUTPUT, BACK, INPUT | {"channel": "b"}, *about)
+    assert len(Options.model_validate({**TCP, "registers": rows}).registers) == 6
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,19 @@ def test_ways_to_write(functions: tuple[int, ...], n_requests: list[list[int]]) 
     assert ways == n_requests
 
 
+@pytest.mark.parametrize(
+    ("kind", "n_registers", "counts"), [("uint16", 130, [121, 9]), ("float32", 62, [120, 4])]
+)
+def test_long_writes_are_divided(kind: str, n_registers: int, counts: list[int]) -> None:
+    """No request sets more than 121 registers, and none a part of a number."""
+    step = 1 if kind == "uint16" else 2
+    rows = [register("output", step * i, type=kind) for i in range(n_registers)]
+    blocks = write_blocks(1, list(enumerate(rows)), (16,))
+    assert [block.count for block in blocks] == counts
+    values = [1.0] * n_registers
+    assert max(len(block.requests(values)[0][0].pdu) for block in blocks) <= 253
+
+
 def test_numbers_of_32_bits_are_written_by_function_16() -> None:
     """A number of two registers is never written in halves."""
     block = write_blocks(1, [(0, register("output", 4, type="float32"))], (6,))[0]

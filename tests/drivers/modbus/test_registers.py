@@ -1,3 +1,4 @@
+from struct import unpack_from
 from typing import Any
 
 import pytest
@@ -9,13 +10,16 @@ from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.modbus.emulation import plugins
 from piezod_drivers.modbus.options import Options
-from tests.drivers.modbus.emulated import emulated
+from tests.drivers.modbus.emulated import TIMEOUT_S, emulated
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine
 
 WATCHED = {"watchdog": {"timeout_s": 2.0, "safe": 0.0}}
 BOXES = ({"unit": 1, "profile": "icpdas-m7017"}, {"unit": 2, "profile": "icpdas-m7024"})
 WAVESHARE = ({"unit": 1, "profile": "waveshare-ai8b"}, {"unit": 2, "profile": "waveshare-ao8b"})
 ONE = Wiring(("AI0",), ("AO0",))
+# The second output of the emulated coupler plays the status of a device of one's own.
+TRIPPED = {"role": "status", "address": 0x201, "flag": "watchdog tripped", "mask": 0x4000}
+DRIVE = {"role": "output", "channel": "AO0", "address": 0, "range": (0.0, 30_000.0)}
 CASES: list[Any] = [
     pytest.param(plugins.ADAM_6024, {"profile": "adam-6024", "host": "h"}, ONE, id="adam-6024"),
     pytest.param(plugins.WAGO_750, {"profile": "wago-750", "host": "h"}, ONE, id="wago-750"),
@@ -37,6 +41,12 @@ def opened(
     device.open()
     device.activate(line.now_ns())
     return device, line, rig
+
+
+def outputs_only() -> tuple[BusDevice, EmulatedLine, Any]:
+    """Return an active device with an output, a status and no input, its line and the rig."""
+    options: dict[str, object] = {"registers": (DRIVE, TRIPPED), "host": "h"}
+    return opened(plugins.WAGO_750, options, Wiring((), ("AO0",)))
 
 
 def set_by_somebody_else(line: EmulatedLine, address: int, word: int) -> None:
@@ -90,6 +100,17 @@ def test_a_coupler_with_function_23_needs_one_request_for_a_cycle() -> None:
     assert [frame[7] for frame in line.sent] == [23]
 
 
+def test_who_sets_and_reads_in_time_is_not_silent() -> None:
+    """The status is asked ten times a second, and not before every request."""
+    device, line, _ = opened(plugins.WAGO_750, {"profile": "wago-750", "host": "h"})
+    assert isinstance(device, ExchangingBusDevice)
+    line.sent.clear()
+    for _ in range(100):
+        assert device.exchange([4.0], line.now_ns())[0]
+        line.time.t_ns += 10 * MS
+    assert [frame[7] for frame in line.sent].count(3) == 10
+
+
 @pytest.mark.sees("modbus", "A9")
 def test_the_watchdog_of_a_coupler_is_armed_and_seen_to_trip() -> None:
     """After a silence the outputs are at 0 V, and nothing is set before the device is open anew."""
@@ -140,12 +161,11 @@ def test_a_status_that_piezod_cannot_clear_refuses_until_it_is_cleared() -> None
 
     When its maker's program has cleared it, the outputs have to be taken over once more.
     """
-    # The second output of the emulated coupler plays the status of a device of one's own.
     rows = (
         {"role": "input", "channel": "AI0", "table": "input", "address": 0, "type": "int16"},
-        {"role": "output", "channel": "AO0", "address": 0, "range": (0.0, 30_000.0)},
+        DRIVE,
         {"role": "read-back", "channel": "AO0", "address": 0x200},
-        {"role": "status", "address": 0x201, "flag": "watchdog tripped", "mask": 0x4000},
+        TRIPPED,
     )
     options = Options.model_validate({"registers": rows, "host": "h"})
     device, line, rig = emulated(plugins.WAGO_750, options, ONE)
@@ -167,6 +187,82 @@ def test_a_status_that_piezod_cannot_clear_refuses_until_it_is_cleared() -> None
     device.open()
     device.activate(line.now_ns())
     assert device.write([4000.0], line.now_ns())
+
+
+@pytest.mark.sees("modbus", "A9")
+@pytest.mark.parametrize("n_lost", [1, 8])
+def test_nothing_is_set_after_an_outage_before_the_status_was_seen(n_lost: int) -> None:
+    """A write or a question that nobody acknowledges does not end the silence."""
+    device, line, rig = outputs_only()
+    assert device.write([4000.0], line.now_ns())
+    before = list(rig.drive_v)
+    line.time.t_ns += 400 * MS - n_lost * round(TIMEOUT_S * 1e9)
+    line.change = lambda _reply: b""
+    for _ in range(n_lost):
+        assert not device.write([4000.0], line.now_ns())
+    line.change = lambda reply: reply
+    set_by_somebody_else(line, 1, 0x4000)
+    assert not device.write([8000.0], line.now_ns())
+    assert rig.drive_v == before
+    assert DeviceFlag.WATCHDOG_TRIPPED in device.status(line.now_ns())[0]
+
+
+@pytest.mark.sees("modbus", "A9")
+def test_outputs_without_inputs_are_watched_while_they_are_set() -> None:
+    """Their status is asked ten times a second, and the first that tells of a trip ends writing."""
+    device, line, rig = outputs_only()
+    line.sent.clear()
+    for _ in range(100):
+        assert device.write([4000.0], line.now_ns())
+        line.time.t_ns += 10 * MS
+    assert [frame[7] for frame in line.sent].count(3) == 10
+    before = list(rig.drive_v)
+    set_by_somebody_else(line, 1, 0x4000)
+    for _ in range(11):
+        device.write([4000.0], line.now_ns())
+        line.time.t_ns += 10 * MS
+    assert not device.write([8000.0], line.now_ns())
+    assert rig.drive_v == before
+    assert DeviceFlag.WATCHDOG_TRIPPED in device.status(line.now_ns())[0]
+
+
+def test_a_write_is_taken_although_the_status_is_not_told() -> None:
+    """What was acknowledged counts, whatever becomes of the question after it; that is noticed."""
+    device, line, rig = outputs_only()
+    line.change = lambda reply: b"" if reply[7] == 3 else reply
+    assert device.write([4000.0], line.now_ns())
+    assert rig.drive_v == [pytest.approx(150 * 4000 / 0x7FF0, abs=0.05)]
+    assert device.status(line.now_ns()) == [frozenset({DeviceFlag.LATE_REPLY})]
+
+
+def test_a_line_that_goes_after_a_write_is_lost() -> None:
+    """When the question after a write finds nobody, nothing is tried any more."""
+    device, line, _ = outputs_only()
+
+    def pulled(reply: bytes) -> bytes:
+        line.unplugged = reply[7] == 3
+        return reply
+
+    line.change = pulled
+    assert not device.write([4000.0], line.now_ns())
+    assert device.lost
+    assert device.status(line.now_ns()) == [frozenset({DeviceFlag.DISCONNECTED})]
+
+
+@pytest.mark.sees("modbus", "A9")
+def test_a_watchdog_that_waits_for_less_is_asked_sooner() -> None:
+    """After a silence longer than its time-out nothing is sent before its status is known."""
+    watched = {"watchdog": {"timeout_s": 0.1, "safe": 0.0}}
+    options: dict[str, object] = {"profile": "wago-750", "host": "h", **watched}
+    device, line, rig = opened(plugins.WAGO_750, options)
+    assert device.write([4.0], line.now_ns())
+    line.time.t_ns += 150 * MS
+    line.receive(0)
+    assert rig.drive_v == [0.0]
+    line.sent.clear()
+    assert not device.write([4.0], line.now_ns())
+    assert [frame[7] for frame in line.sent] == [3]
+    assert DeviceFlag.WATCHDOG_TRIPPED in device.status(line.now_ns())[1]
 
 
 READ_ONLY: list[Any] = [
@@ -246,6 +342,30 @@ def test_forms_that_a_device_refuses_are_not_used() -> None:
     for _ in range(4):
         assert device.read(line.now_ns())[0].valid
         assert device.status(line.now_ns()) == [frozenset()]
+
+
+def test_a_form_that_is_refused_is_not_used_in_a_common_request() -> None:
+    """Of three lengths the device refuses the second: only the others are read while writing."""
+    options = Options.model_validate({"profile": "wago-750", "host": "h"})
+    device, line, _ = emulated(plugins.WAGO_750, options, ONE)
+    assert isinstance(device, ExchangingBusDevice)
+
+    def refuses_two(reply: bytes) -> bytes:
+        refusal = reply[:4] + b"\0\3" + reply[6:7] + b"\x84\2"
+        return refusal if reply[7:9] == b"\4\4" else reply
+
+    line.change = refuses_two
+    for _ in range(2):
+        device.open()
+        device.activate(line.now_ns())
+        line.sent.clear()
+        for _ in range(4):
+            taken, (sample,) = device.exchange([1.0], line.now_ns())
+            assert taken
+            assert sample.valid
+        asked = [frame for frame in line.sent if frame[7] == 23]
+        assert {unpack_from(">H", frame, 10)[0] for frame in asked} == {1, 3}
+        device.close()
 
 
 def test_what_a_device_does_not_tell() -> None:

@@ -16,6 +16,7 @@ from piezod_drivers.modbus.requests import FEEDBACK
 FUNCTIONS: Final = frozenset({3, 4, 6, 16, FEEDBACK})
 _NO_VALUE: Final = -9999.0
 _RANGE_V: Final = 10.1
+_LOW_RANGE_V: Final = 2.5
 _WRAPS_AT: Final = 1 << 32
 
 
@@ -25,6 +26,7 @@ class Model(NamedTuple):
     Attributes:
         product: Number of the product.
         n_inputs: Number of inputs.
+        n_low_inputs: How many of them, the last ones, end at 0 and 2.5 V.
         highest_v: Of the outputs, in V.
         n_codes: Steps of the outputs.
         usual_serial: Serial number unless told otherwise.
@@ -32,14 +34,15 @@ class Model(NamedTuple):
 
     product: int
     n_inputs: int
+    n_low_inputs: int
     highest_v: float
     n_codes: int
     usual_serial: int
 
 
-T4: Final = Model(4, 12, 5.0, (1 << 10) - 1, 440_010_001)
-T7: Final = Model(7, 14, 5.0, (1 << 12) - 1, 470_010_001)
-T8: Final = Model(8, 8, 10.0, (1 << 16) - 1, 480_010_001)
+T4: Final = Model(4, 12, 8, 5.0, (1 << 10) - 1, 440_010_001)
+T7: Final = Model(7, 14, 0, 5.0, (1 << 12) - 1, 470_010_001)
+T8: Final = Model(8, 8, 0, 10.0, (1 << 16) - 1, 480_010_001)
 
 
 def emulator(model: Model, bench: Bench, serial: str) -> TcpServer:
@@ -47,8 +50,10 @@ def emulator(model: Model, bench: Bench, serial: str) -> TcpServer:
     unit = Unit(FUNCTIONS)
     outputs = [Output(bench, axis, model.highest_v, model.n_codes) for axis in range(2)]
     for i in range(model.n_inputs):
-        unit.has("holding", 2 * i, "float32", _input(bench, i))
-        unit.has("input", 2 * i, "float32", _input(bench, i))
+        is_low = i >= model.n_inputs - model.n_low_inputs
+        value_v = (_low_input if is_low else _input)(bench, i)
+        unit.has("holding", 2 * i, "float32", value_v)
+        unit.has("input", 2 * i, "float32", value_v)
     for i, output in enumerate(outputs):
         unit.has("holding", 1000 + 2 * i, "float32", _value_of(output), output.set)
     _add_facts(unit, model, bench, serial)
@@ -108,6 +113,10 @@ def _input(bench: Bench, axis: int) -> Callable[[], float]:
         return value if abs(value) <= _RANGE_V else _NO_VALUE
 
     return value_v
+
+
+def _low_input(bench: Bench, axis: int) -> Callable[[], float]:
+    return lambda: min(max(measured_v(bench, axis), 0.0), _LOW_RANGE_V)
 
 
 def _value_of(output: Output) -> Callable[[], float]:

@@ -57,16 +57,10 @@ class RtuServer:
     Args:
         units: Each device by its address.
         now_ns: The clock.
-        heard: Called whenever a request is answered, and by `due`.
     """
 
-    def __init__(
-        self,
-        units: Mapping[int, Unit],
-        now_ns: Callable[[], int],
-        heard: Callable[[bool], None] = lambda _asked: None,
-    ) -> None:
-        self._units, self._now_ns, self._heard = units, now_ns, heard
+    def __init__(self, units: Mapping[int, Unit], now_ns: Callable[[], int]) -> None:
+        self._units, self._now_ns = units, now_ns
         self._got, self._until_ns = b"", 0
 
     def receive(self, data: bytes) -> list[bytes]:
@@ -84,14 +78,12 @@ class RtuServer:
                 break
             unit = self._units.get(frame[0])
             if unit is not None:
-                self._heard(True)
                 answer = frame[:1] + unit.answer(frame[1:-2])
                 replies.append(answer + checksum(answer))
         return replies
 
     def due(self) -> list[bytes]:
-        """Send nothing unasked; let time pass for the watchdog."""
-        self._heard(False)
+        """Send nothing unasked."""
         return []
 
 

@@ -4,19 +4,12 @@ from collections.abc import Callable
 from struct import Struct
 from typing import Final, NamedTuple
 
-from piezod_drivers.modbus.register import NumberType, Table
+from piezod_drivers.modbus.register import STRUCTS, NumberType, Table
 from piezod_drivers.modbus.requests import FAILED
 
 NO_FUNCTION, NO_REGISTER, NO_VALUE, FAILURE = 1, 2, 3, 4
 """Exception codes."""
 READS: Final[dict[int, Table]] = {1: "coil", 3: "holding", 4: "input"}
-_LAYOUTS: Final = {
-    "int16": Struct(">h"),
-    "uint16": Struct(">H"),
-    "int32": Struct(">i"),
-    "uint32": Struct(">I"),
-    "float32": Struct(">f"),
-}
 _TWO: Final = Struct(">HH")
 _SET_MANY: Final = Struct(">HHB")
 _SET_AND_READ: Final = Struct(">HHHHB")
@@ -69,7 +62,7 @@ class Unit:
         set_: Callable[[float], None] | None = None,
     ) -> None:
         """Add a number."""
-        self._cells[table, address] = Cell(_LAYOUTS[kind], get, set_)
+        self._cells[table, address] = Cell(STRUCTS[kind], get, set_)
 
     def stores(
         self, table: Table, address: int, kind: NumberType, number: float = 0

@@ -1,10 +1,10 @@
 """The watchdog of an emulated device."""
 
 from collections.abc import Callable
-from typing import Final
+
+from piezod.units import NS_PER_S
 
 OFF, RUNNING, TRIPPED = 0, 1, 2
-NS_PER_S: Final = 1_000_000_000
 
 
 class Watchdog:

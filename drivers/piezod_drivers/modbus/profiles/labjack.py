@@ -16,6 +16,7 @@ from piezod_drivers.modbus.profiles.profile import (
     WatchdogPlan,
     row,
 )
+from piezod_drivers.modbus.register import Register
 
 PRODUCT_ID: Final = 60_000
 FIRMWARE: Final = 60_004
@@ -28,6 +29,10 @@ WATCHDOG_ENABLE: Final = 61_600
 WATCHDOG_TIMEOUT_S: Final = 61_604
 WATCHDOG_DACS: Final = ((61_640, 61_642), (61_650, 61_652))
 """For each output: whether it is set, and to what."""
+WIDE_V: Final = (-11.0, 11.0)
+"""Inputs give up to 10.1 V in the largest range, and -9999 where there is nothing to give."""
+LOW_V: Final = (0.0, 2.44)
+"""T-Series datasheet, T4 low-voltage analog inputs: 0 to 2.5 V; they may end a little below."""
 
 
 def _settings(timeout_s: float, safe_v: float) -> Sequence[Setting]:
@@ -58,21 +63,26 @@ def _watchdog(highest_v: float) -> WatchdogPlan:
     )
 
 
-def _profile(product: int, n_inputs: int, highest_v: float) -> Profile:
+def _inputs(first: int, end: int, range_v: tuple[float, float]) -> tuple[Register, ...]:
+    return row(
+        [f"AIN{i}" for i in range(first, end)],
+        2 * first,
+        step=2,
+        role="input",
+        type="float32",
+        range=range_v,
+    )
+
+
+def _profile(product: int, highest_v: float, n_inputs: int, n_low_inputs: int = 0) -> Profile:
+    n_high = n_inputs - n_low_inputs
     return Profile(
         name=f"labjack-t{product}",
         maker="LabJack",
         model=f"T{product}",
         registers=(
-            # Up to 10.1 V in the largest range, and -9999 where there is nothing to give.
-            *row(
-                [f"AIN{i}" for i in range(n_inputs)],
-                0,
-                step=2,
-                role="input",
-                type="float32",
-                range=(-11.0, 11.0),
-            ),
+            *_inputs(0, n_high, WIDE_V),
+            *_inputs(n_high, n_inputs, LOW_V),
             *row(
                 ["DAC0", "DAC1"],
                 1000,
@@ -98,4 +108,8 @@ def _profile(product: int, n_inputs: int, highest_v: float) -> Profile:
     )
 
 
-LABJACK: Final = (_profile(4, 12, 5.0), _profile(7, 14, 5.0), _profile(8, 8, 10.0))
+LABJACK: Final = (
+    _profile(4, 5.0, n_inputs=12, n_low_inputs=8),
+    _profile(7, 5.0, n_inputs=14),
+    _profile(8, 10.0, n_inputs=8),
+)

@@ -39,7 +39,9 @@ def _settings(timeout_s: float, _safe_v: float) -> Sequence[Setting]:
     ]
 
 
-def _objection(_timeout_s: float, safe_v: float) -> str:
+def _objection(timeout_s: float, safe_v: float) -> str:
+    if abs(10 * timeout_s - round(10 * timeout_s)) > 1e-6:
+        return f"timeout_s counts tenths of a second (got {timeout_s:g}), allowed: 0.1, 0.2 … s"
     return "" if safe_v == 0 else f"safe must be 0, which is all it can do (got {safe_v:g} V)"
 
 
