@@ -23,6 +23,10 @@ class _Settings(ConfigModel):
     rtscts: bool = Field(default=False, description="Whether RTS and CTS hold up the flow.")
     timeout_ms: TimeoutMs = Field(default=30.0, description="How long to wait for each reply, ms.")
 
+    def baud_or(self, usual: int) -> int:
+        """Return `baud` where it is given, else what is usual for the model of the device."""
+        return self.baud if "baud" in self.model_fields_set else usual
+
 
 class PortOptions(_Settings):
     """A serial port; a protocol gives its own defaults to `baud`, `rtscts` and `timeout_ms`."""
@@ -48,16 +52,28 @@ class LineOptions(_Settings):
         return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
+        """Yield what is wrong; who overrides it yields these too."""
         if (self.port is None) == (self.host is None):
             yield ("port",), "name either port, a serial port, or host and tcp_port"
         elif (self.host is None) != (self.tcp_port is None):
             yield ("tcp_port",), "host and tcp_port belong together"
 
 
-def make_line(options: PortOptions | LineOptions) -> Line:
-    """Construct the line that options name; nothing is opened."""
+def ordered(range_v: tuple[float, float]) -> Iterator[BrokenRule]:
+    """Yield what is wrong with a lowest and a highest voltage: that there is none between them."""
+    if not range_v[0] < range_v[1]:
+        yield ("range_v", 1), "must be above the first of the two"
+
+
+def make_line(options: PortOptions | LineOptions, baud: int | None = None) -> Line:
+    """Construct the line that options name; nothing is opened.
+
+    Args:
+        options: What a configuration says.
+        baud: Bits per second, where `options.baud` may be that of another model.
+    """
     if isinstance(options, LineOptions) and options.host is not None:
         assert options.tcp_port is not None  # noqa: S101 - the model has checked it
         return TcpLine(options.host, options.tcp_port)
     assert options.port is not None  # noqa: S101 - likewise
-    return SerialLine(options.port, options.baud, rtscts=options.rtscts)
+    return SerialLine(options.port, baud or options.baud, rtscts=options.rtscts)

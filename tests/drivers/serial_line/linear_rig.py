@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from piezod.devices.emulation.bench import UM_PER_V as UM_PER_SENSOR_V
 from piezod.devices.emulation.bench import Bench
 from piezod.devices.interface import Capabilities, Identity, Sample
 from tests.drivers.serial_line.scripted_line import TestTime
@@ -14,10 +15,21 @@ class LinearRig:
 
     Args:
         n_axes: Number of axes.
+        um_per_v: How far they go, in µm/V.
+
+    Attributes:
+        at_um: Displacement of each axis at 0 V, in µm.
+        drive_v: Voltage of each axis, in V, in force as soon as it is written.
+        driven_v: All that were written, in V, in order.
+        valid: Whether its samples are.
+        highest_v: No voltage above this is taken, in V.
     """
 
-    def __init__(self, n_axes: int = 1) -> None:
+    def __init__(self, n_axes: int = 1, um_per_v: float = UM_PER_V) -> None:
+        self._um_per_v = um_per_v
+        self.at_um = [0.0] * n_axes
         self.drive_v = [0.0] * n_axes
+        self.driven_v: list[list[float]] = []
         self.valid = True
         self.highest_v = 150.0
 
@@ -39,16 +51,18 @@ class LinearRig:
         pass
 
     def read(self, now_ns: int) -> Sequence[Sample]:
+        driven = zip(self.at_um, self.drive_v, strict=True)
         return [
             Sample(now_ns, value, self.valid)
-            for drive_v in self.drive_v
-            for value in (drive_v * UM_PER_V, drive_v / 10)
+            for position_um in (at_um + drive_v * self._um_per_v for at_um, drive_v in driven)
+            for value in (position_um, position_um / UM_PER_SENSOR_V)
         ]
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - the interface's
         if not all(-20.0 <= value <= self.highest_v for value in drive_v):
             return False
         self.drive_v = list(drive_v)
+        self.driven_v.append([*drive_v])
         return True
 
     def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's

@@ -15,6 +15,7 @@ from piezod_drivers.serial_line.thorlabs_apt.driver import PLUGIN
 from piezod_drivers.serial_line.thorlabs_apt.options import Options
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import Emulated, emulated
+from tests.drivers.bus.checks import activates, starts
 
 CUBE, HOST, CHANNEL = 0x50, 0x01, 1
 
@@ -93,8 +94,7 @@ def test_amplifier_that_is_switched_off_and_on_is_told(cubes: Emulated) -> None:
     options = {"port": cubes.where[0], "model": "KPZ101", "timeout_ms": 100.0}
     device: Any = PLUGIN.create(Options.model_validate(options), Wiring((), ("1",)), 1)
     with closing(device):
-        device.open()
-        device.activate(time.monotonic_ns())
+        eventually(lambda: starts(device))
         eventually(lambda: device.write([5.0], time.monotonic_ns()))
         cubes.faults("restart:now:0.1")
         seen: set[DeviceFlag] = set()
@@ -107,6 +107,6 @@ def test_amplifier_that_is_switched_off_and_on_is_told(cubes: Emulated) -> None:
         eventually(restarted)
         cubes.faults()
         device.deactivate(time.monotonic_ns())
-        device.activate(time.monotonic_ns())
+        eventually(lambda: activates(device))
         eventually(lambda: device.write([1.0], time.monotonic_ns()))
         eventually(lambda: not device.status(time.monotonic_ns())[0])

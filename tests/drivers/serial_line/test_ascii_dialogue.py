@@ -310,6 +310,30 @@ def test_the_status_is_asked_after_a_setpoint_when_it_is_due() -> None:
 
 
 @pytest.mark.parametrize(
+    "flag", [DeviceFlag.PARTIAL_WRITE, DeviceFlag.DISCONNECTED, DeviceFlag.HALF_OPEN]
+)
+def test_after_half_a_question_for_the_status_nothing_is_sent(
+    monkeypatch: pytest.MonkeyPatch, flag: DeviceFlag
+) -> None:
+    """A line that is lost with the status is lost: no setpoint is glued to the half of it."""
+    status = {"send": "S?", "flags": ({"pattern": "bad", "flag": "overload"},)}
+    dut, line = started(says(b"V 1.00\n", b"OK\n"), status=status)
+    send = line.send
+
+    def fail(data: bytes) -> None:
+        if data == b"S?\n":
+            raise LineFault(flag, "the line is lost")
+        send(data)
+
+    monkeypatch.setattr(line, "send", fail)
+
+    assert not dut.write([1.0], line.now_ns())
+    assert not dut.write([2.0], line.now_ns())
+    assert flag in dut.status(line.now_ns())[0]
+    line.assert_done()
+
+
+@pytest.mark.parametrize(
     "flag",
     [
         pytest.param(flag, marks=pytest.mark.sees("ascii", fault))

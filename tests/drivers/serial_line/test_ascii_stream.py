@@ -93,6 +93,24 @@ def test_a_line_that_is_an_error_has_no_sample() -> None:
     assert DeviceFlag.SATURATED in dut.status(line.now_ns())[0]
 
 
+@pytest.mark.sees("ascii", "S7")
+def test_after_an_error_nothing_is_valid_until_a_line_comes() -> None:
+    """What was true before an error is not true again because nothing else has come."""
+    dut, line = listening()
+    dut.read(line.now_ns())
+    line.comes(b"saturated\n")
+    seen = [dut.read(line.now_ns())[0]]
+    for _ in range(3):
+        line.time.t_ns += MS
+        seen += dut.read(line.now_ns())
+
+    assert [sample.valid for sample in seen] == [False] * 4
+    assert DeviceFlag.LATE_REPLY not in dut.status(line.now_ns())[0]
+    line.comes(b"P 3.5 um\n")
+    (sample,) = dut.read(line.now_ns())
+    assert (sample.position_um, sample.valid) == (3.5, True)
+
+
 @pytest.mark.sees("ascii", "B11")
 def test_more_than_can_be_read_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """A line that never falls silent is read in part, and the newest of that counts."""

@@ -1,4 +1,3 @@
-import re
 from math import isnan
 
 import pytest
@@ -8,47 +7,24 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.pi_gcs2.driver import PLUGIN, Gcs2Dialogue
-from piezod_drivers.serial_line.pi_gcs2.emulator import Gcs2Emulator
 from piezod_drivers.serial_line.pi_gcs2.options import Options
-from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench
+from tests.drivers.serial_line.linear_rig import UM_PER_V
+from tests.drivers.serial_line.pi_gcs2_bench import (
+    AT_EASE,
+    LIMITS,
+    OPENING,
+    OPTIONS,
+    emulated,
+    scripted,
+)
 from tests.drivers.serial_line.scripted_line import (
     MS,
     T0_NS,
     US,
-    EmulatedLine,
     ScriptedLine,
     Step,
     says,
 )
-
-OPTIONS = Options(port="/dev/ttyUSB0")
-OPENING = (
-    says(b"ERR?\n", b"0\n"),
-    says(b"*IDN?\nERR?\n", b"(c) PI, E-727, 1204, 14.1\n0\n"),
-    says(b"SAI?\nERR?\n", b"1 \n2\n0\n"),
-)
-LIMITS = (
-    says(b"VMI? 1\nERR?\n", b"1=-20\n0\n"),
-    says(b"VMA? 1\nERR?\n", b"1=120\n0\n"),
-)
-AT_EASE = (says(b"SVO? 1\nERR?\n", b"1=0\n0\n"), says(b"ONL? 1\nERR?\n", b"1=1\n0\n"))
-
-
-def scripted(line: ScriptedLine, **options: object) -> ExchangingBusDevice:
-    """Return a device of axis 1 on a script."""
-    chosen = OPTIONS.model_copy(update=options)
-    return ExchangingBusDevice("GCS", Gcs2Dialogue(line, chosen, Wiring.both(["1"])))
-
-
-def emulated(n_axes: int = 1) -> tuple[ExchangingBusDevice, EmulatedLine, Gcs2Emulator, LinearRig]:
-    """Return an open device on an emulated controller."""
-    table, rig, time = bench(n_axes)
-    emulator = Gcs2Emulator(table, "")
-    line = EmulatedLine(emulator, time)
-    wiring = Wiring.both(str(i + 1) for i in range(n_axes))
-    device = ExchangingBusDevice("GCS", Gcs2Dialogue(line, OPTIONS, wiring))
-    device.open()
-    return device, line, emulator, rig
 
 
 def test_the_bytes_of_a_cycle() -> None:
@@ -110,75 +86,6 @@ def test_the_set_value_as_read_back() -> None:
     device.open()
     line.then(says(b"SVA? 1\nERR?\n", b"1=12.5\n0\n"))
     assert device.read_back(1) == [12.5]
-
-
-def test_activation_leaves_the_output() -> None:
-    """An output that the servo holds keeps its voltage, in one write."""
-    device, line, emulator, rig = emulated()
-    rig.drive_v[0], emulator.axes[0].wanted_v, emulator.axes[0].servo = 40.0, 0.0, True
-    device.activate(0)
-    assert rig.drive_v == [40.0]
-    assert b"SVO 1 0\nSVA 1 40.0000\nERR?\n" in line.sent
-    assert device.write([41.0], 1)
-
-
-@pytest.mark.parametrize("in_force_v", [-20.5, 999.0])
-def test_activation_never_clamps(in_force_v: float) -> None:
-    """An output that the servo holds beyond the range would jump: it is refused, nothing is set."""
-    device, line, emulator, rig = emulated()
-    emulator.axes[0].servo = True
-    monitored = f"1={in_force_v}".encode()
-    rig.drive_v[0] = 40.0
-    line.change = lambda reply: re.sub(rb"1=40\.0*", monitored, reply)
-    with pytest.raises(DeviceError, match=r"axis 1 is at .* beyond -20 to .* would jump"):
-        device.activate(0)
-    assert emulator.axes[0].servo
-    assert not [sent for sent in line.sent if b"SVA 1" in sent or b"SVO 1" in sent]
-
-
-def test_activation_needs_a_number() -> None:
-    """A voltage beyond all numbers is none: control is not taken, and nothing is set."""
-    device, line, emulator, rig = emulated()
-    emulator.axes[0].servo = True
-    rig.drive_v[0] = 40.0
-    line.change = lambda reply: re.sub(rb"1=40\.0*", b"1=1e400", reply)
-    with pytest.raises(DeviceUnavailableError, match="no voltage or position"):
-        device.activate(0)
-    assert not [sent for sent in line.sent if b"SVA 1" in sent or b"SVO 1" in sent]
-
-
-def test_a_range_without_end() -> None:
-    """A limit that is no number is not taken for one."""
-    line = ScriptedLine(*OPENING, says(b"VMI? 1\nERR?\n", b"1=-1e999\n0\n"))
-    with pytest.raises(DeviceError, match="tells no range"):
-        scripted(line).open()
-
-
-def test_activation_takes_over_from_the_analog_input() -> None:
-    """A channel that was offline is online, at the voltage that it had."""
-    device, _, emulator, rig = emulated()
-    rig.drive_v[0], emulator.axes[0].online = 40.0, False
-    device.activate(0)
-    assert emulator.axes[0].online
-    assert rig.drive_v == [40.0]
-
-
-def test_activation_that_changes_nothing_sends_nothing() -> None:
-    """An output that is driven already is not even set to what it has."""
-    device, line, _, _ = emulated()
-    device.activate(0)
-    assert not [sent for sent in line.sent if b"SVA 1" in sent or b"SVO 1" in sent]
-
-
-def test_a_servo_that_stays_on() -> None:
-    """A controller that keeps its servo on is not activated."""
-    on = says(b"SVO? 1\nERR?\n", b"1=1\n0\n"), says(b"ONL? 1\nERR?\n", b"2\n")
-    line = ScriptedLine(*OPENING, *LIMITS, *on, says(b"VOL? 1\nERR?\n", b"1=5\n0\n"))
-    line.then(on[1], says(b"SVO 1 0\nSVA 1 5.0000\nERR?\n", b"0\n"), *on)
-    device = scripted(line)
-    device.open()
-    with pytest.raises(DeviceError, match="does not give up its servo"):
-        device.activate(0)
 
 
 def test_two_axes_in_one_transaction() -> None:

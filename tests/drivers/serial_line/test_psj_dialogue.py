@@ -40,6 +40,17 @@ def test_nv200_tells_its_setpoint() -> None:
     assert device.read_back(rig.now_ns()) == [3.0]
 
 
+def test_a_setpoint_makes_what_was_told_before_it_old() -> None:
+    """What is in force after a setpoint is asked for, even at the instant of the one before."""
+    rig = Rig("nv200")
+    device = rig.started()
+    now_ns = rig.now_ns()
+    before = device.read_back(now_ns)
+    device.write([5.0], now_ns)
+
+    assert (before, device.read_back(now_ns)) == ([0.0], [5.0])
+
+
 @pytest.mark.sees("psj", "S6")
 def test_a_d_drives_reading_carries_the_instant_of_its_refresh() -> None:
     """What a d-Drive refreshes every 500 ms is not called new in between."""

@@ -55,6 +55,36 @@ def test_control_is_not_taken_where_the_voltage_would_jump(profile: Profile, bef
         rig.device.activate(rig.now_ns())
 
 
+@pytest.mark.parametrize("reads", ["position", "voltage", "nothing"])
+def test_an_nv40_is_asked_for_its_loop_whatever_its_reading_is_used_for(reads: Reads) -> None:
+    """The setpoint of a closed loop is in µm, whether anybody wants the position or not."""
+    rig = Rig("nv40", reads)
+    rig.emulator.reads = "position"  # a CLE, and not what the configuration makes of it
+    rig.send(b"cloop,0,1\r")
+    rig.device.open()
+
+    with pytest.raises(DeviceError, match="channel 0 is in closed loop"):
+        rig.device.activate(rig.now_ns())
+
+
+def test_an_nv40_without_a_loop_refuses_to_be_asked_for_it() -> None:
+    """One without CLE does not know the question, and its loop cannot be closed."""
+    rig = Rig("nv40", "voltage")
+    assert rig.emulator.receive(b"cloop,0\r") == [b"\x13ErrorCode,11\r\n\x11"]
+
+    assert rig.started().write([5.0], rig.now_ns())
+
+
+def test_an_nv40_that_does_not_tell_of_its_loop_is_not_driven() -> None:
+    """No answer is no loop that is open."""
+    rig = Rig("nv40", "voltage")
+    rig.device.open()
+    rig.line.change = lambda reply: b"" if b"cloop" in rig.line.sent[-1] else reply
+
+    with pytest.raises(DeviceUnavailableError, match="no reply"):
+        rig.device.activate(rig.now_ns())
+
+
 @pytest.mark.parametrize("profile", ALL)
 def test_taking_and_leaving_control_moves_nothing(profile: Profile) -> None:
     """The voltage that was there is there while a device is opened, activated and closed."""
@@ -170,6 +200,19 @@ def test_a_serial_number_that_is_not_told_is_unknown(profile: Profile) -> None:
     assert rig.device.open().serial == "unknown"
     rig.device.close()
     assert rig.started().write([5.0], rig.now_ns())
+
+
+def test_a_line_that_goes_while_the_serial_number_is_asked_for_is_told() -> None:
+    """A device that is gone is not opened as one that tells no serial number."""
+    rig = Rig("ddrive")
+
+    def pull(reply: bytes) -> bytes:
+        rig.line.unplugged |= b"4711" in reply
+        return reply
+
+    rig.line.change = pull
+    with pytest.raises(DeviceUnavailableError, match="is gone"):
+        rig.device.open()
 
 
 def test_the_devices_own_limits_narrow_the_range() -> None:

@@ -2,6 +2,7 @@
 
 import pytest
 
+from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.psj.models import Profile
@@ -89,6 +90,31 @@ def test_a_status_that_fails_does_not_refuse_the_setpoint_before_it() -> None:
 
     assert device.write([5.0], rig.now_ns())
     assert DeviceFlag.LATE_REPLY in rig.flags()
+
+
+@pytest.mark.parametrize(
+    "flag", [DeviceFlag.PARTIAL_WRITE, DeviceFlag.DISCONNECTED, DeviceFlag.HALF_OPEN]
+)
+def test_after_half_a_question_for_the_status_nothing_is_sent(
+    monkeypatch: pytest.MonkeyPatch, flag: DeviceFlag
+) -> None:
+    """A line that is lost with the status is lost: no setpoint is glued to the half of it."""
+    rig = Rig("nv200")
+    device = rig.started()
+    rig.time.t_ns += 100 * MS
+    send = rig.line.send
+
+    def fail(data: bytes) -> None:
+        if data.startswith(b"stat"):
+            raise LineFault(flag, "the line is lost")
+        send(data)
+
+    monkeypatch.setattr(rig.line, "send", fail)
+
+    assert not device.write([5.0], rig.now_ns())
+    assert not device.write([6.0], rig.now_ns())
+    assert rig.line.sent == [b"set,5.000\r"]
+    assert flag in rig.flags()
 
 
 @pytest.mark.sees("psj", "B10")

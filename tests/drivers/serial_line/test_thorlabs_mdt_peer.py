@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -15,8 +16,9 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", SyntaxWarning)  # of mdt69x itself, where it is first compiled
     from mdt69x import Controller  # type: ignore[import-untyped] # it has no types
 
-NO_REPLY_S = 0.2
-"""mdt69x waits so long where it waits for the wrong prompt, after each change of mode."""
+REPLY_S, NO_REPLY_S = 5.0, 0.2
+"""How long the client waits, and where it waits for a prompt that does not come: after a change of
+mode, and after a refusal in compatibility mode."""
 
 
 @pytest.fixture(scope="module")
@@ -35,10 +37,19 @@ def port() -> Iterator[str]:
 def peer(port: str) -> Iterator[Any]:
     """Give the client, in compatibility mode as it begins."""
     client = Controller(port)
-    client._ser.timeout = NO_REPLY_S  # noqa: SLF001 - it has no other way
+    client._ser.timeout = REPLY_S  # noqa: SLF001 - it has no other way
     yield client
-    client.set_compatibility_off()
+    with hurried(client):
+        client.set_compatibility_off()
     client.close()
+
+
+@contextmanager
+def hurried(client: Any) -> Iterator[None]:
+    """Have the client not wait for long while the block runs."""
+    client._ser.timeout = NO_REPLY_S  # noqa: SLF001 - it has no other way
+    yield
+    client._ser.timeout = REPLY_S  # noqa: SLF001 - it has no other way
 
 
 def test_compatibility_mode(peer: Any) -> None:
@@ -46,14 +57,16 @@ def test_compatibility_mode(peer: Any) -> None:
     assert peer.get_compatibility() == peer.COMPATIBILITY_ON
     assert peer.set_x_voltage(12.5) == peer.SUCCESS
     eventually(lambda: peer.get_x_voltage() == pytest.approx(12.5, abs=0.5))
-    assert peer.set_x_voltage(200) == peer.FAIL
+    with hurried(peer):
+        assert peer.set_x_voltage(200) == peer.FAIL
     assert peer.get_switch_limit() == 150
     assert peer.get_x_voltage_max() == 150.5
 
 
 def test_own_mode(peer: Any) -> None:
     """It sets and reads all three axes by the words of the B models."""
-    peer.set_compatibility_off()
+    with hurried(peer):
+        peer.set_compatibility_off()
     assert peer.set_xyz_voltage(5, 10, 15) == peer.SUCCESS
     eventually(lambda: peer.get_xyz_voltage() == pytest.approx([5, 10, 15], abs=0.5))
     assert peer.get_y_voltage() == pytest.approx(10, abs=0.5)

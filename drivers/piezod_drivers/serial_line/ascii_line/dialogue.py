@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from itertools import count
 from typing import Final
 
+from piezod.devices.bus.bus_device import LOSING
 from piezod.devices.bus.conversation import Conversation, Fits
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
@@ -23,6 +24,7 @@ from piezod_drivers.serial_line.ascii_line.codec import (
 )
 from piezod_drivers.serial_line.ascii_line.options import Options
 from piezod_drivers.serial_line.ascii_line.templates import TAG, parsed
+from piezod_drivers.serial_line.quiet import until_quiet
 
 UNKNOWN: Final = "unknown"
 _ANY_TEXT: Final = re.compile(".*", re.DOTALL)
@@ -218,9 +220,7 @@ class AsciiDialogue:
         if self._broken:
             self._line.send(self._lines.request(_NO_COMMAND, {}))
             self._broken = False
-            for _ in range(_MOST_CHUNKS):
-                if not self._line.receive(_QUIET_NS):
-                    break
+            until_quiet(self._line, _QUIET_NS, _MOST_CHUNKS)
 
     def _look_after(self) -> None:
         """Ask for a status that is due; never before a setpoint."""
@@ -233,6 +233,8 @@ class AsciiDialogue:
             text = self._lines.text(self._ask(request))
             matched(text, _ANY_TEXT, self._errors)
         except LineFault as fault:
+            if fault.flag in LOSING:
+                raise
             self._noticed.add(fault.flag)
             return
         self._flags = frozenset(

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from math import nan
 from typing import Final
 
 from piezod.devices.bus.dialogue import Reading
@@ -130,6 +131,8 @@ class StreamDialogue:
     def _take(self, now_ns: int) -> None:
         """Take the newest line that is none of garbage; call it in the loop.
 
+        After an error nothing is valid until another line comes.
+
         Raises:
             LineFault: If that line is an error.
         """
@@ -140,6 +143,7 @@ class StreamDialogue:
                 values = [number(found[name]) for name in self._wiring.inputs]
             except LineFault as fault:
                 if fault.flag is not DeviceFlag.GARBAGE:
+                    self._last = now_ns, [nan] * len(self._wiring.inputs)
                     raise
                 self._noticed.add(fault.flag)
             else:

@@ -1,7 +1,7 @@
 """What is said to a PI controller, of either generation, that drives its axes in open loop."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from piezod.devices.bus.conversation import Conversation
@@ -13,7 +13,10 @@ from piezod.errors import DeviceError
 from piezod_drivers.serial_line.gcs.identity import identity_of
 from piezod_drivers.serial_line.gcs.reply import Reply
 from piezod_drivers.serial_line.gcs.syntax import ASK_ERROR, Syntax, volts
+from piezod_drivers.serial_line.quiet import until_quiet
 
+MEASURED: Final = "VOL?"
+"""The query of the voltage at the output, whoever drives it."""
 _QUIET_NS: Final = 50_000_000
 """After so long without a byte nothing is left of what was before."""
 _MOST_CHUNKS: Final = 20
@@ -26,12 +29,10 @@ class Drive(NamedTuple):
     """What is known of the outputs before anything is asked.
 
     Attributes:
-        range_v: Lowest and highest open-loop value; None where the controller knows it.
         read_back: The query that tells what is in force.
         max_rate_hz: The fastest loop that the line can follow.
     """
 
-    range_v: tuple[float, float] | None
     read_back: str
     max_rate_hz: float
 
@@ -76,7 +77,7 @@ class GcsDialogue(ABC):
         told = self._ask_once(b"*IDN?\n", Reply(_IDENTITY))
         identity = identity_of(told[0])
         axes = self._axes()
-        self._outputs = self._drives(axes)
+        self._outputs = self._voltage_ids(axes)
         self._prepare()
         self._ranges = self._find_ranges() if self._wiring.outputs else []
         return identity
@@ -98,22 +99,25 @@ class GcsDialogue(ABC):
         """Switch off what else drives the outputs, and keep them at the voltage they have.
 
         Raises:
-            DeviceError: If the servo cannot be switched off, or what is in force not be kept.
+            DeviceError: If the servo cannot be switched off, or what is in force is not known, or
+                cannot be kept.
             LineFault: If an exchange fails.
         """
         foreign = self._driven_by_others()
         if not foreign:
             return
-        in_force = self._ask_in_force()
-        held = [
-            self._holdable(axis, value, low, high)
+        if (asked := self._drive.read_back) != MEASURED:
+            who = f"{self._line.where}: axis {', '.join(foreign)}"
+            what = f"is driven by its servo or analog input, and {asked} does not tell its voltage"
+            raise DeviceError(f"{who} {what}: switch that off at rest")
+        held = {
+            axis: self._holdable(axis, value, low, high)
             for axis, value, (low, high) in zip(
-                self._wiring.outputs, in_force, self._ranges, strict=True
+                self._wiring.outputs, self._ask_in_force(), self._ranges, strict=True
             )
             if axis in foreign
-        ]
-        request = self._take_over(foreign) + self._syntax.setting("SVA", foreign, volts(held))
-        self._ask_once(request, Reply())
+        }
+        self._take_over(held)
         if still := self._driven_by_others():
             what = f"{self._line.where}: axis {', '.join(still)} does not give up its servo"
             raise DeviceError(what)
@@ -127,12 +131,12 @@ class GcsDialogue(ABC):
 
     def put(self, values: Sequence[float]) -> None:
         """Set every output and ask whether that was done; may be called in the loop."""
-        request = self._syntax.setting("SVA", self._wiring.outputs, volts(values))
+        request = self._setpoints(self._wiring.outputs, values)
         self._ask(request + ASK_ERROR, self._put_reply)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
         """Read every position, set every output and read it back; may be called in the loop."""
-        request = self._syntax.setting("SVA", self._wiring.outputs, volts(values))
+        request = self._setpoints(self._wiring.outputs, values)
         whole = self._ask_positions + request + self._ask_voltages + ASK_ERROR
         return self._note(self._ask(whole, self._sample_reply), now_ns)
 
@@ -151,7 +155,7 @@ class GcsDialogue(ABC):
         return self._conversation.take_noticed()
 
     @abstractmethod
-    def _drives(self, axes: Sequence[str]) -> Sequence[str]:
+    def _voltage_ids(self, axes: Sequence[str]) -> Sequence[str]:
         """Return what the outputs are called in a query of their voltage."""
 
     @abstractmethod
@@ -162,9 +166,14 @@ class GcsDialogue(ABC):
         """Return the outputs that `SVA` does not drive now."""
         return self._switched("SVO?", self._wiring.outputs, on=1)
 
-    def _take_over(self, axes: Sequence[str]) -> bytes:
-        """Return the request that makes `SVA` drive these axes."""
-        return self._syntax.setting("SVO", axes, ["0"] * len(axes))
+    def _take_over(self, held: Mapping[str, float]) -> None:
+        """Make `SVA` drive these axes, at the voltages that they have."""
+        servos_off = self._syntax.setting("SVO", list(held), ["0"] * len(held))
+        self._ask_once(servos_off + self._setpoints(list(held), list(held.values())), Reply())
+
+    def _setpoints(self, axes: Sequence[str], values: Sequence[float]) -> bytes:
+        """Return the request that sets these axes."""
+        return self._syntax.setting("SVA", axes, volts(values))
 
     def _holdable(self, axis: str, value: float, low: float, high: float) -> float:
         """Return what is in force on an axis.
@@ -186,6 +195,8 @@ class GcsDialogue(ABC):
         return [a for a, state in zip(self._wiring.outputs, told, strict=True) if int(state) == on]
 
     def _ask(self, request: bytes, reply: Reply) -> list[float]:
+        """Ask in the loop; what was told before may not be in force any more."""
+        self._told_ns = None
         return reply.numbers(self._conversation.ask(request, reply.length_of))
 
     def _ask_once(self, request: bytes, reply: Reply) -> list[bytes]:
@@ -219,9 +230,7 @@ class GcsDialogue(ABC):
         """
         self._conversation.restart()
         self._conversation.wait_out()
-        for _ in range(_MOST_CHUNKS):
-            if not self._line.receive(_QUIET_NS):
-                break
+        until_quiet(self._line, _QUIET_NS, _MOST_CHUNKS)
         self._conversation.ask(ASK_ERROR, self._put_reply.length_of, timeout_ns=_OPENING_NS)
 
     def _axes(self) -> Sequence[str]:

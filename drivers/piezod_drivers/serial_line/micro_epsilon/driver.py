@@ -3,10 +3,10 @@
 from typing import Final
 
 from piezod.devices.bus.bus_device import BusDevice
-from piezod.devices.bus.serial_line import SerialLine
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.serial_line.micro_epsilon.dialogue import StreamDialogue
 from piezod_drivers.serial_line.micro_epsilon.options import Options
+from piezod_drivers.serial_line.options import make_line
 
 
 def channels(_options: Options) -> ChannelUnits:
@@ -15,7 +15,7 @@ def channels(_options: Options) -> ChannelUnits:
 
 
 def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
-    line = SerialLine(options.port, options.bits_per_s, rtscts=options.rtscts)
+    line = make_line(options, options.bits_per_s)
     name = f"{options.model} at {options.port}"
     return BusDevice(name, StreamDialogue(options, wiring, line))
 

@@ -34,4 +34,4 @@ class Options(PortOptions):
     @property
     def bits_per_s(self) -> int:
         """The bit rate: the one that is set, else that of the profile."""
-        return self.baud if "baud" in self.model_fields_set else self.profile.baud
+        return self.baud_or(self.profile.baud)

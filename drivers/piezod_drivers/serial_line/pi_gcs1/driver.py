@@ -5,8 +5,9 @@ from typing import Final
 
 from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.bus.line import Line
-from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
-from piezod_drivers.serial_line.gcs.dialogue import Drive, GcsDialogue
+from piezod.devices.interface import DriverPlugin, Wiring
+from piezod_drivers.serial_line.gcs.channels import channels
+from piezod_drivers.serial_line.gcs.dialogue import MEASURED, Drive, GcsDialogue
 from piezod_drivers.serial_line.gcs.faults import SEES
 from piezod_drivers.serial_line.gcs.rate import wire_rate_hz
 from piezod_drivers.serial_line.options import make_line
@@ -24,21 +25,16 @@ class Gcs1Dialogue(GcsDialogue):
     """
 
     def __init__(self, line: Line, options: Options, wiring: Wiring) -> None:
-        rate_hz = wire_rate_hz(options.baud, len(wiring.channels))
-        drive = Drive(options.range_v, "VOL?", rate_hz)
+        drive = Drive(MEASURED, wire_rate_hz(options.baud, len(wiring.channels)))
         super().__init__(line, options.timeout_ms * 1e-3, Gcs1(), wiring, drive)
         self._range_v = options.range_v
 
-    def _drives(self, axes: Sequence[str]) -> Sequence[str]:  # noqa: ARG002 - the generation's
+    def _voltage_ids(self, axes: Sequence[str]) -> Sequence[str]:  # noqa: ARG002 - the generation's
         """Return the axes: their voltages are asked for by the same letters."""
         return self._wiring.outputs
 
     def _find_ranges(self) -> list[tuple[float, float]]:
         return [self._range_v] * len(self._wiring.outputs)
-
-
-def _channels(options: Options) -> ChannelUnits:
-    return ChannelUnits(dict.fromkeys(options.axes, "µm"), dict.fromkeys(options.axes, "V"))
 
 
 def _create(options: Options, wiring: Wiring, _seed: int) -> ExchangingBusDevice:
@@ -52,6 +48,6 @@ PLUGIN: Final = DriverPlugin(
     options_model=Options,
     create=_create,
     confirmed_on_hardware=False,
-    channels=_channels,
+    channels=channels,
     sees=SEES,
 )

@@ -5,7 +5,7 @@ from typing import Annotated, Self, TypeAlias
 from pydantic import Field, StringConstraints, model_validator
 
 from piezod.config.fields import Quantity, raise_rules
-from piezod_drivers.serial_line.options import PortOptions, TimeoutMs
+from piezod_drivers.serial_line.options import PortOptions, TimeoutMs, ordered
 
 Axis: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Z]$")]
 Volts: TypeAlias = Annotated[float, Quantity(-1000, 1000, "V")]
@@ -25,6 +25,5 @@ class Options(PortOptions):
 
     @model_validator(mode="after")
     def _check_range(self) -> Self:
-        if not self.range_v[0] < self.range_v[1]:
-            raise_rules([(("range_v", 1), "must be above the first of the two")])
+        raise_rules(ordered(self.range_v))
         return self

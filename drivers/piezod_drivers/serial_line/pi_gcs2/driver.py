@@ -1,21 +1,24 @@
 """PI controllers that speak GCS 2.0, over a serial port, USB's virtual one, or TCP."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Final
 
 from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.bus.line import Line, LineFault
-from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
+from piezod.devices.interface import DriverPlugin, Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
-from piezod_drivers.serial_line.gcs.dialogue import Drive, GcsDialogue
+from piezod_drivers.serial_line.gcs.channels import channels
+from piezod_drivers.serial_line.gcs.dialogue import MEASURED, Drive, GcsDialogue
 from piezod_drivers.serial_line.gcs.faults import SEES
 from piezod_drivers.serial_line.gcs.rate import NETWORK_RATE_HZ, wire_rate_hz
 from piezod_drivers.serial_line.gcs.reply import Reply
 from piezod_drivers.serial_line.options import make_line
 from piezod_drivers.serial_line.pi_gcs2.codec import Gcs2
 from piezod_drivers.serial_line.pi_gcs2.options import Options
+
+_REFUSALS: Final = frozenset({DeviceFlag.WRONG_REQUEST, DeviceFlag.LOCAL_MODE})
 
 
 class Gcs2Dialogue(GcsDialogue):
@@ -30,20 +33,21 @@ class Gcs2Dialogue(GcsDialogue):
     def __init__(self, line: Line, options: Options, wiring: Wiring) -> None:
         serial_hz = wire_rate_hz(options.baud, len(wiring.channels))
         rate_hz = serial_hz if options.host is None else NETWORK_RATE_HZ
-        drive = Drive(options.range_v, options.read_back, rate_hz)
+        drive = Drive(options.read_back, rate_hz)
         super().__init__(line, options.timeout_ms * 1e-3, Gcs2(), wiring, drive)
-        self._by_channel = options.read_back == "VOL?"
+        self._range_v = options.range_v
+        self._by_channel = options.read_back == MEASURED
         self._amplifiers: Sequence[str] = ()
 
-    def _drives(self, axes: Sequence[str]) -> Sequence[str]:
+    def _voltage_ids(self, axes: Sequence[str]) -> Sequence[str]:
         """Return the numbers of the piezo channels: an axis' own number, or its place."""
         outputs = self._wiring.outputs
         self._amplifiers = [a if a.isdigit() else str(axes.index(a) + 1) for a in outputs]
         return self._amplifiers if self._by_channel else outputs
 
     def _find_ranges(self) -> list[tuple[float, float]]:
-        if self._drive.range_v is not None:
-            return [self._drive.range_v] * len(self._amplifiers)
+        if self._range_v is not None:
+            return [self._range_v] * len(self._amplifiers)
         try:
             lowest, highest = self._limits("VMI?"), self._limits("VMA?")
         except LineFault as fault:
@@ -75,19 +79,36 @@ class Gcs2Dialogue(GcsDialogue):
                 raise
             return ()
 
-    def _take_over(self, axes: Sequence[str]) -> bytes:
-        offline = self._offline()
-        channels = [
-            channel
-            for axis, channel in zip(self._wiring.outputs, self._amplifiers, strict=True)
-            if axis in offline
-        ]
-        online = self._syntax.setting("ONL", channels, ["1"] * len(channels)) if channels else b""
-        return super()._take_over(axes) + online
+    def _take_over(self, held: Mapping[str, float]) -> None:
+        offline = [axis for axis in self._offline() if axis in held]
+        if offline:
+            self._bring_online({axis: held[axis] for axis in offline})
+        if others := {axis: value for axis, value in held.items() if axis not in offline}:
+            super()._take_over(others)
 
+    def _bring_online(self, held: Mapping[str, float]) -> None:
+        """Make `SVA` drive channels instead of their analog inputs, at the voltages that they have.
 
-def _channels(options: Options) -> ChannelUnits:
-    return ChannelUnits(dict.fromkeys(options.axes, "µm"), dict.fromkeys(options.axes, "V"))
+        What is set while a channel is offline waits there: it drives from `ONL` on, and nothing
+        older ever does. A servo that is on too is not switched off, as the analog input would be
+        left; then the controller refuses to be set.
+
+        Raises:
+            DeviceError: If it refuses; nothing has moved.
+            LineFault: If an exchange fails.
+        """
+        axes = list(held)
+        try:
+            self._ask_once(self._setpoints(axes, list(held.values())), Reply())
+        except LineFault as fault:
+            if fault.flag not in _REFUSALS:
+                raise
+            what = f"{self._line.where}: axis {', '.join(axes)} is driven by its analog input"
+            remedy = "switch its analog input, and its servo, off at rest"
+            raise DeviceError(f"{what} and refuses to be set ({fault}): {remedy}") from fault
+        channels_of = dict(zip(self._wiring.outputs, self._amplifiers, strict=True))
+        online = [channels_of[axis] for axis in axes]
+        self._ask_once(self._syntax.setting("ONL", online, ["1"] * len(online)), Reply())
 
 
 def _create(options: Options, wiring: Wiring, _seed: int) -> ExchangingBusDevice:
@@ -101,6 +122,6 @@ PLUGIN: Final = DriverPlugin(
     options_model=Options,
     create=_create,
     confirmed_on_hardware=False,
-    channels=_channels,
+    channels=channels,
     sees=SEES | {"B13"},  # over TCP
 )

@@ -1,11 +1,12 @@
 """What a configuration may say about a controller that speaks GCS 2.0."""
 
-from typing import Annotated, Literal, Self, TypeAlias
+from collections.abc import Iterator
+from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints
 
-from piezod.config.fields import Quantity, raise_rules
-from piezod_drivers.serial_line.options import LineOptions
+from piezod.config.fields import BrokenRule, Quantity
+from piezod_drivers.serial_line.options import LineOptions, ordered
 
 Axis: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]{1,8}$")]
 Volts: TypeAlias = Annotated[float, Quantity(-1000, 1000, "V")]
@@ -26,8 +27,7 @@ class Options(LineOptions):
         description="Which query tells what is in force: the measured voltage, or the value set.",
     )
 
-    @model_validator(mode="after")
-    def _check_range(self) -> Self:
-        if self.range_v is not None and not self.range_v[0] < self.range_v[1]:
-            raise_rules([(("range_v", 1), "must be above the first of the two")])
-        return self
+    def _broken_rules(self) -> Iterator[BrokenRule]:
+        yield from super()._broken_rules()
+        if self.range_v is not None:
+            yield from ordered(self.range_v)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
+from piezod.devices.bus.bus_device import LOSING
 from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
@@ -19,6 +20,8 @@ STATUS_NS: Final = 100_000_000
 BITS_PER_BYTE: Final = 10
 STATUS_BYTES: Final = 24
 """What asking for the status costs at most, both ways."""
+_NOTHING: Final[tuple[int, Sequence[float]]] = (-1, ())
+"""Of no instant: what was told is not in force any more."""
 
 
 class PsjDialogue:
@@ -57,7 +60,7 @@ class PsjDialogue:
         self._flags: dict[int, Flags] = {}
         self._status_ns, self._status_turn = 0, 0
         self._noticed: set[DeviceFlag] = set()
-        self._told_v: tuple[int, Sequence[float]] = (-1, ())
+        self._told_v = _NOTHING
 
     def open(self) -> Identity:
         """Connect and ask who is there; the outputs stay as they are."""
@@ -120,6 +123,7 @@ class PsjDialogue:
         What an NV40/1 reads is measured, and follows the setpoint later: that it does is watched
         by whoever reads back.
         """
+        self._told_v = _NOTHING
         model = self._model
         for channel, value in zip(self._outputs, values, strict=True):
             if model.acknowledges:
@@ -167,6 +171,8 @@ class PsjDialogue:
         try:
             self._ask_status()
         except LineFault as fault:
+            if fault.flag in LOSING:
+                raise
             self._noticed.add(fault.flag)
 
     def _ask_status(self) -> None:

@@ -19,7 +19,7 @@ def _channels(options: Options) -> ChannelUnits:
 
 def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
     model = options.model()
-    line = make_line(options.model_copy(update={"baud": model.baud}))
+    line = make_line(options, model.baud)
     timeout_s = options.timeout_ms * 1e-3
     dialogue = PsjDialogue(line, model, wiring, options.range_v, timeout_s, remote=options.remote)
     return BusDevice(model.title, dialogue)

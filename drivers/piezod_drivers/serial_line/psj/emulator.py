@@ -61,7 +61,7 @@ class PsjEmulator:
         self._settings: dict[tuple[str, int], float] = {}
         self._shown: list[tuple[int, float]] = [(-NS_PER_S, 0.0)] * self._channels
         self.reads = self._model.reads
-        """What its reading tells: an NV40/3 without CLE tells the voltage."""
+        """What its reading tells: an NV40/3 without CLE tells the voltage, and has no loop."""
         self.remote = [True] * self._channels
         """Whether an NV40's voltage is the port's; else its knob's."""
         self.knob_v = [0.0] * self._channels
@@ -130,7 +130,8 @@ class PsjEmulator:
             commands[model.limits[0]] = lambda _channel, _value: f"{LOWEST_V:.3f}"
             commands[model.limits[1]] = lambda _channel, _value: f"{HIGHEST_V:.3f}"
         for setting in _SETTINGS[self._family()]:
-            commands[setting] = self._setting(setting)
+            if setting != "cloop" or self.reads == "position":  # without CLE it is not known
+                commands[setting] = self._setting(setting)
         commands["acdescr"] = lambda _channel, _value: f"EMULATED #{self._serial}"
         commands["acserno"] = lambda _channel, _value: self._serial
         return commands

@@ -31,33 +31,33 @@ class Model(NamedTuple):
         title: Its name for people.
         greetings: How the answer to an empty command begins; that of another model is refused.
         baud: Bits per second unless set otherwise.
+        read: The command that reads a channel.
+        reads: What that tells in open loop, as far as the public sources say.
+        set: The command that sets a voltage, in V in open loop.
         ending: What ends a command.
         frames: Whether every answer ends with XON; else it is a line.
         channels: How many there may be.
         numbered: Whether commands name the channel.
-        set: The command that sets a voltage, in V in open loop.
-        read: The command that reads a channel.
-        reads: What that tells in open loop, as far as the public sources say.
         acknowledges: Whether a setpoint is answered.
         tells_setpoint: Whether the command that sets, without a value, tells the setpoint.
         refresh_s: How old what is read may be, in s.
         status: The command that tells the status, "" for none.
         status_bits: What it means.
         status_per_channel: Whether it is asked channel by channel.
-    serial: The command that tells a serial number, or what actuator is there; "" for none.
-    limits: The commands that tell the lowest and the highest voltage, if there are any.
+        serial: The command that tells a serial number, or what actuator is there; "" for none.
+        limits: The commands that tell the lowest and the highest voltage, if there are any.
     """
 
     title: str
     greetings: tuple[str, ...]
     baud: int
-    ending: bytes
-    frames: bool
-    channels: int
-    numbered: bool
-    set: str
     read: str
     reads: Reads
+    set: str = "set"
+    ending: bytes = b"\r"
+    frames: bool = True
+    channels: int = 1
+    numbered: bool = False
     acknowledges: bool = True
     tells_setpoint: bool = False
     refresh_s: float = 0.0
@@ -93,13 +93,11 @@ _D_DRIVE: Final = Model(
     title="d-Drive",
     greetings=("DSM V",),
     baud=115_200,
-    ending=b"\r\n",
-    frames=True,
-    channels=6,
-    numbered=True,
-    set="set",
     read="mess",
     reads="nothing",
+    ending=b"\r\n",
+    channels=6,
+    numbered=True,
     refresh_s=0.5,
     status="stat",
     status_bits=_D_DRIVE_BITS,
@@ -116,13 +114,10 @@ MODELS: Final[Mapping[Profile, Model]] = MappingProxyType(
             title="NV40/3",
             greetings=("NV403CLE>", "NV403>"),
             baud=19_200,
-            ending=b"\r",
-            frames=True,
-            channels=3,
-            numbered=True,
-            set="set",
             read="rk",
             reads="position",
+            channels=3,
+            numbered=True,
             status="ERROR",
             status_bits=_NV40_BITS,
             status_per_channel=False,
@@ -133,24 +128,16 @@ MODELS: Final[Mapping[Profile, Model]] = MappingProxyType(
             title="NV40/1 CL",
             greetings=("NV40",),
             baud=9600,
-            ending=b"\r",
-            frames=False,
-            channels=1,
-            numbered=False,
-            set="wr",
             read="rd",
             reads="voltage",
+            set="wr",
+            frames=False,
             acknowledges=False,
         ),
         "nv200": Model(
             title="NV200/D",
             greetings=("NV200",),
             baud=115_200,
-            ending=b"\r",
-            frames=True,
-            channels=1,
-            numbered=False,
-            set="set",
             read="meas",
             reads="position",
             tells_setpoint=True,

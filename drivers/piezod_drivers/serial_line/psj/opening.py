@@ -52,8 +52,9 @@ def serial_of(talk: Talk, model: Model) -> str:
     if model.serial == "ver":
         frame = talk.ask_once(model.serial, None, codec.versions)
         return codec.serial_of(frame) or UNKNOWN
+    frame = talk.ask_once(model.serial, 0)
     with suppress(LineFault):
-        text = codec.text_of(talk.ask_once(model.serial, 0))
+        text = codec.text_of(frame)
         channel = 0 if model.numbered else None
         return f"actuator {codec.fields(text, model.serial, channel, 1)[0]}"
     return UNKNOWN

@@ -1,12 +1,12 @@
 """What a configuration may say about an amplifier of piezosystem jena."""
 
 from collections.abc import Iterator
-from typing import Annotated, Self
+from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from piezod.config.fields import BrokenRule, Quantity, raise_rules
-from piezod_drivers.serial_line.options import LineOptions, TimeoutMs
+from piezod.config.fields import BrokenRule, Quantity
+from piezod_drivers.serial_line.options import LineOptions, TimeoutMs, ordered
 from piezod_drivers.serial_line.psj.models import MODELS, Model, Profile, Reads
 
 Volts = Annotated[float, Quantity(-200, 500, "V")]
@@ -33,19 +33,13 @@ class Options(LineOptions):
     )
     timeout_ms: TimeoutMs = Field(default=50.0, description="How long to wait for each reply, ms.")
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        raise_rules(self._broken_rules())
-        return self
-
     def _broken_rules(self) -> Iterator[BrokenRule]:
-        if not self.range_v[0] < self.range_v[1]:
-            yield ("range_v", 1), "must be above the first of the two"
+        yield from super()._broken_rules()
+        yield from ordered(self.range_v)
         if self.remote and not self.profile.startswith("nv40"):
             yield ("remote",), f"is not for {self.profile}, which is asked: leave it out"
 
     def model(self) -> Model:
         """Return the model, with its baud rate and its reading as they are given."""
         model = MODELS[self.profile]
-        baud = self.baud if "baud" in self.model_fields_set else model.baud
-        return model._replace(baud=baud, reads=self.reads or model.reads)
+        return model._replace(baud=self.baud_or(model.baud), reads=self.reads or model.reads)

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from piezod.devices.bus.line import LineFault
+from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.psj import codec
 from piezod_drivers.serial_line.psj.models import Model
@@ -32,7 +34,7 @@ def take_over(model: Model, outputs: Sequence[int], talk: Talk, *, remote: bool)
             case "NV200/D":
                 _nv200(talk)
             case "NV40/3":
-                _nv40(model, channel, talk, remote=remote)
+                _nv40(channel, talk, remote=remote)
             case "NV40/1 CL":
                 what = "nobody has said that it is under remote control and in open loop"
                 _refuse_if(not remote, what, "i1 and ol, then set `remote: true`")
@@ -51,12 +53,24 @@ def _nv200(talk: Talk) -> None:
     _refuse_if(source != "0", f"its setpoint comes from source {source}", "modsrc,0")
 
 
-def _nv40(model: Model, channel: int, talk: Talk, *, remote: bool) -> None:
-    if model.reads == "position":
-        closed = talk.value("cloop", channel) != "0"
-        _refuse_if(closed, f"channel {channel} is in closed loop", f"cloop,{channel},0")
+def _nv40(channel: int, talk: Talk, *, remote: bool) -> None:
+    closed = _nv40_is_closed(channel, talk)
+    _refuse_if(closed, f"channel {channel} is in closed loop", f"cloop,{channel},0")
     what = f"nobody has said that channel {channel} is under remote control"
     _refuse_if(not remote, what, f"setk,{channel},1, then set `remote: true`")
+
+
+def _nv40_is_closed(channel: int, talk: Talk) -> bool:
+    """Tell whether the device's own loop is closed; one without CLE has none, and refuses to tell.
+
+    What its reading is used for here does not say which of them it is.
+    """
+    try:
+        return talk.value("cloop", channel) != "0"
+    except LineFault as fault:
+        if fault.flag is not DeviceFlag.WRONG_REQUEST:
+            raise
+        return False
 
 
 def _refuse_if(hindered: bool, what: str, remedy: str) -> None:

@@ -9,6 +9,7 @@ from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
+from piezod_drivers.serial_line.quiet import until_quiet
 from piezod_drivers.serial_line.thorlabs_mdt.codec import (
     GET_ALL,
     LONG,
@@ -193,12 +194,7 @@ class MdtDialogue:
         self._line.receive(0)
         self._line.send(request)
         told = self._line.receive(_FIRST_NS)
-        for _ in range(_MOST_CHUNKS):
-            more = self._line.receive(_QUIET_NS)
-            if not more:
-                break
-            told += more
-        return told
+        return told + until_quiet(self._line, _QUIET_NS, _MOST_CHUNKS)
 
 
 def _knows_all(identity: Identity, prompt: bytes) -> bool:
