@@ -16,15 +16,13 @@ ChannelName: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_
 
 Value: TypeAlias = Annotated[float, Quantity(-1e9, 1e9)]
 
-DEFAULT_GAIN: Final = 1.0
-
 
 class Line(ConfigModel):
     """A straight line: physical = gain · value + offset."""
 
     kind: Literal["line"] = "line"
     gain: Value = Field(
-        default=DEFAULT_GAIN, description="µm, or V at the actuator, per unit of the channel."
+        default=1.0, description="µm, or V at the actuator, per unit of the channel."
     )
     offset: Value = Field(default=0.0, description="µm or V where the channel reads 0.")
 

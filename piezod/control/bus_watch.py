@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from piezod.control.bucket import LeakyBucket
-from piezod.control.fault_cases import LOST, Case
+from piezod.control.fault_cases import COUNTED_FLAGS, LOST, NOT_SENT, Case
 from piezod.control.fault_register import Detection
 from piezod.devices.status import DeviceFlag, Flags
 
@@ -26,17 +26,6 @@ AT_ONCE: Final = {
     DeviceFlag.OTHER_DEVICE: "S10",
 }
 """One of these is a fault in the cycle in which it is told."""
-COUNTED: Final = {
-    DeviceFlag.PARTIAL_WRITE: "A2",
-    DeviceFlag.GARBAGE: "B3",
-    DeviceFlag.BAD_CHECKSUM: "B4",
-    DeviceFlag.LATE_REPLY: "B5",
-    DeviceFlag.OUT_OF_ORDER: "B6",
-    DeviceFlag.SLOW_REPLY: "B7",
-    DeviceFlag.BUSY: "B10",
-    DeviceFlag.BUS_OVERLOADED: "B11",
-}
-"""One of these is a fault when its bucket has tripped: five cycles in a row, or many for long."""
 NOT_SENT_CYCLES: Final = 3
 """For so many cycles in a row a frame could not be sent: the bus is as good as off."""
 
@@ -48,7 +37,7 @@ class _Side:
 
     def __init__(self, axis: int, *, drives: bool) -> None:
         self._axis, self._drives = axis, drives
-        self._buckets = {flag: LeakyBucket() for flag in COUNTED}
+        self._buckets = {flag: LeakyBucket() for flag in COUNTED_FLAGS}
         self._not_sent = 0
         self.counting = False
         """Whether a count is not yet back at zero."""
@@ -68,12 +57,12 @@ class _Side:
         if self._not_sent:
             self.counting = True
             stalled = self._not_sent >= NOT_SENT_CYCLES
-            case = self._case(DeviceFlag.NOT_SENT, "B9") if stalled else Case.SINGLE
-            found.append(Detection("B9", self._axis, self._not_sent, NOT_SENT_CYCLES, case))
+            case = self._case(DeviceFlag.NOT_SENT, NOT_SENT) if stalled else Case.SINGLE
+            found.append(Detection(NOT_SENT, self._axis, self._not_sent, NOT_SENT_CYCLES, case))
         return found
 
     def _counted(self, flag: DeviceFlag, bucket: LeakyBucket, told: bool) -> Sequence[Detection]:
-        fault = COUNTED[flag]
+        fault = COUNTED_FLAGS[flag]
         if bucket.update(told):
             return (self._found(fault, self._case(flag, fault)),)
         return (self._found(fault, Case.SINGLE),) if told else ()

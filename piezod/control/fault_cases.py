@@ -13,6 +13,7 @@ from piezod.control.fault_table import (
     Reaction,
     Source,
 )
+from piezod.devices.status import DeviceFlag
 from piezod.units import NS_PER_S
 
 
@@ -33,7 +34,20 @@ class Case(StrEnum):
     """The device, or a gateway, has no time now, again and again."""
 
 
-COUNTED: Final = ("A2", "B3", "B4", "B5", "B6", "B7", "B9", "B10", "B11")
+COUNTED_FLAGS: Final = {
+    DeviceFlag.PARTIAL_WRITE: "A2",
+    DeviceFlag.GARBAGE: "B3",
+    DeviceFlag.BAD_CHECKSUM: "B4",
+    DeviceFlag.LATE_REPLY: "B5",
+    DeviceFlag.OUT_OF_ORDER: "B6",
+    DeviceFlag.SLOW_REPLY: "B7",
+    DeviceFlag.BUSY: "B10",
+    DeviceFlag.BUS_OVERLOADED: "B11",
+}
+"""One of these is a fault when its bucket has tripped: five cycles in a row, or many for long."""
+NOT_SENT: Final = "B9"
+"""The fault of frames that could not be sent, some in a row."""
+_NEVER_AT_ONCE: Final = (*COUNTED_FLAGS.values(), NOT_SENT)
 """Faults that a single event does not make."""
 LOST: Final = ("A2", "B1", "B2", "B8", "B9", "B13", "B14", "B15")
 """Faults that make an amplifier unreachable; of a sensor they are none the amplifier minds."""
@@ -79,7 +93,7 @@ _OTHER_CODES: Final = {
 }
 
 CASES: Final[Mapping[tuple[str, Case], FaultRule]] = {
-    **{(fault, Case.SINGLE): _single(FAULTS[INDEX[fault]]) for fault in COUNTED},
+    **{(fault, Case.SINGLE): _single(FAULTS[INDEX[fault]]) for fault in _NEVER_AT_ONCE},
     **{(fault, Case.SENSOR): _of_sensor(FAULTS[INDEX[fault]]) for fault in LOST},
     **_OTHER_CODES,
 }

@@ -5,14 +5,14 @@ numba: it must work when much else does not.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from math import isfinite, nan
 from typing import Final, NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
 from piezod.control.limits import read_back_tolerance_v
-from piezod.daemon.noted_identities import is_same
 from piezod.devices.channels import Channels
-from piezod.devices.interface import Identity
+from piezod.devices.interface import Identity, is_same
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod.units import NS_PER_S
 
@@ -96,10 +96,10 @@ class AmplifierRamp:
         elif not self.done and self._failing_s(now_ns) > self._patience_s:
             self._give_up(self._trouble)
 
-    def close(self, now_ns: int) -> None:
-        """Let go of the amplifier; to be called in any case."""
-        self._channels.deactivate(now_ns)
-        self._channels.close()
+    def close(self) -> None:
+        """Let go of the amplifier; to be called in any case. Never raises."""
+        with suppress(Exception):  # others are still to be let go of
+            self._channels.close()
 
     def outcomes(self) -> list[AxisOutcome]:
         """Tell what became of each axis."""

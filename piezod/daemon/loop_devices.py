@@ -5,10 +5,9 @@ import threading
 from piezod.config.daemon import DaemonConfig
 from piezod.daemon.clock import Clock
 from piezod.devices.channels import Channels
+from piezod.devices.waits import waits_s
 from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
-
-FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 2.0
 
 
 def make_channels(config: DaemonConfig) -> Channels:
@@ -41,22 +40,23 @@ class Opening(threading.Thread):
 
     def run(self) -> None:
         """Try until it succeeds, or until `stop`."""
-        wait_s = FIRST_WAIT_S
-        while not self._stopped.is_set():
-            try:
-                self._channels.open()
-                self._channels.activate(self._clock.now_ns())
-            except DeviceError as error:
-                self._channels.close()
-                self.absent = str(error)
-            except Exception as error:  # noqa: BLE001 - a driver may fail in any way; told by main
-                self.crash = error
-                return
-            else:
-                return
-            self._stopped.wait(wait_s)
-            wait_s = min(2 * wait_s, LONGEST_WAIT_S)
+        waits = waits_s()
+        try:
+            while not self._stopped.is_set() and not self._opened():
+                self._stopped.wait(next(waits))
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way; told by main
+            self.crash = error
 
     def stop(self) -> None:
         """Give up after the attempt that is under way."""
         self._stopped.set()
+
+    def _opened(self) -> bool:
+        try:
+            self._channels.open()
+            self._channels.activate(self._clock.now_ns())
+        except DeviceError as error:
+            self.absent = str(error)
+            self._channels.close()
+            return False
+        return True

@@ -92,7 +92,6 @@ def main(runtime: Path, config_file: Path) -> None:
         raise
     finally:
         realtime.leave()
-    channels.deactivate(clock.now_ns())
     channels.close()
 
 

@@ -6,21 +6,9 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
 
 from piezod.daemon.durable import write_durably
 from piezod.devices.interface import Identity
-
-_NOT_TOLD: Final = frozenset({"unknown", "not told"})
-"""What drivers say of what a device does not tell, or not when only its outputs are asked for."""
-
-
-def is_same(found: Identity, noted: Identity) -> bool:
-    """Tell whether nothing speaks against two being one, by maker, model and serial number."""
-    return all(
-        a == b or not _NOT_TOLD.isdisjoint({a, b})
-        for a, b in zip(found[:3], noted[:3], strict=True)
-    )
 
 
 def note_identities(path: Path, identities: Mapping[str, Identity]) -> None:

@@ -48,7 +48,7 @@ class RoundTrips(NamedTuple):
             which a thread would not be spared.
         p99_ns: 99 of 100 took no longer.
         write_ns: What a write, which is not tried, is taken to cost in nine of ten: the longest of
-            the exchanges.
+            the exchanges. Where there are none it tells nothing, see `cost_ns`.
         usual_write_ns: The same, at its median.
     """
 
@@ -157,29 +157,49 @@ def place(
     measured = {name: measure(each, each.capabilities(), clock) for name, each in devices.items()}
     period_ns = round(NS_PER_S / rate_hz)
     left_ns, placements = IN_CYCLE_PART * period_ns, {}
-    for name in sorted(devices, key=lambda one: measured[one].p90_ns):
+    costs_ns = {
+        name: cost_ns(each.capabilities(), measured[name]) for name, each in devices.items()
+    }
+    for name in sorted(devices, key=costs_ns.__getitem__):
         device, trips = devices[name], measured[name]
-        where, cost_ns = _where(device, trips, rate_hz, left_ns)
-        left_ns -= cost_ns
+        where, taken_ns = _where(device, trips, rate_hz, left_ns)
+        left_ns -= taken_ns
         placements[name] = _placed(
             name, device, trips, identities[name], where, period_ns=period_ns, clock=clock
         )
     return [placements[name] for name in devices]
 
 
-def _where(
-    device: Device, trips: RoundTrips, rate_hz: float, left_ns: float
-) -> tuple[Place, float]:
+def cost_ns(able: Capabilities, trips: RoundTrips) -> int:
+    """Return how much of a cycle a device takes that is read, written and read back in turn.
+
+    Args:
+        able: What it can do.
+        trips: How long it takes.
+    """
+    return trips.p90_ns + _write_ns(able, trips)
+
+
+def _write_ns(able: Capabilities, trips: RoundTrips) -> int:
+    """Return how long a write takes: where no exchange tells, as long as the device allows."""
+    if not able.outputs:
+        return 0
+    if able.inputs or able.read_back:
+        return trips.write_ns
+    return round(NS_PER_S / able.max_rate_hz)
+
+
+def _where(device: Device, trips: RoundTrips, rate_hz: float, left_ns: float) -> tuple[Place, int]:
     """Return where a device is used, and how much of the cycle that takes."""
     able = device.capabilities()
-    separate_ns = trips.p90_ns + (trips.write_ns if able.outputs else 0)
+    separate_ns = cost_ns(able, trips)
     if able.max_rate_hz < rate_hz and not able.inputs:
-        return Place.WORKER, 0.0
+        return Place.WORKER, 0
     if separate_ns <= left_ns:
         return Place.CYCLE, separate_ns
     if _exchanges(device, able) and trips.p90_ns <= left_ns:
         return Place.COMBINED, trips.p90_ns
-    return Place.WORKER, 0.0
+    return Place.WORKER, 0
 
 
 def _exchanges(device: Device, able: Capabilities) -> bool:
@@ -206,8 +226,7 @@ def _placed(
         used = Combined(used)
     elif where is Place.WORKER:
         combined = _exchanges(device, able)
-        writes = not combined and bool(able.outputs)
-        round_ns = trips.p99_ns + writes * trips.write_ns
+        round_ns = trips.p99_ns + (0 if combined else _write_ns(able, trips))
         # One that says it is slower than the loop is not asked more often, however fast it answers.
         pace_ns = round(NS_PER_S / able.max_rate_hz)
         used = worker = DeviceWorker(
@@ -220,6 +239,7 @@ def _placed(
         )
         threads.append(worker.thread)
         if able.inputs:  # a cycle without a sample now and then is no reason to refuse
+            writes = not combined and bool(able.outputs)
             usual_ns = trips.median_ns + writes * trips.usual_write_ns
             allowed_hz = min(allowed_hz, NS_PER_S / usual_ns)
     return Placement(name, where, trips, identity, able, allowed_hz, used, threads)

@@ -49,7 +49,7 @@ def ramp_down(
     """
     amplifiers = list(dict.fromkeys(axis.amplifier.device for axis in config.axes.values()))
     outcomes: dict[str, AxisOutcome] = {}
-    with _ramps(config, amplifiers, noted, wait_s, clock) as ramps:
+    with _ramps(config, amplifiers, noted, wait_s) as ramps:
         while not all(ramp.done for ramp in ramps):
             for ramp in ramps:
                 if not ramp.done:
@@ -67,7 +67,6 @@ def _ramps(
     amplifiers: list[str],
     noted: Noted,
     wait_s: float,
-    clock: Clock,
 ) -> Iterator[list[AmplifierRamp]]:
     ramps = []
     try:
@@ -80,7 +79,7 @@ def _ramps(
         yield ramps
     finally:
         for ramp in ramps:
-            ramp.close(clock.now_ns())
+            ramp.close()
 
 
 def _driven(config: DaemonConfig, amplifier: str) -> list[str]:

@@ -1,10 +1,10 @@
 """The channels of all axes as one sensor and one amplifier, a transaction per device and cycle."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from math import nan
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
-from piezod.devices.calibration import Curve, curve_of
 from piezod.devices.inputs import CalibratedInput
 from piezod.devices.interface import (
     Amplifier,
@@ -16,12 +16,10 @@ from piezod.devices.interface import (
     Sensor,
     Wiring,
 )
+from piezod.devices.outputs import ANY_VALUE, CalibratedOutput
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags, TellsStatus
 from piezod.devices.wiring import ChannelPair, wiring_of
 from piezod.errors import DeviceError
-
-SLACK_V: Final = 1e-6
-"""Calibrations round."""
 
 
 class _Measuring(NamedTuple):
@@ -29,13 +27,13 @@ class _Measuring(NamedTuple):
 
     Attributes:
         sensor: The device.
-        measured: Input and axis of each displacement that it gives in µm.
+        plain: Input and axis of each displacement that it gives in µm.
         calibrated: Likewise of each that has to be made µm.
         commanding: Likewise of each that commands.
     """
 
     sensor: Sensor
-    measured: list[tuple[int, int]]
+    plain: list[tuple[int, int]]
     calibrated: list[tuple[CalibratedInput, int]]
     commanding: list[tuple[CalibratedInput, int]]
 
@@ -46,12 +44,12 @@ class _Driving(NamedTuple):
     Attributes:
         amplifier: The device.
         axes: The axis of each of its outputs.
-        curves: The calibration of each; empty where none of them needs any.
+        outputs: Each of them, in that order.
     """
 
     amplifier: Amplifier
     axes: list[int]
-    curves: list[Curve | None]
+    outputs: list[CalibratedOutput]
 
 
 class Channels:
@@ -67,6 +65,7 @@ class Channels:
 
     def __init__(self, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair]) -> None:
         self._pairs, self._axes = axes, tuple(axes)
+        self._outputs = [CalibratedOutput(pair.to_v) for pair in axes.values()]
         self._commands = [Sample(0, nan, False)] * len(axes)
         self.identities: dict[str, Identity] = {}
         """Who each device said it is, when it was opened last."""
@@ -110,19 +109,23 @@ class Channels:
         if driven:
             if not isinstance(device, Amplifier):
                 raise _wrong_role(name, "amplifier")
-            self._amplifiers.append(_driving(device, [axis for _, axis in driven], axes))
+            driven_axes = [axis for _, axis in driven]
+            outputs = [self._outputs[axis] for axis in driven_axes]
+            self._amplifiers.append(_Driving(device, driven_axes, outputs))
         if isinstance(device, TellsStatus):
             after_inputs = len(wiring.inputs)
-            outputs = [(after_inputs + channel, len(axes) + axis) for channel, axis in driven]
-            self._tellers.append((device, measured + outputs))
+            told = [(after_inputs + channel, len(axes) + axis) for channel, axis in driven]
+            self._tellers.append((device, measured + told))
 
     def open(self) -> Identity:
         """Open every device; if one cannot be, whatever it raises, all are closed again."""
         try:
             for name, device in self._devices.items():
                 self.identities[name] = device.open()
+            self._ask_for_ranges()
         except BaseException:
-            self.close()
+            with suppress(Exception):  # what matters is why they could not be opened
+                self.close()
             raise
         return Identity(
             *(" + ".join(parts) for parts in zip(*self.identities.values(), strict=True))
@@ -153,17 +156,14 @@ class Channels:
         Args:
             limits_v: Lowest and highest voltage of each axis, in V.
         """
-        for amplifier, axes, curves in self._amplifiers:
-            for channel, range_ in enumerate(amplifier.capabilities().ranges):
-                axis, curve = axes[channel], curves[channel] if curves else None
-                ends_v = sorted(range_ if curve is None else map(curve.physical, range_))
-                low_v, high_v = limits_v[axis]
-                if low_v < ends_v[0] - SLACK_V or high_v > ends_v[1] + SLACK_V:
-                    return (
-                        f"axis {self._axes[axis]} may be driven from {low_v:g} to {high_v:g} V, "
-                        f"its amplifier goes from {ends_v[0]:g} to {ends_v[1]:g} V: change the "
-                        "limits of the axis, or what the amplifier is said or set to give"
-                    )
+        for axis, output, (low_v, high_v) in zip(self._axes, self._outputs, limits_v, strict=True):
+            if not (output.reaches(low_v) and output.reaches(high_v)):
+                ends_v = output.reach_v()
+                return (
+                    f"axis {axis} may be driven from {low_v:g} to {high_v:g} V, "
+                    f"its amplifier goes from {ends_v[0]:g} to {ends_v[1]:g} V: change the "
+                    "limits of the axis, or what the amplifier is said or set to give"
+                )
         return ""
 
     def activate(self, now_ns: int) -> None:
@@ -172,14 +172,12 @@ class Channels:
             device.activate(now_ns)
 
     def deactivate(self, now_ns: int) -> None:
-        """Bring the outputs of every device to rest."""
-        for device in self._devices.values():
-            device.deactivate(now_ns)
+        """Bring the outputs of every device to rest, though one driver fails."""
+        self._each(lambda device: device.deactivate(now_ns))
 
     def close(self) -> None:
-        """Make the outputs of every device safe and let go of it."""
-        for device in self._devices.values():
-            device.close()
+        """Make the outputs of every device safe and let go of it, though one driver fails."""
+        self._each(lambda device: device.close())
 
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
         """Call these displacements zero from now on.
@@ -195,9 +193,9 @@ class Channels:
     def read(self, now_ns: int) -> list[Sample]:
         """Take one sample of each axis, from its zero on; may be called in the loop."""
         samples = [Sample(now_ns, 0.0, False)] * len(self._axes)
-        for sensor, measured, calibrated, commanding in self._sensors:
+        for sensor, plain, calibrated, commanding in self._sensors:
             taken = sensor.read(now_ns)
-            for channel, axis in measured:
+            for channel, axis in plain:
                 t_ns, position_um, valid = taken[channel]
                 samples[axis] = Sample(t_ns, position_um - self._zero_um[axis], valid)
             for one, axis in calibrated:
@@ -235,26 +233,18 @@ class Channels:
             Whether every device took its values.
         """
         taken = True
-        for amplifier, axes, curves in self._amplifiers:
-            values = [drive_v[axis] for axis in axes]
-            if curves:
-                values = [
-                    value if curve is None else curve.value(value)
-                    for value, curve in zip(values, curves, strict=True)
-                ]
+        for amplifier, axes, outputs in self._amplifiers:
+            values = [one.value(drive_v[axis]) for axis, one in zip(axes, outputs, strict=True)]
             taken &= amplifier.write(values, now_ns)
         return taken
 
     def read_back(self, now_ns: int) -> list[float]:
         """Tell the voltage now in force, in V, per axis; may be called in the loop."""
         drive_v = [nan] * len(self._axes)
-        for amplifier, axes, curves in self._amplifiers:
-            for axis, value in zip(axes, amplifier.read_back(now_ns), strict=True):
-                drive_v[axis] = value
-            if curves:
-                for axis, curve in zip(axes, curves, strict=True):
-                    if curve is not None:
-                        drive_v[axis] = curve.beyond(drive_v[axis])
+        for amplifier, axes, outputs in self._amplifiers:
+            told = amplifier.read_back(now_ns)
+            for axis, one, value in zip(axes, outputs, told, strict=True):
+                drive_v[axis] = one.voltage(value)
         return drive_v
 
     def status(self, now_ns: int) -> list[Flags]:
@@ -273,6 +263,23 @@ class Channels:
             if one.low_light:
                 flags[axis] |= {DeviceFlag.LOW_LIGHT}
         return flags
+
+    def _ask_for_ranges(self) -> None:
+        for amplifier, axes, outputs in self._amplifiers:
+            ranges = amplifier.capabilities().ranges or [ANY_VALUE] * len(axes)
+            for output, range_ in zip(outputs, ranges, strict=True):
+                output.range = range_
+
+    def _each(self, do: Callable[[Device], None]) -> None:
+        """Do something to every device; the first failure is raised when all had their turn."""
+        failures = []
+        for device in self._devices.values():
+            try:
+                do(device)
+            except BaseException as failure:  # noqa: BLE001 - raised below
+                failures.append(failure)
+        if failures:
+            raise failures[0]
 
 
 def _places(
@@ -299,19 +306,13 @@ def _measuring(
             if one.plain_place is None:
                 role.calibrated.append((one, place))
             else:
-                role.measured.append((one.plain_place, place))
+                role.plain.append((one.plain_place, place))
         command = pair.command
         if command is not None and command.device == name:
             channel = command.channel or axis
             one = CalibratedInput(wiring, channel, command.calibration, command.light)
             role.commanding.append((one, place))
     return role
-
-
-def _driving(amplifier: Amplifier, driven: list[int], axes: Mapping[str, ChannelPair]) -> _Driving:
-    pairs = list(axes.values())
-    curves = [curve_of(pairs[axis].to_v) for axis in driven]
-    return _Driving(amplifier, driven, curves if any(curves) else [])
 
 
 def _wrong_role(name: str, role: str) -> DeviceError:

@@ -5,10 +5,10 @@ An emulator is an entry point of the group `piezod.emulators` that leads to an `
 
 import threading
 from collections.abc import Callable, Sequence
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from piezod.devices import plugins
 from piezod.devices.emulation.bench import Bench
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.devices.emulation.far_end import FarEnd
@@ -24,7 +24,7 @@ GROUP: Final = "piezod.emulators"
 
 def names() -> tuple[str, ...]:
     """Tell the names of all profiles that can be emulated, sorted, without importing any."""
-    return tuple(sorted({point.name for point in entry_points(group=GROUP)}))
+    return plugins.names(GROUP)
 
 
 def load(name: str) -> EmulatorPlugin:
@@ -34,14 +34,10 @@ def load(name: str) -> EmulatorPlugin:
         name: Name of the profile, one of `names()`.
 
     Raises:
-        RegistryError: If there is none, or what carries the name is no emulator.
+        RegistryError: If no emulator or several have this name, or if what carries the name cannot
+            be imported or is not an emulator of that name.
     """
-    for point in entry_points(group=GROUP, name=name):
-        plugin = point.load()
-        if not isinstance(plugin, EmulatorPlugin) or plugin.name != name:
-            raise RegistryError(f"{point.value} is no emulator that is called {name!r}")
-        return plugin
-    raise RegistryError(f"no emulator is called {name!r}, known: {', '.join(names()) or 'none'}")
+    return plugins.load(GROUP, "emulator", EmulatorPlugin, name)
 
 
 class Post(NamedTuple):

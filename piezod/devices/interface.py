@@ -32,21 +32,43 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
+from typing import (
+    TYPE_CHECKING,
+    Final,
+    Generic,
+    NamedTuple,
+    Protocol,
+    Self,
+    TypeVar,
+    runtime_checkable,
+)
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
 OptionsT = TypeVar("OptionsT", bound="BaseModel")
 
+_NOT_TOLD: Final = frozenset({"unknown", "not told"})
+
 
 class Identity(NamedTuple):
-    """Who a device says it is; texts as the device gives them, none of them empty."""
+    """Who a device says it is; texts as the device gives them, none of them empty.
+
+    What it does not tell, or not when only its outputs are asked for, is "unknown" or "not told".
+    """
 
     maker: str
     model: str
     serial: str
     firmware: str
+
+
+def is_same(found: Identity, known: Identity) -> bool:
+    """Tell whether nothing speaks against two being one, by maker, model and serial number."""
+    return all(
+        a == b or not _NOT_TOLD.isdisjoint({a, b})
+        for a, b in zip(found[:3], known[:3], strict=True)
+    )
 
 
 class Wiring(NamedTuple):

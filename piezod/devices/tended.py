@@ -2,18 +2,14 @@
 
 import threading
 from collections.abc import Sequence
-from typing import Final, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from piezod.devices.around import Around
 from piezod.devices.bus.bus_device import LOSING
-from piezod.devices.interface import Device, Identity, Sample
+from piezod.devices.interface import Device, Identity, Sample, is_same
 from piezod.devices.status import DeviceFlag, Flags
+from piezod.devices.waits import FIRST_WAIT_S, LONGEST_WAIT_S, waits_s
 from piezod.errors import DeviceError
-
-FIRST_WAIT_S: Final = 0.1
-LONGEST_WAIT_S: Final = 2.0
-"""A device that is away is tried again after the first wait, then after twice as long, and so on up
-to the longest."""
 
 
 @runtime_checkable
@@ -31,8 +27,8 @@ class Tended(Around):
     """Passes calls on to a device as long as it is there, and opens it again where it is lost.
 
     While it is away samples are not valid, writes are refused, and what is in force is not known;
-    nobody waits. What comes back is used only if it is who it was; its outputs are taken over as
-    they are.
+    nobody waits. What comes back is used only if it is who it was. If it is to be active, its
+    outputs are taken over as they are; else it is deactivated.
 
     Args:
         device: The device, open and active; it implements `CanBeLost`.
@@ -56,7 +52,9 @@ class Tended(Around):
         self._identity = identity
         self._waits_s = first_wait_s, longest_wait_s
         # The device belongs to the loop while it is there, and to the thread while it is not.
-        self._there, self._active = True, True
+        self._there = True
+        # What it is to be, which is the loop's to say, and what it was made last by its owner.
+        self._wanted, self._active = True, True
         self._now_ns = 0
         self._untold: Sequence[Flags] | None = None
         self._gone = self._while_away = self._no_flags
@@ -72,21 +70,20 @@ class Tended(Around):
         return self._there
 
     def activate(self, now_ns: int) -> None:
-        """Activate the device.
+        """Activate the device, now or when it comes back.
 
         Raises:
-            DeviceError: If it is away, or refuses.
+            DeviceError: If it is there and refuses.
         """
-        self._active = True
-        if not self._there:
-            raise DeviceError(f"{self._identity.model} is away: {self.absent or self._link.lost}")
-        super().activate(now_ns)
+        self._wanted = True
+        if self._there:
+            self._settle_here(now_ns)
 
     def deactivate(self, now_ns: int) -> None:
         """Deactivate the device, now or when it comes back. Never raises."""
-        self._active = False
+        self._wanted = False
         if self._there:
-            super().deactivate(now_ns)
+            self._settle_here(now_ns)
 
     def close(self) -> None:
         """Close the device, and end the thread. Never raises."""
@@ -137,7 +134,33 @@ class Tended(Around):
 
     def _is_there(self, now_ns: int) -> bool:
         self._now_ns = now_ns
+        if self._there and self._wanted is not self._active:  # said while the thread was at it
+            self._settle_here(now_ns)
         return self._there
+
+    def _settle_here(self, now_ns: int) -> None:
+        """Have the device be what it is to be; where it is lost over that, the thread does it.
+
+        Raises:
+            DeviceError: If it refuses; then it is to be what it is.
+        """
+        try:
+            self._settle(now_ns)
+        except Exception:
+            self._look(now_ns)
+            if self._there:
+                self._wanted = self._active
+                raise
+        else:
+            self._look(now_ns)
+
+    def _settle(self, now_ns: int) -> None:
+        wanted = self._wanted
+        if wanted:
+            self._device.activate(now_ns)
+        else:
+            self._device.deactivate(now_ns)
+        self._active = wanted
 
     def _look(self, now_ns: int) -> None:
         """Leave the device to the thread where it has just been lost."""
@@ -156,23 +179,22 @@ class Tended(Around):
                 self._open_again()
 
     def _open_again(self) -> None:
-        wait_s, longest_s = self._waits_s
         self._let_go()
-        while not self._ended.wait(wait_s):
+        for wait_s in waits_s(*self._waits_s):
+            if self._ended.wait(wait_s):
+                return
             if self._came_back():
                 self._lost.clear()
                 self._there = True
                 return
-            wait_s = min(2 * wait_s, longest_s)
 
     def _came_back(self) -> bool:
         """Open the device; return whether that went well and it is who it was."""
         self._while_away = self._gone
         try:
             found = self._device.open()
-            if found == self._identity:
-                if self._active:
-                    self._device.activate(self._now_ns)
+            if is_same(found, self._identity):
+                self._settle(self._now_ns)
                 self.absent = ""
                 return True
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way; it is tried again

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.control.bus_watch import AT_ONCE, COUNTED, NOT_SENT_CYCLES, BusWatch
-from piezod.control.fault_cases import LOST, Case
+from piezod.control.bus_watch import AT_ONCE, NOT_SENT_CYCLES, BusWatch
+from piezod.control.fault_cases import CASES, COUNTED_FLAGS, LOST, Case
 from piezod.control.fault_register import Detection
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 
-BUS_FLAGS = [*AT_ONCE, *COUNTED, DeviceFlag.NOT_SENT]
+BUS_FLAGS = [*AT_ONCE, *COUNTED_FLAGS, DeviceFlag.NOT_SENT]
 
 
 def of(*flags: DeviceFlag) -> Flags:
@@ -28,6 +28,13 @@ def cycles(watch: BusWatch, count: int, sensor: Flags, amplifier: Flags) -> list
     """Return in which of some cycles more was found than what is only counted."""
     runs = (watch.check(sensor, amplifier) for _ in range(count))
     return [any(one.case is not Case.SINGLE for one in found) for found in runs]
+
+
+def test_what_is_only_counted_has_a_case_of_its_own() -> None:
+    """Every such fault, and no other."""
+    counted = {fault for fault, case in CASES if case is Case.SINGLE}
+
+    assert counted == {*COUNTED_FLAGS.values(), "B9"}
 
 
 def test_nothing_is_found_where_nothing_is_told() -> None:
@@ -50,7 +57,7 @@ def test_what_no_second_try_mends_is_told_in_the_same_cycle(flag: DeviceFlag) ->
     assert after == ()
 
 
-@pytest.mark.parametrize("flag", COUNTED)
+@pytest.mark.parametrize("flag", COUNTED_FLAGS)
 def test_what_happens_now_and_then_is_counted_and_a_fault_at_the_fifth_in_a_row(
     flag: DeviceFlag,
 ) -> None:
@@ -62,7 +69,7 @@ def test_what_happens_now_and_then_is_counted_and_a_fault_at_the_fifth_in_a_row(
         cycles(other, 1, NO_FLAGS, of(flag) if k % 4 == 0 else NO_FLAGS)[0] for k in range(1000)
     ]
 
-    assert set(single) == {(COUNTED[flag], Case.SINGLE)}
+    assert set(single) == {(COUNTED_FLAGS[flag], Case.SINGLE)}
     assert rest == [False] * 3 + [True] * 2
     assert not any(seldom)
 

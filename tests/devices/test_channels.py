@@ -5,6 +5,7 @@ from math import isnan
 
 import pytest
 
+from piezod.config.channels import Calibration, Line, Polynomial, Table
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Capabilities, Identity, KnowsTruth, Sample, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
@@ -224,6 +225,40 @@ def test_a_driver_that_fails_to_open_leaves_none_open(
     assert fibre.done == ["open", "close"]
 
 
+def failing(devices: dict[str, FakeDevice], *names: str) -> None:
+    """Have the drivers of these devices fail where they never may."""
+
+    def fail(name: str) -> None:
+        raise OSError(f"{name} failed")
+
+    for name in names:
+        devices[name].deactivate = lambda _now_ns, name=name: fail(name)  # type: ignore[method-assign, misc]
+        devices[name].close = lambda name=name: fail(name)  # type: ignore[method-assign, misc]
+
+
+def test_one_driver_that_fails_leaves_no_other_amplifier_as_it_is() -> None:
+    """All are deactivated, and closed; what the first one raised is told in the end."""
+    channels, devices = two_axes()
+    failing(devices, "fibre", "left")
+
+    with pytest.raises(OSError, match="fibre failed"):
+        channels.deactivate(2)
+    with pytest.raises(OSError, match="fibre failed"):
+        channels.close()
+    assert devices["right"].done == ["deactivate 2", "close"]
+
+
+def test_why_a_device_cannot_be_opened_is_told_though_another_cannot_be_closed() -> None:
+    """The first of the two is what somebody can do something about."""
+    channels, devices = two_axes()
+    failing(devices, "fibre")
+    devices["right"].absent = True
+
+    with pytest.raises(DeviceUnavailableError, match="nothing answers"):
+        channels.open()
+    assert devices["left"].done == ["open", "close"]
+
+
 class FakeTeller(FakeAmplifier):
     """Says that its first axis is overloaded."""
 
@@ -259,6 +294,19 @@ def test_channels_whose_devices_tell_nothing_have_nothing_to_tell() -> None:
     assert Channels(devices, axes).status(0) == [NO_FLAGS, NO_FLAGS]
 
 
+def ranged(low: float, high: float, to_v: Calibration) -> Channels:
+    """Return one axis, x, whose amplifier can be set to no more, open."""
+
+    class Ranged(FakeAmplifier):
+        def capabilities(self) -> Capabilities:
+            return super().capabilities()._replace(ranges=((low, high),))
+
+    axes = {"x": ChannelPair("fibre", "short", to_v=to_v)}
+    channels = Channels({"fibre": FakeSensor(("x",)), "short": Ranged(("x",))}, axes)
+    channels.open()
+    return channels
+
+
 @pytest.mark.parametrize(
     ("limits_v", "beyond"), [((-20.0, 120.0), False), ((0.0, 120.1), True), ((-20.1, 0.0), True)]
 )
@@ -266,15 +314,38 @@ def test_limits_that_an_amplifier_cannot_reach_are_told(
     limits_v: tuple[float, float], *, beyond: bool
 ) -> None:
     """The axis is named, and how far its amplifier goes."""
-
-    class Ranged(FakeAmplifier):
-        def capabilities(self) -> Capabilities:
-            return super().capabilities()._replace(ranges=((-20.0, 120.0),))
-
-    axes = {"x": ChannelPair("fibre", "short")}
-    channels = Channels({"fibre": FakeSensor(("x",)), "short": Ranged(("x",))}, axes)
-    text = channels.beyond_reach([limits_v])
+    text = ranged(-20.0, 120.0, Line()).beyond_reach([limits_v])
 
     assert bool(text) is beyond
     assert not beyond or "axis x" in text
     assert not beyond or "goes from -20 to 120 V" in text
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_calibration_may_hold_for_less_than_the_device_can_give(
+    sign: float, *, whole: bool
+) -> None:
+    """Rising or falling, what it holds for can be reached; what only the limits ask for cannot."""
+    high_v = 150.0 if whole else 120.0
+    for curve in (
+        Table(values=(0.0, 10.0), physical=(0.0, 150.0 * sign)),
+        Polynomial(coefficients=(0.0, 15.0 * sign), values=(0.0, 10.0)),
+    ):
+        channels = ranged(-10.0, 10.0 if whole else 8.0, curve)
+        limits_v = sorted((0.0, high_v * sign)), sorted((0.0, 151.0 * sign))
+
+        assert channels.beyond_reach([(limits_v[0][0], limits_v[0][1])]) == ""
+        assert channels.beyond_reach([(limits_v[1][0], limits_v[1][1])])
+        assert channels.write([high_v * sign], 0)
+
+
+def test_the_end_of_what_an_amplifier_can_give_can_be_written() -> None:
+    """Without a bit too much, which it would refuse in each cycle."""
+    channels = ranged(0.0, 10.0, Line(gain=1.5, offset=12.1))
+    channels.write([27.1], 0)
+
+    assert channels.beyond_reach([(20.0, 27.1)]) == ""
+    amplifier = channels.devices["short"]
+    assert isinstance(amplifier, FakeAmplifier)
+    assert amplifier.drive_v == [10.0]

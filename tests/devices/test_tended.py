@@ -9,7 +9,7 @@ from piezod.devices.around import Combined
 from piezod.devices.interface import Sample
 from piezod.devices.status import NO_FLAGS, DeviceFlag
 from piezod.devices.tended import CanBeLost, Tended
-from piezod.errors import DeviceError
+from piezod.errors import DeviceError, DeviceUnavailableError
 from tests.daemon.waiting import eventually
 from tests.devices.fake_link import OTHER, WHO, FakeLink
 
@@ -107,6 +107,15 @@ def test_another_device_is_not_taken_for_the_lost_one(link: FakeLink, tended: Te
     eventually(lambda: tended.there)
 
 
+def test_a_device_with_other_firmware_is_the_same(link: FakeLink, tended: Tended) -> None:
+    """Somebody has changed that; and what is not told speaks against nobody."""
+    for changed in ({"firmware": "2.0"}, {"serial": "unknown"}):
+        link.pulled = True
+        tended.read(1)
+        link.who, link.pulled = WHO._replace(**changed), False
+        eventually(lambda: tended.there)
+
+
 def test_a_driver_that_fails_to_close_is_opened_again_all_the_same(
     link: FakeLink, tended: Tended, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -127,22 +136,109 @@ def test_a_driver_that_fails_to_close_is_opened_again_all_the_same(
 def test_a_device_that_was_deactivated_meanwhile_comes_back_so(
     link: FakeLink, tended: Tended
 ) -> None:
-    """Nobody activates it but who is asked to; and who is away cannot be."""
+    """Nobody activates it but who is asked to; its outputs come to rest as soon as they can."""
     link.pulled = True
     tended.read(5)
     tended.deactivate(6)
+    assert "deactivate 6" not in link.done
     link.pulled = False
     eventually(lambda: tended.there)
-    assert "activate 5" not in link.done
+    assert not [done for done in link.done[3:] if done.startswith("activate")]
+    assert link.done[-1] == "deactivate 5"
 
     tended.activate(7)
     assert link.done[-1] == "activate 7"
     tended.deactivate(8)
     assert link.done[-1] == "deactivate 8"
+
+
+def test_a_device_that_is_away_is_activated_when_it_comes_back(
+    link: FakeLink, tended: Tended
+) -> None:
+    """Who asked for it need not ask again."""
+    tended.deactivate(1)
     link.pulled = True
-    tended.read(9)
-    with pytest.raises(DeviceError, match=r"stage is away: (nobody there|the wire is pulled)"):
-        tended.activate(10)
+    tended.read_back(2)
+    assert not tended.there
+    tended.activate(3)
+    link.pulled = False
+    eventually(lambda: tended.there)
+
+    assert link.done[-1] == "activate 2"
+    assert tended.read(4) == [Sample(4, 1.0, True)]
+
+
+def test_a_device_that_refuses_is_not_activated_behind_anybodys_back(
+    link: FakeLink, tended: Tended, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who asked for it was told that it is not active: then it is not, whatever comes later."""
+
+    def refuse(_now_ns: int) -> None:
+        raise DeviceError("it is in local mode")
+
+    tended.deactivate(1)
+    with monkeypatch.context() as patch:
+        patch.setattr(link, "activate", refuse)
+        with pytest.raises(DeviceError, match="local mode"):
+            tended.activate(2)
+    tended.read_back(3)
+    link.pulled = True
+    tended.read_back(4)
+    link.pulled = False
+    eventually(lambda: tended.there)
+    tended.read_back(5)
+
+    assert not [done for done in link.done[2:] if done.startswith("activate")]
+
+
+def test_a_device_that_is_lost_over_its_activation_is_activated_when_it_comes_back(
+    link: FakeLink, tended: Tended, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is like any other that is away, and told to be."""
+
+    def lose(now_ns: int) -> None:
+        link.read(now_ns)
+        raise DeviceUnavailableError("the wire is pulled")
+
+    tended.deactivate(1)
+    link.pulled = True
+    with monkeypatch.context() as patch:
+        patch.setattr(link, "activate", lose)
+        tended.activate(2)
+    assert not tended.there
+    assert tended.status(2) == [AWAY] * 2
+    link.pulled = False
+    eventually(lambda: tended.there)
+
+    assert link.done[-1].startswith("activate")
+
+
+@pytest.mark.parametrize("active", [True, False])
+def test_what_is_said_while_the_device_is_being_opened_is_done(
+    link: FakeLink, tended: Tended, monkeypatch: pytest.MonkeyPatch, *, active: bool
+) -> None:
+    """The thread has just looked what it is to be; the next call of the loop sees to it."""
+    last = {True: ("deactivate", "activate 9"), False: ("activate", "deactivate 9")}[active]
+    unwatched = getattr(link, last[0])
+
+    def meanwhile(now_ns: int) -> None:
+        unwatched(now_ns)
+        (tended.activate if active else tended.deactivate)(6)
+
+    if active:
+        tended.deactivate(1)
+    link.pulled = True
+    tended.read_back(5)
+    with monkeypatch.context() as patch:
+        patch.setattr(link, last[0], meanwhile)
+        link.pulled = False
+        eventually(lambda: tended.there)
+    before = link.done[-1]
+    tended.status(9)
+    tended.status(9)
+
+    assert before == f"{last[0]} 5"
+    assert link.done[-1] == last[1]
 
 
 def test_a_device_that_is_away_can_be_closed(link: FakeLink, tended: Tended) -> None:

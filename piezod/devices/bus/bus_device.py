@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from piezod.devices.bus.dialogue import Dialogue, ExchangingDialogue, Reading
 from piezod.devices.bus.line import LineFault
-from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.devices.interface import Capabilities, Identity, Sample, is_same
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError, DeviceUnavailableError
 
@@ -69,8 +69,8 @@ class BusDevice:
         self._able = able._replace(ranges=tuple(self._ranges))
         self._written = [nan] * len(able.outputs)
         self._first = self._first or identity
-        other = identity._replace(firmware="") != self._first._replace(firmware="")
-        self._lasting = frozenset({DeviceFlag.OTHER_DEVICE}) if other else NO_FLAGS
+        same = is_same(identity, self._first)
+        self._lasting = NO_FLAGS if same else frozenset({DeviceFlag.OTHER_DEVICE})
         self._no_flags = [NO_FLAGS] * (len(able.inputs) + len(able.outputs))
         self.lost = ""
         self._events = set()
@@ -103,8 +103,10 @@ class BusDevice:
         self._active = True
 
     def deactivate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's
-        """Give control back. Never raises."""
-        if self._active:
+        """Give control back, and what does not hold to rest even without it. Never raises."""
+        able = self._able
+        rests = able is not None and bool(able.outputs) and not able.holds
+        if self._active or rests:
             self._active = False
             self._try(self._dialogue.deactivate)
 

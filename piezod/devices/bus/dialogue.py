@@ -47,7 +47,10 @@ class Dialogue(Protocol):
         ...
 
     def deactivate(self) -> None:
-        """Give control back; outputs come to rest, or hold where `Capabilities.holds`."""
+        """Give control back; outputs come to rest, or hold where `Capabilities.holds`.
+
+        Those that come to rest are to do so without an `activate` before, too.
+        """
         ...
 
     def sample(self, now_ns: int) -> Reading:

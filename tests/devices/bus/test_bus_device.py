@@ -23,7 +23,7 @@ class Spoken:
         fault: Raised by every exchange as long as it is not None.
     """
 
-    def __init__(self, *, read_back: bool = True) -> None:
+    def __init__(self, *, read_back: bool = True, holds: bool = True) -> None:
         self.fault: DeviceFlag | None = None
         self.identity = IDENTITY
         self.in_force_v: Sequence[float] = [0.0, 0.0]
@@ -32,7 +32,7 @@ class Spoken:
         self.noticed: set[DeviceFlag] = set()
         self.mistake: Exception | None = None
         self.calls: list[str] = []
-        self._read_back = read_back
+        self._read_back, self._holds = read_back, holds
 
     def open(self) -> Identity:
         self._called("open")
@@ -44,7 +44,7 @@ class Spoken:
         self.calls.append("close")
 
     def capabilities(self) -> Capabilities:
-        return Capabilities(("x", "y"), ("x", "y"), self._read_back, 1000.0, holds=True)
+        return Capabilities(("x", "y"), ("x", "y"), self._read_back, 1000.0, self._holds)
 
     def ranges(self) -> Sequence[tuple[float, float]]:
         return [(-10.0, 100.0)] * 2
@@ -209,6 +209,20 @@ def test_lost_device_is_left_alone_until_it_is_opened_again() -> None:
     assert device.status(2) == told()
 
 
+@pytest.mark.parametrize("holds", [True, False])
+def test_outputs_that_do_not_hold_come_to_rest_though_nobody_activated_them(*, holds: bool) -> None:
+    """Whoever left them as they are: to be deactivated, and closed, leaves them safe."""
+    dialogue = Spoken(holds=holds)
+    device = ExchangingBusDevice("E1", dialogue)
+    device.open()
+    device.deactivate(0)
+    device.close()
+    device.deactivate(1)
+
+    rests = [] if holds else ["deactivate"] * 2
+    assert dialogue.calls == ["open", *rests, "close"]
+
+
 @pytest.mark.parametrize("read_back", [True, False])
 def test_voltage_of_a_lost_device_is_unknown(read_back: bool) -> None:
     """Whether it can be asked or not."""
@@ -251,7 +265,7 @@ def test_events_survive_until_somebody_asks() -> None:
 
 @pytest.mark.parametrize("changed", ["maker", "model", "serial"])
 def test_another_device_is_told_as_long_as_it_is_there(changed: str) -> None:
-    """What comes back must be what was there first, but for its firmware."""
+    """What comes back must be what was there first, but for its firmware and what is not told."""
     dialogue = Spoken()
     device = active(dialogue)
     device.close()
@@ -264,6 +278,10 @@ def test_another_device_is_told_as_long_as_it_is_there(changed: str) -> None:
 
     assert others == [told(DeviceFlag.OTHER_DEVICE)] * 2
     assert device.status(2) == told()
+    device.close()
+    dialogue.identity = IDENTITY._replace(**{changed: "not told"})
+    device.open()
+    assert device.status(3) == told()
 
 
 @pytest.mark.parametrize("values", [[1.0], [1.0] * 3, [math.nan, 1.0], [1.0, 100.1], [-10.1, 0.0]])

@@ -1,0 +1,75 @@
+"""Finds plug-ins by name, among all installed distributions.
+
+A plug-in is an entry point. Looking at names imports nothing. One is imported when it is asked for,
+so a broken one harms no other.
+"""
+
+from importlib.metadata import EntryPoint, entry_points
+from typing import Protocol, TypeVar
+
+from piezod.errors import RegistryError
+
+
+class Named(Protocol):
+    """A plug-in, which knows its name."""
+
+    @property
+    def name(self) -> str:
+        """The same as that of its entry point."""
+        ...
+
+
+PluginT = TypeVar("PluginT", bound=Named)
+
+
+def names(group: str) -> tuple[str, ...]:
+    """Tell the names of all installed plug-ins, sorted, without importing any of them.
+
+    Args:
+        group: Their entry points' group.
+    """
+    return tuple(sorted({point.name for point in entry_points(group=group)}))
+
+
+def load(group: str, kind: str, plugin_type: type[PluginT], name: str) -> PluginT:
+    """Import one plug-in. Not to be called in the loop.
+
+    Args:
+        group: The group of its entry point.
+        kind: What it is, for people.
+        plugin_type: Its class.
+        name: Its name, one of `names(group)`.
+
+    Raises:
+        RegistryError: If none or several have this name, or if what carries the name cannot be
+            imported or is not a plug-in of that name.
+    """
+    point = _only(group, kind, name)
+    origin = f"{kind} {name!r} ({point.value} of {_distribution(point)})"
+    try:
+        plugin = point.load()
+    except Exception as error:
+        # A plug-in is foreign code and may fail in any way while it is imported.
+        text = f"{origin} cannot be imported: {type(error).__name__}: {error}"
+        raise RegistryError(text) from error
+    if not isinstance(plugin, plugin_type):
+        found, wanted = type(plugin).__name__, plugin_type.__name__
+        raise RegistryError(f"{origin} is of type {found}, not {wanted}")
+    if plugin.name != name:
+        raise RegistryError(f"{origin} calls itself {plugin.name!r}: the two names must agree")
+    return plugin
+
+
+def _only(group: str, kind: str, name: str) -> EntryPoint:
+    points = entry_points(group=group, name=name)
+    known = f"known {kind}s: {', '.join(names(group)) or 'none is installed'}"
+    if not points:
+        raise RegistryError(f"unknown {kind} {name!r}, {known}")
+    if len(points) > 1:
+        makers = " and ".join(sorted(map(_distribution, points)))
+        raise RegistryError(f"{kind} {name!r} is provided by {makers}: uninstall one, {known}")
+    return next(iter(points))
+
+
+def _distribution(point: EntryPoint) -> str:
+    return f"{point.dist.name} {point.dist.version}" if point.dist else "an unnamed distribution"

@@ -1,0 +1,86 @@
+"""What an output is set to for a voltage, where its range ends."""
+
+from math import inf, isnan, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.config.channels import Calibration, Line, Polynomial, Table
+from piezod.devices.outputs import SLACK_V, CalibratedOutput
+
+SLOPES = st.floats(0.1, 50.0) | st.floats(-50.0, -0.1)
+TWO_ENDS = st.tuples(st.floats(-10.0, 0.0), st.floats(0.1, 10.0))
+
+
+def output(calibration: Calibration, low: float, high: float) -> CalibratedOutput:
+    """Return one whose device takes no other values."""
+    made = CalibratedOutput(calibration)
+    made.range = low, high
+    return made
+
+
+@st.composite
+def calibrations(draw: st.DrawFn) -> Calibration:
+    """Lines, and curves that hold farther than any range goes."""
+    slope, offset = draw(SLOPES), draw(st.floats(-100.0, 100.0))
+    bent = slope * draw(st.floats(0.0, 0.01))
+    low_v, middle_v, high_v = (offset + (slope + bent * x) * x for x in (-15.0, 0.3, 15.0))
+    each: tuple[Calibration, ...] = (
+        Line(gain=slope, offset=offset),
+        Polynomial(coefficients=(offset, slope, bent), values=(-15.0, 15.0)),
+        Table(values=(-15.0, 0.3, 15.0), physical=(low_v, middle_v, high_v)),
+    )
+    return draw(st.sampled_from(each))
+
+
+@given(calibrations(), TWO_ENDS)
+def test_every_voltage_that_is_in_reach_is_taken(
+    calibration: Calibration, ends: tuple[float, float]
+) -> None:
+    """The ends too, and what is as good as they are; never is anything beyond the range sent."""
+    low, high = ends
+    one = output(calibration, low, high)
+    for end_v in one.reach_v():
+        for drive_v in (end_v, end_v - SLACK_V, end_v + SLACK_V):
+            assert one.reaches(drive_v)
+            assert low <= one.value(drive_v) <= high
+
+
+def test_the_end_of_a_range_is_not_missed_by_rounding() -> None:
+    """(1.5 · 10 + 12.1 - 12.1) / 1.5 is more than 10, by one bit."""
+    one = output(Line(gain=1.5, offset=12.1), 0.0, 10.0)
+
+    assert (27.1 - 12.1) / 1.5 > 10.0
+    assert one.value(27.1) == 10.0
+
+
+@pytest.mark.parametrize("calibration", [Line(), Line(gain=-15.0)])
+def test_what_is_beyond_the_range_stays_so(calibration: Line) -> None:
+    """Whoever takes it must refuse it: nothing is clamped."""
+    one = output(calibration, 0.0, 10.0)
+    for end_v, beyond in zip(one.reach_v(), (-1.0, 1.0), strict=True):
+        too_far_v = end_v + beyond * 3.0 * SLACK_V
+        assert not one.reaches(too_far_v)
+        assert not 0.0 <= one.value(too_far_v) <= 10.0
+
+
+@pytest.mark.parametrize(
+    "calibration", [Line(), Line(gain=2.0), Table(values=(0.0, 10.0), physical=(0.0, 150.0))]
+)
+def test_what_is_no_voltage_makes_no_value(calibration: Calibration) -> None:
+    """It must be refused as well."""
+    one = output(calibration, 0.0, 10.0)
+
+    assert isnan(one.value(nan))
+    assert not 0.0 <= one.value(inf) <= 10.0
+    assert not 0.0 <= one.value(-inf) <= 10.0
+
+
+def test_a_device_that_tells_no_range_reaches_everything() -> None:
+    """It says itself what it does not take."""
+    one = CalibratedOutput(Line(gain=2.0))
+
+    assert one.reaches(1e6)
+    assert one.value(1e6) == 5e5
+    assert one.voltage(5e5) == 1e6

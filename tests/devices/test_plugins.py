@@ -1,0 +1,157 @@
+"""Plug-ins of both kinds: found by entry point, imported on demand, ambiguous never."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from piezod.devices import emulators, registry
+from piezod.errors import RegistryError
+
+Install = Callable[..., None]
+
+
+class Kind(NamedTuple):
+    """A kind of plug-in.
+
+    Attributes:
+        called: What it is called.
+        lookup: The module that finds it.
+        known: One that is installed.
+        type_name: Its class.
+        good: Source of one, after its `NAME`.
+    """
+
+    called: str
+    lookup: Any
+    known: str
+    type_name: str
+    good: str
+
+
+DRIVER = Kind(
+    "driver",
+    registry,
+    "simulated",
+    "DriverPlugin",
+    """
+from pydantic import BaseModel
+from piezod.devices.interface import DriverPlugin
+PLUGIN = DriverPlugin(NAME, "for tests", BaseModel, lambda options, axes, seed: None, False)
+""",
+)
+EMULATOR = Kind(
+    "emulator",
+    emulators,
+    "pi-gcs2",
+    "EmulatorPlugin",
+    """
+from piezod.devices.emulation.emulator import EmulatorPlugin
+PLUGIN = EmulatorPlugin(NAME, "for tests", "serial", lambda bench, serial: None)
+""",
+)
+
+
+@pytest.fixture(params=[DRIVER, EMULATOR], ids=lambda kind: kind.called)
+def kind(request: pytest.FixtureRequest) -> Kind:
+    """Return each kind of plug-in in turn."""
+    found: Kind = request.param
+    return found
+
+
+@pytest.fixture
+def install(kind: Kind, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
+    """Return a function that puts a distribution with one plug-in where Python finds it."""
+
+    def put(distribution: str, name: str, module: str, source: str) -> None:
+        module = f"{kind.called}_{module}"
+        (tmp_path / f"{module}.py").write_text(source)
+        info = tmp_path / f"{distribution}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Name: {distribution}\nVersion: 1.0\n")
+        group = kind.lookup.GROUP
+        (info / "entry_points.txt").write_text(f"[{group}]\n{name} = {module}:PLUGIN\n")
+        monkeypatch.syspath_prepend(tmp_path)
+
+    return put
+
+
+def test_what_is_installed_is_listed(kind: Kind) -> None:
+    """What ships with piezod is."""
+    assert kind.known in kind.lookup.names()
+
+
+def test_names_are_sorted_and_nothing_is_imported(kind: Kind, install: Install) -> None:
+    """Listing names tells of a broken plug-in too, since it imports none."""
+    install("a-maker", "a_broken_stage", "that_raises", "raise OSError('no such bus')")
+
+    names = kind.lookup.names()
+
+    assert "a_broken_stage" in names
+    assert tuple(sorted(names)) == names
+
+
+def test_plugin_of_another_distribution_is_loaded(kind: Kind, install: Install) -> None:
+    """Any installed distribution can bring one."""
+    install("a-maker", "stage", "good", f"NAME = 'stage'{kind.good}")
+
+    assert kind.lookup.load("stage").summary == "for tests"
+
+
+def test_unknown_name_lists_the_known_ones(kind: Kind) -> None:
+    """A misspelt name is answered with the names there are."""
+    with pytest.raises(
+        RegistryError,
+        match=rf"unknown {kind.called} 'simulatde', known {kind.called}s: .*{kind.known}",
+    ):
+        kind.lookup.load("simulatde")
+
+
+def test_unknown_name_when_nothing_is_installed(
+    kind: Kind, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where none is installed the error says so."""
+    monkeypatch.setattr(kind.lookup, "GROUP", "a.group.that.nobody.uses")
+
+    with pytest.raises(RegistryError, match=f"known {kind.called}s: none is installed"):
+        kind.lookup.load(kind.known)
+
+
+def test_duplicate_name_is_refused(kind: Kind, install: Install) -> None:
+    """Of two with one name neither is chosen in silence."""
+    install("b-maker", "stage", "b", f"NAME = 'stage'{kind.good}")
+    install("a-maker", "stage", "a", f"NAME = 'stage'{kind.good}")
+
+    with pytest.raises(
+        RegistryError, match=r"'stage' is provided by a-maker 1\.0 and b-maker 1\.0"
+    ):
+        kind.lookup.load("stage")
+    assert kind.lookup.names().count("stage") == 1
+
+
+@pytest.mark.parametrize("source", ["raise OSError('no such bus')", "import no_such_module", ""])
+def test_plugin_that_cannot_be_imported_names_its_distribution(
+    kind: Kind, install: Install, source: str
+) -> None:
+    """Whatever goes wrong during an import, the error tells whose plug-in it is."""
+    install("a-maker", "stage", f"stage_{len(source)}", source)
+
+    with pytest.raises(RegistryError, match=r"of a-maker 1\.0\) cannot be imported: "):
+        kind.lookup.load("stage")
+
+
+def test_plugin_of_another_type_is_refused(kind: Kind, install: Install) -> None:
+    """The entry point must lead to a plug-in of its kind."""
+    install("a-maker", "stage", "text", "PLUGIN = 'a text'")
+
+    with pytest.raises(RegistryError, match=f"is of type str, not {kind.type_name}"):
+        kind.lookup.load("stage")
+
+
+def test_plugin_of_another_name_is_refused(kind: Kind, install: Install) -> None:
+    """It has one name."""
+    install("a-maker", "stage", "by_alias", f"NAME = 'alias'{kind.good}")
+
+    with pytest.raises(RegistryError, match="calls itself 'alias': the two names must agree"):
+        kind.lookup.load("stage")
