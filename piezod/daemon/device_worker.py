@@ -221,7 +221,7 @@ class DeviceWorker(Around):
         elif call is _Call.ACTIVATE:
             self._sent = self._wish.number  # what was wished before is over
             self._device.activate(self._clock_ns())
-            self._active = True
+            self._active = self._taken = True
         else:
             self._active = False
             self._device.deactivate(self._clock_ns())
@@ -229,7 +229,7 @@ class DeviceWorker(Around):
     def _round(self) -> None:
         samples: Sequence[Sample] = ()
         wish = self._wish
-        if self._active and wish.number != self._sent:
+        if wish.number != self._sent:
             samples = self._send(wish)
         now_ns = self._clock_ns()
         if self._active and not samples and self._able.inputs:
@@ -244,11 +244,11 @@ class DeviceWorker(Around):
         self._told = _Told(self._told.number + 1, samples, read_back, flags, self._taken)
 
     def _send(self, wish: _Wish) -> Sequence[Sample]:
-        """Set the outputs, unless that is too late; return samples that come with it."""
+        """Set the outputs, unless it is too late or the device inactive; return samples with it."""
         self._sent = wish.number
         samples: Sequence[Sample] = ()
         now_ns = self._clock_ns()
-        if now_ns - wish.t_ns > self._deadline_ns:
+        if not self._active or now_ns - wish.t_ns > self._deadline_ns:
             self._taken = False
         elif self._exchanges:
             self._taken, samples = self._device.exchange(wish.values, now_ns)

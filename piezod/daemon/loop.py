@@ -111,6 +111,8 @@ class Loop:
         if taken is not None:
             number, payload = taken
             accepted, why, motion = self._execute(payload, t_ns)
+            if accepted:  # it may have changed what is learned, of which the client may ask next
+                self.publisher.learned_now(self._controller)
             self._mailbox.answer(number, accepted=accepted, motion=motion, why=why)
         if self._supervisor.lost(t_ns, skipped):
             limit_s = SUPERVISOR_LOST_NS / NS_PER_S

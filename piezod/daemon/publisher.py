@@ -107,6 +107,11 @@ class Publisher:
             self._turn = (self._turn + 1) % self._axes
             self._learned.publish(self._turn, *controller.learned(self._turn))
 
+    def learned_now(self, controller: KnowsLearned) -> None:
+        """Publish what every axis has learned, whose turn it is or not."""
+        for axis in range(self._axes):
+            self._learned.publish(axis, *controller.learned(axis))
+
     def waiting(self, t_ns: int) -> None:
         """Tell that the loop is alive and its devices are absent."""
         words = self._words

@@ -81,11 +81,9 @@ class StageLink:
         if isinstance(request, Arm) and self._shadow:
             request = Arm(shadow=True)
         loop = self._running()
-        answer = await loop.requests.ask(request)
-        if answer.accepted and isinstance(request, AdoptModel):
-            name = request.axis or loop.axes[0]
-            loop.models[name] = request.model
-        return answer
+        if isinstance(request, AdoptModel):
+            return await self.parameters.adopt(loop, request)
+        return await loop.requests.ask(request)
 
     def stream_setpoint(self, setpoints_um: Mapping[str, float]) -> None:
         """Set the newest setpoint of each axis named, in µm."""

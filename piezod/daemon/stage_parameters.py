@@ -10,6 +10,7 @@ from pydantic import ValidationError
 import piezod
 from piezod.config.model_file import ModelFile
 from piezod.config.requests import AdoptModel
+from piezod.control.stage_record import Answer
 from piezod.daemon.logging import logger
 from piezod.daemon.loop_connection import LoopConnection
 from piezod.daemon.parameter_document import AxisParameters
@@ -37,7 +38,8 @@ class StageParameters:
 
     async def now(self, loop: LoopConnection) -> Document:
         """Return the parameters in use, and the number under which they were saved or loaded."""
-        found = await asyncio.to_thread(_in_use, loop)
+        async with self._one_at_a_time:
+            found = await asyncio.to_thread(_in_use, loop)
         axes = {name: axis.model_dump(mode="json") for name, axis in found.items()}
         return {"sequence": self._sequence, "axes": axes}
 
@@ -80,24 +82,21 @@ class StageParameters:
             raise UnknownNameError(why or "nothing is saved", "see `piezod params list`")
         _check_axes(loaded.document.axes, loop)
         for name, axis in loaded.document.axes.items():
-            await adopt(loop, name, axis)
+            if axis.model is not None:  # without one there is nothing to use
+                request = AdoptModel(axis=name, model=axis.model, zero_um=axis.zero_um)
+                answer = await self.adopt(loop, request)
+                if not answer.accepted:
+                    raise NotNowError(f"axis {name}: {answer.why}")
         self._sequence = loaded.document.sequence
         return {"sequence": self._sequence, "copy": loaded.copy, "rejected": rejected}
 
-
-async def adopt(loop: LoopConnection, name: str, axis: AxisParameters) -> None:
-    """Have the loop use the parameters of an axis; without a model there is nothing to use.
-
-    Raises:
-        NotNowError: If it does not take them now.
-    """
-    if axis.model is None:
-        return
-    request = AdoptModel(axis=name, model=axis.model, zero_um=axis.zero_um)
-    answer = await loop.requests.ask(request)
-    if not answer.accepted:
-        raise NotNowError(f"axis {name}: {answer.why}")
-    loop.models[name] = axis.model
+    async def adopt(self, loop: LoopConnection, request: AdoptModel) -> Answer:
+        """Have the loop use a model; nobody is told the weights of one with those of another."""
+        async with self._one_at_a_time:
+            answer = await loop.requests.ask(request)
+            if answer.accepted:
+                loop.models[request.axis or loop.axes[0]] = request.model
+        return answer
 
 
 def _check_axes(stored: Mapping[str, AxisParameters], loop: LoopConnection) -> None:

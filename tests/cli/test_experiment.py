@@ -13,9 +13,10 @@ from tests.cli.conftest import Command
 MODES = ["uncompensated", "feedforward", "adaptive"]
 
 
-def test_document(process: Command, experiment_file: Path, folder: Path) -> None:
+@pytest.mark.usefixtures("blank_figures")
+def test_document(piezod: Command, experiment_file: Path, folder: Path) -> None:
     """With --json, stdout is one document with a row for each run; no progress is shown."""
-    code, out, err = process("experiment", experiment_file, "--json")
+    code, out, err = piezod("experiment", experiment_file, "--json")
 
     assert (code, err) == (0, "")
     document = json.loads(out)
@@ -111,6 +112,8 @@ def experiment_text(folder: Path, file: Path) -> str:
 @pytest.mark.usefixtures("blank_figures")
 def test_seed_is_used_and_kept(piezod: Command, experiment_file: Path, folder: Path) -> None:
     """Another seed is another stage, the same seed is the same to the bit."""
+    text = experiment_text(folder, experiment_file)
+    (folder / experiment_file).write_text(f"{text}modes: [adaptive]\n", encoding="utf-8")
 
     def errors(seed: int) -> list[dict[str, object]]:
         out = piezod("experiment", experiment_file, "--seed", seed, "--json").out
@@ -179,7 +182,7 @@ def test_odd_titles_and_constant_commands(
     """Signs of mathematics are plain text, a constant command has no errors in %, without ado."""
     text = experiment_text(folder, experiment_file)
     constant = "  - {name: $x, title: '$\\frac$ x', period_s: 1, duration_s: 1.5, command_um: "
-    constant += "{kind: setpoint, level: 10}}\n"
+    constant += "{kind: setpoint, level: 10}}\nmodes: [adaptive]\n"
     (folder / experiment_file).write_text(text + constant, encoding="utf-8")
 
     code, out, err = piezod("experiment", experiment_file, "--json")

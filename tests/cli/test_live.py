@@ -1,26 +1,34 @@
 """`piezod experiment --live` and `piezod identify --live` on a daemon, in real time."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from piezod.client import StageClient
 from piezod.config.model_file import load_model
+from piezod.experiment.live_identify import LiveRecord
 from piezod.records.csv_file import read_csv
 from piezod.records.hdf5_file import read_hdf5
-from tests.cli.conftest import Command
+from tests.cli.conftest import Command, Outcome
 from tests.daemon.daemons import Daemon, configuration
+from tests.daemon.waiting import eventually
 from tests.experiment.conftest import SHORT
+from tests.experiment.made_up import record_of, write_record
 
-LIVE = SHORT.replace("period_s: 1\n    duration_s: 3", "period_s: 0.5\n    duration_s: 1.5")
+RATE_HZ = 30.0
+LIVE = SHORT.replace("period_s: 1\n    duration_s: 3", "period_s: 0.5\n    duration_s: 1")
+LIVE = LIVE.replace("settle_s: 0.5\ncases", "settle_s: 0.1\ncases")
 DRIVE = """\
 identification:
   method: least-squares
-  settle_s: 0.2
+  settle_s: 0.1
   duration_s: 4
   drive_v:
     kind: sine
@@ -29,39 +37,73 @@ identification:
     frequency_hz: 1
     envelope: {kind: decaying, time_constant_s: 4}
 """
+INTERRUPTED = 130
+ATTEMPTS = 3
+LATE = re.compile(r"\bL[257]\b|the loop (skipped cycles|did not look at the request)")
+"""What a command or the daemon's log says where the machine was too busy for the loop."""
 
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """Return a daemon of a simulated stage, at a rate that a busy machine keeps."""
+    """Return a daemon of a simulated stage, at a rate that a busy machine mostly keeps."""
     folder = tmp_path_factory.mktemp("rig")
-    file = configuration(folder, rate_hz="50", safety="{safe_v: 0, ramp_v_per_s: 500}")
-    with Daemon(file) as daemon:
+    safety = "{safe_v: 0, ramp_v_per_s: 500}"
+    with Daemon(configuration(folder, rate_hz=f"{RATE_HZ:g}", safety=safety)) as daemon:
         yield daemon.up()
 
 
 @pytest.fixture
 def socket(rig: Daemon) -> tuple[str, str]:
-    """Return the option that names the stage, which stands disarmed.
-
-    Waiting for that asks as often as a daemon allows: commands need a process of their own.
-    """
+    """Return the option that names the stage, which stands disarmed."""
     rig.until("SAFE")
     return "--socket", str(rig.paths.api_socket)
 
 
 @pytest.fixture
 def live_file(folder: Path) -> Path:
-    """Return an experiment whose case takes a second and a half."""
+    """Return an experiment whose case takes a second."""
     (folder / "live.yaml").write_text(LIVE, encoding="utf-8")
     return folder / "live.yaml"
 
 
+@pytest.fixture
+def made_up_record(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have a record at once, without driving the stage."""
+
+    def record_live(_client: StageClient, file: Path, *_: object, **__: object) -> LiveRecord:
+        write_record(file, record_of())
+        return LiveRecord("x", file, 0.0, ())
+
+    monkeypatch.setattr("piezod.experiment.live_identify.record_live", record_live)
+
+
+def as_new(rig: Daemon) -> None:
+    """Give the stage another loop: without faults, and with a memory that is known."""
+    eventually(lambda: rig.status().get("state") in {"SAFE", "FAULT"})
+    rig.do("reload")
+    rig.until("SAFE")
+
+
+def punctual(rig: Daemon, attempt: Callable[[], Outcome]) -> Outcome:
+    """Return what a command left behind; one that the loop was too late for is tried again."""
+    for _ in range(ATTEMPTS - 1):
+        logged = len(rig.text)
+        outcome = attempt()
+        failed = outcome.code not in {0, INTERRUPTED}
+        if not failed or not LATE.search(outcome.err + rig.text[logged:]):
+            return outcome
+        as_new(rig)
+    return attempt()
+
+
+@pytest.mark.usefixtures("blank_figures")
 def test_experiment(
-    process: Command, rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
+    piezod: Command, rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
 ) -> None:
     """It leaves what one in virtual time does, of the stage's rate and model, and no voltage."""
-    code, out, err = process("experiment", live_file, "--live", "--out", "o", "--json", *socket)
+    command = ("experiment", live_file, "--live", "--out", "o", "--json", *socket)
+
+    code, out, err = punctual(rig, lambda: piezod(*command))
 
     assert (err, code) == ("", 0)
     document = json.loads(out)
@@ -71,13 +113,13 @@ def test_experiment(
     assert document["title"] == "live (live on stage rig)"
     assert document["model"]["axes"]["x"]["source"] == "model in use on stage rig"
     assert any("nothing was used" in each for each in document["warnings"])
-    assert any("stage rig runs at 50 Hz" in each for each in document["warnings"])
+    assert any(f"stage rig runs at {RATE_HZ:g} Hz" in each for each in document["warnings"])
     result = read_hdf5(folder / "o" / "experiment.h5")
     for recording in result.recordings:
-        assert recording.t_s.size == pytest.approx(75, abs=5)
-        assert recording.command_um.max() == pytest.approx(20.0, abs=0.1)
+        assert np.ptp(recording.t_s) == pytest.approx(1.0, abs=0.25)
+        assert recording.command_um.max() == pytest.approx(20.0, abs=1.0)
         assert recording.weights.shape[1] == 38
-    assert result.rate_hz == 50.0
+    assert result.rate_hz == RATE_HZ
     assert (folder / "o" / "report.html").is_file()
     assert rig.status()["state"] == "SAFE"
     names = [each["name"] for each in rig.ask("GET", "recordings").json()["recordings"]]
@@ -100,65 +142,63 @@ def test_interrupt_stops_the_stage(
     rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
 ) -> None:
     """Ctrl-C while it moves: it goes to its safe voltage, and the recording ends."""
-    live_file.write_text(LIVE.replace("duration_s: 1.5", "duration_s: 20"), encoding="utf-8")
-    command = [
-        sys.executable,
-        "-m",
-        "piezod.cli.main",
-        "experiment",
-        str(live_file),
-        "--live",
-        *socket,
-    ]
-    with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
-        rig.until("RUN", 60.0)
-        process.send_signal(signal.SIGINT)
-        _, err = process.communicate()
+    live_file.write_text(LIVE.replace("duration_s: 1\n", "duration_s: 20\n"), encoding="utf-8")
+    what = ("experiment", str(live_file), "--live", *socket)
+    command = [sys.executable, "-m", "piezod.cli.main", *what]
 
-    assert (process.returncode, err) == (130, "interrupted\n")
+    def interrupted() -> Outcome:
+        with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
+            eventually(
+                lambda: rig.status().get("state") == "RUN" or process.poll() is not None, 60.0
+            )
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate()
+        return Outcome(process.returncode, "", err)
+
+    code, _, err = punctual(rig, interrupted)
+
+    assert (code, err) == (INTERRUPTED, "interrupted\n")
     rig.until("SAFE")
     assert rig.ask("GET", "recordings").json()["running"] is None
 
 
 def test_identify_and_adopt(
-    process: Command, rig: Daemon, socket: tuple[str, str], folder: Path
+    piezod: Command, rig: Daemon, socket: tuple[str, str], folder: Path
 ) -> None:
     """The stage is driven, the record kept as data, and the model that it gives is used at once."""
     (folder / "drive.yaml").write_text(DRIVE, encoding="utf-8")
     options = ("--drive", "drive.yaml", "--out", "m.yaml", "--adopt", "--order", 5, "--json")
 
-    code, out, err = process("identify", "--live", *options, *socket)
+    code, out, err = punctual(rig, lambda: piezod("identify", "--live", *options, *socket))
 
     assert (err, code) == ("", 0)
     document = json.loads(out)
     assert (document["axis"], document["adopted"], document["data"]) == ("x", True, "m.csv")
     assert document["train"]["voltage_error_max_pct"] < 5.0
     columns = read_csv(folder / "m.csv")
-    assert columns["t_s"].size == pytest.approx(200, abs=10)
-    assert columns["drive_v"].max() == pytest.approx(123.5, abs=3.0)
+    assert np.ptp(columns["t_s"]) == pytest.approx(4.0, abs=0.25)
+    assert columns["drive_v"].max() == pytest.approx(123.5, abs=6.0)
     written = load_model(folder / "m.yaml")
     used = rig.ask("GET", "params").json()["axes"]["x"]["model"]
     assert used["right_stop_thresholds"] == list(written.right_stop_thresholds)
     assert used["source"]["sha256"] == written.source.sha256
     assert rig.status()["state"] == "SAFE"
-    process("reload", *socket)  # for the other tests: a stage whose memory is known
+    as_new(rig)  # for the other tests
 
 
+@pytest.mark.usefixtures("made_up_record")
 def test_identify_says_how_to_keep_the_model(
-    process: Command, socket: tuple[str, str], folder: Path
+    piezod: Command, rig: Daemon, socket: tuple[str, str], folder: Path
 ) -> None:
     """A person reads the same account as of a file, and what is still to do."""
-    (folder / "drive.yaml").write_text(DRIVE, encoding="utf-8")
-    options = ("--drive", "drive.yaml", "--adopt", "--order", 5)
-
-    code, out, err = process("identify", "--live", *options, *socket)
+    code, out, err = piezod("identify", "--live", "--adopt", "--order", 5, *socket)
 
     assert (err, code) == ("", 0)
     assert out.startswith("rig-record.csv: ")
     assert "`piezod params save` keeps it for the next start." in " ".join(out.split())
     assert "`piezod condition`" in " ".join(out.split())
     assert (folder / "rig-record.csv").is_file()
-    process("reload", *socket)  # for the other tests: a stage whose memory is known
+    as_new(rig)  # for the other tests
 
 
 @pytest.mark.parametrize(

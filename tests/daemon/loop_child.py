@@ -19,13 +19,20 @@ from piezod.telemetry.layout import Layout
 from piezod.telemetry.mailbox import MailboxAnswer, MailboxWriter
 from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.ring import RingReader
-from piezod.telemetry.shared_map import create
+from piezod.telemetry.shared_map import SharedMap, create
 from piezod.telemetry.words import Word
 from tests.daemon.waiting import eventually
 
 BEAT_S = 0.05
 STARTED_WITHIN_S = 90.0
 """On a fresh clone the kernels are compiled first."""
+
+
+def beat(shared: SharedMap, silent: threading.Event) -> None:
+    """Show a loop a supervisor's life until it shall be silent."""
+    while not silent.is_set():
+        shared.words[Word.SUPERVISOR_BEAT_NS] = time.monotonic_ns()
+        silent.wait(BEAT_S)
 
 
 class LoopChild:
@@ -46,15 +53,10 @@ class LoopChild:
         self._told: list[LoopEvent] = []
         self._mailbox = MailboxWriter(self.shared)
         self.silent = threading.Event()
-        self._beating = threading.Thread(target=self._beat)
+        self._beating = threading.Thread(target=beat, args=(self.shared, self.silent))
         self._beating.start()
         command = [sys.executable, "-m", "piezod.daemon.loop_process", str(runtime), str(config)]
         self.process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-
-    def _beat(self) -> None:
-        while not self.silent.is_set():
-            self.shared.words[Word.SUPERVISOR_BEAT_NS] = time.monotonic_ns()
-            self.silent.wait(BEAT_S)
 
     def __enter__(self) -> Self:
         """Return itself."""

@@ -11,6 +11,7 @@ from piezod.daemon.device_worker import STUCK_NS, DeviceWorker
 from piezod.devices.interface import Capabilities, Sample
 from piezod.devices.status import NO_FLAGS, DeviceFlag
 from piezod.devices.tended import Tended
+from piezod.errors import DeviceError
 from piezod.testing.fake_clock import FakeClock
 from tests.daemon.waiting import eventually
 from tests.devices.fake_link import WHO, FakeLink
@@ -36,7 +37,12 @@ class SlowLink(FakeLink):
         self.held = 0
         self.sent: list[float] = []
         self.breaks: Exception | None = None
-        self.refuses = False
+        self.refuses = self.refuses_activation = False
+
+    def activate(self, now_ns: int) -> None:
+        if self.refuses_activation:
+            raise DeviceError("it is driven by somebody else")
+        super().activate(now_ns)
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         self._wait()
@@ -52,6 +58,8 @@ class SlowLink(FakeLink):
         return super().write(drive_v, now_ns)
 
     def _wait(self) -> None:
+        if self.free.is_set():
+            return
         self.held += 1
         self.free.wait()
         self.held -= 1
@@ -120,7 +128,9 @@ def test_a_sample_is_given_once(bench: Bench) -> None:
     """A cycle into which none falls gets one that is not valid: an old one is not repeated."""
     bench.sampled()
     bench.link.free.clear()
-    eventually(lambda: not bench.begin()[0].valid and bench.link.held)
+    bench.begin()
+    eventually(lambda: bench.link.held)
+    bench.begin()  # with what came of the round before
     given = bench.begin()
 
     assert [one.valid for one in given] == [False]
@@ -150,6 +160,20 @@ def test_a_write_is_taken_as_long_as_the_device_takes_the_last_one(bench: Bench)
     eventually(lambda: bench.begin() and not bench.write(2.0))
     bench.link.refuses = False
     eventually(lambda: bench.begin() and bench.write(3.0))
+
+
+def test_nothing_is_taken_by_a_device_that_did_not_let_itself_be_activated(bench: Bench) -> None:
+    """What it is not sent it has not taken, until it is active."""
+    bench.worker.deactivate(bench.now_ns)
+    bench.link.refuses_activation = True
+    bench.worker.activate(bench.now_ns)
+    eventually(lambda: bench.begin() and not bench.write(1.0) and not bench.worker.crash)
+    eventually(lambda: bench.begin() and not bench.write(2.0))
+    bench.link.refuses_activation = False
+    bench.worker.activate(bench.now_ns)
+    eventually(lambda: bench.begin() and bench.write(3.0))
+
+    assert not {1.0, 2.0} & set(bench.link.sent)
 
 
 @pytest.mark.fault("B15")

@@ -14,7 +14,7 @@ from piezod.units import NS_PER_S
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.options import Options
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import configuration, is_alive
+from tests.daemon.daemons import configuration, is_alive, latched
 from tests.daemon.waiting import eventually
 from tests.hosted_rig import Write, hosted, writes
 
@@ -22,7 +22,6 @@ LOW_V, HIGH_V, SAFE_V = 0.0, 150.0, 5.0
 SLEW_V_PER_S = 500.0  # less than the wave asks for now and then
 GAIN_ERROR_V = 0.01 * HIGH_V  # what is read back, to ramp from, is not quite what was written
 WAVE = {"kind": "sine", "low": 4.0, "high": 20.0, "frequency_hz": 1.5}
-NEXT_VERB = {"SAFE": "arm", "READY": "wave", "FAULT": "reset", "HOLD": "stop"}
 
 VICTIMS = ("loop", "supervisor", "supervisor, then safe", "both, then safe")
 KILLS_IN_SHORT = 4  # each victim once, one of them on the way down
@@ -61,23 +60,7 @@ class Stage:
 
     def run(self) -> None:
         """Have it follow a wave, on a machine that may be too busy at first."""
-        answers = []
-
-        def runs() -> bool:
-            status = self.daemon.status()
-            verb = NEXT_VERB.get(status.get("state", ""), "")
-            if verb == "arm" and any(fault["latched"] for fault in status["faults"]):
-                verb = "reset"
-            if verb:
-                wave = {"command_um": {"x": WAVE}, "duration_s": 600.0}
-                answer = self.daemon.ask("POST", verb, wave if verb == "wave" else {})
-                answers.append(answer.text)
-            return bool(status.get("state") == "RUN")
-
-        try:
-            eventually(runs, 60.0)
-        except AssertionError as error:
-            raise AssertionError("\n".join([*answers[-3:], self.daemon.text])) from error
+        self.daemon.moving("wave", {"command_um": {"x": WAVE}, "duration_s": 600.0})
 
     def go_on_for(self, cycles: int) -> None:
         """Wait for a number of writes; where they end before, as in SAFE, have it run again."""
@@ -174,7 +157,7 @@ def test_restart_brings_the_rig_to_its_safe_voltage_first(stage: Stage) -> None:
     assert left_v > SAFE_V + 5
     assert ended_v == SAFE_V
     assert drive_v == pytest.approx(SAFE_V, abs=0.5)
-    assert [fault["id"] for fault in status["faults"]] == ["P2"]
+    assert latched(status) == ["P2"]
     assert refused == 409
 
     stage.loop_pid = stage.daemon.loop_pid

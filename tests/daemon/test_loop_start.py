@@ -3,6 +3,7 @@
 import os
 import threading
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -39,6 +40,7 @@ from piezod.testing.fake_clock import FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import Options
 from tests.daemon.fake_controller import FakeController
+from tests.daemon.loop_child import beat
 from tests.daemon.waiting import eventually
 
 SIMULATED = Path(__file__).parents[2] / "config" / "simulated.yaml"
@@ -90,9 +92,20 @@ class Waiting:
 
 
 @pytest.fixture
-def shared(tmp_path: Path) -> SharedMap:
+def unsupervised(tmp_path: Path) -> SharedMap:
     """Return a shared memory, of whose supervisor nobody has heard yet."""
     return create(tmp_path / "loop.map", Layout(("x",), 64, 1_000_000))
+
+
+@pytest.fixture
+def shared(unsupervised: SharedMap) -> Iterator[SharedMap]:
+    """Return a shared memory whose supervisor lives."""
+    silent = threading.Event()
+    with ThreadPoolExecutor(1) as supervisor:
+        beating = supervisor.submit(beat, unsupervised, silent)
+        yield unsupervised
+        silent.set()
+        beating.result()
 
 
 def test_present_devices_are_opened_at_once(shared: SharedMap) -> None:
@@ -145,9 +158,9 @@ def test_what_is_no_request_is_refused_like_one(shared: SharedMap) -> None:
     assert waiting.ended() is True
 
 
-def test_waiting_ends_without_supervisor(shared: SharedMap) -> None:
+def test_waiting_ends_without_supervisor(unsupervised: SharedMap) -> None:
     """Nobody is left who could tell it to end."""
-    assert Waiting(ShyRig(DeviceUnavailableError(ABSENT)), shared).ended() is False
+    assert Waiting(ShyRig(DeviceUnavailableError(ABSENT)), unsupervised).ended() is False
 
 
 def test_emergency_stop_is_answered_while_nothing_is_driven(shared: SharedMap) -> None:

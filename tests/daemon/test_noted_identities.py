@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.daemon.noted_identities import is_same, note_identities, noted_identities
+from piezod.daemon.noted_identities import note_identities, noted_identities
 from piezod.devices.interface import Identity
 
 WHO = {"amp": Identity("maker", "stage µ", "1", "1.0"), "fibre": Identity("other", "s", "2", "0")}
@@ -30,22 +30,3 @@ def test_a_file_that_is_none_tells_nobody(tmp_path: Path, content: bytes | None)
         path.write_bytes(content)
 
     assert noted_identities(path) == {}
-
-
-@pytest.mark.parametrize(
-    ("change", "same"),
-    [
-        ({"firmware": "2.0"}, True),
-        ({"serial": "not told"}, True),
-        ({"serial": "unknown"}, True),
-        ({"serial": "2"}, False),
-        ({"model": "other"}, False),
-        ({"maker": "other", "serial": "unknown"}, False),
-    ],
-)
-def test_who_is_taken_for_whom(change: dict[str, str], *, same: bool) -> None:
-    """What a device does not tell speaks neither for nor against it; firmware is changed."""
-    other = WHO["amp"]._replace(**change)
-
-    assert is_same(WHO["amp"], other) is same
-    assert is_same(other, WHO["amp"]) is same

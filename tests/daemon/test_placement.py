@@ -9,6 +9,8 @@ from piezod.daemon.device_worker import DeviceWorker
 from piezod.daemon.placement import (
     Place,
     Placement,
+    RoundTrips,
+    cost_ns,
     measure,
     place,
     raise_threads,
@@ -175,6 +177,56 @@ def test_a_slow_amplifier_is_not_waited_for() -> None:
     assert [one.place for one in found] == [Place.WORKER, Place.WORKER]
     assert [one.allowed_hz for one in found] == [inf, inf]
     assert refusal(found, 20_000.0) == ""
+
+
+def silent_amplifier(clock: FakeClock, max_rate_hz: float) -> TimedLink:
+    """Return an amplifier that can be asked for nothing."""
+    return TimedLink(clock, 0.0, inputs=(), read_back=False, max_rate_hz=max_rate_hz)
+
+
+@pytest.mark.parametrize(
+    ("max_rate_hz", "rate_hz", "expected"),
+    [
+        (1050.0, 500.0, Place.CYCLE),  # as a DAC on CAN
+        (1050.0, 600.0, Place.WORKER),
+        (100.0, 60.0, Place.WORKER),
+        (100.0, 200.0, Place.WORKER),
+        (1e5, 1000.0, Place.CYCLE),
+    ],
+)
+def test_an_amplifier_that_tells_nothing_costs_what_it_says(
+    max_rate_hz: float, rate_hz: float, expected: Place
+) -> None:
+    """Its write, which nobody has tried, may wait for a reply."""
+    clock = FakeClock()
+    [one] = placed(silent_amplifier(clock, max_rate_hz), clock=clock, rate_hz=rate_hz)
+    write_ns = 1e9 / max_rate_hz
+    lag_ns = one.device.capabilities().lag_ns
+
+    assert one.place is expected
+    assert cost_ns(one.able, one.trips) == pytest.approx(write_ns, abs=1 * US)
+    if expected is Place.WORKER:
+        assert lag_ns == pytest.approx(3 * write_ns, abs=3 * US)
+
+
+def test_an_amplifier_that_tells_nothing_does_not_drive_out_a_sensor() -> None:
+    """It is not taken for the fastest of all."""
+    clock = FakeClock()
+    amplifier, sensor = silent_amplifier(clock, 1050.0), TimedLink(clock, 100.0, outputs=())
+    found = placed(amplifier, sensor, clock=clock, rate_hz=500.0)
+
+    assert [one.place for one in found] == [Place.WORKER, Place.CYCLE]
+
+
+def test_a_device_costs_its_exchanges_and_a_write() -> None:
+    """One as long as the longest of them, where it has outputs."""
+    trips = RoundTrips(10, 30, 90, 20, 5)
+    able = Capabilities(("x",), ("x",), read_back=True, max_rate_hz=10.0)
+
+    assert cost_ns(able, trips) == 50
+    assert cost_ns(able._replace(inputs=()), trips) == 50
+    assert cost_ns(able._replace(read_back=False), trips) == 50
+    assert cost_ns(able._replace(outputs=()), trips) == 30
 
 
 def test_a_single_round_trip_that_was_held_up_counts_for_nothing() -> None:

@@ -35,8 +35,8 @@ def test_a_collection_is_told_once(shared: SharedMap) -> None:
     counters = ProcessCounters(shared.words)
     gc.collect(0)
 
-    assert [found.fault for found in counters.publish()] == ["L6"]
-    assert list(counters.publish()) == []
+    assert [found.fault for found in counters.publish()].count("L6") == 1
+    assert "L6" not in [found.fault for found in counters.publish()]
     assert shared.words[Word.GC_COLLECTIONS] == 1
 
 
@@ -46,10 +46,10 @@ def test_memory_that_had_to_be_fetched_is_told(
     shared: SharedMap, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A major fault costs milliseconds."""
+    used = SimpleNamespace(ru_minflt=1000, ru_majflt=4)
+    monkeypatch.setattr(resource, "getrusage", lambda _who: used)
     counters = ProcessCounters(shared.words)
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    more = SimpleNamespace(ru_minflt=used.ru_minflt, ru_majflt=used.ru_majflt + 3)
-    monkeypatch.setattr(resource, "getrusage", lambda _who: more)
+    used.ru_majflt += 3
     found = counters.publish()
 
     assert [(one.fault, one.measured) for one in found] == [("L8", 3)]

@@ -57,7 +57,8 @@ def cycles_until_blind(daemon: Daemon) -> int:
     records = RingReader(attach(daemon.paths.loop_map)).last(200)
     silent = np.isnan(records["axes"]["read_back_v"][:, 0])
     blind = records["state"] == STATES.index(State.BLIND)
-    return int(np.argmax(blind) - np.argmax(silent))
+    before = silent[: np.argmax(blind)]  # counted back: a late reply may have come long before
+    return int(np.argmin([*before[::-1], False]))
 
 
 @contextmanager

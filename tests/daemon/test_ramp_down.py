@@ -190,3 +190,20 @@ def test_one_that_fails_leaves_the_others_to_their_ramps(monkeypatch: pytest.Mon
         ("z", False),
     ]
     assert bench.amplifiers["one"].drive_v == [0.0, -10.0]
+
+
+def test_one_that_cannot_be_let_go_of_leaves_the_others_to_their_drivers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They are closed all the same, and what became of each is told."""
+    bench = Bench(monkeypatch, x=("bad", 10.0), y=("good", 20.0))
+    close = bench.amplifiers["bad"].close
+
+    def fail() -> None:
+        close()
+        raise OSError("closed by the wrong end")
+
+    monkeypatch.setattr(bench.amplifiers["bad"], "close", fail)
+    outcomes = bench.run()
+
+    assert [outcomes[axis].why for axis in ("x", "y")] == ["", ""]

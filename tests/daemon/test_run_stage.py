@@ -5,6 +5,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from subprocess import Popen
 from typing import Any, NamedTuple
@@ -24,7 +25,8 @@ from piezod.errors import ConfigError, DeviceUnavailableError
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
 from tests.daemon.bench import write_record
-from tests.daemon.daemons import configuration, is_alive
+from tests.daemon.daemons import NO_TLS, configuration, is_alive
+from tests.daemon.service.raw import HEAD, connected, read_to_end
 from tests.daemon.waiting import eventually
 
 FAKE = Path(__file__).with_name("fake_loop.py")
@@ -47,7 +49,7 @@ class Rig(NamedTuple):
     safe_codes: list[int]
     loop_command: list[str]
 
-    def run(self, during: Callable[[], None], options: Options | None = None) -> bool:
+    def run(self, during: Callable[[], None]) -> bool:
         """Run the stage; meanwhile do something, and end it after that."""
 
         def then_end() -> None:
@@ -55,15 +57,14 @@ class Rig(NamedTuple):
                 self.up()
                 during()
             finally:
-                if self.paths.api_socket.exists():
-                    self.ask("POST", "shutdown", {})
+                self.end()
 
         self.paths.make_folders()
         with Lock(self.paths.lock) as lock, ThreadPoolExecutor(1) as beside:
             doing = beside.submit(then_end)
             try:
                 with noted_signals() as signals:
-                    return run_stage(self.config, options or Options(), self.paths, lock, signals)
+                    return run_stage(self.config, Options(), self.paths, lock, signals)
             finally:
                 doing.result()
 
@@ -72,9 +73,16 @@ class Rig(NamedTuple):
         eventually(lambda: self.paths.api_socket.exists() and self.processes)
         eventually(lambda: attach(self.paths.loop_map).words[Word.HEALTHY_CYCLES])
 
+    def end(self) -> None:
+        """Tell it to end, if it has not: it may do so at any moment."""
+        head = HEAD % b"shutdown" + b"content-type: application/json\r\nconnection: close\r\n"
+        with suppress(OSError), connected(self.paths.api_socket) as connection:
+            connection.sendall(head + b"content-length: 2\r\n\r\n{}")
+            read_to_end(connection)
+
     def ask(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
         """Send a request to the HTTP interface."""
-        transport = httpx.HTTPTransport(uds=str(self.paths.api_socket))
+        transport = httpx.HTTPTransport(uds=str(self.paths.api_socket), verify=NO_TLS)
         with httpx.Client(transport=transport, base_url="http://stage/v1", timeout=20) as client:
             return client.request(method, path, json=body)
 
@@ -212,8 +220,10 @@ def _kill_and_wait(rig: Rig, number: int) -> None:
 
 def test_device_that_must_be_there(rig: Rig) -> None:
     """With --require-device an absent one is an error, and the end is orderly."""
-    with pytest.raises(DeviceUnavailableError, match="absent"):
-        rig.run(lambda: None, Options(require_device=True))
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock) as lock, pytest.raises(DeviceUnavailableError, match="absent"):
+        run_stage(rig.config, Options(require_device=True), rig.paths, lock, Signals())
 
     assert not rig.paths.running.exists()
 

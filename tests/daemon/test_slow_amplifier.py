@@ -1,10 +1,10 @@
 """An amplifier that is slower than the loop, in a running daemon: with emulated devices."""
 
 from pathlib import Path
+from typing import Any
 
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import REPOSITORY
-from tests.daemon.waiting import eventually
+from tests.daemon.daemons import REPOSITORY, latched
 from tests.drivers.bus.bench import emulated
 
 SLOW = {"mdt": "/dev/serial/by-id/EXAMPLE-MDT", "ild": "/dev/serial/by-id/EXAMPLE-ILD"}
@@ -22,19 +22,21 @@ def configured(folder: Path, amplifier: str, sensor: str, rate_hz: float) -> Pat
     return path
 
 
+def on_target(status: dict[str, Any]) -> bool:
+    """Tell whether the stage is where it was told to go."""
+    return bool(status["axes"]["x"]["on_target"])
+
+
 def test_a_loop_is_faster_than_its_amplifier(start: StartDaemon, tmp_path: Path) -> None:
     """It is used behind a worker, goes where it is told, and nobody takes it for faulty."""
     with emulated("mdt693b", "ild1420") as far:
         amplifier, laser = far.where
         daemon = start(configured(tmp_path, amplifier, laser, 60.0)).up()
         places = {each["name"]: each["placement"] for each in daemon.status()["devices"]}
-        daemon.do("arm")
-        daemon.do("goto", position_um=5.0)
-        eventually(lambda: daemon.status()["axes"]["x"]["on_target"])
-        status = daemon.status()
+        status = daemon.moving("goto", {"position_um": 5.0}, on_target)
         daemon.process.terminate()
         code = daemon.exit_code()
 
     assert places["amplifier"] == "behind a worker"
-    assert not [each["id"] for each in status["faults"] if each["id"][0] in "ABS"]
+    assert latched(status) == []
     assert code == 0

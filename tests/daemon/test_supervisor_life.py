@@ -104,10 +104,13 @@ def test_end_is_orderly_while_it_starts(
 
 @pytest.mark.fault("P1")
 def test_end_is_orderly_while_an_earlier_run_is_cleared_up(
-    start: StartDaemon, rig_file: Path
+    start: StartDaemon, tmp_path: Path
 ) -> None:
-    """The ramp is waited for, and the mark stays for the next start."""
-    daemon = start(rig_file)
+    """The ramp is waited for, and the mark stays for the next start.
+
+    It takes long enough for somebody who looks now and then to see it.
+    """
+    daemon = start(configuration(tmp_path, safety="{safe_v: 40, ramp_v_per_s: 40}"))
     daemon.signal(signal.SIGKILL)
     daemon.exit_code()
     daemon.paths.make_folders()
