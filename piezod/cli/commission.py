@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from piezod.cli.commission_steps import walk
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
 from piezod.cli.owned_stage import owning
@@ -12,8 +13,7 @@ from piezod.cli.paths import check_writable, existing_file
 
 if TYPE_CHECKING:
     from piezod.commission.bench import OneAxis
-    from piezod.commission.procedure import Findings, Step
-    from piezod.commission.session import Session
+    from piezod.commission.procedure import Findings
     from piezod.config.daemon import DaemonConfig
 
 PROFILE_NAME = "stage.yaml"
@@ -52,11 +52,11 @@ def commission(
 
     Each step says which voltages it will drive and waits for a yes; it stays within the limits of
     the configuration, and goes back to the voltage found. Ctrl-C, a no, or anything that goes wrong
-    ends it there. Leaves an acceptance sheet, a configuration for `piezod run`, and the data.
+    ends it there. Leaves an acceptance sheet, a configuration for `piezod run`, and the data: of
+    what was found until then.
     """
-    from piezod.cli.output import print_json
     from piezod.commission.bench import one_axis
-    from piezod.commission.procedure import Findings
+    from piezod.commission.procedure import Findings, steps_of
     from piezod.config.daemon import load_daemon
     from piezod.devices import registry
 
@@ -66,19 +66,25 @@ def commission(
     folder.mkdir(parents=True, exist_ok=True)
     check_writable(folder)
     findings, not_done = Findings(), list[str]()
-    with owning(config), unwinding(), one_axis(stage, name, output_v) as opened:
-        _tell_identities(opened)
-        trouble = _walk(opened, findings, not_done, asking=not yes)
-    sheet = _write(folder, stage, name, findings, not_done, opened)
-    if json:
-        from piezod.commission.sheet import rows_of
+    opened: OneAxis | None = None
 
-        rows = [row._asdict() for row in rows_of(findings)]
-        print_json({"axis": name, "found": rows, "not_done": not_done, "sheet": str(sheet)})
-    else:
-        typer.echo(f"Sheet: {sheet}")
-    if trouble is not None:
-        raise trouble
+    def leave(opened: "OneAxis") -> None:
+        sheet = _write(folder, stage, name, findings, not_done, opened)
+        _tell(name, findings, not_done, sheet, json=json)
+
+    try:
+        with owning(config), unwinding(), one_axis(stage, name, output_v) as opened:
+            _tell_identities(opened)
+            steps = steps_of(opened.session, findings)
+            walk(opened.session, steps, not_done, asking=not yes)
+    except BaseException:  # Ctrl-C too: what ended it is told, sheet or no sheet
+        if opened is not None and findings.traces:
+            try:
+                leave(opened)
+            except Exception as error:  # noqa: BLE001 - see above
+                typer.echo(f"no sheet was written: {error}", err=True)
+        raise
+    leave(opened)
 
 
 def _axis_of(stage: "DaemonConfig", axis: str | None) -> str:
@@ -97,29 +103,15 @@ def _tell_identities(opened: "OneAxis") -> None:
     typer.echo(f"in force: {opened.session.drive_v:z.2f} V", err=True)
 
 
-def _walk(
-    opened: "OneAxis", findings: "Findings", not_done: list[str], *, asking: bool
-) -> Exception | None:
-    """Do the steps; return what ended them, None where all were done or one was declined."""
-    from piezod.commission.procedure import steps_of
-    from piezod.errors import DeviceError
+def _tell(axis: str, findings: "Findings", not_done: list[str], sheet: Path, *, json: bool) -> None:
+    if not json:
+        typer.echo(f"Sheet: {sheet}")
+        return
+    from piezod.cli.output import print_json
+    from piezod.commission.sheet import rows_of
 
-    steps = steps_of(opened.session, findings)
-    for step in steps:
-        if asking and not _confirmed(step, opened.session):
-            not_done += [step.name, *(later.name for later in steps)]
-            return None
-        try:
-            typer.echo(f"{step.name}: {step.run()}", err=True)
-        except DeviceError as error:
-            not_done += [step.name, *(later.name for later in steps)]
-            return error
-    return None
-
-
-def _confirmed(step: "Step", session: "Session") -> bool:
-    with session.holding():
-        return typer.confirm(f"{step.name}: {step.what}?", default=not step.moves, err=True)
+    rows = [row._asdict() for row in rows_of(findings)]
+    print_json({"axis": axis, "found": rows, "not_done": not_done, "sheet": str(sheet)})
 
 
 def _write(

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 INTERRUPTED: Final = 130
 TEXT: Final = "interrupted"
+ENDING: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupted(BaseException):
@@ -23,9 +24,10 @@ class Interrupted(BaseException):
 def interruptible() -> Iterator[None]:
     """Make Ctrl-C raise `Interrupted` in the block, and end the process where that is swallowed.
 
-    An exception unwinds what is open: devices go to rest, no half-written files stay. Where Python
-    cannot raise one, in a destructor or a callback of the garbage collector, as they run often
-    while figures are drawn, it only reports it; there the process ends at once.
+    An exception unwinds what is open: devices go to rest, no half-written files stay. It comes
+    once: Ctrl-C again does not disturb that. Where Python cannot raise one, in a destructor or a
+    callback of the garbage collector, as they run often while figures are drawn, it only reports
+    it; there the process ends at once.
     """
     hook, handler = sys.unraisablehook, signal.signal(signal.SIGINT, _interrupt)
     sys.unraisablehook = _end_if_interrupted
@@ -48,7 +50,15 @@ def unwinding() -> Iterator[None]:
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    """End the command once: what it does then, as to bring a stage back, is not interrupted."""
+    for number in ENDING:
+        if signal.getsignal(number) is _interrupt:
+            signal.signal(number, _ignore)
     raise Interrupted
+
+
+def _ignore(_number: int, _frame: FrameType | None) -> None:
+    """Do nothing; SIG_IGN would have Python report a signal that came at the same time."""
 
 
 def _end_if_interrupted(unraisable: "UnraisableHookArgs") -> None:

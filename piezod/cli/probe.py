@@ -5,12 +5,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from piezod.cli.commission_steps import walk
 from piezod.cli.interrupt import unwinding
 from piezod.cli.options import JsonOption
 from piezod.cli.owned_stage import owning
 from piezod.cli.paths import existing_file
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from piezod.commission.probe import Probed, RoundTrip
     from piezod.config.daemon import DaemonConfig
 
@@ -37,10 +40,12 @@ def probe(
     """Look at the devices of a stage; moves nothing, unless --wiggle.
 
     Opens each device, tells who it is, what it can do, what its channels read, how long an exchange
-    takes, and the rate that this allows. Exits with 69 if a device is absent.
+    takes, and the rates that this allows: of the device alone, and of all together. Exits with
+    69 if a device is absent.
     """
     from piezod.cli.output import new_console, print_json
     from piezod.commission.probe import probe as look
+    from piezod.commission.probe import together_hz
     from piezod.config.daemon import load_daemon
     from piezod.daemon.clock import MonotonicClock
     from piezod.devices import registry
@@ -49,46 +54,39 @@ def probe(
     stage = load_daemon(config, registry)
     with owning(config):
         found = look(stage, pairs_of(stage.axes), MonotonicClock())
-        wiggled = {}
+        wiggled: dict[str, object] = {}
+        there = not any(each.error for each in found.values())
+        all_hz = together_hz(found.values()) if there else 0.0
         if not json:
             console = new_console()
             for name, each in found.items():
                 console.print(_text(name, each, stage), soft_wrap=True)
-        if wiggle and not any(each.error for each in found.values()):
+            if there and len(found) > 1:
+                console.print(f"all together allow {_rate(all_hz, stage)}", soft_wrap=True)
+        if wiggle and there:
             with unwinding():
-                wiggled = _wiggle(stage, asking=not yes, telling=not json)
+                wiggled = _wiggle(stage, asking=not yes, err=json)
     if json:
         devices = {name: _document(each) for name, each in found.items()}
-        print_json({"devices": devices, "wiggled": wiggled})
+        print_json({"devices": devices, "together_hz": all_hz, "wiggled": wiggled})
     _raise_absent(found)
 
 
-def _wiggle(stage: "DaemonConfig", *, asking: bool, telling: bool) -> dict[str, object]:
-    from piezod.cli.output import new_console
+def _wiggle(stage: "DaemonConfig", *, asking: bool, err: bool) -> dict[str, object]:
+    """Do the first two steps of `piezod commission` with each axis."""
+    from itertools import islice
+
     from piezod.commission.bench import one_axis
-    from piezod.commission.noise import measure_noise
-    from piezod.commission.polarity import find_polarity, step_v
+    from piezod.commission.procedure import Findings, steps_of
 
     moved: dict[str, object] = {}
     for axis in stage.axes:
+        findings = Findings()
         with one_axis(stage, axis) as (session, _):
-            size_v = step_v(session)
-            what = (
-                f"axis {axis}: {size_v:+.2f} V from {session.drive_v:z.2f} V, three times, and back"
-            )
-            with session.holding():
-                wanted = not asking or typer.confirm(what + "?", default=False, err=True)
-            if not wanted:
-                continue
-            noise, _ = measure_noise(session)
-            found, _ = find_polarity(session, noise.rms_um)
-        moved[axis] = found._asdict()
-        if telling:
-            text = (
-                f"axis {axis}: {found.um_per_v * 1e3:+.1f} ± "
-                f"{found.uncertainty_um_per_v * 1e3:.1f} nm/V, noise {noise.rms_um * 1e3:.1f} nm"
-            )
-            new_console().print(text)
+            steps = islice(steps_of(session, findings), 2)
+            walk(session, steps, [], asking=asking, of=f"axis {axis}: ", err=err)
+        if findings.polarity is not None:
+            moved[axis] = findings.polarity._asdict()
     return moved
 
 
@@ -99,22 +97,35 @@ def _text(name: str, found: "Probed", stage: "DaemonConfig") -> str:
     if (able := found.capabilities) is not None:
         lines.append("  can       " + ", ".join(_abilities(able._asdict())))
         if able.ranges:
-            each = zip(able.outputs, able.ranges, strict=True)
-            ends = ", ".join(f"{channel} {low:.6g} to {high:.6g}" for channel, (low, high) in each)
-            lines.append(f"  gives     {ends}")
-    for what, values in (("reads", found.readings), ("in force", found.in_force)):
+            ends = [f"{low:.6g} to {high:.6g}" for low, high in able.ranges]
+            lines.append(
+                f"  gives     {_each(zip(able.outputs, ends, strict=True), found.units.outputs)}"
+            )
+    for what, values, units in (
+        ("reads", found.readings, found.units.inputs),
+        ("in force", found.in_force, found.units.outputs),
+    ):
         if values:
-            told = ", ".join(f"{channel} {value:.6g}" for channel, value in values.items())
-            lines.append(f"  {what:9} {told}")
+            told = ((channel, f"{value:.6g}") for channel, value in values.items())
+            lines.append(f"  {what:9} {_each(told, units)}")
     for what, trip in (("read", found.read), ("read back", found.read_back)):
         if trip is not None:
             lines.append(f"  {what:9} {_trip(trip)}")
     if found.error:
         lines.append(f"  ERROR     {found.error}")
     else:
-        fits = "" if stage.rate_hz <= found.rate_hz else f"; rate_hz is {stage.rate_hz:g}"
-        lines.append(f"  allows    {found.rate_hz:.0f} Hz in the cycle{fits}")
+        lines.append(f"  allows    {_rate(found.rate_hz, stage)}")
     return "\n".join(lines)
+
+
+def _each(told: "Iterable[tuple[str, str]]", units: "Mapping[str, str]") -> str:
+    """Return channels with what is told of each, in its unit where that is known."""
+    return ", ".join(f"{name} {text} {units.get(name, '')}".rstrip() for name, text in told)
+
+
+def _rate(allowed_hz: float, stage: "DaemonConfig") -> str:
+    fits = "" if stage.rate_hz <= allowed_hz else f"; rate_hz is {stage.rate_hz:g}"
+    return f"{allowed_hz:.0f} Hz in the cycle{fits}"
 
 
 _ABILITIES = {
@@ -133,12 +144,13 @@ def _abilities(able: dict[str, object]) -> list[str]:
 
 def _trip(trip: "RoundTrip") -> str:
     failed = f", {trip.failed_pct:.0f} % failed" if trip.failed_pct else ""
-    return f"{trip.median_us:.0f} µs median, {trip.p99_us:.0f} µs p99{failed}"
+    each = ((trip.median_us, "median"), (trip.p90_us, "p90"), (trip.p99_us, "p99"))
+    return ", ".join(f"{took_us:.0f} µs {name}" for took_us, name in each) + failed
 
 
 def _document(found: "Probed") -> dict[str, object]:
     document = found._asdict()
-    for key in ("identity", "capabilities", "read", "read_back"):
+    for key in ("identity", "capabilities", "units", "read", "read_back"):
         if document[key] is not None:
             document[key] = document[key]._asdict()
     return document

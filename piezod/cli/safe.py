@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from piezod.cli.options import JsonOption
+from piezod.cli.owned_stage import LOCK_WAIT_S
 from piezod.cli.paths import existing_file
 
 if TYPE_CHECKING:
     from piezod.config.daemon import DaemonConfig
     from piezod.daemon.amplifier_ramp import AxisOutcome
     from piezod.daemon.paths import StagePaths
-
-LOCK_WAIT_S = 2.0
-"""A daemon that is ending lets go of its stage within this time."""
 
 
 def safe(

@@ -4,6 +4,7 @@ import signal
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from math import nan
+from types import FrameType
 from typing import Final, NamedTuple
 
 from piezod.commission.session import Session
@@ -31,10 +32,14 @@ class OneAxis(NamedTuple):
 ENDING: Final = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
 
 
+def _ignore(_number: int, _frame: FrameType | None) -> None:
+    """Do nothing; of SIG_IGN Python tells where a signal came just before."""
+
+
 @contextmanager
 def _undisturbed() -> Iterator[None]:
     """Ignore signals that end the process until the block has ended."""
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in ENDING}
+    before = {number: signal.signal(number, _ignore) for number in ENDING}
     try:
         yield
     finally:
@@ -55,9 +60,16 @@ def _going_back(session: Session) -> Iterator[None]:
 
 def _go_back(session: Session, before: str) -> None:
     try:
-        with _undisturbed():
-            session.back()
-    except DeviceError as error:
+        try:
+            with _undisturbed():
+                session.back()
+        except Exception:
+            raise
+        except BaseException:  # Ctrl-C just before it is ignored; it comes once, and waits
+            with _undisturbed():
+                session.back()
+            raise
+    except Exception as error:
         raise DeviceError(
             f"{before}the axis is NOT back at {session.found_v:z.2f} V, {session.drive_v:z.2f} V "
             f"were written last: {error}"
@@ -96,5 +108,7 @@ def one_axis(
         with _going_back(session):
             yield OneAxis(session, channels.identities)
     finally:
-        channels.deactivate(clock.now_ns())
-        channels.close()
+        try:
+            channels.deactivate(clock.now_ns())
+        finally:  # also where Ctrl-C came in between
+            channels.close()

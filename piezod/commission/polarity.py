@@ -40,17 +40,19 @@ def step_v(session: Session) -> float:
     return size_v if room_up_v > session.drive_v - limits.drive_min_v else -size_v
 
 
-def find_polarity(session: Session, rms_um: float) -> tuple[Polarity, Trace]:
+def find_polarity(session: Session, size_v: float, rms_um: float) -> tuple[Polarity, Trace]:
     """Step up and down a few times, and compare the means of rests.
 
     Args:
         session: The axis.
+        size_v: Size of the steps, in V.
         rms_um: Noise of the sensor, in µm.
 
     Raises:
-        DeviceError: If the stage does not move, or moves one way and the other.
+        DeviceError: If the stage does not move, or moves one way and the other, or the sensor gives
+            nothing while it should.
     """
-    size_v, low_v = step_v(session), session.drive_v
+    low_v = session.drive_v
     traces: list[Trace] = []
     changes_um: list[float] = []
     before_um = _mean_um(session, traces)
@@ -63,7 +65,7 @@ def find_polarity(session: Session, rms_um: float) -> tuple[Polarity, Trace]:
     samples = REST_S * session.rate_hz
     scatter_um = float(np.std(changes_um)) / sqrt(len(changes_um))
     uncertainty_um = hypot(scatter_um, rms_um * sqrt(2.0 / samples))
-    if abs(moved_um) < SIGNIFICANT * uncertainty_um:
+    if not abs(moved_um) > SIGNIFICANT * uncertainty_um:
         raise DeviceError(
             f"the stage does not move: {moved_um * 1e3:.1f} ± {uncertainty_um * 1e3:.1f} nm for "
             f"{size_v:+.2f} V: check that amplifier and sensor belong to this axis, the cable of "
@@ -73,6 +75,9 @@ def find_polarity(session: Session, rms_um: float) -> tuple[Polarity, Trace]:
 
 
 def _mean_um(session: Session, traces: list[Trace]) -> float:
+    """Return where the stage rests."""
     trace = session.rest(REST_S)
     traces.append(trace)
+    if not np.any(np.isfinite(trace.position_um)):
+        raise DeviceError("the sensor gives no valid samples any more: check its cable and range")
     return float(np.nanmean(trace.position_um))

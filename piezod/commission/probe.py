@@ -4,15 +4,25 @@ A device is opened twice. With all its channels it tells who it is and what is i
 are not taken control of. With its inputs alone it is activated and read.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from piezod.daemon.clock import Clock
+from piezod.daemon.placement import IN_CYCLE_PART, RoundTrips, cost_ns
 from piezod.devices import registry
-from piezod.devices.interface import Amplifier, Capabilities, Device, Identity, Sensor, Wiring
+from piezod.devices.interface import (
+    Amplifier,
+    Capabilities,
+    ChannelUnits,
+    Device,
+    Identity,
+    Sensor,
+    Wiring,
+)
 from piezod.devices.wiring import ChannelPair, wiring_of
 from piezod.errors import DeviceError
+from piezod.units import NS_PER_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,8 +31,6 @@ if TYPE_CHECKING:
 
 EXCHANGES: Final = 200
 ALL_PCT: Final = 100.0
-SHARE_OF_PERIOD: Final = 0.5
-"""The exchanges of a cycle are to take at most this part of a period."""
 
 
 class RoundTrip(NamedTuple):
@@ -30,11 +38,13 @@ class RoundTrip(NamedTuple):
 
     Attributes:
         median_us: Half of them are faster.
-        p99_us: 99 % of them are faster.
-        failed: Share of them that gave nothing, in %.
+        p90_us: Nine of ten of them are; these count for the rate.
+        p99_us: 99 % of them are.
+        failed_pct: Share of them that gave nothing, in %.
     """
 
     median_us: float
+    p90_us: float
     p99_us: float
     failed_pct: float
 
@@ -46,21 +56,25 @@ class Probed(NamedTuple):
         driver: Name of its driver.
         identity: Who it is; None where it could not be opened.
         capabilities: What it can do; None likewise.
+        units: The unit of each channel that is used, where the driver tells.
         in_force: What is in force on each output, by name.
         readings: What each input reads, by name; NaN where that is not valid.
         read: Round trip of reading; None where it has no inputs.
         read_back: Round trip of reading back; None where it does not.
-        rate_hz: The rate that its exchanges allow, in Hz.
+        cost_ns: How much of a cycle its exchanges take.
+        rate_hz: The rate at which the daemon uses it in the cycle, were it alone, in Hz.
         error: Why it could not be probed; empty if it could.
     """
 
     driver: str
     identity: Identity | None = None
     capabilities: Capabilities | None = None
+    units: ChannelUnits = ChannelUnits({}, {})
     in_force: Mapping[str, float] = {}
     readings: Mapping[str, float] = {}
     read: RoundTrip | None = None
     read_back: RoundTrip | None = None
+    cost_ns: int = 0
     rate_hz: float = 0.0
     error: str = ""
 
@@ -76,10 +90,32 @@ def probe(
     return {name: _probed(config, name, wiring_of(name, axes), clock) for name in config.devices}
 
 
+def together_hz(found: Iterable[Probed]) -> float:
+    """Return the rate at which all devices have their turn in the cycle, in Hz.
+
+    At a higher one the daemon uses some of them behind a worker.
+    """
+    each = list(found)
+    cost = sum(one.cost_ns for one in each)
+    slowest_hz = min(one.rate_hz for one in each)
+    return min(slowest_hz, IN_CYCLE_PART * NS_PER_S / cost) if cost else slowest_hz
+
+
+def _used(units: ChannelUnits | None, wiring: Wiring) -> ChannelUnits:
+    """Return the units of channels that are used."""
+    if units is None:
+        return ChannelUnits({}, {})
+    return ChannelUnits(
+        {name: units.inputs[name] for name in wiring.inputs if name in units.inputs},
+        {name: units.outputs[name] for name in wiring.outputs if name in units.outputs},
+    )
+
+
 def _probed(config: "DaemonConfig", name: str, wiring: Wiring, clock: Clock) -> Probed:
     device = config.devices[name]
-    create = registry.load(device.driver).create
-    found = Probed(device.driver)
+    plugin = registry.load(device.driver)
+    create = plugin.create
+    found = Probed(device.driver, units=_used(plugin.channels(device.options), wiring))
     try:
         with _open(create(device.options, wiring, config.seed)) as (whole, identity):
             found = found._replace(identity=identity, capabilities=whole.capabilities())
@@ -98,7 +134,7 @@ def _probed(config: "DaemonConfig", name: str, wiring: Wiring, clock: Clock) -> 
         return found._replace(
             error="it is there, but tells nothing that can be used: wrong driver?"
         )
-    return found._replace(rate_hz=_allowed_hz(found))
+    return _rated(found)
 
 
 @contextmanager
@@ -144,14 +180,33 @@ def _round_trip(exchange: Callable[[int], bool], clock: Clock) -> RoundTrip:
         took_us.append((clock.now_ns() - begin_ns) / 1e3)
     took_us.sort()
     last = len(took_us) - 1
-    return RoundTrip(took_us[last // 2], took_us[round(0.99 * last)], 100.0 * failed / EXCHANGES)
+    p50, p90, p99 = (took_us[round(part * last)] for part in (0.5, 0.9, 0.99))
+    return RoundTrip(p50, p90, p99, 100.0 * failed / EXCHANGES)
 
 
-def _allowed_hz(found: Probed) -> float:
-    """Return the rate at which reading, reading back and writing fit into their share."""
-    trips = [trip.p99_us for trip in (found.read, found.read_back) if trip is not None]
+def _rated(found: Probed) -> Probed:
+    """Add what its exchanges take of a cycle, and the rate that this allows, as the daemon does."""
     able = found.capabilities
-    if able is not None and able.outputs and trips:
-        trips.append(max(trips))  # a write, which nobody has measured, takes no longer
-    most_hz = able.max_rate_hz if able is not None else 0.0
-    return min(most_hz, SHARE_OF_PERIOD * 1e6 / sum(trips)) if trips else most_hz
+    if able is None:
+        return found
+    cost = cost_ns(able, _of_a_cycle(found))
+    most_hz = able.max_rate_hz
+    rate_hz = min(most_hz, IN_CYCLE_PART * NS_PER_S / cost) if cost else most_hz
+    return found._replace(cost_ns=cost, rate_hz=rate_hz)
+
+
+def _of_a_cycle(found: Probed) -> RoundTrips:
+    """Return how long reading and reading back take together; a write, as the longer of the two."""
+    trips = [trip for trip in (found.read, found.read_back) if trip is not None]
+
+    def ns(took_us: Iterable[float]) -> list[int]:
+        return [round(1000 * each_us) for each_us in took_us]
+
+    medians, p90s = ns(trip.median_us for trip in trips), ns(trip.p90_us for trip in trips)
+    return RoundTrips(
+        sum(medians),
+        sum(p90s),
+        sum(ns(trip.p99_us for trip in trips)),
+        max(p90s, default=0),
+        max(medians, default=0),
+    )

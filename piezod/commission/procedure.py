@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
-from piezod.commission.noise import Noise, measure_noise
-from piezod.commission.polarity import Polarity, find_polarity, step_v
+from piezod.commission.noise import DURATION_S, Noise, measure_noise
+from piezod.commission.polarity import REPEATS, Polarity, find_polarity, step_v
 from piezod.commission.response import Response, measure_delay
 from piezod.commission.ringing import Ringing, find_ringing
 from piezod.commission.session import Session, Trace
@@ -21,7 +21,13 @@ from piezod.commission.travel import (
 )
 
 BIAS_STEPS: Final = 5
-"""Delay and resonance are measured so many steps of the polarity's above the voltage found."""
+"""Delay and resonance are measured so many steps of the polarity's above the voltage found,"""
+SWING_STEPS: Final = 2
+"""with sines and steps of so many."""
+BIAS_REST_S: Final = 0.5
+"""Most of the creep is over by then."""
+
+T = TypeVar("T")
 
 
 @dataclass
@@ -41,7 +47,7 @@ class Step(NamedTuple):
     """One step.
 
     Attributes:
-        name: Its name, also of its trace.
+        name: Its name.
         what: What will happen, with every voltage, for the person who confirms it.
         moves: Whether anything moves.
         run: Does it and notes what was found; returns that in a line.
@@ -54,13 +60,16 @@ class Step(NamedTuple):
 
 
 def steps_of(session: Session, findings: Findings) -> Iterator[Step]:
-    """Give the steps, one after the other; each is described from what those before have found."""
+    """Give the steps, one after the other; they drive the voltages that they tell."""
+    size_v, way_v = step_v(session), farther_end_v(session) - session.found_v
     yield _noise(session, findings)
-    yield _polarity(session, findings)
+    yield _polarity(session, findings, size_v)
     for part_pct in STAGES_PCT:
-        yield _excursion(session, findings, part_pct)
-    yield _delay(session, findings)
-    yield _ringing(session, findings)
+        end_v = session.found_v + part_pct / 100.0 * way_v
+        yield _excursion(session, findings, f"travel {part_pct} %", end_v)
+    bias_v, swing_v = session.found_v + BIAS_STEPS * size_v, SWING_STEPS * size_v
+    yield _delay(session, findings, bias_v, swing_v)
+    yield _ringing(session, findings, bias_v, swing_v)
 
 
 def _noise(session: Session, findings: Findings) -> Step:
@@ -71,15 +80,13 @@ def _noise(session: Session, findings: Findings) -> Step:
             f"{found.valid_pct:.0f} % of the samples valid"
         )
 
-    what = f"hold {session.drive_v:z.2f} V for 2 s and look at the sensor"
+    what = f"hold {session.drive_v:z.2f} V for {DURATION_S:g} s and look at the sensor"
     return Step("noise", what, False, run)
 
 
-def _polarity(session: Session, findings: Findings) -> Step:
-    size_v = step_v(session)
-
+def _polarity(session: Session, findings: Findings, size_v: float) -> Step:
     def run() -> str:
-        found, trace = find_polarity(session, _rms_um(findings))
+        found, trace = find_polarity(session, size_v, _rms_um(findings))
         findings.polarity, findings.traces["polarity"] = found, trace
         session.back()
         way = "rises" if found.um_per_v > 0 else "FALLS"
@@ -88,50 +95,42 @@ def _polarity(session: Session, findings: Findings) -> Step:
             f"{found.uncertainty_um_per_v * 1e3:.1f} nm/V"
         )
 
-    what = f"three times {size_v:+.2f} V from {session.drive_v:z.2f} V, slowly, and back"
+    what = f"{REPEATS} times {size_v:+.2f} V from {session.drive_v:z.2f} V, slowly, and back"
     return Step("polarity", what, True, run)
 
 
-def _excursion(session: Session, findings: Findings, part_pct: float) -> Step:
-    end_v = session.found_v + part_pct / 100 * (farther_end_v(session) - session.found_v)
-
+def _excursion(session: Session, findings: Findings, name: str, end_v: float) -> Step:
     def run() -> str:
-        trace = excursion(session, part_pct)
-        findings.traces["travel"] = trace
+        trace = excursion(session, end_v)
         findings.travel = found = travel_of(trace, _rms_um(findings))
-        findings.amplifier = amplifier_of(trace)
+        findings.amplifier, findings.traces["travel"] = amplifier_of(trace), trace
         return (
             f"{found.travel_um:+.3f} µm to {end_v:.1f} V, {found.um_per_v * 1e3:.1f} nm/V, "
             f"loop {found.loop_pct:.1f} % wide"
         )
 
     what = f"ramp from {session.found_v:z.2f} V to {end_v:.1f} V and back"
-    return Step(f"travel {part_pct} %", what, True, run)
+    return Step(name, what, True, run)
 
 
-def _delay(session: Session, findings: Findings) -> Step:
-    size_v, bias_v = step_v(session), _bias_v(session)
-
+def _delay(session: Session, findings: Findings, bias_v: float, size_v: float) -> Step:
     def run() -> str:
-        session.go(bias_v)
-        findings.response, findings.traces["delay"] = found, _ = measure_delay(session)
-        session.back()
+        findings.response, findings.traces["delay"] = found, _ = _at(
+            session, bias_v, lambda: measure_delay(session, size_v)
+        )
         if not found.found:
             return "no delay can be told from these sines; try a higher rate_hz"
         return f"delay {found.delay_s * 1e3:.3f} ± {found.uncertainty_s * 1e3:.3f} ms"
 
-    what = f"ramp to {bias_v:.1f} V, sines of {2 * size_v:+.1f} V from there, and back"
+    what = f"ramp to {bias_v:.1f} V, sines of {size_v:+.1f} V from there, and back"
     return Step("delay", what, True, run)
 
 
-def _ringing(session: Session, findings: Findings) -> Step:
-    size_v, bias_v = 2 * step_v(session), _bias_v(session)
-
+def _ringing(session: Session, findings: Findings, bias_v: float, size_v: float) -> Step:
     def run() -> str:
-        session.go(bias_v)
-        session.rest(0.5)
-        findings.ringing, findings.traces["ringing"] = found, _ = find_ringing(session)
-        session.back()
+        findings.ringing, findings.traces["ringing"] = found, _ = _at(
+            session, bias_v, lambda: find_ringing(session, size_v)
+        )
         if not found.found:
             return f"nothing rings that shows at {session.rate_hz:g} Hz; try a higher rate_hz"
         return f"first mode at {found.frequency_hz:.0f} Hz, damping {found.damping:.3f}"
@@ -140,8 +139,13 @@ def _ringing(session: Session, findings: Findings) -> Step:
     return Step("ringing", what, True, run)
 
 
-def _bias_v(session: Session) -> float:
-    return session.found_v + BIAS_STEPS * step_v(session)
+def _at(session: Session, bias_v: float, measure: Callable[[], T]) -> T:
+    """Return what is measured at a voltage; the axis is back by then."""
+    session.go(bias_v)
+    session.rest(BIAS_REST_S)
+    found = measure()
+    session.back()
+    return found
 
 
 def _rms_um(findings: Findings) -> float:

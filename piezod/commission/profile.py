@@ -6,8 +6,8 @@ from typing import Any, Final
 import yaml
 
 from piezod.commission.procedure import Findings
-from piezod.config.axes import AxisConfig
-from piezod.config.daemon import DaemonConfig
+from piezod.config.daemon import DaemonConfig, StageAxisConfig
+from piezod.control.limits import read_back_tolerance_v
 from piezod.devices.interface import Identity
 
 RANGE_PART: Final = 0.9
@@ -38,7 +38,7 @@ def profile(
     document["axes"] = {axis: _axis(one, document["axes"][axis], findings, config.rate_hz)}
     lines = [f"# Axis {axis}, commissioned on {date} by `piezod commission`."]
     lines += [f"# {name}: {', '.join(identity)}" for name, identity in identities.items()]
-    lines += [f"# {line}" for line in _found(findings)]
+    lines += [f"# {line}" for line in [*_found(findings), *_narrowed(one, findings)]]
     return "\n".join([*lines, "", yaml.safe_dump(document, sort_keys=False, allow_unicode=True)])
 
 
@@ -54,8 +54,26 @@ def _found(findings: Findings) -> list[str]:
     return lines
 
 
+def _narrowed(config: StageAxisConfig, findings: Findings) -> list[str]:
+    """Say where the axis cannot be driven any more as it could before."""
+    if (travel := findings.travel) is None:
+        return []
+    low_v, high_v = config.limits.drive_min_v, config.limits.drive_max_v
+    lost_v = max(travel.drive_low_v - low_v, high_v - travel.drive_high_v)
+    if lost_v <= read_back_tolerance_v(low_v, high_v):
+        return []
+    upwards = (travel.travel_um < 0) == (travel.um_per_v < 0)
+    found_v = travel.drive_low_v if upwards else travel.drive_high_v
+    driven = f"{travel.drive_low_v:.1f} to {travel.drive_high_v:.1f} V"
+    return [
+        f"LIMITS ARE NARROWER than {low_v:g} to {high_v:g} V: driven were {driven}, from",
+        f"{found_v:.1f} V on, where the axis was found. For the whole range commission it again",
+        "from one end, with all steps of the travel.",
+    ]
+
+
 def _axis(
-    config: AxisConfig, document: dict[str, Any], findings: Findings, rate_hz: float
+    config: StageAxisConfig, document: dict[str, Any], findings: Findings, rate_hz: float
 ) -> dict[str, Any]:
     travel, found = findings.travel, dict(document)
     if travel is None:
@@ -63,7 +81,7 @@ def _axis(
     limits = dict(found["limits"])
     limits["drive_min_v"] = max(config.limits.drive_min_v, round(travel.drive_low_v, 3))
     limits["drive_max_v"] = min(config.limits.drive_max_v, round(travel.drive_high_v, 3))
-    limits["rest_v"] = min(max(config.limits.rest_v, limits["drive_min_v"]), limits["drive_max_v"])
+    limits["rest_v"] = _clamped(config.limits.rest_v, limits)
     working_hz = WORKING_PART * rate_hz
     if findings.ringing is not None and findings.ringing.found:
         ringing = findings.ringing
@@ -77,21 +95,34 @@ def _axis(
     limits["slew_v_per_s"] = max(1.0, min(config.limits.slew_v_per_s, wanted_v_per_s))
     found["limits"] = limits
     found["command_range_um"] = [0.0, round(RANGE_PART * abs(travel.travel_um), 2)]
-    if travel.travel_um < 0:
+    if travel.um_per_v < 0:
         found["sensor"] = _turned(config)
     found.pop("model", None)  # another stage's; `piezod identify --live` makes this one's
     compensator = dict(found.get("compensator", {}))
     if findings.response is not None and findings.response.found:
         compensator["delay_s"] = round(findings.response.delay_s, 6)
     found["compensator"] = compensator
-    safety = dict(found.get("safety", {}))
-    if "ramp_v_per_s" in safety:
-        safety["ramp_v_per_s"] = min(safety["ramp_v_per_s"], limits["slew_v_per_s"])
+    if safety := _safety(config, dict(found.get("safety", {})), limits):
         found["safety"] = safety
     return found
 
 
-def _turned(config: AxisConfig) -> dict[str, Any]:
+def _safety(
+    config: StageAxisConfig, document: dict[str, Any], limits: dict[str, float]
+) -> dict[str, Any]:
+    """Return what holds when something is wrong, within other limits; defaults count too."""
+    if config.safety.safe_v is not None:
+        document["safe_v"] = _clamped(config.safety.safe_v, limits)
+    if config.safety.ramp_v_per_s > limits["slew_v_per_s"]:
+        document["ramp_v_per_s"] = limits["slew_v_per_s"]
+    return document
+
+
+def _clamped(drive_v: float, limits: dict[str, float]) -> float:
+    return min(max(drive_v, limits["drive_min_v"]), limits["drive_max_v"])
+
+
+def _turned(config: StageAxisConfig) -> dict[str, Any]:
     """Return the sensor, its calibration turned over: the position is to rise with the drive."""
     sensor = config.sensor.model_dump(mode="json", exclude_none=True)
     calibration = sensor["calibration"]

@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from piezod.commission.polarity import step_v
 from piezod.commission.session import Session, Trace, joined
+from piezod.errors import DeviceError
 from piezod.hysteresis.memory import FloatArray
 
 FREQUENCIES: Final = 5
@@ -19,6 +19,8 @@ SLOWEST, FASTEST = 1 / 400, 1 / 25
 CYCLES, LEAST_S = 8, 0.5
 SLEW_PART: Final = 0.5
 """Part of the slew rate that a sine may take."""
+LEAST_SAMPLES: Final = 8
+"""A sine with fewer valid ones has no phase."""
 
 
 class Response(NamedTuple):
@@ -42,22 +44,26 @@ class Response(NamedTuple):
         return self.delay_s >= 0.0
 
 
-def measure_delay(session: Session) -> tuple[Response, Trace]:
-    """Drive small sines of several frequencies.
+def measure_delay(session: Session, size_v: float) -> tuple[Response, Trace]:
+    """Drive small sines of several frequencies, from the voltage in force on.
+
+    Args:
+        session: The axis.
+        size_v: How far they go, in V; negative where they go down.
 
     Raises:
-        DeviceError: If the devices say that something is wrong.
+        DeviceError: If the devices say that something is wrong, or the sensor gives too little.
     """
-    size_v, centre_v = 2.0 * step_v(session), session.drive_v
+    begin_v = session.drive_v
     fastest_hz = SLEW_PART * session.limits.slew_v_per_s / (2 * pi * abs(size_v))
     low_hz, high_hz = SLOWEST * session.rate_hz, min(FASTEST * session.rate_hz, fastest_hz)
     frequencies_hz = np.geomspace(min(low_hz, high_hz / 10), high_hz, FREQUENCIES)
     traces, lags = [], []
     for frequency_hz in frequencies_hz:
-        trace = _sine(session, centre_v, size_v, float(frequency_hz))
+        trace = _sine(session, begin_v, size_v, float(frequency_hz))
         traces.append(trace)
         lags.append(_lag_rad(trace, float(frequency_hz)))
-        traces.append(session.go(centre_v))
+        traces.append(session.go(begin_v))
     lag_rad = np.unwrap(lags)
     (delay_s, at_zero), covariance = np.polyfit(2 * pi * frequencies_hz, lag_rad, 1, cov=True)
     del at_zero  # what hysteresis and creep make of the phase
@@ -67,9 +73,9 @@ def measure_delay(session: Session) -> tuple[Response, Trace]:
     return found, joined(traces)
 
 
-def _sine(session: Session, centre_v: float, size_v: float, frequency_hz: float) -> Trace:
+def _sine(session: Session, begin_v: float, size_v: float, frequency_hz: float) -> Trace:
     def wave_v(t_s: float) -> float:
-        return centre_v + size_v * (1.0 - float(np.cos(2 * pi * frequency_hz * t_s))) / 2.0
+        return begin_v + size_v * (1.0 - float(np.cos(2 * pi * frequency_hz * t_s))) / 2.0
 
     return session.drive(wave_v, max(CYCLES / frequency_hz, LEAST_S))
 
@@ -79,6 +85,11 @@ def _lag_rad(trace: Trace, frequency_hz: float) -> float:
     settled = trace.after(1.0 / frequency_hz)
     valid = np.isfinite(settled.position_um)
     t_s = settled.t_s[valid]
+    if t_s.size < LEAST_SAMPLES:
+        raise DeviceError(
+            f"the sensor gave {t_s.size} valid samples during a sine of {frequency_hz:.3g} Hz: "
+            "check its cable and range"
+        )
     angle = 2 * pi * frequency_hz * t_s
     basis = np.stack([np.cos(angle), np.sin(angle), np.ones_like(t_s), t_s], axis=1)
     both = np.stack([settled.drive_v[valid], settled.position_um[valid]], axis=1)

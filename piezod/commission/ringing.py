@@ -11,7 +11,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from piezod.commission.polarity import step_v
 from piezod.commission.session import Session, Trace, joined
 from piezod.hysteresis.memory import FloatArray
 
@@ -27,6 +26,8 @@ LOWEST_CYCLES: Final = 4
 """A line of fewer cycles than this in the record is creep."""
 TRANSIENT_S: Final = 1.5e-3
 """What comes first is the drive's own step, through the sensor's filter."""
+PARAMETERS: Final = 7
+"""Three of the creep, four of the line."""
 FREQUENCIES, DECAYS = 150, 8
 """How many of each are tried."""
 
@@ -57,8 +58,12 @@ class _Line(NamedTuple):
     decay_per_s: float
 
 
-def find_ringing(session: Session) -> tuple[Ringing, Trace]:
+def find_ringing(session: Session, size_v: float) -> tuple[Ringing, Trace]:
     """Step up and down, at two rates, and listen.
+
+    Args:
+        session: The axis.
+        size_v: Size of the steps from the voltage in force, in V; negative where they go down.
 
     Raises:
         DeviceError: If the devices say that something is wrong.
@@ -66,7 +71,7 @@ def find_ringing(session: Session) -> tuple[Ringing, Trace]:
     searched_hz = FOLDS * session.rate_hz
     traces: list[Trace] = []
     lines = [
-        _line(*_mean_response(session, rate_hz, traces))
+        _line(*_mean_response(session, size_v, rate_hz, traces))
         for rate_hz in (session.rate_hz, OTHER_RATE * session.rate_hz)
     ]
     first, second = lines
@@ -78,14 +83,14 @@ def find_ringing(session: Session) -> tuple[Ringing, Trace]:
 
 
 def _mean_response(
-    session: Session, rate_hz: float, traces: list[Trace]
+    session: Session, size_v: float, rate_hz: float, traces: list[Trace]
 ) -> tuple[FloatArray, float]:
-    """Return the mean of the responses to steps up, and to steps down turned over, in µm."""
-    size_v, low_v = 2 * step_v(session), session.drive_v
+    """Return the mean of the responses to steps there, and to those back turned over, in µm."""
+    begin_v = session.drive_v
     n = round(RECORD_S * rate_hz)
     total, count = np.zeros(n), 0
     for i in range(STEPS):
-        target_v = low_v + size_v if i % 2 == 0 else low_v
+        target_v = begin_v + size_v if i % 2 == 0 else begin_v
         trace = session.drive(lambda _t_s, v=target_v: v, RECORD_S * 1.05, rate_hz)  # type: ignore[misc] # a default that binds the loop's value
         traces.append(trace)
         response = trace.position_um[1 : n + 1]
@@ -99,6 +104,9 @@ def _line(response: FloatArray, rate_hz: float) -> _Line | None:
     """Return the decaying line that explains most of a response, None where none stands out."""
     t_s = np.arange(response.size) / rate_hz
     late = t_s > TRANSIENT_S
+    freedom = int(np.count_nonzero(late)) - PARAMETERS
+    if freedom < 1:
+        return None
     t_s, response = t_s[late] - t_s[late][0], response[late]
     without = _left_over(_creeping(t_s), response)
     apparent_hz, decay_per_s = min(
@@ -109,8 +117,8 @@ def _line(response: FloatArray, rate_hz: float) -> _Line | None:
         key=lambda line: _left_over(_ringing(t_s, *line), response),
     )
     rest = _left_over(_ringing(t_s, apparent_hz, decay_per_s), response)
-    freedom = t_s.size - 7
-    if freedom < 1 or (without - rest) / 4 < SIGNIFICANT * rest / freedom:
+    # Not turned round: of nothing at all, as where no record is whole, neither explains anything.
+    if not (without - rest) / 4 > SIGNIFICANT * rest / freedom:
         return None
     found = minimize(
         lambda line: _left_over(_ringing(t_s, *line), response),

@@ -11,6 +11,7 @@ import numpy as np
 
 from piezod.control.guard import Guard
 from piezod.control.limits import Limits
+from piezod.control.recent_range import RecentRange
 from piezod.daemon.clock import Clock
 from piezod.daemon.pacer import Pacer
 from piezod.devices.channels import Channels
@@ -23,8 +24,12 @@ PATIENCE_S: Final = 2.0
 """Writes that are refused for so long end a step; a lost reply is over by then."""
 HOLD_S: Final = 0.1
 """Who waits is asked so often whether that is over."""
-OFF_V, OFF_CYCLES = 5.0, 50
-"""A voltage read back that is so far from the one written, for so long, ends a step."""
+OFF_CYCLES: Final = 50
+"""A voltage read back that is none of those written lately, for so long, ends a step."""
+LAG_CYCLES, LAG_S = 3, 0.1
+"""Lately: an amplifier may follow, and tell so, later by so many cycles and this time."""
+SETTLE_CYCLES, SETTLE_S = 4, 0.05
+"""A ramp lasts longer by so many cycles, or this time: its last write is that of its end."""
 ENDING: Final = frozenset(
     {
         DeviceFlag.OVERLOAD,
@@ -116,9 +121,10 @@ class Session:
         self._reads_back = channels.capabilities().read_back
         told_v = channels.read_back(clock.now_ns())[0] if self._reads_back else output_v
         if not isfinite(told_v):
+            silent = "does not read back; say which it is with `piezod commission --output-v`"
             raise DeviceError(
                 "it is not known which voltage is in force: the amplifier "
-                + ("tells none" if self._reads_back else "does not read back; say it: --output-v")
+                + ("tells none" if self._reads_back else silent)
             )
         slack_v = limits.read_back_tolerance_v
         if not limits.drive_min_v - slack_v <= told_v <= limits.drive_max_v + slack_v:
@@ -131,6 +137,8 @@ class Session:
         self.drive_v = told_v
         """Voltage in force, in V."""
         self._left_alone = ""
+        self._holder: tuple[threading.Event, threading.Thread] | None = None
+        self._watch = self._new_watch()
 
     def rest(self, duration_s: float) -> Trace:
         """Hold the voltage, and record.
@@ -153,20 +161,28 @@ class Session:
         def ramp_v(t_s: float) -> float:
             return from_v + way_v * min(t_s / duration_s, 1.0) if duration_s else drive_v
 
-        return self.drive(ramp_v, duration_s + 0.05)
+        return self.drive(ramp_v, duration_s + max(SETTLE_S, SETTLE_CYCLES / self.rate_hz))
 
     def back(self) -> Trace:
         """Ramp from the voltage that is read back to where the axis was found.
+
+        Whoever holds the voltage meanwhile does so no more.
 
         Raises:
             DeviceError: If the devices say that something is wrong, or have said that somebody else
                 has changed the voltage: then nothing is driven.
         """
+        self._take_over()
         if self._left_alone:
             raise DeviceError(f"the voltage is left as it is, {self._left_alone}")
+        self._watch = self._new_watch()  # what was wrong on the way there does not count
         if self._reads_back:
             self.drive_v = self._told_v()
-        return self.go(min(max(self.found_v, self.limits.drive_min_v), self.limits.drive_max_v))
+        target_v = min(max(self.found_v, self.limits.drive_min_v), self.limits.drive_max_v)
+        trace = self.go(target_v)
+        if abs(self.drive_v - target_v) > self.limits.read_back_tolerance_v:
+            raise DeviceError(f"the way back to {target_v:.2f} V has ended at {self.drive_v:.2f} V")
+        return trace
 
     @contextmanager
     def holding(self) -> Iterator[None]:
@@ -175,24 +191,33 @@ class Session:
         Raises:
             DeviceError: If the devices say meanwhile that something is wrong.
         """
-        ended, troubles = threading.Event(), list[DeviceError]()
+        ended, troubles = threading.Event(), list[Exception]()
 
         def hold() -> None:
             try:
                 while not ended.is_set():
                     self.rest(HOLD_S)
-            except DeviceError as error:
+            except Exception as error:  # noqa: BLE001 - a driver may fail in any way; raised below
                 troubles.append(error)
 
         thread = threading.Thread(target=hold)
-        thread.start()
+        self._holder = ended, thread
         try:
+            thread.start()
             yield
         finally:
-            ended.set()
-            thread.join()
+            self._take_over()
         if troubles:
             raise troubles[0]
+
+    def _take_over(self) -> None:
+        """Be the only thread that drives: Ctrl-C may have ended the wait for the other one."""
+        if self._holder is None:
+            return
+        ended, thread = self._holder
+        ended.set()
+        if thread.is_alive():  # one that begins only now sees that it has ended
+            thread.join()
 
     def drive(
         self, wave_v: Callable[[float], float], duration_s: float, rate_hz: float | None = None
@@ -203,40 +228,41 @@ class Session:
 
         Args:
             wave_v: Voltage in V at a time in s from now.
-            duration_s: For how long.
+            duration_s: For how long; for two cycles at least.
             rate_hz: Cycles per second, where not those of the session.
 
         Raises:
             DeviceError: If the devices say that something is wrong.
         """
         period_ns = round(NS_PER_S / (rate_hz or self.rate_hz))
-        guard = Guard([self.limits], period_ns / NS_PER_S)
-        pacer, watch = Pacer(self._clock, period_ns, 0), _Watch()
+        # As much time counts for the slew rate as for the wave: else a ramp would fall behind.
+        guard = Guard([self.limits], LONGEST_PERIODS * period_ns / NS_PER_S)
+        pacer = Pacer(self._clock, period_ns, 0)
         rows: list[tuple[float, float, float, float]] = []
         begin_ns = before_ns = self._clock.now_ns()
         over_s = 0.0
-        while not rows or over_s < duration_s:
+        while len(rows) < 2 or over_s < duration_s:
             pacer.wait()
             now_ns = self._clock.now_ns()
             position_um = self._read(now_ns)
             told_v = self._channels.read_back(now_ns)[0] if self._reads_back else nan
-            self._judge(watch, told_v, now_ns)
+            self._judge(told_v, now_ns)
             rows.append(((now_ns - begin_ns) / NS_PER_S, self.drive_v, told_v, position_um))
             elapsed_s = min(now_ns - before_ns, LONGEST_PERIODS * period_ns) / NS_PER_S
             asked_v = [wave_v(over_s)]
             admitted = guard.admit(now_ns, now_ns, asked_v, [self.drive_v], elapsed_s)
             taken = admitted.writable and self._channels.write(admitted.drive_v, now_ns)
-            watch.wrote(taken=taken, drive_v=admitted.drive_v[0], now_ns=now_ns)
+            self._watch.wrote(taken=taken, drive_v=admitted.drive_v[0], now_ns=now_ns)
             if taken:
                 self.drive_v, over_s = admitted.drive_v[0], over_s + elapsed_s
             before_ns = now_ns
         return Trace(*np.array(rows).T)
 
-    def _judge(self, watch: "_Watch", told_v: float, now_ns: int) -> None:
+    def _judge(self, told_v: float, now_ns: int) -> None:
         flags = frozenset[DeviceFlag]().union(*self._channels.status(now_ns))
         if elsewhere := flags & ELSEWHERE:
             self._left_alone = ", ".join(sorted(elsewhere))
-        watch.told(told_v - self.drive_v, flags)
+        self._watch.told(told_v, self.drive_v, flags)
 
     def _told_v(self) -> float:
         """Return the voltage that is read back, as soon as it is."""
@@ -254,21 +280,33 @@ class Session:
         sample = self._channels.read(now_ns)[0]
         return sample.position_um if sample.valid else nan
 
+    def _new_watch(self) -> "_Watch":
+        lag_s = LAG_S + self._channels.capabilities().lag_ns / NS_PER_S
+        return _Watch(self.limits.read_back_tolerance_v, LAG_CYCLES + int(lag_s * self.rate_hz))
+
 
 class _Watch:
-    """Ends a step where the devices do not do what they are told."""
+    """Ends a step where the devices do not do what they are told.
 
-    def __init__(self) -> None:
+    Args:
+        tolerance_v: By how much what is read back may differ from what was written, in V.
+        lag_cycles: By how many cycles it may come later.
+    """
+
+    def __init__(self, tolerance_v: float, lag_cycles: int) -> None:
+        self._tolerance_v, self._written_v = tolerance_v, RecentRange(lag_cycles)
         self._refused_ns = self._off = 0
 
-    def told(self, off_v: float, flags: frozenset[DeviceFlag]) -> None:
-        """Judge what is read back, and what the devices say."""
+    def told(self, told_v: float, drive_v: float, flags: frozenset[DeviceFlag]) -> None:
+        """Judge what is read back, NaN where nothing is, and what the devices say."""
         if wrong := flags & ENDING:
             raise DeviceError(f"the device says: {', '.join(sorted(wrong))}")
-        self._off = self._off + 1 if OFF_V < abs(off_v) < inf else 0
+        self._written_v.add(drive_v)
+        off_v = max(told_v - self._written_v.high, self._written_v.low - told_v)
+        self._off = self._off + 1 if self._tolerance_v < off_v < inf else 0
         if self._off >= OFF_CYCLES:
             raise DeviceError(
-                f"the voltage read back is {off_v:.1f} V off the one written: check the "
+                f"the voltage read back is {told_v - drive_v:.1f} V off the one written: check the "
                 "calibration of the channel, the load, and that nobody else drives the amplifier"
             )
 

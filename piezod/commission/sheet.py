@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from piezod.commission.figures import draw
+from piezod.commission.noise import DURATION_S
 from piezod.commission.procedure import Findings
 from piezod.devices.interface import Identity
 from piezod.records.atomic import replacing
@@ -80,9 +81,10 @@ def write_sheet(folder: Path, sheet: Sheet) -> Path:
 def rows_of(findings: Findings) -> Iterator[Row]:
     """Give what was found, a quantity each."""
     if noise := findings.noise:
-        yield Row("noise", f"{noise.rms_um * 1e3:.2f}", "nm rms", "2 s at rest")
-        yield Row("drift", f"{noise.drift_um_per_s * 1e3:+.2f}", "nm/s", "2 s at rest")
-        yield Row("valid samples", f"{noise.valid_pct:.1f}", "%", "2 s at rest")
+        at_rest = f"{DURATION_S:g} s at rest"
+        yield Row("noise", f"{noise.rms_um * 1e3:.2f}", "nm rms", at_rest)
+        yield Row("drift", f"{noise.drift_um_per_s * 1e3:+.2f}", "nm/s", at_rest)
+        yield Row("valid samples", f"{noise.valid_pct:.1f}", "%", at_rest)
     if polarity := findings.polarity:
         way = "rises" if polarity.um_per_v > 0 else "falls"
         yield Row("polarity", way, "", f"steps of {polarity.step_v:+.2f} V")

@@ -19,8 +19,9 @@ class Travel(NamedTuple):
     Attributes:
         drive_low_v: Lowest voltage that was driven, in V.
         drive_high_v: Highest voltage that was driven, in V.
-        travel_um: Displacement between the two, in µm; negative where it falls.
-        um_per_v: Mean slope, in µm/V.
+        travel_um: Displacement from the voltage found to the farthest one, in µm. It is negative
+            too where the axis was found high up and driven down: `um_per_v` tells the polarity.
+        um_per_v: Mean slope, in µm/V; negative where the position falls as the voltage rises.
         loop_pct: Greatest width of the loop, in % of the travel.
         noise_pct: Noise of the sensor, in % of the travel.
     """
@@ -47,18 +48,16 @@ class Amplifier(NamedTuple):
     worst_v: float
 
 
-def excursion(session: Session, part_pct: float) -> Trace:
-    """Ramp from the voltage found to a part of the range above it, or below, and back.
+def excursion(session: Session, target_v: float) -> Trace:
+    """Ramp from the voltage found to another one, and back.
 
     Args:
         session: The axis.
-        part_pct: How far, in % of what there is from the voltage found to the farther end.
+        target_v: How far, in V.
 
     Raises:
         DeviceError: If the sensor does not follow: it is at the end of its range.
     """
-    end_v = farther_end_v(session)
-    target_v = session.found_v + part_pct / 100.0 * (end_v - session.found_v)
     up, top = session.go(target_v), session.rest(REST_S)
     down, bottom = session.back(), session.rest(REST_S)
     trace = joined([up, top, down, bottom])
@@ -82,6 +81,9 @@ def travel_of(trace: Trace, rms_um: float) -> Travel:
     Args:
         trace: Of the excursion.
         rms_um: Noise of the sensor, in µm.
+
+    Raises:
+        DeviceError: If the sensor gives nothing at one of the two ends.
     """
     top = int(np.argmax(np.abs(trace.drive_v - trace.drive_v[0])))
     bottom_v, top_v = float(trace.drive_v[0]), float(trace.drive_v[top])
@@ -98,7 +100,7 @@ def travel_of(trace: Trace, rms_um: float) -> Travel:
 
 
 def amplifier_of(trace: Trace) -> Amplifier | None:
-    """Return what reading back tells; None where the amplifier does not read back."""
+    """Return what reading back tells; None where it is nothing, or too little at rest."""
     still = np.abs(np.gradient(trace.drive_v)) < 1e-9
     told = np.isfinite(trace.read_back_v) & np.roll(still, 3) & still
     if np.count_nonzero(told) < 10:
@@ -110,6 +112,11 @@ def amplifier_of(trace: Trace) -> Amplifier | None:
 
 def _mean_near(trace: Trace, drive_v: float) -> float:
     near = np.abs(trace.drive_v - drive_v) < 1e-6
+    if not np.any(np.isfinite(trace.position_um[near])):
+        raise DeviceError(
+            f"the sensor gives no valid samples at {drive_v:.1f} V, the end of the way: align it, "
+            "or change the limits of the axis"
+        )
     return float(np.nanmean(trace.position_um[near]))
 
 

@@ -4,13 +4,20 @@ import json
 import os
 import re
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
 import pytest
+import yaml
 
+from piezod.cli.interrupt import Interrupted, interruptible, unwinding
 from piezod.commission import bench
+from piezod.devices import registry
+from piezod.devices.interface import ChannelUnits
+from piezod.errors import DeviceError
 from piezod.testing.fake_clock import FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
 from tests.cli.conftest import Command
@@ -124,3 +131,207 @@ def test_commission_goes_back_when_it_is_told_to_end(
     assert outcome.code == 130
     assert max(written) < 31.0
     assert written[-1] == pytest.approx(0.0, abs=0.01)
+
+
+def test_commission_keeps_what_was_found_until_it_was_told_to_end(
+    piezod: Command, config: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sheet says what was not done."""
+    _write_with(monkeypatch, lambda _v: os.kill(os.getpid(), signal.SIGINT), above_v=30.0)
+    outcome = piezod("commission", str(config), "--yes")
+    sheet = (folder / "x-commissioned" / "acceptance.html").read_text(encoding="utf-8")
+
+    assert outcome.code == 130
+    assert "Not done: travel 25 %, travel 50 %" in sheet
+    assert (folder / "x-commissioned" / "stage.yaml").exists()
+
+
+def test_commission_interrupted_before_it_has_found_anything_leaves_no_sheet(
+    piezod: Command, config: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One of an earlier day stays."""
+    monkeypatch.setattr("typer.confirm", lambda *_, **__: os.kill(os.getpid(), signal.SIGINT))
+
+    assert piezod("commission", str(config)).code == 130
+    assert list((folder / "x-commissioned").iterdir()) == []
+
+
+TWO = (signal.SIGINT, signal.SIGTERM)
+
+
+def _at_once(_drive_v: float) -> None:
+    """Have two signals there before Python looks for the first of them."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, TWO)
+    for number in TWO:
+        signal.raise_signal(number)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, TWO)
+
+
+def test_who_is_told_to_end_hears_it_once() -> None:
+    """What the first signal ends is not ended again; what signals did before, they do after."""
+    before = [signal.getsignal(number) for number in TWO]
+    heard = 0
+    with interruptible(), unwinding():
+        try:
+            _at_once(0.0)
+        except Interrupted:
+            heard += 1
+            _at_once(0.0)
+
+    assert heard == 1
+    assert [signal.getsignal(number) for number in TWO] == before
+
+
+def test_commission_goes_back_when_it_is_told_to_end_twice_at_once(
+    piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second signal does not interrupt what the first has begun."""
+    written = _write_with(monkeypatch, _at_once, above_v=30.0)
+    before = [signal.getsignal(number) for number in TWO]
+    outcome = piezod("commission", str(config), "--yes")
+
+    assert outcome.code == 130, outcome.err
+    assert "ignored" not in outcome.err
+    assert written[-1] == pytest.approx(0.0, abs=0.01)
+    assert [signal.getsignal(number) for number in TWO] == before
+
+
+def test_commission_goes_back_when_it_is_told_to_end_just_before_it_does(
+    piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A signal after the last step, before signals are ignored, ends with 130 and not up there."""
+    undisturbed, signals = bench._undisturbed, iter([signal.SIGINT])  # noqa: SLF001 - to come before it
+
+    def late() -> AbstractContextManager[None]:
+        for number in signals:
+            os.kill(os.getpid(), number)
+        return undisturbed()
+
+    monkeypatch.setattr(bench, "_undisturbed", late)
+    written = _write_with(monkeypatch, _failing_once(), above_v=30.0)
+    outcome = piezod("commission", str(config), "--yes")
+
+    assert outcome.code == 130
+    assert written[-1] == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("error", [DeviceError("it broke"), RuntimeError("it broke")])
+def test_commission_tells_what_ended_it_when_going_back_fails_too(
+    piezod: Command,
+    config: Path,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    error: Exception,
+) -> None:
+    """Whatever a driver raises; the sheet has what was found before."""
+    broken = []
+
+    def failing(_drive_v: float) -> None:
+        broken.append(True)
+        raise DeviceError("the step failed") if len(broken) == 1 else error
+
+    _write_with(monkeypatch, failing, above_v=30.0, broken=broken)
+    outcome = piezod("commission", str(config), "--yes")
+    sheet = (folder / "x-commissioned" / "acceptance.html").read_text(encoding="utf-8")
+
+    assert outcome.code == 1
+    assert re.search(
+        r"the step failed; the axis is NOT back at 0\.00 V, (29|30)\.\d+ V were written last: "
+        "it broke",
+        outcome.err,
+    )
+    assert "Not done: travel 25 %" in sheet
+
+
+def test_commission_tells_what_ended_it_when_no_sheet_can_be_written(
+    piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That of the axis comes last, where people look."""
+
+    def full(*_: object) -> None:
+        raise OSError("no space")
+
+    monkeypatch.setattr("piezod.commission.sheet.write_sheet", full)
+    _write_with(monkeypatch, _failing_once(), above_v=30.0)
+    outcome = piezod("commission", str(config), "--yes")
+
+    assert outcome.code == 1
+    assert outcome.err.endswith("no sheet was written: no space\nthe step failed\n")
+
+
+def _failing_once() -> Callable[[float], None]:
+    errors = iter([DeviceError("the step failed")])
+
+    def failing(_drive_v: float) -> None:
+        for error in errors:
+            raise error
+
+    return failing
+
+
+def _write_with(
+    monkeypatch: pytest.MonkeyPatch,
+    then: Callable[[float], object],
+    *,
+    above_v: float,
+    broken: Sequence[object] = (),
+) -> list[float]:
+    """Have something happen with each write above a voltage, and once it is broken; note them."""
+    written: list[float] = []
+    write = SimulatedRig.write
+
+    def noting(rig: SimulatedRig, drive_v: Sequence[float], now_ns: int) -> bool:
+        if drive_v[0] > above_v or broken:
+            then(drive_v[0])
+        written.append(drive_v[0])
+        return write(rig, drive_v, now_ns)
+
+    monkeypatch.setattr(SimulatedRig, "write", noting)
+    return written
+
+
+@pytest.mark.parametrize(
+    ("answers", "found"),
+    [("y\ny\n", ["noise", "polarity"]), ("y\nn\n", ["noise"]), ("n\n", [])],
+)
+def test_probe_wiggles_in_the_first_steps_of_commission(
+    piezod: Command,
+    config: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    answers: str,
+    found: list[str],
+) -> None:
+    """Each is told and confirmed; what is found is on stdout."""
+    monkeypatch.setattr("sys.stdin", StringIO(answers))
+    written = _write_with(monkeypatch, lambda _drive_v: None, above_v=0.0)
+    outcome = piezod("probe", str(config), "--wiggle")
+
+    assert outcome.code == 0, outcome.err
+    assert "axis x: noise: hold 0.00 V for 2 s and look at the sensor? [Y/n]" in outcome.err
+    assert re.findall(r"^ ?axis x: (\w+): ", outcome.out, re.MULTILINE) == found
+    assert (max(written, default=0.0) > 2.9) == ("polarity" in found)
+
+
+def test_probe_tells_units_and_the_rate_of_all_devices_together(
+    piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Channels of a driver that knows them have theirs; a device alone shares nothing."""
+    document = yaml.safe_load(config.read_text(encoding="utf-8"))
+    document["devices"] |= {"other": document["devices"]["rig"]}
+    document["axes"] |= {"y": document["axes"]["x"] | {"amplifier": "other", "sensor": "other"}}
+    alone = piezod("probe", str(config)).out
+    config.write_text(json.dumps(document), encoding="utf-8")  # YAML too, and without aliases
+    plugin = registry.load("simulated")
+    units = dict.fromkeys("xy", "µm"), dict.fromkeys("xy", "V")
+    known = replace(plugin, channels=lambda _options: ChannelUnits(*units))
+    monkeypatch.setattr(registry, "load", lambda _name: known)
+    text = piezod("probe", str(config)).out
+    told = json.loads(piezod("probe", str(config), "--json").out)
+
+    assert "all together" not in alone
+    assert re.search(r"^  reads     x \S+ µm$", text, re.MULTILINE)
+    assert re.search(r"^  in force  y \S+ V$", text, re.MULTILINE)
+    assert re.search(r"^  read      \d+ µs median, \d+ µs p90, \d+ µs p99$", text, re.MULTILINE)
+    assert re.search(r"^all together allow \d+ Hz in the cycle", text, re.MULTILINE)
+    assert 0 < told["together_hz"] <= min(each["rate_hz"] for each in told["devices"].values())
+    assert told["devices"]["rig"]["units"] == {"inputs": {"x": "µm"}, "outputs": {"x": "V"}}

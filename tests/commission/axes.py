@@ -47,3 +47,20 @@ def session(
         yield Session(channels, limits, rate_hz, 50.0, clock)
     finally:
         channels.close()
+
+
+def resting_at(drive_v: float) -> Callable[[Device], Device]:
+    """Return a wrapper for a rig that somebody has left at a voltage."""
+
+    def left(device: Device) -> Device:
+        activate = device.activate
+
+        def activating(now_ns: int) -> None:
+            activate(now_ns)
+            device.write([drive_v], now_ns)  # type: ignore[attr-defined] # the rig is both
+            device.read_back(now_ns + 1_000_000_000)  # type: ignore[attr-defined] # likewise
+
+        device.activate = activating  # type: ignore[method-assign] # of this one
+        return device
+
+    return left

@@ -15,7 +15,7 @@ from piezod.commission.ringing import Ringing
 from piezod.commission.session import Trace
 from piezod.commission.sheet import Sheet, write_sheet
 from piezod.commission.travel import Travel
-from piezod.config.daemon import load_daemon
+from piezod.config.daemon import DaemonConfig, SafetyConfig, load_daemon
 from piezod.devices import registry
 from piezod.devices.interface import Identity
 from tests.commission.axes import configured
@@ -29,12 +29,15 @@ FOUND = Findings(
 )
 
 
-def written(tmp_path: Path, findings: Findings) -> dict[str, object]:
+def written(
+    tmp_path: Path, findings: Findings, config: DaemonConfig | None = None
+) -> dict[str, object]:
     """Write a profile; return its axis, after it was loaded as a configuration."""
     path = tmp_path / "stage.yaml"
-    path.write_text(profile(configured(), "x", findings, WHO, "2026-01-01"), encoding="utf-8")
+    text = profile(config or configured(), "x", findings, WHO, "2026-01-01")
+    path.write_text(text, encoding="utf-8")
     load_daemon(path, registry)
-    axis: dict[str, object] = yaml.safe_load(path.read_text(encoding="utf-8"))["axes"]["x"]
+    axis: dict[str, object] = yaml.safe_load(text)["axes"]["x"]
     return axis
 
 
@@ -68,6 +71,50 @@ def test_a_sensor_that_falls_is_turned_over(tmp_path: Path) -> None:
 
     assert axis["command_range_um"] == [0.0, 27.0]
     assert axis["sensor"]["calibration"]["gain"] == -1.0  # type: ignore[index] # a mapping
+
+
+def test_who_was_driven_down_is_not_turned_over(tmp_path: Path) -> None:
+    """The way was down and so was the position: it rises with the drive."""
+    found = Findings(**{**vars(FOUND), "travel": Travel(0.0, 100.0, -30.0, 0.3, 15.0, 0.07)})
+    axis = written(tmp_path, found)
+
+    assert axis["command_range_um"] == [0.0, 27.0]
+    assert "calibration" not in axis["sensor"]  # type: ignore[operator] # a mapping
+
+
+@pytest.mark.parametrize(("travel_um", "found_v"), [(30.0, "60.0 V"), (-30.0, "130.0 V")])
+def test_who_was_found_in_the_middle_has_narrower_limits(
+    travel_um: float, found_v: str, tmp_path: Path
+) -> None:
+    """A comment says so; the voltages at rest and when something is wrong lie within."""
+    found = Findings(**{**vars(FOUND), "travel": Travel(60.0, 130.0, travel_um, 0.3, 15.0, 0.07)})
+    axis = written(tmp_path, found)
+
+    assert axis["limits"]["drive_min_v"] == axis["limits"]["rest_v"] == 60.0  # type: ignore[index] # a mapping
+    assert axis["safety"]["safe_v"] == 60.0  # type: ignore[index] # likewise
+    text = (tmp_path / "stage.yaml").read_text(encoding="utf-8")
+    assert "LIMITS ARE NARROWER than 0 to 150 V: driven were 60.0 to 130.0 V, from" in text
+    assert f"\n# {found_v} on" in text
+
+
+def test_limits_that_noise_has_narrowed_are_no_news(tmp_path: Path) -> None:
+    """What is read back at 0 V is never 0 V."""
+    found = Findings(**{**vars(FOUND), "travel": Travel(0.1, 150.0, 30.0, 0.2, 15.0, 0.07)})
+    written(tmp_path, found)
+
+    assert "NARROWER" not in (tmp_path / "stage.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("safety", [{}, {"ramp_v_per_s": 100.0}])
+def test_a_stage_that_is_slow_is_ramped_slowly(safety: dict[str, float], tmp_path: Path) -> None:
+    """No faster than its slew rate, whether the configuration said how fast or not."""
+    config = configured()
+    one = config.axes["x"].model_copy(update={"safety": SafetyConfig.model_validate(safety)})
+    config = config.model_copy(update={"axes": {"x": one}, "rate_hz": 10.0})
+    found = Findings(**{**vars(FOUND), "travel": Travel(0.0, 10.0, 30.0, 3.0, 15.0, 0.07)})
+    axis = written(tmp_path, found, config)
+
+    assert axis["limits"]["slew_v_per_s"] == axis["safety"]["ramp_v_per_s"] == 31.0  # type: ignore[index] # mappings
 
 
 def test_a_stage_without_a_mode_has_none(tmp_path: Path) -> None:

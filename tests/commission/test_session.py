@@ -1,6 +1,9 @@
 """Tests of driving an axis by hand."""
 
-from collections.abc import Callable, Sequence
+import threading
+from collections import deque
+from collections.abc import Sequence
+from itertools import count
 from math import inf, nan, sin
 
 import numpy as np
@@ -8,13 +11,13 @@ import pytest
 
 from piezod.commission.session import PATIENCE_S, Session, Trace, joined
 from piezod.control.limits import Limits
-from piezod.devices.faulty import FaultyDevice
+from piezod.devices.faulty import FaultyDevice, FaultyError
 from piezod.devices.injections import Injection, Kind
 from piezod.devices.interface import Device
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod.testing.fake_clock import FakeClock
-from tests.commission.axes import T0_NS, session
+from tests.commission.axes import T0_NS, resting_at, session
 from tests.daemon.waiting import eventually
 
 SOON_NS = T0_NS + 2_100_000_000
@@ -207,18 +210,138 @@ def test_what_goes_wrong_meanwhile_is_told() -> None:
             eventually(lambda: len(written) > 90)
 
 
-def resting_at(drive_v: float) -> Callable[[Device], Device]:
-    """Return a wrapper for a rig that somebody has left at a voltage."""
+def test_whatever_a_driver_raises_meanwhile_is_told() -> None:
+    """Not only what piezod raises on purpose."""
+    written: list[float] = []
+    with session(wrap=faulty(Kind.WRITE_RAISES)) as axis:  # type: ignore[arg-type] # a factory
+        written_by(axis, written)
+        with pytest.raises(FaultyError, match="while it wrote"), axis.holding():
+            eventually(lambda: len(written) > 90)
 
-    def left(device: Device) -> Device:
-        activate = device.activate
 
-        def activating(now_ns: int) -> None:
-            activate(now_ns)
-            device.write([drive_v], now_ns)  # type: ignore[attr-defined] # the rig is both
-            device.read_back(now_ns + 1_000_000_000)  # type: ignore[attr-defined] # likewise
+def test_who_goes_back_is_the_only_one_that_drives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the wait for the thread that held the voltage was interrupted."""
+    holding, going_back, together = threading.Event(), threading.Event(), list[bool]()
+    pause = iter([0.5])  # long enough for somebody who does not wait for the other thread
+    with session() as axis:
+        write, this = axis._channels.write, threading.current_thread()  # noqa: SLF001 - as above
 
-        device.activate = activating  # type: ignore[method-assign] # of this one
+        def noting(drive_v: Sequence[float], now_ns: int) -> bool:
+            if threading.current_thread() is this:
+                together.append(holding.is_set())
+                going_back.set()
+                return write(drive_v, now_ns)
+            holding.set()
+            going_back.wait(next(pause, 0.0))
+            taken = write(drive_v, now_ns)
+            holding.clear()
+            return taken
+
+        axis._channels.write = noting  # type: ignore[method-assign] # noqa: SLF001 - likewise
+        join = threading.Thread.join
+        joins = iter([_interrupted])
+        monkeypatch.setattr(threading.Thread, "join", lambda one: next(joins, join)(one))  # noqa: PLW0108 - asked each time
+        with pytest.raises(KeyboardInterrupt), axis.holding():
+            assert holding.wait(20.0)
+        axis.back()
+
+    assert together
+    assert not any(together)
+
+
+def _interrupted(_thread: threading.Thread) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 10.0, 25.0])
+def test_a_slow_axis_arrives(rate_hz: float) -> None:
+    """A ramp lasts until the write of its end, and has more than one sample, however short."""
+    with session(rate_hz=rate_hz) as axis:
+        traces = [axis.go(20.0), axis.go(20.001), axis.drive(lambda _t_s: 20.0, 0.0)]
+        there_v = axis.drive_v
+        axis.back()
+
+        assert axis.drive_v == pytest.approx(0.0, abs=1e-9)
+    assert there_v == 20.0
+    assert traces[0].drive_v[-1] == pytest.approx(20.0)
+    assert np.all(np.diff(joined(traces).t_s) > 0)
+
+
+def test_a_ramp_as_fast_as_the_slew_rate_arrives() -> None:
+    """Cycles that come late put neither the ramp nor what the guard lets through behind."""
+    with session(limits=Limits(0.0, 150.0, 50.0)) as axis:
+        clock = axis._clock  # noqa: SLF001 - the test's own
+        assert isinstance(clock, FakeClock)
+        write, cycles = axis._channels.write, count()  # noqa: SLF001 - to be late
+
+        def late(drive_v: Sequence[float], now_ns: int) -> bool:
+            if next(cycles) % 3 == 0:
+                clock.spend_ns(1_500_000)
+            return write(drive_v, now_ns)
+
+        axis._channels.write = late  # type: ignore[method-assign] # noqa: SLF001 - likewise
+        trace = axis.go(20.0)
+
+    assert axis.drive_v == pytest.approx(20.0)
+    elapsed_s = np.diff(trace.t_s)[:-1]  # before each of the changes
+    assert np.all(np.diff(trace.drive_v)[1:] <= 50.0 * elapsed_s * 1.01)
+
+
+def test_a_way_back_that_ends_elsewhere_is_told() -> None:
+    """With the voltage where it has ended."""
+    with session(limits=Limits(0.0, 150.0, 1000.0)) as axis:
+        axis.go(20.0)
+        axis.limits = Limits(0.0, 150.0, 10.0)
+        with pytest.raises(DeviceError, match=r"back to 0\.0\d V has ended at 1\d\.\d+ V"):
+            axis.back()
+
+
+def test_a_voltage_that_is_off_ends_many_short_rests() -> None:
+    """None of them lasts for so many cycles; a volt is much for 0 to 10 V."""
+    off = Injection(Kind.READ_BACK_OFFSET, SOON_NS, value=1.0)
+    with (
+        session(wrap=lambda one: FaultyDevice(one, [off]), limits=Limits(0.0, 10.0, 1e4)) as axis,  # type: ignore[arg-type] # the rig is both
+        pytest.raises(DeviceError, match=r"read back is 1\.0 V off"),
+    ):
+        for _ in range(10):
+            axis.rest(0.02)
+
+
+def test_an_amplifier_that_follows_late_is_not_off() -> None:
+    """Nor is one whose read-back is of a while ago: what was written lately counts."""
+    with session() as axis:
+        read_back, told = axis._channels.read_back, deque[list[float]](maxlen=80)  # noqa: SLF001 - to tell it late
+
+        def late(now_ns: int) -> list[float]:
+            told.append(read_back(now_ns))
+            return told[0]
+
+        axis._channels.read_back = late  # type: ignore[method-assign] # noqa: SLF001 - likewise
+        axis.go(50.0)
+        axis.drive(lambda t_s: 50.0 + 5.0 * sin(50.0 * t_s), 0.5)
+        axis.rest(0.2)
+
+    assert axis.drive_v == pytest.approx(50.0, abs=5.0)
+
+
+def test_what_was_refused_on_the_way_there_costs_nothing_on_the_way_back() -> None:
+    """The way back has patience of its own."""
+    refused = Injection(Kind.REFUSED, SOON_NS, SOON_NS + 3_000_000_000)
+    with session(wrap=lambda one: FaultyDevice(one, [refused])) as axis:  # type: ignore[arg-type] # the rig is both
+        with pytest.raises(DeviceError, match="has refused"):
+            axis.go(20.0)
+        axis.back()
+
+        assert axis.drive_v == pytest.approx(0.0, abs=1e-3)
+
+
+def test_who_does_not_read_back_has_to_be_told_the_voltage() -> None:
+    """The error names the verb that can be."""
+
+    def silent(device: Device) -> Device:
+        able = device.capabilities
+        device.capabilities = lambda: able()._replace(read_back=False)  # type: ignore[method-assign] # of this one
         return device
 
-    return left
+    with pytest.raises(DeviceError, match="`piezod commission --output-v`"), session(wrap=silent):
+        pass

@@ -1,17 +1,19 @@
 """Tests of what the steps find on rigs whose properties are known."""
 
+import numpy as np
 import pytest
 
 from piezod.commission.noise import measure_noise
 from piezod.commission.polarity import find_polarity
 from piezod.commission.response import measure_delay
 from piezod.commission.ringing import find_ringing
+from piezod.commission.session import Trace
 from piezod.commission.travel import amplifier_of, excursion, travel_of
 from piezod.devices.faulty import FaultyDevice
 from piezod.devices.injections import Injection, Kind
 from piezod.devices.interface import Device
 from piezod.errors import DeviceError
-from tests.commission.axes import session
+from tests.commission.axes import T0_NS, session
 
 STAGE = {"mode_hz": 700.0, "mode_damping": 0.03, "reversible_um": 12.0, "irreversible_um": 18.0}
 QUIET = {"amplifier": {"gain_error": 0.004}, "sensor": {"delay_s": 1e-4}, "stage": STAGE}
@@ -59,7 +61,7 @@ def test_a_sensor_without_valid_samples_ends_the_step() -> None:
 def test_polarity_is_found_at_a_few_volts() -> None:
     """A twelfth of a µm for a volt on the lowest part of the loop, and surely positive."""
     with session(QUIET) as axis:
-        polarity, trace = find_polarity(axis, 0.02)
+        polarity, trace = find_polarity(axis, 3.0, 0.02)
 
     assert polarity.step_v == 3.0
     assert max(trace.drive_v) <= 3.0
@@ -70,24 +72,25 @@ def test_polarity_is_found_at_a_few_volts() -> None:
 def test_a_reversed_sensor_shows() -> None:
     """The sign is negative."""
     with session(QUIET, wrap=reversed_sensor) as axis:
-        polarity, _ = find_polarity(axis, 0.02)
+        polarity, _ = find_polarity(axis, 3.0, 0.02)
 
     assert polarity.um_per_v < -0.05
 
 
 def test_a_stage_that_does_not_move_is_told_from_noise() -> None:
     """The error says by how much it moved, and what to check."""
+    still = [Injection(Kind.REPLACED, 0, value=1.0), Injection(Kind.NOISE, 0, value=0.02)]
     with (
-        session(QUIET, wrap=stuck_output) as axis,
+        session(QUIET, wrap=lambda one: FaultyDevice(one, still)) as axis,  # type: ignore[arg-type] # the rig is both
         pytest.raises(DeviceError, match=r"does not move: .* nm for \+3\.00 V"),
     ):
-        find_polarity(axis, 0.02)
+        find_polarity(axis, 3.0, 0.02)
 
 
 def test_travel_and_gain_error_are_found() -> None:
     """30 µm within 3 %, what creep adds included; 0.4 % of the amplifier's gain within a tenth."""
     with session(QUIET) as axis:
-        trace = excursion(axis, 100)
+        trace = excursion(axis, 150.0)
         travel, amplifier = travel_of(trace, 0.02), amplifier_of(trace)
 
     assert travel.travel_um == pytest.approx(30.0, rel=0.03)
@@ -102,7 +105,7 @@ def test_a_saturated_sensor_ends_the_travel() -> None:
         session({"sensor": {"saturation_v": 3.5}}) as axis,
         pytest.raises(DeviceError, match=r"on the way to 150\.0 V are valid"),
     ):
-        excursion(axis, 100)
+        excursion(axis, 150.0)
 
 
 def test_a_millisecond_of_delay_is_a_millisecond() -> None:
@@ -111,7 +114,7 @@ def test_a_millisecond_of_delay_is_a_millisecond() -> None:
     for delay_s in (1e-4, 1.1e-3):
         with session({**QUIET, "sensor": {"delay_s": delay_s}}) as axis:
             axis.go(15.0)
-            found.append(measure_delay(axis)[0].delay_s)
+            found.append(measure_delay(axis, 6.0)[0].delay_s)
 
     assert found[1] - found[0] == pytest.approx(1e-3, abs=3e-5)
 
@@ -122,7 +125,7 @@ def test_the_first_mode_is_found_also_beyond_half_the_rate(rate_hz: float) -> No
     with session(QUIET, rate_hz=rate_hz) as axis:
         axis.go(15.0)
         axis.rest(0.5)
-        ringing, _ = find_ringing(axis)
+        ringing, _ = find_ringing(axis, 6.0)
 
     assert ringing.frequency_hz == pytest.approx(700.0, rel=0.02)
     assert 0.015 < ringing.damping < 0.06
@@ -133,6 +136,62 @@ def test_a_stage_that_does_not_ring_has_no_mode() -> None:
     with session({**QUIET, "effects": {"mode": False}}) as axis:
         axis.go(15.0)
         axis.rest(0.5)
-        ringing, _ = find_ringing(axis)
+        ringing, _ = find_ringing(axis, 6.0)
 
     assert not ringing.found
+
+
+def test_an_amplifier_that_stays_is_told_from_a_stage_that_does() -> None:
+    """What it reads back says so."""
+    with (
+        session(QUIET, wrap=stuck_output) as axis,
+        pytest.raises(DeviceError, match=r"read back is -3\.0 V off"),
+    ):
+        find_polarity(axis, 3.0, 0.02)
+
+
+DEAD_NS = T0_NS + 2_500_000_000
+
+
+def dying_sensor(device: Device) -> Device:
+    """Have the sensor give nothing from half a second on."""
+    return FaultyDevice(device, [Injection(Kind.DROPPED, DEAD_NS)])  # type: ignore[arg-type] # the rig is both
+
+
+def test_a_sensor_that_dies_has_no_polarity() -> None:
+    """Nothing is made of what is not a number."""
+    with (
+        session(QUIET, wrap=dying_sensor) as axis,
+        pytest.raises(DeviceError, match="no valid samples any more"),
+    ):
+        find_polarity(axis, 3.0, 0.02)
+
+
+def test_a_sensor_that_dies_has_no_delay() -> None:
+    """A sine of too few samples has no phase."""
+    with (
+        session(QUIET, wrap=dying_sensor) as axis,
+        pytest.raises(DeviceError, match=r"gave 0 valid samples during a sine of 2\.5 Hz"),
+    ):
+        axis.rest(0.6)
+        measure_delay(axis, 6.0)
+
+
+def test_a_sensor_that_dies_does_not_ring() -> None:
+    """Where no record is whole there is no mode, not even the first that is tried."""
+    with session(QUIET, wrap=dying_sensor) as axis:
+        axis.rest(0.6)
+        ringing, _ = find_ringing(axis, 6.0)
+
+    assert not ringing.found
+
+
+def test_a_sensor_that_is_blind_at_the_far_end_has_no_travel() -> None:
+    """Few samples are lost there on a slow ramp; they are those that count."""
+    t_s = np.linspace(0.0, 100.0, 10_001)
+    drive_v = np.minimum(t_s, 100.0 - t_s)
+    position_um = np.where(drive_v > 49.9, np.nan, 0.2 * drive_v)
+    trace = Trace(t_s, drive_v, drive_v, position_um)
+
+    with pytest.raises(DeviceError, match=r"no valid samples at 50\.0 V"):
+        travel_of(trace, 0.02)
