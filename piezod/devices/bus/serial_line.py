@@ -89,6 +89,7 @@ class SerialLine:
             )
             self._fd = self._serial.fileno()
             self._hold()
+            path = str(Path(self._port).resolve())
         except (OSError, termios.error, ValueError, OverflowError) as error:
             self.close()
             raise DeviceUnavailableError(_refusal(self._port, error)) from error
@@ -97,7 +98,6 @@ class SerialLine:
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(self._fd, select.POLLIN)
         self._writable.register(self._fd, select.POLLOUT)
-        path = str(Path(self._port).resolve())
         if self._path not in {"", path}:
             self._noticed.add(DeviceFlag.OTHER_PATH)
         self._path = path

@@ -237,6 +237,22 @@ def test_kernel_that_refuses_is_told_as_a_lock(
         SerialLine(str(cable.path), 115_200).open()
 
 
+def test_port_that_goes_while_it_is_opened(
+    line: SerialLine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A link may vanish between any two steps; the port is let go of, and opens again."""
+
+    def gone(path: Path) -> Path:
+        raise FileNotFoundError(errno.ENOENT, "gone", str(path))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "resolve", gone)
+        with pytest.raises(DeviceUnavailableError):
+            line.open()
+
+    line.open()
+
+
 def test_other_path_is_noticed_once(line: SerialLine, cable: Cable) -> None:
     """A port that comes back as another device is noticed, one that comes back as itself is not."""
     line.open()
