@@ -4,7 +4,7 @@ import re
 import socket
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -157,19 +157,22 @@ def test_rig_that_hangs_up_is_lost(link: Link, rig: ScriptedRig) -> None:
     assert link.exchange(request(2)) is None
 
 
-def test_lost_rig_is_looked_for_now_and_then(link: Link, rig: ScriptedRig) -> None:
+def test_lost_rig_is_looked_for_now_and_then(path: Path, rig: ScriptedRig) -> None:
     """A rig that refuses is tried again 0.1 s later, and accepted when it accepts."""
-    rig.hang_up()
-    link.exchange(request(1))
-    with accepting(rig, pack_refusal("used")):
-        link.reconnect(GREETING, 200_000_000)
-    link.reconnect(GREETING, 250_000_000)
-    with accepting(rig, pack_greeting(GREETING._replace(life="second"))):
-        link.reconnect(GREETING, 300_000_000)
-    rig.send(reply(2))
+    with closing(Link(path, 10.0)) as link:  # who greets is a thread that has just started
+        with accepting(rig, pack_greeting(GREETING)):
+            link.connect()
+        rig.hang_up()
+        link.exchange(request(1))
+        with accepting(rig, pack_refusal("used")):
+            link.reconnect(GREETING, 200_000_000)
+        link.reconnect(GREETING, 250_000_000)
+        with accepting(rig, pack_greeting(GREETING._replace(life="second"))):
+            link.reconnect(GREETING, 300_000_000)
+        rig.send(reply(2))
 
-    assert link.exchange(request(2)) is not None
-    assert link.life == "second"
+        assert link.exchange(request(2)) is not None
+        assert link.life == "second"
 
 
 @pytest.mark.parametrize(

@@ -44,8 +44,9 @@ def emulated(*profiles: str, arguments: tuple[str, ...] = ()) -> Iterator[Emulat
     """Serve devices on one bench while the block runs; they have ended in order afterwards.
 
     Args:
-        *profiles: Names of profiles; each may say where, as NAME=WHERE. Otherwise serial ones are
-            served in a folder of their own, others where they are usually.
+        *profiles: Names of profiles; each may say where, as NAME=WHERE. Otherwise serial ones and
+            those at a CAN adapter are served in a folder of their own, others where they are
+            usually.
         arguments: Options of `piezod emulate`.
     """
     with tempfile.TemporaryDirectory(prefix="piezod-") as folder:
@@ -55,6 +56,6 @@ def emulated(*profiles: str, arguments: tuple[str, ...] = ()) -> Iterator[Emulat
 
 
 def _place(profile: str, folder: Path) -> str:
-    if "=" in profile or emulators.load(profile).wire != "serial":
+    if "=" in profile or emulators.load(profile).wire not in {"serial", "can"}:
         return profile
     return f"{profile}={folder / profile}.tty"

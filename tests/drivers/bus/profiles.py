@@ -28,6 +28,8 @@ class Profile:
         streams: Whether it sends by itself, so that nobody knows how old a value is that comes.
         takes_long: Whether what goes wrong with it is tried by `make stress` only: another profile
             of its driver shows the same.
+        shorter: Waits of the driver, in ns by the constant, that are shorter where what goes wrong
+            is tried: an emulated device sends a reply in one piece.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Profile:
     unseen: frozenset[str] = frozenset()
     streams: bool = False
     takes_long: bool = False
+    shorter: Mapping[str, int] = field(default_factory=dict)
 
     def maker(self, where: str, timeout_ms: float = 2000.0) -> Callable[[], Any]:
         """Return what constructs the driver's device for a place; it waits so long for replies."""
@@ -106,6 +109,7 @@ MODBUS = (
     ),
 )
 
+_MDT_WAITS = {"piezod_drivers.serial_line.thorlabs_mdt.dialogue._QUIET_NS": 5_000_000}
 _NO_READ_BACK = frozenset({"A3", "A12"})
 
 ASCII_DEMO = {
@@ -140,9 +144,30 @@ PROFILES = (
         Tcp({"axes": ("1", "2")}),
         ("--axes", "2"),
     ),
-    Profile("mdt693a", "thorlabs_mdt", Wiring((), ("x",)), Port(), takes_long=True),
-    Profile("mdt693b", "thorlabs_mdt", Wiring((), ("x", "y", "z")), Port(), ("--axes", "3")),
-    Profile("mdt694b", "thorlabs_mdt", Wiring((), ("x",)), Port(), takes_long=True),
+    Profile(
+        "mdt693a",
+        "thorlabs_mdt",
+        Wiring((), ("x",)),
+        Port(),
+        takes_long=True,
+        shorter=_MDT_WAITS,
+    ),
+    Profile(
+        "mdt693b",
+        "thorlabs_mdt",
+        Wiring((), ("x", "y", "z")),
+        Port(),
+        ("--axes", "3"),
+        shorter=_MDT_WAITS,
+    ),
+    Profile(
+        "mdt694b",
+        "thorlabs_mdt",
+        Wiring((), ("x",)),
+        Port(),
+        takes_long=True,
+        shorter=_MDT_WAITS,
+    ),
     Profile("kpz101", "thorlabs_apt", Wiring((), ("1",)), Port({"model": "KPZ101"})),
     Profile("ksg101", "thorlabs_apt", Wiring(("1",), ()), Port({"model": "KSG101"})),
     Profile("lc400", "npoint_lc400", Wiring.both(("1",)), Port()),

@@ -30,11 +30,15 @@ def _contract(profile: Profile, factory: Callable[[], Any]) -> list[Any]:
 
 
 @pytest.mark.parametrize("profile", [_row(profile) for profile in PROFILES])
-def test_driver_masters_what_goes_wrong(profile: Profile, subtests: pytest.Subtests) -> None:
+def test_driver_masters_what_goes_wrong(
+    profile: Profile, subtests: pytest.Subtests, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It keeps the driver contract, and passes a check for each fault that it says it sees.
 
     One process serves the device for all of them, which takes longer to start than they do.
     """
+    for constant, wait_ns in profile.shorter.items():
+        monkeypatch.setattr(constant, wait_ns)
     with emulated(profile.name, arguments=profile.arguments) as device:
         factory = profile.maker(device.where[0])
         for check in _contract(profile, factory):

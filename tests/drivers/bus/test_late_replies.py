@@ -66,7 +66,7 @@ class Trial:
 
     def _move(self, level: int) -> None:
         self._levels = [*self._levels[-50:], (self._wire.now_ns, level)]
-        self._wire.rig.position_um = [level_um(level)] * len(self._wire.rig.position_um)
+        self._wire.rig.at_um = [level_um(level)] * len(self._wire.rig.at_um)
 
     def _learn_read(self, level: int) -> float:
         self._move(level)

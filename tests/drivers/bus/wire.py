@@ -13,56 +13,24 @@ from piezod.devices.bus.tcp_line import TcpLine
 from piezod.devices.emulation.bench import Bench
 from piezod.devices.emulation.faults import FaultKind, Faults, Hit
 from piezod.devices.emulation.outbox import Outbox
-from piezod.devices.interface import Capabilities, Identity, Sample
 from piezod.devices.status import DeviceFlag
 from tests.drivers.bus.profiles import Profile
+from tests.drivers.serial_line.linear_rig import LinearRig
 
 MS = 1_000_000
 ON_THE_WAY_NS = 100_000
 TICK_NS = MS
 
 
-class StillRig:
-    """Implements `piezod.devices.emulation.bench.Rig`: each axis is where the test puts it.
+class StillRig(LinearRig):
+    """A rig each of whose axes stays where the test puts it, at `at_um`.
 
-    Attributes:
-        position_um: Displacement of each axis, in µm.
-        drive_v: Voltage of each axis, in V, in force as soon as it is written.
+    Args:
+        n_axes: Number of axes.
     """
 
     def __init__(self, n_axes: int) -> None:
-        self.position_um = [0.0] * n_axes
-        self.drive_v: Sequence[float] = [0.0] * n_axes
-
-    def open(self) -> Identity:
-        return Identity("test", "still", "1", "1")
-
-    def capabilities(self) -> Capabilities:
-        axes = tuple(f"a{number}" for number in range(len(self.position_um)))
-        inputs = tuple(name for axis in axes for name in (axis, f"{axis}_v"))
-        return Capabilities(inputs, axes, True, 1e6)
-
-    def activate(self, now_ns: int) -> None:
-        pass
-
-    def deactivate(self, now_ns: int) -> None:
-        pass
-
-    def close(self) -> None:
-        pass
-
-    def read(self, now_ns: int) -> Sequence[Sample]:
-        both = [value for um in self.position_um for value in (um, um / 5)]
-        return [Sample(now_ns, value, True) for value in both]
-
-    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - the interface's
-        if not all(-30.0 <= value <= 150.0 for value in drive_v):
-            return False
-        self.drive_v = list(drive_v)
-        return True
-
-    def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's
-        return self.drive_v
+        super().__init__(n_axes, um_per_v=0.0)
 
 
 class Wire:
