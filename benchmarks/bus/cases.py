@@ -16,6 +16,7 @@ class Case(NamedTuple):
         wire: "serial", "tcp" or "udp".
         limit: What the median may be, as a multiple of the floor's.
         text: Whether replies are lines of any length.
+        unasked: Whether the peer also sends unasked, which is read before each request.
         line_rate: Line rate for which the wire time is computed, in bit/s; 0 where it does not
             count.
         bits_per_byte: On that line, framing included.
@@ -29,17 +30,43 @@ class Case(NamedTuple):
     wire: str
     limit: float
     text: bool = False
+    unasked: bool = False
     line_rate: int = 0
     bits_per_byte: float = 10.0
     silence_us: float = 0.0
 
 
 CASES = (
-    Case("serial, PI GCS 1", "pi-e816", "pi-e816", at_port, "serial", 1.3, True, 115_200),
-    Case("serial, PI GCS 2", "pi-gcs2", "pi-gcs2", at_port, "serial", 1.3, True, 115_200),
-    Case("serial, nPoint LC.400", "lc400", "lc400", at_port, "serial", 1.3, False, 115_200),
     Case(
-        "Modbus RTU, ICP DAS", "icpdas", "icpdas", at_pty, "serial", 1.3, False, 115_200, 10.0, 1750
+        "serial, PI GCS 1",
+        "pi-e816",
+        "pi-e816",
+        at_port,
+        "serial",
+        1.3,
+        text=True,
+        line_rate=115_200,
+    ),
+    Case(
+        "serial, PI GCS 2",
+        "pi-gcs2",
+        "pi-gcs2",
+        at_port,
+        "serial",
+        1.3,
+        text=True,
+        line_rate=115_200,
+    ),
+    Case("serial, nPoint LC.400", "lc400", "lc400", at_port, "serial", 1.3, line_rate=115_200),
+    Case(
+        "Modbus RTU, ICP DAS",
+        "icpdas",
+        "icpdas",
+        at_pty,
+        "serial",
+        1.3,
+        line_rate=115_200,
+        silence_us=1750,
     ),
     Case(
         "Modbus RTU, Waveshare",
@@ -48,10 +75,8 @@ CASES = (
         at_pty,
         "serial",
         1.3,
-        False,
-        115_200,
-        10.0,
-        1750,
+        line_rate=115_200,
+        silence_us=1750,
     ),
     Case("Modbus TCP, LabJack T7", "labjack-t7", "labjack-t7", at_host, "tcp", 1.5),
     Case("Modbus TCP, WAGO 750", "wago-750", "wago-750", at_host, "tcp", 1.5),
@@ -63,11 +88,29 @@ CASES = (
         at_adapter,
         "serial",
         1.3,
-        False,
-        500_000,
-        5.4,
+        unasked=True,
+        line_rate=500_000,
+        bits_per_byte=5.4,
     ),
-    Case("slcan, DBC", "can-dbc-demo", "can-dbc", at_adapter, "serial", 1.3, False, 500_000, 5.4),
-    Case("udp_multicast, CANopen", "canopen-401", "canopen-401", at_multicast, "udp", 2.0),
-    Case("udp_multicast, DBC", "can-dbc-demo", "can-dbc", at_multicast, "udp", 2.0),
+    Case(
+        "slcan, DBC",
+        "can-dbc-demo",
+        "can-dbc",
+        at_adapter,
+        "serial",
+        1.3,
+        unasked=True,
+        line_rate=500_000,
+        bits_per_byte=5.4,
+    ),
+    Case(
+        "udp_multicast, CANopen",
+        "canopen-401",
+        "canopen-401",
+        at_multicast,
+        "udp",
+        2.0,
+        unasked=True,
+    ),
+    Case("udp_multicast, DBC", "can-dbc-demo", "can-dbc", at_multicast, "udp", 2.0, unasked=True),
 )

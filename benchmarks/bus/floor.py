@@ -1,35 +1,42 @@
 """The bare minimum: the same bytes by plain system calls, to the same peer."""
 
 import os
+import select
 import socket
 import struct
 import termios
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, TypeAlias
 
+from benchmarks.bus.cases import Case
 from benchmarks.bus.recorded import Exchange
 
 Ask: TypeAlias = Callable[[Exchange], None]
 
 
 @contextmanager
-def serial_floor(line: Any, _where: str, *, text: bool) -> Iterator[Ask]:
+def serial_floor(line: Any, _where: str, case: Case) -> Iterator[Ask]:
     """Write and read the port of an open line, blocking.
+
+    Lines of text are counted by their last byte, other replies have the length they had.
 
     Args:
         line: The line: what it has set up with its peer goes on.
-        text: Whether replies are lines of any length, counted by their last byte; else they have
-            the length they had.
+        case: The bus.
     """
     fd = line._fd  # noqa: SLF001 - the same port, without what is around it
     termios.tcflush(fd, termios.TCIFLUSH)
     os.set_blocking(fd, True)
+    readable = select.poll()
+    readable.register(fd, select.POLLIN)
 
     def ask(exchange: Exchange) -> None:
+        while case.unasked and not exchange.follows and readable.poll(0):
+            os.read(fd, 4096)
         os.write(fd, exchange.request)
-        _await(lambda: os.read(fd, 4096), exchange.reply, text=text)
+        _await(lambda: os.read(fd, 4096), exchange.reply, text=case.text)
 
     try:
         yield ask
@@ -38,7 +45,7 @@ def serial_floor(line: Any, _where: str, *, text: bool) -> Iterator[Ask]:
 
 
 @contextmanager
-def tcp_floor(_line: Any, address: str, *, text: bool) -> Iterator[Ask]:
+def tcp_floor(_line: Any, address: str, case: Case) -> Iterator[Ask]:
     """Send and receive on a connection, blocking."""
     host, _, port = address.rpartition(":")
     with socket.create_connection((host, int(port))) as connection:
@@ -46,13 +53,13 @@ def tcp_floor(_line: Any, address: str, *, text: bool) -> Iterator[Ask]:
 
         def ask(exchange: Exchange) -> None:
             connection.send(exchange.request)
-            _await(lambda: connection.recv(4096), exchange.reply, text=text)
+            _await(lambda: connection.recv(4096), exchange.reply, text=case.text)
 
         yield ask
 
 
 @contextmanager
-def udp_floor(_line: Any, address: str, *, text: bool) -> Iterator[Ask]:  # noqa: ARG001 - frames have no lines
+def udp_floor(_line: Any, address: str, case: Case) -> Iterator[Ask]:
     """Send and receive datagrams of a multicast group, one's own among them, blocking."""
     group, _, port = address.removeprefix("udp:").rpartition(":")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bus:
@@ -65,6 +72,9 @@ def udp_floor(_line: Any, address: str, *, text: bool) -> Iterator[Ask]:  # noqa
 
         def ask(exchange: Exchange) -> None:
             own.add(exchange.request)
+            with suppress(BlockingIOError):
+                while case.unasked and not exchange.follows:
+                    bus.recv(4096, socket.MSG_DONTWAIT)
             bus.sendto(exchange.request, (group, int(port)))
             wanted = exchange.frames
             while wanted:

@@ -1,5 +1,6 @@
 """The peer: an emulator in a process of its own."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 
 from benchmarks.bus.cases import Case
 
-TCP = "127.0.0.1:15020"
+TCP = "127.0.0.1:0"  # any port that is free
 UDP = "udp:239.74.163.9:43199"
 
 
@@ -17,13 +18,14 @@ UDP = "udp:239.74.163.9:43199"
 def emulated(case: Case, folder: Path) -> Iterator[str]:
     """Start the emulator of a case; give where it is served, while the block runs."""
     places = {"serial": str(folder / "port"), "tcp": TCP, "udp": UDP}
-    where = places[case.wire]
-    command = [sys.executable, "-m", "piezod.cli.main", "emulate", case.profile, "--port", where]
+    arguments = ("emulate", case.profile, "--port", places[case.wire], "--json")
+    command = [sys.executable, "-m", "piezod.cli.main", *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:  # noqa: S603 - our own
         assert process.stdout is not None  # noqa: S101 - a pipe was asked for
         try:
-            process.stdout.readline()
-            yield where
+            told = process.stdout.readline()
+            assert told, f"{case.profile} has not started"  # noqa: S101 - its errors are above
+            yield json.loads(told)["serving"][0]["where"]
         finally:
             process.send_signal(signal.SIGTERM)
             process.wait()

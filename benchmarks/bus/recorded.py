@@ -20,15 +20,17 @@ class Exchange(NamedTuple):
         request: The bytes that were sent.
         reply: The bytes that came; empty where there is no reply.
         frames: In how many pieces they came; on a CAN bus those are frames.
+        follows: Whether it was sent without waiting for anything after the one before.
     """
 
     request: bytes
     reply: bytes = b""
     frames: int = 0
+    follows: bool = False
 
     def with_reply(self, data: bytes) -> "Exchange":
         """Return it with more of a reply."""
-        return Exchange(self.request, self.reply + data, self.frames + 1)
+        return self._replace(reply=self.reply + data, frames=self.frames + 1)
 
 
 class Recorded(list[Exchange]):
@@ -59,7 +61,8 @@ def recording() -> Iterator[Recorded]:
 def _watch(kind: type[Any], send: Any, receive: Any, exchanges: Recorded) -> None:
     def sending(self: object, data: bytes | Frame) -> None:
         exchanges.line = self
-        exchanges.append(Exchange(_bytes(data)))
+        follows = bool(exchanges) and not exchanges[-1].reply
+        exchanges.append(Exchange(_bytes(data), follows=follows))
         send(self, data)
 
     def receiving(self: object, within_ns: int) -> bytes | Frame | None:

@@ -2,8 +2,9 @@
 
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -33,12 +34,16 @@ def driven(case: Case, where: str) -> Iterator[Any]:
         opened.close()
 
 
-def timed_cycles_us(device: Any, cycles: int) -> list[float]:
-    """Run cycles as the loop does; return how long each took, in µs."""
+def in_force(device: Any) -> list[float]:
+    """Return what the outputs are at, so that writing it moves nothing; 0 where it is not known."""
+    told = device.read_back(time.monotonic_ns())
+    return [value if isfinite(value) else 0.0 for value in told]
+
+
+def timed_cycles_us(device: Any, values: Sequence[float], cycles: int) -> list[float]:
+    """Run cycles as the loop does, writing these values; return how long each took, in µs."""
     took_us = []
     able = device.capabilities()
-    told = list(device.read_back(time.monotonic_ns()))
-    values = [value if value == value else 0.0 for value in told]  # noqa: PLR0124 - not NaN
     for _ in range(cycles):
         begin_ns = time.monotonic_ns()
         device.read(begin_ns)

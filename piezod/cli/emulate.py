@@ -54,8 +54,10 @@ def emulate(  # noqa: PLR0913, PLR0917 - the options of a command
             help="What goes wrong on every wire; may be repeated. KIND: late (VALUE s), lost, "
             "garbled (bit VALUE), partial (first VALUE bytes come), duplicated, noise (VALUE bytes "
             "before the reply); disconnect, wrong-identity (both: away for VALUE s), restart (off "
-            "for VALUE s). WHICH reply, counted from 1: 7, 7-9, 7-, 'every 7', left out: every "
-            "one; or now, for the last three. VALUE may be a range, 0.01-0.2.",
+            "for VALUE s); on a CAN bus also foreign (a frame of the host's that it has not sent), "
+            "bus-off (for VALUE s). WHICH reply, counted from 1: 7, 7-9, 7-, 'every 7', left out: "
+            "every one; or now, for disconnect, wrong-identity, restart and bus-off. VALUE may be "
+            "a range, 0.01-0.2.",
         ),
     ] = None,
     trace: Annotated[
@@ -74,9 +76,15 @@ def emulate(  # noqa: PLR0913, PLR0917 - the options of a command
     """
     from piezod.cli.emulate_parts import bench, default_rig, posts_of, rig_of, told_to_end, watch
     from piezod.cli.output import new_console, print_json_line
+    from piezod.devices.emulation.faults import ON_A_BUS, parse
     from piezod.devices.emulators import Emulation
 
     posts = posts_of(profile, port, fault or ())
+    if any(post.plugin.wire != "can" for post in posts):
+        for text in fault or ():
+            if parse(text).kind in ON_A_BUS:
+                what = f"{text} needs a CAN bus, where every PROFILE is on one"
+                raise typer.BadParameter(what, param_hint="--fault")
     needed = axes or max(post.plugin.channels for post in posts)
     rig = default_rig(needed) if config is None else rig_of(config, device, axes)
 

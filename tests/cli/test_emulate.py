@@ -145,7 +145,7 @@ def test_profile_that_nothing_emulates(piezod: Command) -> None:
     code, _, err = piezod("emulate", "acme")
 
     assert code == 1
-    assert "no emulator is called 'acme', known: " in err
+    assert "unknown emulator 'acme', known emulators: " in err
 
 
 @pytest.mark.parametrize(
@@ -155,6 +155,8 @@ def test_profile_that_nothing_emulates(piezod: Command) -> None:
         (("simulated=a.sock", "--port", "b.sock"), "is for a single PROFILE"),
         (("pi-e816", "--fault", "slow"), "no fault 'slow'"),
         (("simulated", "--fault", "lost"), "has no wire"),
+        (("pi-e816", "--fault", "bus-off:now"), "bus-off:now needs a CAN bus"),
+        (("canopen-401", "pi-e816", "--fault", "foreign"), "foreign needs a CAN bus"),
         (("simulated", "--config", "stage.yaml", "--device", "rig", "--axes", "3"), "has 2"),
         (("simulated", "--axes", "0"), "greater than or equal to 1"),
     ],

@@ -96,7 +96,7 @@ class Cycle:
             frame = self._bus.receive(0)
             if frame is None:
                 return
-            if frame.id in self._owed:
+            if frame.id in self._owed and not frame.remote:
                 self._owed.discard(frame.id)
                 self._noticed.add(DeviceFlag.LATE_REPLY)
             elif frame.id in answers:

@@ -30,6 +30,11 @@ class Frame(NamedTuple):
     extended: bool = False
     remote: bool = False
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether it carries data under an identifier of 11 bits; may be called in the loop."""
+        return not (self.extended or self.remote)
+
 
 def most_bits(n_bytes: int, *, extended: bool = False) -> int:
     """Return how many bits a frame takes on the wire at most, those between frames included."""

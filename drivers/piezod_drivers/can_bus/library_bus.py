@@ -136,9 +136,9 @@ class LibraryBus:
                 it is gone.
         """
         bus = self._require()
-        left_ns = within_ns
         end_ns = time.monotonic_ns() + within_ns if within_ns else 0
         while True:
+            left_ns = end_ns - time.monotonic_ns() if within_ns else 0
             try:
                 message = bus.recv(left_ns * 1e-9 if left_ns > 0 else 0)
             except Exception as error:  # as for `send`
@@ -160,8 +160,6 @@ class LibraryBus:
                 )
                 if not self._is_echo(frame):
                     return frame
-            if within_ns:
-                left_ns = end_ns - time.monotonic_ns()
 
     def now_ns(self) -> int:
         """Tell the instant on the machine's monotonic clock; may be called in the loop."""

@@ -14,9 +14,10 @@ from piezod_drivers.can_bus.cycle import STALLED_AFTER
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.slcan import BEL, BIT_RATES, CLOSE, OPEN, Lines, decode, encode
 
-_ANSWER_NS: Final = 50_000_000
+_ANSWER_NS: Final = 500_000_000
 """How long an adapter may take to acknowledge a command."""
-_CLOSING_NS: Final = 500_000_000
+_QUIET_NS: Final = 50_000_000
+"""After so long without a byte it has said all it had to say."""
 _MOST_FRAMES: Final = 4096
 _ACKNOWLEDGEMENTS: Final = frozenset({b"", b"z", b"Z"})
 
@@ -53,8 +54,7 @@ class SlcanBus:
         self._line.open()
         try:
             # The first CR ends what an earlier program may have left half said.
-            self._line.send(b"\r" + CLOSE)
-            self._quiet()
+            self._close_channel(b"\r" + CLOSE)
             self._command(BIT_RATES[self._bit_rate], f"a bit rate of {self._bit_rate} bit/s")
             self._command(OPEN, "to open its channel")
         except LineFault as fault:
@@ -68,9 +68,9 @@ class SlcanBus:
         self._refused, self._refusals = False, 0
 
     def close(self) -> None:
-        """Close the channel, which empties the adapter's queue, and let go of the port."""
+        """Close the channel, which empties the adapter's queue, and let go of the port; waits."""
         with suppress(LineFault):  # it is gone, or was never there
-            self._line.send(CLOSE)
+            self._close_channel(CLOSE)
         self._line.close()
 
     def send(self, frame: Frame) -> None:
@@ -144,11 +144,18 @@ class SlcanBus:
             else:
                 self._noticed.add(DeviceFlag.GARBAGE)
 
-    def _quiet(self) -> None:
-        """Wait until an adapter whose channel is being closed has said all it had to say."""
-        end_ns = self._line.now_ns() + _CLOSING_NS
-        while self._line.receive(_ANSWER_NS) and self._line.now_ns() < end_ns:
-            pass
+    def _close_channel(self, command: bytes) -> None:
+        """Have the channel closed, and wait until the adapter has said all it had to say.
+
+        Who lets go of the port before drops the command. No answer can be told to be the one to it:
+        there may be more to come of frames.
+        """
+        line = self._line
+        line.send(command)
+        end_ns = line.now_ns() + _ANSWER_NS
+        within_ns = _ANSWER_NS
+        while line.receive(within_ns) and line.now_ns() < end_ns:
+            within_ns = _QUIET_NS
         self._lines.clear()
 
     def _command(self, command: bytes, what: str) -> None:

@@ -3,8 +3,8 @@
 from typing import Protocol
 
 
-class FarEnd(Protocol):
-    """The device's end of a wire that can be pulled out."""
+class End(Protocol):
+    """The device's end of a wire or a bus, which can be pulled out."""
 
     def place(self) -> str:
         """Tell where a driver connects."""
@@ -19,8 +19,15 @@ class FarEnd(Protocol):
         ...
 
     def vanish(self) -> None:
-        """Be pulled out: whoever is connected is no longer, nobody can connect. Never raises."""
+        """Be pulled out: whoever is connected is no longer, nobody can connect. Never raises.
+
+        May be called where it is out already.
+        """
         ...
+
+
+class FarEnd(End, Protocol):
+    """The device's end of a wire."""
 
     def receive(self, within_ns: int) -> bytes:
         """Return what has come, as soon as something has; nothing where nobody is connected."""

@@ -4,7 +4,7 @@ A fault is written `KIND[:WHICH][:VALUE]`.
 
 WHICH replies it befalls, which are counted from 1: `7`, `7-9`, `7-` (that one and all after it),
 `every 7` (the 7th, the 14th, …); left out: every one. `now` is at once, whether there is a reply or
-not, for the three kinds that befall the device rather than a reply.
+not, for the kinds that befall the device rather than a reply: those that have it be away.
 
 VALUE is a number, or a range like `0.01-0.2` from which one is drawn each time.
 """
@@ -48,6 +48,8 @@ BEFALL_DEVICE: Final = frozenset(
     {FaultKind.DISCONNECT, FaultKind.IMPOSTOR, FaultKind.RESTART, FaultKind.BUS_OFF},
 )
 """What can happen at once, and not only in place of a reply."""
+ON_A_BUS: Final = frozenset({FaultKind.FOREIGN, FaultKind.BUS_OFF})
+"""What cannot happen on a wire with nobody else on it."""
 
 _USUAL: Final = {
     FaultKind.NOISE: 8.0,
@@ -96,6 +98,20 @@ class Hit(NamedTuple):
 
     kind: FaultKind
     value: float | None
+
+
+class Fate(NamedTuple):
+    """What becomes of a reply.
+
+    Attributes:
+        late_ns: How late it comes.
+        noise: Bytes that come before it, as late.
+        copies: Its bytes, as often as it comes.
+    """
+
+    late_ns: int
+    noise: bytes
+    copies: list[bytes]
 
 
 def parse(text: str) -> Fault:
@@ -178,13 +194,35 @@ class Faults:
             hits, self._at_once = [self._hit(fault) for fault in self._at_once], []
             return hits
 
-    def random_bytes(self, n: int) -> bytes:
-        """Draw bytes."""
-        return self._random.randbytes(n)
+    def fate(self, data: bytes, hits: Iterable[Hit]) -> Fate:
+        """Tell what becomes of a reply, or of the data of a frame, that this befalls."""
+        late_s, noise, copies = 0.0, b"", 1
+        for kind, value in hits:
+            match kind:
+                case FaultKind.LATE:
+                    late_s += value or 0.0
+                case FaultKind.LOST:
+                    copies = 0
+                case FaultKind.DUPLICATED:
+                    copies *= 2
+                case FaultKind.GARBLED:
+                    data = self._garbled(data, value)
+                case FaultKind.PARTIAL:
+                    data = data[: len(data) // 2 if value is None else int(value)]
+                case FaultKind.NOISE:
+                    noise += self._random.randbytes(int(value or 0))
+                case _:
+                    pass  # befalls the device, or the bus
+        return Fate(round(late_s * 1e9), noise, [data] * copies)
 
-    def random_below(self, n: int) -> int:
-        """Draw a number from 0 to n - 1."""
-        return self._random.randrange(n)
+    def _garbled(self, data: bytes, bit: float | None) -> bytes:
+        n_bits = 8 * len(data)
+        if not n_bits:
+            return data
+        place = self._random.randrange(n_bits) if bit is None else int(bit) % n_bits
+        flipped = bytearray(data)
+        flipped[place // 8] ^= 1 << place % 8
+        return bytes(flipped)
 
     def _hit(self, fault: Fault) -> Hit:
         if fault.value is None:

@@ -2,10 +2,11 @@
 
 from collections import deque
 from collections.abc import Sequence
+from typing import Final
 
-from piezod.devices.emulation.faults import FaultKind, Faults, Hit
+from piezod.devices.emulation.faults import Faults, Hit
 
-_MOST_REPLIES = 4096
+MOST_REPLIES: Final = 4096
 """More than this on their way is a fault that nobody meant; the oldest are dropped."""
 
 
@@ -13,33 +14,17 @@ class Outbox:
     """Replies in their order, each with the instant from which it can be sent.
 
     Args:
-        faults: Draws what is random.
+        faults: Tells what becomes of them.
     """
 
     def __init__(self, faults: Faults) -> None:
         self._faults = faults
-        self._waiting: deque[tuple[int, bytes]] = deque(maxlen=_MOST_REPLIES)
+        self._waiting: deque[tuple[int, bytes]] = deque(maxlen=MOST_REPLIES)
 
     def put(self, reply: bytes, hits: Sequence[Hit], now_ns: int) -> None:
         """Add a reply, with what befalls it."""
-        due_ns, copies = now_ns, 1
-        for kind, value in hits:
-            match kind:
-                case FaultKind.LATE:
-                    due_ns += round((value or 0.0) * 1e9)
-                case FaultKind.LOST:
-                    copies = 0
-                case FaultKind.DUPLICATED:
-                    copies *= 2
-                case FaultKind.GARBLED:
-                    reply = self._garbled(reply, value)
-                case FaultKind.PARTIAL:
-                    reply = reply[: len(reply) // 2 if value is None else int(value)]
-                case FaultKind.NOISE:
-                    reply = self._faults.random_bytes(int(value or 0)) + reply
-                case _:
-                    pass  # befalls the device, not a reply
-        self._waiting.extend([(due_ns, reply)] * copies)
+        late_ns, noise, copies = self._faults.fate(reply, hits)
+        self._waiting.extend((now_ns + late_ns, part) for part in (noise, *copies) if part)
 
     def take(self, now_ns: int) -> bytes:
         """Return what is to be sent by now."""
@@ -57,12 +42,3 @@ class Outbox:
     def clear(self) -> None:
         """Drop everything."""
         self._waiting.clear()
-
-    def _garbled(self, reply: bytes, bit: float | None) -> bytes:
-        n_bits = 8 * len(reply)
-        if not n_bits:
-            return reply
-        place = self._faults.random_below(n_bits) if bit is None else int(bit) % n_bits
-        flipped = bytearray(reply)
-        flipped[place // 8] ^= 1 << place % 8
-        return bytes(flipped)

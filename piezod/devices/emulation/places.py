@@ -1,5 +1,6 @@
 """Where emulated devices are served."""
 
+import fcntl
 import os
 import tempfile
 from pathlib import Path
@@ -29,6 +30,30 @@ def make_own_folder() -> Path:
     if folder.stat().st_uid != os.getuid():
         raise DeviceUnavailableError(f"{folder} belongs to somebody else, name another place")
     return folder
+
+
+def hold(path: Path) -> int | None:
+    """Hold a place in the user's own folder, as long as this process lives and keeps it open.
+
+    What is left there by a process that was killed is known by that: nobody holds it.
+
+    Returns:
+        The descriptor to be closed in the end; None for a place elsewhere, which nobody can hold.
+
+    Raises:
+        DeviceUnavailableError: If somebody else holds it.
+        OSError: If it cannot be held.
+    """
+    if path.parent != own_folder():
+        return None
+    held = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(held)
+        what = f"{path} is served by another process: end it, or name another place"
+        raise DeviceUnavailableError(what) from error
+    return held
 
 
 def address(where: str) -> tuple[str, int]:

@@ -8,6 +8,7 @@ import tty
 from contextlib import suppress
 from pathlib import Path
 
+from piezod.devices.emulation.places import hold
 from piezod.errors import DeviceUnavailableError
 
 _MOST_BYTES = 65_536
@@ -27,6 +28,7 @@ class PtyEnd:
 
     def __init__(self, path: Path) -> None:
         self._path, self._fd = path, -1
+        self._held: int | None = None
         self._poll = select.poll()
 
     def place(self) -> str:
@@ -34,7 +36,10 @@ class PtyEnd:
         return str(self._path)
 
     def appear(self) -> None:
-        """Make the pty and the link to it; a link that leads nowhere is replaced.
+        """Make the pty and the link to it; one that is there and that nobody serves is replaced.
+
+        That is a link that leads nowhere, and in the user's own folder any that nobody holds: the
+        number of its pty may have become somebody else's.
 
         Raises:
             DeviceUnavailableError: If there is something else at the path, or it cannot be made.
@@ -43,13 +48,17 @@ class PtyEnd:
         try:
             tty.setraw(slave)
             os.set_blocking(self._fd, False)
-            if self._path.is_symlink() and not self._path.exists():
+            self._held = hold(self._path)
+            if self._path.is_symlink() and (self._held is not None or not self._path.exists()):
                 self._path.unlink()
             self._path.symlink_to(os.ttyname(slave))
         except FileExistsError as error:
             self._close()
             what = f"{self._path} is there already: remove it if nobody serves it, or name another"
             raise DeviceUnavailableError(what) from error
+        except DeviceUnavailableError:
+            self._close()
+            raise
         except OSError as error:
             self._close()
             raise DeviceUnavailableError(f"no port can be made at {self._path}: {error}") from error
@@ -87,3 +96,6 @@ class PtyEnd:
     def _close(self) -> None:
         os.close(self._fd)
         self._fd = -1
+        if self._held is not None:
+            os.close(self._held)
+            self._held = None

@@ -152,6 +152,18 @@ def test_watchdog_is_disarmed_in_the_end() -> None:
     assert stand.rig.drive_v[0] == pytest.approx(75.0, abs=0.1)
 
 
+def test_late_answer_is_none_to_what_is_asked_in_the_end() -> None:
+    """What was asked in the loop may be answered when the watchdog is disarmed: that goes well."""
+    stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
+    device = stand.active(Wiring(("a1",), ("a1",)))
+    device.exchange([5.0], stand.time.t_ns)
+    stand.bus.comes(Frame(0x580 + NODE, bytes((0x4B, 0x11, 0x64, 1, 0, 0, 0, 0))))
+    stand.device = device
+    device.deactivate(stand.time.t_ns)
+
+    assert stand.flags() == frozenset()
+
+
 def test_node_without_watchdog_is_told() -> None:
     """Where a node has no consumer heartbeat, the device has no watchdog and works without."""
     stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
@@ -262,6 +274,28 @@ def test_output_that_cannot_be_read_back_is_told() -> None:
 
     assert device.read_back(stand.time.t_ns)[0] != 0.0
     assert DeviceFlag.WRONG_REQUEST in stand.flags()
+
+
+def _asked_for(frame: Frame) -> list[Frame]:
+    """Return a frame, after what asks for it and its like with an identifier of 29 bits."""
+    n_bytes = len(frame.data)
+    remote = frame._replace(data=bytes(n_bytes), remote=True)
+    longer = frame._replace(data=frame.data[:4].ljust(n_bytes, b"\0"), extended=True)
+    return [remote, longer, frame]
+
+
+@pytest.mark.sees("canopen", "B6")
+@pytest.mark.parametrize("read_back", ["sdo", "pdo"])
+def test_frame_that_asks_is_no_answer(read_back: str) -> None:
+    """Nor is one with a longer identifier: neither tells an input, an output or who it is."""
+    stand = Stand((30.0, 60.0), read_back=read_back)
+    stand.bus.change = _asked_for
+    device = stand.active()
+    samples = device.read(stand.time.t_ns)
+
+    assert [sample.position_um for sample in samples] == pytest.approx([1.2, 2.4], abs=0.01)
+    assert DeviceFlag.OUT_OF_ORDER in stand.flags()
+    assert device.read_back(stand.time.t_ns) == pytest.approx([2.0, 4.0], abs=STEP_V)
 
 
 @pytest.mark.sees("canopen", "B3")

@@ -74,6 +74,20 @@ def test_whatever_a_node_tells_is_taken(told: list[tuple[bool, bytes]]) -> None:
     assert all(isinstance(flag, DeviceFlag) for flag in health.flags)
 
 
+@pytest.mark.parametrize("state", [o.PREOPERATIONAL, o.STOPPED])
+def test_one_heartbeat_from_before_the_start_is_passed_over(state: int) -> None:
+    """It may have waited in the node since before it was started; a second one has not."""
+    health = Health()
+    health.take_heartbeat(bytes((state,)))
+    assert health.flags == frozenset()
+    health.take_heartbeat(bytes((state,)))
+    assert health.flags == {DeviceFlag.LOCAL_MODE}
+
+    health.clear()
+    health.take_heartbeat(bytes((o.BOOTED,)))
+    assert health.flags == {DeviceFlag.RESTARTED}
+
+
 @given(st.integers(0, 0xFFFF))
 def test_every_error_code_means_something(code: int) -> None:
     """There is a flag for every code."""

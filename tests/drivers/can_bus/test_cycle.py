@@ -99,6 +99,14 @@ def test_nothing_is_asked_while_an_answer_is_owed(bench: _Bench) -> None:
     assert DeviceFlag.LATE_REPLY in bench.cycle.take_noticed()
 
 
+def test_frame_that_asks_pays_no_debt(bench: _Bench) -> None:
+    """A late answer is still owed when somebody else asks for a frame of its identifier."""
+    assert bench.fails() == DeviceFlag.LATE_REPLY
+    bench.bus.comes(Frame(ANSWERS, remote=True))
+    assert bench.fails() == DeviceFlag.LATE_REPLY
+    assert bench.bus.sent == ASK
+
+
 def test_owed_answer_is_given_up(bench: _Bench) -> None:
     """When an answer has not come for long enough it is taken for lost, and asked for anew."""
     assert bench.fails() == DeviceFlag.LATE_REPLY

@@ -8,7 +8,9 @@ import pytest
 from pydantic import ValidationError
 
 from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
+from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
+from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.can_bus.dbc.dialogue import Dialogue
 from piezod_drivers.can_bus.dbc.options import Options
@@ -149,6 +151,24 @@ def test_output_that_cannot_be_read_back_has_to_be_used() -> None:
         device.open()
         device.activate(MS)
         assert not amplifier.commands
+
+
+def test_bus_is_listened_to_where_nothing_is_read_back() -> None:
+    """That it was left, or refuses frames, comes as nobody's answer."""
+    bus = FakeBus(Amplifier(reports=False))
+    dialogue = Dialogue(Options.model_validate(_options(backs=())), Wiring((), ("a", "b")), bus)
+    device: Any = BusDevice("it", dialogue)
+    device.open()
+    device.activate(MS)
+    assert device.write([1.0, 2.0], 2 * MS)
+
+    def left(within_ns: int) -> Frame | None:  # noqa: ARG001 - the interface's
+        raise LineFault(DeviceFlag.BUS_OFF, "the test says so")
+
+    bus.receive = left  # type: ignore[method-assign] # a bus that was left
+    assert not device.write([3.0, 4.0], 3 * MS)
+    assert DeviceFlag.BUS_OFF in frozenset().union(*device.status(3 * MS))
+    assert [frame.id for frame in bus.sent] == [COMMAND]
 
 
 def test_output_that_is_beyond_its_range_is_not_taken_over() -> None:

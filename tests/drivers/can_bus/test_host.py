@@ -119,6 +119,37 @@ def test_each_fault_befalls_the_node(fault: str, told: list[object], serials: li
     assert ANSWER in hosted.asked()
 
 
+@pytest.mark.parametrize("second", ["disconnect", "wrong-identity", "restart", "bus-off"])
+@pytest.mark.parametrize("seconds", [0.01, 0.03])
+def test_node_may_be_away_for_two_reasons(second: str, seconds: float) -> None:
+    """What befalls a node that is away does not keep it away: it is back when both are over."""
+    for first in ("disconnect", "bus-off"):
+        hosted = _Hosted()
+        hosted.asked(f"{first}:now:0.02")
+        hosted.asked(f"{second}:now:{seconds}")
+        hosted.time.t_ns += 21 * MS
+        hosted.host.go_on(0)
+        hosted.time.t_ns += 10 * MS
+        hosted.host.go_on(0)
+
+        assert hosted.end.told.count("there") == ("gone" in hosted.end.told)
+        assert hosted.end.told[-1] in {"there", False}
+        assert ANSWER in hosted.asked()
+
+
+def test_noise_comes_after_what_is_late() -> None:
+    """It is sent before its own frame, and not before one that is waiting."""
+    hosted = _Hosted()
+    assert hosted.asked("late:1:0.05") == []
+    assert hosted.asked("noise:1:4") == []
+    assert hosted.end.told == []
+    hosted.time.t_ns += 51 * MS
+    hosted.host.go_on(0)
+
+    assert hosted.end.sent == [ANSWER, ANSWER]
+    assert [type(each) for each in hosted.end.told] == [bytes]
+
+
 def test_serving_begins_and_ends() -> None:
     """Who waits is told where the node is, and the end is gone afterwards."""
     hosted = _Hosted()
@@ -140,7 +171,11 @@ def test_adapter_end_is_a_port(tmp_path: Path) -> None:
     assert end.receive(1000 * MS) == [ASK]
     end.send(ANSWER)
     end.noise(b"x")
-    assert os.read(port, 100) == b"\rz\r" + encode(ANSWER) + b"x"
+    expected = b"\rz\r" + encode(ANSWER) + b"x"
+    got = b""
+    while len(got) < len(expected):
+        got += os.read(port, 100)
+    assert got == expected
     end.leave(True)
     os.write(port, encode(ASK))
     assert end.receive(1000 * MS) == []
@@ -167,6 +202,21 @@ def test_group_end_is_a_member() -> None:
     one.vanish()
     other.vanish()
     assert other.receive(0) == []
+    other.send(ASK)  # nobody gets it, and the emulator goes on
+
+
+def test_unplugged_adapter_stays_off_the_bus(tmp_path: Path) -> None:
+    """That it is unplugged and back does not bring it onto the bus."""
+    end = end_at(str(tmp_path / "can.tty"), "any")
+    end.appear()
+    end.leave(True)
+    end.vanish()
+    end.appear()
+    port = os.open(end.place(), os.O_RDWR | os.O_NOCTTY)
+    os.write(port, b"O\r" + encode(ASK))
+    assert end.receive(1000 * MS) == []
+    os.close(port)
+    end.vanish()
 
 
 def test_group_that_is_none_is_refused() -> None:

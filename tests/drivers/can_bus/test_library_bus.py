@@ -1,9 +1,12 @@
 """A bus by python-can: its queue, its errors, its echoes."""
 
 import errno
+import select
 import socket
 from collections import deque
 from collections.abc import Iterator
+from itertools import count
+from types import SimpleNamespace
 from typing import Any
 
 import can
@@ -32,6 +35,7 @@ class _Controller:
     Attributes:
         queue: What has not left yet.
         on_bus: What has.
+        waits_s: How long it was asked to wait for a frame, each time.
     """
 
     def __init__(self) -> None:
@@ -41,6 +45,7 @@ class _Controller:
         self.stuck = False
         self.failure: Exception | None = None
         self.settings: dict[str, Any] = {}
+        self.waits_s: list[float] = []
 
     def make(self, **settings: Any) -> "_Controller":
         self.settings = settings
@@ -54,7 +59,8 @@ class _Controller:
         self.queue.append(can.Message(arbitration_id=message.arbitration_id, data=message.data))
         self.let_go()
 
-    def recv(self, _timeout: float | None) -> can.Message | None:
+    def recv(self, timeout: float) -> can.Message | None:
+        self.waits_s.append(timeout)
         found = self.coming.popleft() if self.coming else None
         if isinstance(found, Exception):
             raise found
@@ -292,6 +298,19 @@ def test_packet_that_is_no_frame_is_told(group: tuple[LibraryBus, LibraryBus]) -
     assert one.take_noticed() == {DeviceFlag.GARBAGE}
 
 
+def test_stray_packets_do_not_prolong_the_wait(
+    bus: LibraryBus, controller: _Controller, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each takes its part of the time that there is for a frame."""
+    instants = count(0, MS)
+    clock = SimpleNamespace(monotonic_ns=lambda: next(instants))
+    monkeypatch.setattr("piezod_drivers.can_bus.library_bus.time", clock)
+    controller.coming += [can.CanOperationError("could not unpack received message")] * 4
+
+    assert bus.receive(5 * MS) is None
+    assert controller.waits_s == pytest.approx([0.004, 0.003, 0.002, 0.001, 0.0])
+
+
 def test_absent_interface_is_told_with_its_remedy() -> None:
     """Where there is no such interface, or no CAN at all, the error says what to do."""
     with pytest.raises(DeviceUnavailableError, match=r"no CAN|ip link set can0 up"):
@@ -313,6 +332,9 @@ def test_who_takes_an_interface_down_is_noticed(monkeypatch: pytest.MonkeyPatch)
         told = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         told.connect(("127.0.0.1", free_port()))
         told.send(b"")
+        look = select.poll()
+        look.register(told, 0)
+        assert look.poll(20_000), "the error has come"
         return told
 
     monkeypatch.setattr("piezod_drivers.can_bus.link._witness", refused)

@@ -69,7 +69,9 @@ def remote(ours: Emulated) -> Iterator[Any]:
     _, group, port = ours.where[0].split(":")
     network = canopen.Network()
     network.connect(interface="udp_multicast", channel=group, port=int(port), hop_limit=0, fd=False)
-    yield network.add_node(NODE, object_dictionary())
+    node: Any = network.add_node(NODE, object_dictionary())
+    node.sdo.RESPONSE_TIMEOUT = 10.0  # the library's own is too short for a busy machine
+    yield node
     network.disconnect()
 
 

@@ -96,7 +96,7 @@ def test_adapter_off_the_bus_is_told_and_comes_back(tmp_path: Path, profile: Any
     """An adapter that refuses frame after frame is off the bus, and works when opened again."""
     with emulated(f"{profile.name}={tmp_path / 'can.tty'}") as node:
         device = profile.maker(node.where[0], 5.0)()
-        device.open()
+        eventually(lambda: opens(device))
         device.activate(_now())
         eventually(lambda: _drives(device))
         node.faults("bus-off:now:600")
@@ -109,7 +109,7 @@ def test_adapter_off_the_bus_is_told_and_comes_back(tmp_path: Path, profile: Any
             return bool(device.lost)
 
         eventually(is_lost)
-        assert {DeviceFlag.NOT_SENT, DeviceFlag.BUS_OFF} <= told
+        assert DeviceFlag.BUS_OFF in told
         assert not _drives(device)
         device.close()
         assert not opens(device), "it is still off"

@@ -221,6 +221,65 @@ def test_garbage_is_told(bus: SlcanBus, line: EmulatedLine) -> None:
     assert bus.take_noticed() == {DeviceFlag.GARBAGE}
 
 
+class _BufferedLine(EmulatedLine):
+    """A line that has sent nothing before somebody waits, and drops that when it is closed."""
+
+    def __init__(self, behind: _Behind) -> None:
+        super().__init__(behind, TestTime())
+        self._unsent: list[bytes] = []
+
+    def send(self, data: bytes) -> None:
+        self._require()
+        self._unsent.append(data)
+
+    def receive(self, within_ns: int) -> bytes:
+        unsent, self._unsent = self._unsent, []
+        for data in unsent:
+            super().send(data)
+        return super().receive(within_ns)
+
+    def close(self) -> None:
+        self._unsent.clear()
+        super().close()
+
+
+@pytest.mark.sees("canopen", "B8")
+@pytest.mark.sees("can_dbc", "B8")
+def test_closing_closes_the_channel(behind: _Behind) -> None:
+    """The adapter hears of it before the port is let go, whatever it has still to say of frames."""
+    line = _BufferedLine(behind)
+    bus = SlcanBus(line, 500_000)
+    bus.open(())
+    behind.stuck = True
+    bus.send(A)
+    behind.adapter.off_bus = True
+    bus.send(A)
+    bus.close()
+
+    assert behind.commands[-1] == b"C\r"
+    assert not behind.queue
+    assert not line.opened
+
+
+class _SlowLine(EmulatedLine):
+    """A line on which an answer is late, and comes byte by byte."""
+
+    def comes(self, data: bytes, after_ns: int = 0) -> None:
+        for i, byte in enumerate(data):
+            super().comes(bytes((byte,)), MS if i else after_ns)
+
+
+def test_late_adapter_has_refused_nothing(behind: _Behind) -> None:
+    """That a slow one says late that its channel was closed is no refusal of a frame."""
+    bus = SlcanBus(_SlowLine(behind, TestTime(), 200 * MS), 500_000)
+    bus.open(())
+    for _ in range(5):
+        bus.send(A)
+        bus.receive(250 * MS)
+
+    assert behind.on_bus == [A] * 5
+
+
 def test_unplugged_adapter_is_told(bus: SlcanBus, line: EmulatedLine) -> None:
     """An adapter that is gone fails every call but closing."""
     line.unplugged = True

@@ -257,7 +257,7 @@ class Dialogue:
         layout = self._tell
         assert layout is not None  # noqa: S101 - where nothing is told nobody asks
         self._keep_alive()
-        data = self._cycle.ask(frames, self._told)[layout.id]
+        data = self._cycle.ask(frames, self._told, _is_plain)[layout.id]
         words = unpack(data, len(layout.fill))
         words = [words[place] for place in layout.places]
         n_inputs = len(self._input_scales)
@@ -310,7 +310,7 @@ class Dialogue:
             raise LineFault(DeviceFlag.LATE_REPLY, what)
 
     def _take(self, frame: Frame) -> None:
-        if frame.extended or frame.remote:
+        if not frame.is_plain:
             return
         node = self._options.node
         if frame.id == objects.HEARTBEAT + node:
@@ -358,6 +358,10 @@ class Dialogue:
 
 
 _SATURATED: Final[Flags] = frozenset({DeviceFlag.SATURATED})
+
+
+def _is_plain(frame: Frame) -> bool:
+    return frame.is_plain
 
 
 def _scale(at_min: int, at_max: int, values: tuple[float, float]) -> Scale:

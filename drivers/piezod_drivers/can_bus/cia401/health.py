@@ -36,6 +36,7 @@ class Health:
     def __init__(self) -> None:
         self._active: set[int] = set()
         self._state = OPERATIONAL
+        self._has_beaten = False
         self.restarted = False
         """Whether the node has started anew since `clear`: all its settings are lost."""
         self.flags: Flags = NO_FLAGS
@@ -49,7 +50,7 @@ class Health:
     def clear(self) -> None:
         """Forget everything; to be called when the node has been set up."""
         self._active.clear()
-        self._state, self.restarted = OPERATIONAL, False
+        self._state, self._has_beaten, self.restarted = OPERATIONAL, False, False
         self.flags = NO_FLAGS
 
     def take_emergency(self, data: bytes) -> None:
@@ -65,11 +66,18 @@ class Health:
         self._tell()
 
     def take_heartbeat(self, data: bytes) -> None:
-        """Take the data of a heartbeat, whatever it is; may be called in the loop."""
+        """Take the data of a heartbeat, whatever it is; may be called in the loop.
+
+        Of the first one only a restart counts: it may have been waiting in the node, which sends
+        everything else before it, since before the node was set up.
+        """
         if len(data) != 1:
             return
-        self._state = data[0] & 0x7F
-        self.restarted |= self._state == BOOTED
+        state = data[0] & 0x7F
+        self.restarted |= state == BOOTED
+        if self._has_beaten:
+            self._state = state
+        self._has_beaten = True
         self._tell()
 
     def _tell(self) -> None:

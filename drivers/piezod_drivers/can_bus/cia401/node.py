@@ -1,17 +1,14 @@
 """An emulated CiA 401 node: what `piezod emulate canopen-401` serves."""
 
-from collections.abc import Callable
 from math import isnan
 from typing import Final
 
 from piezod.devices.emulation.bench import Bench
 from piezod.devices.emulation.emulator import EmulatorPlugin
-from piezod.devices.emulation.faults import Faults
 from piezod_drivers.can_bus.cia401 import objects as o
 from piezod_drivers.can_bus.cia401.dictionary import N_CHANNELS, SERIAL, Entry, dictionary
 from piezod_drivers.can_bus.cia401.sdo_server import AbortCode, AbortError, SdoServer
-from piezod_drivers.can_bus.emulation.ends import end_at
-from piezod_drivers.can_bus.emulation.host import NodeHost
+from piezod_drivers.can_bus.emulation.host import serving
 from piezod_drivers.can_bus.frame import Frame
 
 NODE: Final = 5
@@ -37,13 +34,12 @@ class Cia401Node:
 
     Args:
         bench: What it is connected to; inputs and outputs without an axis are open.
-        node: Its number.
         serial: Its serial number.
     """
 
-    def __init__(self, bench: Bench, node: int = NODE, serial: int = SERIAL) -> None:
-        self._bench, self._number = bench, node
-        self._entries = dictionary(node, serial)
+    def __init__(self, bench: Bench, serial: int = SERIAL) -> None:
+        self._bench = bench
+        self._entries = dictionary(NODE, serial)
         self._values: dict[tuple[int, int], int | str] = {}
         self._server = SdoServer(self)
         self._beaten_ns = 0
@@ -63,13 +59,13 @@ class Cia401Node:
 
     def receive(self, frame: Frame) -> list[Frame]:
         """Take a frame of the bus; return what is answered."""
-        if frame.extended or frame.remote:
+        if not frame.is_plain:
             return []
         if frame.id == o.NMT:
             return self._obey(frame.data)
-        if frame.id == o.SDO_REQUEST + self._number and self._state != o.STOPPED:
+        if frame.id == o.SDO_REQUEST + NODE and self._state != o.STOPPED:
             answer = self._server.answer(frame.data)
-            return [] if answer is None else [Frame(o.SDO_ANSWER + self._number, answer)]
+            return [] if answer is None else [Frame(o.SDO_ANSWER + NODE, answer)]
         if frame.id == self._int(o.SYNC_ID, 0):
             return self._sync()
         if frame.id == self._int(_RPDO, 1) & ~o.DISABLED:
@@ -152,7 +148,7 @@ class Cia401Node:
             raise AbortError(AbortCode.CANNOT_BE_MAPPED)
 
     def _obey(self, data: bytes) -> list[Frame]:
-        if len(data) != 2 or data[1] not in {0, self._number}:
+        if len(data) != 2 or data[1] not in {0, NODE}:
             return []
         if data[0] in {o.RESET, o.RESET_COMMUNICATION}:
             for axis in range(N_CHANNELS):
@@ -232,39 +228,26 @@ class Cia401Node:
         return [self._int(mapping, i + 1) for i in range(self._int(mapping, 0))]
 
     def _heartbeat(self) -> Frame:
-        return Frame(o.HEARTBEAT + self._number, bytes((self._state,)))
+        return Frame(o.HEARTBEAT + NODE, bytes((self._state,)))
 
     def _emergency(self, code: int) -> Frame:
         register = self._int(o.ERROR_REGISTER, 0)
         data = code.to_bytes(2, "little") + bytes((register,)) + bytes(5)
-        return Frame(o.EMERGENCY + self._number, data)
+        return Frame(o.EMERGENCY + NODE, data)
 
     def _int(self, index: int, number: int) -> int:
         return int(self._values[index, number])
 
 
-def serve(
-    bench: Bench,
-    where: str,
-    faults: Faults,
-    serial_number: str,
-    ready: Callable[[str], None],
-    stopping: Callable[[], bool],
-) -> None:
-    """Serve the node at an slcan adapter's port, or in a UDP group at `udp:GROUP:PORT`."""
-
-    def make(serial: str) -> Cia401Node:
-        return Cia401Node(bench, serial=int(serial) if serial.isdecimal() else SERIAL)
-
-    NodeHost(end_at(where, EMULATOR.name), make, bench, faults, serial_number).serve(
-        ready, stopping
-    )
+def _make(bench: Bench, serial: str) -> Cia401Node:
+    return Cia401Node(bench, int(serial) if serial.isdecimal() else SERIAL)
 
 
+_NAME: Final = "canopen-401"
 EMULATOR: Final = EmulatorPlugin(
-    name="canopen-401",
+    name=_NAME,
     summary="a CANopen node with analogue inputs and outputs, behind an slcan adapter or at a UDP "
     "group",
     wire="can",
-    serve=serve,
+    serve=serving(_NAME, _make),
 )

@@ -63,6 +63,6 @@ MOST_WORDS: Final = 4
 """In a PDO."""
 
 
-def mapped(index: int, number: int, bits: int = WORD_BITS) -> int:
-    """Return the entry of a mapping for an object."""
-    return index << 16 | number << 8 | bits
+def mapped(index: int, number: int) -> int:
+    """Return the entry of a mapping for an object of 16 bits."""
+    return index << 16 | number << 8 | WORD_BITS

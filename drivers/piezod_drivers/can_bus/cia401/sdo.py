@@ -11,6 +11,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.cia401.objects import SDO_ANSWER, SDO_REQUEST
+from piezod_drivers.can_bus.cycle import MOST_FRAMES
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.frame_bus import FrameBus
 
@@ -62,6 +63,16 @@ class _Client(SdoClient):
         super().__init__(*ids, nothing)  # type: ignore[no-untyped-call] # likewise
         self._bus, self._take = bus, take
 
+    def send_request(self, request: bytes | bytearray) -> None:
+        """Send a request; an answer that has come before is none to it."""
+        for _ in range(MOST_FRAMES):
+            frame = self._bus.receive(0)
+            if frame is None:
+                break
+            if frame.id != self.tx_cobid:
+                self._take(frame)
+        super().send_request(request)  # type: ignore[no-untyped-call] # the library's
+
     def read_response(self) -> bytes:
         """Wait for an answer."""
         end_ns = self._bus.now_ns() + _ANSWER_NS
@@ -69,7 +80,7 @@ class _Client(SdoClient):
             frame = self._bus.receive(left_ns)
             if frame is None:
                 continue
-            if frame.id == self.tx_cobid and len(frame.data) == 8:
+            if frame.id == self.tx_cobid and frame.is_plain and len(frame.data) == 8:
                 self.responses.put(frame.data)
             else:
                 self._take(frame)

@@ -44,8 +44,11 @@ def read_words(cycle: Cycle, requests: Sequence[Frame]) -> list[int]:
 def _read_word(cycle: Cycle, request: Frame) -> int:
     place = request.data[1:4]  # an answer repeats which object it tells
     answer = request.id - objects.SDO_REQUEST + objects.SDO_ANSWER
-    got = cycle.ask([request], frozenset({answer}), lambda frame: frame.data[1:4] == place)
-    data = got[answer]
+
+    def tells_it(frame: Frame) -> bool:
+        return frame.is_plain and frame.data[1:4] == place
+
+    data = cycle.ask([request], frozenset({answer}), tells_it)[answer]
     if len(data) != SDO_BYTES:
         raise LineFault(DeviceFlag.GARBAGE, "an answer of the node has not eight bytes")
     if data[0] == _ABORT:

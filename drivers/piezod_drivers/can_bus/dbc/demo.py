@@ -4,18 +4,15 @@ No such device exists. Its frames are those of config/devices/can-dbc-demo.dbc, 
 have: counters, checksums, both orders of bytes, an answer to a request and a report now and then.
 """
 
-from collections.abc import Callable
 from math import isnan
 from typing import Final
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.emulation.bench import Bench
 from piezod.devices.emulation.emulator import EmulatorPlugin
-from piezod.devices.emulation.faults import Faults
 from piezod_drivers.can_bus.dbc.frames import Checksum, Received, Sent
 from piezod_drivers.can_bus.dbc.layout import Message, Reader, Signal
-from piezod_drivers.can_bus.emulation.ends import end_at
-from piezod_drivers.can_bus.emulation.host import NodeHost
+from piezod_drivers.can_bus.emulation.host import serving
 from piezod_drivers.can_bus.frame import Frame
 
 _REPORT_NS: Final = 5_000_000
@@ -126,28 +123,15 @@ class DemoNode:
         return isnan(position_um)
 
 
-def serve(
-    bench: Bench,
-    where: str,
-    faults: Faults,
-    serial_number: str,
-    ready: Callable[[str], None],
-    stopping: Callable[[], bool],
-) -> None:
-    """Serve the device at an slcan adapter's port, or in a UDP group at `udp:GROUP:PORT`."""
-
-    def make(_serial: str) -> DemoNode:
-        return DemoNode(bench)
-
-    NodeHost(end_at(where, EMULATOR.name), make, bench, faults, serial_number).serve(
-        ready, stopping
-    )
+def _make(bench: Bench, _serial: str) -> DemoNode:
+    return DemoNode(bench)
 
 
+_NAME: Final = "can-dbc-demo"
 EMULATOR: Final = EmulatorPlugin(
-    name="can-dbc-demo",
+    name=_NAME,
     summary="an amplifier and sensor whose frames a DBC file describes, behind an slcan adapter or "
     "at a UDP group",
     wire="can",
-    serve=serve,
+    serve=serving(_NAME, _make),
 )

@@ -174,14 +174,11 @@ class Dialogue:
 
     def _ask(self, frames: Iterable[Frame], now_ns: int | None) -> None:
         described = self._frames
-        if described.request is None:
-            self._cycle.catch_up()
+        if described.request is None or not described.answers:
+            self._cycle.catch_up()  # what the bus says of frames sent before is among it
             for frame in frames:
                 self._cycle.tell(frame)
             self._require_latest()
-        elif not described.answers:
-            for frame in frames:
-                self._cycle.tell(frame)
         else:
             asking = described.sent[described.request].next()
             tagged = described.tagged

@@ -1,0 +1,126 @@
+"""Serves an emulated device until told to stop; has it go away, and come back."""
+
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import ClassVar, Final, Generic, TypeVar
+
+from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.far_end import End
+from piezod.devices.emulation.faults import BEFALL_DEVICE, FaultKind, Faults, Hit
+
+EndT = TypeVar("EndT", bound=End)
+DeviceT = TypeVar("DeviceT")
+
+_IMPOSTOR: Final = "99000099"
+"""Serial number of the device that comes instead of another one."""
+_UNPLUGGED: Final = frozenset({FaultKind.DISCONNECT, FaultKind.IMPOSTOR})
+
+
+class Host(ABC, Generic[EndT, DeviceT]):
+    """A device at its end of a wire or a bus, until told to stop.
+
+    It can be away for several reasons at a time: each ends by itself.
+
+    Args:
+        end: What connects it; not there yet.
+        make: Makes the device, with this serial number.
+        bench: What it is connected to; its clock is that of the faults.
+        faults: What goes wrong.
+        serial_number: Of the device, "" for its usual one.
+    """
+
+    tick_ns: ClassVar[int]
+    """How long nothing is done where nobody asks, at most."""
+
+    def __init__(
+        self,
+        end: EndT,
+        make: Callable[[str], DeviceT],
+        bench: Bench,
+        faults: Faults,
+        serial_number: str,
+    ) -> None:
+        self._end, self._make, self._bench, self._faults = end, make, bench, faults
+        self._serial_number = serial_number
+        self._device = make(serial_number)
+        self._away: dict[FaultKind, int] = {}  # why, and until which instant
+
+    def serve(self, ready: Callable[[str], None], stopping: Callable[[], bool]) -> None:
+        """Serve.
+
+        Args:
+            ready: Told where, as soon as a driver can connect.
+            stopping: Asked every `tick_ns` or more often.
+
+        Raises:
+            DeviceUnavailableError: If the end cannot be made.
+        """
+        self._end.appear()
+        try:
+            ready(self._end.place())
+            while not stopping():
+                self.go_on(self.tick_ns)
+        finally:
+            self._end.vanish()
+
+    def go_on(self, within_ns: int) -> None:
+        """Do what is due, and what comes within a time; wait no longer."""
+        for hit in self._faults.at_once():
+            self._befall(hit)
+        if self._is_unplugged:
+            threading.Event().wait(within_ns * 1e-9)
+        else:
+            self._answer(within_ns)
+        now_ns = self._bench.now_ns()
+        for reason in [reason for reason, until_ns in self._away.items() if until_ns <= now_ns]:
+            self._come_back(reason)
+
+    @abstractmethod
+    def _answer(self, within_ns: int) -> None:
+        """Take what comes within a time, and send what is due; a device that is off does not."""
+
+    @abstractmethod
+    def _forget(self) -> None:
+        """Drop what is still to be sent."""
+
+    def _leave(self, away: bool) -> None:
+        """Be off the bus, or on it again, where there is one."""
+
+    @property
+    def _is_off(self) -> bool:
+        return FaultKind.RESTART in self._away
+
+    @property
+    def _is_unplugged(self) -> bool:
+        return not _UNPLUGGED.isdisjoint(self._away)
+
+    def _next_hits(self) -> list[Hit]:
+        """Count a reply, have befall the device what does, and return what befalls the reply."""
+        hits = self._faults.next_reply()
+        for hit in hits:
+            self._befall(hit)
+        return hits
+
+    def _befall(self, hit: Hit) -> None:
+        if hit.kind not in BEFALL_DEVICE:
+            return
+        self._forget()
+        self._away[hit.kind] = self._bench.now_ns() + round((hit.value or 0.0) * 1e9)
+        if hit.kind == FaultKind.RESTART:
+            self._bench.drive_all([0.0] * self._bench.n_axes)
+        elif hit.kind == FaultKind.BUS_OFF:
+            self._leave(True)
+        else:
+            self._end.vanish()
+
+    def _come_back(self, reason: FaultKind) -> None:
+        del self._away[reason]
+        if reason == FaultKind.BUS_OFF:
+            self._leave(False)
+        if reason == FaultKind.IMPOSTOR:
+            self._serial_number = _IMPOSTOR
+        if reason in {FaultKind.IMPOSTOR, FaultKind.RESTART}:
+            self._device = self._make(self._serial_number)
+        if reason in _UNPLUGGED and not self._is_unplugged:
+            self._end.appear()
