@@ -9,6 +9,8 @@ WORKERS := --numprocesses 3 --dist worksteal
 
 # Where it is set, each of the processes that tests start compiles anew whatever it imports.
 unexport PYTHONDONTWRITEBYTECODE
+# As the daemon and the commands have it: more threads only wait, on processors that others need.
+export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: help demo test coverage stress fuzz check lint bench figures lock clean
 

@@ -6,11 +6,30 @@ from types import SimpleNamespace
 
 import pytest
 
+from piezod.config.experiment import ExperimentConfig
+from piezod.experiment.run import Progress, run_experiment
 from piezod.records.csv_file import write_csv
 from piezod.records.hdf5_file import read_hdf5
+from piezod.records.recording import ExperimentResult
 from tests.cli.conftest import Command
 
 MODES = ["uncompensated", "feedforward", "adaptive"]
+RESULTS: dict[tuple[str, str], ExperimentResult] = {}
+
+
+@pytest.fixture
+def run_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have tests share what the same experiment gives: to run it takes longer than the rest."""
+
+    def known(
+        config: ExperimentConfig, configuration: str, title: str, progress: Progress
+    ) -> ExperimentResult:
+        key = repr(config), configuration
+        if key not in RESULTS:
+            RESULTS[key] = run_experiment(config, configuration, title, progress)
+        return RESULTS[key]
+
+    monkeypatch.setattr("piezod.experiment.run.run_experiment", known)
 
 
 @pytest.mark.usefixtures("blank_figures")
@@ -53,7 +72,7 @@ def test_text(piezod: Command, experiment_file: Path, folder: Path) -> None:
     assert out.endswith("Report: here/report.html\n")
 
 
-@pytest.mark.usefixtures("blank_figures")
+@pytest.mark.usefixtures("blank_figures", "run_once")
 def test_true_errors_fit_into_80_columns(
     piezod: Command, experiment_file: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -163,7 +182,7 @@ def test_model_file_takes_the_place_of_identification(
     assert feedforward < 0.5 * uncompensated
 
 
-@pytest.mark.usefixtures("blank_figures")
+@pytest.mark.usefixtures("blank_figures", "run_once")
 def test_warnings_are_told_everywhere(piezod: Command, experiment_file: Path, folder: Path) -> None:
     """What a person should know stands in the terminal, the document, the report and the data."""
     document = json.loads(piezod("experiment", experiment_file, "--json").out)
@@ -176,6 +195,7 @@ def test_warnings_are_told_everywhere(piezod: Command, experiment_file: Path, fo
     assert read_hdf5(folder / document["data"]).warnings == (warning,)
 
 
+@pytest.mark.usefixtures("run_once")
 def test_odd_titles_and_constant_commands(
     piezod: Command, experiment_file: Path, folder: Path, request: pytest.FixtureRequest
 ) -> None:

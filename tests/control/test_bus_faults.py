@@ -113,9 +113,9 @@ def test_what_nobody_has_driven_is_not_driven_when_it_comes_back(reads_back: boo
 def test_a_sensor_that_is_lost_is_held_for_and_then_ramped_and_nobody_is_blind() -> None:
     """One cause, told once: that no sample comes is its consequence."""
     stage = Faulty()
-    stage.fail(Kind.DROPPED, 3000)
-    stage.fail(Kind.SENSOR_FLAGGED, 3000, flag=DeviceFlag.DISCONNECTED)
-    after = stage.run(6.0)
+    stage.fail(Kind.DROPPED, 2000)
+    stage.fail(Kind.SENSOR_FLAGGED, 2000, flag=DeviceFlag.DISCONNECTED)
+    after = stage.run(3.5)
 
     states = [record.state for record in after]
     assert set(stage.faults()) == {"B1"}

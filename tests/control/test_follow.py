@@ -6,18 +6,17 @@ from typing import Any
 import pytest
 
 from piezod.config.channels import InputConfig, Line
-from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.config.daemon import DaemonConfig
 from piezod.config.requests import Arm, Follow, Goto, Hold, Resume, Stream
-from piezod.devices import registry
 from piezod.devices.injections import Injection, Kind
-from tests.control.live_stage import CONFIG, FaultyStage, LiveStage
+from tests.control.live_stage import FaultyStage, LiveStage, shipped
 
 KNOB = 1  # the rig's second input
 
 
 def commanded(**command: Any) -> DaemonConfig:
     """Return the stage that ships, its axis commanded by an input of the rig, 2 µm per unit."""
-    config = load_daemon(CONFIG, registry)
+    config = shipped()
     told = InputConfig(device="rig", channel="knob", calibration=Line(gain=2.0), **command)
     axis = config.axes["x"].model_copy(update={"command_input": told})
     return config.model_copy(update={"axes": {"x": axis}})

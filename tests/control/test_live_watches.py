@@ -25,8 +25,8 @@ WAVES: Mapping[str, WaveformConfig] = {
         kind="staircase", levels=tuple(5 + 0.25 * k for k in range(60)), dwell_s=0.03
     ),
 }
-START_MS = 3137
-LEARNED_MS = 9137
+START_MS = 1137
+LEARNED_MS = 6137
 """By then it is known how much noise is usual."""
 
 

@@ -9,7 +9,7 @@ from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Sine, Triangle
-from tests.control.live_stage import CONFIG, LiveStage
+from tests.control.live_stage import CONFIG, LiveStage, quick, shipped
 
 SINE = Sine(kind="sine", low=0.0, high=20.0, frequency_hz=1.0)
 
@@ -18,6 +18,14 @@ SINE = Sine(kind="sine", low=0.0, high=20.0, frequency_hz=1.0)
 def stage() -> LiveStage:
     """Return the stage that ships, after its first cycle."""
     live = LiveStage()
+    live.cycle()
+    return live
+
+
+@pytest.fixture
+def quick_stage() -> LiveStage:
+    """Return one that ramps and conditions quickly, after its first cycle."""
+    live = LiveStage(quick())
     live.cycle()
     return live
 
@@ -158,8 +166,11 @@ def test_stopping_ramps_to_the_safe_voltage(stage: LiveStage, request_: rq.Reque
 
 
 @pytest.mark.parametrize("state", ["SAFE", "READY", "RUN", "HOLD", "IDENT", "RAMP", "ESTOP"])
-def test_shutdown_ends_at_the_safe_voltage_from_every_state(stage: LiveStage, state: str) -> None:
+def test_shutdown_ends_at_the_safe_voltage_from_every_state(
+    quick_stage: LiveStage, state: str
+) -> None:
     """Whatever it was doing."""
+    stage = quick_stage
     if state != "SAFE":
         running(stage).do(rq.Goto(position_um=20.0))
         stage.run(0.3)
@@ -174,7 +185,7 @@ def test_shutdown_ends_at_the_safe_voltage_from_every_state(stage: LiveStage, st
             stage.do(rq.Stop())
             stage.until("SAFE")
             stage.do(rq.Arm(), rq.Condition())
-            stage.run(0.7)
+            stage.run(0.15)
         case "RAMP":
             stage.do(rq.Stop())
         case "ESTOP":
@@ -188,8 +199,9 @@ def test_shutdown_ends_at_the_safe_voltage_from_every_state(stage: LiveStage, st
 
 
 @pytest.mark.fault("E1")
-def test_emergency_stop_ramps_latches_and_needs_a_reset(stage: LiveStage) -> None:
+def test_emergency_stop_ramps_latches_and_needs_a_reset(quick_stage: LiveStage) -> None:
     """ESTOP until the safe voltage, then FAULT; arming is refused; a reset leads to SAFE."""
+    stage = quick_stage
     running(stage).do(rq.Goto(position_um=20.0))
     stage.run(0.5)
     stage.do(rq.Estop())
@@ -208,7 +220,7 @@ def test_emergency_stop_ramps_latches_and_needs_a_reset(stage: LiveStage) -> Non
 @pytest.mark.fault("E1")
 def test_emergency_stop_cuts_where_the_axis_says_so() -> None:
     """The amplifier lets go at once, in less than two cycles, instead of ramping."""
-    config = LiveStage().config
+    config = shipped()
     safety = config.axes["x"].safety.model_copy(update={"estop": "cut"})
     stage = LiveStage(with_axis(config, safety=safety))
     stage.cycle()
@@ -222,12 +234,13 @@ def test_emergency_stop_cuts_where_the_axis_says_so() -> None:
 
 def test_conditioning_makes_the_memory_known() -> None:
     """Before, adapting is refused; the swing covers the range and ends at rest."""
-    stage = LiveStage(memory_known=False)
+    swing = shipped().axes["x"].conditioning.model_copy(update={"frequency_hz": 5.0})
+    stage = LiveStage(with_axis(shipped(), conditioning=swing), memory_known=False)
     stage.cycle()
     stage.do(rq.Arm())
     refused = stage.ask(rq.SelectMode(mode=Mode.ADAPTIVE))
     stage.do(rq.Condition())
-    records = stage.run(9.0)
+    records = stage.run(1.8)
     stage.until("READY")
     stage.do(rq.SelectMode(mode=Mode.ADAPTIVE))
 
@@ -240,7 +253,7 @@ def test_conditioning_makes_the_memory_known() -> None:
 
 def test_arming_conditions_where_the_axis_asks_for_it() -> None:
     """`arm` goes on to IDENT, and READY comes after it."""
-    config = LiveStage().config
+    config = quick()
     swing = config.axes["x"].conditioning.model_copy(update={"on_arm": True})
     stage = LiveStage(with_axis(config, conditioning=swing))
     stage.cycle()

@@ -15,7 +15,7 @@ from piezod.control.loop_watch import CycleTiming
 from piezod.control.stage_record import StageRecord
 from piezod.devices.injections import Kind
 from piezod.devices.status import DeviceFlag
-from tests.control.live_stage import LiveStage
+from tests.control.live_stage import LiveStage, quick
 from tests.control.swinging_stage import Case, Faulty, check_way, failed
 
 CASES = [
@@ -65,6 +65,7 @@ def test_limits_hold_while_a_fault_is_reacted_to(case: Case) -> None:
 def test_once_healed_a_stage_runs_again_when_it_is_told_to(case: Case) -> None:
     """Reset, arm, and where the memory was lost, condition: then it is as before."""
     stage, _ = seen(case)
+    stage.run(1.0)
     stage.do(rq.Reset(engineer=True))
     stage.run(0.1)
     stage.do(rq.Arm())
@@ -72,7 +73,7 @@ def test_once_healed_a_stage_runs_again_when_it_is_told_to(case: Case) -> None:
         stage.do(rq.Condition())
         stage.until("READY", within_s=15.0)
     stage.do(rq.SelectMode(mode=Mode.ADAPTIVE), rq.Goto(position_um=10.0))
-    stage.run(1.0)
+    stage.run(0.3)
 
     assert stage.x.position_um == pytest.approx(10.0, abs=0.5)
 
@@ -124,7 +125,7 @@ def test_an_amplifier_that_collapses_is_taken_over_from_what_it_reads_back() -> 
     stage.device.deactivate(stage.t_ns)  # its power is gone: 0 V in some milliseconds
     stage.run(0.03)
     stage.device.activate(stage.t_ns)
-    stage.run(3.0)
+    stage.run(1.5)
 
     after = [drive_v for t_ns, (drive_v,) in writes if t_ns > writes[0][0] + 40_000_000]
     assert "A7" in stage.faults() or "A1" in stage.faults()
@@ -199,7 +200,7 @@ def test_an_axis_that_oscillates_goes_with_half_its_gain_until_it_is_reset() -> 
 @pytest.mark.fault("D10")
 def test_a_memory_that_is_not_known_is_shown_until_it_is_conditioned() -> None:
     """While it is relied on: not in SAFE, and not where nothing is compensated."""
-    stage = LiveStage(memory_known=False)
+    stage = LiveStage(quick(), memory_known=False)
     stage.cycle()
     before = ids(stage.records[-1].present)
     stage.do(rq.Arm())
@@ -225,7 +226,7 @@ def test_a_driver_that_raises_is_a_fault_and_no_crash(kind: Kind) -> None:
     stage = Faulty()
     stage.fail(kind, 50)
     first = stage.run(0.01)[3]
-    stage.run(6.0)
+    stage.run(3.5)
 
     assert "P3" in stage.faults()
     assert first.state in {State.HOLD, State.RAMP, State.BLIND}
@@ -320,7 +321,7 @@ def test_a_watchdog_that_stays_tripped_does_not_keep_a_stage_from_its_safe_volta
     stage.until("FAULT")
 
     assert stage.faults().count("A9") == 1
-    assert stage.x.drive_v == 0.0
+    assert stage.x.drive_v == pytest.approx(0.0, abs=5e-3)
 
 
 @pytest.mark.fault("L5")
@@ -346,7 +347,7 @@ def test_no_way_down_begins_with_a_step_up(off_v: float) -> None:
 
     assert stage.state == State.RAMP
     assert abs(last_v - before_v) < 2.0
-    assert stage.x.drive_v == pytest.approx(last_v, abs=0.2)
+    assert last_v - 0.3 < stage.x.drive_v <= last_v
 
 
 @pytest.mark.fault("L1")

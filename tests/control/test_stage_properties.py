@@ -14,7 +14,7 @@ from piezod.config.states import State
 from piezod.config.waveforms import Sine, Triangle
 from piezod.control.loop_watch import CycleTiming
 from piezod.control.stage import DRIVEN
-from tests.control.live_stage import ON_TIME, LiveStage
+from tests.control.live_stage import ON_TIME, LiveStage, shipped
 
 REQUESTS: list[rq.Request] = [
     rq.Arm(),
@@ -69,7 +69,7 @@ def run_through(
 @pytest.fixture(scope="module")
 def config() -> DaemonConfig:
     """Return the configuration that ships."""
-    return LiveStage().config
+    return shipped()
 
 
 @settings(max_examples=25, deadline=None)

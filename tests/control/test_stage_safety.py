@@ -7,7 +7,7 @@ from math import nan
 import pytest
 
 from piezod.config import requests as rq
-from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.config.daemon import DaemonConfig
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -15,17 +15,16 @@ from piezod.config.waveforms import Sine
 from piezod.control import stage_controller
 from piezod.control.learning_gate import GateReason
 from piezod.control.loop_watch import CycleTiming
-from piezod.devices import registry
 from piezod.devices.injections import Kind
 from piezod.devices.status import DeviceFlag
-from tests.control.live_stage import CONFIG, FaultyStage, LiveStage
+from tests.control.live_stage import CONFIG, FaultyStage, LiveStage, shipped
 
 PAUSE = CycleTiming(0, 2000, 10_000, 0, 0)
 
 
 def config_with(**limits: float) -> DaemonConfig:
     """Return the configuration that ships, with other limits."""
-    config = load_daemon(CONFIG, registry)
+    config = shipped()
     axis = config.axes["x"]
     changed = axis.model_copy(update={"limits": axis.limits.model_copy(update=limits)})
     return config.model_copy(update={"axes": {"x": changed}})
@@ -127,7 +126,7 @@ def test_an_amplifier_that_holds_is_ramped_where_it_cannot_be_cut(
     request_: rq.Request | None,
 ) -> None:
     """To be deactivated would leave it where it is."""
-    config = load_daemon(CONFIG, registry)
+    config = shipped()
     cutting = config.axes["x"].safety.model_copy(update={"estop": "cut"})
     axis = config.axes["x"].model_copy(update={"safety": cutting})
     stage = FaultyStage(config.model_copy(update={"axes": {"x": axis}}), holds=True)

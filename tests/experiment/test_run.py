@@ -3,8 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from piezod.config.experiment import load_experiment
 from piezod.config.model_file import FitConfig, ModelFile, SourceConfig, dump_model
 from piezod.config.modes import Mode
+from piezod.devices import registry
 from piezod.errors import DataError, DeviceError, ModelError
 from piezod.experiment.error_rows import error_rows
 from piezod.experiment.outputs import write_outputs
@@ -12,7 +14,7 @@ from piezod.experiment.run import run_experiment
 from piezod.experiment.stage import opened
 from piezod.records.hdf5_file import read_hdf5
 from piezod.records.recording import ExperimentResult
-from tests.experiment.conftest import Load
+from tests.experiment.conftest import SHORT, Load
 
 MODES = (Mode.UNCOMPENSATED, Mode.FEEDFORWARD, Mode.ADAPTIVE)
 """In which cases run where the file names none."""
@@ -23,9 +25,17 @@ def run(load: Load, text: str) -> ExperimentResult:
     return run_experiment(load(text), text, "a test", lambda _label, _share: None)
 
 
-def test_every_case_runs_in_every_mode(load: Load, short: str) -> None:
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> ExperimentResult:
+    """Return what the short experiment gives; nobody changes it."""
+    path = tmp_path_factory.mktemp("short") / "experiment.yaml"
+    path.write_text(SHORT, encoding="utf-8")
+    return run(lambda _text: load_experiment(path, registry), SHORT)
+
+
+def test_every_case_runs_in_every_mode(result: ExperimentResult) -> None:
     """There is one row for each, in the order they were run."""
-    rows = error_rows(run(load, short))
+    rows = error_rows(result)
 
     assert [(row["case"], row["mode"]) for row in rows] == [("slow", mode) for mode in MODES]
     assert set(rows[0]) == {
@@ -38,33 +48,35 @@ def test_every_case_runs_in_every_mode(load: Load, short: str) -> None:
     }
 
 
-def test_compensation_takes_most_of_the_hysteresis_away(load: Load, short: str) -> None:
+def test_compensation_takes_most_of_the_hysteresis_away(result: ExperimentResult) -> None:
     """Both compensated modes leave less than a third of the error without."""
-    without, feedforward, adaptive = (r.metrics for r in run(load, short).recordings)
+    without, feedforward, adaptive = (r.metrics for r in result.recordings)
 
     assert without["nonlinearity_pct"] > 6.0
     assert feedforward["nonlinearity_pct"] < without["nonlinearity_pct"] / 3
     assert adaptive["nonlinearity_pct"] < without["nonlinearity_pct"] / 3
 
 
-def test_the_same_seed_gives_the_same_experiment_to_the_bit(load: Load, short: str) -> None:
+def test_the_same_seed_gives_the_same_experiment_to_the_bit(
+    load: Load, short: str, result: ExperimentResult
+) -> None:
     """All data, errors and parameters are equal."""
-    assert run(load, short) == run(load, short)
+    assert run(load, short) == result
 
 
-def test_another_seed_is_another_stage(load: Load, short: str) -> None:
+def test_another_seed_is_another_stage(load: Load, short: str, result: ExperimentResult) -> None:
     """The displacement differs by more than noise."""
-    one = run(load, short).recordings[0]
+    one = result.recordings[0]
     other = run(load, short.replace("seed: 3", "seed: 4")).recordings[0]
 
     assert np.max(np.abs(one.position_um - other.position_um)) > 0.1
 
 
 def test_the_command_starts_at_rest_and_the_drive_stays_within_its_limits(
-    load: Load, short: str
+    result: ExperimentResult,
 ) -> None:
     """Range and slew hold from sample to sample, in every mode."""
-    for recording in run(load, short).recordings:
+    for recording in result.recordings:
         assert recording.drive_v[0] == pytest.approx(0.0, abs=1.0)
         assert recording.command_um[0] == 0.0
         assert 0.0 <= recording.drive_v.min() <= recording.drive_v.max() <= 150.0
@@ -91,9 +103,9 @@ def test_true_errors_are_reported_where_they_are_asked_for(load: Load, short: st
         assert 0.02 < noise < 0.2
 
 
-def test_parameters_move_in_adaptive_mode_only(load: Load, short: str) -> None:
+def test_parameters_move_in_adaptive_mode_only(result: ExperimentResult) -> None:
     """Each run has its snapshots of the 38 parameters."""
-    recordings = {recording.mode: recording for recording in run(load, short).recordings}
+    recordings = {recording.mode: recording for recording in result.recordings}
 
     assert recordings["feedforward"].weights.shape == (60, 38)
     assert np.ptp(recordings["feedforward"].weights, axis=0).max() == 0.0
@@ -130,11 +142,10 @@ def model_file(result: ExperimentResult, offset_um: float) -> str:
 
 @pytest.mark.parametrize("offset_um", [0.0, -119.0])
 def test_a_model_serves_wherever_its_displacement_counts_from(
-    load: Load, short: str, tmp_path: Path, offset_um: float
+    load: Load, short: str, tmp_path: Path, result: ExperimentResult, offset_um: float
 ) -> None:
     """Commands count from rest, whatever the sensor of the record called that."""
-    identified = run(load, short)
-    (tmp_path / "model.yaml").write_text(model_file(identified, offset_um), encoding="utf-8")
+    (tmp_path / "model.yaml").write_text(model_file(result, offset_um), encoding="utf-8")
     head, tail = short.split("identification:")
     rest = tail[tail.index("settle_s: 0.5\ncases") :]
     from_model = f"{head}    model: model.yaml\n{rest}"
@@ -152,11 +163,11 @@ def test_two_axes_follow_two_commands(load: Load, short: str) -> None:
         "command_um: {axes: {x: {kind: sine, low: 0, high: 20, frequency_hz: 1},"
         " y: {kind: triangle, low: 0, high: 18, frequency_hz: 1}}}",
     )
-    result = run(load, text)
-    x, y = (r for r in result.recordings if r.mode == "adaptive")
+    both = run(load, text)
+    x, y = (r for r in both.recordings if r.mode == "adaptive")
 
     assert (x.axis, y.axis) == ("x", "y")
-    assert [i.axis for i in result.identifications] == ["x", "y"]
+    assert [i.axis for i in both.identifications] == ["x", "y"]
     assert y.command_um.max() == pytest.approx(18.0, abs=0.1)
     assert y.metrics["tracking_rms_pct"] < 1.0
 
@@ -216,9 +227,9 @@ def test_resting_brings_the_stage_to_rest_and_zeroes_the_sensor(load: Load, shor
     assert np.abs(after[0, :, 1]).max() < 0.2
 
 
-def test_what_is_written_can_be_read_again(load: Load, short: str, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("blank_figures")
+def test_what_is_written_can_be_read_again(result: ExperimentResult, tmp_path: Path) -> None:
     """The data file holds the whole result, and the report stands beside it."""
-    result = run(load, short)
     report = write_outputs(tmp_path / "new" / "folder", result, None)
 
     assert read_hdf5(report.parent / "experiment.h5") == result

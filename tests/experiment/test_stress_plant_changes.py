@@ -22,7 +22,7 @@ from tests.experiment.stress_rig import (
 BOTTOM_S = 0.75 * CYCLE_S
 """Where the swing turns upwards: a gain changes there without much of a jump."""
 WITHIN_S = 10.0
-AFTER_S = 30.0
+AFTER_S = 20.0
 
 
 class Change(NamedTuple):
