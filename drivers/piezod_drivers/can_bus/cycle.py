@@ -45,6 +45,7 @@ class Cycle:
         take: Callable[[Frame], None],
     ) -> None:
         self._bus, self._timeout_ns, self._take = bus, timeout_ns, take
+        self._now_ns, self._slow_ns = bus.now_ns, round(SLOW * timeout_ns)
         self._own = frozenset(own)
         self._refused = 0
         self._owed: set[int] = set()
@@ -59,8 +60,10 @@ class Cycle:
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return what went wrong without making an exchange fail, since the last call."""
-        noticed = self._noticed | self._bus.take_noticed()
-        self._noticed = set()
+        noticed = self._bus.take_noticed()
+        if self._noticed:
+            noticed = noticed | self._noticed
+            self._noticed.clear()
         return noticed
 
     def tell(self, frame: Frame) -> None:
@@ -92,8 +95,9 @@ class Cycle:
         Raises:
             LineFault: `BUS_OVERLOADED` if it does not end, or whatever the bus raises.
         """
+        bus = self._bus
         for _ in range(MOST_FRAMES):
-            frame = self._bus.receive(0)
+            frame = bus.receive(0)
             if frame is None:
                 return
             if frame.id in self._owed and not frame.remote:
@@ -129,8 +133,7 @@ class Cycle:
                 `check`.
         """
         self.catch_up(answers)
-        bus = self._bus
-        begin_ns = bus.now_ns()
+        begin_ns = self._now_ns()
         if self._owed:
             if begin_ns < self._owed_until_ns:
                 raise LineFault(DeviceFlag.LATE_REPLY, "a late answer may still come")
@@ -139,35 +142,39 @@ class Cycle:
             self.tell(frame)
         missing = set(answers)
         try:
-            return self._await(begin_ns, missing, check)
+            return self._await(begin_ns, answers, missing, check)
         except LineFault:
             if not tagged:
                 self._owed |= missing
-                self._owed_until_ns = bus.now_ns() + PATIENCE * self._timeout_ns
+                self._owed_until_ns = self._now_ns() + PATIENCE * self._timeout_ns
             raise
 
     def _await(
-        self, begin_ns: int, missing: set[int], check: Callable[[Frame], bool]
+        self,
+        begin_ns: int,
+        answers: frozenset[int],
+        missing: set[int],
+        check: Callable[[Frame], bool],
     ) -> Mapping[int, bytes]:
-        bus, answers = self._bus, frozenset(missing)
-        end_ns, left_ns = begin_ns + self._timeout_ns, self._timeout_ns
+        bus, left_ns = self._bus, self._timeout_ns
         got: dict[int, bytes] = {}
         for _ in range(MOST_FRAMES):
             frame = bus.receive(left_ns)
-            now_ns = bus.now_ns()
+            took_ns = self._now_ns() - begin_ns
             if frame is not None:
-                if frame.id not in answers:
+                identifier = frame.id
+                if identifier not in answers:
                     self._pass_on(frame)
-                elif frame.id in missing and self._answers(frame, missing, check):
-                    missing.discard(frame.id)
-                    got[frame.id] = frame.data
+                elif identifier in missing and self._answers(frame, missing, check):
+                    missing.discard(identifier)
+                    got[identifier] = frame.data
                     if not missing:
-                        if now_ns - begin_ns > SLOW * self._timeout_ns:
+                        if took_ns > self._slow_ns:
                             self._noticed.add(DeviceFlag.SLOW_REPLY)
                         return got
                 else:
                     self._noticed.add(DeviceFlag.OUT_OF_ORDER)
-            left_ns = end_ns - now_ns
+            left_ns = self._timeout_ns - took_ns
             if left_ns <= 0:
                 within = f"within {self._timeout_ns / 1e6:g} ms"
                 what = f"no answer from {bus.where} {within}"

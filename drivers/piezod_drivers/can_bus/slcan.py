@@ -7,12 +7,14 @@ Each ends with CR. An adapter acknowledges with CR (after `z` or `Z` where it ac
 frame) and refuses with BEL.
 """
 
+from binascii import hexlify, unhexlify
 from typing import Final
 
 from piezod_drivers.can_bus.frame import EXTENDED_IDS, LONGEST, STANDARD_IDS, Frame
 
 CR: Final = b"\r"
 BEL: Final = b"\x07"
+_BEL_CR: Final = BEL + CR
 OPEN: Final = b"O\r"
 CLOSE: Final = b"C\r"
 BIT_RATES: Final = {
@@ -30,18 +32,19 @@ BIT_RATES: Final = {
 
 _LONGEST_LINE: Final = 32
 """The longest line is an extended frame with eight bytes and a time stamp: 30 characters."""
-_HEX: Final = frozenset(b"0123456789ABCDEFabcdef")
-_DIGITS: Final = {ord("t"): 3, ord("r"): 3, ord("T"): 8, ord("R"): 8}
-_STAMP: Final = 4
+_STAMP: Final = 2
+"""Bytes of a time stamp."""
+_KINDS: Final = frozenset(b"tTrR")
 
 
 def encode(frame: Frame) -> bytes:
     """Return the command that sends a frame; may be called in the loop."""
-    if frame.remote:
-        head = b"R%08X%d\r" if frame.extended else b"r%03X%d\r"
-        return head % (frame.id, len(frame.data))
-    head = b"T%08X%d" if frame.extended else b"t%03X%d"
-    return head % (frame.id, len(frame.data)) + frame.data.hex().encode() + CR
+    number, data, extended, remote = frame
+    if remote:
+        head = b"R%08X%d\r" if extended else b"r%03X%d\r"
+        return head % (number, len(data))
+    line = b"T%08X%d%b\r" if extended else b"t%03X%d%b\r"
+    return line % (number, len(data), hexlify(data))
 
 
 def decode(line: bytes) -> Frame | None:
@@ -50,21 +53,23 @@ def decode(line: bytes) -> Frame | None:
     Args:
         line: Without its CR. Never raises, whatever it is.
     """
-    if not line or (n_digits := _DIGITS.get(line[0])) is None:
+    if not line or (kind := line[0]) not in _KINDS:
         return None
-    end = 1 + n_digits
-    if len(line) <= end or not _HEX.issuperset(line[1:]):
+    extended, remote = kind in b"TR", kind in b"rR"
+    try:
+        # Identifier and length have 4 digits or, with a leading 0, 10: whole bytes.
+        told = unhexlify(b"0" + line[1:] if extended else line[1:])
+    except ValueError:
         return None
-    number, length = int(line[1:end], 16), line[end] - 48
-    extended, remote = n_digits == 8, line[0] in b"rR"
-    if not 0 <= length <= LONGEST or number >= (EXTENDED_IDS if extended else STANDARD_IDS):
+    n_head = 5 if extended else 2
+    head = int.from_bytes(told[:n_head], "big")
+    number, length = head >> 4, head & 0xF
+    if length > LONGEST or number >= (EXTENDED_IDS if extended else STANDARD_IDS):
         return None
-    data = line[end + 1 :]
-    n_hex = 0 if remote else 2 * length
-    if len(data) not in {n_hex, n_hex + _STAMP}:
+    end = n_head if remote else n_head + length
+    if len(told) != end and len(told) != end + _STAMP:
         return None
-    payload = bytes(length) if remote else bytes.fromhex(data[:n_hex].decode())
-    return Frame(number, payload, extended, remote)
+    return Frame(number, bytes(length) if remote else told[n_head:end], extended, remote)
 
 
 class Lines:
@@ -82,6 +87,6 @@ class Lines:
 
         A BEL that does not begin a line is part of garbage, and refuses nothing.
         """
-        *ended, rest = (self._rest + data).replace(BEL, BEL + CR).split(CR)
-        self._rest = rest if len(rest) <= _LONGEST_LINE else rest[-_LONGEST_LINE:]
-        return ended
+        lines = (self._rest + data).replace(BEL, _BEL_CR).split(CR)
+        self._rest = lines.pop()[-_LONGEST_LINE:]
+        return lines

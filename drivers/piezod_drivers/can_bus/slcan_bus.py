@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Final
 
@@ -35,6 +35,9 @@ class SlcanBus:
 
     def __init__(self, line: Line, bit_rate: int) -> None:
         self._line, self._bit_rate = line, bit_rate
+        self.now_ns: Callable[[], int] = line.now_ns
+        """Tells the instant on the line's clock; may be called in the loop."""
+        self._notices = line if isinstance(line, Notices) else None
         self._lines = Lines()
         self._frames: deque[Frame] = deque(maxlen=_MOST_FRAMES)
         self._noticed: set[DeviceFlag] = set()
@@ -105,42 +108,39 @@ class SlcanBus:
         frames = self._frames
         if frames:
             return frames.popleft()
-        line = self._line
-        end_ns = line.now_ns() + within_ns
-        left_ns = within_ns
+        line, left_ns = self._line, within_ns
+        end_ns = self.now_ns() + within_ns if within_ns else 0
         while True:
             data = line.receive(left_ns)
             if data:
                 self._take(data)
                 if frames:
                     return frames.popleft()
-            left_ns = end_ns - line.now_ns()
+            if not within_ns:
+                return None
+            left_ns = end_ns - self.now_ns()
             if left_ns <= 0:
                 return None
 
     def stalled(self) -> None:
         """Be told that frames do not leave; `open` empties the adapter's queue anyway."""
 
-    def now_ns(self) -> int:
-        """Tell the instant on the line's clock; may be called in the loop."""
-        return self._line.now_ns()
-
     def take_noticed(self) -> set[DeviceFlag]:
         """Return what went wrong without making a call fail, since the last call."""
         noticed, self._noticed = self._noticed, set()
-        if isinstance(self._line, Notices):
-            noticed |= self._line.take_noticed()
+        if self._notices is not None:
+            noticed |= self._notices.take_noticed()
         return noticed
 
     def _take(self, data: bytes) -> None:
         for said in self._lines.feed(data):
-            if (frame := decode(said)) is not None:
+            if said in _ACKNOWLEDGEMENTS:
+                self._refusals = 0
+            elif (frame := decode(said)) is not None:
                 self._frames.append(frame)
             elif said == BEL:
                 self._refused = True
                 self._refusals += 1
-            elif said in _ACKNOWLEDGEMENTS:
-                self._refusals = 0
             else:
                 self._noticed.add(DeviceFlag.GARBAGE)
 

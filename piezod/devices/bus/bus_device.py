@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from math import isfinite, nan
-from typing import TypeVar
+from typing import TypeVar, TypeVarTuple
 
 from piezod.devices.bus.dialogue import Dialogue, ExchangingDialogue, Reading
 from piezod.devices.bus.line import LineFault
@@ -11,6 +11,7 @@ from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError, DeviceUnavailableError
 
 AnswerT = TypeVar("AnswerT")
+Given = TypeVarTuple("Given")
 
 LOSING = frozenset(
     {
@@ -125,13 +126,13 @@ class BusDevice:
         """
         if not self._active or self._able is None:
             raise DeviceError(f"{self._name} is not active")
-        return self._samples(self._try(lambda: self._dialogue.sample(now_ns)), now_ns)
+        return self._samples(self._try(self._dialogue.sample, now_ns), now_ns)
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - the interface's
         """Set every output; all are taken or none; may be called in the loop."""
         if not self._takes(drive_v):
             return False
-        return self._note_set(drive_v, self._try(lambda: self._set(drive_v)))
+        return self._note_set(drive_v, self._try(self._set, drive_v))
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Tell what is in force on each output, NaN where that fails; may be called in the loop.
@@ -142,7 +143,7 @@ class BusDevice:
         able = self._require_open()
         if not able.read_back:
             return [nan] * len(able.outputs) if self.lost else self._written
-        told = self._try(lambda: self._dialogue.in_force(now_ns))
+        told = self._try(self._dialogue.in_force, now_ns)
         return [nan] * len(able.outputs) if told is None else told
 
     def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - the interface's
@@ -155,13 +156,15 @@ class BusDevice:
         """
         self._require_open()
         self._events |= self._dialogue.take_noticed()
+        told = self._dialogue.flags() if self._active and not self.lost else self._no_flags
+        if not self._events and not self._lasting:
+            return told
         events = self._lasting.union(self._events)
         if self.lost:
             self._events &= LOSING
         else:
             self._events.clear()
-        told = self._dialogue.flags() if self._active and not self.lost else self._no_flags
-        return [flags | events for flags in told] if events else told
+        return [flags | events for flags in told]
 
     def _samples(self, reading: Reading | None, now_ns: int) -> list[Sample]:
         if reading is None:
@@ -171,14 +174,13 @@ class BusDevice:
         return [Sample(t_ns, value, value - value == 0.0) for value in values]
 
     def _takes(self, values: Sequence[float]) -> bool:
-        return (
-            self._active
-            and len(values) == len(self._ranges)
-            and all(
-                isfinite(value) and low <= value <= high
-                for value, (low, high) in zip(values, self._ranges, strict=True)
-            )
-        )
+        ranges = self._ranges
+        if not self._active or len(values) != len(ranges):
+            return False
+        for value, (low, high) in zip(values, ranges, strict=True):
+            if not (low <= value <= high and isfinite(value)):
+                return False
+        return True
 
     def _set(self, values: Sequence[float]) -> bool:
         self._dialogue.put(values)
@@ -190,12 +192,12 @@ class BusDevice:
         self._written = list(values)
         return True
 
-    def _try(self, exchange: Callable[[], AnswerT]) -> AnswerT | None:
-        """Return what an exchange gives, None where it fails or the device is lost."""
+    def _try(self, exchange: Callable[[*Given], AnswerT], *given: *Given) -> AnswerT | None:
+        """Return what an exchange of this gives, None where it fails or the device is lost."""
         if self.lost:
             return None
         try:
-            return exchange()
+            return exchange(*given)
         except LineFault as fault:
             self._failed(fault)
             return None
@@ -231,5 +233,5 @@ class ExchangingBusDevice(BusDevice):
         """
         if not self._takes(drive_v):
             return False, self.read(now_ns)
-        reading = self._try(lambda: self._exchanging.exchange(drive_v, now_ns))
+        reading = self._try(self._exchanging.exchange, drive_v, now_ns)
         return self._note_set(drive_v, reading), self._samples(reading, now_ns)

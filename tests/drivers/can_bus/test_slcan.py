@@ -1,9 +1,11 @@
 """Frames as text, and the adapter that speaks it."""
 
+import re
 from collections import deque
+from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from piezod.devices.bus.line import LineFault
@@ -54,6 +56,46 @@ def test_decoding_never_raises(line: bytes) -> None:
     if frame is not None:
         assert 0 <= frame.id < (EXTENDED_IDS if frame.extended else STANDARD_IDS)
         assert len(frame.data) <= 8
+
+
+KIND = re.compile(rb"(?:[tr]([0-7]HH)|[TR]([01]H{7}))([0-8])(H*)".replace(b"H", b"[0-9A-Fa-f]"))
+"""Identifier, length, and data with or without a time stamp."""
+
+
+def _told(line: bytes) -> Frame | None:
+    if (match := KIND.fullmatch(line)) is None:
+        return None
+    short, long, length, data = match.groups()
+    n_bytes, remote = int(length), line[:1] in {b"r", b"R"}
+    n_digits = 0 if remote else 2 * n_bytes
+    if len(data) not in {n_digits, n_digits + 4}:
+        return None
+    payload = bytes(n_bytes) if remote else bytes.fromhex(data[:n_digits].decode())
+    return Frame(int(short or long, 16), payload, long is not None, remote)
+
+
+NEARLY = st.one_of(
+    st.binary(max_size=40),
+    st.from_regex(rb"[tTrR][0-9A-Fa-f]{0,30}", fullmatch=True),
+    st.from_regex(rb"[tr][0-8][0-9A-Fa-f]{2}[0-9][0-9A-F]{0,21}", fullmatch=True),
+    st.from_regex(rb"[TR][012][0-9A-Fa-f]{7}[0-9][0-9a-f]{0,21}", fullmatch=True),
+)
+
+
+@given(st.one_of(NEARLY, FRAMES.map(lambda frame: encode(frame)[:-1])), st.data())
+@example(b"t12", None)
+@example(b"T1234567", None)
+@example(b"t0x14", None)
+@example(b"t1230 1", None)
+@example(b"t1_30", None)
+@example(b"t+100", None)
+def test_lines_are_taken_by_the_rules(line: bytes, data: Any) -> None:
+    """A line tells a frame if its digits are all there and none is too many, and else none."""
+    assert decode(line) == _told(line)
+    if data is not None and line:
+        at, byte = data.draw(st.integers(0, len(line))), data.draw(st.binary(max_size=4))
+        changed = line[:at] + byte + line[at + 1 :]
+        assert decode(changed) == _told(changed)
 
 
 @given(st.lists(st.binary(max_size=50)), st.integers(0, 40))

@@ -74,6 +74,7 @@ class Dialogue:
         self._access: Access | None = None
         self._watchdog = self._armed = self._watched = self._beats = False
         self._beat_ns = self._heard_ns = 0
+        self._beat_every_ns = options.watchdog_ms * MS // _BEATS
         self._in_force: list[float] = []
         self._in_force_ns: int | None = None
         self._input_flags: list[Flags] = []
@@ -243,6 +244,8 @@ class Dialogue:
     def flags(self) -> Sequence[Flags]:
         """Tell what the node has said of itself, and which inputs are at their end."""
         common = self._health.flags
+        if not common:
+            return self._input_flags + [NO_FLAGS] * len(self._output_numbers)
         no_sensor = common - {DeviceFlag.RESTARTED}
         inputs = (
             [flags | no_sensor for flags in self._input_flags] if no_sensor else self._input_flags
@@ -253,24 +256,29 @@ class Dialogue:
         """Return what went wrong without making an exchange fail."""
         return self._cycle.take_noticed()
 
-    def _ask(self, frames: list[Frame], now_ns: int | None) -> list[float]:
+    def _ask(self, frames: Sequence[Frame], now_ns: int | None) -> list[float]:
         layout = self._tell
         assert layout is not None  # noqa: S101 - where nothing is told nobody asks
         self._keep_alive()
         data = self._cycle.ask(frames, self._told, _is_plain)[layout.id]
-        words = unpack(data, len(layout.fill))
-        words = [words[place] for place in layout.places]
+        told = unpack(data, len(layout.fill))
+        words = [told[place] for place in layout.places]
         n_inputs = len(self._input_scales)
         if self._by_pdo:
-            told = zip(self._output_scales, words[n_inputs:], strict=True)
-            self._in_force = [scale.value_of(word) for scale, word in told]
+            set_to = zip(self._output_scales, words[n_inputs:], strict=True)
+            self._in_force = [scale.value_of(word) for scale, word in set_to]
             self._in_force_ns = now_ns
         return self._measured(words[:n_inputs])
 
     def _measured(self, words: Sequence[int]) -> list[float]:
-        read = list(zip(self._input_scales, words, strict=True))
-        self._input_flags = [_SATURATED if s.is_at_an_end(word) else NO_FLAGS for s, word in read]
-        return [scale.value_of(word) for scale, word in read]
+        values: list[float] = []
+        flags: list[Flags] = []
+        for scale, word in zip(self._input_scales, words, strict=True):
+            value, is_at_an_end = scale.read(word)
+            values.append(value)
+            flags.append(_SATURATED if is_at_an_end else NO_FLAGS)
+        self._input_flags = flags
+        return values
 
     def _outputs(self, values: Sequence[float]) -> tuple[Frame, list[int]]:
         layout = self._set
@@ -299,7 +307,7 @@ class Dialogue:
             raise LineFault(DeviceFlag.DISCONNECTED, what)
         if self._watched:
             now_ns = self._bus.now_ns()
-            if now_ns - self._beat_ns >= self._options.watchdog_ms * MS // _BEATS:
+            if now_ns - self._beat_ns >= self._beat_every_ns:
                 self._cycle.tell(self._beat_frame)
                 self._beat_ns = now_ns
 
@@ -361,7 +369,7 @@ _SATURATED: Final[Flags] = frozenset({DeviceFlag.SATURATED})
 
 
 def _is_plain(frame: Frame) -> bool:
-    return frame.is_plain
+    return not (frame.extended or frame.remote)  # what `is_plain` is, without one call more
 
 
 def _scale(at_min: int, at_max: int, values: tuple[float, float]) -> Scale:

@@ -41,17 +41,14 @@ class Health:
         """Whether the node has started anew since `clear`: all its settings are lost."""
         self.flags: Flags = NO_FLAGS
         """What is the matter with the node."""
-
-    @property
-    def must_be_set_up(self) -> bool:
+        self.must_be_set_up = False
         """Whether the node is no longer as it was set up: it started anew, or its watchdog did."""
-        return self.restarted or DeviceFlag.WATCHDOG_TRIPPED in self.flags
 
     def clear(self) -> None:
         """Forget everything; to be called when the node has been set up."""
         self._active.clear()
         self._state, self._has_beaten, self.restarted = OPERATIONAL, False, False
-        self.flags = NO_FLAGS
+        self._tell()
 
     def take_emergency(self, data: bytes) -> None:
         """Take the data of an emergency, whatever it is; may be called in the loop."""
@@ -87,3 +84,4 @@ class Health:
         elif self._state != OPERATIONAL:
             flags.add(DeviceFlag.LOCAL_MODE)
         self.flags = frozenset(flags)
+        self.must_be_set_up = self.restarted or DeviceFlag.WATCHDOG_TRIPPED in flags

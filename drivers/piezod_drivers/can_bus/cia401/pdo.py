@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from math import nan
+from struct import Struct
 from typing import Final
 
 from piezod.devices.bus.line import LineFault
@@ -9,6 +10,10 @@ from piezod.devices.status import DeviceFlag
 
 _HIGHEST_SIGNED: Final = 0x7FFF
 _WORDS: Final = 0x1_0000
+_MOST_ENTRIES: Final = 8
+"""In a mapping, whatever a node says."""
+_DATA: Final = tuple(Struct(f"<{n_words}H") for n_words in range(_MOST_ENTRIES + 1))
+"""Process data by how many words they have."""
 
 
 class Scale:
@@ -34,15 +39,17 @@ class Scale:
 
     def value_of(self, word: int) -> float:
         """Return the value that 16 bits stand for, NaN beyond the codes; in the loop too."""
+        return self.read(word)[0]
+
+    def read(self, word: int) -> tuple[float, bool]:
+        """Return `value_of`, and whether the converter can show no more; may be called in the loop.
+
+        The ends of its range are told, but for zero.
+        """
         code = self.code_of(word)
         if not self._low_code <= code <= self._high_code:
-            return nan
-        return self._first + (code - self._first_code) * self._gain
-
-    def is_at_an_end(self, word: int) -> bool:
-        """Tell whether the converter can show no more than this; may be called in the loop."""
-        code = self.code_of(word)
-        return code in self._ends or not self._low_code <= code <= self._high_code
+            return nan, True
+        return self._first + (code - self._first_code) * self._gain, code in self._ends
 
     def word_of(self, value: float) -> int:
         """Return 16 bits for the code next to a value, which is in range; in the loop too."""
@@ -52,10 +59,10 @@ class Scale:
 
 def pack(words: Sequence[int]) -> bytes:
     """Return process data with these 16 bit words; may be called in the loop."""
-    return b"".join([word.to_bytes(2, "little") for word in words])
+    return _DATA[len(words)].pack(*words)
 
 
-def unpack(data: bytes, n_words: int) -> list[int]:
+def unpack(data: bytes, n_words: int) -> tuple[int, ...]:
     """Return the 16 bit words of process data; may be called in the loop.
 
     Raises:
@@ -64,4 +71,4 @@ def unpack(data: bytes, n_words: int) -> list[int]:
     if len(data) != 2 * n_words:
         what = f"{len(data)} bytes of process data came where {2 * n_words} are mapped"
         raise LineFault(DeviceFlag.GARBAGE, what)
-    return [data[i] | data[i + 1] << 8 for i in range(0, 2 * n_words, 2)]
+    return _DATA[n_words].unpack(data)

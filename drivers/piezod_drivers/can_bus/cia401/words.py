@@ -1,7 +1,7 @@
 """Channels read one by one, by SDO, in the loop."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
@@ -16,7 +16,25 @@ _ABORT: Final = 0x80
 """SDO: read an object; two bytes of it; there is none."""
 
 
-def requests_for(node: int, index: int, numbers: Sequence[int]) -> list[Frame]:
+class WordRequest(NamedTuple):
+    """Asks for the word of a channel.
+
+    Attributes:
+        frames: The request.
+        place: Which object it asks for; an answer repeats that.
+        answers: Identifier of the answer.
+    """
+
+    frames: tuple[Frame]
+    place: bytes
+    answers: frozenset[int]
+
+    def is_answered_by(self, frame: Frame) -> bool:
+        """Tell whether a frame of the answer's identifier tells this object."""
+        return frame.data[1:4] == self.place and frame.is_plain
+
+
+def requests_for(node: int, index: int, numbers: Sequence[int]) -> list[WordRequest]:
     """Return the requests for the words of some channels.
 
     Args:
@@ -24,14 +42,16 @@ def requests_for(node: int, index: int, numbers: Sequence[int]) -> list[Frame]:
         index: Index of the object that has them.
         numbers: Sub-index of each.
     """
-    place = index.to_bytes(2, "little")
-    return [
-        Frame(objects.SDO_REQUEST + node, bytes((_READ, *place, number, 0, 0, 0, 0)))
-        for number in numbers
-    ]
+    answers = frozenset({objects.SDO_ANSWER + node})
+    requests = []
+    for number in numbers:
+        place = bytes((*index.to_bytes(2, "little"), number))
+        frame = Frame(objects.SDO_REQUEST + node, bytes((_READ, *place, 0, 0, 0, 0)))
+        requests.append(WordRequest((frame,), place, answers))
+    return requests
 
 
-def read_words(cycle: Cycle, requests: Sequence[Frame]) -> list[int]:
+def read_words(cycle: Cycle, requests: Sequence[WordRequest]) -> list[int]:
     """Read the 16 bits of each channel, one after the other; may be called in the loop.
 
     Raises:
@@ -41,17 +61,12 @@ def read_words(cycle: Cycle, requests: Sequence[Frame]) -> list[int]:
     return [_read_word(cycle, request) for request in requests]
 
 
-def _read_word(cycle: Cycle, request: Frame) -> int:
-    place = request.data[1:4]  # an answer repeats which object it tells
-    answer = request.id - objects.SDO_REQUEST + objects.SDO_ANSWER
-
-    def tells_it(frame: Frame) -> bool:
-        return frame.is_plain and frame.data[1:4] == place
-
-    data = cycle.ask([request], frozenset({answer}), tells_it)[answer]
+def _read_word(cycle: Cycle, request: WordRequest) -> int:
+    (data,) = cycle.ask(request.frames, request.answers, request.is_answered_by).values()
     if len(data) != SDO_BYTES:
         raise LineFault(DeviceFlag.GARBAGE, "an answer of the node has not eight bytes")
     if data[0] == _ABORT:
+        place = request.place
         which = f"0x{place[1]:02X}{place[0]:02X}:{place[2]}"
         code = int.from_bytes(data[4:], "little")
         what = f"object {which} cannot be read: abort code 0x{code:08X}"

@@ -19,7 +19,7 @@ def _entry(value: int) -> int:
 _TABLE: Final = tuple(_entry(value) for value in range(256))
 
 
-def crc8_j1850(data: bytes) -> int:
+def crc8_j1850(data: bytes | bytearray) -> int:
     """Return the CRC-8 of SAE J1850; may be called in the loop."""
     value = 0xFF
     for byte in data:
@@ -27,15 +27,15 @@ def crc8_j1850(data: bytes) -> int:
     return value ^ 0xFF
 
 
-def _xor(data: bytes) -> int:
+def _xor(data: bytes | bytearray) -> int:
     return reduce(xor, data, 0)
 
 
-def _sum(data: bytes) -> int:
+def _sum(data: bytes | bytearray) -> int:
     return sum(data) & 0xFF
 
 
-ALGORITHMS: Final[dict[Algorithm, Callable[[bytes], int]]] = {
+ALGORITHMS: Final[dict[Algorithm, Callable[[bytes | bytearray], int]]] = {
     "crc8_j1850": crc8_j1850,
     "xor": _xor,
     "sum": _sum,

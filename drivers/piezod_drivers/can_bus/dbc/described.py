@@ -61,6 +61,7 @@ class Described:
         self.fills = self._find_fills(wiring.outputs)
         backs = [output.read_back for output in outputs]
         self.drives = [(self._message(output).id, output.signal) for output in outputs]
+        self.driving = tuple(dict.fromkeys(identifier for identifier, _ in self.drives))
         self.ranges = [self._message(one).signals[one.signal].range for one in outputs]
         self.inputs = [self._place(options.inputs[name]) for name in wiring.inputs]
         self.backs = [self._place(back) for back in backs if back is not None]

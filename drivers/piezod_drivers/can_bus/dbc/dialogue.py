@@ -146,18 +146,18 @@ class Dialogue:
 
     def flags(self) -> Sequence[Flags]:
         """Tell which of the signals for flags are not 0, of every channel."""
-        latest = self._latest
-        told = frozenset(
-            flag
-            for flag, identifier, reader in self._frames.flags
-            if identifier in latest and reader.raw(latest[identifier][1])
-        )
-        return [told or NO_FLAGS] * (len(self._wiring.inputs) + len(self._wiring.outputs))
+        latest, told = self._latest, NO_FLAGS
+        for flag, identifier, reader in self._frames.flags:
+            if identifier in latest and reader.raw(latest[identifier][1]):
+                told |= {flag}
+        return [told] * (len(self._wiring.inputs) + len(self._wiring.outputs))
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return what went wrong without making an exchange fail."""
-        noticed = self._noticed | self._cycle.take_noticed()
-        self._noticed = set()
+        noticed = self._cycle.take_noticed()
+        if self._noticed:
+            noticed = noticed | self._noticed
+            self._noticed.clear()
         return noticed
 
     @property
@@ -166,11 +166,11 @@ class Dialogue:
         return self._described
 
     def _drive(self, values: Sequence[float]) -> list[Frame]:
-        sent = self._frames.sent
-        used = dict.fromkeys(identifier for identifier, _ in self._frames.drives)
-        for (identifier, signal), value in zip(self._frames.drives, values, strict=True):
+        described = self._frames
+        sent = described.sent
+        for (identifier, signal), value in zip(described.drives, values, strict=True):
             sent[identifier].put(signal, value)
-        return [sent[identifier].next() for identifier in used]
+        return [sent[identifier].next() for identifier in described.driving]
 
     def _ask(self, frames: Iterable[Frame], now_ns: int | None) -> None:
         described = self._frames
@@ -184,7 +184,8 @@ class Dialogue:
             tagged = described.tagged
             got = self._cycle.ask((*frames, asking), described.answers, self._check, tagged=tagged)
             arrived_ns = self._bus.now_ns()
-            self._latest.update((key, (arrived_ns, data)) for key, data in got.items())
+            for identifier, data in got.items():
+                self._latest[identifier] = arrived_ns, data
         self._asked_ns = now_ns
 
     def _check(self, frame: Frame) -> bool:

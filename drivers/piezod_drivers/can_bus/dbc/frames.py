@@ -24,11 +24,11 @@ class Checksum:
 
     def __init__(self, message: Message, signal: str, algorithm: Algorithm) -> None:
         self._place = message.signals[signal].start // 8
-        self._make: Callable[[bytes], int] = ALGORITHMS[algorithm]
+        self._make: Callable[[bytes | bytearray], int] = ALGORITHMS[algorithm]
 
     def of(self, data: bytes | bytearray) -> int:
         """Return what the checksum of these data should be; may be called in the loop."""
-        return self._make(bytes(data[: self._place] + data[self._place + 1 :]))
+        return self._make(data[: self._place] + data[self._place + 1 :])
 
     def put(self, data: bytearray) -> None:
         """Set it; may be called in the loop."""

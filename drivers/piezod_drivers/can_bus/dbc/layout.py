@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from math import nan
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 
 class Signal(NamedTuple):
@@ -32,6 +32,11 @@ class Signal(NamedTuple):
     lowest: float | None = None
     highest: float | None = None
     unit: str = ""
+
+    @property
+    def order(self) -> Literal["big", "little"]:
+        """Which byte comes first."""
+        return "big" if self.big_endian else "little"
 
     @property
     def raw_range(self) -> tuple[int, int]:
@@ -88,7 +93,7 @@ class Reader:
     def __init__(self, message: Message, signal: str) -> None:
         one = message.signals[signal]
         self._shift, self._mask = one.shift(message.n_bytes), (1 << one.bits) - 1
-        self._big, self._sign = one.big_endian, 1 << one.bits - 1 if one.signed else 0
+        self._order, self._sign = one.order, 1 << one.bits - 1 if one.signed else 0
         self._scale, self._offset = one.scale, one.offset
         self._low, self._high = one.range
         # A value at the end of its range may be beyond it by rounding.
@@ -97,8 +102,7 @@ class Reader:
 
     def raw(self, data: bytes) -> int:
         """Return the number that the bits hold; may be called in the loop."""
-        number = int.from_bytes(data, "big" if self._big else "little")
-        raw = number >> self._shift & self._mask
+        raw = int.from_bytes(data, self._order) >> self._shift & self._mask
         return raw - 2 * self._sign if raw & self._sign else raw
 
     def value(self, data: bytes) -> float:
@@ -118,18 +122,17 @@ class Writer:
     def __init__(self, message: Message, signal: str) -> None:
         one = message.signals[signal]
         self._shift, self._mask = one.shift(message.n_bytes), (1 << one.bits) - 1
-        self._order = "big" if one.big_endian else "little"
-        self._n_bytes = message.n_bytes
+        self._others = ~(self._mask << self._shift)
+        self._order, self._n_bytes = one.order, message.n_bytes
         self._scale, self._offset = one.scale, one.offset
         self._low, self._high = one.raw_range
 
     def put_raw(self, data: bytearray, raw: int) -> None:
         """Set the bits to a number, of which what does not fit is cut; in the loop too."""
-        big = self._order == "big"
-        number = int.from_bytes(data, "big" if big else "little")
-        number &= ~(self._mask << self._shift)
-        number |= (raw & self._mask) << self._shift
-        data[:] = number.to_bytes(self._n_bytes, "big" if big else "little")
+        order = self._order
+        others = int.from_bytes(data, order) & self._others
+        number = others | (raw & self._mask) << self._shift
+        data[:] = number.to_bytes(self._n_bytes, order)
 
     def put(self, data: bytearray, value: float) -> None:
         """Set the bits to the number next to a physical value; may be called in the loop."""
