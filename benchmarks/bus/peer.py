@@ -1,6 +1,7 @@
 """The peer: an emulator in a process of its own."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -16,16 +17,25 @@ UDP = "udp:239.74.163.9:43199"
 
 @contextmanager
 def emulated(case: Case, folder: Path) -> Iterator[str]:
-    """Start the emulator of a case; give where it is served, while the block runs."""
+    """Start the emulator of a case; give where it is served, while the block runs.
+
+    It has other processors than this process, as a device never waits for that of the loop; where
+    there is only one they share it.
+    """
     places = {"serial": str(folder / "port"), "tcp": TCP, "udp": UDP}
     arguments = ("emulate", case.profile, "--port", places[case.wire], "--json")
     command = [sys.executable, "-m", "piezod.cli.main", *arguments]
+    processors = os.sched_getaffinity(0)
+    own = {min(processors)}
+    os.sched_setaffinity(0, processors - own or own)  # what is started now inherits it
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:  # noqa: S603 - our own
         assert process.stdout is not None  # noqa: S101 - a pipe was asked for
         try:
             told = process.stdout.readline()
             assert told, f"{case.profile} has not started"  # noqa: S101 - its errors are above
+            os.sched_setaffinity(0, own)
             yield json.loads(told)["serving"][0]["where"]
         finally:
+            os.sched_setaffinity(0, processors)
             process.send_signal(signal.SIGTERM)
             process.wait()

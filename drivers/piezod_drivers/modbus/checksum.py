@@ -33,6 +33,12 @@ def checksum(data: bytes) -> bytes:
     return crc.to_bytes(2, "little")
 
 
+@lru_cache(maxsize=64)
+def framed(message: bytes) -> bytes:
+    """Return a message with its checksum; may be called in the loop, which repeats most of them."""
+    return message + checksum(message)
+
+
 def is_whole(frame: bytes) -> bool:
     """Tell whether a frame ends in its checksum; may be called in the loop."""
     return len(frame) > 2 and checksum(frame[:-2]) == frame[-2:]

@@ -6,7 +6,7 @@ from typing import Final
 from piezod.devices.bus.conversation import PATIENCE
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.modbus.checksum import checksum, is_whole
+from piezod_drivers.modbus.checksum import checksum, framed, is_whole
 from piezod_drivers.modbus.requests import FAILED, Request, judge
 from piezod_drivers.modbus.transactions import OneLine
 
@@ -71,11 +71,11 @@ class RtuTransactions(OneLine):
                 refuses.
         """
         request = self._free(unit, requests, first)
-        frame = bytes((unit,)) + request.pdu
+        frame = framed(bytes((unit,)) + request.pdu)
         self._rest()
         self._n_bytes = request.n_bytes + 3
         try:
-            reply = self._conversation.ask(frame + checksum(frame), self._length, self._is_reply)
+            reply = self._conversation.ask(frame, self._length, self._is_reply)
         except LineFault as fault:
             if fault.flag is DeviceFlag.LATE_REPLY:
                 self._owed[self._tag] = self._line.now_ns() + PATIENCE * self._timeout_ns
@@ -145,8 +145,11 @@ class RtuTransactions(OneLine):
         return min(_MOST - n, 0)
 
     def _length(self, got: bytes) -> int:
+        n, begins = len(got), got.startswith(self._tag)
+        if begins and n == self._n_bytes and is_whole(got):
+            return n  # as nearly always: the reply and nothing else
         size = self._frame(got)
-        if size == 0 and len(got) >= self._n_bytes and got.startswith(self._tag):
+        if size == 0 and n >= self._n_bytes and begins:
             raise LineFault(DeviceFlag.BAD_CHECKSUM, f"a reply at {self._line.where} is damaged")
         return size
 
