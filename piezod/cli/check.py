@@ -21,7 +21,7 @@ def check(
     ],
     json: JsonOption = False,
 ) -> None:
-    """Validate an experiment or a model file.
+    """Validate a stage, an experiment or a model file.
 
     Says what it is, or prints every problem on stderr, `file:line:column: path: what is wrong`, and
     exits with 78. With --json the document on stdout lists the problems too.

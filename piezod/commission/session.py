@@ -137,7 +137,8 @@ class Session:
         self.drive_v = told_v
         """Voltage in force, in V."""
         self._left_alone = ""
-        self._holder: tuple[threading.Event, threading.Thread] | None = None
+        self._holder: threading.Event | None = None
+        self._driving = threading.Lock()
         self._watch = self._new_watch()
 
     def rest(self, duration_s: float) -> Trace:
@@ -195,15 +196,15 @@ class Session:
 
         def hold() -> None:
             try:
-                while not ended.is_set():
-                    self.rest(HOLD_S)
+                with self._driving:
+                    while not ended.is_set():
+                        self.rest(HOLD_S)
             except Exception as error:  # noqa: BLE001 - a driver may fail in any way; raised below
                 troubles.append(error)
 
-        thread = threading.Thread(target=hold)
-        self._holder = ended, thread
+        self._holder = ended
         try:
-            thread.start()
+            threading.Thread(target=hold).start()
             yield
         finally:
             self._take_over()
@@ -211,13 +212,15 @@ class Session:
             raise troubles[0]
 
     def _take_over(self) -> None:
-        """Be the only thread that drives: Ctrl-C may have ended the wait for the other one."""
-        if self._holder is None:
-            return
-        ended, thread = self._holder
-        ended.set()
-        if thread.is_alive():  # one that begins only now sees that it has ended
-            thread.join()
+        """Be the only thread that drives.
+
+        A signal may end the wait, and it is waited again: a thread whose `join` was left by an
+        exception is taken for one that has ended (Python 3.11), a lock is not.
+        """
+        if self._holder is not None:
+            self._holder.set()
+            with self._driving:
+                pass  # one that begins only now sees that it has ended
 
     def drive(
         self, wave_v: Callable[[float], float], duration_s: float, rate_hz: float | None = None

@@ -1,8 +1,10 @@
 """Tests of driving an axis by hand."""
 
+import signal
 import threading
 from collections import deque
 from collections.abc import Sequence
+from functools import partial
 from itertools import count
 from math import inf, nan, sin
 
@@ -219,12 +221,13 @@ def test_whatever_a_driver_raises_meanwhile_is_told() -> None:
             eventually(lambda: len(written) > 90)
 
 
-def test_who_goes_back_is_the_only_one_that_drives(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where the wait for the thread that held the voltage was interrupted."""
+def test_who_goes_back_is_the_only_one_that_drives() -> None:
+    """Also where a signal has ended the wait for the thread that held the voltage."""
     holding, going_back, together = threading.Event(), threading.Event(), list[bool]()
-    pause = iter([0.5])  # long enough for somebody who does not wait for the other thread
+    waits = iter([0.5])  # long enough for somebody who does not wait for the other thread
     with session() as axis:
         write, this = axis._channels.write, threading.current_thread()  # noqa: SLF001 - as above
+        interrupt = partial(signal.pthread_kill, threading.get_ident(), signal.SIGINT)
 
         def noting(drive_v: Sequence[float], now_ns: int) -> bool:
             if threading.current_thread() is this:
@@ -232,25 +235,20 @@ def test_who_goes_back_is_the_only_one_that_drives(monkeypatch: pytest.MonkeyPat
                 going_back.set()
                 return write(drive_v, now_ns)
             holding.set()
-            going_back.wait(next(pause, 0.0))
+            if (wait_s := next(waits, 0.0)) > 0.0:
+                threading.Timer(wait_s / 5, interrupt).start()
+                going_back.wait(wait_s)
             taken = write(drive_v, now_ns)
             holding.clear()
             return taken
 
         axis._channels.write = noting  # type: ignore[method-assign] # noqa: SLF001 - likewise
-        join = threading.Thread.join
-        joins = iter([_interrupted])
-        monkeypatch.setattr(threading.Thread, "join", lambda one: next(joins, join)(one))  # noqa: PLW0108 - asked each time
         with pytest.raises(KeyboardInterrupt), axis.holding():
             assert holding.wait(20.0)
         axis.back()
 
     assert together
     assert not any(together)
-
-
-def _interrupted(_thread: threading.Thread) -> None:
-    raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize("rate_hz", [5.0, 10.0, 25.0])

@@ -57,7 +57,7 @@ class SlcanBus:
         self._line.open()
         try:
             # The first CR ends what an earlier program may have left half said.
-            self._close_channel(b"\r" + CLOSE)
+            self._close_channel(b"\r" + CLOSE, _ANSWER_NS)
             self._command(BIT_RATES[self._bit_rate], f"a bit rate of {self._bit_rate} bit/s")
             self._command(OPEN, "to open its channel")
         except LineFault as fault:
@@ -73,7 +73,7 @@ class SlcanBus:
     def close(self) -> None:
         """Close the channel, which empties the adapter's queue, and let go of the port; waits."""
         with suppress(LineFault):  # it is gone, or was never there
-            self._close_channel(CLOSE)
+            self._close_channel(CLOSE, _QUIET_NS)
         self._line.close()
 
     def send(self, frame: Frame) -> None:
@@ -144,7 +144,7 @@ class SlcanBus:
             else:
                 self._noticed.add(DeviceFlag.GARBAGE)
 
-    def _close_channel(self, command: bytes) -> None:
+    def _close_channel(self, command: bytes, within_ns: int) -> None:
         """Have the channel closed, and wait until the adapter has said all it had to say.
 
         Who lets go of the port before drops the command. No answer can be told to be the one to it:
@@ -153,7 +153,6 @@ class SlcanBus:
         line = self._line
         line.send(command)
         end_ns = line.now_ns() + _ANSWER_NS
-        within_ns = _ANSWER_NS
         while line.receive(within_ns) and line.now_ns() < end_ns:
             within_ns = _QUIET_NS
         self._lines.clear()

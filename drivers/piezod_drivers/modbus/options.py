@@ -14,7 +14,8 @@ UnitAddress: TypeAlias = Annotated[int, Quantity(0, 255)]
 Port: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=4096)]
 Host: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=253)]
 
-SERIAL_ADDRESSES: Final = range(1, 248)
+SERIAL_ADDRESSES: Final = range(1, 256)
+"""The standard ends at 247, and some devices can be set to more."""
 DEFAULT_BAUD: Final = 9600
 DEFAULT_WRITES: Final = (6, 16)
 
@@ -156,7 +157,7 @@ class Options(UnitOptions):
         for i, unit in enumerate(self.every_unit):
             if self.port is not None and unit.unit not in SERIAL_ADDRESSES:
                 path: KeyPath = ("units", i, "unit") if self.units else ("unit",)
-                what = f"no address on a serial line (got {unit.unit}), allowed range 1 to 247"
+                what = f"no address on a serial line (got {unit.unit}), allowed range 1 to 255"
                 yield path, f"{what}; 0 speaks to all devices at once, and none of them answers"
 
     def _broken_rules_of_channels(self) -> Iterator[BrokenRule]:

@@ -107,13 +107,13 @@ class BusDevice:
         """Give control back, and what does not hold to rest even without it. Never raises."""
         able = self._able
         rests = able is not None and bool(able.outputs) and not able.holds
-        if self._active or rests:
-            self._active = False
-            self._try(self._dialogue.deactivate)
+        if self._active or (rests and not self._lasting):  # another device is left alone
+            self._give_back()
 
     def close(self) -> None:
-        """Give control back and let go. Never raises."""
-        self.deactivate(0)
+        """Give control back, if it was taken, and let go. Never raises."""
+        if self._active:
+            self._give_back()
         if self._able is not None:
             self._able = None
             self._dialogue.close()
@@ -165,6 +165,10 @@ class BusDevice:
         else:
             self._events.clear()
         return [flags | events for flags in told]
+
+    def _give_back(self) -> None:
+        self._active = False
+        self._try(self._dialogue.deactivate)
 
     def _samples(self, reading: Reading | None, now_ns: int) -> list[Sample]:
         if reading is None:

@@ -42,8 +42,9 @@ class WireHost(Host[FarEnd, Emulator]):
         now_ns = self._bench.now_ns()
         for reply in replies:
             hits = self._next_hits()
-            if not self._away:
-                self._outbox.put(reply, hits, now_ns)
+            if self._away:
+                break  # it has gone with all that it had to say
+            self._outbox.put(reply, hits, now_ns)
         if sent := self._outbox.take(now_ns):
             self._end.send(sent)
 

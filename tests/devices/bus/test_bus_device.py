@@ -211,7 +211,7 @@ def test_lost_device_is_left_alone_until_it_is_opened_again() -> None:
 
 @pytest.mark.parametrize("holds", [True, False])
 def test_outputs_that_do_not_hold_come_to_rest_though_nobody_activated_them(*, holds: bool) -> None:
-    """Whoever left them as they are: to be deactivated, and closed, leaves them safe."""
+    """Whoever left them as they are: to be deactivated leaves them safe."""
     dialogue = Spoken(holds=holds)
     device = ExchangingBusDevice("E1", dialogue)
     device.open()
@@ -219,8 +219,22 @@ def test_outputs_that_do_not_hold_come_to_rest_though_nobody_activated_them(*, h
     device.close()
     device.deactivate(1)
 
-    rests = [] if holds else ["deactivate"] * 2
+    rests = [] if holds else ["deactivate"]
     assert dialogue.calls == ["open", *rests, "close"]
+
+
+def test_a_device_that_nobody_meant_is_not_brought_to_rest() -> None:
+    """Nothing is sent to another device than the first, whatever it would do to its outputs."""
+    dialogue = Spoken(holds=False)
+    device = ExchangingBusDevice("E1", dialogue)
+    device.open()
+    device.close()
+    dialogue.identity = dialogue.identity._replace(serial="another")
+    device.open()
+    device.deactivate(0)
+    device.close()
+
+    assert dialogue.calls == ["open", "close"] * 2
 
 
 @pytest.mark.parametrize("read_back", [True, False])

@@ -34,8 +34,8 @@ BACK = {"role": "read-back", "channel": "a", "address": 0}
         ({**T7, "profile": "wago-750", "watchdog": WATCHED | {"safe": 1.0}}, "must be 0"),
         ({**T7, "profile": "adam-6024", "watchdog": WATCHED}, "none that piezod can arm"),
         ({**T7, "profile": "wago-750", "watchdog": WATCHED | {"timeout_s": 0.25}}, "tenths of a s"),
-        ({"profile": "adam-4024", "port": "p", "unit": 0}, "line .got 0., allowed .* 1 to 247"),
-        ({"units": ({"unit": 248, "profile": "adam-4024"},), "port": "p"}, "serial line .got 248."),
+        ({"profile": "adam-4024", "port": "p", "unit": 0}, "line .got 0., allowed .* 1 to 255"),
+        ({"units": ({"unit": 0, "profile": "adam-4024"},), "port": "p"}, "serial line .got 0."),
         ({**TCP, "registers": (INPUT, BACK)}, "is of an output, and none is called 'a'"),
         ({**TCP, "registers": (OUTPUT, BACK | {"channel": "b"})}, "none is called 'b'"),
         ({**TCP, "registers": (OUTPUT, STATUS | {"channel": "b"})}, "no input or output .* 'b'"),
@@ -48,10 +48,10 @@ def test_a_broken_rule_is_told(options: dict[str, object], what: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "unit"), [({"port": "p"}, 1), ({"port": "p"}, 247), (TCP, 0), (TCP, 255)]
+    ("line", "unit"), [({"port": "p"}, 1), ({"port": "p"}, 255), (TCP, 0), (TCP, 255)]
 )
 def test_addresses_up_to_the_ends_are_taken(line: dict[str, object], unit: int) -> None:
-    """A serial line has the addresses 1 to 247; over TCP 0 and 255 mean the device itself."""
+    """A serial line has the addresses 1 to 255; over TCP 0 and 255 mean the device itself."""
     assert Options.model_validate({**line, "profile": "wago-750", "unit": unit}).unit == unit
 
 

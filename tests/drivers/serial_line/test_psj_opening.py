@@ -75,13 +75,16 @@ def test_an_nv40_without_a_loop_refuses_to_be_asked_for_it() -> None:
     assert rig.started().write([5.0], rig.now_ns())
 
 
-def test_an_nv40_that_does_not_tell_of_its_loop_is_not_driven() -> None:
-    """No answer is no loop that is open."""
+@pytest.mark.parametrize(
+    ("answer", "why"), [(b"", "no reply"), (b"\x13ErrorCode,17\r\n\x11", "ErrorCode,17")]
+)
+def test_an_nv40_that_does_not_tell_of_its_loop_is_not_driven(answer: bytes, why: str) -> None:
+    """No answer, and a refusal for another reason, is no loop that is open."""
     rig = Rig("nv40", "voltage")
     rig.device.open()
-    rig.line.change = lambda reply: b"" if b"cloop" in rig.line.sent[-1] else reply
+    rig.line.change = lambda reply: answer if b"cloop" in rig.line.sent[-1] else reply
 
-    with pytest.raises(DeviceUnavailableError, match="no reply"):
+    with pytest.raises(DeviceUnavailableError, match=why):
         rig.device.activate(rig.now_ns())
 
 

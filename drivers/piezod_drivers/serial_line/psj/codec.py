@@ -35,6 +35,8 @@ _ERRORS_NV40: Final[Mapping[str, DeviceFlag]] = {
     "18": DeviceFlag.WRONG_REQUEST,  # out of range
     "25": DeviceFlag.SHORT_OR_OPEN,  # no actuator
 }
+UNKNOWN_NV40: Final = "ErrorCode,11"
+"""What an NV40/3 says to a command that it does not know."""
 _ERRORS_NV200: Final[Mapping[str, DeviceFlag]] = {
     "2": DeviceFlag.WRONG_REQUEST,  # unknown command
     "3": DeviceFlag.WRONG_REQUEST,  # a value is missing

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 from piezod.devices.bus.line import LineFault
-from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.psj import codec
 from piezod_drivers.serial_line.psj.models import Model
@@ -61,14 +60,15 @@ def _nv40(channel: int, talk: Talk, *, remote: bool) -> None:
 
 
 def _nv40_is_closed(channel: int, talk: Talk) -> bool:
-    """Tell whether the device's own loop is closed; one without CLE has none, and refuses to tell.
+    """Tell whether the device's own loop is closed; one without CLE has none, nor the command.
 
-    What its reading is used for here does not say which of them it is.
+    What its reading is used for here does not say which of them it is. Any other refusal tells
+    nothing of a loop.
     """
     try:
         return talk.value("cloop", channel) != "0"
     except LineFault as fault:
-        if fault.flag is not DeviceFlag.WRONG_REQUEST:
+        if not str(fault).endswith(codec.UNKNOWN_NV40):
             raise
         return False
 
