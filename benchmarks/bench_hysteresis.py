@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.config.modes import Mode
-from piezod.control.compensator import Compensator
+from piezod.control.law.compensator import Compensator
 from piezod.hysteresis import (
     LMSIdentifier,
     MPIModel,
@@ -57,7 +57,7 @@ import json, pathlib, re, time
 start_ns = time.perf_counter_ns()
 import numpy as np
 from piezod.config.modes import Mode
-from piezod.control.compensator import Compensator
+from piezod.control.law.compensator import Compensator
 from piezod.hysteresis import LMSIdentifier, MPIModel, even_thresholds, new_bank
 bank = new_bank(even_thresholds(19), even_thresholds(19))
 MPIModel([0.5], [0.1], [0.1]).inverse().step(0.3)

@@ -5,8 +5,8 @@ import rich.console  # noqa: F401 - to have them imported is all that these are 
 import piezod.cli.emulate
 import piezod.cli.output
 import piezod.cli.run
-import piezod.daemon.run_stage
-import piezod.daemon.supervisor
+import piezod.daemon.supervisor.run
+import piezod.daemon.supervisor.supervisor
 import piezod.devices.emulators  # noqa: F401 - likewise
 from piezod.cli.emulate_parts import bench, default_rig
 

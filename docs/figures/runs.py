@@ -5,15 +5,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from piezod.config.experiment import CaseConfig, ExperimentConfig, load_experiment
+from piezod.config.experiment import ExperimentConfig, load_experiment
+from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
 from piezod.devices import registry
-from piezod.experiment.creeping import Creeping
-from piezod.experiment.identify_axes import identify_axes
 from piezod.experiment.reference import reference_of
-from piezod.experiment.run import run_experiment
-from piezod.experiment.run_case import run_case
-from piezod.experiment.stage import opened
+from piezod.experiment.virtual.case import run_case
+from piezod.experiment.virtual.creeping import Creeping
+from piezod.experiment.virtual.identify import identify_axes
+from piezod.experiment.virtual.run import run_experiment
+from piezod.experiment.virtual.stage import opened
 from piezod.records.recording import ExperimentResult, Recording
 from piezod.records.reference import Reference
 from piezod.units import NS_PER_S

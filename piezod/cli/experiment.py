@@ -73,7 +73,7 @@ def experiment(  # noqa: PLR0913, PLR0917 - typer reads options off the signatur
     from piezod.devices import registry
     from piezod.experiment.outputs import write_outputs
     from piezod.experiment.reference import reference_of
-    from piezod.experiment.run import run_experiment
+    from piezod.experiment.virtual.run import run_experiment
 
     if live and seed is not None:
         raise typer.BadParameter("a running stage has none to give", param_hint="'--seed'")
@@ -109,7 +109,7 @@ def _run_live(
     connection: "AbstractContextManager[StageClient]",
     progress: "Callable[[str, float], None]",
 ) -> "ExperimentResult":
-    from piezod.experiment.live_run import run_live
+    from piezod.experiment.live.run import run_live
 
     with connection as client:
         return run_live(config, text, title, client, progress, largest_step_pct)

@@ -10,12 +10,12 @@ import typer
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import check_writable, existing_file
 from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, connect
-from piezod.experiment.method import Method, Spacing
+from piezod.experiment.fit.method import Method, Spacing
 
 if TYPE_CHECKING:
-    from piezod.experiment.automatic import Wanted
-    from piezod.experiment.fit import FitSettings
-    from piezod.experiment.identify_file import FileFit
+    from piezod.experiment.fit.automatic import Wanted
+    from piezod.experiment.fit.file import FileFit
+    from piezod.experiment.fit.fit import FitSettings
 
 LONGEST_DELAY_S = 1.0
 """What a model file can hold."""
@@ -146,7 +146,7 @@ def identify(  # noqa: PLR0913, PLR0917 - typer reads options off the signature
     from piezod.cli.identify_live import ADOPTED, adopt_model, check_usage, record_and_fit
     from piezod.cli.identify_view import print_fit
     from piezod.cli.output import new_console
-    from piezod.experiment.identify_file import identify_file
+    from piezod.experiment.fit.file import identify_file
 
     check_usage(data, live=live, only_live=(drive, adopt, axis, stage, socket))
     if out is not None and out.suffix not in (".yaml", ".yml"):
@@ -196,8 +196,8 @@ def _settings(
     method: MethodOption, order: int | None, thresholds: Spacing | None, creep: bool | None
 ) -> "FitSettings | Wanted":
     """Return how to fit, or what not to choose."""
-    from piezod.experiment.automatic import Wanted
-    from piezod.experiment.fit import FitSettings
+    from piezod.experiment.fit.automatic import Wanted
+    from piezod.experiment.fit.fit import FitSettings
 
     if method is MethodOption.AUTO:
         return Wanted(order=order, spacing=thresholds, creep=creep)
@@ -228,6 +228,6 @@ def _delay(text: str) -> float | None:
 
 
 def _write(fitted: "FileFit", out: Path, now: datetime) -> Path:
-    from piezod.experiment.model_outputs import write_model
+    from piezod.experiment.fit.outputs import write_model
 
     return write_model(out, fitted, now)

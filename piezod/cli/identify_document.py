@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
-from piezod.experiment.automatic import Candidate, Choice
-from piezod.experiment.cross_validation import CrossValidation
-from piezod.experiment.delay import DelayEstimate
-from piezod.experiment.excitation import recommended_drive
-from piezod.experiment.fit import Fit
-from piezod.experiment.identify_file import FileFit
-from piezod.experiment.judgement import Judgement
-from piezod.experiment.uncertainty import Uncertainty
+from piezod.experiment.fit.automatic import Candidate, Choice
+from piezod.experiment.fit.cross_validation import CrossValidation
+from piezod.experiment.fit.delay import DelayEstimate
+from piezod.experiment.fit.excitation import recommended_drive
+from piezod.experiment.fit.file import FileFit
+from piezod.experiment.fit.fit import Fit
+from piezod.experiment.fit.judgement import Judgement
+from piezod.experiment.fit.uncertainty import Uncertainty
 from piezod.hysteresis.memory import FloatArray
 
 Document = dict[str, object]

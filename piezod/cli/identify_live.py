@@ -12,7 +12,7 @@ from piezod.cli.paths import check_writable
 
 if TYPE_CHECKING:
     from piezod.client import StageClient
-    from piezod.experiment.identify_file import FileFit
+    from piezod.experiment.fit.file import FileFit
 
 ADOPTED = (
     "The stage uses this model from now on; `piezod params save` keeps it for the next start. Its "
@@ -57,8 +57,8 @@ def record_and_fit(
         client: A connection to the stage's daemon.
     """
     from piezod.cli.progress import progress_bar
-    from piezod.experiment.live_drive import read_drive
-    from piezod.experiment.live_identify import record_live
+    from piezod.experiment.live.drive import read_drive
+    from piezod.experiment.live.identify import record_live
 
     settings = read_drive(drive) if drive else None
     file = out.with_suffix(".csv") if out else Path(f"{client.socket.parent.name}-record.csv")
@@ -79,8 +79,8 @@ def adopt_model(fitted: "FileFit", axis: str, client: "StageClient", created_at:
         client: A connection to the stage's daemon.
         created_at: When the model was made, with a time zone.
     """
-    from piezod.experiment.live_identify import adopt_live
-    from piezod.experiment.model_io import to_model_file
+    from piezod.experiment.fit.model_io import to_model_file
+    from piezod.experiment.live.identify import adopt_live
 
     model = to_model_file(fitted.taken.fit, fitted.data, fitted.taken.train, created_at)
     adopt_live(client, axis, model)

@@ -9,15 +9,15 @@ from rich.table import Table
 from rich.text import Text
 
 from piezod.cli.identify_document import spread
-from piezod.experiment.automatic import Choice
-from piezod.experiment.delay import DelayEstimate
-from piezod.experiment.excitation import recommended_drive
-from piezod.experiment.fit import FitSettings
-from piezod.experiment.identify_file import FileFit
-from piezod.experiment.judgement import Judgement
-from piezod.experiment.method import Method
-from piezod.experiment.record import Record
-from piezod.experiment.smoothing import longest_window
+from piezod.experiment.fit.automatic import Choice
+from piezod.experiment.fit.delay import DelayEstimate
+from piezod.experiment.fit.excitation import recommended_drive
+from piezod.experiment.fit.file import FileFit
+from piezod.experiment.fit.fit import FitSettings
+from piezod.experiment.fit.judgement import Judgement
+from piezod.experiment.fit.method import Method
+from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.smoothing import longest_window
 from piezod.hysteresis.memory import FloatArray
 
 _BARS = "▁▂▃▄▅▆▇█"

@@ -9,7 +9,7 @@ from piezod.cli.exit_codes import FAILED
 from piezod.cli.paths import existing_file
 
 if TYPE_CHECKING:
-    from piezod.daemon.signals import Signals
+    from piezod.daemon.supervisor.signals import Signals
 
 
 def run(
@@ -37,7 +37,7 @@ def run(
     Nothing is driven before `piezod arm`. On the way out the voltage goes to the safe one. Exits
     with 75 where the stage has a daemon already, and with 1 where its loop ended by itself.
     """
-    from piezod.daemon.signals import noted_signals
+    from piezod.daemon.supervisor.signals import noted_signals
 
     with noted_signals() as signals:  # before all else: from now on they mean an orderly end
         in_order = _run(config, strict_rt, require_device, shadow, signals)
@@ -58,8 +58,8 @@ def _run(
     paths.make_folders()
     with Lock(paths.lock) as lock:
         # Imported only now: whoever comes second shall not keep the machine busy beside a loop.
-        from piezod.daemon.run_stage import run_stage
-        from piezod.daemon.run_terms import Options
+        from piezod.daemon.supervisor.run import run_stage
+        from piezod.daemon.supervisor.terms import Options
 
         options = Options(strict_rt, require_device, shadow)
         return run_stage(config, options, paths, lock, signals)

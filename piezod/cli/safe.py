@@ -12,8 +12,8 @@ from piezod.cli.paths import existing_file
 
 if TYPE_CHECKING:
     from piezod.config.daemon import DaemonConfig
-    from piezod.daemon.amplifier_ramp import AxisOutcome
     from piezod.daemon.paths import StagePaths
+    from piezod.daemon.safe.ramp import AxisOutcome
 
 
 def safe(
@@ -93,7 +93,7 @@ def _ramp_down(
     from piezod.daemon.clock import MonotonicClock
     from piezod.daemon.last_output import read_last_output
     from piezod.daemon.noted_identities import noted_identities
-    from piezod.daemon.ramp_down import Noted, ramp_down
+    from piezod.daemon.safe.ramp_down import Noted, ramp_down
 
     noted = read_last_output(paths.output_map)
     noted_v: dict[str, float] = {}

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from piezod.daemon.clock import Clock
-from piezod.daemon.placement import IN_CYCLE_PART, RoundTrips, cost_ns
+from piezod.daemon.loop.placement import IN_CYCLE_PART, RoundTrips, cost_ns
 from piezod.devices import registry
 from piezod.devices.interface import (
     Amplifier,

@@ -11,9 +11,9 @@ import numpy as np
 
 from piezod.control.guard import Guard
 from piezod.control.limits import Limits
-from piezod.control.recent_range import RecentRange
+from piezod.control.signals.recent_range import RecentRange
 from piezod.daemon.clock import Clock
-from piezod.daemon.pacer import Pacer
+from piezod.daemon.loop.pacer import Pacer
 from piezod.devices.channels import Channels
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError

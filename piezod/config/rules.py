@@ -2,17 +2,15 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from piezod.config.channel_rules import broken_devices
+from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.commands import CommandPerAxis
 from piezod.config.document import KeyPath
+from piezod.config.experiment_fields import CaseConfig, ExperimentFields, IdentificationConfig
 from piezod.config.fields import BrokenRule, Drivers
 from piezod.config.messages import show, suggest
-
-if TYPE_CHECKING:
-    from piezod.config.combined_waveforms import WaveformConfig
-    from piezod.config.experiment import CaseConfig, ExperimentConfig, IdentificationConfig
 
 MIN_JUDGED_SAMPLES: Final = 10
 """Errors of fewer samples than this say nothing of a run."""
@@ -20,7 +18,7 @@ SAMPLES_PER_WEIGHT: Final = 5
 """With fewer samples for each weight, a fit would follow the noise."""
 
 
-def broken_rules(experiment: "ExperimentConfig", drivers: Drivers | None) -> Iterator[BrokenRule]:
+def broken_rules(experiment: ExperimentFields, drivers: Drivers | None) -> Iterator[BrokenRule]:
     """Find everything in an experiment that does not fit together.
 
     Args:
@@ -45,7 +43,7 @@ def broken_rules(experiment: "ExperimentConfig", drivers: Drivers | None) -> Ite
     )
 
 
-def _identification(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
+def _identification(experiment: ExperimentFields) -> Iterator[BrokenRule]:
     without_model = [name for name, axis in experiment.axes.items() if axis.model is None]
     if experiment.identification is None:
         for name in without_model:
@@ -66,7 +64,7 @@ def _identification(experiment: "ExperimentConfig") -> Iterator[BrokenRule]:
 
 
 def _too_short(
-    experiment: "ExperimentConfig", identification: "IdentificationConfig", names: list[str]
+    experiment: ExperimentFields, identification: IdentificationConfig, names: list[str]
 ) -> Iterator[BrokenRule]:
     """Check the length of the identification for the axis with the most operators."""
     largest = max(names, key=lambda name: experiment.axes[name].compensator.operators)
@@ -83,7 +81,7 @@ def _too_short(
         )
 
 
-def _judged(path: KeyPath, case: "CaseConfig", rate_hz: float) -> Iterator[BrokenRule]:
+def _judged(path: KeyPath, case: CaseConfig, rate_hz: float) -> Iterator[BrokenRule]:
     """Check that enough of a case is left to judge it by."""
     shortest_s = case.period_s + MIN_JUDGED_SAMPLES / rate_hz
     # A sum of what the file says may be off by rounding.
@@ -96,7 +94,7 @@ def _judged(path: KeyPath, case: "CaseConfig", rate_hz: float) -> Iterator[Broke
 
 
 def _commands(
-    experiment: "ExperimentConfig", path: KeyPath, case: "CaseConfig"
+    experiment: ExperimentFields, path: KeyPath, case: CaseConfig
 ) -> Iterator[BrokenRule]:
     commands = case.commands(experiment.axes)
     for name in commands.keys() - experiment.axes.keys():
@@ -111,7 +109,7 @@ def _commands(
 
 
 def _outside(
-    path: KeyPath, waveform: "WaveformConfig", axis: str, allowed: tuple[float, float], unit: str
+    path: KeyPath, waveform: WaveformConfig, axis: str, allowed: tuple[float, float], unit: str
 ) -> Iterator[BrokenRule]:
     low, high = waveform.bounds()
     # Bounds are sums of what the file says: they may be off by rounding.

@@ -4,7 +4,7 @@ from enum import StrEnum
 
 
 class State(StrEnum):
-    """What a running daemon does with its stage; which way leads where: `control.state_machine`."""
+    """What a running daemon does with its stage; which way leads where: `control.stage.states`."""
 
     BOOT = "BOOT"
     """Self-test: nothing is written."""

@@ -3,8 +3,8 @@
 from collections.abc import Container, Sequence
 from typing import NamedTuple, Protocol
 
-from piezod.control.axis import Axis, AxisOutput
 from piezod.control.guard import Admitted, Guard
+from piezod.control.law.axis import Axis, AxisOutput
 from piezod.devices.interface import Sample
 from piezod.units import NS_PER_S
 

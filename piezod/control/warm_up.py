@@ -8,8 +8,8 @@ from piezod.config.combined_waveforms import WaveformConfig
 from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine
-from piezod.control.loop_watch import CycleTiming
-from piezod.control.stage_assembly import assemble
+from piezod.control.assembly import assemble
+from piezod.control.watch.loop import CycleTiming
 from piezod.devices.interface import Capabilities, Identity, Sample
 from piezod.devices.status import NO_FLAGS, Flags
 from piezod.units import NS_PER_S

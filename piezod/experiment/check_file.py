@@ -9,9 +9,9 @@ from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.yaml_loader import load_yaml
-from piezod.control.gains import check_known
-from piezod.control.model_files import read_model
-from piezod.control.stage_assembly import check_stage
+from piezod.control.assembly import check_stage
+from piezod.control.law.gains import check_known
+from piezod.control.law.model_files import read_model
 from piezod.devices import registry
 from piezod.errors import ConfigError, DataError, ModelError, Problem
 

@@ -14,7 +14,7 @@ _BETWEEN: Final = "\x1f"
 
 
 class LoopEvent(NamedTuple):
-    """An event; the fields are those of `control.stage_record.StageEvent`."""
+    """An event; the fields are those of `control.stage.record.StageEvent`."""
 
     t_ns: int
     severity: str

@@ -57,7 +57,7 @@ AXIS_FIELDS: Final = (
 )
 """Name, numpy's and struct's description of what is told of an axis, in the order of `append`.
 
-`mode` is the place in `config.modes.Mode`, `gate` that in `control.learning_gate.GateReason`.
+`mode` is the place in `config.modes.Mode`, `gate` that in `control.law.gate.GateReason`.
 """
 
 CYCLE_FIELDS: Final = (

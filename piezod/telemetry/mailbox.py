@@ -35,7 +35,7 @@ class MailboxFullError(PiezodError):
 
 
 class MailboxAnswer(NamedTuple):
-    """What became of a request; the fields are those of `control.stage_record.Answer`."""
+    """What became of a request; the fields are those of `control.stage.record.Answer`."""
 
     accepted: bool
     why: str

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from piezod.config.experiment import ExperimentConfig
-from piezod.experiment.run import Progress, run_experiment
+from piezod.experiment.virtual.run import Progress, run_experiment
 from piezod.records.csv_file import write_csv
 from piezod.records.hdf5_file import read_hdf5
 from piezod.records.recording import ExperimentResult
@@ -29,7 +29,7 @@ def run_once(monkeypatch: pytest.MonkeyPatch) -> None:
             RESULTS[key] = run_experiment(config, configuration, title, progress)
         return RESULTS[key]
 
-    monkeypatch.setattr("piezod.experiment.run.run_experiment", known)
+    monkeypatch.setattr("piezod.experiment.virtual.run.run_experiment", known)
 
 
 @pytest.mark.usefixtures("blank_figures")
@@ -235,7 +235,7 @@ def test_results_cannot_take_the_place_of_a_file(
     piezod: Command, experiment_file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """That is found out before the run, not after it."""
-    monkeypatch.setattr("piezod.experiment.run.run_experiment", None)
+    monkeypatch.setattr("piezod.experiment.virtual.run.run_experiment", None)
 
     expected = (1, "", "short.yaml: File exists\n")
     assert piezod("experiment", experiment_file, "--out", experiment_file) == expected
@@ -251,7 +251,7 @@ def test_folder_that_cannot_be_written_to(
 
     (folder / "here").mkdir()
     monkeypatch.setattr("piezod.cli.paths.tempfile", SimpleNamespace(TemporaryFile=refuse))
-    monkeypatch.setattr("piezod.experiment.run.run_experiment", None)
+    monkeypatch.setattr("piezod.experiment.virtual.run.run_experiment", None)
 
     expected = (77, "", "here: cannot be written to: Permission denied\n")
     assert piezod("experiment", experiment_file, "--out", "here") == expected

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from piezod.experiment.automatic import Choice, Wanted, choose
-from piezod.experiment.record import Record
+from piezod.experiment.fit.automatic import Choice, Wanted, choose
+from piezod.experiment.fit.record import Record
 from tests.cli.conftest import Command
 from tests.experiment.made_up import record_of, swells, write_record
 
@@ -33,7 +33,7 @@ def chosen_once(monkeypatch: pytest.MonkeyPatch) -> None:
             CHOICES[key] = choose(record, wanted, delay_s)
         return CHOICES[key]
 
-    monkeypatch.setattr("piezod.experiment.identify_file.choose", known)
+    monkeypatch.setattr("piezod.experiment.fit.file.choose", known)
 
 
 @pytest.mark.usefixtures("chosen_once")

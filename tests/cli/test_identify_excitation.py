@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from piezod.experiment.excitation import recommended_drive
+from piezod.experiment.fit.excitation import recommended_drive
 from tests.cli.conftest import Command
+from tests.experiment.fit.test_excitation import followed, recommended
 from tests.experiment.made_up import record_of, sine, write_record
-from tests.experiment.test_excitation import followed, recommended
 
 OPTIONS = ("--delay-s", 0, "--order", 3)
 

@@ -13,7 +13,7 @@ import pytest
 
 from piezod.client import StageClient
 from piezod.config.model_file import load_model
-from piezod.experiment.live_identify import LiveRecord
+from piezod.experiment.live.identify import LiveRecord
 from piezod.records.csv_file import read_csv
 from piezod.records.hdf5_file import read_hdf5
 from tests.cli.conftest import Command, Outcome
@@ -74,7 +74,7 @@ def made_up_record(monkeypatch: pytest.MonkeyPatch) -> None:
         write_record(file, record_of())
         return LiveRecord("x", file, 0.0, ())
 
-    monkeypatch.setattr("piezod.experiment.live_identify.record_live", record_live)
+    monkeypatch.setattr("piezod.experiment.live.identify.record_live", record_live)
 
 
 def as_new(rig: Daemon) -> None:

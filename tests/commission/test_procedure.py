@@ -11,9 +11,9 @@ from piezod.commission.session import Session
 from piezod.config.daemon import StageAxisConfig, load_daemon
 from piezod.control.limits import Limits
 from piezod.devices import registry
-from piezod.devices.faulty import FaultyDevice
-from piezod.devices.injections import Injection, Kind
 from piezod.devices.interface import Device, Identity
+from piezod.testing.faulty import FaultyDevice
+from piezod.testing.injections import Injection, Kind
 from tests.commission.axes import configured, resting_at, session
 
 STAGE = {"reversible_um": 12.0, "irreversible_um": 18.0}

@@ -13,12 +13,12 @@ import pytest
 
 from piezod.commission.session import PATIENCE_S, Session, Trace, joined
 from piezod.control.limits import Limits
-from piezod.devices.faulty import FaultyDevice, FaultyError
-from piezod.devices.injections import Injection, Kind
 from piezod.devices.interface import Device
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod.testing.fake_clock import FakeClock
+from piezod.testing.faulty import FaultyDevice, FaultyError
+from piezod.testing.injections import Injection, Kind
 from tests.commission.axes import T0_NS, resting_at, session
 from tests.daemon.waiting import eventually
 

@@ -9,10 +9,10 @@ from piezod.commission.response import measure_delay
 from piezod.commission.ringing import find_ringing
 from piezod.commission.session import Trace
 from piezod.commission.travel import amplifier_of, excursion, travel_of
-from piezod.devices.faulty import FaultyDevice
-from piezod.devices.injections import Injection, Kind
 from piezod.devices.interface import Device
 from piezod.errors import DeviceError
+from piezod.testing.faulty import FaultyDevice
+from piezod.testing.injections import Injection, Kind
 from tests.commission.axes import T0_NS, session
 
 STAGE = {"mode_hz": 700.0, "mode_damping": 0.03, "reversible_um": 12.0, "irreversible_um": 18.0}

@@ -9,7 +9,8 @@ import pytest
 from pydantic import BaseModel
 
 from piezod.config.axes import CompensatorConfig, FirstModeConfig, LimitsConfig
-from piezod.config.experiment import ExperimentConfig, Metric
+from piezod.config.experiment import ExperimentConfig
+from piezod.config.experiment_fields import Metric
 from piezod.config.modes import Mode
 from piezod.config.trim import TrimConfig
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from piezod.control.axis import AxisOutput
-from piezod.control.learning_gate import GateReason, LearningGate
-from piezod.control.trim import Trim
+from piezod.control.law.axis import AxisOutput
+from piezod.control.law.gate import GateReason, LearningGate
+from piezod.control.law.trim import Trim
 from piezod.devices.interface import Capabilities, Identity, Sample
 from piezod.hysteresis import LMSIdentifier, even_thresholds, new_bank
 

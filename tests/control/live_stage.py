@@ -8,15 +8,15 @@ from typing import Any, cast
 
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.requests import Request
-from piezod.control.loop_watch import CycleTiming
-from piezod.control.stage_assembly import assemble
-from piezod.control.stage_record import Answer, AxisRecord, StageEvent, StageRecord
+from piezod.control.assembly import assemble
+from piezod.control.stage.record import Answer, AxisRecord, StageEvent, StageRecord
+from piezod.control.watch.loop import CycleTiming
 from piezod.devices import registry
 from piezod.devices.channels import Channels
-from piezod.devices.faulty import FaultyDevice, SensorAmplifier
-from piezod.devices.injections import Injection, Kind
 from piezod.devices.interface import Device
 from piezod.devices.wiring import ChannelPair, construct, pairs_of
+from piezod.testing.faulty import FaultyDevice, SensorAmplifier
+from piezod.testing.injections import Injection, Kind
 from piezod.units import NS_PER_S
 
 CONFIG = Path(__file__).parents[2] / "config" / "simulated.yaml"

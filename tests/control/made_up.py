@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.config.modes import Mode
-from piezod.control.compensator import Compensator
+from piezod.control.law.compensator import Compensator
 from piezod.hysteresis import Creep, InverseMPI, new_bank
 from piezod.hysteresis.creep import advance_creep
 

@@ -1,7 +1,7 @@
 """A fault register in the hands of a test: cycles with faults, and what was told of them."""
 
-from piezod.control.fault_register import Detection, FaultRegister
-from piezod.control.fault_table import Reaction, ids
+from piezod.control.faults.register import Detection, FaultRegister
+from piezod.control.faults.table import Reaction, ids
 
 PERIOD_NS = 1_000_000
 SECOND = 1000

@@ -7,8 +7,8 @@ from piezod.config import requests as rq
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Sine
-from piezod.control.stage_record import StageRecord
-from piezod.devices.injections import Kind
+from piezod.control.stage.record import StageRecord
+from piezod.testing.injections import Kind
 from tests.control.live_stage import FaultyStage, quick
 
 SWING = rq.Wave(

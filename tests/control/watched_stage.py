@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piezod.control.fault_register import Detection
-from piezod.control.sensor_watch import SensorWatch, WatchedSensor
+from piezod.control.faults.register import Detection
+from piezod.control.watch.sensor import SensorWatch, WatchedSensor
 from piezod.devices.interface import Sample
 from piezod.devices.status import NO_FLAGS, Flags
 from piezod.hysteresis.normalisation import AffineRange

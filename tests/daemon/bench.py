@@ -10,12 +10,12 @@ from typing import Any, TypeVar
 from piezod.config.daemon import DaemonConfig
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.control.learning_gate import GateReason
-from piezod.control.stage_record import Answer
-from piezod.daemon.loop_connection import LoopConnection
+from piezod.control.law.gate import GateReason
+from piezod.control.stage.record import Answer
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import Peer, Role
-from piezod.daemon.stage_link import StageLink
+from piezod.daemon.supervisor.connection import LoopConnection
+from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.ring import RingWriter
 from piezod.telemetry.shared_map import SharedMap, create

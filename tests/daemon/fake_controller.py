@@ -5,11 +5,11 @@ from math import nan
 from piezod.config.modes import Mode
 from piezod.config.requests import Request, Shutdown
 from piezod.config.states import State
-from piezod.control.fault_register import Detection
-from piezod.control.learning_gate import GateReason
-from piezod.control.loop_watch import CycleTiming
-from piezod.control.stage_record import Answer, AxisRecord, StageEvent, StageRecord
-from piezod.daemon.timed_channels import TimedChannels
+from piezod.control.faults.register import Detection
+from piezod.control.law.gate import GateReason
+from piezod.control.stage.record import Answer, AxisRecord, StageEvent, StageRecord
+from piezod.control.watch.loop import CycleTiming
+from piezod.daemon.loop.timed_channels import TimedChannels
 from piezod.testing.fake_clock import FakeClock
 
 

@@ -55,7 +55,7 @@ class LoopChild:
         self.silent = threading.Event()
         self._beating = threading.Thread(target=beat, args=(self.shared, self.silent))
         self._beating.start()
-        command = [sys.executable, "-m", "piezod.daemon.loop_process", str(runtime), str(config)]
+        command = [sys.executable, "-m", "piezod.daemon.loop.process", str(runtime), str(config)]
         self.process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
 
     def __enter__(self) -> Self:

@@ -9,8 +9,8 @@ import sys
 from itertools import count
 from pathlib import Path
 
-from piezod.control.model_files import from_model_file
-from piezod.daemon.parameter_store import ParameterStore
+from piezod.control.law.model_files import from_model_file
+from piezod.daemon.stores.parameter_store import ParameterStore
 from tests.daemon.stored import MODEL, WHEN, parameters
 
 

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 
 from piezod.config.model_file import FitConfig, ModelFile, SourceConfig
-from piezod.daemon.parameter_document import AxisParameters
+from piezod.daemon.stores.parameter_document import AxisParameters
 
 WHEN = datetime(2024, 5, 1, 12, tzinfo=UTC)
 

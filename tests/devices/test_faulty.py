@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from piezod.devices import registry
-from piezod.devices.faulty import FaultyDevice, FaultyError
-from piezod.devices.injections import Injection, Kind
 from piezod.devices.interface import Amplifier, Capabilities, Identity, KnowsTruth, Sample, Sensor
 from piezod.devices.status import NO_FLAGS, DeviceFlag, TellsStatus
+from piezod.testing.faulty import FaultyDevice, FaultyError
+from piezod.testing.injections import Injection, Kind
 
 PIEZOD = Path(registry.__file__).parents[1]
 
@@ -161,7 +161,7 @@ def test_nobody_but_a_test_can_ask_for_it() -> None:
     sources = [
         path.name
         for path in PIEZOD.rglob("*.py")
-        if "piezod.devices.faulty" in path.read_text(encoding="utf-8")
+        if "piezod.testing.faulty" in path.read_text(encoding="utf-8")
     ]
 
     assert plugins

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from piezod.control.creep_law import logarithmic
-from piezod.experiment.record import Record
+from piezod.control.law.creep import logarithmic
+from piezod.experiment.fit.record import Record
 from piezod.hysteresis import InverseMPI, add_creep, even_thresholds
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.csv_file import write_csv

@@ -11,16 +11,16 @@ import numpy as np
 
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.modes import Mode
-from piezod.control.axis import Waveform
-from piezod.control.compensated import Start, compensated_axis
-from piezod.control.stage_model import StageModel
+from piezod.control.law.axis import Waveform
+from piezod.control.law.compensated import Start, compensated_axis
+from piezod.control.law.model import StageModel
 from piezod.devices import registry
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Sample, Wiring
 from piezod.devices.wiring import ChannelPair
-from piezod.experiment.creeping import Creeping
-from piezod.experiment.identify_axes import identify_axes
-from piezod.experiment.stage import COMMAND_UM, TRUE_UM, Stage, opened
+from piezod.experiment.virtual.creeping import Creeping
+from piezod.experiment.virtual.identify import identify_axes
+from piezod.experiment.virtual.stage import COMMAND_UM, TRUE_UM, Stage, opened
 from piezod.hysteresis import Shadowed, stop_regressors
 from piezod.hysteresis.memory import FloatArray
 from piezod.plant.plant import Plant

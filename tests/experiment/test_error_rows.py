@@ -5,7 +5,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from piezod.config.experiment import Metric
+from piezod.config.experiment_fields import Metric
 from piezod.experiment.error_rows import MEASURED, NEED_TRUTH, NOISE, TRUE, errors_pct
 
 T_S = np.arange(4000) / 1000.0

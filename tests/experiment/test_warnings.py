@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from piezod.experiment.fit import FitSettings, fit_model
-from piezod.experiment.run import run_experiment
-from piezod.experiment.warnings import fit_warnings, run_warnings, saturation_warnings
+from piezod.experiment.fit.fit import FitSettings, fit_model
+from piezod.experiment.fit.warnings import fit_warnings, saturation_warnings
+from piezod.experiment.virtual.run import run_experiment
+from piezod.experiment.warnings import run_warnings
 from piezod.records.recording import Recording
 from tests.experiment.conftest import Load
 from tests.experiment.made_up import ORDER, POSITION_UM, record_of, sine

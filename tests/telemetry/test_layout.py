@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod.config.daemon import load_daemon
-from piezod.control.stage_record import AxisRecord
+from piezod.control.stage.record import AxisRecord
 from piezod.devices import registry
 from piezod.telemetry.layout import (
     AXIS_FIELDS,

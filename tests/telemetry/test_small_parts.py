@@ -4,7 +4,7 @@ from math import isnan, nan
 
 import numpy as np
 
-from piezod.control.stage_record import StageEvent
+from piezod.control.stage.record import StageEvent
 from piezod.telemetry.events import EventReader, EventWriter, LoopEvent
 from piezod.telemetry.layout import EVENT_SLOTS, MAX_WEIGHTS
 from piezod.telemetry.learned import LearnedReader, LearnedWriter

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.serial_line.ascii_line.options import AskConfig, FlagConfig, Options
+from piezod_drivers.serial_line.ascii_line.fields import AskConfig, Fields, FlagConfig
 from piezod_drivers.serial_line.ascii_line.patterns import compiled
 from piezod_drivers.serial_line.ascii_line.templates import TAG, Place, filled, names_of, parsed
 
@@ -62,7 +62,7 @@ class Lines:
         options: Terminators, encoding, longest answer.
     """
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options: Fields) -> None:
         self._encoding, self._longest = options.encoding, options.longest_reply
         self._ending = options.terminator.encode(self._encoding)
         self._reply_ending = options.reply_ending.encode(self._encoding)

@@ -2,20 +2,18 @@
 
 import re
 from collections.abc import Collection, Iterator, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from piezod.config.document import KeyPath
 from piezod.config.fields import BrokenRule
+from piezod_drivers.serial_line.ascii_line.fields import AskConfig, Fields
 from piezod_drivers.serial_line.ascii_line.templates import TAG, names_of, parsed
-
-if TYPE_CHECKING:
-    from piezod_drivers.serial_line.ascii_line.options import AskConfig, Options
 
 IDENTITY: Final = ("maker", "model", "serial", "firmware")
 _NOBODY: Final[Collection[str]] = ()
 
 
-def broken_rules(options: "Options") -> Iterator[BrokenRule]:
+def broken_rules(options: Fields) -> Iterator[BrokenRule]:
     """Find everything that does not fit together."""
     if not options.inputs and not options.outputs:
         yield ("outputs",), "name a channel, here or in inputs"
@@ -37,7 +35,7 @@ def broken_rules(options: "Options") -> Iterator[BrokenRule]:
         yield from _sent(("status", "send"), options.status.send, options, _NOBODY)
 
 
-def _lists(options: "Options") -> Iterator[BrokenRule]:
+def _lists(options: Fields) -> Iterator[BrokenRule]:
     for place, asks in (("start", options.start), ("stop", options.stop)):
         for index, ask in enumerate(asks):
             yield from _ask((place, index), ask, options, _NOBODY, _NOBODY)
@@ -57,7 +55,7 @@ def _lists(options: "Options") -> Iterator[BrokenRule]:
         yield from _each_once(place, [_groups(ask.reply) for ask in asks], channels)
 
 
-def _stream(options: "Options") -> Iterator[BrokenRule]:
+def _stream(options: Fields) -> Iterator[BrokenRule]:
     if options.stream is None:
         return
     if options.read or options.outputs or options.identify or options.status:
@@ -70,8 +68,8 @@ def _stream(options: "Options") -> Iterator[BrokenRule]:
 
 def _ask(
     path: KeyPath,
-    ask: "AskConfig",
-    options: "Options",
+    ask: AskConfig,
+    options: Fields,
     values: Collection[str],
     groups: Collection[str],
 ) -> Iterator[BrokenRule]:
@@ -93,7 +91,7 @@ def _ask(
 
 
 def _sent(
-    path: KeyPath, template: str, options: "Options", values: Collection[str]
+    path: KeyPath, template: str, options: Fields, values: Collection[str]
 ) -> Iterator[BrokenRule]:
     yield from _unknown(path, names_of(template), [*values, TAG])
     text = "".join(place.before for place in parsed(template))

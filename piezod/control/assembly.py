@@ -1,0 +1,129 @@
+"""A stage put together from its configuration, ready for the loop."""
+
+import numpy as np
+
+from piezod.config.daemon import DaemonConfig, StageAxisConfig
+from piezod.config.model_file import ModelFile
+from piezod.config.modes import Mode
+from piezod.control.faults.register import FaultRegister
+from piezod.control.law.compensated import Start, compensated_axis
+from piezod.control.law.creep_state import CreepState
+from piezod.control.law.gains import check_known, naming
+from piezod.control.law.model import StageModel
+from piezod.control.law.model_files import from_model_file, read_model
+from piezod.control.stage.axis import StageAxis
+from piezod.control.stage.boundary import DeviceBoundary, StageDevices
+from piezod.control.stage.controller import StageController
+from piezod.control.stage.stage import Owned, Stage, WatchedAxis
+from piezod.control.watch.adaptation import AdaptationWatch
+from piezod.control.watch.amplifier import AmplifierWatch
+from piezod.control.watch.axis import AxisWatch
+from piezod.control.watch.bus import BusWatch
+from piezod.control.watch.sensor import SensorWatch, WatchedSensor
+from piezod.devices.interface import Capabilities
+from piezod.hysteresis import AffineRange, even_thresholds, new_bank
+from piezod.units import NS_PER_S, s_to_ns
+
+
+def check_stage(config: DaemonConfig) -> None:
+    """Refuse gains that are not safe, before any device is opened.
+
+    Raises:
+        ConfigError: If a model file cannot be used.
+        DataError: If a model leaves out the rest voltage.
+        ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
+    """
+    check_known(config.axes, 1.0 / config.rate_hz, trimmed=config.mode is Mode.TRIMMED)
+    for name, axis in config.axes.items():
+        _model_of(name, axis)
+
+
+def assemble(config: DaemonConfig, devices: StageDevices, able: Capabilities) -> StageController:
+    """Put a stage together; its devices are open and active.
+
+    Args:
+        config: What `check_stage` has passed.
+        devices: The devices as one, one axis for each of the configuration, in its order.
+        able: What the devices can do together.
+
+    Raises:
+        ConfigError: If a model file cannot be used.
+        DataError: If a model leaves out the rest voltage.
+        ModelError: If a gain is not safe.
+    """
+    period_ns = round(NS_PER_S / config.rate_hz)
+
+    def rebuilt(name: str, model: ModelFile, in_force_v: float) -> WatchedAxis:
+        axis = config.axes[name]
+        zeroed = _zeroed(name, axis, from_model_file(model))
+        return _axis(config, name, zeroed, in_force_v, able.lag_ns)
+
+    axes = {
+        name: _axis(config, name, _model_of(name, axis), axis.limits.rest_v, able.lag_ns)
+        for name, axis in config.axes.items()
+    }
+    boundary = DeviceBoundary(
+        devices,
+        len(axes),
+        reads_back=able.read_back,
+        holds=able.holds,
+        tells_restart=able.tells_restart,
+    )
+    register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)
+    stage = Stage(
+        Owned(axes, boundary, period_ns, rebuilt), register, memory_known=able.opens_relaxed
+    )
+    return StageController(stage)
+
+
+def _model_of(name: str, axis: StageAxisConfig) -> StageModel | None:
+    """Return the model of an axis, None where it is still to be identified."""
+    return None if axis.model is None else _zeroed(name, axis, read_model(axis.model)[0])
+
+
+def _zeroed(name: str, axis: StageAxisConfig, model: StageModel) -> StageModel:
+    with naming(name):
+        return model.zeroed_at(axis.limits.rest_v)
+
+
+def _unidentified(axis: StageAxisConfig) -> StageModel:
+    """Return what stands for a model where there is none: in proportion, nothing compensated."""
+    low_um, high_um = axis.command_range_um or (0.0, 1.0)
+    thresholds = even_thresholds(axis.compensator.operators)
+    delay_s = axis.compensator.delay_s
+    return StageModel(
+        bank=new_bank(thresholds, thresholds),
+        weights=np.zeros(2 * axis.compensator.operators),
+        drive_v=AffineRange(axis.limits.drive_min_v, axis.limits.drive_max_v),
+        position_um=AffineRange(low_um, high_um),
+        delay_s=0.0 if delay_s == "auto" else delay_s,
+    )
+
+
+def _axis(
+    config: DaemonConfig, name: str, model: StageModel | None, in_force_v: float, lag_ns: int
+) -> WatchedAxis:
+    axis, period_ns = config.axes[name], round(NS_PER_S / config.rate_hz)
+    used = model or _unidentified(axis)
+    mode = config.mode if model else Mode.UNCOMPENSATED
+    creep = _at_rest(used, period_ns / NS_PER_S)
+    start = Start(0, period_ns, in_force_v)
+    live = compensated_axis(axis, used, creep, mode, lambda _t_s: used.position_um.low, start)
+    delay_ns = s_to_ns(used.delay_s)
+    index = list(config.axes).index(name)
+    adaptation = live.identifier.adaptation
+    watches = AxisWatch(
+        BusWatch(index),
+        SensorWatch(index, WatchedSensor.of(axis, model), period_ns),
+        AmplifierWatch(index, live.limits, delay_ns, period_ns, lag_ns),
+        AdaptationWatch(index, adaptation, model, used.position_um, period_ns),
+    )
+    return WatchedAxis(StageAxis(axis, live, period_ns), watches)
+
+
+def _at_rest(model: StageModel, period_s: float) -> CreepState:
+    """Return the creep of a stage that has rested for long."""
+    rest = model.position_um.to_unit(0.0)
+    lags = np.full(model.creep.weights.size, rest)
+    zeroed = float(model.creep.weights @ lags)
+    return CreepState(model.creep.at(period_s), lags, zeroed, rest)

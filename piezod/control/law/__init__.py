@@ -1,0 +1,1 @@
+"""The control law of one axis: compensator, identifier, trim."""

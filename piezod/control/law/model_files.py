@@ -1,0 +1,51 @@
+"""The models that model files hold."""
+
+from pathlib import Path
+
+import numpy as np
+
+from piezod.config.model_file import ModelFile, load_model
+from piezod.control.law.creep import CreepLaw
+from piezod.control.law.model import StageModel
+from piezod.errors import ConfigError, ModelError, Problem
+from piezod.hysteresis import AffineRange, new_bank
+from piezod.hysteresis.slopes import smallest_slope_of
+
+
+def from_model_file(file: ModelFile) -> StageModel:
+    """Return the model that a file holds, equal to the last bit to the one written.
+
+    Raises:
+        ModelError: If the file has more thresholds on one side than on the other, or the model is
+            not monotone, so that no stage is like it.
+    """
+    bank = new_bank(file.left_stop_thresholds, file.right_stop_thresholds)
+    weights = np.array([*file.left_stop_weights, *file.right_stop_weights])
+    slope = smallest_slope_of(bank, weights)
+    if slope <= 0.0:
+        message = (
+            f"the model is not monotone: its smallest slope is {slope:.3g}, allowed is above 0; "
+            "the drive would at times go against the command; identify again"
+        )
+        raise ModelError(message)
+    return StageModel(
+        bank=bank,
+        weights=weights,
+        drive_v=AffineRange.checked(file.drive_low_v, file.drive_high_v),
+        position_um=AffineRange.checked(file.position_low_um, file.position_high_um),
+        delay_s=file.delay_s,
+        creep=CreepLaw(np.array(file.creep_time_constants_s), np.array(file.creep_weights)),
+    )
+
+
+def read_model(path: Path) -> tuple[StageModel, ModelFile]:
+    """Return the model in a file, and everything that the file says of it.
+
+    Raises:
+        ConfigError: If it is no model file, or holds a model that cannot be used.
+    """
+    file = load_model(path)
+    try:
+        return from_model_file(file), file
+    except ModelError as error:
+        raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error

@@ -1,0 +1,177 @@
+"""Which gains of the trim are safe, given the delay and the first mode of the stage.
+
+At gain K the loop is K L(z), with L from `piezod.control.law.response`. With hardly any gain it is
+stable, and a root can leave the unit circle only where K L = -1: the first gain at which that
+happens is the largest stable one. Each margin bounds the gain in the same way, by the first gain at
+which it is broken at some frequency. Not for the loop.
+"""
+
+from math import floor, log10
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from piezod.control.law.response import ComplexArray, loop_response
+from piezod.errors import ModelError
+
+LEAST_GAIN_MARGIN: Final = 2.0
+"""The stage may answer twice as strongly as the inverse expects: the local slope of the hysteresis
+that an identified inverse gets wrong just after a reversal, and a model from a poor record."""
+LEAST_PHASE_MARGIN_DEG: Final = 45.0
+"""What the delay may be off by, and no overshoot to speak of."""
+LEAST_MODULUS_MARGIN: Final = 0.5
+"""Distance of the curve from -1: no error or noise is amplified more than twice, also at the mode,
+where gain and phase margin can both look good."""
+LEAST_LATE_GAIN_MARGIN: Final = 1.0
+"""With anything up to one more period of delay the loop must still be stable: a sample that comes a
+cycle late, and a mode whose phase the delay as it was identified does not tell."""
+
+_LATE_STEPS = 8  # delays that are tried within that period
+
+
+class TrimMargins(NamedTuple):
+    """How far a gain of the trim is from instability.
+
+    Attributes:
+        gain_margin: Factor to the largest stable gain; up to 1 the loop is unstable.
+        phase_margin_deg: Phase that is missing to -180° where the gain of the loop is 1 or more;
+            0 where it is unstable.
+        modulus_margin: Least distance of the frequency response from -1; 0 where it is unstable.
+        late_gain_margin: Least gain margin with anything up to one more period of delay.
+        largest_gain_per_s: Largest gain of the trim that has all margins that are asked for.
+    """
+
+    gain_margin: float
+    phase_margin_deg: float
+    modulus_margin: float
+    late_gain_margin: float
+    largest_gain_per_s: float
+
+
+def check_trim(
+    gain_per_s: float,
+    period_s: float,
+    delay_s: float,
+    mode_hz: float | None,
+    mode_damping: float | None,
+) -> TrimMargins:
+    """Find the margins of a gain.
+
+    Args:
+        gain_per_s: Gain of the trim, in 1/s, positive.
+        period_s: Period of the loop, in s.
+        delay_s: Delay from drive to sensor, in s, not negative.
+        mode_hz: Undamped frequency of the first mode, in Hz; None where it is not known: then only
+            the delay counts.
+        mode_damping: Its damping ratio, in (0, 1]; None where it is not known.
+    """
+    response = loop_response(period_s, delay_s, mode_hz, mode_damping)
+    stable_per_s = _largest_stable(response)
+    late_per_s = min(
+        _largest_stable(loop_response(period_s, delay_s + late_s, mode_hz, mode_damping))
+        for late_s in np.linspace(0.0, period_s, _LATE_STEPS + 1).tolist()
+    )
+    stable = gain_per_s < stable_per_s
+    return TrimMargins(
+        gain_margin=stable_per_s / gain_per_s,
+        phase_margin_deg=_phase_margin_deg(gain_per_s * response) if stable else 0.0,
+        modulus_margin=float(np.abs(1.0 + gain_per_s * response).min()) if stable else 0.0,
+        late_gain_margin=late_per_s / gain_per_s,
+        largest_gain_per_s=min(
+            stable_per_s / LEAST_GAIN_MARGIN,
+            _largest_with_phase_margin(response),
+            _largest_with_modulus_margin(response),
+            late_per_s / LEAST_LATE_GAIN_MARGIN,
+        ),
+    )
+
+
+def refuse_unstable(
+    gain_per_s: float,
+    period_s: float,
+    delay_s: float,
+    mode_hz: float | None,
+    mode_damping: float | None,
+) -> TrimMargins:
+    """Return the margins of a gain if they suffice; the arguments are those of `check_trim`.
+
+    Raises:
+        ModelError: If a margin is too short; the text names it and the largest gain allowed.
+    """
+    margins = check_trim(gain_per_s, period_s, delay_s, mode_hz, mode_damping)
+    short = _short(margins)
+    if short:
+        raise ModelError(
+            f"a trim gain of {gain_per_s:g} 1/s is not safe: {'; '.join(short)} "
+            f"({_plant_text(period_s, delay_s, mode_hz, mode_damping)}); "
+            f"use at most {_rounded_down(margins.largest_gain_per_s):g} 1/s"
+        )
+    return margins
+
+
+def _short(margins: TrimMargins) -> list[str]:
+    """Say which margins are too short."""
+    if margins.gain_margin <= 1.0:
+        return ["the loop would be unstable"]
+    asked = (
+        ("gain margin", margins.gain_margin, LEAST_GAIN_MARGIN, ""),
+        ("phase margin", margins.phase_margin_deg, LEAST_PHASE_MARGIN_DEG, "°"),
+        ("modulus margin", margins.modulus_margin, LEAST_MODULUS_MARGIN, ""),
+        ("gain margin with more delay", margins.late_gain_margin, LEAST_LATE_GAIN_MARGIN, ""),
+    )
+    return [
+        f"{name} {value:.3g}{unit}, needed {least:g}{unit}"
+        for name, value, least, unit in asked
+        if value < least
+    ]
+
+
+def _plant_text(
+    period_s: float, delay_s: float, mode_hz: float | None, mode_damping: float | None
+) -> str:
+    mode = "no first mode known, only the delay counts"
+    if mode_hz is not None:
+        mode = f"first mode {mode_hz:g} Hz with damping {mode_damping:g}"
+    return f"period {1e3 * period_s:g} ms, delay {1e3 * delay_s:.3g} ms, {mode}"
+
+
+def _rounded_down(gain: float) -> float:
+    """Round down to two digits."""
+    unit = 10.0 ** (floor(log10(gain)) - 1)
+    return floor(gain / unit * (1.0 - 1e-9)) * unit
+
+
+def _largest_stable(response: ComplexArray) -> float:
+    """Return the first gain at which the curve goes through -1."""
+    angle = np.angle(-response)  # 0 on the negative real axis
+    before, after = angle[:-1], angle[1:]
+    crosses = (before * after <= 0.0) & (np.abs(before - after) < np.pi / 2)
+    part = before[crosses] / (before[crosses] - after[crosses])
+    size = np.log(np.abs(response))
+    crossings = size[:-1][crosses] + part * (size[1:] - size[:-1])[crosses]
+    at_end = [size[-1]] if response[-1].real < 0.0 else []  # at half the sample rate it is real
+    return float(np.exp(-np.max(np.append(crossings, at_end))))
+
+
+def _largest_with_phase_margin(response: ComplexArray) -> float:
+    """Return the first gain that puts a point of the sector around -180° on the unit circle."""
+    in_sector = np.abs(np.angle(-response, deg=True)) < LEAST_PHASE_MARGIN_DEG
+    return float(1.0 / np.abs(response[in_sector]).max())
+
+
+def _largest_with_modulus_margin(response: ComplexArray) -> float:
+    """Return the first gain that brings a point to the circle around -1.
+
+    |1 + K L|² = margin² is a quadratic equation in K; its smaller root is where a point enters.
+    """
+    square, real = np.abs(response) ** 2, response.real
+    outside = 1.0 - LEAST_MODULUS_MARGIN**2
+    discriminant = real**2 - outside * square
+    enters = (real < 0.0) & (discriminant >= 0.0)
+    root = (-real[enters] - np.sqrt(discriminant[enters])) / square[enters]
+    return float(root.min())
+
+
+def _phase_margin_deg(loop: ComplexArray) -> float:
+    """Return the least angle to -180° wherever the gain of the loop is at least 1."""
+    return float(np.abs(np.angle(-loop, deg=True))[np.abs(loop) >= 1.0].min())

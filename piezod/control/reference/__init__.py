@@ -1,0 +1,1 @@
+"""Commands over time: waveforms, movements, voltage programs."""

@@ -1,0 +1,115 @@
+"""Waveforms as functions of time.
+
+A value depends on the time alone: it can be asked for any instant, in any order. Before its start a
+waveform has the value it starts with. Asking never raises; for a time that is not finite the answer
+is one of the waveform's values or not a number.
+"""
+
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from piezod.config.combined_waveforms import Sequence, Sum, WaveformConfig
+from piezod.config.waveforms import (
+    Csv,
+    Multisine,
+    Points,
+    Reversals,
+    Setpoint,
+    Sine,
+    Staircase,
+    Triangle,
+)
+from piezod.control.reference import shapes
+from piezod.control.reference.random_path import random_path
+
+Value: TypeAlias = Callable[[float], float]
+
+
+@dataclass(frozen=True, slots=True)
+class Waveform:
+    """A command or a drive over time, in the unit of its configuration.
+
+    Attributes:
+        value: Gives the value at a time in s; may be called in the loop.
+        low: The waveform is never below this.
+        high: The waveform is never above this.
+    """
+
+    value: Value
+    low: float
+    high: float
+
+    def sample(self, t_s: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Give the values at many times; exactly those of `value`.
+
+        Args:
+            t_s: Times in s, shape (n,).
+
+        Returns:
+            Values, shape (n,).
+        """
+        return np.fromiter(map(self.value, t_s.tolist()), np.float64, t_s.size)
+
+
+def build_waveform(config: WaveformConfig, duration_s: float) -> Waveform:
+    """Make a waveform.
+
+    Args:
+        config: Its description.
+        duration_s: How long it will be asked for, in s. A path of random reversals ends at the
+            first turning point after that; its beginning does not depend on the duration.
+    """
+    low, high = config.bounds()
+    return Waveform(_value(config, duration_s), low, high)
+
+
+def _value(config: WaveformConfig, duration_s: float) -> Value:
+    match config:
+        case Setpoint(level=level):
+            value = shapes.setpoint(level)
+        case Sine():
+            value = shapes.periodic(config, shapes.raised_cosine)
+        case Triangle():
+            value = shapes.periodic(config, shapes.raised_triangle)
+        case Multisine():
+            value = shapes.multisine(config)
+        case Staircase():
+            value = shapes.staircase(config)
+        case Reversals():
+            value = shapes.polyline(random_path(config, duration_s))
+        case Csv(points=points) | Points(points=points):
+            value = shapes.polyline(points)
+        case Sum():
+            value = _sum([_value(part, duration_s) for part in config.parts])
+        case _:
+            value = _sequence(config)
+    return value
+
+
+def _sum(parts: list[Value]) -> Value:
+    def value(t_s: float) -> float:
+        total = 0.0
+        for part in parts:
+            total += part(t_s)
+        return total
+
+    return value
+
+
+def _sequence(config: Sequence) -> Value:
+    durations = [part.duration_s for part in config.parts]
+    starts = [0.0, *accumulate(durations[:-1])]
+    parts = [_value(part.waveform, part.duration_s) for part in config.parts]
+
+    def value(t_s: float) -> float:
+        index = max(bisect_right(starts, t_s) - 1, 0)
+        local_s = t_s - starts[index]
+        return parts[index](local_s if local_s < durations[index] else durations[index])
+
+    return value

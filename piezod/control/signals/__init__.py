@@ -1,0 +1,1 @@
+"""Small statistics over the last samples; pure, with fixed memory."""

@@ -1,0 +1,1 @@
+"""One stage: its state machine, its axes, its devices, and the requests made of it."""

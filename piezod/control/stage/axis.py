@@ -1,0 +1,249 @@
+"""One axis of a stage that a daemon owns: what it does, from cycle to cycle.
+
+Whatever is done, the compensated axis runs: where a voltage is held, ramped or driven, it is forced
+on it, so that its memory follows and the way back to following a command is without a jump.
+"""
+
+from collections.abc import Callable
+from math import ceil, isfinite, nan
+
+from piezod.config.daemon import StageAxisConfig
+from piezod.config.modes import Mode
+from piezod.control.law.axis import AxisOutput, CompensatedAxis
+from piezod.control.reference.motion import Motion, Pace, StreamedReference, along, rest_at, way
+from piezod.control.reference.programs import Drive
+from piezod.control.reference.waveforms import Waveform
+from piezod.control.signals.on_target import OnTarget
+from piezod.control.stage.record import AxisRecord
+from piezod.devices.interface import Sample
+from piezod.units import NS_PER_S, s_to_ns
+
+SHORTEST_WAY_PERIODS = 3.0
+"""The shortest way takes this many periods of the first mode, or of the loop where none is known"""
+SHORTEST_WAY_CYCLES = 10
+ROUNDING_V = 1e-6
+"""A voltage is the one that was asked for within this."""
+
+
+class StageAxis:
+    """Implements `Axis` for a daemon.
+
+    Args:
+        config: The axis' configuration.
+        live: The axis, compensated.
+        period_ns: Period of the loop.
+    """
+
+    def __init__(self, config: StageAxisConfig, live: CompensatedAxis, period_ns: int) -> None:
+        self.config, self.live = config, live
+        self._period_s = period_ns / NS_PER_S
+        self.pace = _pace(config, live, self._period_s)
+        self._voltage: Callable[[int], float] = lambda _t_ns: self.live.in_force_v
+        self._forced = True
+        self._ends_ns, self._ramps_to_v = 0, nan
+        self.ramp_cycles = 0
+        """Cycles that the ramp under way should still take; negative once it is overdue."""
+        self.command_um = nan
+        """Command of the last cycle, NaN where there was none."""
+        self._motion, self._started_ns = rest_at(nan), 0
+        self.stream: StreamedReference | None = None
+        self.follows_input = False
+        """Whether the setpoints of the stream are those of its command input."""
+        self.commanded_ns = 0
+        """Instant of the newest usable setpoint of its command input."""
+        self.motion = 0
+        """Number of the movement, one more with each."""
+        settle = s_to_ns(config.on_target.settle_s) // period_ns
+        self._on_target = OnTarget(config.on_target.tolerance_um, settle)
+        self._reached = False
+        self.crash: Exception | None = None
+        """What the control law raised, if it did; the voltage is held since."""
+
+    @property
+    def mode(self) -> Mode:
+        """How the drive is made from the command."""
+        return self.live.compensator.mode
+
+    @property
+    def following(self) -> bool:
+        """Whether it follows a command."""
+        return not self._forced
+
+    def select(self, mode: Mode) -> None:
+        """Change the mode without a jump; may be called in the loop."""
+        self.live.switch(mode)
+
+    # ------------------------------------------------------------------ voltages
+
+    def hold(self) -> None:
+        """Hold what is in force; may be called in the loop."""
+        held_v = self.live.in_force_v
+        self._force(lambda _t_ns: held_v, 0)
+
+    def track(self, drive_v: float) -> None:
+        """Take over what the amplifier tells is in force, while nothing is written."""
+        self.live.applied(drive_v)
+        self.hold()
+
+    def drive(self, drive: Drive, t_ns: int) -> None:
+        """Drive a voltage over time, from an instant on; may be called in the loop."""
+        program = drive.drive_v
+        self._force(
+            lambda now_ns: program((now_ns - t_ns) / NS_PER_S), t_ns + s_to_ns(drive.duration_s)
+        )
+
+    def ramp_to(self, drive_v: float) -> None:
+        """Go to a voltage at the rate of the safe ramp; may be called in the loop.
+
+        Step by step from what is in force: after a pause, or a write that was not taken, it goes on
+        from there, and no faster.
+        """
+        step_v = self.config.safety.ramp_v_per_s * self._period_s
+        self.ramp_cycles = ceil(abs(drive_v - self.live.in_force_v) / step_v)
+
+        def voltage(_t_ns: int) -> float:
+            in_force_v = self.live.in_force_v
+            self.ramp_cycles -= 1
+            return in_force_v + min(max(drive_v - in_force_v, -step_v), step_v)
+
+        self._force(voltage, 0)
+        self._ramps_to_v = drive_v
+
+    def drive_ended(self, t_ns: int) -> bool:
+        """Tell whether what is driven has come to its end, its last value written."""
+        if isfinite(self._ramps_to_v):
+            return abs(self.live.in_force_v - self._ramps_to_v) <= ROUNDING_V
+        return t_ns > self._ends_ns
+
+    def _force(self, voltage: Callable[[int], float], ends_ns: int) -> None:
+        self._voltage, self._forced, self._ends_ns = voltage, True, ends_ns
+        self._ramps_to_v = nan
+        self._motion, self.stream, self._reached = rest_at(nan), None, False
+        self.follows_input = False
+
+    # ------------------------------------------------------------------ movements
+
+    def stay(self, t_ns: int) -> None:
+        """Follow a command that leaves the drive as it is; may be called in the loop."""
+        self._move(rest_at(self.live.command_here_um), t_ns)
+
+    def go_to(self, position_um: float, speed_um_per_s: float | None, t_ns: int) -> int:
+        """Move to a position; return the number of the movement; may be called in the loop."""
+        pace = self.pace
+        if speed_um_per_s is not None:
+            pace = pace._replace(speed_um_per_s=speed_um_per_s)
+        start_um, start_um_per_s = self._reference_at(t_ns)
+        return self._move(way(start_um, start_um_per_s, position_um, pace), t_ns)
+
+    def follow(self, waveform: Waveform, duration_s: float, t_ns: int) -> int:
+        """Follow a waveform; return the number of the movement; may be called in the loop."""
+        start_um, start_um_per_s = self._reference_at(t_ns)
+        return self._move(along(waveform, duration_s, start_um, start_um_per_s, self.pace), t_ns)
+
+    def follow_stream(self, t_ns: int) -> int:
+        """Follow the setpoints of a stream; return the number of the movement."""
+        start_um, _ = self._reference_at(t_ns)
+        stream = StreamedReference(start_um, self.pace, self._period_s)
+        number = self._move(Motion(stream, 0.0, nan), t_ns)
+        self.stream = stream
+        return number
+
+    def follow_input(self, t_ns: int) -> int:
+        """Follow the command input; return the number of the movement; may be called in the loop.
+
+        What it tells is taken by `command`.
+        """
+        number = self.follow_stream(t_ns)
+        self.follows_input, self.commanded_ns = True, t_ns
+        return number
+
+    def command(self, told: Sample) -> None:
+        """Take what the command input tells; what is not usable counts as none."""
+        if self.stream is not None and told.valid and usable(told.position_um, self.pace):
+            self.stream.newest_um = told.position_um
+            self.commanded_ns = max(self.commanded_ns, told.t_ns)
+
+    def _move(self, motion: Motion, t_ns: int) -> int:
+        self._motion, self._started_ns, self._forced = motion, t_ns, False
+        self.stream, self._reached, self.follows_input = None, False, False
+        self._on_target.restart()
+        self.live.follow(motion.reference_um, t_ns)
+        self.motion += 1
+        return self.motion
+
+    def _reference_at(self, t_ns: int) -> tuple[float, float]:
+        """Return where the reference is, in µm, and its speed, in µm/s."""
+        if self._forced:
+            return self.live.command_here_um, 0.0
+        t_s = (t_ns - self._started_ns) / NS_PER_S
+        here_um = self._motion.reference_um(t_s)
+        return here_um, (self._motion.reference_um(t_s + self._period_s) - here_um) / self._period_s
+
+    # ------------------------------------------------------------------ the cycle
+
+    def update(self, t_ns: int, sample: Sample) -> AxisOutput:
+        """Take the sample of this cycle; return what to write; may be called in the loop."""
+        try:
+            if self._forced:
+                self.live.force(self._voltage(t_ns))
+            elif self.stream is not None:
+                self.stream.advance()
+            output = self.live.update(t_ns, sample)
+        except Exception as error:  # noqa: BLE001 - a mistake in the law must not drop the voltage
+            self.crash = error
+            return AxisOutput(self.live.in_force_v, nan, nan, self.live.in_force_v, t_ns)
+        self.command_um = nan if self._forced else output.command_um
+        self._judge(t_ns, sample, output)
+        return output
+
+    def _judge(self, t_ns: int, sample: Sample, output: AxisOutput) -> None:
+        error_um = output.command_um - sample.position_um if sample.valid else nan
+        arrived = not self._forced and t_ns - self._started_ns >= s_to_ns(self._motion.duration_s)
+        self._reached = self._on_target.update(error_um if arrived else nan)
+
+    def applied(self, drive_v: float) -> None:
+        """Learn what is in force from now on; may be called in the loop."""
+        self.live.applied(drive_v)
+
+    def record(
+        self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
+    ) -> AxisRecord:
+        """Return what this cycle leaves; may be called in the loop.
+
+        Args:
+            sample: What was measured.
+            output: What was asked for.
+            drive_v: What was written.
+            read_back_v: What the amplifier tells, NaN where it does not.
+        """
+        live = self.live
+        return AxisRecord(
+            sample.t_ns,
+            sample.position_um if sample.valid else nan,
+            self.command_um,
+            self._motion.target_um,
+            nan if self._forced else output.uncompensated_v,
+            output.drive_v,
+            drive_v,
+            output.in_force_v,
+            read_back_v,
+            live.trim.value * live.zeroed_range_um.width,
+            live.compensator.mode,
+            live.identifier.gate.reason,
+            self._reached,
+            self.motion,
+        )
+
+
+def _pace(config: StageAxisConfig, live: CompensatedAxis, period_s: float) -> Pace:
+    model_um = live.zeroed_range_um
+    low_um, high_um = config.command_range_um or (model_um.low, model_um.high)
+    shortest_s = SHORTEST_WAY_CYCLES * period_s
+    if config.first_mode is not None:
+        shortest_s = max(shortest_s, SHORTEST_WAY_PERIODS / config.first_mode.frequency_hz)
+    return Pace(config.speed_um_per_s, shortest_s, low_um, high_um)
+
+
+def usable(position_um: float, pace: Pace) -> bool:
+    """Tell whether a position may be commanded."""
+    return isfinite(position_um) and pace.low_um <= position_um <= pace.high_um

@@ -1,0 +1,323 @@
+"""What becomes of a request: carried out, or refused with a reason and what would help."""
+
+from collections.abc import Iterable
+
+from piezod.config import requests
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.control.reference.programs import Drive, conditioning
+from piezod.control.reference.waveforms import Waveform, build_waveform
+from piezod.control.stage.axis import StageAxis
+from piezod.control.stage.record import Answer
+from piezod.control.stage.stage import SENSED, Stage
+from piezod.control.stage.states import Event
+from piezod.control.stage.zeroing import Zeroing
+from piezod.errors import PiezodError
+from piezod.units import s_to_ns
+
+ZERO_OVER_S = 0.2
+"""A sensor is zeroed to the mean of its samples over this time."""
+AT_REST_PART = 0.01
+"""A stage is at rest when its voltage is the rest voltage within this part of its range."""
+
+
+def execute(stage: Stage, request: requests.Request, t_ns: int) -> Answer:  # noqa: PLR0911 - a table
+    """Carry out a request; may be called in the loop, between cycles.
+
+    Args:
+        stage: What it is about.
+        request: What is asked for; its numbers are finite and within their ranges.
+        t_ns: Now.
+    """
+    match request:
+        case requests.Arm():
+            return _arm(stage, request, t_ns)
+        case requests.SelectMode():
+            return _select(stage, request, t_ns)
+        case requests.Goto():
+            return _goto(stage, request, t_ns)
+        case requests.Wave():
+            return _wave(stage, request, t_ns)
+        case requests.Stream():
+            return _stream(stage, request, t_ns)
+        case requests.Follow():
+            return _follow(stage, request, t_ns)
+        case requests.Condition():
+            return _condition(stage, request, t_ns)
+        case requests.Identify():
+            return _identify(stage, request, t_ns)
+        case requests.Zero():
+            return _zero(stage, request, t_ns)
+        case requests.AdoptModel():
+            return _adopt(stage, request)
+        case _:
+            return _plain(stage, request, t_ns)
+
+
+def _plain(stage: Stage, request: requests.Request, t_ns: int) -> Answer:
+    """Carry out a request that is an edge of the state machine and no more."""
+    match request:
+        case requests.Disarm():
+            event = Event.DISARM
+        case requests.Stop():
+            event = Event.STOP
+        case requests.Hold():
+            event = Event.HOLD
+        case requests.Resume():
+            why = stage.refusal(Event.RESUME) or stage.register.resume()
+            if why:
+                return Answer(False, why)
+            event = Event.RESUME
+        case requests.Reset(engineer=engineer):
+            why = stage.refusal(Event.RESET) or stage.register.reset(engineer)
+            if why:
+                return Answer(False, why)
+            if not stage.boundary.active:
+                stage.boundary.activate(t_ns)
+            event = Event.RESET
+        case requests.Estop():
+            return _estop(stage, t_ns)
+        case _:
+            stage.shutting_down = True
+            event = Event.SHUTDOWN
+    before = stage.state
+    refusal = stage.go(event, t_ns)
+    if event is Event.HOLD and stage.state is not before:
+        stage.held_by_request = True
+    return _answer(refusal)
+
+
+def _answer(refusal: str, motion: int = 0) -> Answer:
+    return Answer(not refusal, refusal, 0 if refusal else motion)
+
+
+def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
+    if stage.state is not State.SAFE:
+        refusal = stage.go(Event.ARM, t_ns)  # armed already, or no state to arm in
+        if not refusal and request.shadow != stage.boundary.shadow:
+            refusal = f"the stage is armed {_in_shadow(stage)}: `piezod disarm` first"
+        return _answer(refusal)
+    stage.register.resume()  # what only held the stage, and is gone, holds nothing any more
+    stage.boundary.shadow = request.shadow
+    if request.confirm_output and not stage.boundary.reads_back:
+        stage.output_known = True
+        for axis in stage.axes:
+            axis.track(axis.config.safe_v)
+    refusal = stage.go(Event.ARM, t_ns)
+    if refusal:
+        stage.boundary.shadow = False
+        return Answer(False, refusal)
+    wanting = [i for i, axis in enumerate(stage.axes) if axis.config.conditioning.on_arm]
+    return _condition_axes(stage, wanting, t_ns) if wanting else Answer(True)
+
+
+def _in_shadow(stage: Stage) -> str:
+    return "in shadow" if stage.boundary.shadow else "and not in shadow"
+
+
+def _estop(stage: Stage, t_ns: int) -> Answer:
+    stage.estop_pressed = True
+    cutting = any(axis.config.safety.estop == "cut" for axis in stage.axes)
+    if cutting:
+        stage.cut(t_ns)
+    return _answer(stage.go(Event.ESTOP, t_ns))
+
+
+# ---------------------------------------------------------------------- movements
+
+
+def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
+    axes, why = _chosen(stage, request.axis)
+    if why:
+        return Answer(False, why)
+    if stage.state is not State.SAFE:  # there it is chosen for later
+        refusal = stage.go(_run_in(request.mode), t_ns)
+        if refusal:
+            return Answer(False, refusal)
+    for i in axes:
+        stage.axes[i].select(request.mode)
+    return Answer(True)
+
+
+def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
+    axes, why = _chosen(stage, request.axis)
+    if not why and len(axes) > 1:
+        why = f"axis must be one of {', '.join(stage.names)}: a position belongs to one"
+    if why:
+        return Answer(False, why)
+    axis, position_um = stage.axes[axes[0]], request.position_um
+    speed_um_per_s, fastest_um_per_s = request.speed_um_per_s, axis.pace.speed_um_per_s
+    why = _beyond(axis, position_um, position_um)
+    if not why and speed_um_per_s is not None and speed_um_per_s > fastest_um_per_s:
+        why = (
+            f"speed out of range (got {speed_um_per_s:g} µm/s), allowed: at most "
+            f"{fastest_um_per_s:g} µm/s, speed_um_per_s of the axis"
+        )
+    why = why or _start_running(stage, t_ns)
+    if why:
+        return Answer(False, why)
+    return Answer(True, motion=axis.go_to(position_um, request.speed_um_per_s, t_ns))
+
+
+def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
+    waveforms: dict[int, Waveform] = {}
+    for name, config in request.command_um.items():
+        axes, why = _chosen(stage, name)
+        if why:
+            return Answer(False, why)
+        waveform = waveforms[axes[0]] = build_waveform(config, request.duration_s)
+        why = _beyond(stage.axes[axes[0]], waveform.low, waveform.high)
+        if why:
+            return Answer(False, why)
+    why = _start_running(stage, t_ns)
+    if why:
+        return Answer(False, why)
+    motions = [
+        stage.axes[i].follow(waveform, request.duration_s, t_ns)
+        for i, waveform in waveforms.items()
+    ]
+    return Answer(True, motion=motions[0])
+
+
+def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
+    unknown = [name for name in request.axes if name not in stage.names]
+    why = _no_such(stage, unknown[0]) if unknown else _start_running(stage, t_ns)
+    if why:
+        return Answer(False, why)
+    stage.stream_ns = t_ns
+    motions = [stage.axes[stage.names.index(name)].follow_stream(t_ns) for name in request.axes]
+    return Answer(True, motion=motions[0])
+
+
+def _follow(stage: Stage, request: requests.Follow, t_ns: int) -> Answer:
+    axes, why = _chosen(stage, request.axis)
+    commanded = [i for i in axes if stage.axes[i].config.command_input is not None]
+    if not (why or commanded):
+        whose = request.axis or ", ".join(stage.names)
+        why = f"there is nothing to follow: the configuration has no `command_input` for {whose}"
+    why = why or _start_running(stage, t_ns)
+    if why:
+        return Answer(False, why)
+    motions = [stage.axes[i].follow_input(t_ns) for i in commanded]
+    return Answer(True, motion=motions[0])
+
+
+def _start_running(stage: Stage, t_ns: int) -> str:
+    """Go from READY on to RUN in the modes chosen; return why not."""
+    sensed = [axis.mode for axis in stage.axes if axis.mode in SENSED]
+    return stage.go(_run_in(sensed[0] if sensed else Mode.FEEDFORWARD), t_ns)
+
+
+def _run_in(mode: Mode) -> Event:
+    return Event.RUN_ADAPTIVE if mode in SENSED else Event.RUN
+
+
+def _beyond(axis: StageAxis, low_um: float, high_um: float) -> str:
+    pace = axis.pace
+    slack_um = 1e-9 * (pace.high_um - pace.low_um)  # bounds are sums, and off by rounding
+    if low_um >= pace.low_um - slack_um and high_um <= pace.high_um + slack_um:
+        return ""
+    got = f"{low_um:g} µm" if low_um == high_um else f"{low_um:g} to {high_um:g} µm"
+    return (
+        f"position out of range (got {got}), allowed range {pace.low_um:g} to {pace.high_um:g} µm"
+    )
+
+
+# ---------------------------------------------------------------------- voltages
+
+
+def _condition(stage: Stage, request: requests.Condition, t_ns: int) -> Answer:
+    axes, why = _chosen(stage, request.axis)
+    return Answer(False, why) if why else _condition_axes(stage, axes, t_ns)
+
+
+def _condition_axes(stage: Stage, axes: Iterable[int], t_ns: int) -> Answer:
+    swings = {
+        i: conditioning(stage.axes[i].config.conditioning, stage.axes[i].config.limits)
+        for i in axes
+    }
+    return _ident(stage, swings, t_ns, conditions=len(swings) == len(stage.axes))
+
+
+def _identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
+    drives: dict[int, Drive] = {}
+    for name, config in request.drive_v.items():
+        axes, why = _chosen(stage, name)
+        if why:
+            return Answer(False, why)
+        limits = stage.axes[axes[0]].config.limits
+        waveform = build_waveform(config, request.duration_s)
+        if waveform.low < limits.drive_min_v or waveform.high > limits.drive_max_v:
+            return Answer(
+                False,
+                f"axis {name}: drive_v out of range (got {waveform.low:g} to {waveform.high:g} V), "
+                f"allowed range {limits.drive_min_v:g} to {limits.drive_max_v:g} V",
+            )
+        drives[axes[0]] = Drive(waveform.value, request.duration_s)
+    return _ident(stage, drives, t_ns, conditions=False)
+
+
+def _ident(stage: Stage, drives: dict[int, Drive], t_ns: int, *, conditions: bool) -> Answer:
+    """Drive voltages from rest, with the way to rest before and after."""
+    refusal = stage.go(Event.IDENTIFY, t_ns)
+    if refusal:
+        return Answer(False, refusal)
+    to_rest = {i: stage.axes[i].config.limits.rest_v for i in drives}
+    stage.drive([to_rest, drives, to_rest], t_ns, conditions=conditions)
+    return Answer(True)
+
+
+def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
+    axes, why = _chosen(stage, request.axis)
+    if why:
+        return Answer(False, why)
+    if stage.state not in {State.SAFE, State.READY}:
+        why = f"the stage is in {stage.state}; the sensor is zeroed in SAFE or READY"
+        return Answer(False, why)
+    for i in axes:
+        limits, in_force_v = stage.axes[i].config.limits, stage.axes[i].live.in_force_v
+        if abs(in_force_v - limits.rest_v) > AT_REST_PART * (
+            limits.drive_max_v - limits.drive_min_v
+        ):
+            return Answer(
+                False,
+                f"axis {stage.names[i]} is at {in_force_v:.3g} V; zero is where it rests, "
+                f"at {limits.rest_v:g} V: `piezod stop` brings it there",
+            )
+    cycles = max(1, s_to_ns(ZERO_OVER_S) // stage.period_ns)
+    stage.zeroing = Zeroing(axes, len(stage.axes), cycles, t_ns + 2 * s_to_ns(ZERO_OVER_S))
+    return Answer(True)
+
+
+def _adopt(stage: Stage, request: requests.AdoptModel) -> Answer:
+    axes, why = _chosen(stage, request.axis)
+    if not why and len(axes) > 1:
+        why = f"axis must be one of {', '.join(stage.names)}: a model belongs to one"
+    if not why and stage.state not in {State.SAFE, State.FAULT}:
+        why = f"the stage is in {stage.state}; a model is changed in SAFE: `piezod disarm` first"
+    if why:
+        return Answer(False, why)
+    index = axes[0]
+    try:
+        stage.replace_axis(index, request.model)
+    except PiezodError as error:
+        return Answer(False, str(error))
+    if request.zero_um is not None:
+        stage.set_zero(index, request.zero_um)
+    return Answer(True)
+
+
+# ---------------------------------------------------------------------- axes
+
+
+def _chosen(stage: Stage, name: str | None) -> tuple[list[int], str]:
+    """Return the axes that are meant, all where none is named, and why there are none."""
+    if name is None:
+        return list(range(len(stage.axes))), ""
+    if name not in stage.names:
+        return [], _no_such(stage, name)
+    return [stage.names.index(name)], ""
+
+
+def _no_such(stage: Stage, name: str) -> str:
+    return f"no axis {name!r}; this stage has {', '.join(stage.names)}"

@@ -1,0 +1,1 @@
+"""What looks for faults: values in, detections out."""

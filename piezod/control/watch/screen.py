@@ -1,0 +1,127 @@
+"""Which samples may be used, by what they are: S2, S3, S5 to S8 and S11.
+
+A sample that may not be used is left out in its own cycle. That it is a fault is said later, when a
+few came in a row or a bucket has tripped.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from piezod.control.faults.register import Detection
+from piezod.control.signals.bucket import LeakyBucket
+from piezod.devices.interface import Sample
+from piezod.devices.status import DeviceFlag, Flags
+from piezod.hysteresis.normalisation import AffineRange
+from piezod.units import NS_PER_S
+
+RANGE_MARGIN: Final = 0.2
+"""A displacement so far outside its range, in parts of it, is not physical."""
+IN_A_ROW: Final = 3
+"""So many samples in a row out of range, saturated or without light are a fault."""
+LATE_PERIODS: Final = 1.5
+LATE_CYCLES: Final = 20
+"""Samples that are older than this for so many cycles are a fault."""
+TOO_LATE_PERIODS: Final = 3
+"""A sample older than this may not be used; so long without one is a fault."""
+
+_NOTHING: Final[Sequence[Detection]] = ()
+
+
+class SampleScreen:
+    """Screens the samples of one sensor; fixed memory.
+
+    Args:
+        axis: Index of the axis, for the detections.
+        position_um: Range of the displacement.
+        latency_ns: How old a sample of this sensor is at best.
+        period_ns: Period of the loop.
+    """
+
+    def __init__(
+        self, axis: int, position_um: AffineRange, latency_ns: int, period_ns: int
+    ) -> None:
+        margin_um = RANGE_MARGIN * position_um.width
+        self._axis = axis
+        self._low_um, self._high_um = position_um.low - margin_um, position_um.high + margin_um
+        self._late_ns = latency_ns + round(LATE_PERIODS * period_ns)
+        self._too_late_ns = latency_ns + TOO_LATE_PERIODS * period_ns
+        self._newest_ns: int | None = None
+        self._usable_ns: int | None = None
+        self._cause, self._in_a_row, self._missing = "", 0, 0
+        self._not_numbers, self._disordered = LeakyBucket(), LeakyBucket()
+        self._troubled = self._tripped = False
+        self.usable = False
+        """Whether the last sample may be used."""
+
+    def check(
+        self, t_ns: int, sample: Sample, flags: Flags, *, driven: bool
+    ) -> Sequence[Detection]:
+        """Return what is wrong with a sample, or with those before it; call it in the loop.
+
+        A stage that is not driven may not even be zeroed yet: its samples may be anywhere.
+        """
+        cause = self._find_cause(t_ns, sample, flags)
+        if cause == "S3" and not driven:
+            cause = ""
+        late = cause == "S6"
+        self.usable = not cause or (late and t_ns - sample.t_ns <= self._too_late_ns)
+        if self.usable or self._usable_ns is None:
+            self._usable_ns = t_ns
+        if not (cause or self._troubled):
+            return _NOTHING
+        self._count(cause)
+        return self._judge(t_ns, sample)
+
+    def _find_cause(self, t_ns: int, sample: Sample, flags: Flags) -> str:
+        taken_ns, position_um, valid = sample
+        if flags and (flagged := _flagged(flags)):
+            return flagged
+        if not valid:
+            return "S5"
+        if position_um - position_um != 0.0:  # infinite or not a number: time stands still for it
+            return "S2"
+        newest_ns = self._newest_ns
+        if taken_ns > t_ns or (newest_ns is not None and taken_ns <= newest_ns):
+            return "S11"
+        self._newest_ns = taken_ns
+        if self._low_um <= position_um <= self._high_um:
+            return "S6" if t_ns - taken_ns > self._late_ns else ""
+        return "S3"
+
+    def _count(self, cause: str) -> None:
+        self._in_a_row = self._in_a_row + 1 if cause and cause == self._cause else 1
+        self._cause = cause
+        self._missing = 0 if self.usable else self._missing + 1
+        self._tripped = self._not_numbers.update(cause == "S2")
+        self._tripped |= self._disordered.update(cause == "S11")
+        self._troubled = bool(cause or self._not_numbers.level or self._disordered.level)
+
+    def _judge(self, t_ns: int, sample: Sample) -> Sequence[Detection]:
+        cause, many = self._cause, self._in_a_row >= IN_A_ROW
+        none_left = self._missing > TOO_LATE_PERIODS
+        found: Sequence[Detection] = _NOTHING
+        if cause == "S2" and (self._tripped or none_left):
+            found = (Detection("S2", self._axis),)
+        elif cause == "S11" and (self._tripped or none_left):
+            found = (self._in_seconds("S11", sample.t_ns - (self._newest_ns or 0), 0),)
+        elif cause == "S3" and many:
+            low = sample.position_um < self._low_um
+            limit_um = self._low_um if low else self._high_um
+            found = (Detection("S3", self._axis, sample.position_um, limit_um),)
+        elif cause in ("S7", "S8") and many:
+            found = (Detection(cause, self._axis),)
+        elif none_left:
+            since_ns = self._usable_ns or t_ns
+            found = (self._in_seconds("S5", t_ns - since_ns, self._too_late_ns),)
+        elif cause == "S6" and self._in_a_row >= LATE_CYCLES:
+            found = (self._in_seconds("S6", t_ns - sample.t_ns, self._late_ns),)
+        return found
+
+    def _in_seconds(self, fault: str, measured_ns: int, limit_ns: int) -> Detection:
+        return Detection(fault, self._axis, measured_ns / NS_PER_S, limit_ns / NS_PER_S)
+
+
+def _flagged(flags: Flags) -> str:
+    if DeviceFlag.LOW_LIGHT in flags:
+        return "S8"
+    return "S7" if DeviceFlag.SATURATED in flags else ""

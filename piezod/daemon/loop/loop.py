@@ -1,0 +1,162 @@
+"""The loop on one screen: wait, run a cycle, publish it, take a request."""
+
+from collections.abc import Sequence
+from typing import Final, Protocol
+
+from piezod.config.requests import Estop, Request, Shutdown
+from piezod.control.faults.register import Detection
+from piezod.control.stage.record import Answer, StageEvent, StageRecord
+from piezod.control.watch.loop import CycleTiming
+from piezod.daemon.clock import Clock, clock_offsets_ns
+from piezod.daemon.loop.counters import ProcessCounters
+from piezod.daemon.loop.pacer import Pacer
+from piezod.daemon.loop.publisher import KnowsLearned, Publisher
+from piezod.daemon.loop.timed_channels import TimedChannels
+from piezod.telemetry.mailbox import MailboxReader
+from piezod.telemetry.requests_codec import decode
+from piezod.telemetry.shared_map import SharedMap
+from piezod.telemetry.stream import StreamReader
+from piezod.telemetry.words import Word
+from piezod.units import NS_PER_S
+
+SUPERVISOR_LOST_NS: Final = NS_PER_S
+"""Nobody supervises a loop that has not seen its supervisor's beat change for so long."""
+_COUNTED_EACH_NS: Final = NS_PER_S
+_ESTOP: Final = Estop()
+
+
+class Controller(KnowsLearned, Protocol):
+    """What decides in each cycle; `control.stage.controller.StageController` is it."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether the process may end."""
+        ...
+
+    def execute(self, request: Request, t_ns: int) -> Answer:
+        """Carry out a request, or say why not."""
+        ...
+
+    def stream_um(self, axis: int, position_um: float, t_ns: int) -> None:
+        """Take the newest setpoint of a stream."""
+        ...
+
+    def cycle(self, t_ns: int, timing: CycleTiming) -> StageRecord:
+        """Run one cycle."""
+        ...
+
+    def found(self, detection: Detection) -> None:
+        """Take a fault that was found outside, for the next cycle."""
+        ...
+
+    def take_events(self) -> Sequence[StageEvent]:
+        """Return what has happened since the last call."""
+        ...
+
+
+class Loop:
+    """Runs a stage, cycle by cycle.
+
+    Args:
+        controller: What decides.
+        timed: The devices that it uses, with their stopwatch.
+        shared: The memory shared with the supervisor, writable.
+        clock: The clock.
+        pacer: Keeps the period by it.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        timed: TimedChannels,
+        shared: SharedMap,
+        clock: Clock,
+        pacer: Pacer,
+    ) -> None:
+        self._controller, self._timed = controller, timed
+        self._now_ns, self._wait = clock.now_ns, pacer.wait
+        self.publisher = Publisher(shared)
+        self._mailbox, self._stream = MailboxReader(shared), StreamReader(shared)
+        self._supervisor = SupervisorWatch(shared)
+        self.counters = ProcessCounters(shared.words)
+        self._counted_ns = self._busy_ns = 0
+
+    def run(self) -> None:
+        """Run until the stage is at its safe voltage and was told to end."""
+        while not self._controller.finished:
+            self.cycle()
+
+    def cycle(self) -> None:
+        """Run one cycle."""
+        tick = self._wait()
+        t_ns = tick.deadline_ns + tick.late_ns
+        controller, publisher, timed = self._controller, self.publisher, self._timed
+        timed.start()
+        for axis, position_um, came_ns in self._stream.take():
+            controller.stream_um(axis, position_um, came_ns)
+        timing = CycleTiming(tick.late_ns, tick.skipped, self._busy_ns, *clock_offsets_ns())
+        record = controller.cycle(t_ns, timing)
+        publisher.record(record, tick, timed, self._now_ns())
+        publisher.events(controller.take_events())
+        publisher.learned(controller)
+        self._look_around(t_ns, tick.skipped)
+        self._busy_ns = self._now_ns() - t_ns
+
+    def _look_around(self, t_ns: int, skipped: int) -> None:
+        """Do what need not be done before the write."""
+        if number := self._mailbox.take_estop():
+            accepted, why, motion = self._controller.execute(_ESTOP, t_ns)
+            self._mailbox.answer_estop(number, accepted=accepted, motion=motion, why=why)
+        taken = self._mailbox.take(t_ns)
+        if taken is not None:
+            number, payload = taken
+            accepted, why, motion = self._execute(payload, t_ns)
+            if accepted:  # it may have changed what is learned, of which the client may ask next
+                self.publisher.learned_now(self._controller)
+            self._mailbox.answer(number, accepted=accepted, motion=motion, why=why)
+        if self._supervisor.lost(t_ns, skipped):
+            limit_s = SUPERVISOR_LOST_NS / NS_PER_S
+            self._controller.found(Detection("H1", measured=limit_s, limit=limit_s))
+            self._controller.execute(Shutdown(), t_ns)
+        if t_ns - self._counted_ns >= _COUNTED_EACH_NS:
+            self._counted_ns = t_ns
+            for detection in self.counters.publish():
+                self._controller.found(detection)
+
+    def _execute(self, payload: bytes, t_ns: int) -> Answer:
+        try:
+            request = decode(payload)
+        except ValueError as error:
+            return Answer(accepted=False, why=f"the request cannot be read: {error}")
+        return self._controller.execute(request, t_ns)
+
+
+class SupervisorWatch:
+    """Notices, once, that the supervisor's beat has stopped.
+
+    Args:
+        shared: The memory shared with it.
+    """
+
+    def __init__(self, shared: SharedMap) -> None:
+        self._words, self._period_ns = shared.words, shared.layout.period_ns
+        self._beat_ns = -1
+        self._seen_ns: int | None = 0
+
+    def lost(self, t_ns: int, skipped: int) -> bool:
+        """Return True in the first cycle in which nobody supervises; call it in each.
+
+        Periods that were skipped do not count: what stopped the loop stopped the supervisor too.
+        """
+        beat_ns = self._words[_SUPERVISOR_BEAT]
+        if beat_ns != self._beat_ns:
+            self._beat_ns, self._seen_ns = beat_ns, t_ns
+        elif self._seen_ns is not None:
+            self._seen_ns += skipped * self._period_ns
+            if t_ns - self._seen_ns > SUPERVISOR_LOST_NS:
+                self._seen_ns = None
+                return True
+        return False
+
+
+_SUPERVISOR_BEAT: Final = int(Word.SUPERVISOR_BEAT_NS)

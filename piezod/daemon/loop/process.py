@@ -1,0 +1,131 @@
+"""The loop process: `python -m piezod.daemon.loop.process RUNTIME_FOLDER CONFIG`.
+
+Started by the supervisor, which has made the shared memory. It owns the devices and nothing else:
+no HTTP, no log, no disk. It ends when it is told to, or when its supervisor is gone, in both cases
+at the safe voltage: exit code 0. With any other code the voltage in force stays where it is, and
+`piezod safe` has to be run.
+"""
+
+import signal
+import sys
+from collections.abc import Sequence
+from os import getpid
+from pathlib import Path
+from typing import Final
+
+from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.control.assembly import assemble
+from piezod.control.faults.register import Detection
+from piezod.control.stage.controller import StageController
+from piezod.control.stage.record import StageEvent
+from piezod.control.warm_up import warm_up
+from piezod.daemon.clock import MonotonicClock
+from piezod.daemon.durations import loop_gone_within_s
+from piezod.daemon.last_output import LastOutputWriter
+from piezod.daemon.loop.devices import make_channels
+from piezod.daemon.loop.loop import Loop
+from piezod.daemon.loop.pacer import Pacer
+from piezod.daemon.loop.placement import (
+    Placement,
+    place,
+    raise_threads,
+    refusal,
+    start_threads,
+)
+from piezod.daemon.loop.rate import measure_busy_ns, sustained_rate_hz, usable_spin_ns
+from piezod.daemon.loop.realtime import Realtime, RealtimeStep
+from piezod.daemon.loop.start import wait_for_devices, wait_for_lock
+from piezod.daemon.loop.timed_channels import TimedChannels
+from piezod.daemon.noted_identities import note_identities
+from piezod.daemon.paths import IDENTITIES, LOOP_LOCK
+from piezod.devices import registry
+from piezod.devices.channels import Channels
+from piezod.telemetry import requests_codec
+from piezod.telemetry.shared_map import SharedMap, attach
+from piezod.telemetry.words import Word
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""What these end is the supervisor, and that tells the loop."""
+
+
+def main(runtime: Path, config_file: Path) -> None:
+    """Run the loop of a stage until it is told to end.
+
+    Raises:
+        PiezodError: If configuration or shared memory cannot be used.
+        Exception: Whatever else goes wrong; the voltage in force stays where it is.
+    """
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    shared = attach(runtime / "loop.map", writable=True)
+    shared.words[Word.LOOP_PID] = getpid()
+    config = load_daemon(config_file, registry)
+    requests_codec.warm_up()
+    warm_up(config)
+    channels, clock = make_channels(config), MonotonicClock()
+    period_ns = shared.layout.period_ns
+    lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
+    if lock is None or not wait_for_devices(channels, shared, clock):
+        return  # the end of the process releases the lock, nothing before it
+    note_identities(runtime / IDENTITIES, channels.identities)
+    placements = place(channels.devices, channels.identities, config.rate_hz, clock)
+    channels.use({one.name: one.device for one in placements})
+    threads = start_threads(placements)
+    noted = LastOutputWriter(runtime / "output.map", len(config.axes))
+    timed = TimedChannels(channels, clock, noted)
+    controller = assemble(config, timed, channels.capabilities())
+    controller.stage.output_lost = lambda: noted.forget(clock.now_ns())
+    busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
+    realtime = Realtime(config.loop, shared, 1 + threads)
+    steps = realtime.set_up()
+    raise_threads(placements)
+    found = {"steps": [step._asdict() for step in steps]}
+    shared.set_report(found | {"devices": [one.document() for one in placements]})
+    _admit(controller, config, shared, channels, placements, steps, busy_ns)
+    spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
+    loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns))
+    try:
+        loop.run()
+    except Exception as error:
+        text = f"the loop failed: {error!r}; report it, with the log"
+        loop.publisher.events([StageEvent(clock.now_ns(), "error", "crash", text)])
+        raise
+    finally:
+        realtime.leave()
+    channels.close()
+
+
+def _admit(
+    controller: StageController,
+    config: DaemonConfig,
+    shared: SharedMap,
+    channels: Channels,
+    placements: Sequence[Placement],
+    steps: list[RealtimeStep],
+    busy_ns: int,
+) -> None:
+    """Say what speaks against arming, if anything does."""
+    words, rate_hz = shared.words, sustained_rate_hz(busy_ns)
+    words[Word.MEASURED_RATE_HZ] = int(rate_hz)
+    missing = [step.name for step in steps if not step.ok]
+    limits = [axis.limits for axis in config.axes.values()]
+    beyond = channels.beyond_reach([(each.drive_min_v, each.drive_max_v) for each in limits])
+    if beyond:
+        controller.stage.no_entry = beyond
+    elif slow := refusal(placements, config.rate_hz):
+        controller.stage.no_entry = slow
+    elif config.rate_hz > rate_hz:
+        controller.stage.no_entry = (
+            f"rate_hz is {config.rate_hz:g}, this machine with these devices keeps {rate_hz:.0f}"
+            " Hz: choose a lower rate"
+        )
+    elif missing and config.loop.strict_rt:
+        controller.stage.no_entry = (
+            f"not obtained: {', '.join(missing)}, and strict_rt is set: see `piezod status`"
+        )
+    if words[Word.UNCLEAN]:
+        controller.found(Detection("P2"))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

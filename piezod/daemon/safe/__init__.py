@@ -1,0 +1,1 @@
+"""Bringing a stage without a loop to its safe voltage."""

@@ -1,0 +1,124 @@
+"""What happened around a fault: the seconds before and after it, written out by themselves."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from threading import Lock
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from piezod.control.stage.record import StageEvent
+from piezod.daemon.stores.recordings_folder import RecordingsFolder
+from piezod.records.telemetry_file import TelemetryWriter
+from piezod.records.telemetry_header import TelemetryHeader
+from piezod.units import NS_PER_S
+
+BEFORE_NS: Final = 10 * NS_PER_S
+AFTER_NS: Final = 2 * NS_PER_S
+PAUSE_NS: Final = 10 * NS_PER_S
+"""After a file no other is begun for so long, so that a fault that flickers does not fill disks."""
+KEPT: Final = 50
+"""How many files are kept."""
+MAX_EVENTS: Final = 1000
+"""How many events a file may hold, at most half of them from before the fault."""
+
+
+class FlightRecorder:
+    """Collects events, and writes the cycles around the first fault with them.
+
+    `note` costs next to nothing; the others may block on the disk, so call them in a worker thread.
+
+    Args:
+        last: Gives up to so many of the newest records, oldest first, as `RingReader.last`.
+        folder: Where the files go; made where absent.
+        now: The time of day.
+
+    Raises:
+        OSError: If the folder cannot be made.
+    """
+
+    def __init__(
+        self,
+        last: Callable[[int], NDArray[Any]],
+        folder: Path,
+        now: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
+        self.folder = RecordingsFolder(folder)
+        self._last, self._now = last, now
+        self._lock = Lock()
+        self._events: list[StageEvent] = []
+        self._fault: StageEvent | None = None
+        self._not_before_ns: int | None = None
+
+    def note(self, event: StageEvent) -> None:
+        """Take an event; the first fault of severity "error" makes a file due 2 s later."""
+        with self._lock:
+            if self._fault is not None:
+                if len(self._events) < MAX_EVENTS:
+                    self._events.append(event)
+                return
+            oldest_ns = event.t_ns - BEFORE_NS
+            recent = [each for each in self._events if each.t_ns >= oldest_ns]
+            self._events = [*recent[-MAX_EVENTS // 2 :], event]
+            if event.kind == "fault" and event.severity == "error" and self._may(event.t_ns):
+                self._fault = event
+
+    def write_due(self, header: TelemetryHeader, now_ns: int) -> Path | None:
+        """Write the file that is due, if one is.
+
+        Args:
+            header: What is said of the stage; title, notes and instants are filled in.
+            now_ns: Now, on the clock of the records.
+
+        Returns:
+            The file that was written, None where none is due.
+
+        Raises:
+            OSError: If the disk does not take it; it is not tried again.
+        """
+        with self._lock:
+            fault = self._fault
+            if fault is None or now_ns < fault.t_ns + AFTER_NS:
+                return None
+        return self.write_now(header, now_ns)
+
+    def write_now(self, header: TelemetryHeader, now_ns: int) -> Path | None:
+        """Write the file that a fault wants without waiting, as when the loop has ended.
+
+        Args, return value and errors are those of `write_due`.
+        """
+        with self._lock:
+            fault, events = self._fault, self._events
+            self._fault, self._events = None, []
+            if fault is None:
+                return None
+            self._not_before_ns = now_ns + PAUSE_NS
+        return self._write(header, fault, events, now_ns)
+
+    def _may(self, t_ns: int) -> bool:
+        return self._not_before_ns is None or t_ns >= self._not_before_ns
+
+    def _write(
+        self, header: TelemetryHeader, fault: StageEvent, events: list[StageEvent], now_ns: int
+    ) -> Path:
+        happened = self._now() - timedelta(microseconds=(now_ns - fault.t_ns) / 1000)
+        span_s = (BEFORE_NS + now_ns - fault.t_ns) / NS_PER_S
+        records = self._last(round(span_s * header.rate_hz) + 1)
+        t_ns = records["t_ns"]
+        inside = (t_ns >= fault.t_ns - BEFORE_NS) & (t_ns <= fault.t_ns + AFTER_NS)
+        lines = "".join(json.dumps(event._asdict()) + "\n" for event in events)
+        header = replace(
+            header,
+            title=f"{fault.fault}: {fault.text}",
+            started_at=happened.isoformat(timespec="milliseconds"),
+            start_ns=fault.t_ns,
+            notes={**header.notes, "events": lines},
+        )
+        path = self.folder.new(happened, fault.fault)
+        with TelemetryWriter(path, header, records.dtype) as writer:
+            writer.append(records[inside])
+        self.folder.keep_newest(KEPT)
+        return path

@@ -1,0 +1,116 @@
+"""Stored parameters of a stage as the bytes of a file, which vouch for themselves."""
+
+import hashlib
+import json
+from typing import Annotated, Any, Final, Literal, TypeAlias
+
+from pydantic import Field, StringConstraints, ValidationError
+
+from piezod.config.fields import ConfigModel, Quantity
+from piezod.config.model_file import ModelFile
+from piezod.config.quantities import Name, PositionUm
+from piezod.control.law.model_files import from_model_file
+from piezod.errors import DataError, ModelError
+from piezod.hysteresis.learner import OFFSET_LIMIT, SCALE_LIMIT
+
+MAX_BYTES: Final = 4 << 20
+"""A file that is larger is none of ours; 16 axes of 2000 weights are well below."""
+
+_Line: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=255)]
+_Digest: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+
+
+class AxisParameters(ConfigModel):
+    """What one axis has learned."""
+
+    model: ModelFile | None = Field(description="The model with its weights; none without one.")
+    zero_um: PositionUm = Field(description="Sensor zero, µm.")
+    offset: Annotated[float, Quantity(-OFFSET_LIMIT, OFFSET_LIMIT)] = Field(
+        default=0.0, description="Offset of the normalised displacement."
+    )
+    scale: Annotated[float, Quantity(-SCALE_LIMIT, SCALE_LIMIT)] = Field(
+        default=0.0, description="How much more than the model says the stage moves, as a share."
+    )
+
+
+class ParameterDocument(ConfigModel):
+    """The parameters of a stage as they are stored."""
+
+    format: Literal["piezod-parameters"] = "piezod-parameters"
+    version: Literal[1] = 1
+    sequence: Annotated[int, Quantity(1, 10**9)] = Field(description="One more with each save.")
+    stage: _Line = Field(description="Identity of the stage that they belong to.")
+    saved_at: _Line = Field(description="When, ISO 8601 with the offset from UTC.")
+    saved_by: _Line = Field(description="Who.")
+    axes: dict[Name, AxisParameters] = Field(min_length=1, max_length=16)
+    sha256: _Digest = Field(default="0" * 64, description="Of this file with 64 zeros here.")
+
+
+def encode(document: ParameterDocument) -> bytes:
+    """Return the only text that a document may have, with its checksum filled in."""
+    unsigned = _text(document, "0" * 64)
+    return _text(document, hashlib.sha256(unsigned).hexdigest())
+
+
+def decode(content: bytes) -> ParameterDocument:
+    """Return the document that a file holds.
+
+    Any other byte than those that `encode` wrote is found, even one that changes no value.
+
+    Args:
+        content: All of the file.
+
+    Raises:
+        DataError: If it is not exactly what `encode` writes, or holds a model that cannot be used;
+            the text says why, without the name of the file.
+    """
+    if len(content) > MAX_BYTES:
+        raise DataError(f"it is larger than {MAX_BYTES} bytes, allowed are files of `params save`")
+    try:
+        data = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise DataError(f"it is no JSON document ({error}), it is cut off or damaged") from error
+    _check_kind(data)
+    try:
+        document = ParameterDocument.model_validate(_with_tuples(data))
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise DataError(f"it is damaged: {where}: {first['msg']}") from error
+    expected = encode(document)
+    if expected != content:
+        raise DataError("it is damaged or was edited: its checksum does not fit what is in it")
+    _check_models(document)
+    return document
+
+
+def _check_kind(data: object) -> None:
+    if not isinstance(data, dict) or data.get("format") != "piezod-parameters":
+        raise DataError("it does not hold parameters of a stage")
+    version = data.get("version")
+    if version != 1:
+        raise DataError(
+            f"it has version {str(version)[:20]!r}, this piezod reads version 1; "
+            "use the piezod that wrote it, or identify again"
+        )
+
+
+def _check_models(document: ParameterDocument) -> None:
+    for name, axis in document.axes.items():
+        try:
+            if axis.model is not None:
+                from_model_file(axis.model)
+        except ModelError as error:
+            raise DataError(f"axis {name}: {error}") from error
+
+
+def _text(document: ParameterDocument, digest: str) -> bytes:
+    data = document.model_copy(update={"sha256": digest}).model_dump(mode="json")
+    return (json.dumps(data, indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def _with_tuples(data: Any) -> Any:
+    """Return JSON data with tuples for lists, as strict models want them."""
+    if isinstance(data, dict):
+        return {key: _with_tuples(value) for key, value in data.items()}
+    return tuple(map(_with_tuples, data)) if isinstance(data, list) else data

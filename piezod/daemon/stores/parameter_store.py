@@ -1,0 +1,198 @@
+"""The parameters of a stage on disk: each save a new file, older ones kept to fall back on."""
+
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from piezod.daemon.durable import sweep_temporaries, sync_folder, write_durably
+from piezod.daemon.stores.parameter_document import (
+    MAX_BYTES,
+    AxisParameters,
+    ParameterDocument,
+    decode,
+    encode,
+)
+from piezod.errors import DataError
+
+KEPT: Final = 20
+"""How many good files are kept."""
+
+_FILE_NAME: Final = re.compile(r"([0-9]{9})\.json")
+
+
+def _utc_now() -> datetime:
+    return datetime.now(UTC)
+
+
+class Rejected(NamedTuple):
+    """A file that was not used.
+
+    Attributes:
+        file: Its name.
+        why: What is wrong with it.
+    """
+
+    file: str
+    why: str
+
+
+class Loaded(NamedTuple):
+    """What a store gave.
+
+    Attributes:
+        document: The parameters, None where there are none that can be used.
+        copy: Which they are: "newest", "number 7", or empty where there are none.
+        rejected: What was passed over on the way to them, newest first; to be told to people, and
+            reason enough not to adapt on from them before a person has agreed.
+    """
+
+    document: ParameterDocument | None
+    copy: str
+    rejected: tuple[Rejected, ...]
+
+
+class Stored(NamedTuple):
+    """A file of the history.
+
+    Attributes:
+        sequence: Its number, rising with each save.
+        saved_at: When, ISO 8601 with the offset from UTC; empty where it cannot be used.
+        saved_by: Who; empty where it cannot be used.
+        axes: Names of its axes; none where it cannot be used.
+        why: What is wrong with it; empty where it can be used.
+    """
+
+    sequence: int
+    saved_at: str = ""
+    saved_by: str = ""
+    axes: tuple[str, ...] = ()
+    why: str = ""
+
+
+class ParameterStore:
+    """Numbered files in a folder, of which the newest good one counts.
+
+    A save adds a file and touches no other, so whatever happens during it, the files before are
+    there. Only the owner of the daemon's lock may have one. Every call may block on the disk.
+
+    Args:
+        folder: Where the files are; made where absent.
+        stage_id: Identity of the stage, at most 255 characters; files of others are refused.
+        now: The time of day.
+
+    Raises:
+        OSError: If the folder cannot be made or read.
+    """
+
+    def __init__(self, folder: Path, stage_id: str, now: Callable[[], datetime] = _utc_now) -> None:
+        folder.mkdir(mode=0o750, parents=True, exist_ok=True)
+        sweep_temporaries(folder)
+        self._folder, self._stage_id, self._now = folder, stage_id, now
+
+    def save(self, axes: Mapping[str, AxisParameters], who: str) -> int:
+        """Store parameters.
+
+        Args:
+            axes: Parameters by the names of the axes.
+            who: Who saves them, for people.
+
+        Returns:
+            The number by which they can be loaded.
+
+        Raises:
+            OSError: If they cannot be stored, as on a full disk; those before are unharmed.
+            DataError: If they could not be loaded again, as a model that is not monotone.
+        """
+        sequence = max(self._sequences(), default=0) + 1
+        content = encode(
+            ParameterDocument(
+                sequence=sequence,
+                stage=self._stage_id,
+                saved_at=self._now().isoformat(timespec="seconds"),
+                saved_by=who[:255] or "unknown",
+                axes=dict(axes),
+            )
+        )
+        decode(content)
+        write_durably(self._path(sequence), content)
+        self._prune()
+        return sequence
+
+    def load(self, sequence: int | None = None) -> Loaded:
+        """Return the newest good parameters, or those of a number.
+
+        Where a number is given and its file is bad, there is no falling back to another.
+
+        Args:
+            sequence: The number that `save` returned; None for the newest.
+        """
+        rejected: list[Rejected] = []
+        for number in self._newest_first() if sequence is None else (sequence,):
+            try:
+                document = self._read(number)
+            except DataError as error:
+                rejected.append(Rejected(self._path(number).name, str(error)))
+            else:
+                copy = f"number {number}" if rejected or sequence is not None else "newest"
+                return Loaded(document, copy, tuple(rejected))
+        return Loaded(None, "", tuple(rejected))
+
+    def history(self) -> tuple[Stored, ...]:
+        """Return what is stored, newest first, what cannot be used included."""
+        return tuple(self._stored(number) for number in self._newest_first())
+
+    def _stored(self, number: int) -> Stored:
+        try:
+            document = self._read(number)
+        except DataError as error:
+            return Stored(number, why=str(error))
+        return Stored(number, document.saved_at, document.saved_by, tuple(document.axes))
+
+    def _read(self, number: int) -> ParameterDocument:
+        try:
+            document = decode(_content(self._path(number)))
+        except OSError as error:
+            raise DataError(f"it cannot be read: {error.strerror}") from error
+        if document.stage != self._stage_id:
+            raise DataError(
+                f"it belongs to stage {document.stage!r}, this is {self._stage_id!r}; identify "
+                "this stage, or bring the files of its own"
+            )
+        if document.sequence != number:
+            raise DataError(f"it was number {document.sequence} and has been renamed")
+        return document
+
+    def _prune(self) -> None:
+        """Remove what is older than enough good files; what is bad does not count as one."""
+        good = 0
+        for number in self._newest_first():
+            if good >= KEPT:
+                self._path(number).unlink(missing_ok=True)
+            elif not self._stored(number).why:
+                good += 1
+        sync_folder(self._folder)
+
+    def _newest_first(self) -> list[int]:
+        return sorted(self._sequences(), reverse=True)
+
+    def _sequences(self) -> Iterator[int]:
+        for entry in os.scandir(self._folder):
+            match = _FILE_NAME.fullmatch(entry.name)
+            if match:
+                yield int(match[1])
+
+    def _path(self, sequence: int) -> Path:
+        return self._folder / f"{sequence:09d}.json"
+
+
+def _content(path: Path) -> bytes:
+    """Return what a file holds, at most a byte more than is allowed; links are not followed."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        with open(descriptor, "rb", closefd=False) as file:
+            return file.read(MAX_BYTES + 1)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,116 @@
+"""One run of the loop process as the supervisor reaches it: its memory and its configuration."""
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezod.config.daemon import DaemonConfig
+from piezod.config.model_file import ModelFile, load_model
+from piezod.config.states import State
+from piezod.control.limits import read_back_tolerance_v
+from piezod.daemon.service.stage_service import BadValueError, NotNowError
+from piezod.daemon.supervisor.documents import STATES
+from piezod.daemon.supervisor.health import LoopHealth
+from piezod.daemon.supervisor.requests import LoopRequests
+from piezod.telemetry.events import EventReader
+from piezod.telemetry.learned import LearnedReader
+from piezod.telemetry.ring import RingReader
+from piezod.telemetry.shared_map import SharedMap
+from piezod.telemetry.stream import StreamWriter
+from piezod.telemetry.words import Word
+
+
+class LoopConnection:
+    """All that speaks through the memory that is shared with a loop.
+
+    Args:
+        config: What the loop runs.
+        shared: The memory; made before the loop is started, so that nothing it says is missed.
+    """
+
+    def __init__(self, config: DaemonConfig, shared: SharedMap) -> None:
+        self.config, self.shared = config, shared
+        self.axes = tuple(config.axes)
+        self.health = LoopHealth(shared, time.monotonic_ns())
+        self.requests = LoopRequests(shared)
+        self.events = EventReader(shared)
+        self.learned = LearnedReader(shared)
+        self.models = {name: _model(axis.model) for name, axis in config.axes.items()}
+        """The model file that each axis uses, None without one."""
+        self._range_um = {
+            name: axis.command_range_um or _range_um(self.models[name])
+            for name, axis in config.axes.items()
+        }
+        self._ring = RingReader(shared)
+        self._streams = StreamWriter(shared)
+
+    @property
+    def state(self) -> State:
+        """The state of the newest cycle; BOOT before the first."""
+        return STATES[self.shared.words[Word.LOOP_STATE]]
+
+    def beat(self, now_ns: int) -> None:
+        """Show the loop that the supervisor lives."""
+        self.shared.words[Word.SUPERVISOR_BEAT_NS] = now_ns
+
+    def latest(self) -> np.void | None:
+        """Return the newest record, None before the first."""
+        return self._ring.latest()
+
+    @property
+    def opened(self) -> bool:
+        """Whether the loop has had the devices."""
+        return bool(self.shared.words[Word.DEVICES_OPEN])
+
+    def left_safe(self) -> bool:
+        """Tell whether a loop that has ended left every axis at its safe voltage.
+
+        One that never had the devices, or never wrote, left them as they were.
+        """
+        ending = self.last(2)  # the last is in STOPPING
+        if not len(ending) or ending[-1]["shadow"]:
+            return True
+        blind = any(STATES[record["state"]] is State.BLIND for record in ending)
+        drive_v = ending[-1]["axes"]["drive_v"]  # where nothing is driven, what is read back
+        axes = self.config.axes.values()
+        off_v = np.abs(drive_v - [axis.safe_v for axis in axes])
+        allowed_v = [
+            read_back_tolerance_v(axis.limits.drive_min_v, axis.limits.drive_max_v) for axis in axes
+        ]
+        return not blind and bool(np.all(off_v <= allowed_v))
+
+    def last(self, count: int) -> NDArray[Any]:
+        """Return up to so many of the newest records, oldest first."""
+        return self._ring.last(count)
+
+    def stream_setpoint(self, setpoints_um: Mapping[str, float]) -> None:
+        """Leave setpoints for the next cycle, in µm by axis.
+
+        Raises:
+            BadValueError: If an axis may not go there; none is set then.
+            NotNowError: If the stage follows no stream.
+        """
+        if self.state is not State.RUN:
+            what = f"the stage is in {self.state}, setpoints are followed in RUN only"
+            raise NotNowError(what, "begin the stream again")
+        for name, position_um in setpoints_um.items():
+            low_um, high_um = self._range_um[name]
+            if not low_um <= position_um <= high_um:
+                what = f"axis {name}: out of range (got {position_um:g} µm)"
+                raise BadValueError(what, f"allowed range {low_um:g} to {high_um:g} µm")
+        now_ns = time.monotonic_ns()
+        for name, position_um in setpoints_um.items():
+            self._streams.set(self.axes.index(name), position_um, now_ns)
+
+
+def _model(path: Any) -> ModelFile | None:
+    return None if path is None else load_model(path)
+
+
+def _range_um(model: ModelFile | None) -> tuple[float, float]:
+    """Return the range of positions of an axis whose configuration leaves it to the model."""
+    assert model is not None  # noqa: S101 - the configuration wants one of the two
+    return model.position_low_um, model.position_high_um

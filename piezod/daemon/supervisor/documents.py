@@ -1,0 +1,114 @@
+"""What is told of a stage, as documents: status, faults, how the loop runs."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from piezod.config.daemon import DaemonConfig
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.control.faults.table import FAULTS
+from piezod.control.law.gate import GateReason
+from piezod.telemetry.shared_map import SharedMap
+from piezod.telemetry.words import Word
+
+Document = dict[str, Any]
+
+MODES: Final = tuple(Mode)
+STATES: Final = tuple(State)
+GATES: Final = tuple(GateReason)
+
+_NUMBERS: Final = ("position_um", "command_um", "drive_v", "target_um", "read_back_v", "trim_um")
+
+
+def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> Document:
+    """Return the status of a stage.
+
+    Args:
+        config: Its configuration.
+        shared: The memory shared with the loop.
+        record: The newest record, None before the first.
+    """
+    axes = {
+        name: _axis(None if record is None else record["axes"][i], config)
+        for i, name in enumerate(config.axes)
+    }
+    obtained = _obtained(shared)
+    modes = {axis["mode"] for axis in axes.values()}
+    return {
+        "title": config.title,
+        "state": STATES[shared.words[Word.LOOP_STATE]].value,
+        "mode": modes.pop() if len(modes) == 1 else "mixed",
+        "shadow": record is not None and bool(record["shadow"]),
+        "faults": [] if record is None else faults(*masks(record)),
+        "skipped_cycles": shared.words[Word.SKIPPED_CYCLES],
+        "not_realtime": [step["name"] for step in obtained["steps"] if not step["ok"]],
+        "devices": obtained["devices"],
+        "axes": axes,
+    }
+
+
+def _axis(record: np.void | None, config: DaemonConfig) -> Document:
+    if record is None:
+        unknown = dict.fromkeys(_NUMBERS, float("nan"))
+        return {**unknown, "mode": config.mode.value, "gate": "", "on_target": False, "motion": 0}
+    return {
+        **{name: float(record[name]) for name in _NUMBERS},
+        "mode": MODES[record["mode"]].value,
+        "gate": str(GATES[record["gate"]].value),
+        "on_target": bool(record["on_target"]),
+        "motion": int(record["motion"]),
+    }
+
+
+def masks(record: np.void) -> tuple[int, int]:
+    """Return which faults a record says are present, and which latched, one bit for each."""
+    return (
+        int(record["present_lo"]) | int(record["present_hi"]) << 64,
+        int(record["latched_lo"]) | int(record["latched_hi"]) << 64,
+    )
+
+
+def faults(present: int, latched: int) -> list[Document]:
+    """Return what is to be said of the faults that are present or latched."""
+    return [
+        {
+            "id": rule.id,
+            "name": rule.name,
+            "present": bool(present >> i & 1),
+            "latched": bool(latched >> i & 1),
+            "remedy": rule.remedy,
+        }
+        for i, rule in enumerate(FAULTS)
+        if (present | latched) >> i & 1
+    ]
+
+
+def fault_ids(mask: int) -> Sequence[str]:
+    """Return the ids of the faults in a mask."""
+    return [rule.id for i, rule in enumerate(FAULTS) if mask >> i & 1]
+
+
+def realtime(config: DaemonConfig, shared: SharedMap) -> Document:
+    """Return what the loop process obtained of the operating system, and how it has run since."""
+    words = shared.words
+    return {
+        "rate_hz": config.rate_hz,
+        "measured_rate_hz": words[Word.MEASURED_RATE_HZ],
+        "loop_pid": words[Word.LOOP_PID],
+        **_obtained(shared),
+        "healthy_cycles": words[Word.HEALTHY_CYCLES],
+        "skipped_cycles": words[Word.SKIPPED_CYCLES],
+        "requests_expired": words[Word.REQUESTS_EXPIRED],
+        "gc_collections": words[Word.GC_COLLECTIONS],
+        "minor_faults": words[Word.MINOR_FAULTS],
+        "major_faults": words[Word.MAJOR_FAULTS],
+        "allocated_blocks": words[Word.ALLOCATED_BLOCKS],
+    }
+
+
+def _obtained(shared: SharedMap) -> Document:
+    """Return the steps of the loop's set-up and its devices; none before it has told them."""
+    report: Document = shared.report() or {"steps": [], "devices": []}
+    return report

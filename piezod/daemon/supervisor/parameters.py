@@ -1,0 +1,136 @@
+"""What a stage has learned, saved and taken back."""
+
+import asyncio
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from pydantic import ValidationError
+
+import piezod
+from piezod.config.model_file import ModelFile
+from piezod.config.requests import AdoptModel
+from piezod.control.stage.record import Answer
+from piezod.daemon.logging import logger
+from piezod.daemon.service.stage_service import NotNowError, UnknownNameError
+from piezod.daemon.stores.parameter_document import AxisParameters
+from piezod.daemon.stores.parameter_store import ParameterStore
+from piezod.daemon.supervisor.connection import LoopConnection
+from piezod.errors import DataError
+from piezod.telemetry.learned import LearnedAxis
+
+Document = dict[str, Any]
+
+_log = logger("parameters")
+
+
+class StageParameters:
+    """Saves what the loop has learned, and has it take back what was saved.
+
+    Args:
+        store: Where they are.
+    """
+
+    def __init__(self, store: ParameterStore) -> None:
+        self._store = store
+        self._sequence: int | None = None
+        self._one_at_a_time = asyncio.Lock()
+
+    async def now(self, loop: LoopConnection) -> Document:
+        """Return the parameters in use, and the number under which they were saved or loaded."""
+        async with self._one_at_a_time:
+            found = await asyncio.to_thread(_in_use, loop)
+        axes = {name: axis.model_dump(mode="json") for name, axis in found.items()}
+        return {"sequence": self._sequence, "axes": axes}
+
+    async def history(self) -> list[Document]:
+        """Return what is stored, newest first."""
+        async with self._one_at_a_time:
+            stored = await asyncio.to_thread(self._store.history)
+        return [{**each._asdict(), "axes": list(each.axes)} for each in stored]
+
+    async def save(self, loop: LoopConnection, who: str) -> Document:
+        """Store the parameters in use.
+
+        Raises:
+            NotNowError: If there are none yet, or they cannot be stored.
+        """
+        async with self._one_at_a_time:
+            try:
+                axes = await asyncio.to_thread(_in_use, loop)
+                if not axes:
+                    raise NotNowError("nothing has been learned yet", "wait until the loop runs")
+                self._sequence = await asyncio.to_thread(self._store.save, axes, who)
+            except (DataError, OSError, ValidationError) as error:
+                raise NotNowError(f"not saved: {error}", "those saved before are kept") from error
+        return {"sequence": self._sequence}
+
+    async def load(self, loop: LoopConnection, sequence: int | None) -> Document:
+        """Have the loop use stored parameters, of a number or the newest good ones.
+
+        Raises:
+            UnknownNameError: If there are none.
+            NotNowError: If they are not of these axes, or the loop does not take them now.
+        """
+        async with self._one_at_a_time:
+            loaded = await asyncio.to_thread(self._store.load, sequence)
+        rejected = [each._asdict() for each in loaded.rejected]
+        for each in loaded.rejected:
+            _log.error("parameters rejected", file=each.file, why=each.why)
+        if loaded.document is None:
+            why = "; ".join(f"{each.file}: {each.why}" for each in loaded.rejected)
+            raise UnknownNameError(why or "nothing is saved", "see `piezod params list`")
+        _check_axes(loaded.document.axes, loop)
+        for name, axis in loaded.document.axes.items():
+            if axis.model is not None:  # without one there is nothing to use
+                request = AdoptModel(axis=name, model=axis.model, zero_um=axis.zero_um)
+                answer = await self.adopt(loop, request)
+                if not answer.accepted:
+                    raise NotNowError(f"axis {name}: {answer.why}")
+        self._sequence = loaded.document.sequence
+        return {"sequence": self._sequence, "copy": loaded.copy, "rejected": rejected}
+
+    async def adopt(self, loop: LoopConnection, request: AdoptModel) -> Answer:
+        """Have the loop use a model; nobody is told the weights of one with those of another."""
+        async with self._one_at_a_time:
+            answer = await loop.requests.ask(request)
+            if answer.accepted:
+                loop.models[request.axis or loop.axes[0]] = request.model
+        return answer
+
+
+def _check_axes(stored: Mapping[str, AxisParameters], loop: LoopConnection) -> None:
+    unknown = ", ".join(stored.keys() - set(loop.axes))
+    if unknown:
+        what = f"they are of axes that this stage does not have: {unknown}"
+        raise NotNowError(what, f"its axes are {', '.join(loop.axes)}")
+
+
+def _in_use(loop: LoopConnection) -> dict[str, AxisParameters]:
+    found = {}
+    for i, name in enumerate(loop.axes):
+        learned = loop.learned.read(i)
+        if learned is not None:
+            found[name] = AxisParameters(
+                model=_with_weights(loop.models[name], learned),
+                zero_um=learned.zero_um,
+                offset=learned.offset,
+                scale=learned.scale,
+            )
+    return found
+
+
+def _with_weights(model: ModelFile | None, learned: LearnedAxis) -> ModelFile | None:
+    """Return a model with what its weights have become; left weights come first in memory."""
+    if model is None:
+        return None
+    weights = tuple(learned.weights.tolist())
+    left = len(model.left_stop_thresholds)
+    return model.model_copy(
+        update={
+            "left_stop_weights": weights[:left],
+            "right_stop_weights": weights[left:],
+            "created_at": datetime.now(UTC).isoformat(timespec="seconds"),
+            "created_by": f"piezod {piezod.__version__}, learned in the loop",
+        }
+    )

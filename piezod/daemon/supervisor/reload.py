@@ -1,0 +1,105 @@
+"""A new configuration for a running stage: validated as a whole, then swapped, or the old one kept.
+
+The swap ends the loop process and starts another, so nothing can be applied by halves. If the new
+one does not come up, one with the old configuration is started.
+"""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from piezod.config.daemon import DaemonConfig
+from piezod.config.states import State
+from piezod.daemon.paths import StagePaths
+from piezod.daemon.service.stage_service import BadValueError, NotNowError
+from piezod.daemon.supervisor import accepted_config
+from piezod.daemon.supervisor.loop_run import LoopRun
+from piezod.errors import ConfigError
+
+UP_WITHIN_S: Final = 60.0
+"""A loop without a healthy cycle by then has not come up; compiling may take most of it."""
+AT_REST: Final = (State.SAFE, State.FAULT, State.BLIND)
+"""States in which nothing is driven."""
+_POLL_S: Final = 0.02
+
+
+async def read_again(source: Path, old: DaemonConfig, *, strict_rt: bool) -> DaemonConfig:
+    """Read a changed configuration.
+
+    Raises:
+        BadValueError: If it is not valid; the text has every problem.
+        NotNowError: If it is one that only a start can take.
+    """
+    try:
+        new = await asyncio.to_thread(accepted_config.load, source, strict_rt=strict_rt)
+    except (ConfigError, OSError) as error:
+        raise BadValueError(str(error), "the configuration in force is kept; correct it") from error
+    if list(new.axes) != list(old.axes):
+        what = f"its axes are {', '.join(new.axes)}, those in force are {', '.join(old.axes)}"
+        raise NotNowError(what, "axes are exchanged by a restart only")
+    return new
+
+
+def changes(old: DaemonConfig, new: DaemonConfig) -> list[str]:
+    """Return the paths of all values that two configurations have different."""
+    before, after = (_flat(accepted_config.document(config)) for config in (old, new))
+    return sorted(key for key in before.keys() | after.keys() if before.get(key) != after.get(key))
+
+
+def _flat(document: dict[str, Any], path: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in document.items():
+        inner = f"{path}.{key}" if path else key
+        flat |= _flat(value, inner) if isinstance(value, dict) else {inner: value}
+    return flat
+
+
+async def exchange(
+    run: LoopRun, paths: StagePaths, new: DaemonConfig, use: Callable[[LoopRun], None]
+) -> bool:
+    """End a loop that drives nothing and start one with a new configuration.
+
+    Args:
+        run: The loop that runs.
+        paths: The files of the stage.
+        new: The configuration.
+        use: Told of each loop just before it is started, so that it is looked after.
+
+    Returns:
+        Whether the new one came up; else a loop with the old configuration has been started.
+
+    Raises:
+        OSError: If there is no room for the new configuration; the loop runs as before.
+    """
+    old, slot = run.loop.config, run.config_file.parent.name
+    # Made while the old one runs: where the disk is full, that one goes on.
+    fresh = LoopRun(paths, new, "config-b" if slot == "config-a" else "config-a")
+    await _end(run)
+    use(fresh)
+    fresh.start()
+    if await _up(fresh):
+        return True
+    await _end(fresh)
+    back = LoopRun(paths, old, slot)
+    use(back)
+    back.start()
+    return False
+
+
+async def _end(run: LoopRun) -> None:
+    while run.exit_code is None:
+        if not run.ask_to_end():
+            run.kill()
+        await asyncio.sleep(_POLL_S)
+
+
+async def _up(run: LoopRun) -> bool:
+    """Wait for the first healthy cycle; somebody else looks after the health of the loop."""
+    loop = asyncio.get_running_loop()
+    end_s = loop.time() + UP_WITHIN_S
+    while run.exit_code is None and loop.time() < end_s:
+        if run.loop.health.started:
+            return True
+        await asyncio.sleep(_POLL_S)
+    return False

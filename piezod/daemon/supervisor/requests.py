@@ -1,0 +1,74 @@
+"""Asks the loop, and waits for its answer without holding anybody else up."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Final
+
+from piezod.config.requests import Disarm, Estop, Hold, Request, Shutdown, Stop
+from piezod.control.stage.record import Answer
+from piezod.daemon.service.stage_service import NoAnswerError, UnavailableError
+from piezod.telemetry.mailbox import EXPIRED, MailboxAnswer, MailboxFullError, MailboxWriter
+from piezod.telemetry.requests_codec import encode
+from piezod.telemetry.shared_map import SharedMap
+from piezod.telemetry.words import Word
+from piezod.units import NS_PER_S
+
+URGENT: Final = (Stop, Hold, Disarm, Shutdown)
+EXPIRES_S: Final = 0.5
+"""So long the loop may take to look at a request, or so many periods where these are longer."""
+EXPIRES_PERIODS: Final = 4
+_POLL_S: Final = 0.001
+
+
+class LoopRequests:
+    """The supervisor's end of the mailbox.
+
+    Args:
+        shared: The memory shared with the loop; there is one writer.
+    """
+
+    def __init__(self, shared: SharedMap) -> None:
+        self._mailbox, self._words = MailboxWriter(shared), shared.words
+        periods_ns = EXPIRES_PERIODS * shared.layout.period_ns
+        self._expires_ns = max(int(EXPIRES_S * NS_PER_S), periods_ns)
+
+    async def ask(self, request: Request) -> Answer:
+        """Have the loop carry out a request.
+
+        Raises:
+            UnavailableError: If too many requests wait already.
+            NoAnswerError: If the loop does not take it in time; it is not carried out then, but an
+                emergency stop is as soon as the loop looks.
+        """
+        expires_ns = time.monotonic_ns() + self._expires_ns
+        find: Callable[[int], MailboxAnswer | None]
+        if isinstance(request, Estop):
+            number, find = self._mailbox.post_estop(), self._mailbox.estop_answer
+        else:
+            number, find = self.post(request, expires_ns), self._mailbox.answer
+        # The loop may take it at the last moment, and needs a cycle for it.
+        while time.monotonic_ns() < expires_ns + self._expires_ns:
+            found = find(number)
+            if found is not None and found.why == EXPIRED:
+                break
+            if found is not None:
+                return Answer(found.accepted, found.why, found.motion)
+            await asyncio.sleep(_POLL_S)
+        if not self._words[Word.HEALTHY_CYCLES]:
+            raise NoAnswerError("the loop is starting", "try again in some seconds")
+        what = f"the loop did not look at the request within {self._expires_ns / NS_PER_S:g} s"
+        raise NoAnswerError(what, "look at the log and at `piezod status`, then try again")
+
+    def post(self, request: Request, expires_ns: int) -> int:
+        """Hand a request over without waiting; return its number.
+
+        Raises:
+            UnavailableError: If too many requests wait already, or it is too large.
+        """
+        try:
+            return self._mailbox.post(
+                encode(request), expires_ns, urgent=isinstance(request, URGENT)
+            )
+        except MailboxFullError as error:
+            raise UnavailableError(str(error)) from error

@@ -1,0 +1,212 @@
+"""The stage as the HTTP service sees it: requests go to the loop, answers come from its memory."""
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from piezod.config.requests import AdoptModel, Arm, Request, Shutdown
+from piezod.control.stage.record import Answer
+from piezod.daemon.logging import logger
+from piezod.daemon.paths import StagePaths
+from piezod.daemon.service.stage_service import (
+    AuditEntry,
+    Document,
+    Peer,
+    RecordReader,
+    StageError,
+    UnavailableError,
+    UnknownNameError,
+)
+from piezod.daemon.stores.audit import AuditLog
+from piezod.daemon.stores.parameter_store import ParameterStore
+from piezod.daemon.supervisor import accepted_config
+from piezod.daemon.supervisor import documents as stage_documents
+from piezod.daemon.supervisor.connection import LoopConnection
+from piezod.daemon.supervisor.parameters import StageParameters
+from piezod.daemon.supervisor.recordings import StageRecordings
+from piezod.telemetry.ring import RingReader
+
+_log = logger("service")
+
+
+class StageLink:
+    """Implements `StageService` over the memory that is shared with the loop.
+
+    Args:
+        paths: The files of the stage; their folders exist.
+        loop: The loop, whether it runs yet or not.
+        stop: Called when the daemon is to end, with the reason.
+        reload: Called when the configuration is to be read again.
+        shadow: Whether nothing is ever written, whatever a client asks for.
+    """
+
+    def __init__(
+        self,
+        paths: StagePaths,
+        loop: LoopConnection,
+        *,
+        stop: Callable[[str], None],
+        reload: Callable[[Peer], Awaitable[Document]],
+        shadow: bool,
+    ) -> None:
+        self.loop = loop
+        """The loop; exchanged by a reload."""
+        self.available = True
+        """Whether the loop takes requests; not while it is exchanged."""
+        self.parameters = StageParameters(ParameterStore(paths.parameters, paths.name))
+        self.recordings_of_stage = StageRecordings(
+            paths, len(loop.axes), self.open_reader, self._last, self._weights
+        )
+        self.audit_of_stage = AuditLog(paths.audit)
+        self._paths, self._stop, self._reload, self._shadow = paths, stop, reload, shadow
+
+    @property
+    def axes(self) -> Sequence[str]:
+        """The names of the axes."""
+        return self.loop.axes
+
+    @property
+    def recordings_folder(self) -> Path:
+        """Where the recordings are."""
+        return self._paths.recordings
+
+    async def request(self, request: Request, peer: Peer) -> Answer:
+        """Have the loop carry out a request."""
+        if isinstance(request, Shutdown):
+            self._stop(f"asked to by {peer.user}")
+            return Answer(True)
+        if isinstance(request, Arm) and self._shadow:
+            request = Arm(shadow=True)
+        loop = self._running()
+        if isinstance(request, AdoptModel):
+            return await self.parameters.adopt(loop, request)
+        return await loop.requests.ask(request)
+
+    def stream_setpoint(self, setpoints_um: Mapping[str, float]) -> None:
+        """Set the newest setpoint of each axis named, in µm."""
+        self._running().stream_setpoint(setpoints_um)
+
+    def status(self) -> Document:
+        """Return state, mode, faults and each axis in the newest cycle."""
+        loop = self.loop
+        document = stage_documents.status(loop.config, loop.shared, loop.latest())
+        return {"stage": self._paths.name, **document}
+
+    def health(self) -> tuple[bool, Document]:
+        """Return whether the loop runs on schedule, and what tells so."""
+        health, now_ns = self.loop.health, time.monotonic_ns()
+        healthy = self.available and health.started and not health.hung(now_ns)
+        return healthy, {"healthy": healthy, "cycle_age_s": health.age_s(now_ns)}
+
+    def faults(self) -> list[Document]:
+        """Return what is present or latched."""
+        record = self.loop.latest()
+        return [] if record is None else stage_documents.faults(*stage_documents.masks(record))
+
+    def fault_ids(self, mask: int) -> Sequence[str]:
+        """Return the ids of the faults in a mask of a record."""
+        return stage_documents.fault_ids(mask)
+
+    def realtime(self) -> Document:
+        """Return what the loop obtained of the operating system, and how it has run."""
+        return stage_documents.realtime(self.loop.config, self.loop.shared)
+
+    def config(self) -> Document:
+        """Return the configuration in force."""
+        return accepted_config.document(self.loop.config)
+
+    async def reload(self, peer: Peer) -> Document:
+        """Read the configuration again; it is swapped as a whole, or kept."""
+        return await self._reload(peer)
+
+    def open_reader(self) -> RecordReader:
+        """Return a new reader of the ring that begins with what comes next."""
+        return _FollowingReader(self)
+
+    async def params(self) -> Document:
+        """Return the parameters that the loop uses now."""
+        return await self.parameters.now(self.loop)
+
+    async def params_history(self) -> list[Document]:
+        """Return what is saved, newest first."""
+        return await self.parameters.history()
+
+    async def save_params(self, peer: Peer) -> Document:
+        """Save the parameters in use."""
+        return await self.parameters.save(self._running(), peer.user)
+
+    async def load_params(self, sequence: int | None, peer: Peer) -> Document:
+        """Have the loop use saved parameters."""
+        document = await self.parameters.load(self._running(), sequence)
+        _log.info("parameters loaded", user=peer.user, sequence=document["sequence"])
+        return document
+
+    async def take_up_params(self) -> None:
+        """Have a loop that has just started use what was saved last, if anything was."""
+        try:
+            document = await self.parameters.load(self._running(), None)
+        except UnknownNameError:
+            return  # nothing was saved, or what was has been told of
+        except StageError as error:
+            _log.error("saved parameters not taken up", why=str(error))
+            return
+        _log.info("parameters taken up", sequence=document["sequence"])
+
+    async def start_recording(self, label: str | None, peer: Peer) -> Document:
+        """Start recording every cycle."""
+        document = await self.recordings_of_stage.start(self._running(), label)
+        _log.info("recording started", user=peer.user, name=document["name"])
+        return document
+
+    async def stop_recording(self, peer: Peer) -> Document:
+        """End the recording and close its file."""
+        document = await self.recordings_of_stage.stop()
+        _log.info("recording stopped", user=peer.user, name=document["name"])
+        return document
+
+    async def recordings(self) -> tuple[Document | None, list[Document]]:
+        """Return the one under way, or None, and those that are finished."""
+        return await self.recordings_of_stage.list()
+
+    def audit(self, entry: AuditEntry) -> None:
+        """Note what somebody asked for."""
+        peer = entry.peer
+        self.audit_of_stage.write(
+            peer.uid, peer.user, peer.client, entry.what, entry.accepted, entry.why
+        )
+
+    async def audit_log(self, limit: int) -> list[Document]:
+        """Return the newest entries, newest first."""
+        entries = await asyncio.to_thread(self.audit_of_stage.last, limit)
+        return [entry._asdict() for entry in entries]
+
+    def _last(self, count: int) -> NDArray[Any]:
+        return self.loop.last(count)
+
+    def _weights(self) -> dict[str, NDArray[Any]]:
+        learned = {name: self.loop.learned.read(i) for i, name in enumerate(self.loop.axes)}
+        return {name: axis.weights for name, axis in learned.items() if axis is not None}
+
+    def _running(self) -> LoopConnection:
+        if not self.available:
+            raise UnavailableError("the loop is being exchanged or stopped", "try again soon")
+        return self.loop
+
+
+class _FollowingReader:
+    """Reads the ring of whichever loop runs."""
+
+    def __init__(self, link: StageLink) -> None:
+        self._link, self._loop = link, link.loop
+        self._ring = RingReader(link.loop.shared)
+
+    def read(self, limit: int) -> tuple[NDArray[Any], int]:
+        """Return the records since the last call, and how many of them were lost."""
+        if self._loop is not self._link.loop:
+            self._loop = self._link.loop
+            self._ring = RingReader(self._loop.shared)
+        return self._ring.read(limit)

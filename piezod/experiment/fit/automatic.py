@@ -1,0 +1,154 @@
+"""Which model a record supports: candidates compared on what they were not fitted to.
+
+Taken is the simplest one whose mean squared error lies within one standard error of the best one's
+(Breiman et al. 1984): what is better by less than chance makes it, is not worth more parameters.
+"""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from piezod.config.rules import SAMPLES_PER_WEIGHT
+from piezod.errors import DataError
+from piezod.experiment.fit.cross_validation import BLOCKS, CrossValidation, cross_validate
+from piezod.experiment.fit.delay import DelayEstimate
+from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
+from piezod.experiment.fit.method import Method, Spacing
+from piezod.experiment.fit.record import Record
+
+ORDERS = (5, 8, 12, 19, 30)
+"""Operators on each side that are tried; 19 is the paper's."""
+_SLOW_PARAMETERS = 3  # creep, offset, stretch
+REFERENCE_ORDER = 19
+"""Most operators of the model by which the delay is estimated."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is not left to be chosen; None where it is.
+
+    Attributes:
+        order: Operators on each side.
+        spacing: Where the thresholds are.
+        creep: Whether creep is fitted.
+    """
+
+    order: int | None = None
+    spacing: Spacing | None = None
+    creep: bool | None = None
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model that was tried.
+
+    Attributes:
+        fit: The fit to the whole record.
+        validation: How it predicts what it was not fitted to.
+    """
+
+    fit: Fit
+    validation: CrossValidation
+
+    @property
+    def n_parameters(self) -> int:
+        """How many numbers were fitted."""
+        settings = self.fit.settings
+        return 2 * settings.order + _SLOW_PARAMETERS * settings.creep
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was tried, and what was taken.
+
+    Attributes:
+        candidates: All, in the order they were tried.
+        best: The one with the least rms error.
+        taken: The simplest one that is as good.
+        limit_pct: Rms error up to which a model is as good as the best one.
+    """
+
+    candidates: tuple[Candidate, ...]
+    best: Candidate
+    taken: Candidate
+    limit_pct: float
+
+
+def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
+    """Fit all candidates to a record and choose among them.
+
+    The delay is estimated once, so that all are compared on the same pairs of drive and
+    displacement.
+
+    Args:
+        record: Drive and displacement.
+        wanted: What is not left to be chosen.
+        delay_s: The delay in s; estimated if None.
+
+    Raises:
+        DataError: If the record is too short for any of them, or cannot be used.
+    """
+    estimate = None if delay_s is not None else _delay(record, wanted)
+    if estimate is not None:
+        delay_s = estimate.delay_s
+    candidates = _candidates(record, wanted, delay_s, estimate)
+    best = min(candidates, key=lambda each: each.validation.rms_pct)
+    limit_pct = best.validation.rms_with_standard_error_pct
+    as_good = [each for each in candidates if each.validation.rms_pct <= limit_pct]
+    taken = min(as_good, key=lambda each: (each.n_parameters, each.validation.rms_pct))
+    return Choice(candidates, best, taken, limit_pct)
+
+
+def _candidates(
+    record: Record, wanted: Wanted, delay_s: float | None, estimate: DelayEstimate | None
+) -> tuple[Candidate, ...]:
+    """Return the models that the record supports, at least one."""
+    candidates, refused = [], None
+    for settings in _settings(record, wanted):
+        try:
+            fit = replace(fit_model(record, replace(settings, delay_s=delay_s)), delay=estimate)
+            candidates.append(Candidate(fit, cross_validate(fit)))
+        except DataError as error:  # where a record tells nothing of creep, for one
+            refused = error
+    if refused and not candidates:
+        raise refused
+    return tuple(candidates)
+
+
+def _delay(record: Record, wanted: Wanted) -> DelayEstimate | None:
+    order = min(wanted.order or _affordable(record)[-1], REFERENCE_ORDER)
+    settings = FitSettings(order=order, spacing=Spacing.GRADED)
+    if wanted.creep is not False:
+        with suppress(DataError):
+            return fit_model(record, replace(settings, creep=True)).delay
+    return fit_model(record, settings).delay
+
+
+def _settings(record: Record, wanted: Wanted) -> Iterator[FitSettings]:
+    orders = _affordable(record) if wanted.order is None else (wanted.order,)
+    spacings = tuple(Spacing) if wanted.spacing is None else (wanted.spacing,)
+    creeps = (False, True) if wanted.creep is None else (wanted.creep,)
+    if wanted.creep is not True and Spacing.EVEN in spacings:
+        for order in orders:
+            yield FitSettings(method=Method.LMS, order=order)
+    for order, spacing, creep in product(orders, spacings, creeps):
+        yield FitSettings(order=order, spacing=spacing, creep=creep)
+
+
+def _affordable(record: Record) -> tuple[int, ...]:
+    """Return the orders that a record without its longest block has enough samples for."""
+    n_samples = np.count_nonzero(record.counted())
+    orders = tuple(order for order in ORDERS if _fewest_samples(order) <= n_samples)
+    if not orders:
+        raise DataError(
+            f"{n_samples} samples are too few to choose a model by cross-validation; allowed are "
+            f"{_fewest_samples(ORDERS[0])} or more; record for longer, or skip less"
+        )
+    return orders
+
+
+def _fewest_samples(order: int) -> int:
+    return 2 * order * SAMPLES_PER_WEIGHT * BLOCKS // (BLOCKS - 1)

@@ -1,0 +1,196 @@
+"""From a recorded file to a model: read, fit, judge on this file and on another one."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from piezod.errors import DataError
+from piezod.experiment.fit.automatic import Choice, Wanted, choose
+from piezod.experiment.fit.excitation import missing
+from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
+from piezod.experiment.fit.judgement import Judgement, judge
+from piezod.experiment.fit.past import with_past
+from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.smoothing import smoothed_record
+from piezod.experiment.fit.thinning import MOST, thinned
+from piezod.experiment.fit.uncertainty import Uncertainty, uncertainty_of
+from piezod.experiment.fit.warnings import fit_warnings, saturation_warnings
+from piezod.hysteresis import AffineRange
+from piezod.records.csv_file import read_csv
+
+START_S = 2.0
+"""How long a stage that does not start from rest shows it most, in s."""
+WORSE_AT_START = 3.0
+"""The worst error of the start is suspicious from this many times that of the remainder"""
+SUSPICIOUS_PCT = 1.0
+"""and from this part of the voltage's range, in %."""
+_BEYOND = 0.01  # of the range: noise, and what creeps, may leave it by that
+
+
+@dataclass(frozen=True)
+class FileFit:
+    """A model fitted to a file, and how good it is.
+
+    Attributes:
+        data: The file.
+        test_data: The other file on which the model was judged, None without one.
+        recorded: What was read from it.
+        record: The same as it was fitted to: a long record is averaged.
+        taken: The model, how it came about, and its errors.
+        other: The same with creep if that is without, and without if that is with it; None for
+            LMS, which knows no creep, and where no creep could be fitted.
+        raw: The same as `taken`, but fitted to and judged on the displacement as it was recorded;
+            None for LMS, which is in any case.
+        uncertainty: How far the model may be off.
+        choice: Among which the model was chosen, None where it was asked for.
+        untold: What the record leaves untold of the stage, a sentence each.
+        warnings: What a person should know before using the model, a sentence each.
+    """
+
+    data: Path
+    test_data: Path | None
+    recorded: Record
+    record: Record
+    taken: Judgement
+    other: Judgement | None
+    raw: Judgement | None
+    uncertainty: Uncertainty
+    choice: Choice | None
+    untold: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def identify_file(
+    data: Path,
+    *,
+    test: Path | None,
+    skip_s: float,
+    delay_s: float | None,
+    settings: FitSettings | Wanted,
+) -> FileFit:
+    """Fit a model to a recorded file.
+
+    Args:
+        data: CSV with the columns t_s, drive_v, position_um.
+        test: Another such file, on which the model is judged too.
+        skip_s: The first seconds of each file that do not count.
+        delay_s: The delay in s; estimated from the data if None.
+        settings: How to fit, or what is not left to be chosen.
+
+    Raises:
+        DataError: If a file cannot be used; the text begins with its name.
+        OSError: If a file cannot be read.
+    """
+    recorded = read_record(data, skip_s)
+    record = thinned(recorded)
+    test_recorded = read_record(test, skip_s) if test else None
+    test_record = thinned(test_recorded) if test_recorded else None
+    with _naming(data):
+        if isinstance(settings, Wanted):
+            choice = choose(record, settings, delay_s)
+            fit, validation = choice.taken.fit, choice.taken.validation
+        else:
+            choice, validation = None, None
+            fit = fit_model(record, replace(settings, delay_s=delay_s))
+    other, raw = None, None
+    if fit.linearised:
+        other = _refitted(fit, record, replace(fit.settings, creep=not fit.settings.creep))
+        raw = _refitted(fit, record, replace(fit.settings, smoothing=False))
+    taken = judge(fit, record, test_record, validation)
+    return FileFit(
+        data=data,
+        test_data=test,
+        recorded=recorded,
+        record=record,
+        taken=taken,
+        other=judge(other, record, test_record) if other else None,
+        raw=judge(raw, record, test_record) if raw else None,
+        uncertainty=uncertainty_of(fit, taken.validation),
+        choice=choice,
+        untold=missing(smoothed_record(record)),
+        warnings=(
+            *_length_warnings("record", recorded, record),
+            *_length_warnings("test", test_recorded, test_record),
+            *_warnings(fit, record, test_record),
+        ),
+    )
+
+
+def read_record(path: Path, skip_s: float) -> Record:
+    """Read a recorded file of which the first seconds do not count.
+
+    Raises:
+        DataError: If the file cannot be used; the text begins with its name.
+        OSError: If the file cannot be read.
+    """
+    columns = read_csv(path)
+    with _naming(path):
+        record = Record(columns["t_s"], columns["drive_v"], columns["position_um"])
+        return with_past(record).after(skip_s)
+
+
+def _refitted(fit: Fit, record: Record, settings: FitSettings) -> Fit | None:
+    """Return the same fit but for its settings; None where the record does not support these."""
+    try:
+        again = fit_model(record, replace(settings, delay_s=fit.model.delay_s))
+    except DataError:
+        return None
+    return replace(again, delay=fit.delay)
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Put the name of the file before what an error says."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from error
+
+
+def _warnings(fit: Fit, record: Record, test: Record | None) -> Iterator[str]:
+    yield from fit_warnings(fit, record.period_s)
+    yield from saturation_warnings(record)
+    yield from _start_warnings(fit)
+    if test is not None:
+        yield from _range_warnings(fit.model.position_um, test)
+
+
+def _length_warnings(name: str, recorded: Record | None, used: Record | None) -> Iterator[str]:
+    if not (recorded and used):
+        return
+    left_out_s = float(recorded.t_s[-1] - used.t_s[-1])
+    if left_out_s > 2.0 * used.period_s:  # averaging may leave out parts of one
+        yield (
+            f"The last {left_out_s:.4g} s of the {name} are left out: it has {recorded.t_s.size} "
+            f"samples, its drive moves too sharply to average them, and {MOST} are used at most. "
+            "Record at a lower rate, or for a shorter time."
+        )
+
+
+def _start_warnings(fit: Fit) -> Iterator[str]:
+    record = fit.record
+    t_s = record.t_s[record.counted(fit.model.delay_s)]
+    residuals_pct = np.abs(fit.residuals_pct(record))
+    at_start = t_s - record.t_s[0] < START_S
+    if at_start.all() or not at_start.any():
+        return
+    worst = int(residuals_pct.argmax())
+    usual_pct = max(WORSE_AT_START * float(residuals_pct[~at_start].max()), SUSPICIOUS_PCT)
+    if at_start[worst] and residuals_pct[worst] > usual_pct:
+        yield (
+            f"The worst error is at t = {t_s[worst]:.4g} s. The record seems not to start "
+            "from rest; leave out the first loops with --skip-s."
+        )
+
+
+def _range_warnings(position_um: AffineRange, test: Record) -> Iterator[str]:
+    x = position_um.to_unit(test.position_um[test.counted()])
+    share = float(np.mean((x < -_BEYOND) | (x > 1.0 + _BEYOND)))
+    if share:
+        yield (
+            f"{100.0 * share:.2g} % of the test's displacements are outside of what the model was "
+            f"fitted to, {position_um.low:.6g} to {position_um.high:.6g} µm, and count as its ends."
+        )

@@ -1,0 +1,298 @@
+"""From a record of drive and displacement to an inverse model of the stage, with its delay."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from piezod.config.rules import SAMPLES_PER_WEIGHT
+from piezod.control.law.creep import NO_CREEP, logarithmic
+from piezod.control.law.model import StageModel
+from piezod.errors import DataError
+from piezod.experiment.fit.delay import DelayEstimate, estimate_delay, has_one_frequency
+from piezod.experiment.fit.least_squares import (
+    LeastSquaresFit,
+    Linearised,
+    Series,
+    Slow,
+    fit_least_squares,
+    search_delay,
+)
+from piezod.experiment.fit.method import Method, Spacing
+from piezod.experiment.fit.prediction import predicted_v
+from piezod.experiment.fit.record import Record, Rows
+from piezod.experiment.fit.smoothing import smoothed_record
+from piezod.hysteresis import (
+    AffineRange,
+    LMSIdentifier,
+    even_thresholds,
+    graded_thresholds,
+    largest_stable_gain,
+    new_bank,
+    placed_thresholds,
+    stop_regressors,
+)
+from piezod.hysteresis.memory import FloatArray
+
+PAPER_GAIN = 0.1
+"""γ of the paper."""
+LMS_PASSES = 3
+"""The paper: the procedure "can be repeated for several times until satisfactory"."""
+FINE_ORDER = 40
+"""Operators of the fit that tells where thresholds are needed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitSettings:
+    """How a model is fitted.
+
+    Attributes:
+        method: How to find the weights.
+        order: Operators on each side, M.
+        spacing: Where their thresholds are.
+        creep: Whether creep is fitted too; by least squares only.
+        lms_gain: γ, for LMS; None for the paper's, or a stable one where that is not.
+        deadband: Width of the backlash before the memory, in units of the range, for LMS; least
+            squares sees a smoothed displacement and needs none.
+        delay_s: The delay in s; estimated from the record if None.
+        smoothing: Whether noise is taken out of the displacement first; for least squares only.
+    """
+
+    method: Method = Method.LEAST_SQUARES
+    order: int = 19
+    spacing: Spacing = Spacing.EVEN
+    creep: bool = False
+    lms_gain: float | None = None
+    deadband: float = 0.0
+    delay_s: float | None = None
+    smoothing: bool = True
+
+    def seen(self, record: Record) -> Record:
+        """Return a record as the fit sees it: without noise, where that is taken out."""
+        if self.method is Method.LMS or not self.smoothing:
+            return record
+        return smoothed_record(record)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model and how it came about.
+
+    Attributes:
+        model: The model.
+        settings: How it was asked for.
+        delay: The estimate of the delay, None where the delay was given.
+        smallest_slope: The smallest slope of the inverse anywhere; it is monotone if positive.
+        problem: What was solved.
+        linearised: The problem around the solution; None for LMS.
+    """
+
+    model: StageModel
+    settings: FitSettings
+    delay: DelayEstimate | None
+    smallest_slope: float
+    problem: "Problem" = field(repr=False)
+    linearised: Linearised | None = field(repr=False)
+
+    @property
+    def record(self) -> Record:
+        """The record of the fit, as it was seen."""
+        return self.problem.record
+
+    def seen(self, record: Record) -> Record:
+        """Return another record as this fit sees it: without noise, where that is taken out."""
+        return self.settings.seen(record)
+
+    def without(self, held_out: Rows) -> StageModel:
+        """Return the model that the record of the fit gives without some samples, shape (n,).
+
+        These carry memory and creep on, as a run-in does. Ranges, thresholds and delay are those of
+        the whole record, and the problem of least squares is the one around its solution.
+        """
+        bank, delay_s = self.model.bank, self.model.delay_s
+        if self.linearised is None:
+            weights, slow = self.problem.lms(bank, delay_s, held_out), Slow()
+        else:
+            parameters = self.linearised.solved(self.linearised.counted & ~held_out)
+            weights, slow = parameters[: bank.shape[1]], Slow(*parameters[bank.shape[1] :])
+        return self.problem.model(bank, weights, slow, delay_s)
+
+    def predicted_v(self, record: Record, model: StageModel | None = None) -> FloatArray:
+        """Return the voltage predicted from a record as it is, in V, shape (n,).
+
+        Args:
+            record: Any record of the stage; see `seen`.
+            model: Another model than that of the fit.
+        """
+        deadband = self.settings.deadband if self.settings.method is Method.LMS else 0.0
+        return predicted_v(model or self.model, record, deadband)
+
+    def residuals_pct(self, record: Record, model: StageModel | None = None) -> FloatArray:
+        """Return predicted minus actual voltage of the samples that count, shape (k,).
+
+        In % of the range that the voltage had in the record of the fit. Arguments are those of
+        `predicted_v`.
+        """
+        delay_s = self.model.delay_s
+        error_v = self.predicted_v(record, model) - record.drive_delayed_by(delay_s)
+        return 100.0 * error_v[record.counted(delay_s)] / self.model.drive_v.width
+
+    def errors_pct(self, record: Record) -> dict[str, float]:
+        """Return worst and rms error of the predicted voltage, in % of the voltage's range.
+
+        Args:
+            record: The record of the fit, or one like it; its run-in does not count.
+        """
+        return errors_of(self.residuals_pct(self.seen(record)))
+
+
+def errors_of(residuals_pct: FloatArray) -> dict[str, float]:
+    """Return the worst and the rms of residuals of shape (k,), by name."""
+    return {
+        "voltage_error_max_pct": float(np.max(np.abs(residuals_pct))),
+        "voltage_error_rms_pct": float(np.sqrt(np.mean(residuals_pct**2))),
+    }
+
+
+def fit_model(record: Record, settings: FitSettings) -> Fit:
+    """Fit an inverse model to a record.
+
+    The ranges of the record become [0, 1] (eqs 27 and 28), so that what is driven later must lie
+    within them.
+
+    Args:
+        record: Drive and displacement.
+        settings: How.
+
+    Raises:
+        DataError: If the record is too short, constant, or does not grow with the drive.
+        ModelError: If the gain of LMS is not stable for so many operators.
+    """
+    _check(record, settings)
+    problem = Problem(settings.seen(record), settings)
+    bank, slow, linearised = problem.bank(), Slow(), None
+    # Creep looks like a delay; where there is one frequency, nothing tells them apart.
+    if settings.creep and settings.delay_s is None and not has_one_frequency(record.drive_v):
+        slow = search_delay(bank, problem.series)
+    estimate, delay_s = problem.delay(bank, slow)
+    if settings.method is Method.LMS:
+        weights = problem.lms(bank, delay_s)
+    else:
+        weights, slow, linearised = problem.least_squares(bank, delay_s)
+    model = problem.model(bank, weights, slow, delay_s)
+    slope = model.inverse().smallest_slope
+    return Fit(model, settings, estimate, slope, problem, linearised)
+
+
+class Problem:
+    """A record with its ranges, and what a fit asks of both.
+
+    Args:
+        record: Drive and displacement, as the method sees them.
+        settings: How to fit.
+    """
+
+    def __init__(self, record: Record, settings: FitSettings) -> None:
+        counted = record.counted()
+        self.record, self._settings = record, settings
+        self.drive_v = _range_of(record.drive_v[counted])
+        self._position_um = _range_of(record.position_um[counted])
+
+    def series(self, delay_s: float) -> Series:
+        """Return the record normalised, each displacement beside its voltage."""
+        record = self.record
+        return Series(
+            positions=self._position_um.to_unit(record.position_um),
+            drives=self.drive_v.to_unit(record.drive_delayed_by(delay_s)),
+            period_s=record.period_s,
+            from_rest=record.from_rest,
+            counted=record.counted(delay_s),
+        )
+
+    def delay(self, bank: FloatArray, slow: Slow) -> tuple[DelayEstimate | None, float]:
+        """Return the delay, estimated where it was not given, by a stage that is slow like this."""
+        if self._settings.delay_s is not None:
+            return None, self._settings.delay_s
+        y = np.clip(self.series(0.0).quick(slow), 0.0, 1.0)
+        estimate = estimate_delay(self.record, stop_regressors(bank, y), y, self.drive_v)
+        return estimate, estimate.delay_s
+
+    def bank(self) -> FloatArray:
+        """Return the stops, with their thresholds where the settings want them."""
+        order, spacing = self._settings.order, self._settings.spacing
+        if spacing is Spacing.EVEN:
+            thresholds = even_thresholds(order)
+            return new_bank(thresholds, thresholds)
+        if spacing is Spacing.GRADED:
+            thresholds = graded_thresholds(order)
+            return new_bank(thresholds, thresholds)
+        fine = new_bank(graded_thresholds(FINE_ORDER), graded_thresholds(FINE_ORDER))
+        _, delay_s = self.delay(fine, Slow())
+        return placed_thresholds(fine, self.least_squares(fine, delay_s).weights, order)
+
+    def least_squares(self, bank: FloatArray, delay_s: float) -> LeastSquaresFit:
+        """Return the weights, and what is slow where the settings want it, all at once."""
+        return fit_least_squares(bank, self.series(delay_s), creep=self._settings.creep)
+
+    def lms(self, bank: FloatArray, delay_s: float, held_out: Rows | None = None) -> FloatArray:
+        """Return the weights [a^l, a^r] by the paper's update, shape (2 M,).
+
+        Args:
+            bank: (2, 2 M) of the stops.
+            delay_s: The delay, in s.
+            held_out: (n,) samples of which nothing is learned; none by default.
+        """
+        series, gain = self.series(delay_s), self._settings.lms_gain
+        if gain is None:
+            gain = min(PAPER_GAIN, 0.9 * largest_stable_gain(bank))
+        learned = series.counted if held_out is None else series.counted & ~held_out
+        drives = np.where(learned, series.drives, np.nan)  # moves the memory, teaches nothing
+        identifier = LMSIdentifier(bank, gain=gain, deadband=self._settings.deadband)
+        for _ in range(LMS_PASSES):
+            identifier.reset()
+            identifier.run(np.clip(series.positions, 0.0, 1.0), drives)
+        return identifier.weights
+
+    def model(
+        self, bank: FloatArray, weights: FloatArray, slow: Slow, delay_s: float
+    ) -> StageModel:
+        """Return the model in volts and micrometres that normalised parameters mean."""
+        # [0, 1] is then the range of y, the displacement that does not creep.
+        width_um = self._position_um.width / (1.0 + slow.stretch)
+        low_um = self._position_um.low + slow.offset * width_um
+        return StageModel(
+            bank,
+            weights,
+            self.drive_v,
+            AffineRange.checked(low_um, low_um + width_um),
+            delay_s,
+            logarithmic(slow.creep) if slow.creep else NO_CREEP,
+        )
+
+
+def _range_of(values: FloatArray) -> AffineRange:
+    return AffineRange.checked(float(values.min()), float(values.max()))
+
+
+def _check(record: Record, settings: FitSettings) -> None:
+    delay_s, n_weights = settings.delay_s or 0.0, 2 * settings.order
+    counted, fewest = record.counted(delay_s), SAMPLES_PER_WEIGHT * n_weights
+    drive_v = record.drive_delayed_by(delay_s)[counted]
+    position_um = record.position_um[counted]
+    if drive_v.size < fewest:
+        raise DataError(
+            f"{drive_v.size} samples are left for {n_weights} weights; allowed are {fewest} or "
+            "more; record for longer, skip less, or fit fewer operators"
+        )
+    scaled = []
+    for name, values in (("drive_v", drive_v), ("position_um", position_um)):
+        low, high = float(values.min()), float(values.max())
+        if low == high:
+            raise DataError(f"{name} is {low:g} throughout; allowed is a signal that varies")
+        scaled.append(AffineRange.checked(low, high).to_unit(values))
+    correlation = float(np.corrcoef(scaled[0], scaled[1])[0, 1])
+    if correlation <= 0.0:
+        raise DataError(
+            "position_um does not grow with the drive: its correlation with drive_v is "
+            f"{correlation:.2f}; allowed is above 0; change the sign of one of them where the "
+            "sensor counts the other way, else check that the sensor is the one of this drive"
+        )

@@ -1,0 +1,83 @@
+"""How good a fit is: on its own record, on what it was not fitted to, and on another record."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from piezod.experiment.fit.cross_validation import CrossValidation, cross_validate
+from piezod.experiment.fit.fit import Fit, errors_of
+from piezod.experiment.fit.record import Record
+
+_STEP = 0.01  # of the range, to see what a shift changes
+
+
+@dataclass(frozen=True)
+class OffsetRemoved:
+    """Errors after one constant was taken off the predicted voltage of a whole record.
+
+    From one day to the next a stage, or the zero of its sensor, drifts; the loops stay.
+
+    Attributes:
+        offset_pct: The constant, in % of the voltage's range.
+        offset_um: Shift of the displacement that would cause it, in µm.
+        errors: Errors that are left, by name.
+    """
+
+    offset_pct: float
+    offset_um: float
+    errors: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A fit and its errors, by name, in % of the range of the voltage that it was fitted to.
+
+    Attributes:
+        fit: The fit.
+        train: Errors on its own record.
+        validation: Errors on blocks of that record that it was not fitted to.
+        test: Errors on another record, None without one.
+        test_offset_removed: The same without a constant offset.
+    """
+
+    fit: Fit
+    train: Mapping[str, float]
+    validation: CrossValidation
+    test: Mapping[str, float] | None
+    test_offset_removed: OffsetRemoved | None
+
+
+def judge(
+    fit: Fit, record: Record, test: Record | None, validation: CrossValidation | None = None
+) -> Judgement:
+    """Judge a fit.
+
+    Args:
+        fit: The fit.
+        record: Its record, as it was recorded.
+        test: Another record of the same stage.
+        validation: The cross-validation, where it is known already.
+    """
+    return Judgement(
+        fit=fit,
+        train=fit.errors_pct(record),
+        validation=validation or cross_validate(fit),
+        test=fit.errors_pct(test) if test else None,
+        test_offset_removed=_without_offset(fit, test) if test else None,
+    )
+
+
+def _without_offset(fit: Fit, test: Record) -> OffsetRemoved:
+    seen = fit.seen(test)
+    residuals_pct = fit.residuals_pct(seen)
+    offset_pct = float(np.mean(residuals_pct))
+    step_um = _STEP * fit.model.position_um.width
+    shifted = replace(seen, position_um=seen.position_um - math.copysign(step_um, offset_pct))
+    changed_pct = abs(offset_pct - float(np.mean(fit.residuals_pct(shifted))))
+    return OffsetRemoved(
+        offset_pct=offset_pct,
+        offset_um=step_um * offset_pct / changed_pct if changed_pct else 0.0,
+        errors=errors_of(residuals_pct - offset_pct),
+    )

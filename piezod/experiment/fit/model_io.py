@@ -1,0 +1,69 @@
+"""Model files out and in: a fitted model becomes a file's contents, and these a model again."""
+
+import hashlib
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+import piezod
+from piezod.config.model_file import FitConfig, ModelFile, SourceConfig
+from piezod.errors import ModelError
+from piezod.experiment.fit.fit import Fit
+from piezod.hysteresis.memory import FloatArray
+
+
+def to_model_file(
+    fit: Fit, source: Path, errors_pct: Mapping[str, float], created_at: datetime
+) -> ModelFile:
+    """Return the contents of a model file, with every number as it is.
+
+    Args:
+        fit: The model, and how its weights were found.
+        source: The data file that it was fitted to; read again for its hash.
+        errors_pct: Errors on that data, from `Fit.errors_pct`.
+        created_at: When the model was made, with a time zone.
+
+    Raises:
+        ModelError: If a number is beyond what a model file may hold.
+        OSError: If the data file cannot be read.
+    """
+    model = fit.model
+    left_thresholds, right_thresholds = _sides(model.bank[0])
+    left_weights, right_weights = _sides(model.weights)
+    try:
+        return ModelFile(
+            created_at=created_at.isoformat(timespec="seconds"),
+            created_by=f"piezod {piezod.__version__}",
+            method=fit.settings.method.value,
+            source=SourceConfig(file=source.name, sha256=_sha256(source)),
+            fit=FitConfig(**errors_pct),
+            drive_low_v=model.drive_v.low,
+            drive_high_v=model.drive_v.high,
+            position_low_um=model.position_um.low,
+            position_high_um=model.position_um.high,
+            delay_s=model.delay_s,
+            creep_time_constants_s=tuple(model.creep.time_constants_s.tolist()),
+            creep_weights=tuple(model.creep.weights.tolist()),
+            right_stop_thresholds=right_thresholds,
+            right_stop_weights=right_weights,
+            left_stop_thresholds=left_thresholds,
+            left_stop_weights=left_weights,
+        )
+    except ValidationError as failure:
+        first = failure.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise ModelError(f"no model file can hold this model: {where}: {first['msg']}") from failure
+
+
+def _sides(both: FloatArray) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return what belongs to the left and to the right stops; a bank has the left ones first."""
+    left, right = np.split(both, 2)
+    return tuple(left.tolist()), tuple(right.tolist())
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

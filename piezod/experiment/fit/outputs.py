@@ -1,0 +1,45 @@
+"""What an identification leaves: a model file, and beside it a figure of data and model."""
+
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from piezod.config.model_file import dump_model
+from piezod.experiment.fit.account import account_of
+from piezod.experiment.fit.file import FileFit
+from piezod.experiment.fit.model_io import to_model_file
+from piezod.hysteresis.memory import FloatArray
+from piezod.records.atomic import replacing
+from piezod.records.figures import identification_figure, save_png
+
+
+def write_model(path: Path, fitted: FileFit, created_at: datetime) -> Path:
+    """Write the model file and the figure; return the figure's path.
+
+    Args:
+        path: The model file; the figure has its name with the suffix .png.
+        fitted: What to write.
+        created_at: When the model was made, with a time zone.
+
+    Raises:
+        ModelError: If a number is beyond what a model file may hold.
+        OSError: If a file cannot be written.
+    """
+    text = dump_model(to_model_file(fitted.taken.fit, fitted.data, fitted.taken.train, created_at))
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    account = account_of(fitted.taken.fit, fitted.record, axis="x", title=fitted.data.name)
+    plot = path.with_suffix(".png")
+    save_png(plot, identification_figure(account, _band_v(fitted)))
+    return plot
+
+
+def _band_v(fitted: FileFit) -> FloatArray | None:
+    """Return what noise leaves open of each prediction, in V, shape (n,); NaN in the run-in."""
+    band_pct, model = fitted.uncertainty.band_pct, fitted.taken.fit.model
+    if band_pct is None:
+        return None
+    band_v = np.full(fitted.record.t_s.size, np.nan)
+    band_v[fitted.record.counted(model.delay_s)] = 0.01 * band_pct * model.drive_v.width
+    return band_v

@@ -1,0 +1,50 @@
+"""What a model makes of recorded displacements: without creep, and the voltage that they need."""
+
+import numpy as np
+
+from piezod.control.law.creep import CreepLaw
+from piezod.control.law.model import StageModel
+from piezod.experiment.fit.record import Record
+from piezod.hysteresis import stop_regressors
+from piezod.hysteresis.creep import remove_creep
+from piezod.hysteresis.memory import FloatArray
+
+
+def quick_positions(model: StageModel, record: Record) -> FloatArray:
+    """Return recorded displacements without creep, normalised to [0, 1], shape (n,).
+
+    What a stage did that does not start from rest is taken to have been like the record on average.
+    """
+    x = model.position_um.to_unit(record.position_um)
+    return without_creep(x, model.creep, record.period_s, from_rest=record.from_rest)
+
+
+def predicted_v(model: StageModel, record: Record, deadband: float = 0.0) -> FloatArray:
+    """Return the voltage that a model needs for a recorded displacement, in V, shape (n,).
+
+    Args:
+        model: The model.
+        record: What was measured; the memory starts relaxed at its first sample.
+        deadband: Width of the backlash before the memory, in units of the range.
+    """
+    y = np.clip(quick_positions(model, record), 0.0, 1.0)
+    return model.drive_v.from_unit(y + stop_regressors(model.bank, y, deadband) @ model.weights)
+
+
+def without_creep(
+    positions: FloatArray, creep: CreepLaw, period_s: float, *, from_rest: bool
+) -> FloatArray:
+    """Return displacements over time without creep, in the same unit, shape (n,).
+
+    Args:
+        positions: (n,) displacement, evenly in time.
+        creep: The creep.
+        period_s: Time from sample to sample, in s.
+        from_rest: Whether the lags begin at the first displacement; at the mean if not.
+    """
+    if not creep.weights.size:
+        return positions
+    before = float(positions[0] if from_rest else np.mean(positions))
+    quick = before / (1.0 + float(np.sum(creep.weights)))
+    lags = np.full(creep.weights.size, quick)
+    return remove_creep(creep.at(period_s), positions, lags, quick)

@@ -1,0 +1,92 @@
+"""How far the numbers of a model may be off, by what its record leaves open."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from piezod.control.law.creep import LAGS_PER_DECADE
+from piezod.experiment.fit.cross_validation import CrossValidation
+from piezod.experiment.fit.fit import Fit
+from piezod.experiment.fit.least_squares import Linearised
+from piezod.hysteresis.memory import FloatArray
+
+CERTAIN = 1.96
+"""Standard errors on either side of a value between which the true one is in 95 % of all cases."""
+BATCHES = 20
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Half widths of intervals of 95 %, as the scatter of the residuals tells; and over the blocks.
+
+    What the structure of the model cannot follow is no scatter: it is in the errors, not in here.
+
+    Attributes:
+        delay_s: Of the delay, in s; None where that was given.
+        independent_samples: Samples without correlation that tell as much as the record; None for
+            LMS, as the two below.
+        creep_per_decade: Of the creep, as a share of a step.
+        band_pct: (k,) of the voltage predicted from each sample that counts, in % of its range.
+        spread_pct: (k,) standard deviation of that voltage over the models of the blocks.
+        block_creep_per_decade: The creep in the models of the blocks.
+    """
+
+    delay_s: float | None
+    independent_samples: float | None
+    creep_per_decade: float | None
+    band_pct: FloatArray | None
+    spread_pct: FloatArray
+    block_creep_per_decade: tuple[float, ...]
+
+
+def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
+    """Return how uncertain a fit is.
+
+    Args:
+        fit: The fit.
+        validation: Its cross-validation.
+    """
+    models = [block.model for block in validation.blocks]
+    predicted_pct = np.stack([fit.residuals_pct(fit.record, model) for model in models])
+    samples, creep, band_pct = None, None, None
+    if fit.linearised:
+        samples, covariance = covariance_of(fit.linearised)
+        rows = fit.linearised.regressors[fit.linearised.counted]
+        variance = np.einsum("ki,ij,kj->k", rows, covariance, rows, optimize=True)
+        band_pct = 100.0 * CERTAIN * np.sqrt(np.maximum(variance, 0.0))
+        creep = _creep_error(fit, covariance)
+    return Uncertainty(
+        delay_s=fit.delay.uncertainty_s if fit.delay else None,
+        independent_samples=samples,
+        creep_per_decade=creep,
+        band_pct=band_pct,
+        spread_pct=np.std(predicted_pct, axis=0, ddof=1),
+        block_creep_per_decade=tuple(model.creep.per_decade for model in models),
+    )
+
+
+def covariance_of(linearised: Linearised) -> tuple[float, FloatArray]:
+    """Return the number of independent samples, and the covariance of the parameters, (p, p).
+
+    Neighbouring residuals are alike, so that they tell less than their number promises. By how much
+    the variance of predictions is larger for it is seen from batches of the record: were residuals
+    independent, the sums of regressor times residual over a batch would be small (Liang and Zeger
+    1986, averaged here over all directions).
+    """
+    rows = linearised.regressors[linearised.counted]
+    misses = linearised.misses[linearised.counted]
+    n_samples, n_parameters = rows.shape
+    variance = float(np.mean(misses**2))
+    per_variance = linearised.covariance(1.0)
+    starts = np.linspace(0, n_samples, BATCHES, endpoint=False).astype(np.int64)
+    sums = np.add.reduceat(rows * misses[:, np.newaxis], starts, axis=0)
+    seen = float(np.einsum("bi,ij,bj->", sums, per_variance, sums, optimize=True))
+    inflation = max(seen / (n_parameters * variance), 1.0) if variance > 0.0 else 1.0
+    return n_samples / inflation, variance * inflation * per_variance
+
+
+def _creep_error(fit: Fit, covariance: FloatArray) -> float | None:
+    if not fit.settings.creep:
+        return None
+    place = fit.model.weights.size
+    return CERTAIN * LAGS_PER_DECADE * float(np.sqrt(covariance[place, place]))

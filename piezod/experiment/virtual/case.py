@@ -1,0 +1,143 @@
+"""One case of an experiment in one mode: from rest through the whole command."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from piezod.config.experiment import ExperimentConfig
+from piezod.config.experiment_fields import CaseConfig
+from piezod.config.modes import Mode
+from piezod.control.law.axis import CompensatedAxis
+from piezod.control.law.compensated import Start, compensated_axis
+from piezod.control.law.model import StageModel
+from piezod.control.reference.waveforms import Waveform, build_waveform
+from piezod.errors import DataError
+from piezod.experiment.error_rows import errors_pct
+from piezod.experiment.virtual.identify import IdentifiedAxis
+from piezod.experiment.virtual.stage import (
+    COMMAND_UM,
+    IN_FORCE_V,
+    POSITION_UM,
+    TRUE_UM,
+    UNCOMPENSATED_V,
+    Stage,
+)
+from piezod.experiment.warnings import run_warnings
+from piezod.hysteresis.memory import FloatArray
+from piezod.records.recording import Recording
+from piezod.units import NS_PER_S, s_to_ns
+
+SNAPSHOT_S = 0.05
+"""The parameters are recorded this often."""
+BEYOND = 0.01
+"""A command may leave the identified range by this part of it: both ends carry noise and drift."""
+
+
+class Run(NamedTuple):
+    """One axis in one case and one mode.
+
+    Attributes:
+        recording: What was recorded.
+        warnings: What a person should know before believing it.
+    """
+
+    recording: Recording
+    warnings: tuple[str, ...]
+
+
+def run_case(
+    stage: Stage,
+    config: ExperimentConfig,
+    identified: Mapping[str, IdentifiedAxis],
+    case: CaseConfig,
+    mode: Mode,
+) -> list[Run]:
+    """Rest, run a case, and return one run per axis.
+
+    Raises:
+        DataError: If a command leaves the range in which the axis was identified.
+        DeviceError: If a device refuses.
+    """
+    references = {
+        name: build_waveform(command, case.duration_s)
+        for name, command in case.commands(config.axes).items()
+    }
+    for name, reference in references.items():
+        _check_range(case, name, reference, identified[name].model)
+    for axis, position_um in zip(identified.values(), stage.rest(config.settle_s), strict=True):
+        axis.creeping.watch(position_um)
+        axis.creeping.zero()
+    axes = [
+        compensated_axis(
+            axis,
+            identified[name].model,
+            identified[name].creeping.state,
+            mode,
+            references[name].value,
+            Start(stage.now_ns, stage.period_ns, in_force_v),
+        )
+        for (name, axis), in_force_v in zip(config.axes.items(), stage.in_force_v, strict=True)
+    ]
+    snapshots = _Snapshots(axes, every=max(1, s_to_ns(SNAPSHOT_S) // stage.period_ns))
+    traces = stage.run(axes, case.duration_s, before=snapshots.take)
+    for name, trace in zip(config.axes, traces, strict=True):
+        identified[name].creeping.watch(trace[:, POSITION_UM])
+    t_s = np.arange(traces.shape[1], dtype=np.float64) * (stage.period_ns / NS_PER_S)
+    first = int(np.searchsorted(t_s, case.period_s))
+    recordings = [
+        Recording(
+            axis=name,
+            case=case.name,
+            mode=mode.value,
+            title=case.title,
+            t_s=t_s,
+            drive_v=trace[:, IN_FORCE_V],
+            position_um=trace[:, POSITION_UM],
+            command_um=trace[:, COMMAND_UM],
+            uncompensated_v=trace[:, UNCOMPENSATED_V],
+            true_um=trace[:, TRUE_UM],
+            weights=np.array(weights),
+            weights_t_s=t_s[:: snapshots.every],
+            metrics=errors_pct(
+                config.metrics,
+                *(trace[first:, column] for column in (COMMAND_UM, POSITION_UM, TRUE_UM)),
+            ),
+            first_metric_index=first,
+        )
+        for name, trace, weights in zip(config.axes, traces, snapshots.weights, strict=True)
+    ]
+    return [
+        Run(recording, tuple(run_warnings(recording, _merged_pairs(axis))))
+        for recording, axis in zip(recordings, axes, strict=True)
+    ]
+
+
+def _merged_pairs(axis: CompensatedAxis) -> int:
+    return axis.compensator.merged_pairs + axis.identifier.merged_pairs
+
+
+class _Snapshots:
+    """The parameters in use, right operators first, taken now and then."""
+
+    def __init__(self, axes: list[CompensatedAxis], every: int) -> None:
+        self._axes, self.every = axes, every
+        self.weights: list[list[FloatArray]] = [[] for _ in axes]
+
+    def take(self, cycle: int) -> None:
+        if cycle % self.every == 0:
+            for axis, taken in zip(self._axes, self.weights, strict=True):
+                left, right = np.split(axis.compensator.weights, 2)
+                taken.append(np.concatenate((right, left)))
+
+
+def _check_range(case: CaseConfig, name: str, reference: Waveform, model: StageModel) -> None:
+    identified = model.position_um
+    margin = BEYOND * identified.width
+    if reference.low < identified.low - margin or reference.high > identified.high + margin:
+        message = (
+            f"{case.name} commands {reference.low:g} to {reference.high:g} µm, but axis {name} was "
+            f"identified from {identified.low:.3g} to {identified.high:.3g} µm; keep the command "
+            "inside, or identify with a larger drive"
+        )
+        raise DataError(message)

@@ -1,0 +1,149 @@
+"""The first phase of an experiment: a model for every axis, recorded and fitted, or from a file."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from piezod.config.axes import AxisConfig
+from piezod.config.experiment import ExperimentConfig
+from piezod.config.experiment_fields import IdentificationConfig
+from piezod.config.modes import Mode
+from piezod.control.law.axis import Waveform
+from piezod.control.law.gains import Known, check_axis, check_known, naming
+from piezod.control.law.model import StageModel
+from piezod.control.law.model_files import read_model
+from piezod.control.reference.waveforms import build_waveform
+from piezod.errors import DataError
+from piezod.experiment.fit.account import account_of, parameters_of
+from piezod.experiment.fit.fit import FitSettings, fit_model
+from piezod.experiment.fit.method import Method, Spacing
+from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.warnings import fit_warnings
+from piezod.experiment.virtual.creeping import Creeping
+from piezod.experiment.virtual.stage import IN_FORCE_V, POSITION_UM, Stage
+from piezod.hysteresis.memory import FloatArray
+from piezod.records.recording import Identification
+from piezod.units import NS_PER_S
+
+
+@dataclass(frozen=True)
+class IdentifiedAxis:
+    """A model, how far the axis has crept, the account of the model, and what to know of it."""
+
+    model: StageModel
+    creeping: Creeping
+    account: Identification
+    warnings: tuple[str, ...]
+
+
+def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, IdentifiedAxis]:
+    """Return the model of every axis, in their order; those without a file are driven for it.
+
+    Raises:
+        ConfigError: If a model file cannot be used.
+        DataError: If the record cannot be used, or a model leaves out the rest voltage.
+        DeviceError: If a device refuses.
+        ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
+    """
+    period_s, trimmed = stage.period_ns / NS_PER_S, Mode.TRIMMED in config.modes
+    check_known(config.axes, period_s, trimmed=trimmed)
+    from_file = {
+        name: _from_file(name, axis, axis.model, stage.period_ns)
+        for name, axis in config.axes.items()
+        if axis.model is not None
+    }
+    settings = config.identification
+    if settings is None:
+        return from_file
+    stage.rest(settings.settle_s)
+    traces = _drive(stage, config.axes, settings)
+    identified = {
+        name: from_file.get(name)
+        or _from_record(name, axis, _record(name, stage, traces[name]), settings)
+        for name, axis in config.axes.items()
+    }
+    for name, one in identified.items():
+        known = Known(one.model.bank, one.model.delay_s, period_s)
+        check_axis(name, config.axes[name], known, trimmed=trimmed)
+    return identified
+
+
+def _drive(
+    stage: Stage, axes: Mapping[str, AxisConfig], settings: IdentificationConfig
+) -> Mapping[str, FloatArray]:
+    """Drive the axes that have no model, the others resting; return the trace of each axis."""
+    drive = build_waveform(settings.drive_v, settings.duration_s).value
+    waveforms = [
+        drive if axis.model is None else _held(axis.limits.rest_v) for axis in axes.values()
+    ]
+    traces = stage.open_loop(waveforms, settings.duration_s)
+    return dict(zip(axes, traces, strict=True))
+
+
+def _held(drive_v: float) -> Waveform:
+    return lambda _t_s: drive_v
+
+
+def _record(name: str, stage: Stage, trace: FloatArray) -> Record:
+    position_um = trace[:, POSITION_UM]
+    invalid = np.flatnonzero(~np.isfinite(position_um))
+    t_s = np.arange(trace.shape[0], dtype=np.float64) * (stage.period_ns / NS_PER_S)
+    if invalid.size:
+        message = (
+            f"axis {name}: {invalid.size} of {t_s.size} samples of the identification were "
+            f"invalid, the first at {t_s[invalid[0]]:.3f} s; "
+            "is the sensor in its range over the whole drive?"
+        )
+        raise DataError(message)
+    return Record(t_s, trace[:, IN_FORCE_V].copy(), position_um.copy())
+
+
+def _from_record(
+    name: str, axis: AxisConfig, record: Record, settings: IdentificationConfig
+) -> IdentifiedAxis:
+    compensator = axis.compensator
+    with naming(name):
+        record = record.after(settings.run_in_s)
+        fit = fit_model(
+            record,
+            FitSettings(
+                method=Method(settings.method),
+                order=compensator.operators,
+                spacing=Spacing(compensator.thresholds),
+                creep=compensator.creep,
+                lms_gain=compensator.lms_gain if compensator.identifier == "lms" else None,
+                deadband=compensator.deadband_pct / 100.0,
+                delay_s=None if compensator.delay_s == "auto" else compensator.delay_s,
+            ),
+        )
+        model = fit.model.zeroed_at(axis.limits.rest_v)
+    title = "recorded run of the identification"
+    account = account_of(fit, record, axis=name, title=title)
+    creeping = Creeping(model, record.period_s)
+    creeping.watch(record.position_um)
+    return IdentifiedAxis(model, creeping, account, _of(name, fit_warnings(fit, record.period_s)))
+
+
+def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> IdentifiedAxis:
+    in_file, file = read_model(path)
+    with naming(name):
+        model = in_file.zeroed_at(axis.limits.rest_v)
+    nothing = np.empty(0)
+    account = Identification(
+        axis=name,
+        title=f"model file {path.name}",
+        method=file.method,
+        t_s=nothing,
+        drive_v=nothing,
+        position_um=nothing,
+        predicted_v=nothing,
+        fit_errors=file.fit.model_dump(),
+        parameters=parameters_of(model),
+    )
+    return IdentifiedAxis(model, Creeping(model, period_ns / NS_PER_S), account, ())
+
+
+def _of(axis: str, warnings: Iterable[str]) -> tuple[str, ...]:
+    return tuple(f"Axis {axis}: {warning}" for warning in warnings)

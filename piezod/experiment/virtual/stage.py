@@ -1,0 +1,174 @@
+"""The stage of an experiment: its devices in virtual time, run phase by phase."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from piezod.config.experiment import ExperimentConfig
+from piezod.control.cycle import Cycle, CycleRecord
+from piezod.control.guard import Guard
+from piezod.control.law.axis import Axis, OpenLoopAxis, Waveform
+from piezod.control.law.compensated import limits_of
+from piezod.devices.channels import Channels
+from piezod.devices.interface import Device, KnowsTruth
+from piezod.devices.wiring import construct, pairs_of
+from piezod.errors import DeviceError
+from piezod.experiment.error_rows import NEED_TRUTH
+from piezod.hysteresis.memory import FloatArray
+from piezod.units import NS_PER_S, s_to_ns
+
+ZERO_OVER_S = 0.2
+"""The sensor is zeroed to its mean over the last part of a rest, this long."""
+RAMP_SHARE = 0.5
+"""Part of a rest in which the voltage goes to its rest value; the remainder it is held."""
+
+COLUMNS = 5
+IN_FORCE_V, POSITION_UM, COMMAND_UM, UNCOMPENSATED_V, TRUE_UM = range(COLUMNS)
+"""Columns of a trace; what is not known of a sample is NaN."""
+
+Progress = Callable[[int], None]
+"""Told how many further cycles have run."""
+
+
+@contextmanager
+def opened(config: ExperimentConfig, progress: Progress) -> Iterator["Stage"]:
+    """Open and activate the devices of an experiment; whatever happens, leave them safe.
+
+    Raises:
+        DeviceError: If a device cannot be opened, or cannot play the role it is given, or metrics
+            are asked for which only a simulated device can tell.
+    """
+    axes = pairs_of(config.axes)
+    devices = construct(config.devices, axes, config.seed)
+    _check_truth(config, devices)
+    channels = Channels(devices, axes)
+    channels.open()
+    try:
+        _check_rate(config.rate_hz, channels.capabilities().max_rate_hz)
+        channels.activate(0)
+        stage = Stage(channels, config, progress)
+        yield stage
+        channels.deactivate(stage.now_ns)
+    finally:
+        channels.close()
+
+
+def _check_truth(config: ExperimentConfig, devices: Mapping[str, Device]) -> None:
+    needing = ", ".join(name for name in config.metrics if name in NEED_TRUTH)
+    for name, axis in config.axes.items():
+        sensor = axis.sensor.device
+        if needing and not isinstance(devices[sensor], KnowsTruth):
+            message = (
+                f"metrics asks for {needing}, but device {sensor}, the sensor of axis {name}, "
+                "does not know the true displacement, as simulated devices do; leave these out"
+            )
+            raise DeviceError(message)
+
+
+def _check_rate(rate_hz: float, max_rate_hz: float) -> None:
+    if rate_hz > max_rate_hz:
+        message = f"rate_hz is {rate_hz:g} Hz; these devices allow at most {max_rate_hz:g} Hz"
+        raise DeviceError(message)
+
+
+class Stage:
+    """All axes of an experiment; time goes on from phase to phase.
+
+    Args:
+        channels: The devices, open and active.
+        config: The experiment.
+        progress: Told as cycles run.
+    """
+
+    def __init__(self, channels: Channels, config: ExperimentConfig, progress: Progress) -> None:
+        self._channels, self._progress = channels, progress
+        self._axes = tuple(config.axes.values())
+        self.period_ns = round(NS_PER_S / config.rate_hz)
+        self.now_ns = 0
+        self.in_force_v = channels.read_back(self.now_ns)
+        """Voltage in force on each axis, in V."""
+        self._zero_um = [0.0] * len(self._axes)
+        self._true_zero_um = [0.0] * len(self._axes)
+
+    def run(
+        self, axes: Sequence[Axis], duration_s: float, before: Callable[[int], None] | None = None
+    ) -> FloatArray:
+        """Run cycles for a duration; return the trace, shape (axes, cycles, COLUMNS).
+
+        Args:
+            axes: What each axis does, in the order of the configuration.
+            duration_s: How long, in s.
+            before: Called before each cycle with its number.
+
+        Raises:
+            DeviceError: If the amplifier refuses a voltage.
+        """
+        cycles = s_to_ns(duration_s) // self.period_ns
+        guard = Guard([limits_of(axis) for axis in self._axes], self.period_ns / NS_PER_S)
+        cycle = Cycle(self._channels, self._channels, axes, guard, self.period_ns / NS_PER_S)
+        trace = np.full((len(axes), cycles, COLUMNS), np.nan)
+        for k in range(cycles):
+            if before is not None:
+                before(k)
+            record = cycle.run(self.now_ns)
+            self._note(record, trace[:, k])
+            trace[:, k, TRUE_UM] = self._channels.true_position_um(self.now_ns)
+            self.now_ns += self.period_ns
+            self._progress(1)
+        return trace
+
+    def open_loop(self, waveforms_v: Sequence[Waveform], duration_s: float) -> FloatArray:
+        """Drive voltage waveforms, one per axis; return the trace, as `run` does."""
+        axes = [
+            OpenLoopAxis(waveform, limits_of(axis), in_force_v, self.now_ns, self.period_ns)
+            for waveform, axis, in_force_v in zip(
+                waveforms_v, self._axes, self.in_force_v, strict=True
+            )
+        ]
+        return self.run(axes, duration_s)
+
+    def rest(self, duration_s: float) -> FloatArray:
+        """Go to the rest voltage and hold it, then call the displacement reached zero.
+
+        Return the displacements on the way, from the zero before, shape (axes, cycles).
+        """
+        ramps = [
+            _ramp(in_force_v, axis.limits.rest_v, RAMP_SHARE * duration_s)
+            for axis, in_force_v in zip(self._axes, self.in_force_v, strict=True)
+        ]
+        trace = self.open_loop(ramps, duration_s)
+        last = max(1, s_to_ns(ZERO_OVER_S) // self.period_ns)
+        self._zero(trace[:, -last:])
+        return trace[:, :, POSITION_UM]
+
+    def _zero(self, trace: FloatArray) -> None:
+        """Call the mean of what was measured zero, and that of the truth over the same samples."""
+        for i, axis in enumerate(trace):
+            measured = axis[np.isfinite(axis[:, POSITION_UM])]
+            if measured.size:
+                self._zero_um[i] += float(np.mean(measured[:, POSITION_UM]))
+                self._true_zero_um[i] += float(np.mean(measured[:, TRUE_UM]))
+        self._channels.zero(self._zero_um, self._true_zero_um)
+
+    def _note(self, record: CycleRecord, row: FloatArray) -> None:
+        if not record.written:
+            asked = ", ".join(f"{output.drive_v:g} V" for output in record.outputs)
+            message = f"the amplifier refused {asked} at {record.t_ns / NS_PER_S:.3f} s"
+            raise DeviceError(message)
+        for i, (sample, output) in enumerate(zip(record.samples, record.outputs, strict=True)):
+            row[i, IN_FORCE_V] = output.in_force_v
+            row[i, COMMAND_UM] = output.command_um
+            row[i, UNCOMPENSATED_V] = output.uncompensated_v
+            if sample.valid:
+                row[i, POSITION_UM] = sample.position_um
+            self.in_force_v[i] = record.admitted.drive_v[i]
+
+
+def _ramp(from_v: float, to_v: float, over_s: float) -> Waveform:
+    def value(t_s: float) -> float:
+        if t_s >= over_s:
+            return to_v
+        return from_v + (to_v - from_v) * t_s / over_s
+
+    return value

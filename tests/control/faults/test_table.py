@@ -1,0 +1,163 @@
+"""The table of faults, and the page that shows it."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from piezod.control.faults.cases import CASES, LOST, Case, rule_of
+from piezod.control.faults.table import (
+    FAULTS,
+    INDEX,
+    Escalation,
+    FaultRule,
+    Latch,
+    Reaction,
+    Source,
+    ids,
+    mask,
+)
+from piezod.units import NS_PER_S
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
+ENDS = {Latch.L0: "itself", Latch.L1: "resume", Latch.L2: "reset", Latch.L3: "engineer"}
+ROWS = re.findall(r"^\| ([A-Z]\d+) \| .*$", PAGE, re.MULTILINE)
+
+
+def shown(rule: FaultRule) -> str:
+    """Return the row of the page for a fault."""
+    reaction, end, worse = rule.reaction.name, ENDS[rule.latch], rule.escalation
+    before: FaultRule | Escalation = rule
+    while worse is not None:
+        seconds = f"{worse.after_ns / NS_PER_S:g} s"
+        when = seconds if worse.after_ns else f"{worse.cycles} cycles"
+        if worse.reaction is not before.reaction:
+            reaction += f", {worse.reaction.name} after {when}"
+        if worse.latch is not before.latch:
+            end += f", {ENDS[worse.latch]} after {when}"
+        before, worse = worse, worse.then
+    return f"| {rule.id} | {rule.name} | {reaction} | {end} | {rule.remedy} |"
+
+
+@pytest.mark.parametrize("rule", FAULTS, ids=lambda rule: rule.id)
+def test_the_page_shows_each_fault_as_it_is(rule: FaultRule) -> None:
+    """Name, reaction, latch and remedy; in words of the program."""
+    assert shown(rule) in PAGE.splitlines()
+
+
+def test_the_page_shows_no_fault_twice_and_all_in_the_order_of_the_table() -> None:
+    """What the table does not have is what never reaches the loop."""
+    assert len(ROWS) == len(set(ROWS))
+    assert [fault for fault in ROWS if fault in INDEX] == list(INDEX)
+
+
+def looked_for() -> set[str]:
+    """Return the ids that modules other than the table name."""
+    table = ROOT / "piezod" / "control" / "faults" / "table.py"
+    modules = [path for path in (ROOT / "piezod").rglob("*.py") if path != table]
+    return set(
+        re.findall(r'"([SABLDPEH]\d+)"', "\n".join(path.read_text("utf-8") for path in modules))
+    )
+
+
+def marked() -> set[str]:
+    """Return the ids that tests are marked with, by themselves or in a table of cases."""
+    marks = re.compile(r'(?:mark\.fault|Case)\("([A-Z]\d+)"')
+    tests = (ROOT / "tests").rglob("test_*.py")
+    return {fault for path in tests for fault in marks.findall(path.read_text("utf-8"))}
+
+
+def test_the_page_says_which_faults_nobody_looks_for() -> None:
+    """No module but the table names them; the bus drivers will."""
+    line = re.search(r"^Not looked for in this version: (.*)\.$", PAGE, re.MULTILINE)
+
+    assert line is not None
+    assert line[1] == ", ".join(rule.id for rule in FAULTS if rule.id not in looked_for())
+
+
+def test_tests_prove_faults_that_the_page_shows() -> None:
+    """A mark that names no fault proves nothing."""
+    assert marked() - set(ROWS) == set()
+
+
+def test_each_fault_that_is_looked_for_is_proved() -> None:
+    """What a module names, a test is marked with."""
+    assert looked_for() - marked() == set()
+
+
+def test_ids_are_unique_and_fit_the_masks_of_a_record() -> None:
+    """Two words of 64 bits."""
+    assert len(INDEX) == len(FAULTS) <= 128
+
+
+def test_the_page_shows_the_cases_that_differ() -> None:
+    """Those of a sensor in one row, as they have one reaction; the others by name."""
+    ends = [
+        f"{rule.reaction.name}, RAMP after 1 s | resume, reset after 1 s"
+        for (_, case), rule in CASES.items()
+        if case is Case.SENSOR
+    ]
+    others = [
+        (key, rule) for key, rule in CASES.items() if key[1] not in {Case.SENSOR, Case.SINGLE}
+    ]
+
+    assert f"| {', '.join(LOST)} of a sensor | as above | {ends[0]} | as above |" in PAGE
+    assert len(set(ends)) == 1
+    for (fault, case), rule in others:
+        assert f"| {fault}: {case.value} {shown(rule).removeprefix(f'| {fault} ')}" in PAGE
+
+
+@pytest.mark.parametrize(("fault", "case"), CASES)
+def test_a_case_is_of_a_fault_and_differs_from_it(fault: str, case: Case) -> None:
+    """In what is done about it."""
+    usual, other = rule_of(fault, Case.USUAL), rule_of(fault, case)
+
+    assert other.id == usual.id == fault
+    assert (other.reaction, other.latch) != (usual.reaction, usual.latch)
+
+
+@pytest.mark.parametrize("rule", [*FAULTS, *CASES.values()], ids=lambda rule: rule.id)
+def test_each_rule_is_consistent(rule: FaultRule) -> None:
+    """What stops the stage is latched, what is latched is told; it only becomes worse."""
+    letter = {"S": Source.SENSOR, "A": Source.AMPLIFIER, "B": Source.BUS, "L": Source.LOOP}
+    assert rule.source is {**letter, "D": Source.ADAPTATION}.get(rule.id[0], Source.PROCESS)
+    assert (rule.severity == "error") >= (rule.reaction >= Reaction.HOLD)
+    assert (rule.latch >= Latch.L1) >= (rule.reaction >= Reaction.HOLD)
+    assert (rule.severity != "info") >= (rule.latch >= Latch.L1)
+    assert "|" not in rule.name + rule.remedy
+    assert rule.name
+    assert rule.remedy
+    if rule.escalation is not None:
+        worse = (rule.escalation.reaction, rule.escalation.latch)
+        assert worse > (rule.reaction, rule.latch)
+        assert rule.escalation.latch >= rule.latch
+
+
+@pytest.mark.parametrize(
+    ("reaction", "faults"),
+    [
+        (Reaction.CUT, ["A11", "A12", "A13"]),
+        (Reaction.BLIND, ["A1", "A2", "A7", "A9", "B1", "B2", "B8", "B9", "B13", "B14", "B15"]),
+        (Reaction.RAMP, ["S10", "B10", "L3", "L5", "P2", "E1", "H1"]),
+    ],
+)
+def test_the_grave_reactions_are_for_these_faults(reaction: Reaction, faults: list[str]) -> None:
+    """Whoever changes that changes it here, too."""
+    assert [rule.id for rule in FAULTS if rule.reaction is reaction] == faults
+
+
+def test_masks_and_ids_are_the_same_in_two_forms() -> None:
+    """Of one fault, of all, of none."""
+    everything = [rule.id for rule in FAULTS]
+
+    assert mask(["S1"]) == 1
+    assert ids(mask(everything)) == everything
+    assert (mask([]), ids(0)) == (0, [])
+    assert ids(mask(["D1", "S5"])) == ["S5", "D1"]
+
+
+def test_an_unknown_fault_is_a_mistake() -> None:
+    """It is not passed over."""
+    with pytest.raises(KeyError):
+        mask(["S99"])

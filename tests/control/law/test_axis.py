@@ -1,0 +1,264 @@
+"""One axis in one cycle: normalisation, look-ahead, limits, and what it knows to be in force."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from piezod.config.modes import Mode
+from piezod.control.law.axis import CompensatedAxis, OpenLoopAxis
+from piezod.control.law.compensator import Compensator
+from piezod.control.law.history import DriveHistory
+from piezod.control.law.identifier import Identifier
+from piezod.control.law.trim import Trim
+from piezod.control.limits import Limits
+from piezod.devices.interface import Sample
+from piezod.hysteresis import AffineRange, Convergence, even_thresholds, new_bank
+from tests.control.fakes import MS, FakeGate, FakeTrim, PairsOnly
+
+DRIVE_V = AffineRange(0.0, 150.0)
+POSITION_UM = AffineRange(0.0, 10.0)
+WIDE = Limits(0.0, 150.0, 1e9)
+SLOW = Limits(0.0, 150.0, 2000.0)  # 2 V in a cycle
+START_NS = 500 * MS
+AT_REST = Sample(0, 0.0, valid=True)
+BANK = new_bank(even_thresholds(1), even_thresholds(1))
+
+
+def compensated(
+    reference_um: Callable[[float], float],
+    limits: Limits = WIDE,
+    *,
+    lms: PairsOnly | None = None,
+    gate: FakeGate | None = None,
+    trim: Trim | None = None,
+    in_force_v: float = 0.0,
+    delay_ns: int = MS // 2,
+    sensor_delay_ns: int = 0,
+    weights: tuple[float, float] = (0.0, 0.0),
+    first_mode_hz: float | None = None,
+) -> CompensatedAxis:
+    """Return an axis; without weights its drive is proportional, by 15 V for a micrometre."""
+    history = DriveHistory(in_force_v, entries=256)
+    identifier = Identifier(
+        lms or PairsOnly(),
+        DRIVE_V,
+        POSITION_UM,
+        history,
+        delay_ns,
+        Convergence(0.1, window=2),
+        gate or FakeGate(),
+    )
+    return CompensatedAxis(
+        reference_um=reference_um,
+        drive_v=DRIVE_V,
+        position_um=POSITION_UM,
+        compensator=Compensator(BANK, np.array(weights), mode=Mode.FEEDFORWARD, fade_cycles=1),
+        identifier=identifier,
+        history=history,
+        limits=limits,
+        in_force_v=in_force_v,
+        start_ns=START_NS,
+        period_ns=MS,
+        delay_ns=delay_ns,
+        sensor_delay_ns=sensor_delay_ns,
+        trim=trim or FakeTrim(),
+        first_mode_hz=first_mode_hz,
+    )
+
+
+def test_drive_answers_to_the_reference_one_period_and_one_delay_ahead() -> None:
+    """What is written at 3 ms shows at 4.5 ms; the record compares with the command of 3 ms."""
+    output = compensated(lambda t_s: 1000 * t_s).update(START_NS + 3 * MS, AT_REST)
+
+    assert output.drive_v == pytest.approx(15 * 4.5)
+    assert output.command_um == pytest.approx(3.0)
+    assert output.uncompensated_v == pytest.approx(15 * 3.0)
+
+
+def test_the_sensor_s_part_of_the_delay_is_not_read_ahead() -> None:
+    """The stage itself is there earlier than its sensor says."""
+    axis = compensated(lambda t_s: 1000 * t_s, delay_ns=MS // 2, sensor_delay_ns=MS // 5)
+
+    assert axis.update(START_NS + 3 * MS, AT_REST).drive_v == pytest.approx(15 * 4.3)
+
+
+def test_corners_are_rounded_for_the_mode_but_not_in_the_record_nor_for_the_trim() -> None:
+    """At 500 Hz a quarter of the next cycle is in; command and error are of the reference."""
+    trim = FakeTrim()
+    axis = compensated(
+        lambda t_s: max(0.0, 1000 * t_s - 4.5), trim=trim, delay_ns=MS // 2, first_mode_hz=500.0
+    )
+    outputs = []
+    for k in range(6):
+        outputs.append(axis.update(START_NS + k * MS, Sample(START_NS + k * MS, 0.0, valid=True)))
+        axis.applied(outputs[-1].drive_v)
+
+    drives_v, commands_um, *_ = zip(*outputs, strict=True)
+    assert drives_v == pytest.approx([0.0, 0.0, 0.0, 15 * 0.25, 15 * 1.0, 15 * 2.0])
+    assert commands_um == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, 0.5])
+    assert trim.errors == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, 0.05])
+
+
+def test_drive_climbs_at_the_slew_rate() -> None:
+    """A step of the reference becomes a ramp of what is in force."""
+    axis = compensated(lambda _: 10.0, SLOW)
+    drives_v = []
+    for k in range(4):
+        drives_v.append(axis.update(START_NS + k * MS, AT_REST).drive_v)
+        axis.applied(drives_v[-1])
+
+    assert drives_v == pytest.approx([2.0, 4.0, 6.0, 8.0])
+
+
+def test_voltage_that_was_not_applied_does_not_count() -> None:
+    """After a refused write the slew rate counts from the voltage still in force."""
+    axis = compensated(lambda _: 10.0, SLOW)
+    axis.update(START_NS, AT_REST)
+
+    output = axis.update(START_NS + MS, AT_REST)
+
+    assert output.in_force_v == 0.0
+    assert output.drive_v == pytest.approx(2.0)
+
+
+def test_memory_does_not_advance_while_writes_are_refused() -> None:
+    """After half a swing of refused writes, the drive is that of a stage that stood still."""
+
+    def swing(t_s: float) -> float:
+        return 5.0 - 5.0 * math.cos(math.tau * t_s)
+
+    def swing_with_a_stop(t_s: float) -> float:
+        return swing(0.3) if 0.3 <= t_s < 0.8 else swing(t_s)
+
+    refused = compensated(swing, weights=(0.4, 0.3), delay_ns=0)
+    stopped = compensated(swing_with_a_stop, weights=(0.4, 0.3), delay_ns=0)
+    apart_v = []
+    for k in range(1500):
+        t_ns = START_NS + k * MS
+        refused_v = refused.update(t_ns, AT_REST).drive_v
+        stopped_v = stopped.update(t_ns, AT_REST).drive_v
+        stopped.applied(stopped_v)
+        if not 300 <= k < 799:
+            refused.applied(refused_v)
+            apart_v.append(refused_v - stopped_v)
+
+    assert np.max(np.abs(apart_v)) < 1e-9  # a memory that ran on would be 12 V off
+
+
+def test_stage_taken_over_outside_its_range_comes_back_at_the_slew_rate() -> None:
+    """A voltage of 155 V in force at the start goes down by 2 V in a cycle."""
+    axis = compensated(lambda _: 10.0, SLOW, in_force_v=155.0)
+    drives_v = []
+    for k in range(4):
+        drives_v.append(axis.update(START_NS + k * MS, AT_REST).drive_v)
+        axis.applied(drives_v[-1])
+
+    assert drives_v == pytest.approx([153.0, 151.0, 150.0, 150.0])
+
+
+def test_reference_that_is_not_a_number_holds_the_drive() -> None:
+    """A waveform that fails moves nothing."""
+    axis = compensated(lambda t_s: 5.0 if t_s < 3e-3 else math.nan)
+    for k in range(4):
+        output = axis.update(START_NS + k * MS, AT_REST)
+        axis.applied(output.drive_v)
+
+    assert output.drive_v == pytest.approx(75.0)
+
+
+def test_identifier_sees_the_voltage_before_the_delay() -> None:
+    """The sample of a cycle answers to what was in force half a period earlier."""
+    lms = PairsOnly()
+    axis = compensated(lambda t_s: 1000 * t_s, lms=lms)
+    for k in range(4):
+        axis.applied(axis.update(START_NS + k * MS, Sample(START_NS + k * MS, 5.0, True)).drive_v)
+
+    # written at 0, 1, 2 ms: 22.5, 37.5, 52.5 V, each in force a cycle later
+    in_force = np.array([0.0, 0.0, 22.5, 37.5, 52.5]) / 150
+    assert [x for x, _ in lms.pairs] == [0.5] * 4
+    assert [v for _, v in lms.pairs] == pytest.approx((in_force[1:] + in_force[:-1]) / 2)
+
+
+def test_first_weights_that_converge_become_the_model() -> None:
+    """A stage without a model gets what has been identified, once it has settled."""
+    lms = PairsOnly(errors=[0.5, 0.5, 0.5])
+    axis = compensated(lambda _: 5.0, lms=lms)
+    lms.weights[:] = (0.02, 0.03)
+    adopted = []
+    for k in range(4):
+        axis.update(START_NS + k * MS, AT_REST)
+        adopted.append(axis.compensator.weights.tolist())
+
+    assert adopted[1] == [0.0, 0.0]
+    assert adopted[-1] == [0.02, 0.03]
+
+
+def test_identifier_learns_whether_the_drive_was_limited_and_how_old_the_sample_is() -> None:
+    """It is the drive in force that counts, which was asked for a cycle earlier."""
+    gate = FakeGate()
+    axis = compensated(lambda _: 3.0 / 15.0, SLOW, gate=gate)
+    for k in range(4):
+        t_ns = START_NS + k * MS
+        axis.applied(axis.update(t_ns, Sample(t_ns - 10 * k, 0.0, valid=True)).drive_v)
+
+    assert gate.asked == [(True, 0, False), (True, 10, True), (True, 20, False), (True, 30, False)]
+
+
+def test_trim_compares_a_sample_with_the_command_of_the_instant_it_shows() -> None:
+    """That is when the sample was taken, less the delay of the sensor."""
+    trim = FakeTrim()
+    axis = compensated(lambda t_s: 1000 * t_s, trim=trim, sensor_delay_ns=MS // 5)
+    taken_ns = START_NS + 3 * MS - MS // 2
+
+    axis.update(START_NS + 3 * MS, Sample(taken_ns, 2.3, valid=True))
+    axis.update(START_NS + 4 * MS, Sample(taken_ns, 1.3, valid=True))
+
+    assert trim.errors == pytest.approx([0.0, 0.1], abs=1e-12)
+
+
+def test_trim_is_told_which_samples_cannot_be_believed() -> None:
+    """It is the gate that knows, whatever the device says."""
+    trim, gate = FakeTrim(), FakeGate()
+    axis = compensated(lambda _: 0.0, trim=trim, gate=gate)
+    for k, gate.credible in enumerate((True, False, True)):
+        axis.applied(axis.update(START_NS + k * MS, AT_REST).drive_v)
+
+    assert trim.valid == [True, False, True]
+
+
+def test_trim_holds_after_a_write_that_was_refused() -> None:
+    """What was asked for is not in force, so that the sample is no answer to it."""
+    trim = FakeTrim()
+    axis = compensated(lambda _: 0.0, trim=trim)
+    for k in range(3):
+        output = axis.update(START_NS + k * MS, AT_REST)
+        if k != 1:
+            axis.applied(output.drive_v)
+
+    assert trim.valid == [True, True, False]
+
+
+def test_trim_is_told_where_nothing_more_is_to_be_had() -> None:
+    """While the drive runs along its slew rate the trim must not wind up."""
+    trim = FakeTrim()
+    axis = compensated(lambda t_s: 0.3 if t_s < 4e-3 else 0.0, SLOW, trim=trim)
+    for k in range(7):
+        axis.applied(axis.update(START_NS + k * MS, AT_REST).drive_v)
+
+    assert trim.stops == [0, 1, 1, 0, -1, -1, 0]
+
+
+def test_open_loop_axis_drives_its_waveform_within_the_limits() -> None:
+    """There is no command, and the sample is not used."""
+    axis = OpenLoopAxis(lambda t_s: 1.0 + 1000 * t_s, SLOW, 0.0, START_NS, MS)
+    invalid = Sample(0, math.nan, valid=False)
+
+    first = axis.update(START_NS, invalid)
+    axis.applied(first.drive_v)
+    second = axis.update(START_NS + 9 * MS, invalid)
+
+    assert first.drive_v == 1.0
+    assert (second.drive_v, second.uncompensated_v, second.in_force_v) == (3.0, 10.0, 1.0)
+    assert math.isnan(second.command_um)

@@ -1,0 +1,309 @@
+"""Which samples may teach, by scenario."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.control.law.gate import (
+    LIMITED_CYCLES,
+    SPIKE_CYCLES,
+    GateReason,
+    LearningGate,
+)
+from piezod.control.signals.stuck import STUCK_SAMPLES
+from tests.control.fakes import MS
+
+SIGMA = 6e-4  # of the range: 18 nm on 30 µm
+
+
+class Cycle(NamedTuple):
+    """What the gate is told of a cycle."""
+
+    drive: float
+    position: float
+    valid: bool = True
+    age_ns: int = 0
+    limited: bool = False
+
+
+Disturb = Callable[[int, Cycle], Cycle]
+
+
+def sine(k: int) -> float:
+    """Return a full swing at 1 Hz, in cycles of 1 ms."""
+    return 0.5 - 0.5 * math.cos(2e-3 * math.pi * k)
+
+
+def measured(seed: int, cycles: int, swing: float = 1.0) -> Iterator[Cycle]:
+    """Give the cycles of a stage that follows its drive, with noise."""
+    noise = np.random.default_rng(seed).normal(0.0, SIGMA, cycles).tolist()
+    for k in range(cycles):
+        drive = swing * sine(k)
+        yield Cycle(drive, drive + noise[k])
+
+
+def reasons(gate: LearningGate, cycles: Iterator[Cycle], disturb: Disturb) -> list[GateReason]:
+    """Return the verdict on each cycle."""
+    verdicts = []
+    for k, cycle in enumerate(cycles):
+        told = disturb(k, cycle)
+        admitted = gate.admits(**told._asdict())
+        assert admitted == (gate.reason is GateReason.OPEN)
+        verdicts.append(gate.reason)
+    return verdicts
+
+
+def untouched(_: int, cycle: Cycle) -> Cycle:
+    """Change nothing."""
+    return cycle
+
+
+def closed_for(verdicts: list[GateReason]) -> set[GateReason]:
+    """Return why the gate was closed."""
+    return set(verdicts) - {GateReason.OPEN}
+
+
+def test_gate_stays_open_while_all_is_well() -> None:
+    """Once the drive has swung by 2 % of its range every sample of ten seconds teaches."""
+    verdicts = reasons(LearningGate(MS), measured(1, 10_000), untouched)
+
+    assert verdicts.index(GateReason.OPEN) == 46
+    assert set(verdicts[46:]) == {GateReason.OPEN}
+
+
+def test_stuck_sensor_closes_the_gate() -> None:
+    """Once 20 samples are the same, the last true one included; the jump back is a spike."""
+    held = 0.0
+
+    def stick(k: int, cycle: Cycle) -> Cycle:
+        nonlocal held
+        if 4250 <= k < 5200:
+            return cycle._replace(position=held)
+        held = cycle.position
+        return cycle
+
+    verdicts = reasons(LearningGate(MS), measured(2, 8000), stick)
+
+    stuck = [k for k, reason in enumerate(verdicts) if reason is GateReason.STUCK]
+    assert stuck == list(range(4249 + STUCK_SAMPLES - 1, 5200))
+    assert set(verdicts[4250 : 4249 + STUCK_SAMPLES - 1]) == {GateReason.REPEATED}
+    assert set(verdicts[5200 : 5201 + SPIKE_CYCLES]) == {GateReason.SPIKE}
+    assert set(verdicts[5201 + SPIKE_CYCLES :]) == {GateReason.OPEN}
+
+
+def test_sensor_that_reads_the_same_at_rest_is_not_stuck() -> None:
+    """Samples that are the same to the bit mean nothing while the drive hardly moves."""
+    gate = LearningGate(MS)
+
+    verdicts = reasons(gate, (Cycle(0.4 + 0.00999 * (k % 2), 0.5) for k in range(5000)), untouched)
+
+    assert set(verdicts) == {GateReason.QUIET}
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_spike_closes_the_gate_for_a_while(sign: float) -> None:
+    """A spike of 10 % teaches nothing, nor do the two samples it is compared with, nor the next."""
+
+    def spike(k: int, cycle: Cycle) -> Cycle:
+        return cycle._replace(position=cycle.position + (0.1 * sign if k == 5000 else 0.0))
+
+    verdicts = reasons(LearningGate(MS), measured(3, 6000), spike)[1000:]
+
+    closed = [k for k, reason in enumerate(verdicts) if reason is GateReason.SPIKE]
+    assert closed == list(range(4000, 4002 + SPIKE_CYCLES))
+    assert closed_for(verdicts) == {GateReason.SPIKE}
+
+
+def test_noise_ten_times_larger_closes_the_gate() -> None:
+    """From its first spike on, for some 30 s; when it stays for longer it is called usual."""
+    loud = np.random.default_rng(5)
+
+    def shake(k: int, cycle: Cycle) -> Cycle:
+        more = loud.normal(0.0, 10 * SIGMA) if k >= 5000 else 0.0
+        return cycle._replace(position=cycle.position + more)
+
+    verdicts = reasons(LearningGate(MS), measured(4, 65_000), shake)[5000:]
+
+    taught = [k for k, reason in enumerate(verdicts) if reason is GateReason.OPEN]
+    first = next(k for k, reason in enumerate(verdicts) if reason is GateReason.SPIKE)
+    assert first < 10
+    assert 20_000 < next(k for k in taught if k > first) < 45_000
+    assert set(verdicts[-1000:]) == {GateReason.OPEN}
+
+
+def test_noise_that_goes_again_opens_the_gate_again() -> None:
+    """Within half a second, and the noise that was is no longer called usual within a minute."""
+    gate, loud = LearningGate(MS), np.random.default_rng(8)
+
+    def shake(_: int, cycle: Cycle) -> Cycle:
+        return cycle._replace(position=cycle.position + loud.normal(0.0, 10 * SIGMA))
+
+    reasons(gate, measured(4, 4000), untouched)
+    reasons(gate, measured(6, 4000), shake)
+    after = reasons(gate, measured(7, 4000), untouched)
+    again = reasons(gate, measured(9, 4000), shake)
+
+    assert set(after[1500:]) == {GateReason.OPEN}
+    assert again[-1] is GateReason.NOISY
+
+
+def test_sample_that_is_repeated_teaches_nothing() -> None:
+    """The first of many from a sensor that is stuck cannot be told from one by chance."""
+    gate, held = LearningGate(MS), 0.0
+
+    def repeat(k: int, cycle: Cycle) -> Cycle:
+        nonlocal held
+        held = held if k in {5000, 5001, 5500} else cycle.position
+        return cycle._replace(position=held)
+
+    verdicts = reasons(gate, measured(3, 6000), repeat)[1000:]
+
+    assert [k for k, reason in enumerate(verdicts) if reason is GateReason.REPEATED] == [
+        4000,
+        4001,
+        4500,
+    ]
+    assert closed_for(verdicts) == {GateReason.REPEATED}
+    assert gate.accurate
+
+
+@pytest.mark.parametrize("noise", [0.0, SIGMA, 10 * SIGMA])
+def test_constant_command_never_teaches(noise: float) -> None:
+    """However long it holds, however the sensor rustles, the gate stays closed."""
+    gate, draws = LearningGate(MS), np.random.default_rng(6)
+    drives = draws.normal(0.4, 1e-3, 200_000).tolist()
+    positions = draws.normal(0.5, noise, 200_000).tolist()
+
+    verdicts = reasons(gate, map(Cycle, drives, positions), untouched)
+
+    assert GateReason.OPEN not in verdicts
+    assert gate.counts[GateReason.OPEN] == 0
+
+
+def test_swing_of_two_percent_is_enough() -> None:
+    """A sine of 2 % peak to peak opens the gate once its swing is in the window."""
+    verdicts = reasons(LearningGate(MS), measured(7, 8000, 0.02), untouched)
+
+    assert verdicts.index(GateReason.OPEN) == 500
+    assert GateReason.OPEN in verdicts[-2000:]
+
+
+def test_swing_below_two_percent_is_not_enough() -> None:
+    """However long it lasts."""
+    verdicts = reasons(LearningGate(MS), measured(7, 8000, 0.0199), untouched)
+
+    assert set(verdicts) == {GateReason.QUIET}
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"valid": False}, GateReason.INVALID),
+        ({"valid": False, "position": math.nan}, GateReason.INVALID),
+        ({"position": math.nan}, GateReason.INVALID),
+        ({"position": math.inf}, GateReason.INVALID),
+        ({"age_ns": MS + 1}, GateReason.LATE),
+        ({"age_ns": MS}, GateReason.OPEN),
+        ({"valid": False, "age_ns": 9 * MS, "limited": True}, GateReason.INVALID),
+        ({"age_ns": 9 * MS, "limited": True}, GateReason.LATE),
+        ({"limited": True}, GateReason.LIMITED),
+    ],
+)
+def test_sample_that_says_nothing_closes_the_gate(
+    change: dict[str, Any], reason: GateReason
+) -> None:
+    """The first reason that applies is given; values are taken at each edge."""
+
+    def spoil(k: int, cycle: Cycle) -> Cycle:
+        return cycle._replace(**change) if k == 1500 else cycle
+
+    verdicts = reasons(LearningGate(MS), measured(8, 1501), spoil)
+
+    assert verdicts[-2:] == [GateReason.OPEN, reason]
+
+
+@pytest.mark.parametrize(
+    ("change", "credible"),
+    [
+        ({}, True),
+        ({"limited": True}, True),
+        ({"valid": False}, False),
+        ({"position": math.nan}, False),
+        ({"age_ns": MS + 1}, False),
+        ({"position": 0.3}, False),
+        ({"position": 0.3, "limited": True}, False),
+    ],
+)
+@pytest.mark.parametrize("swing", [1.0, 0.01])
+def test_samples_are_believed_whether_they_teach_or_not(
+    change: dict[str, Any], credible: bool, swing: float
+) -> None:
+    """What is invalid, late or a spike is not, also while the gate is closed for other reasons."""
+    gate = LearningGate(MS)
+
+    def spoil(k: int, cycle: Cycle) -> Cycle:
+        return cycle._replace(**change) if k == 1500 else cycle
+
+    reasons(gate, measured(8, 1501, swing), spoil)
+
+    assert gate.credible is credible
+
+
+def test_stuck_sensor_is_not_believed() -> None:
+    """Once it is known to be stuck, until it moves again."""
+    gate, believed = LearningGate(MS), []
+    for k, cycle in enumerate(measured(2, 1400)):
+        stuck = 1200 <= k < 1300
+        gate.admits(**cycle._replace(position=0.3 if stuck else cycle.position)._asdict())
+        believed.append(gate.credible)
+
+    assert not any(believed[1200 + STUCK_SAMPLES : 1300])
+    assert all(believed[1310:])
+
+
+@pytest.mark.parametrize("age_ns", [2 * MS, 3 * MS, 3 * MS + 1])
+def test_sensor_that_is_always_late_is_not_late_for_ever(age_ns: int) -> None:
+    """A sample is late a period after the latency of its sensor."""
+    gate = LearningGate(MS, latency_ns=2 * MS)
+
+    verdicts = reasons(gate, measured(8, 1501), lambda _, cycle: cycle._replace(age_ns=age_ns))
+
+    assert verdicts[-1] is (GateReason.LATE if age_ns > 3 * MS else GateReason.OPEN)
+
+
+def test_gate_stays_closed_after_the_drive_was_limited() -> None:
+    """For a few cycles more than the limit lasted."""
+
+    def limit(k: int, cycle: Cycle) -> Cycle:
+        return cycle._replace(limited=1500 <= k < 1503)
+
+    verdicts = reasons(LearningGate(MS), measured(9, 2000), limit)
+
+    closed = [k for k, reason in enumerate(verdicts) if reason is GateReason.LIMITED]
+    assert closed == list(range(1500, 1503 + LIMITED_CYCLES))
+
+
+@given(
+    cycles=st.lists(
+        st.builds(
+            Cycle,
+            st.floats(0.0, 1.0),
+            st.floats(),
+            st.booleans(),
+            st.integers(0, 3 * MS),
+            st.booleans(),
+        ),
+        max_size=200,
+    )
+)
+def test_gate_is_deterministic_and_counts_every_cycle(cycles: list[Cycle]) -> None:
+    """Whatever it is told, two gates agree."""
+    one, other = LearningGate(MS), LearningGate(MS)
+
+    assert reasons(one, iter(cycles), untouched) == reasons(other, iter(cycles), untouched)
+    assert sum(one.counts.values()) == len(cycles)

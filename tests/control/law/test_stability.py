@@ -1,0 +1,285 @@
+"""Which gains of the trim are safe, against a simulation in small steps of time."""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from piezod.control.law.stability import (
+    LEAST_GAIN_MARGIN,
+    LEAST_LATE_GAIN_MARGIN,
+    LEAST_MODULUS_MARGIN,
+    LEAST_PHASE_MARGIN_DEG,
+    TrimMargins,
+    check_trim,
+    refuse_unstable,
+)
+from piezod.errors import ModelError
+
+FloatArray = npt.NDArray[np.float64]
+SUB_STEPS = 100
+
+
+class Loop(NamedTuple):
+    """Period, delay and first mode of a loop."""
+
+    period_s: float
+    delay_s: float
+    mode_hz: float | None = None
+    mode_damping: float | None = None
+
+    def later(self, delay_s: float) -> "Loop":
+        """Return the loop with more delay."""
+        return self._replace(delay_s=self.delay_s + delay_s)
+
+
+STACK = Loop(1e-3, 0.65e-3, 734.0, 0.03)
+FLEXURE = Loop(1e-3, 0.65e-3, 734.0, 0.015)
+AFM = Loop(1e-3, 0.65e-3, 358.0, 0.03)
+DELAY_ONLY = Loop(1e-3, 0.65e-3)
+
+PERIODS_S = st.floats(5e-5, 1e-2)
+GAINS_PER_S = st.floats(0.01, 5000.0)
+
+
+@st.composite
+def loops(draw: st.DrawFn) -> Loop:
+    """Draw a loop; the delay is a whole number of the simulation's steps."""
+    period_s = draw(PERIODS_S)
+    delay_s = draw(st.integers(0, 4 * SUB_STEPS)) * period_s / SUB_STEPS
+    if draw(st.booleans()):
+        return Loop(period_s, delay_s)
+    return Loop(
+        period_s,
+        delay_s,
+        # Beyond a few turns within a cycle the steps of the simulation are too long.
+        draw(st.floats(0.02, 1.5)) / period_s,
+        draw(st.floats(0.005, 1.0)),
+    )
+
+
+def largest_stable(loop: Loop) -> float:
+    """Return the gain at which the gain margin is 1."""
+    return check_trim(1.0, *loop).gain_margin
+
+
+def rate_of_change(loop: Loop, mode: FloatArray, drive: FloatArray) -> FloatArray:
+    """Return the derivative of displacement and scaled speed of the mode."""
+    assert loop.mode_hz is not None
+    assert loop.mode_damping is not None
+    turn = 2.0 * np.pi * loop.mode_hz
+    position, speed = mode
+    return turn * np.array([speed, drive - position - 2.0 * loop.mode_damping * speed])
+
+
+def advanced(loop: Loop, mode: FloatArray, drive: FloatArray) -> FloatArray:
+    """Return the mode a small step later, by the method of Runge and Kutta."""
+    step_s = loop.period_s / SUB_STEPS
+    first = rate_of_change(loop, mode, drive)
+    second = rate_of_change(loop, mode + step_s / 2 * first, drive)
+    third = rate_of_change(loop, mode + step_s / 2 * second, drive)
+    fourth = rate_of_change(loop, mode + step_s * third, drive)
+    return mode + step_s / 6 * (first + 2 * second + 2 * third + fourth)
+
+
+@cache
+def small_step(loop: Loop) -> tuple[FloatArray, FloatArray]:
+    """Return what mode and drive are multiplied by in a small step: the method is linear."""
+    of_mode = advanced(loop, np.eye(2), np.zeros(2))
+    return of_mode, advanced(loop, np.zeros((2, 1)), np.ones(1))
+
+
+def one_cycle(
+    loop: Loop, mode: FloatArray, trims: FloatArray, gains_per_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return mode and trims a cycle later; the newest of the trims, which are rows, comes first.
+
+    The sample is taken, then the trim is integrated for the next cycle, while the present one is
+    held and works its way through the delay.
+    """
+    late = round(loop.delay_s / loop.period_s * SUB_STEPS)
+    sample = mode[0] if loop.mode_hz is not None else trims[-(-late // SUB_STEPS)]
+    following = trims[0] - gains_per_s * loop.period_s * sample
+    if loop.mode_hz is not None:
+        of_mode, of_drive = small_step(loop)
+        for step in range(SUB_STEPS):
+            mode = of_mode @ mode + of_drive * trims[-((step - late) // SUB_STEPS)]
+    return mode, np.vstack([following, trims[:-1]])
+
+
+def trims_held(loop: Loop) -> int:
+    """Return how many trims the delay holds, the one in force included."""
+    return round(loop.delay_s / loop.period_s * SUB_STEPS) // SUB_STEPS + 2
+
+
+def growth(loop: Loop, gain_per_s: float) -> float:
+    """Return the largest eigenvalue's size of the matrix that a cycle of the simulation is."""
+    n_mode = 0 if loop.mode_hz is None else 2
+    states = np.eye(n_mode + trims_held(loop))
+    after = one_cycle(loop, states[:n_mode], states[n_mode:], np.array(gain_per_s))
+    return float(np.abs(np.linalg.eigvals(np.vstack(after))).max())
+
+
+@given(loop=loops())
+@settings(max_examples=60, deadline=None)
+def test_largest_stable_gain_is_that_of_the_closed_loop(loop: Loop) -> None:
+    """Two thousandths below it all eigenvalues are inside the unit circle, above it one is not."""
+    gain_per_s = largest_stable(loop)
+
+    assert growth(loop, 0.998 * gain_per_s) < 1.0
+    assert growth(loop, 1.002 * gain_per_s) > 1.0
+
+
+@pytest.mark.parametrize("loop", [STACK, FLEXURE, AFM, DELAY_ONLY, Loop(1e-4, 0.65e-3, 734, 0.03)])
+def test_largest_stable_gain_is_that_of_a_simulation_in_time(loop: Loop) -> None:
+    """Within 2 % below it a disturbance dies away, within 2 % above it grows."""
+    gains_per_s = largest_stable(loop) * np.array([0.98, 1.02])
+    mode, trims = np.zeros((2, 2)), np.ones((trims_held(loop), 2))
+    sizes = []
+    for _ in range(600):
+        mode, trims = one_cycle(loop, mode, trims, gains_per_s)
+        sizes.append(np.abs(trims[0]))
+
+    early, late = np.max(sizes[100:300], axis=0), np.max(sizes[-200:], axis=0)
+    assert late[0] < 0.9 * early[0]
+    assert late[1] > 1.1 * early[1]
+
+
+def enough(margins: TrimMargins) -> bool:
+    """Tell whether all margins suffice."""
+    return (
+        margins.gain_margin >= LEAST_GAIN_MARGIN
+        and margins.phase_margin_deg >= LEAST_PHASE_MARGIN_DEG
+        and margins.modulus_margin >= LEAST_MODULUS_MARGIN
+        and margins.late_gain_margin >= LEAST_LATE_GAIN_MARGIN
+    )
+
+
+@given(loop=loops(), quarters=st.integers(0, 4))
+@settings(max_examples=40, deadline=None)
+def test_late_margin_leaves_the_loop_stable_with_more_delay(loop: Loop, quarters: int) -> None:
+    """With the gain that it allows, anything up to one more period does no harm."""
+    gain_per_s = check_trim(1.0, *loop).late_gain_margin
+
+    assert growth(loop.later(quarters / 4 * loop.period_s), 0.998 * gain_per_s) < 1.0
+
+
+@given(loop=loops(), part=st.floats(0.01, 0.999), beyond=st.floats(1.001, 1.5))
+@settings(max_examples=40, deadline=None)
+def test_largest_gain_parts_what_is_allowed_from_what_is_not(
+    loop: Loop, part: float, beyond: float
+) -> None:
+    """Every gain below it has all margins; the first above it lack one."""
+    largest = check_trim(1.0, *loop).largest_gain_per_s
+
+    assert enough(check_trim(part * largest, *loop))
+    assert not enough(check_trim(1.001 * largest, *loop))
+    assert check_trim(beyond * largest, *loop).largest_gain_per_s == largest
+
+
+@given(loop=loops(), low=GAINS_PER_S, high=GAINS_PER_S)
+@settings(max_examples=40, deadline=None)
+def test_margins_shrink_with_the_gain(loop: Loop, low: float, high: float) -> None:
+    """A larger gain has no larger gain and phase margin."""
+    assume(low < high)
+
+    little, much = check_trim(low, *loop), check_trim(high, *loop)
+
+    assert little.gain_margin > much.gain_margin
+    assert little.late_gain_margin > much.late_gain_margin
+    assert little.phase_margin_deg >= much.phase_margin_deg
+
+
+@given(period_s=PERIODS_S, periods=st.floats(0.0, 50.0), more=st.floats(0.0, 5.0))
+@settings(max_examples=40, deadline=None)
+def test_delay_never_raises_the_limit(period_s: float, periods: float, more: float) -> None:
+    """Where there is no mode; the grid of frequencies leaves a thousandth."""
+    loop = Loop(period_s, periods * period_s)
+
+    before, after = check_trim(1.0, *loop), check_trim(1.0, *loop.later(more * period_s))
+
+    assert after.gain_margin <= 1.001 * before.gain_margin
+    assert after.largest_gain_per_s <= 1.001 * before.largest_gain_per_s
+
+
+@pytest.mark.parametrize(("periods", "largest"), [(0, 2.0), (1, 1.0), (2, (5**0.5 - 1) / 2)])
+def test_limits_of_an_integrator_behind_a_delay_are_known(periods: int, largest: float) -> None:
+    """Two, one and the golden ratio's share of the sample rate: roots of small polynomials."""
+    loop = Loop(1e-3, periods * 1e-3)
+
+    assert 1e-3 * largest_stable(loop) == pytest.approx(largest, rel=1e-4)
+
+
+def test_stiff_mode_is_as_none() -> None:
+    """A mode that is over within a small part of a cycle makes no difference."""
+    with_mode = check_trim(50.0, 1e-3, 0.65e-3, 80_000.0, 1.0)
+
+    assert with_mode == pytest.approx(check_trim(50.0, 1e-3, 0.65e-3, None, None), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("loop", "largest"), [(STACK, 186), (FLEXURE, 106), (AFM, 140), (DELAY_ONLY, 453)]
+)
+def test_default_gain_is_allowed_on_usual_stages(loop: Loop, largest: int) -> None:
+    """At 1 kHz, with the delay of a filtered sensor, two to nine times as much would be."""
+    assert int(refuse_unstable(50.0, *loop).largest_gain_per_s) == largest
+
+
+@pytest.mark.parametrize(
+    ("gain_per_s", "loop", "text"),
+    [
+        (
+            1000.0,
+            STACK,
+            "a trim gain of 1000 1/s is not safe: the loop would be unstable "
+            "(period 1 ms, delay 0.65 ms, first mode 734 Hz with damping 0.03); "
+            "use at most 180 1/s",
+        ),
+        (
+            200.0,
+            STACK,
+            "a trim gain of 200 1/s is not safe: gain margin 1.93, needed 2; "
+            "modulus margin 0.465, needed 0.5 "
+            "(period 1 ms, delay 0.65 ms, first mode 734 Hz with damping 0.03); "
+            "use at most 180 1/s",
+        ),
+        (
+            600.0,
+            DELAY_ONLY,
+            "a trim gain of 600 1/s is not safe: gain margin 1.67, needed 2; "
+            "phase margin 37.6°, needed 45°; modulus margin 0.36, needed 0.5 "
+            "(period 1 ms, delay 0.65 ms, no first mode known, only the delay counts); "
+            "use at most 450 1/s",
+        ),
+        (
+            150.0,
+            AFM,
+            "a trim gain of 150 1/s is not safe: gain margin with more delay 0.934, needed 1 "
+            "(period 1 ms, delay 0.65 ms, first mode 358 Hz with damping 0.03); "
+            "use at most 140 1/s",
+        ),
+    ],
+)
+def test_refusal_says_what_is_short_and_what_would_do(
+    gain_per_s: float, loop: Loop, text: str
+) -> None:
+    """The margin, its value, what is needed, what was assumed, and the largest gain allowed."""
+    with pytest.raises(ModelError) as caught:
+        refuse_unstable(gain_per_s, *loop)
+
+    assert str(caught.value) == text
+
+
+@given(loop=loops())
+@settings(max_examples=40, deadline=None)
+def test_gain_that_is_proposed_is_allowed(loop: Loop) -> None:
+    """The remedy works, and gives away no more than a tenth of the largest gain."""
+    with pytest.raises(ModelError) as caught:
+        refuse_unstable(1e9, *loop)
+    proposed = float(str(caught.value).rpartition("at most ")[2].removesuffix(" 1/s"))
+
+    assert proposed >= 0.9 * refuse_unstable(proposed, *loop).largest_gain_per_s

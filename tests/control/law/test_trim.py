@@ -1,0 +1,158 @@
+"""The integral action: what it adds, when it holds, and that it never jumps."""
+
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.control.law.trim import Trim
+
+GAIN_PER_S, PERIOD_S = 50.0, 1e-3
+AUTHORITY, FADE_CYCLES = 0.05, 20
+FADE = AUTHORITY / FADE_CYCLES
+
+ERRORS = st.floats(-1.0, 1.0)
+LIMITED = st.sampled_from([-1, 0, 1])
+
+
+def enabled() -> Trim:
+    """Return a trim that integrates."""
+    trim = Trim(GAIN_PER_S, PERIOD_S, AUTHORITY, FADE_CYCLES)
+    trim.enable()
+    return trim
+
+
+def at_authority(sign: float) -> Trim:
+    """Return a trim that has gone as far as it may."""
+    trim = enabled()
+    for _ in range(100):
+        trim.step(sign, True, 0)
+    return trim
+
+
+def test_error_fades_with_the_time_constant_of_the_gain() -> None:
+    """After 1/50 s an offset of the plant has come down to 1/e, but for the cycles' steps."""
+    trim, offset = enabled(), 0.04
+
+    for _ in range(20):
+        trim.step(offset - trim.value, True, 0)
+
+    assert offset - trim.value == pytest.approx(offset * (1 - 0.05) ** 20)
+    assert offset - trim.value == pytest.approx(offset / math.e, rel=0.03)
+
+
+def test_trim_stays_zero_until_it_is_enabled() -> None:
+    """However large the error is meanwhile; enabling starts from zero."""
+    trim = Trim(GAIN_PER_S, PERIOD_S, AUTHORITY, FADE_CYCLES)
+
+    before = [trim.step(1.0, True, 0) for _ in range(100)]
+    trim.enable()
+
+    assert before == [0.0] * 100
+    assert trim.step(0.001, True, 0) == pytest.approx(0.00005)
+
+
+@given(steps=st.lists(st.tuples(st.floats(), st.booleans(), LIMITED), max_size=300))
+def test_trim_never_exceeds_its_authority(steps: list[tuple[float, bool, int]]) -> None:
+    """Whatever is measured, not a number and infinity included."""
+    trim = enabled()
+
+    assert all(abs(trim.step(*step)) <= AUTHORITY for step in steps)
+
+
+@pytest.mark.parametrize("error", [math.nan, math.inf, -math.inf])
+def test_error_that_is_not_finite_holds(error: float) -> None:
+    """The trim stays as it is, and goes on with the next sample."""
+    trim = enabled()
+    before = trim.step(0.1, True, 0)
+
+    assert trim.step(error, True, 0) == before
+    assert trim.step(0.1, True, 0) == 2 * before
+
+
+def test_invalid_sample_holds() -> None:
+    """Whatever number comes with it."""
+    trim = enabled()
+    before = trim.step(0.1, True, 0)
+
+    assert trim.step(0.7, False, 0) == before
+
+
+@given(error=ERRORS, limited=LIMITED)
+def test_trim_does_not_push_into_a_limit(error: float, limited: int) -> None:
+    """At a limit only errors that lead away from it are integrated."""
+    trim = enabled()
+
+    value = trim.step(error, True, limited)
+
+    assert value == (0.0 if error * limited > 0 else min(max(0.05 * error, -0.05), 0.05))
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_nothing_winds_up(sign: float) -> None:
+    """After any time at its authority the trim follows the first error of the other sign."""
+    trim = at_authority(sign)
+
+    assert trim.value == sign * AUTHORITY
+    assert trim.step(-sign * 0.01, True, 0) == pytest.approx(sign * (AUTHORITY - 0.0005))
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_disabled_trim_fades_to_zero_and_stays(sign: float) -> None:
+    """It takes the stated cycles from the full authority; errors count no more."""
+    trim = at_authority(sign)
+
+    trim.disable()
+    values = [trim.step(1.0, True, 0) for _ in range(FADE_CYCLES + 2)]
+
+    assert values[FADE_CYCLES - 2] * sign > 0.0
+    assert values[FADE_CYCLES:] == pytest.approx([0.0, 0.0], abs=1e-17)
+
+
+def test_faded_trim_is_exactly_zero() -> None:
+    """No trace is left."""
+    trim = enabled()
+    trim.step(0.33, True, 0)
+    trim.disable()
+
+    assert [trim.step(0.0, True, 0) for _ in range(FADE_CYCLES)][-1] == 0.0
+
+
+def test_trim_enabled_while_it_fades_goes_on_from_where_it_is() -> None:
+    """There is no way back through zero."""
+    trim = at_authority(1.0)
+    trim.disable()
+    for _ in range(5):
+        faded = trim.step(0.0, True, 0)
+    trim.enable()
+
+    assert trim.step(0.0, True, 0) == faded == pytest.approx(AUTHORITY - 5 * FADE)
+
+
+@given(
+    steps=st.lists(st.tuples(st.floats(-0.01, 0.01), st.booleans()), min_size=2, max_size=300),
+)
+def test_switching_never_jumps(steps: list[tuple[float, bool]]) -> None:
+    """From cycle to cycle the trim changes by a step of the fade or of the integral at most."""
+    trim = at_authority(1.0)
+    values = [trim.value]
+    for error, on in steps:
+        trim.enable() if on else trim.disable()
+        values.append(trim.step(error, True, 0))
+
+    most = max(FADE, 0.05 * 0.01) * (1 + 1e-12)
+    assert all(abs(after - before) <= most for before, after in pairwise(values))
+
+
+@pytest.mark.fault("D6")
+def test_an_eased_trim_goes_half_as_fast() -> None:
+    """From one cycle to the next, and back."""
+    trim = enabled()
+    steps = []
+    for trim.eased in (False, True, False):
+        before = trim.value
+        steps.append(trim.step(0.01, True, 0) - before)
+
+    assert steps == pytest.approx([0.0005, 0.00025, 0.0005])

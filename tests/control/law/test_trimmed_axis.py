@@ -1,0 +1,137 @@
+"""Mode `trimmed` at the axis, on a made-up stage that the model does not know well."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from piezod.config.modes import Mode
+from piezod.control.law.axis import CompensatedAxis
+from piezod.control.law.compensator import Compensator
+from piezod.control.law.gate import LearningGate
+from piezod.control.law.history import DriveHistory
+from piezod.control.law.identifier import Identifier
+from piezod.control.law.trim import Trim
+from piezod.control.limits import Limits
+from piezod.devices.interface import Sample
+from piezod.hysteresis import AffineRange, Convergence, NLMSIdentifier
+from tests.control.fakes import MS
+from tests.control.made_up import BANK, WEIGHTS, Array, MadeUpStage, wander
+
+RANGE = AffineRange(0.0, 1.0)
+FADE = 100
+AUTHORITY = 0.05
+AT = 2000
+"""Cycle in which the mode is switched."""
+SPIKE_AT = 1500
+"""Cycle in which the sensor has a spike."""
+
+
+def axis_of(reference: Callable[[float], float], mode: Mode, *, adapts: bool) -> CompensatedAxis:
+    """Return an axis with the right hysteresis and no creep; its trim fades in 100 ms."""
+    history = DriveHistory(0.0, entries=8)
+    adaptation = NLMSIdentifier(BANK, gain=0.05)
+    adaptation.adopt(0.7 * WEIGHTS)
+    converged = Convergence(0.01, 100)
+    return CompensatedAxis(
+        reference_um=reference,
+        drive_v=RANGE,
+        position_um=RANGE,
+        compensator=Compensator(BANK, WEIGHTS, mode=mode, fade_cycles=FADE, trimmed_follows=adapts),
+        identifier=Identifier(adaptation, RANGE, RANGE, history, 0, converged, LearningGate(MS)),
+        history=history,
+        limits=Limits(0.0, 1.0, 1e9),
+        in_force_v=0.0,
+        start_ns=0,
+        period_ns=MS,
+        delay_ns=0,
+        sensor_delay_ns=0,
+        trim=Trim(50.0, 1e-3, AUTHORITY, FADE),
+    )
+
+
+def run(
+    start: Mode, end: Mode, commands: Array, *, adapts: bool = False, spike: float = 0.0
+) -> tuple[Array, Array]:
+    """Return drives and displacements, shape (n,); on the way a spike, and the mode switched."""
+
+    def reference(t_s: float) -> float:
+        return float(commands[min(max(round(1e3 * t_s), 0), commands.size - 1)])
+
+    axis, stage = axis_of(reference, start, adapts=adapts), MadeUpStage()
+    out, in_force = [], 0.0
+    for k in range(commands.size):
+        if k == AT:
+            axis.switch(end)
+        position = stage.step(in_force)
+        measured = position + (spike if k == SPIKE_AT else 0.0)
+        output = axis.update(k * MS, Sample(k * MS, measured, valid=True))
+        axis.applied(output.drive_v)
+        out.append((in_force, position))
+        in_force = output.drive_v
+    drives, positions = np.array(out).T
+    return drives, positions
+
+
+@pytest.mark.parametrize("adapts", [False, True])
+def test_trim_takes_away_what_the_model_misses(adapts: bool) -> None:
+    """Creep of 4 % that nobody knows of is gone soon after the switch."""
+    commands = np.full(3000, 0.8)
+
+    _, positions = run(Mode.FEEDFORWARD, Mode.TRIMMED, commands, adapts=adapts)
+
+    assert positions[AT] - 0.8 > 0.02
+    assert positions[AT + 200 :] == pytest.approx(0.8, abs=2e-4)
+
+
+@pytest.mark.parametrize("adapts", [False, True])
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("other", [Mode.UNCOMPENSATED, Mode.FEEDFORWARD, Mode.ADAPTIVE])
+@pytest.mark.parametrize("into", [False, True])
+def test_switch_is_bumpless(adapts: bool, moving: bool, other: Mode, into: bool) -> None:
+    """No step of the drive is larger than what command and trim explain."""
+    commands = wander(3.0) if moving else np.minimum(np.arange(3000) / 500, 0.8)
+    start, end = (other, Mode.TRIMMED) if into else (Mode.TRIMMED, other)
+
+    drives, _ = run(start, end, commands, adapts=adapts)
+
+    steps = np.abs(np.diff(drives))
+    usual = steps[1:AT].max() if moving else 0.0
+    assert steps[AT - 1 : AT + 3 * FADE].max() < 1.3 * usual + 5e-3
+    assert np.ptp(drives[AT - 1 : AT + 3 * FADE]) > (5e-3 if other is Mode.UNCOMPENSATED else 0.0)
+
+
+def test_trim_fades_when_it_is_left() -> None:
+    """After the fade the drive is that of the other mode, and stays."""
+    commands = np.full(3000, 0.8)
+
+    for other, drive in ((Mode.UNCOMPENSATED, 0.8), (Mode.FEEDFORWARD, None)):
+        drives, _ = run(Mode.TRIMMED, other, commands)
+        after = drives[AT + FADE + 2 :]
+
+        assert np.ptp(after) < 1e-9
+        assert abs(after[0] - drives[AT]) > 0.01
+        assert drive is None or after[0] == pytest.approx(drive, abs=1e-9)
+
+
+def test_trim_does_not_wind_up_at_the_end_of_the_range() -> None:
+    """Where creep keeps the stage above rest, nothing can be done, and nothing is stored up."""
+    there_and_back = np.concatenate((np.full(1000, 0.9), np.zeros(1000)))
+    commands = np.concatenate((there_and_back, np.full(1000, 0.5)))
+
+    _, positions = run(Mode.TRIMMED, Mode.TRIMMED, commands)
+
+    assert positions[AT - 500 : AT - 1].min() > 0.003
+    assert np.abs(positions[AT + 2 : AT + 10] - 0.5).max() < 0.035  # 0.05 more if it were
+    assert positions[AT + 200 :] == pytest.approx(0.5, abs=5e-4)
+
+
+@pytest.mark.parametrize("spike", [0.1, -0.1])
+def test_spike_does_not_move_the_trim(spike: float) -> None:
+    """Of one sample that is 10 % off, the drive shows less than a thousandth."""
+    commands = wander(3.0)
+
+    clean, _ = run(Mode.TRIMMED, Mode.TRIMMED, commands)
+    spiked, _ = run(Mode.TRIMMED, Mode.TRIMMED, commands, spike=spike)
+
+    assert np.abs(spiked - clean).max() < 1e-3 * abs(spike)

@@ -1,0 +1,32 @@
+"""Tests of the range of the last cycles."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezod.control.signals.recent_range import RecentRange
+
+VALUES = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=100)
+
+
+@given(VALUES, st.integers(1, 10))
+def test_it_holds_the_last_cycles_and_forgets_what_is_twice_as_old(
+    values: list[float], cycles: int
+) -> None:
+    """It is no narrower than that of the last cycles, no wider than that of twice as many."""
+    recent = RecentRange(cycles)
+    for k, value in enumerate(values):
+        recent.add(value)
+        last, twice = (values[max(0, k + 1 - n) : k + 1] for n in (cycles, 2 * cycles))
+        assert min(twice) <= recent.low <= min(last)
+        assert max(last) <= recent.high <= max(twice)
+
+
+def test_what_is_forgotten_swings_no_more() -> None:
+    """As before the first value."""
+    recent = RecentRange(3)
+    for value in (1.0, 5.0):
+        recent.add(value)
+    before = recent.swing
+    recent.forget()
+
+    assert (before, recent.swing) == (4.0, 0.0)

@@ -1,0 +1,351 @@
+"""What reaches the amplifier first, and what stays there: where a takeover could jump."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import nan
+
+import pytest
+
+from piezod.config import requests as rq
+from piezod.config.daemon import DaemonConfig
+from piezod.config.model_file import load_model
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.config.waveforms import Sine
+from piezod.control.law.gate import GateReason
+from piezod.control.stage import controller as stage_controller
+from piezod.control.watch.loop import CycleTiming
+from piezod.devices.status import DeviceFlag
+from piezod.testing.injections import Kind
+from tests.control.live_stage import CONFIG, FaultyStage, LiveStage, shipped
+
+PAUSE = CycleTiming(0, 2000, 10_000, 0, 0)
+
+
+def config_with(**limits: float) -> DaemonConfig:
+    """Return the configuration that ships, with other limits."""
+    config = shipped()
+    axis = config.axes["x"]
+    changed = axis.model_copy(update={"limits": axis.limits.model_copy(update=limits)})
+    return config.model_copy(update={"axes": {"x": changed}})
+
+
+def at(stage: LiveStage, drive_v: float) -> LiveStage:
+    """Have somebody else bring the output to a voltage, and wait until it is there."""
+    stage.channels.write([drive_v], stage.t_ns)
+    stage.run(0.1)
+    stage.channels.writes.clear()
+    return stage
+
+
+def running(position_um: float = 12.0) -> LiveStage:
+    """Return a stage that stays at a position."""
+    stage = LiveStage()
+    stage.cycle()
+    stage.do(rq.Arm(), rq.Goto(position_um=position_um))
+    stage.run(0.5)
+    return stage
+
+
+def output_v(stage: LiveStage) -> float:
+    """Return the voltage that is really in force."""
+    return stage.channels.read_back(stage.t_ns)[0]
+
+
+def first_v(stage: LiveStage) -> float:
+    """Return the first voltage that was written since the list was cleared."""
+    return stage.channels.writes[0][1][0]
+
+
+@pytest.mark.parametrize("slew_v_per_s", [500.0, 20_000.0])
+@pytest.mark.parametrize("there_v", [30.0, 100.0, 149.0])
+def test_the_first_write_is_what_is_in_force(slew_v_per_s: float, there_v: float) -> None:
+    """However slow the slew rate, and however soon after the start `arm` comes."""
+    stage = LiveStage(config_with(slew_v_per_s=slew_v_per_s))
+    stage.channels.write([there_v], 0)
+    stage.t_ns += 50_000_000  # the output gets there before the first cycle
+    stage.cycle()
+    stage.channels.writes.clear()
+    stage.do(rq.Arm())
+
+    assert first_v(stage) == pytest.approx(there_v, abs=0.5)
+
+
+@pytest.mark.fault("A7")
+def test_a_lost_amplifier_is_taken_over_from_where_it_is_when_it_is_back() -> None:
+    """It was lost at 100 V and comes back at 0: nothing near 100 V is ever written to it."""
+    stage = FaultyStage(config_with(slew_v_per_s=500.0))
+    stage.cycle()
+    stage.do(rq.Arm(), rq.Goto(position_um=18.0))
+    stage.run(2.0)
+    stage.fail(Kind.REFUSED, 50)
+    stage.run(0.02)
+    blind = stage.state
+    stage.device.deactivate(stage.t_ns)
+    stage.run(0.05)
+    stage.device.activate(stage.t_ns)
+    stage.channels.writes.clear()
+    stage.run(2.0)
+
+    assert blind == State.BLIND
+    assert max(drive_v for _, (drive_v,) in stage.channels.writes) < 1.0
+
+
+def test_arming_again_changes_nothing_and_never_the_shadow() -> None:
+    """What is computed in shadow never becomes real on the way."""
+    stage = LiveStage()
+    stage.cycle()
+    stage.do(rq.Arm(shadow=True), rq.Goto(position_um=12.0))
+    stage.run(0.5)
+    refused = stage.ask(rq.Arm())
+    stage.run(0.1)
+    real = running()
+    refused_too = real.ask(rq.Arm(shadow=True))
+    real.do(rq.Arm(), rq.Stop())
+    real.until("SAFE")
+
+    assert (refused.accepted, refused_too.accepted) == (False, False)
+    assert stage.channels.writes == []
+    assert output_v(real) == pytest.approx(0.0, abs=0.5)
+
+
+def test_after_shadow_the_real_voltage_is_taken_over() -> None:
+    """The very first moment at which `arm` is possible holds what is in force."""
+    stage = at(LiveStage(), 40.0)
+    stage.do(rq.Arm(shadow=True), rq.Goto(position_um=12.0), rq.Stop())
+    while not stage.controller.execute(rq.Arm(), stage.t_ns).accepted or stage.x.drive_v > 1e3:
+        stage.cycle()
+    stage.cycle()
+
+    assert first_v(stage) == pytest.approx(40.0, abs=0.5)
+
+
+@pytest.mark.fault("A13")
+@pytest.mark.parametrize("request_", [None, rq.Estop()])
+def test_an_amplifier_that_holds_is_ramped_where_it_cannot_be_cut(
+    request_: rq.Request | None,
+) -> None:
+    """To be deactivated would leave it where it is."""
+    config = shipped()
+    cutting = config.axes["x"].safety.model_copy(update={"estop": "cut"})
+    axis = config.axes["x"].model_copy(update={"safety": cutting})
+    stage = FaultyStage(config.model_copy(update={"axes": {"x": axis}}), holds=True)
+    stage.cycle()
+    stage.do(rq.Arm(), rq.Goto(position_um=12.0))
+    stage.run(0.5)
+    if request_ is None:
+        stage.fail(Kind.FLAGGED, flag=DeviceFlag.OVER_TEMPERATURE)
+    else:
+        stage.do(request_)
+    stage.run(3.0)
+
+    assert stage.state == State.FAULT
+    assert output_v(stage) == pytest.approx(0.0, abs=0.5)
+
+
+def test_a_voltage_outside_the_range_is_brought_back_at_the_slew_rate() -> None:
+    """A stage that somebody left at 149 V, where 100 V are allowed."""
+    stage = LiveStage(config_with(drive_max_v=100.0, slew_v_per_s=1000.0))
+    stage.channels.write([149.0], 0)
+    stage.t_ns += 50_000_000  # the output gets there before the first cycle
+    stage.cycle()
+    stage.channels.writes.clear()
+    stage.do(rq.Arm())
+    stage.run(0.2)
+    written_v = [drive_v for _, (drive_v,) in stage.channels.writes]
+    steps_v = [a - b for a, b in pairwise(written_v)]
+
+    assert written_v[0] == pytest.approx(149.0, abs=1.5)
+    assert max(steps_v) <= 1.0 + 1e-9
+    assert written_v[-1] == pytest.approx(100.0)
+
+
+class Silent(LiveStage):
+    """A stage whose amplifier can stop to read back."""
+
+    silent = False
+
+    def __init__(self) -> None:
+        super().__init__()
+        told = self.channels.read_back
+
+        def answer(now_ns: int) -> Sequence[float]:
+            return [nan] if self.silent else told(now_ns)
+
+        self.channels.read_back = answer  # type: ignore[assignment,method-assign] # for this test
+
+
+def test_without_a_voltage_that_is_known_nothing_is_written() -> None:
+    """Neither by `arm`, nor by an emergency stop: that waits for the link."""
+    stage = Silent()
+    stage.cycle()
+    stage.silent = True
+    stage.run(0.1)
+    refused = stage.ask(rq.Arm())
+    stage.do(rq.Estop())
+    stage.run(0.5)
+    blind = stage.state
+    stage.silent = False
+    stage.run(1.0)
+
+    assert not refused.accepted
+    assert blind == State.BLIND
+    assert stage.state == State.FAULT
+    assert all(drive_v == pytest.approx(0.0, abs=0.1) for _, (drive_v,) in stage.channels.writes)
+
+
+@pytest.mark.fault("A1")
+def test_an_amplifier_that_falls_silent_while_it_is_driven_is_lost() -> None:
+    """Its acknowledgements alone are not believed."""
+    stage = Silent()
+    stage.cycle()
+    stage.do(rq.Arm(), rq.Goto(position_um=12.0))
+    stage.run(0.5)
+    stage.silent = True
+    stage.run(0.02)
+
+    assert stage.state == State.BLIND
+
+
+@pytest.mark.fault("S2")
+def test_to_ask_for_a_hold_does_not_prolong_that_of_a_fault() -> None:
+    """After two seconds the stage ramps all the same; what was adaptive is feedforward."""
+    stage = FaultyStage()
+    stage.cycle()
+    stage.do(rq.Arm(), rq.SelectMode(mode=Mode.ADAPTIVE), rq.Goto(position_um=12.0))
+    stage.run(0.5)
+    stage.fail(Kind.REPLACED, value=nan)
+    stage.run(0.1)
+    held, mode = stage.state, stage.x.mode
+    stage.ask(rq.Hold())
+    stage.run(2.0)
+
+    assert (held, mode) == (State.HOLD, Mode.FEEDFORWARD)
+    assert stage.state == State.RAMP
+
+
+@pytest.mark.fault("L5")
+def test_a_ramp_goes_on_at_its_rate_after_a_pause() -> None:
+    """Two seconds that were lost are not made up for."""
+    stage = running(18.0)
+    stage.do(rq.Stop())
+    stage.run(0.1)
+    before_v = stage.x.drive_v
+    stage.cycle(PAUSE)
+    stage.run(0.1)
+
+    assert before_v - stage.x.drive_v == pytest.approx(101 * 0.05, abs=0.1)
+
+
+@pytest.mark.fault("D7")
+def test_a_cycle_after_skipped_periods_teaches_nothing() -> None:
+    """The stage moved while nobody looked."""
+    stage = running()
+    sine = Sine(kind="sine", low=0, high=20, frequency_hz=2)
+    stage.do(rq.SelectMode(mode=Mode.ADAPTIVE), rq.Wave(command_um={"x": sine}, duration_s=100))
+    stage.run(1.5)
+    taught = stage.x.gate
+    before = stage.controller.learned(0).weights.copy()
+    record = stage.cycle(CycleTiming(0, 2, 10_000, 0, 0))
+
+    assert taught is GateReason.OPEN
+    assert record.axes[0].gate is GateReason.SKIPPED
+    assert (stage.controller.learned(0).weights == before).all()
+
+
+@pytest.mark.fault("P4")
+def test_a_mistake_in_judging_or_in_a_request_holds_the_voltage(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The cycle goes on; the stage is held, and ends at its safe voltage."""
+    stage = running()
+    before_v = stage.x.drive_v
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(stage_controller, "execute", broken)
+    answer = stage.controller.execute(rq.Hold(), stage.t_ns)
+    monkeypatch.undo()
+    stage.cycle()
+    held = stage.state
+    monkeypatch.setattr(stage.controller.stage.watches[0].sensor, "check", broken)
+    broken_too = stage.run(0.01)
+    monkeypatch.undo()
+    stage.run(5.0)
+
+    assert "ZeroDivisionError" in answer.why
+    assert held == State.HOLD
+    assert {record.axes[0].drive_v for record in broken_too} == {before_v}
+    assert stage.state in {State.SAFE, State.FAULT}
+    assert output_v(stage) == pytest.approx(0.0, abs=0.5)
+
+
+@pytest.mark.fault("A3")
+def test_a_ramp_that_does_not_arrive_ends_in_a_fault_that_is_told() -> None:
+    """Whoever asks for the cause finds one."""
+    stage = FaultyStage()
+    stage.cycle()
+    stage.do(rq.Arm())
+    stage.run(0.1)
+    stage.do(rq.Stop())
+    stage.fail(Kind.READ_BACK_OFFSET, value=0.7)
+    stage.until("SAFE")
+    tolerated = stage.state
+    stage.do(rq.Arm())
+    stage.fail(Kind.READ_BACK_OFFSET, value=3.0)
+    stage.run(6.0)
+
+    assert tolerated == State.SAFE
+    assert stage.state == State.FAULT
+    assert "A3" in stage.faults()
+
+
+def test_another_model_makes_the_memory_unknown_once_the_stage_was_driven() -> None:
+    """Its own memory has seen nothing of what was driven."""
+    model = load_model(CONFIG.parent / "models" / "simulated-stack.yaml")
+    stage = LiveStage()
+    stage.cycle()
+    stage.do(rq.AdoptModel(model=model), rq.Arm(), rq.SelectMode(mode=Mode.ADAPTIVE), rq.Stop())
+    stage.until("SAFE")
+    stage.do(rq.AdoptModel(model=model), rq.Arm())
+
+    assert not stage.ask(rq.SelectMode(mode=Mode.ADAPTIVE)).accepted
+
+
+def test_a_model_that_leaves_out_the_rest_voltage_is_refused() -> None:
+    """The loop goes on with the one it has."""
+    file = load_model(CONFIG.parent / "models" / "simulated-stack.yaml")
+    stage = LiveStage()
+    stage.cycle()
+    answer = stage.ask(rq.AdoptModel(model=file.model_copy(update={"drive_low_v": 50.0})))
+
+    assert "leaves out the rest voltage" in answer.why
+    assert stage.state == State.SAFE
+
+
+def test_a_movement_is_no_faster_than_the_axis_may_be() -> None:
+    """Refused, with what is allowed."""
+    stage = running()
+    answer = stage.ask(rq.Goto(position_um=1.0, speed_um_per_s=1e5))
+
+    assert answer.why == (
+        "speed out of range (got 100000 µm/s), allowed: at most 200 µm/s, "
+        "speed_um_per_s of the axis"
+    )
+
+
+@pytest.mark.fault("A10")
+def test_an_amplifier_that_does_not_read_back_is_armed_with_a_confirmation() -> None:
+    """Somebody has to have seen that it is at the safe voltage; from there it is driven."""
+    stage = LiveStage()
+    stage.controller.stage.boundary.reads_back = False
+    stage.cycle()
+    refused = stage.ask(rq.Arm())
+    stage.do(rq.Arm(confirm_output=True))
+    stage.do(rq.Goto(position_um=5.0))
+    stage.run(0.5)
+
+    assert "--confirm-output" in refused.why
+    assert first_v(stage) == 0.0
+    assert stage.x.position_um == pytest.approx(5.0, abs=0.3)

@@ -1,0 +1,135 @@
+"""Tests of what is said of an identifier, and of a loop that oscillates."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from piezod.control.faults.register import Detection
+from piezod.control.law.model import StageModel
+from piezod.control.watch.adaptation import AdaptationWatch
+from piezod.hysteresis import RLSIdentifier, Shadowed, even_thresholds, new_bank
+from piezod.hysteresis.normalisation import AffineRange
+from tests.control.fakes import MS
+
+POSITION_UM = AffineRange(0.0, 30.0)
+BANK = new_bank(even_thresholds(5), even_thresholds(5))
+MODEL = StageModel(BANK, np.full(10, 0.02), AffineRange(0.0, 150.0), POSITION_UM, 0.0)
+
+
+def learner() -> Shadowed:
+    """Return what adapts, from the identified weights on."""
+    return Shadowed(RLSIdentifier(BANK, MODEL.weights))
+
+
+def run(
+    watch: AdaptationWatch,
+    position_um: Callable[[int], float],
+    cycles: int,
+    command_um: Callable[[int], float] = lambda _k: 15.0,
+    *,
+    closed: bool = True,
+) -> list[Sequence[Detection]]:
+    """Return what is found, cycle by cycle."""
+    return [
+        watch.check(command_um(k), position_um(k), closed=closed, noise_um=0.02)
+        for k in range(cycles)
+    ]
+
+
+def first(found: Sequence[Sequence[Detection]], fault: str) -> int:
+    """Return the first cycle with a fault, -1 where there is none."""
+    hits = (k for k, each in enumerate(found) if any(one.fault == fault for one in each))
+    return next(hits, -1)
+
+
+def wave(k: int, hz: float, amplitude_um: float) -> float:
+    """Return an oscillation about 15 µm, in cycles of 1 ms."""
+    return 15.0 + amplitude_um * math.sin(2e-3 * math.pi * hz * k)
+
+
+def test_nothing_is_found_while_the_stage_follows() -> None:
+    """Noise at rest, a sine of 100 Hz that lags behind, and a step that rings."""
+    noise_um = np.random.default_rng(1).normal(0.0, 0.02, 3000).tolist()
+    watch = AdaptationWatch(0, learner(), MODEL, POSITION_UM, MS)
+    found = run(watch, lambda k: 15.0 + noise_um[k], 3000)
+    found += run(watch, lambda k: wave(k - 1, 100, 5.0), 3000, lambda k: wave(k, 100, 5.0))
+    found += run(watch, lambda k: wave(k, 300, 5.0 * math.exp(-k / 40)), 3000)
+
+    assert not any(found)
+
+
+@pytest.mark.fault("D6")
+@pytest.mark.parametrize("hz", [15.0, 60.0, 250.0])
+def test_a_stage_that_oscillates_by_itself_is_told_within_six_tenths(hz: float) -> None:
+    """0.6 µm about a command that stands, with the amplitude; only in a loop that is closed."""
+    watch = AdaptationWatch(0, learner(), MODEL, POSITION_UM, MS)
+    swinging = run(watch, lambda k: wave(k, hz, 0.6), 1000)
+    opened = run(watch, lambda k: wave(k, hz, 0.6), 1000, closed=False)
+
+    assert 400 < first(swinging, "D6") <= 600
+    assert swinging[-1][0].measured == pytest.approx(0.6, rel=0.1)
+    assert not any(opened)
+
+
+@pytest.mark.fault("D1")
+@pytest.mark.parametrize(("every_s", "is_found"), [(10, True), (20, False)])
+def test_going_back_again_and_again_to_the_last_good_model_is_told(
+    every_s: int, is_found: bool
+) -> None:
+    """With the third time in thirty seconds; now and then a disturbance does that."""
+    shadowed = learner()
+    watch = AdaptationWatch(0, shadowed, MODEL, POSITION_UM, 10 * MS)
+    found = []
+    for _ in range(3):
+        shadowed.restored += 1
+        found += run(watch, lambda _k: 15.0, 100 * every_s)
+
+    assert first(found, "D1") == (200 * every_s if is_found else -1)
+
+
+@pytest.mark.fault("D1")
+def test_what_nobody_uses_may_go_back_as_often_as_it_likes() -> None:
+    """The weights are not in use while the loop is open."""
+    shadowed = learner()
+    watch = AdaptationWatch(0, shadowed, MODEL, POSITION_UM, MS)
+    found = []
+    for _ in range(10):
+        shadowed.restored += 1
+        found += run(watch, lambda _k: 15.0, 1000, closed=False)
+
+    assert not any(found)
+
+
+@pytest.mark.fault("D2")
+@pytest.mark.parametrize("closed", [True, False])
+def test_weights_that_are_no_numbers_are_told_within_a_tenth(closed: bool) -> None:
+    """Whether they are in use or not."""
+    shadowed = learner()
+    watch = AdaptationWatch(0, shadowed, MODEL, POSITION_UM, MS)
+    shadowed.weights[3] = math.nan
+
+    assert 0 < first(run(watch, lambda _k: 15.0, 200, closed=closed), "D2") <= 100
+
+
+@pytest.mark.fault("D5")
+@pytest.mark.parametrize(("share", "is_found"), [(0.2, False), (0.4, True)])
+def test_a_model_that_has_drifted_for_ten_seconds_is_told(share: float, is_found: bool) -> None:
+    """The drive would be another by 40 % of its range; 20 % may be."""
+    shadowed = learner()
+    watch = AdaptationWatch(0, shadowed, MODEL, POSITION_UM, MS)
+    shadowed.adopt(MODEL.weights, offset=share)
+    found = run(watch, lambda _k: 15.0, 12_000)
+
+    assert first(found, "D5") == (10_000 - 1 if is_found else -1)
+    assert not is_found or found[-1][0].measured == pytest.approx(share)
+
+
+def test_a_stage_not_yet_identified_has_nothing_to_drift_from() -> None:
+    """Whatever it learns is new."""
+    shadowed = learner()
+    watch = AdaptationWatch(0, shadowed, None, POSITION_UM, MS)
+    shadowed.adopt(MODEL.weights, offset=0.9)
+
+    assert not any(run(watch, lambda _k: 15.0, 12_000))

@@ -1,0 +1,265 @@
+"""A fault of the way to a device, from its first cycle to what the stage does about it."""
+
+from functools import cache
+from itertools import pairwise
+from math import isfinite
+
+import pytest
+
+from piezod.config import requests as rq
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.control.faults.table import ids
+from piezod.control.stage.record import StageRecord
+from piezod.devices.status import DeviceFlag
+from piezod.testing.injections import Kind
+from tests.control.live_stage import FaultyStage
+from tests.control.swinging_stage import Case, Faulty, check_way, failed
+
+CASES = [
+    Case("B1", Kind.LOST, {"flag": DeviceFlag.DISCONNECTED}, State.BLIND, 1),
+    Case("B2", Kind.FLAGGED, {"flag": DeviceFlag.OTHER_PATH}, State.BLIND, 1),
+    Case("B3", Kind.FLAGGED, {"flag": DeviceFlag.GARBAGE}, State.HOLD, 5),
+    Case("B4", Kind.FLAGGED, {"flag": DeviceFlag.BAD_CHECKSUM}, State.HOLD, 5),
+    Case("B5", Kind.FLAGGED, {"flag": DeviceFlag.LATE_REPLY}, State.HOLD, 5),
+    Case("B6", Kind.FLAGGED, {"flag": DeviceFlag.OUT_OF_ORDER}, State.HOLD, 5),
+    Case("B7", Kind.FLAGGED, {"flag": DeviceFlag.SLOW_REPLY}, State.HOLD, 5),
+    Case("B8", Kind.LOST, {"flag": DeviceFlag.BUS_OFF}, State.BLIND, 1),
+    Case("B9", Kind.FLAGGED, {"flag": DeviceFlag.NOT_SENT}, State.BLIND, 3),
+    Case("B10", Kind.FLAGGED, {"flag": DeviceFlag.DEVICE_FAILURE}, State.RAMP, 1),
+    Case("B10", Kind.FLAGGED, {"flag": DeviceFlag.WRONG_REQUEST}, State.HOLD, 1, "request"),
+    Case("B10", Kind.FLAGGED, {"flag": DeviceFlag.BUSY}, State.HOLD, 5, "busy"),
+    Case("B11", Kind.FLAGGED, {"flag": DeviceFlag.BUS_OVERLOADED}, State.HOLD, 5),
+    Case("B12", Kind.FLAGGED, {"flag": DeviceFlag.FOREIGN_FRAME}, State.HOLD, 1),
+    Case("B13", Kind.LOST, {"flag": DeviceFlag.HALF_OPEN}, State.BLIND, 1),
+    Case("B14", Kind.FLAGGED, {"flag": DeviceFlag.PORT_SHARED}, State.BLIND, 1),
+    Case("B15", Kind.LOST, {"flag": DeviceFlag.STUCK}, State.BLIND, 1),
+    Case("A2", Kind.FLAGGED, {"flag": DeviceFlag.PARTIAL_WRITE}, State.BLIND, 5),
+    Case("S10", Kind.FLAGGED, {"flag": DeviceFlag.OTHER_DEVICE}, State.BLIND, 1),
+    Case("S10", Kind.SENSOR_FLAGGED, {"flag": DeviceFlag.OTHER_DEVICE}, State.RAMP, 1, "sensor"),
+]
+PARAMETERS = [
+    pytest.param(one, marks=pytest.mark.fault(one.fault), id=f"{one.fault}{one.name}")
+    for one in CASES
+]
+
+
+@cache
+def seen(case: Case) -> tuple[Faulty, list[StageRecord]]:
+    """Return what `failed` does, once for each case."""
+    return failed(case)
+
+
+@pytest.mark.parametrize("case", PARAMETERS)
+def test_a_fault_of_the_bus_leads_to_its_state_in_time_and_to_rest(case: Case) -> None:
+    """It is told by its id, the stage leaves RUN within the bound, and ends at rest."""
+    check_way(case, *seen(case))
+
+
+@pytest.mark.parametrize("case", PARAMETERS)
+def test_after_the_bus_failed_a_way_begins_at_what_is_read_back(case: Case) -> None:
+    """No write leaves the range or moves faster than it may, whatever came before it."""
+    stage, _ = seen(case)
+
+    writes = stage.channels.writes
+    assert all(isfinite(drive_v) and 0.0 <= drive_v <= 150.0 for _, (drive_v,) in writes)
+    for (before_ns, (before_v,)), (t_ns, (drive_v,)) in pairwise(writes):
+        periods = (t_ns - before_ns) // stage.period_ns
+        assert abs(drive_v - before_v) <= 20.0 * periods + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("flag", "fault"), [(DeviceFlag.DISCONNECTED, "B1"), (DeviceFlag.STUCK, "B15")]
+)
+def test_while_blind_nothing_is_sent_and_nothing_is_caught_up(flag: DeviceFlag, fault: str) -> None:
+    """The first write after it is one small step away from what is in force."""
+    stage = Faulty()
+    while stage.x.drive_v < 60.0:
+        stage.cycle()
+    stage.fail(Kind.LOST, 300, flag=flag)
+    stage.run(0.002)
+    stage.channels.writes.clear()
+    stage.run(0.29)
+    sent = len(stage.channels.writes)
+    stage.until("RAMP")
+    stage.run(0.002)
+
+    assert fault in stage.faults()
+    assert sent == 0
+    (_, (first_v,)), *_ = stage.channels.writes
+    assert abs(first_v - stage.x.read_back_v) < 0.5
+
+
+@pytest.mark.fault("B1")
+@pytest.mark.parametrize("reads_back", [True, False])
+def test_what_nobody_has_driven_is_not_driven_when_it_comes_back(reads_back: bool) -> None:
+    """Disarmed, a cable may be pulled: not a single write follows."""
+    stage = FaultyStage(reads_back=reads_back)
+    stage.run(0.1)
+    stage.device.write([33.0], stage.t_ns)
+    stage.fail(Kind.LOST, 100, flag=DeviceFlag.DISCONNECTED)
+    stage.run(0.01)
+    blind = stage.state
+    stage.until("FAULT")
+    stage.run(1.5)
+    stage.do(rq.Reset())
+
+    assert blind == State.BLIND
+    assert stage.state == State.SAFE
+    assert stage.channels.writes == []
+
+
+@pytest.mark.fault("B1")
+def test_a_sensor_that_is_lost_is_held_for_and_then_ramped_and_nobody_is_blind() -> None:
+    """One cause, told once: that no sample comes is its consequence."""
+    stage = Faulty()
+    stage.fail(Kind.DROPPED, 2000)
+    stage.fail(Kind.SENSOR_FLAGGED, 2000, flag=DeviceFlag.DISCONNECTED)
+    after = stage.run(3.5)
+
+    states = [record.state for record in after]
+    assert set(stage.faults()) == {"B1"}
+    assert states[1] is State.HOLD
+    assert 1000 <= states.index(State.RAMP) <= 1003
+    assert State.BLIND not in states
+    assert stage.state == State.FAULT
+    assert stage.x.drive_v == pytest.approx(0.0, abs=0.5)
+
+
+@pytest.mark.fault("B1")
+def test_an_amplifier_that_is_lost_after_the_sensor_was_is_blind_all_the_same() -> None:
+    """It is the same fault, and worse."""
+    stage = Faulty()
+    stage.fail(Kind.SENSOR_FLAGGED, 100, flag=DeviceFlag.DISCONNECTED)
+    stage.run(0.01)
+    held = stage.state
+    stage.fail(Kind.LOST, 100, flag=DeviceFlag.DISCONNECTED)
+    stage.run(0.002)
+
+    assert (held, stage.state) == (State.HOLD, State.BLIND)
+
+
+@pytest.mark.fault("B5")
+def test_replies_that_stay_away_hold_once_and_can_be_resumed() -> None:
+    """The sample is missed before the bus is found out: that makes no second fault of it."""
+    stage = Faulty()
+    stage.fail(Kind.DROPPED, 300)
+    stage.fail(Kind.SENSOR_FLAGGED, 300, flag=DeviceFlag.LATE_REPLY)
+    after = stage.run(0.5)
+    stage.do(rq.Resume())
+
+    assert stage.faults() == ["S5", "B5"]
+    assert {record.state for record in after} == {State.RUN, State.HOLD}
+    assert stage.state == State.RUN
+
+
+@pytest.mark.fault("B3")
+def test_a_single_bad_frame_is_shown_and_neither_told_nor_reacted_to() -> None:
+    """For as long as any other fault is shown."""
+    stage = Faulty()
+    stage.fail(Kind.FLAGGED, 1, flag=DeviceFlag.GARBAGE)
+    after = stage.run(0.5)
+
+    assert ids(after[0].present) == ["B3"]
+    assert ids(after[-1].present) == []
+    assert stage.faults() == []
+    assert {record.state for record in after} == {State.RUN}
+
+
+@pytest.mark.fault("B4")
+def test_single_bad_frames_do_not_keep_a_fault_from_being_over() -> None:
+    """What was bad and is only bad now and then can be resumed."""
+    stage = Faulty()
+    stage.fail(Kind.FLAGGED, 10, flag=DeviceFlag.BAD_CHECKSUM)
+    stage.run(0.01)
+    for _ in range(6):
+        stage.fail(Kind.FLAGGED, 1, flag=DeviceFlag.BAD_CHECKSUM)
+        stage.run(0.01)
+    stage.do(rq.Resume())
+
+    assert stage.state == State.RUN
+
+
+@pytest.mark.fault("A10")
+def test_what_is_not_read_back_is_shown_while_it_is_driven() -> None:
+    """It is no trouble and no news."""
+    stage = Faulty(Mode.FEEDFORWARD, reads_back=False)
+    driven = ids(stage.records[-1].present)
+    stage.do(rq.Stop())
+    stage.until("SAFE")
+    stage.run(0.1)
+
+    assert driven == ["A10"]
+    assert ids(stage.records[-1].present) == []
+    assert stage.faults() == []
+
+
+@pytest.mark.fault("A10")
+def test_an_output_that_is_held_and_not_read_back_is_ramped_from_the_last_write() -> None:
+    """It was acknowledged, and the amplifier would have told that it was restarted."""
+    stage = Faulty(Mode.FEEDFORWARD, holds=True, reads_back=False, tells_restart=True)
+    while stage.x.drive_v < 60.0:
+        stage.cycle()
+    stage.fail(Kind.LOST, 50, flag=DeviceFlag.DISCONNECTED)
+    before_v = stage.x.in_force_v
+    stage.run(0.002)
+    blind = stage.state
+    stage.channels.writes.clear()
+    stage.until("FAULT")
+
+    (_, (first_v,)), *_, (_, (last_v,)) = stage.channels.writes
+    assert blind == State.BLIND
+    assert first_v == pytest.approx(before_v, abs=0.5)
+    assert last_v == 0.0
+
+
+@pytest.mark.fault("A10")
+@pytest.mark.parametrize(
+    ("holds", "tells_restart", "told_flag", "fault"),
+    [
+        (False, True, None, "B1"),
+        (True, False, None, "B1"),
+        (True, True, DeviceFlag.RESTARTED, "A7"),
+        (True, True, DeviceFlag.WATCHDOG_TRIPPED, "A9"),
+    ],
+)
+def test_an_output_that_nobody_knows_is_not_ramped(
+    holds: bool, tells_restart: bool, told_flag: DeviceFlag | None, fault: str
+) -> None:
+    """It is not held, would not tell a restart, or told one: FAULT, what to do, and no write."""
+    stage = Faulty(Mode.FEEDFORWARD, holds=holds, reads_back=False, tells_restart=tells_restart)
+    stage.fail(Kind.LOST, 50, flag=DeviceFlag.DISCONNECTED)
+    stage.run(0.051)
+    if told_flag is not None:
+        stage.fail(Kind.FLAGGED, 1, flag=told_flag)
+    stage.channels.writes.clear()
+    stage.until("FAULT")
+    stage.run(1.5)
+    told = [event.text for event in stage.events if event.kind == "output"]
+    stage.do(rq.Reset())
+    refused, confirmed = stage.ask(rq.Arm()), stage.ask(rq.Arm(confirm_output=True))
+
+    assert {fault, "B1"} == set(stage.faults()) & {"A7", "A9", "B1"}
+    assert len(told) == 1
+    assert "--confirm-output" in told[0]
+    assert stage.channels.writes[0][1] == (0.0,)
+    assert (refused.accepted, confirmed.accepted) == (False, True)
+
+
+@pytest.mark.fault("A1")
+def test_an_amplifier_that_was_without_power_is_not_written_its_old_voltage() -> None:
+    """It neither reads back nor tells a restart: after some refusals it may be at 0 V, untold."""
+    stage, lost = Faulty(Mode.FEEDFORWARD, holds=True, reads_back=False), []
+    stage.controller.stage.output_lost = lambda: lost.append(stage.t_ns)
+    while stage.x.drive_v < 60.0:
+        stage.cycle()
+    stage.fail(Kind.REFUSED, 30)
+    stage.run(0.03)
+    blind = stage.state
+    stage.channels.writes.clear()
+    stage.until("FAULT")
+    stage.run(0.5)
+
+    assert blind == State.BLIND
+    assert stage.channels.writes == []
+    assert len(lost) == 1  # `piezod safe` does not begin there either

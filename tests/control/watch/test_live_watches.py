@@ -1,0 +1,141 @@
+"""Tests of the watches on the simulated rig, with everything between client and devices."""
+
+from collections.abc import Mapping
+
+import pytest
+
+from piezod.config import requests as rq
+from piezod.config.combined_waveforms import WaveformConfig
+from piezod.config.modes import Mode
+from piezod.config.waveforms import Sine, Staircase, Triangle
+from piezod.devices.interface import Amplifier, Device, Sensor
+from piezod.testing.faulty import FaultyDevice
+from piezod.testing.injections import Injection, Kind
+from tests.control.fakes import MS
+from tests.control.live_stage import LiveStage
+
+SLOW = Sine(kind="sine", low=1, high=25, frequency_hz=1)
+WAVES: Mapping[str, WaveformConfig] = {
+    "slow sine": SLOW,
+    "quick sine": Sine(kind="sine", low=3, high=23, frequency_hz=50),
+    "slow triangle": Triangle(kind="triangle", low=1, high=25, frequency_hz=0.2),
+    "quick triangle": Triangle(kind="triangle", low=1, high=25, frequency_hz=20),
+    "steps": Staircase(kind="staircase", levels=(1, 25, 3, 20, 5, 24, 1, 10, 12, 1), dwell_s=0.1),
+    "small steps": Staircase(
+        kind="staircase", levels=tuple(5 + 0.25 * k for k in range(60)), dwell_s=0.03
+    ),
+}
+START_MS = 1137
+LEARNED_MS = 6137
+"""By then it is known how much noise is usual."""
+
+
+def driven(stage: LiveStage, mode: Mode) -> None:
+    """Arm a stage, and choose a mode."""
+    stage.until("SAFE")
+    stage.do(rq.Arm(), rq.SelectMode(mode=mode))
+
+
+def run_all(stage: LiveStage, wave_s: float, rest_s: float) -> None:
+    """Run every waveform, go to a position, and rest there."""
+    for wave in WAVES.values():
+        stage.do(rq.Wave(command_um={"x": wave}, duration_s=wave_s))
+        stage.run(wave_s + 0.3)
+        stage.records.clear()
+    stage.do(rq.Goto(position_um=12.5))
+    stage.run(rest_s)
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_nothing_is_found_on_a_healthy_stage(mode: Mode) -> None:
+    """Sines, triangles, steps at full slew, and rest; in every mode."""
+    stage = LiveStage()
+    driven(stage, mode)
+    run_all(stage, 1.0, 3.0)
+
+    assert stage.faults() == []
+    assert stage.state == "RUN"
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("rate_hz", [100.0, 1000.0, 10_000.0])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_nothing_is_found_on_a_healthy_stage_for_long(rate_hz: float, seed: int) -> None:
+    """Another specimen, other rates, all modes after each other."""
+    config = LiveStage().config.model_copy(update={"rate_hz": rate_hz, "seed": seed})
+    stage = LiveStage(config)
+    stage.until("SAFE")
+    stage.run(3.0)
+    stage.do(rq.Arm())
+    for mode in Mode:
+        stage.do(rq.SelectMode(mode=mode))
+        run_all(stage, 2000 / rate_hz, 5000 / rate_hz)
+
+    assert stage.faults() == []
+
+
+def faulty(kind: Kind, value: float, mode: Mode) -> LiveStage:
+    """Return a stage on a slow sine that begins to fail as its drive rises fastest."""
+    start_ms = LEARNED_MS if kind is Kind.NOISE else START_MS
+
+    def wrap(device: Device) -> Device:
+        assert isinstance(device, Sensor)
+        assert isinstance(device, Amplifier)
+        return FaultyDevice(device, [Injection(kind, start_ms * MS, value=value)])
+
+    stage = LiveStage(wrap=wrap)
+    driven(stage, mode)
+    stage.do(rq.Wave(command_um={"x": SLOW}, duration_s=100.0))
+    while stage.t_ns < (start_ms - 1) * MS:
+        stage.cycle()
+    assert stage.faults() == []
+    stage.records.clear()
+    return stage
+
+
+@pytest.mark.parametrize("mode", [Mode.FEEDFORWARD, Mode.ADAPTIVE, Mode.TRIMMED])
+@pytest.mark.parametrize(
+    ("kind", "value", "fault", "within_ms"),
+    [
+        pytest.param(*row, marks=pytest.mark.fault(row[2]))
+        for row in (
+            (Kind.REPLACED, float("nan"), "S2", 5),
+            (Kind.REPLACED, 100.0, "S3", 4),
+            (Kind.OFFSET, 6.0, "S9", 4),
+            (Kind.OFFSET, -6.0, "S9", 4),
+            (Kind.GAIN, 0.5, "S9", 120),
+            (Kind.GAIN, 2.0, "S9", 20),
+            (Kind.GAIN, -1.0, "S9", 20),
+            (Kind.GARBAGE, 1e6, "S3", 4),
+            (Kind.DROPPED, 0.0, "S5", 5),
+            (Kind.LATE, 2.0 * MS, "S6", 25),
+            (Kind.DUPLICATE, 0.0, "S11", 5),
+            (Kind.NOISE, 0.3, "S12", 1000),
+            (Kind.REFUSED, 0.0, "A1", 6),
+            (Kind.STUCK_OUTPUT, 0.0, "A3", 20),
+            (Kind.READ_BACK_OFFSET, 1.0, "A3", 4),
+            (Kind.READ_BACK_OFFSET, -25.0, "A7", 1),
+        )
+    ],
+)
+def test_a_fault_is_found_in_time(
+    kind: Kind, value: float, fault: str, within_ms: int, mode: Mode
+) -> None:
+    """In any mode, within the cycles that it is allowed; nothing else is found before it."""
+    stage = faulty(kind, value, mode)
+    stage.run((within_ms + 1) / 1000)
+
+    assert fault in stage.faults()
+    assert set(stage.faults()) <= {"S4", fault}
+
+
+@pytest.mark.fault("S1")
+@pytest.mark.fault("S13")
+@pytest.mark.parametrize(("mode", "state"), [(Mode.FEEDFORWARD, "RUN"), (Mode.ADAPTIVE, "HOLD")])
+def test_a_stuck_sensor_stops_only_what_needs_it(mode: Mode, state: str) -> None:
+    """The other goes on, with a warning."""
+    stage = faulty(Kind.STUCK, 0.0, mode)
+    stage.run(0.1)
+
+    assert stage.faults()[0] == ("S1" if mode is Mode.ADAPTIVE else "S13")
+    assert stage.state == state

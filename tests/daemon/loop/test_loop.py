@@ -1,0 +1,275 @@
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from piezod.config.modes import Mode
+from piezod.config.requests import Estop, Goto, Hold, Shutdown, Stop
+from piezod.config.states import State
+from piezod.control.law.gate import GateReason
+from piezod.control.stage.record import StageEvent
+from piezod.daemon.last_output import LastOutputWriter, read_last_output
+from piezod.daemon.loop.loop import SUPERVISOR_LOST_NS, Loop
+from piezod.daemon.loop.pacer import Pacer
+from piezod.daemon.loop.timed_channels import NOT_WRITTEN, TimedChannels
+from piezod.devices.channels import Channels
+from piezod.devices.interface import Wiring
+from piezod.devices.wiring import ChannelPair
+from piezod.telemetry.events import EventReader
+from piezod.telemetry.layout import Layout
+from piezod.telemetry.learned import LearnedReader
+from piezod.telemetry.mailbox import MailboxWriter
+from piezod.telemetry.requests_codec import encode
+from piezod.telemetry.ring import RingReader
+from piezod.telemetry.shared_map import SharedMap, create
+from piezod.telemetry.stream import StreamWriter
+from piezod.telemetry.words import Word
+from piezod.testing.fake_clock import FakeClock
+from piezod_drivers.simulated.driver import SimulatedRig
+from piezod_drivers.simulated.options import Options
+from tests.daemon.fake_controller import FakeController
+
+PERIOD_NS = 1_000_000
+AXES = ("x", "y")
+
+
+class Rig(NamedTuple):
+    """A loop, and all that it is connected to."""
+
+    loop: Loop
+    controller: FakeController
+    clock: FakeClock
+    shared: SharedMap
+    output: Path
+
+    def run(self, cycles: int, each: Callable[[], object] = lambda: None) -> None:
+        """Run so many cycles, with something done before each."""
+        for _ in range(cycles):
+            each()
+            self.loop.cycle()
+
+    def beat(self) -> None:
+        """Show life, as the supervisor does."""
+        self.shared.words[Word.SUPERVISOR_BEAT_NS] = self.clock.t_ns
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Rig:
+    """Return a loop over two simulated axes and a controller that takes everything."""
+    clock = FakeClock(10**9)
+    pairs = {axis: ChannelPair("rig", "rig") for axis in AXES}
+    channels = Channels({"rig": SimulatedRig(Options(), Wiring.both(AXES), 1)}, pairs)
+    channels.open()
+    channels.activate(clock.now_ns())
+    output = tmp_path / "output.map"
+    timed = TimedChannels(channels, clock, LastOutputWriter(output, len(AXES)))
+    controller = FakeController(timed, clock)
+    shared = create(tmp_path / "loop.map", Layout(AXES, 2000, PERIOD_NS))
+    loop = Loop(controller, timed, shared, clock, Pacer(clock, PERIOD_NS, 40_000))
+    return Rig(loop, controller, clock, shared, output)
+
+
+def test_every_cycle_leaves_its_record(rig: Rig) -> None:
+    """One a period, with the axes, the faults beyond the 64th, and names as their places."""
+    reader = RingReader(rig.shared)
+
+    rig.run(100)
+
+    records, lost = reader.read(1000)
+    assert (len(records), lost) == (100, 0)
+    assert set(records["t_ns"][1:] - records["t_ns"][:-1]) == {PERIOD_NS}
+    last = records[-1]
+    assert list(State)[last["state"]] is State.RUN
+    assert (last["present_lo"], last["present_hi"]) == (1 << 3, 1 << 6)
+    assert (last["latched_lo"], last["latched_hi"]) == (0, 1)
+    axis = last["axes"][1]
+    assert list(Mode)[axis["mode"]] is Mode.ADAPTIVE
+    assert list(GateReason)[axis["gate"]] is GateReason.QUIET
+    assert (axis["drive_v"], axis["motion"], axis["on_target"]) == (7.5, 3, True)
+
+
+def test_phases_of_a_cycle_are_told(rig: Rig) -> None:
+    """How late it began, what took how long, and when the write began."""
+    rig.controller.busy_ns = 200_000
+
+    rig.run(1)
+
+    record = RingReader(rig.shared).latest()
+    assert record is not None
+    assert 0 < record["read_ns"] < 1000
+    assert 0 < record["write_ns"] < 1000
+    assert record["compute_ns"] == pytest.approx(200_000, abs=1000)
+    assert record["write_late_ns"] == pytest.approx(200_000, abs=1000)
+
+
+def test_cycle_that_writes_nothing_says_so(rig: Rig) -> None:
+    """There is no instant of a write then."""
+    rig.controller.state = State.SAFE
+
+    rig.run(1)
+
+    record = RingReader(rig.shared).latest()
+    assert record is not None
+    assert (record["write_late_ns"], record["write_ns"]) == (NOT_WRITTEN, 0)
+
+
+def test_what_is_written_is_noted(rig: Rig) -> None:
+    """For whoever has to ramp down from there."""
+    rig.run(3)
+
+    assert [output.drive_v for output in read_last_output(rig.output)] == [7.5, 8.5]
+
+
+def test_requests_are_carried_out_and_answered(rig: Rig) -> None:
+    """One in a cycle, in their order, each with its answer."""
+    mailbox = MailboxWriter(rig.shared)
+    sent = [Goto(position_um=1.0), Goto(position_um=2.0)]
+    first, second = (mailbox.post(encode(each), 2 * 10**9) for each in sent)
+
+    rig.run(1)
+    early = mailbox.answer(second)
+    rig.run(1)
+
+    assert early is None
+    assert rig.controller.requests == sent
+    assert mailbox.answer(first) == (True, "", 1)
+    assert mailbox.answer(second) == (True, "", 2)
+
+
+def test_request_that_cannot_be_read_is_refused(rig: Rig) -> None:
+    """The loop goes on."""
+    mailbox = MailboxWriter(rig.shared)
+    number = mailbox.post(b"junk", 2 * 10**9)
+
+    rig.run(2)
+
+    answer = mailbox.answer(number)
+    assert answer is not None
+    assert not answer.accepted
+    assert "cannot be read" in answer.why
+
+
+def test_setpoints_come_before_the_cycle(rig: Rig) -> None:
+    """The newest of each axis, once."""
+    StreamWriter(rig.shared).set(1, 4.5, 77)
+
+    rig.run(2)
+
+    assert rig.controller.setpoints == [(1, 4.5, 77)]
+
+
+def test_events_are_handed_over(rig: Rig) -> None:
+    """All that the controller tells of a cycle."""
+    reader = EventReader(rig.shared)
+    rig.controller.events = [StageEvent(1, "info", "state", "SAFE to READY")]
+
+    rig.run(1)
+
+    assert [event.text for event in reader.read()[0]] == ["SAFE to READY"]
+
+
+def test_learned_parameters_are_published_twenty_times_a_second(rig: Rig) -> None:
+    """Each axis in its turn."""
+    reader = LearnedReader(rig.shared)
+
+    rig.run(100)
+
+    for axis in range(2):
+        learned = reader.read(axis)
+        assert learned is not None
+        assert list(learned.weights) == [axis + 0.5]
+    turns = rig.shared.part("learned").cast("q")[0]
+    assert turns == 2
+
+
+def test_cycles_that_skip_are_counted_and_not_healthy(rig: Rig) -> None:
+    """What the watchdog is fed with are cycles on schedule only."""
+    rig.run(5)
+    rig.clock.spend_ns(4 * PERIOD_NS)
+    rig.run(5)
+
+    words = rig.shared.words
+    assert words[Word.SKIPPED_CYCLES] == 3
+    assert words[Word.HEALTHY_CYCLES] == 9
+    assert words[Word.LOOP_STATE] == list(State).index(State.RUN)
+    assert rig.controller.timings[5].skipped == 3
+
+
+def test_duration_of_a_cycle_is_told_to_the_next(rig: Rig) -> None:
+    """All of it, publishing included."""
+    rig.controller.busy_ns = 300_000
+
+    rig.run(2)
+
+    assert rig.controller.timings[0].busy_ns == 0
+    assert rig.controller.timings[1].busy_ns == pytest.approx(300_000, abs=3000)
+
+
+def test_loop_ends_when_the_controller_has_finished(rig: Rig) -> None:
+    """Not in the cycle in which it is told to, but when that is done."""
+    MailboxWriter(rig.shared).post(encode(Shutdown()), 2 * 10**9, urgent=True)
+
+    rig.loop.run()
+
+    assert rig.controller.requests == [Shutdown()]
+
+
+def test_loop_without_supervisor_shuts_down(rig: Rig) -> None:
+    """A second after the last beat, once, with the fault that says why."""
+    rig.run(2000, rig.beat)
+    before = list(rig.controller.requests)
+
+    rig.run(SUPERVISOR_LOST_NS // PERIOD_NS - 1)
+    shortly_before = list(rig.controller.requests)
+    rig.run(2000)
+
+    assert before == shortly_before == []
+    assert rig.controller.requests == [Shutdown()]
+    assert [found.fault for found in rig.controller.detections] == ["H1"]
+
+
+def test_pause_of_the_machine_is_not_taken_for_a_lost_supervisor(rig: Rig) -> None:
+    """What stopped the loop stopped the supervisor too: it gets its second afterwards."""
+    rig.run(10, rig.beat)
+    rig.clock.spend_ns(5 * SUPERVISOR_LOST_NS)
+
+    rig.run(500)
+    rig.run(500, rig.beat)
+
+    assert rig.controller.requests == []
+
+
+def test_process_counts_what_must_not_happen(rig: Rig) -> None:
+    """Once a second: page faults, collections, blocks of memory."""
+    rig.run(2001, rig.beat)
+
+    assert rig.shared.words[Word.ALLOCATED_BLOCKS] > 0
+    assert rig.shared.words[Word.GC_COLLECTIONS] >= 0
+
+
+def test_urgent_request_goes_first(rig: Rig) -> None:
+    """A stop is executed before a movement that was posted earlier."""
+    mailbox = MailboxWriter(rig.shared)
+    mailbox.post(encode(Goto(position_um=1.0)), 2 * 10**9)
+    mailbox.post(encode(Stop()), 2 * 10**9, urgent=True)
+
+    rig.run(1)
+
+    assert rig.controller.requests == [Stop()]
+
+
+@pytest.mark.fault("E1")
+def test_emergency_stop_waits_for_no_other_request(rig: Rig) -> None:
+    """It is carried out in the next cycle, once, whatever is before it in the urgent lane."""
+    mailbox = MailboxWriter(rig.shared)
+    for _ in range(3):
+        mailbox.post(encode(Hold()), 10**12, urgent=True)
+    number = mailbox.post_estop()
+
+    rig.run(2)
+
+    assert rig.controller.requests == [Estop(), Hold(), Hold()]
+    answer = mailbox.estop_answer(number)
+    assert answer is not None
+    assert answer.accepted

@@ -1,0 +1,162 @@
+"""A cable that is pulled from a running daemon, and plugged in again: with an emulated device."""
+
+import csv
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from piezod.config.states import State
+from piezod.daemon.supervisor.documents import STATES
+from piezod.telemetry.ring import RingReader
+from piezod.telemetry.shared_map import attach
+from piezod.telemetry.words import Word
+from tests.daemon.conftest import StartDaemon
+from tests.daemon.daemons import REPOSITORY, Daemon
+from tests.daemon.waiting import eventually
+from tests.drivers.bus.bench import Emulated, emulated
+
+AWAY_S = 2.0
+RAMP_V_PER_S = 50.0
+RATE_HZ = 20.0
+LASER = """\
+  laser: {driver: micro_epsilon, options: {port: %s, model: ILD1420, timeout_ms: 200}}
+"""
+AT_LASER = """\
+sensor:
+      device: laser
+      channel: distance
+      calibration: {kind: line, gain: 1, offset: -5000}"""
+
+
+def configured(folder: Path, port: str, laser: str = "") -> Path:
+    """Write the configuration of a stage at an E-816, measured by it or by a laser."""
+    text = (REPOSITORY / "config" / "devices" / "pi-e816.yaml").read_text(encoding="utf-8")
+    text = text.replace("/dev/serial/by-id/EXAMPLE", port)
+    text = text.replace("timeout_ms: 50", "timeout_ms: 200")
+    text = text.replace("rate_hz: 50", f"rate_hz: {RATE_HZ:g}")
+    text = text.replace("../models/", f"{REPOSITORY}/config/models/")
+    if laser:
+        text = text.replace("\naxes:\n", LASER % laser + "\naxes:\n")
+        text = text.replace("sensor: {device: controller, channel: A}", AT_LASER)
+    path = folder / "stage.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def present(daemon: Daemon) -> set[str]:
+    """Return the ids of what is present or latched."""
+    return {fault["id"] for fault in daemon.status()["faults"]}
+
+
+def cycles_until_blind(daemon: Daemon) -> int:
+    """Return after how many cycles without a read-back a stage was BLIND."""
+    records = RingReader(attach(daemon.paths.loop_map)).last(200)
+    silent = np.isnan(records["axes"]["read_back_v"][:, 0])
+    blind = records["state"] == STATES.index(State.BLIND)
+    before = silent[: np.argmax(blind)]  # counted back: a late reply may have come long before
+    return int(np.argmin([*before[::-1], False]))
+
+
+@contextmanager
+def high_up(start: StartDaemon, folder: Path) -> Iterator[tuple[Daemon, Emulated]]:
+    """Give a daemon whose stage is armed and has been driven to some 40 V, and its device."""
+    arguments = ("--trace", str(folder / "trace.csv"))
+    with emulated("pi-e816", arguments=arguments) as far:
+        daemon = start(configured(folder, far.where[0])).up()
+        daemon.do("arm")
+        daemon.do("goto", position_um=8.0)
+        eventually(lambda: daemon.status()["axes"]["x"]["drive_v"] > 30.0)
+        eventually(lambda: daemon.status()["axes"]["x"]["on_target"])
+        yield daemon, far
+
+
+@pytest.mark.fault("B1")
+def test_a_cable_that_is_pulled_and_plugged_in_again(start: StartDaemon, tmp_path: Path) -> None:
+    """BLIND, then from what is read back to the safe voltage, and no further without a reset."""
+    with high_up(start, tmp_path) as (daemon, far):
+        far.faults(f"disconnect:now:{AWAY_S:g}")
+        daemon.until("BLIND")
+        blind, cycles = present(daemon), cycles_until_blind(daemon)
+        before_skipped = daemon.status()["skipped_cycles"]
+        refused = daemon.ask("POST", "goto", {"position_um": 1.0}).status_code
+        daemon.until("FAULT")
+        status = daemon.status()
+        latched = present(daemon)
+        daemon.process.terminate()
+        assert daemon.exit_code() == 0
+        with (tmp_path / "trace.csv").open(encoding="ascii") as file:
+            rows = [(int(row["t_ns"]), float(row["x_v"])) for row in csv.DictReader(file)]
+
+    away = max(pairwise(rows), key=lambda pair: pair[1][0] - pair[0][0])
+    after_v = [volts for t_ns, volts in rows if t_ns >= away[1][0]]
+    assert "B1" in blind
+    assert cycles <= 2
+    assert refused == 409
+    assert "B1" in latched
+    assert status["skipped_cycles"] - before_skipped < AWAY_S * RATE_HZ / 2  # the loop went on
+    assert away[1][0] - away[0][0] >= AWAY_S * 1e9
+    assert abs(after_v[0] - away[0][1]) <= 2.0 * RAMP_V_PER_S / RATE_HZ
+    assert all(b <= a for a, b in pairwise(after_v))
+    assert after_v[-1] == pytest.approx(0.0, abs=0.5)
+
+
+@pytest.mark.fault("B1")
+def test_a_reset_after_the_cable_was_plugged_in_makes_the_stage_as_before(
+    start: StartDaemon, tmp_path: Path
+) -> None:
+    """Arm, and go: the same device, opened again."""
+    with high_up(start, tmp_path) as (daemon, far):
+        far.faults(f"disconnect:now:{AWAY_S:g}")
+        daemon.until("BLIND")
+        daemon.until("FAULT")
+        eventually(lambda: daemon.ask("POST", "reset", {}).status_code == 200)
+        daemon.until("SAFE")
+        daemon.do("arm")
+        daemon.do("goto", position_um=5.0)
+        eventually(lambda: daemon.status()["axes"]["x"]["drive_v"] > 15.0)
+        present_now = present(daemon)
+
+    assert "B1" not in present_now
+
+
+@pytest.mark.fault("S10")
+def test_another_device_at_the_cable_is_not_driven(start: StartDaemon, tmp_path: Path) -> None:
+    """It stays BLIND as long as it is the wrong one, and nothing is sent to it."""
+    with high_up(start, tmp_path) as (daemon, far):
+        far.faults("wrong-identity:now:0.5")
+        daemon.until("BLIND")
+        eventually(lambda: "S10" in present(daemon))
+        written = (tmp_path / "trace.csv").read_text(encoding="ascii").count("\n")
+        words = attach(daemon.paths.loop_map).words
+        first = words[Word.NEWEST_RECORD]
+        eventually(lambda: words[Word.NEWEST_RECORD] > first + 20)
+        state = daemon.status()["state"]
+        again = (tmp_path / "trace.csv").read_text(encoding="ascii").count("\n")
+
+    assert state == "BLIND"
+    assert written == again
+
+
+@pytest.mark.fault("B1")
+def test_a_laser_whose_cable_is_pulled_makes_nobody_blind(
+    start: StartDaemon, tmp_path: Path
+) -> None:
+    """The amplifier is still there: the stage is held, then ramped down."""
+    with emulated("pi-e816") as amplifier, emulated("ild1420") as laser:
+        daemon = start(configured(tmp_path, amplifier.where[0], laser.where[0])).up()
+        daemon.do("mode", mode="feedforward")
+        daemon.do("arm")
+        laser.faults("disconnect:now:3")
+        daemon.until("FAULT")
+
+        eventually(lambda: "to FAULT" in daemon.text)
+        told = daemon.text
+
+    assert "B1" in told
+    assert "READY to HOLD" in told
+    assert "HOLD to RAMP" in told
+    assert "BLIND" not in told

@@ -1,0 +1,86 @@
+"""What is asked of the operating system; each time in a process of its own, which it changes."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from piezod.telemetry.layout import Layout
+from piezod.telemetry.shared_map import create
+
+SET_UP = """
+import gc, json, os, resource, sys
+from pathlib import Path
+from piezod.config.daemon import LoopConfig
+from piezod.daemon.loop.realtime import Realtime
+from piezod.telemetry.shared_map import attach
+
+shared = attach(Path(sys.argv[1]), writable=True)
+if sys.argv[2] == "powerless":
+    resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+    if os.getuid() == 0:
+        os.setuid(65534)
+realtime = Realtime(LoopConfig(), shared)
+steps = realtime.set_up()
+status = dict(line.split(":", 1) for line in open("/proc/self/status"))
+print(json.dumps({
+    "steps": {step.name: step._asdict() for step in steps},
+    "locked_kb": int(status["VmLck"].split()[0]),
+    "cpus": len(os.sched_getaffinity(0)),
+    "policy": os.sched_getscheduler(0),
+    "collecting": gc.isenabled(),
+    "frozen": gc.get_freeze_count(),
+    "policy afterwards": (realtime.leave(), os.sched_getscheduler(0))[1],
+}))
+"""
+
+
+@pytest.fixture
+def map_file(tmp_path: Path) -> Path:
+    """Return a shared memory."""
+    path = tmp_path / "loop.map"
+    create(path, Layout(("x",), 64, 1_000_000))
+    return path
+
+
+def set_up(map_file: Path, power: str) -> dict[str, Any]:
+    """Set a process up, and return what it tells of itself."""
+    command = [sys.executable, "-c", SET_UP, str(map_file), power]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+@pytest.mark.parametrize("power", ["as it is", "powerless"])
+def test_what_is_reported_is_so(map_file: Path, power: str) -> None:
+    """A step that says it was obtained was, by the kernel's own account, and no other was."""
+    found = set_up(map_file, power)
+
+    steps = found["steps"]
+    assert steps["memory"]["ok"] == (found["locked_kb"] > 0)
+    assert steps["scheduling"]["ok"] == (found["policy"] & os.SCHED_FIFO != 0)
+    assert steps["processor"]["ok"] == (found["cpus"] == 1)
+    assert steps["garbage collection"]["ok"]
+    assert not found["collecting"]
+    assert found["frozen"] > 0
+    assert found["policy afterwards"] & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
+
+
+def test_process_without_rights_is_told_what_to_do(map_file: Path) -> None:
+    """It goes on without, and the report says why and what would help."""
+    steps = set_up(map_file, "powerless")["steps"]
+
+    assert not steps["scheduling"]["ok"]
+    assert "run as the service does, or as root" in steps["scheduling"]["obtained"]
+
+
+def test_priority_is_raised_last_and_memory_locked_after_the_heap(map_file: Path) -> None:
+    """The order is the one in which no step undoes or hampers another."""
+    names = list(set_up(map_file, "as it is")["steps"])
+
+    assert names[-1] == "scheduling"
+    assert names.index("heap") < names.index("memory") < names.index("garbage collection")

@@ -1,0 +1,273 @@
+"""The loop process before its first cycle, in this process."""
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from piezod.config.daemon import load_daemon
+from piezod.config.requests import Arm, Request, Shutdown
+from piezod.config.states import State
+from piezod.daemon.clock import MonotonicClock
+from piezod.daemon.last_output import LastOutputWriter
+from piezod.daemon.lock import device_lock
+from piezod.daemon.loop.devices import make_channels
+from piezod.daemon.loop.rate import (
+    LEAST_CYCLES,
+    MOST_CYCLES,
+    measure_busy_ns,
+    sustained_rate_hz,
+    usable_spin_ns,
+)
+from piezod.daemon.loop.start import wait_for_devices, wait_for_lock
+from piezod.daemon.loop.timed_channels import TimedChannels
+from piezod.devices import registry
+from piezod.devices.channels import Channels
+from piezod.devices.interface import Identity, Wiring
+from piezod.devices.wiring import ChannelPair
+from piezod.errors import AlreadyRunningError, DeviceUnavailableError
+from piezod.telemetry.events import EventReader
+from piezod.telemetry.layout import Layout
+from piezod.telemetry.mailbox import MailboxAnswer, MailboxWriter
+from piezod.telemetry.requests_codec import encode
+from piezod.telemetry.shared_map import SharedMap, create
+from piezod.telemetry.words import Word
+from piezod.testing.fake_clock import FakeClock
+from piezod_drivers.simulated.driver import SimulatedRig
+from piezod_drivers.simulated.options import Options
+from tests.daemon.fake_controller import FakeController
+from tests.daemon.loop_child import beat
+from tests.daemon.waiting import eventually
+
+SIMULATED = Path(__file__).parents[3] / "config" / "simulated.yaml"
+ABSENT = "nothing answers; plug it in"
+
+
+class ShyRig(SimulatedRig):
+    """A rig that is absent until somebody lets it be there, or that breaks."""
+
+    def __init__(self, error: Exception | None = None) -> None:
+        super().__init__(Options(), Wiring.both("x"), 1)
+        self.error = error
+
+    def open(self) -> Identity:
+        """Be opened, or not."""
+        if self.error is not None:
+            raise self.error
+        return super().open()
+
+
+class Waiting:
+    """A loop that waits for its devices in a thread of its own."""
+
+    def __init__(self, rig: ShyRig, shared: SharedMap) -> None:
+        self._rig, self._shared = rig, shared
+        self.outcome: bool | Exception | None = None
+        self._mailbox = MailboxWriter(shared)
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        channels = Channels({"rig": self._rig}, {"x": ChannelPair("rig", "rig")})
+        try:
+            self.outcome = wait_for_devices(channels, self._shared, MonotonicClock())
+        except RuntimeError as error:
+            self.outcome = error
+
+    def ask(self, request: Request) -> MailboxAnswer:
+        """Ask for something."""
+        number = self._mailbox.post(encode(request), time.monotonic_ns() + 10 * 10**9)
+        answer = eventually(lambda: self._mailbox.answer(number))
+        assert answer is not None
+        return answer
+
+    def ended(self) -> bool | Exception | None:
+        """Wait for the end; return what it gave."""
+        self._thread.join()
+        return self.outcome
+
+
+@pytest.fixture
+def unsupervised(tmp_path: Path) -> SharedMap:
+    """Return a shared memory, of whose supervisor nobody has heard yet."""
+    return create(tmp_path / "loop.map", Layout(("x",), 64, 1_000_000))
+
+
+@pytest.fixture
+def shared(unsupervised: SharedMap) -> Iterator[SharedMap]:
+    """Return a shared memory whose supervisor lives."""
+    silent = threading.Event()
+    with ThreadPoolExecutor(1) as supervisor:
+        beating = supervisor.submit(beat, unsupervised, silent)
+        yield unsupervised
+        silent.set()
+        beating.result()
+
+
+def test_present_devices_are_opened_at_once(shared: SharedMap) -> None:
+    """And the supervisor can see that they are."""
+    waiting = Waiting(ShyRig(), shared)
+
+    assert waiting.ended() is True
+    assert shared.words[Word.DEVICES_OPEN] == 1
+    assert shared.words[Word.HEALTHY_CYCLES] == 0
+
+
+def test_absent_devices_are_tried_until_they_are_there(shared: SharedMap) -> None:
+    """Meanwhile the process is BLIND and healthy, tells why, and refuses with that."""
+    rig, events = ShyRig(DeviceUnavailableError(ABSENT)), EventReader(shared)
+    waiting = Waiting(rig, shared)
+    eventually(lambda: shared.words[Word.HEALTHY_CYCLES] > 1)
+
+    answer = waiting.ask(Arm())
+    blind = shared.words[Word.LOOP_STATE]
+    rig.error = None
+
+    assert waiting.ended() is True
+    assert (answer.accepted, answer.why) == (False, ABSENT)
+    assert list(State)[blind] is State.BLIND
+    assert [event.text for event in events.read()[0]] == [ABSENT, "the devices are open"]
+
+
+def test_waiting_ends_on_request(shared: SharedMap) -> None:
+    """Who waits for a device can be told to end."""
+    waiting = Waiting(ShyRig(DeviceUnavailableError(ABSENT)), shared)
+
+    answer = waiting.ask(Shutdown())
+
+    assert answer.accepted
+    assert waiting.ended() is False
+
+
+def test_what_is_no_request_is_refused_like_one(shared: SharedMap) -> None:
+    """It does not end the process."""
+    rig = ShyRig(DeviceUnavailableError(ABSENT))
+    waiting = Waiting(rig, shared)
+    mailbox = MailboxWriter(shared)
+
+    number = mailbox.post(b"junk", time.monotonic_ns() + 10 * 10**9)
+    answer = eventually(lambda: mailbox.answer(number))
+    rig.error = None
+
+    assert answer is not None
+    assert not answer.accepted
+    assert waiting.ended() is True
+
+
+def test_waiting_ends_without_supervisor(unsupervised: SharedMap) -> None:
+    """Nobody is left who could tell it to end."""
+    assert Waiting(ShyRig(DeviceUnavailableError(ABSENT)), unsupervised).ended() is False
+
+
+def test_emergency_stop_is_answered_while_nothing_is_driven(shared: SharedMap) -> None:
+    """Whoever asks learns that there is nothing to stop, and why."""
+    rig = ShyRig(DeviceUnavailableError(ABSENT))
+    waiting = Waiting(rig, shared)
+    eventually(lambda: shared.words[Word.HEALTHY_CYCLES] > 1)
+    mailbox = MailboxWriter(shared)
+
+    number = mailbox.post_estop()
+    answer = eventually(lambda: mailbox.estop_answer(number))
+    rig.error = None
+
+    assert answer == (False, ABSENT, 0)
+    assert waiting.ended() is True
+
+
+@pytest.mark.fault("P2")
+def test_loop_of_an_earlier_run_is_waited_for(shared: SharedMap, tmp_path: Path) -> None:
+    """It may still ramp, without a supervisor; meanwhile requests are refused with that reason."""
+    path, mailbox = tmp_path / "loop.lock", MailboxWriter(shared)
+    earlier = device_lock(path)
+    number = mailbox.post(encode(Arm()), time.monotonic_ns() + 10 * 10**9)
+    with ThreadPoolExecutor(1) as beside:
+        lock = beside.submit(wait_for_lock, path, shared, MonotonicClock(), 60.0)
+        answer = eventually(lambda: mailbox.answer(number))
+        waited = not lock.done()
+        earlier.release()
+        mine = lock.result()
+
+    assert waited
+    assert answer is not None
+    assert f"process {os.getpid()} has the devices" in answer.why
+    assert mine is not None
+    mine.release()
+
+
+@pytest.mark.fault("P2")
+def test_loop_that_does_not_end_is_not_joined(shared: SharedMap, tmp_path: Path) -> None:
+    """Two must never drive one amplifier; the error says whom to end, and so does the log."""
+    path, events = tmp_path / "loop.lock", EventReader(shared)
+    with device_lock(path), pytest.raises(AlreadyRunningError, match=f"kill -9 {os.getpid()}"):
+        wait_for_lock(path, shared, FakeClock(10**9), 0.1)
+
+    assert [(event.kind, event.severity) for event in events.read()[0]] == [("lock", "error")]
+
+
+def test_waiting_for_an_earlier_loop_ends_on_request(shared: SharedMap, tmp_path: Path) -> None:
+    """As does every waiting."""
+    mailbox = MailboxWriter(shared)
+    mailbox.post(encode(Shutdown()), time.monotonic_ns() + 10 * 10**9)
+
+    with device_lock(tmp_path / "loop.lock"):
+        assert wait_for_lock(tmp_path / "loop.lock", shared, MonotonicClock(), 60.0) is None
+
+
+def test_broken_driver_ends_the_process(shared: SharedMap) -> None:
+    """What is no fault of a device is not tried again."""
+    outcome = Waiting(ShyRig(RuntimeError("a mistake")), shared).ended()
+
+    assert isinstance(outcome, RuntimeError)
+
+
+@pytest.fixture
+def controller(tmp_path: Path) -> FakeController:
+    """Return a disarmed controller on the simulated rig."""
+    clock = FakeClock(10**9)
+    devices = make_channels(load_daemon(SIMULATED, registry))
+    devices.open()
+    devices.activate(clock.now_ns())
+    timed = TimedChannels(devices, clock, LastOutputWriter(tmp_path / "output.map", 1))
+    controller = FakeController(timed, clock)
+    controller.state = State.SAFE
+    return controller
+
+
+def test_duration_of_a_cycle_is_that_of_most(controller: FakeController) -> None:
+    """The median over 200 cycles."""
+    controller.busy_ns = 50_000
+
+    busy_ns = measure_busy_ns(controller, controller.clock)
+
+    assert busy_ns == pytest.approx(50_000, abs=1000)
+    assert len(controller.timings) == MOST_CYCLES
+
+
+def test_slow_cycles_are_measured_for_a_short_time(controller: FakeController) -> None:
+    """A loop of one cycle a second is not kept from starting for minutes."""
+    controller.busy_ns = 100_000_000
+
+    measure_busy_ns(controller, controller.clock)
+
+    assert len(controller.timings) == LEAST_CYCLES
+
+
+@pytest.mark.parametrize(
+    ("busy_ns", "period_ns"), [(60_000, 1_000_000), (60_000, 100_000), (90_000, 100_000)]
+)
+def test_spinning_leaves_time_to_sleep(busy_ns: int, period_ns: int) -> None:
+    """A real-time thread that never sleeps loses 50 ms each second, so spinning gives way."""
+    spin_ns = usable_spin_ns(40_000, busy_ns, period_ns)
+
+    assert 0 <= spin_ns <= 40_000
+    assert spin_ns == 0 or spin_ns + busy_ns <= 0.8 * period_ns
+
+
+def test_rate_leaves_a_part_of_the_period_free() -> None:
+    """The longer a cycle takes, the lower the rate."""
+    assert sustained_rate_hz(100_000) < 10_000
+    assert sustained_rate_hz(100_000) == 2 * sustained_rate_hz(200_000)

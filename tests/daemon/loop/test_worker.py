@@ -1,0 +1,342 @@
+"""A device behind a worker: nobody waits for it, and nothing old is ever taken for new."""
+
+import threading
+from collections.abc import Iterator, Sequence
+from math import inf, isnan
+from typing import Any
+
+import pytest
+
+from piezod.daemon.loop.worker import STUCK_NS, DeviceWorker
+from piezod.devices.interface import Capabilities, Sample
+from piezod.devices.status import NO_FLAGS, DeviceFlag
+from piezod.devices.tended import Tended
+from piezod.errors import DeviceError
+from piezod.testing.fake_clock import FakeClock
+from tests.daemon.waiting import eventually
+from tests.devices.fake_link import WHO, FakeLink
+
+MS = 1_000_000
+STUCK = frozenset({DeviceFlag.STUCK})
+
+
+class SlowLink(FakeLink):
+    """A device whose exchanges take as long as a test wants.
+
+    Attributes:
+        free: Whether an exchange goes on at once.
+        held: How many exchanges wait now.
+        sent: What was set, in this order.
+        breaks: What its driver raises instead of reading.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.free = threading.Event()
+        self.free.set()
+        self.held = 0
+        self.sent: list[float] = []
+        self.breaks: Exception | None = None
+        self.refuses = self.refuses_activation = False
+
+    def activate(self, now_ns: int) -> None:
+        if self.refuses_activation:
+            raise DeviceError("it is driven by somebody else")
+        super().activate(now_ns)
+
+    def read(self, now_ns: int) -> Sequence[Sample]:
+        self._wait()
+        if self.breaks:
+            raise self.breaks
+        return super().read(now_ns)
+
+    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
+        self._wait()
+        if self.refuses:
+            return False
+        self.sent += drive_v
+        return super().write(drive_v, now_ns)
+
+    def _wait(self) -> None:
+        if self.free.is_set():
+            return
+        self.held += 1
+        self.free.wait()
+        self.held -= 1
+
+
+class Bench:
+    """A worker, its device, and the cycles of a loop of 1 ms."""
+
+    def __init__(self, **options: Any) -> None:
+        self.link = SlowLink()
+        self.link.open()
+        self.link.activate(0)
+        self.clock = FakeClock(MS)
+        self.worker = DeviceWorker(self.link, self.clock, MS, MS, pause_s=0.0, **options)
+        self.worker.thread.start()
+        self.now_ns = MS
+
+    def begin(self) -> Sequence[Sample]:
+        """Begin the next cycle: read."""
+        self.now_ns += MS
+        self.clock.t_ns = max(self.clock.t_ns, self.now_ns)
+        return self.worker.read(self.now_ns)
+
+    def write(self, drive_v: float) -> bool:
+        """End a cycle: write."""
+        return self.worker.write([drive_v], self.now_ns)
+
+    def sampled(self) -> Sample:
+        """Begin cycles until one has a sample."""
+        return eventually(lambda: [one for one in self.begin() if one.valid])[0]
+
+    def close(self) -> None:
+        """End."""
+        self.link.free.set()
+        self.worker.close()
+        assert not self.worker.thread.is_alive()
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    """Return a device behind a worker."""
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+def test_samples_come_with_the_instants_at_which_they_were_taken(bench: Bench) -> None:
+    """By the clock of the loop, and no later than the cycle that gets them."""
+    first = bench.begin()
+    found = bench.sampled()
+
+    assert [one.valid for one in first] == [False]
+    assert MS <= found.t_ns <= bench.now_ns
+    assert found.position_um == 1.0
+
+
+def test_what_is_in_force_is_known_from_the_first_cycle_on(bench: Bench) -> None:
+    """It is asked for before the thread begins."""
+    bench.link.free.clear()
+    bench.begin()
+
+    assert bench.worker.read_back(bench.now_ns) == [0.0]
+
+
+def test_a_sample_is_given_once(bench: Bench) -> None:
+    """A cycle into which none falls gets one that is not valid: an old one is not repeated."""
+    bench.sampled()
+    bench.link.free.clear()
+    bench.begin()
+    eventually(lambda: bench.link.held)
+    bench.begin()  # with what came of the round before
+    given = bench.begin()
+
+    assert [one.valid for one in given] == [False]
+
+
+def test_the_newest_setpoint_wins(bench: Bench) -> None:
+    """Those that were wished while the device was busy are never sent."""
+    bench.sampled()
+    bench.link.free.clear()
+    bench.begin()
+    bench.write(1.0)
+    eventually(lambda: bench.link.held)
+    for drive_v in (2.0, 3.0, 4.0):
+        assert bench.write(drive_v)
+    bench.link.free.set()
+    eventually(lambda: 4.0 in bench.link.sent)
+
+    assert bench.link.sent in ([1.0, 4.0], [4.0])
+    eventually(lambda: bench.begin() and bench.worker.read_back(bench.now_ns) == [4.0])
+
+
+def test_a_write_is_taken_as_long_as_the_device_takes_the_last_one(bench: Bench) -> None:
+    """The answer is that of the write before; it comes back with the device."""
+    bench.begin()
+    assert bench.write(1.0)
+    bench.link.refuses = True
+    eventually(lambda: bench.begin() and not bench.write(2.0))
+    bench.link.refuses = False
+    eventually(lambda: bench.begin() and bench.write(3.0))
+
+
+def test_nothing_is_taken_by_a_device_that_did_not_let_itself_be_activated(bench: Bench) -> None:
+    """What it is not sent it has not taken, until it is active."""
+    bench.worker.deactivate(bench.now_ns)
+    bench.link.refuses_activation = True
+    bench.worker.activate(bench.now_ns)
+    eventually(lambda: bench.begin() and not bench.write(1.0) and not bench.worker.crash)
+    eventually(lambda: bench.begin() and not bench.write(2.0))
+    bench.link.refuses_activation = False
+    bench.worker.activate(bench.now_ns)
+    eventually(lambda: bench.begin() and bench.write(3.0))
+
+    assert not {1.0, 2.0} & set(bench.link.sent)
+
+
+@pytest.mark.fault("B15")
+def test_a_device_that_does_not_answer_is_stuck_until_it_does(bench: Bench) -> None:
+    """After two periods: no samples, no write, no voltage; after a while it is said why."""
+    bench.sampled()
+    bench.link.free.clear()
+    bench.begin()
+    bench.write(5.0)
+    eventually(lambda: bench.link.held)
+    began_ns = bench.now_ns
+    while bench.now_ns <= began_ns + 4 * MS:
+        samples = bench.begin()
+    late = bench.worker.status(bench.now_ns)
+    while bench.now_ns <= began_ns + STUCK_NS + MS:
+        samples = bench.begin()
+
+    assert late == [frozenset({DeviceFlag.SLOW_REPLY})] * 2
+    assert bench.worker.status(bench.now_ns) == [STUCK, STUCK]
+    assert not samples[0].valid
+    assert not bench.write(6.0)
+    assert all(map(isnan, bench.worker.read_back(bench.now_ns)))
+
+    bench.link.free.set()
+    eventually(lambda: bench.begin() and bench.worker.status(bench.now_ns) == [NO_FLAGS] * 2)
+    assert bench.sampled().valid
+
+
+def test_a_setpoint_that_has_waited_too_long_is_not_sent(bench: Bench) -> None:
+    """What was wished before a device hung is not done when it answers again."""
+    bench.sampled()
+    bench.link.free.clear()
+    bench.begin()
+    eventually(lambda: bench.link.held)
+    bench.write(7.0)
+    for _ in range(5):
+        bench.begin()
+    bench.link.free.set()
+    bench.sampled()
+
+    assert 7.0 not in bench.link.sent
+    eventually(lambda: bench.begin() and bench.write(8.0))
+    eventually(lambda: 8.0 in bench.link.sent)
+
+
+@pytest.mark.fault("B15")
+def test_a_driver_that_fails_is_left_alone_and_tried_again(bench: Bench) -> None:
+    """It is said as long as it fails; the thread lives on."""
+    bench.link.breaks = RuntimeError("no such luck")
+    eventually(lambda: bench.begin() and bench.worker.status(bench.now_ns) == [STUCK, STUCK])
+    assert str(bench.worker.crash) == "no such luck"
+
+    bench.link.breaks = None
+    assert bench.sampled().valid
+    assert bench.worker.crash is None
+
+
+def test_what_passes_is_told_once_and_what_lasts_as_long_as_it_does(bench: Bench) -> None:
+    """Cycles into which no round falls repeat no event."""
+    bench.link.noticed(DeviceFlag.BAD_CHECKSUM)
+    bench.link.noticed(DeviceFlag.OVERLOAD)
+    eventually(lambda: bench.begin() and any(bench.worker.status(bench.now_ns)))
+    told = bench.worker.status(bench.now_ns)
+    again = bench.worker.status(bench.now_ns)
+    bench.link.free.clear()
+    eventually(lambda: bench.begin() and bench.link.held)
+
+    assert told == again == [frozenset({DeviceFlag.BAD_CHECKSUM, DeviceFlag.OVERLOAD})] * 2
+    assert all(DeviceFlag.BAD_CHECKSUM not in flags for flags in bench.worker.status(bench.now_ns))
+
+
+def test_what_happened_in_a_round_that_nobody_looked_at_is_told_with_the_next() -> None:
+    """Two rounds may fall between two cycles."""
+    bench = Bench()
+    bench.link.noticed(DeviceFlag.GARBAGE)
+    bench.begin()
+    eventually(lambda: bench.link.reads == 1)
+    bench.write(1.0)
+    eventually(lambda: bench.link.reads == 2)
+    bench.write(2.0)
+    eventually(lambda: bench.link.reads == 3)
+    bench.begin()
+
+    assert DeviceFlag.GARBAGE in bench.worker.status(bench.now_ns)[0]
+    bench.close()
+
+
+def test_a_device_that_is_deactivated_is_neither_read_nor_written() -> None:
+    """A voltage is told nevertheless; what was wished before is not sent once it is active."""
+    bench = Bench()
+    bench.worker.deactivate(0)
+    eventually(lambda: "deactivate" in bench.link.done[-1])
+    bench.write(3.0)
+    reads = bench.link.reads
+    eventually(lambda: bench.begin() and bench.worker.read_back(bench.now_ns) == [0.0])
+    assert bench.link.reads == reads
+
+    bench.worker.activate(0)
+    bench.sampled()
+    assert bench.link.sent == []
+    bench.close()
+
+
+def test_one_exchange_serves_both_roles_where_the_device_has_one() -> None:
+    """What it gives is the sample of the round."""
+    bench = Bench(exchanges=True)
+    bench.begin()
+    eventually(lambda: bench.link.reads)
+    bench.write(2.0)
+    eventually(lambda: 2.0 in bench.link.sent)
+
+    assert bench.sampled().valid
+    bench.close()
+
+
+def test_a_device_that_is_lost_is_opened_again_behind_the_worker() -> None:
+    """The worker goes on, and tells what the one that tends the device says."""
+    link = SlowLink()
+    link.open()
+    tended = Tended(link, WHO, first_wait_s=0.0005, longest_wait_s=0.001)
+    worker = DeviceWorker(tended, FakeClock(MS), MS, MS)
+    for thread in (tended.thread, worker.thread):
+        thread.start()
+    link.pulled = True
+    cycles = iter(range(2 * MS, 10_000 * MS, MS))
+
+    def gone() -> bool:
+        now_ns = next(cycles)
+        worker.read(now_ns)
+        return DeviceFlag.HALF_OPEN in worker.status(now_ns)[0]
+
+    eventually(gone)
+    link.pulled = False
+    eventually(lambda: not gone() and tended.there)
+    worker.close()
+
+    assert not tended.thread.is_alive()
+
+
+def test_a_device_is_not_asked_more_often_than_it_says() -> None:
+    """The next round waits for its time, whoever asks; the end waits for nothing."""
+    bench = Bench(pace_ns=3600 * 1000 * MS)
+    bench.begin()
+    eventually(lambda: bench.link.reads == 1)
+    for _ in range(5):
+        bench.begin()
+        bench.write(1.0)
+
+    assert bench.link.reads == 1
+    assert bench.link.sent == []
+    bench.close()
+
+
+def test_an_amplifier_follows_any_loop() -> None:
+    """The newest setpoint goes out as soon as one can; a sensor's rate stays what it is."""
+
+    class Alone(FakeLink):
+        def capabilities(self) -> Capabilities:
+            return super().capabilities()._replace(inputs=())
+
+    for link, rate_hz in ((FakeLink(), 1000.0), (Alone(), inf)):
+        link.open()
+        worker = DeviceWorker(link, FakeClock(), MS, MS)
+        assert worker.capabilities().max_rate_hz == rate_hz
+        assert worker.capabilities().lag_ns == 3 * MS
+        worker.close()

@@ -1,0 +1,209 @@
+"""A stage without a loop goes to its safe voltage, whatever its amplifiers do."""
+
+from itertools import pairwise
+from math import isnan
+
+import pytest
+
+from piezod.daemon.safe.ramp import AxisOutcome
+from piezod.daemon.safe.ramp_down import Noted, ramp_down
+from piezod.devices import registry
+from piezod.devices.interface import Identity
+from piezod.errors import DeviceError
+from piezod.testing.fake_clock import FakeClock
+from piezod.units import NS_PER_S
+from tests.daemon.fake_amplifier import FakeAmplifier, plugin_of, stage_of
+
+
+class Bench:
+    """Amplifiers that are made before the driver is asked for them, and a clock.
+
+    Args:
+        monkeypatch: To be the driver.
+        **axes: Amplifier and safe voltage of each axis.
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **axes: tuple[str, float]) -> None:
+        served: dict[str, list[str]] = {}
+        for axis, (amplifier, _) in axes.items():
+            served.setdefault(amplifier, []).append(axis)
+        self.amplifiers = {name: FakeAmplifier(tuple(each)) for name, each in served.items()}
+        by_axes = {each.axes: each for each in self.amplifiers.values()}
+        plugin = plugin_of(by_axes.__getitem__)
+        monkeypatch.setattr(registry, "names", lambda: ("fake",))
+        monkeypatch.setattr(registry, "load", lambda _name: plugin)
+        self.config = stage_of(axes)
+        self.identities: dict[str, Identity] = {}
+        """Who each amplifier was when the loop opened it."""
+
+    def run(self, **noted_v: float) -> dict[str, AxisOutcome]:
+        """Ramp down; the amplifiers are closed afterwards."""
+        noted = Noted(noted_v, self.identities)
+        outcomes = ramp_down(self.config, noted, 5.0, FakeClock(NS_PER_S))
+        assert all(amplifier.closed for amplifier in self.amplifiers.values())
+        return outcomes
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    """Return a stage of one axis whose safe voltage is 10 V, at 75 V."""
+    return Bench(monkeypatch, x=("amp", 10.0))
+
+
+def test_axis_ramps_from_the_voltage_read_back(bench: Bench) -> None:
+    """It ends at the safe voltage, read back, and was never faster than its ramp."""
+    outcomes = bench.run(x=3.0)
+    points = [(NS_PER_S, [75.0]), *bench.amplifiers["amp"].writes]
+    speeds = [abs(v[0] - u[0]) / (t - s) * NS_PER_S for (s, u), (t, v) in pairwise(points[1:])]
+
+    assert outcomes == {"x": AxisOutcome(75.0, False, 10.0, 10.0, "")}
+    assert abs(points[1][1][0] - 75.0) <= 0.5
+    assert max(speeds) <= 50
+
+
+def test_axis_outside_its_range_comes_back(bench: Bench) -> None:
+    """A voltage beyond the limits of the axis is ramped down like any other."""
+    bench.amplifiers["amp"].drive_v = [130.0]
+
+    assert bench.run()["x"].why == ""
+    assert bench.amplifiers["amp"].drive_v == [10.0]
+
+
+@pytest.mark.parametrize(("drive_v", "safe"), [(120.8, True), (125.0, False)])
+def test_axis_a_little_beyond_what_can_be_given_is_brought_to_its_end(
+    bench: Bench, drive_v: float, *, safe: bool
+) -> None:
+    """Where nothing outside the limits can be written; from farther away that would be a jump."""
+    amplifier = bench.amplifiers["amp"]
+    amplifier.drive_v, amplifier.highest_v = [drive_v], 120.0
+    outcome = bench.run()["x"]
+
+    assert (outcome.why == "") is safe
+    assert [written for _, (written,) in amplifier.writes][:1] == ([120.0] if safe else [])
+    assert safe or outcome.why == "the amplifier refuses 124.50 V"
+
+
+WHO = Identity("piezod", "fake", "0", "0")
+
+
+@pytest.mark.parametrize("part", ["maker", "model", "serial"])
+def test_another_amplifier_is_left_alone(bench: Bench, part: str) -> None:
+    """Nothing is known of what rests on it: it is not activated, and no write reaches it."""
+    bench.identities["amp"] = WHO._replace(**{part: "other"})
+    outcome = bench.run(x=75.0)["x"]
+
+    assert outcome.why.startswith("it is another device: piezod fake 0, expected: ")
+    assert bench.amplifiers["amp"].writes == []
+    assert not bench.amplifiers["amp"].activated
+
+
+def test_the_same_amplifier_with_other_firmware_is_ramped(bench: Bench) -> None:
+    """As is one of which nothing was noted: see every other test."""
+    bench.identities.update(amp=WHO._replace(firmware="1"), other=WHO._replace(serial="1"))
+
+    assert bench.run()["x"].why == ""
+
+
+def test_axis_at_its_safe_voltage_stays(bench: Bench) -> None:
+    """Where nothing is to be done, the safe voltage is written once."""
+    bench.amplifiers["amp"].drive_v = [10.0]
+
+    assert bench.run()["x"].why == ""
+    assert [drive_v for _, drive_v in bench.amplifiers["amp"].writes] == [[10.0]]
+
+
+def test_amplifier_without_read_back_starts_from_the_last_write(bench: Bench) -> None:
+    """The outcome says that the start was noted and that nothing was read back."""
+    bench.amplifiers["amp"].reads_back = False
+    outcome = bench.run(x=75.0)["x"]
+
+    assert (outcome.from_v, outcome.from_noted, outcome.why) == (75.0, True, "")
+    assert isnan(outcome.read_back_v)
+    assert bench.amplifiers["amp"].drive_v == [10.0]
+
+
+def test_silent_amplifier_starts_from_the_last_write(bench: Bench) -> None:
+    """An amplifier that should tell its voltage and does not is ramped, and is not called safe."""
+    bench.amplifiers["amp"].silent = True
+    outcome = bench.run(x=75.0)["x"]
+
+    assert "tells nan V" in outcome.why
+    assert bench.amplifiers["amp"].drive_v == [10.0]
+
+
+@pytest.mark.parametrize("reads_back", [True, False])
+def test_voltage_that_nobody_knows_is_left_alone(bench: Bench, *, reads_back: bool) -> None:
+    """Without a read-back and without a last write nothing is written."""
+    bench.amplifiers["amp"].reads_back = reads_back
+    bench.amplifiers["amp"].silent = True
+    outcome = bench.run()["x"]
+
+    assert "no last write is on record" in outcome.why
+    assert bench.amplifiers["amp"].writes == []
+
+
+def test_amplifier_that_refuses_is_unknown(bench: Bench) -> None:
+    """The outcome says what was refused."""
+    bench.amplifiers["amp"].refuses = True
+
+    assert bench.run()["x"].why == "the amplifier refuses 74.50 V"
+
+
+def test_amplifier_that_is_stuck_is_unknown(bench: Bench) -> None:
+    """An amplifier that takes every write and stays where it is, is found out."""
+    bench.amplifiers["amp"].stuck = True
+
+    assert bench.run()["x"].why == "the amplifier was sent to 10.00 V and tells 75.00 V"
+
+
+def test_absent_amplifier_is_waited_for(bench: Bench) -> None:
+    """One that somebody else still holds is opened as soon as that is possible."""
+    bench.amplifiers["amp"].absent = 100
+
+    assert bench.run()["x"].why == ""
+
+
+def test_amplifier_that_stays_away_is_unknown(bench: Bench) -> None:
+    """When the time is over the outcome has the driver's own words."""
+    bench.amplifiers["amp"].absent = 1_000_000
+
+    assert bench.run()["x"].why == "it is away"
+
+
+@pytest.mark.parametrize("error", [DeviceError("it answers in Morse"), OSError("in Morse")])
+def test_amplifier_whose_driver_fails_is_unknown(bench: Bench, error: Exception) -> None:
+    """Whatever a driver raises is told, and nothing is tried again."""
+    bench.amplifiers["amp"].wrong = error
+
+    assert bench.run()["x"].why == str(error)
+
+
+def test_one_that_fails_leaves_the_others_to_their_ramps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Axes of other amplifiers get to their own safe voltages meanwhile."""
+    bench = Bench(monkeypatch, x=("one", 0.0), y=("two", 5.0), z=("one", -10.0))
+    bench.amplifiers["two"].refuses = True
+    outcomes = bench.run()
+
+    assert [(name, bool(outcome.why)) for name, outcome in outcomes.items()] == [
+        ("x", False),
+        ("y", True),
+        ("z", False),
+    ]
+    assert bench.amplifiers["one"].drive_v == [0.0, -10.0]
+
+
+def test_one_that_cannot_be_let_go_of_leaves_the_others_to_their_drivers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They are closed all the same, and what became of each is told."""
+    bench = Bench(monkeypatch, x=("bad", 10.0), y=("good", 20.0))
+    close = bench.amplifiers["bad"].close
+
+    def fail() -> None:
+        close()
+        raise OSError("closed by the wrong end")
+
+    monkeypatch.setattr(bench.amplifiers["bad"], "close", fail)
+    outcomes = bench.run()
+
+    assert [outcomes[axis].why for axis in ("x", "y")] == ["", ""]

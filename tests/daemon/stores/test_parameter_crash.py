@@ -1,0 +1,163 @@
+"""The parameter store under kills and power losses: the old parameters or the new, never half."""
+
+import os
+import random
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from subprocess import PIPE, Popen
+from typing import IO
+
+import pytest
+
+from piezod.daemon import durable
+from piezod.daemon.stores.parameter_store import ParameterStore
+from tests.daemon.disk_model import Folder, LoggingOs, Op, crash_states
+from tests.daemon.stored import WHEN, parameters
+
+
+@contextmanager
+def saver(folder: Path) -> Iterator[Popen[str]]:
+    """Run `tests.daemon.saver`, and wait for its end."""
+    command = [sys.executable, "-W", "ignore", "-m", "tests.daemon.saver", str(folder)]
+    root = Path(__file__).parents[3]
+    with Popen(command, stdin=PIPE, stdout=PIPE, text=True, bufsize=1, cwd=root) as process:
+        yield process
+        assert process.stdin is not None
+        process.stdin.close()
+        assert process.wait() == 0
+
+
+def kill_while_saving(process: Popen[str], saves: int, further_s: float) -> int:
+    """Have parameters saved and kill that after so many saves and a moment.
+
+    Returns:
+        Number of the last save that was acknowledged, 0 where none was.
+    """
+    lines, orders = process.stdout, process.stdin
+    assert lines is not None
+    assert orders is not None
+    orders.write("save\n")
+    child = int(lines.readline())
+    last = 0
+    for _ in range(saves):
+        last = int(lines.readline())
+    end_s = time.perf_counter() + further_s
+    while time.perf_counter() < end_s:  # not a wait for anything: the moment is the point
+        pass
+    os.kill(child, signal.SIGKILL)
+    return max([last, *numbers_until_gone(lines)])
+
+
+def numbers_until_gone(lines: IO[str]) -> list[int]:
+    """Return what the killed process still told."""
+    return [int(line) for line in iter(lines.readline, "gone\n")]
+
+
+def check_kills(folder: Path, kills: int) -> None:
+    """Kill a saving process at random moments and look at what is left each time."""
+    moments = random.Random(4)  # noqa: S311 - no secret
+    last = 0
+    with saver(folder) as process:
+        for _ in range(kills):
+            told = kill_while_saving(process, moments.randrange(4), moments.uniform(0, 3e-3))
+            last = max(last, told)
+            loaded = ParameterStore(folder, "rig 1").load()
+            if last == 0 and loaded.document is None:
+                continue
+            assert loaded.document is not None
+            assert loaded.rejected == ()
+            assert loaded.document.sequence in (last, last + 1)
+            assert loaded.document.axes == parameters(float(loaded.document.sequence))
+            last = loaded.document.sequence
+
+
+@pytest.mark.fault("P8")
+def test_kills_at_random_moments(tmp_path: Path) -> None:
+    """After kill -9 the last acknowledged save is there, or the one under way; 20 times."""
+    check_kills(tmp_path, 20)
+
+
+@pytest.mark.stress
+@pytest.mark.fault("P8")
+def test_two_hundred_kills_at_random_moments(tmp_path: Path) -> None:
+    """The same 200 times."""
+    check_kills(tmp_path, 200)
+
+
+def log_of_a_save(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Folder, list[Op]]:
+    """Save twice; return the folder after the first, and what the second did."""
+    store = ParameterStore(folder, "rig 1", lambda: WHEN)
+    store.save(parameters(1.0), "ann")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    noting = LoggingOs()
+    with monkeypatch.context() as patch:
+        patch.setattr(durable, "os", noting)
+        store.save(parameters(2.0), "ann")
+    return before, noting.log
+
+
+def zeros_found(before: Folder, log: list[Op], new_folder: Callable[[], Path]) -> set[float]:
+    """Return by what the parameters are known that may be found after a power loss."""
+    found = set()
+    for state in crash_states(before, log):
+        folder = new_folder()
+        for name, content in state.items():
+            (folder / name).write_bytes(content)
+        document = ParameterStore(folder, "rig 1").load().document
+        assert document is not None
+        found.add(document.axes["x"].zero_um)
+    return found
+
+
+@pytest.fixture
+def new_folder(tmp_path: Path) -> Callable[[], Path]:
+    """Return what makes a new empty folder."""
+    numbers = iter(range(10_000))
+
+    def make() -> Path:
+        folder = tmp_path / f"crash {next(numbers)}"
+        folder.mkdir()
+        return folder
+
+    return make
+
+
+@pytest.mark.fault("P8")
+def test_name_follows_content_to_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A save writes, syncs the content, renames, and syncs the folder, in this order."""
+    _, log = log_of_a_save(tmp_path / "store", monkeypatch)
+
+    assert [op.kind for op in log[:4]] == ["write", "sync", "rename", "sync-folder"]
+    assert {op.kind for op in log[4:]} <= {"sync-folder"}
+
+
+@pytest.mark.fault("P8")
+def test_power_loss_at_each_step(
+    tmp_path: Path, new_folder: Callable[[], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before a save returns, the old or the new parameters are found; afterwards only the new."""
+    before, log = log_of_a_save(tmp_path / "store", monkeypatch)
+    found = [zeros_found(before, log[:steps], new_folder) for steps in range(len(log) + 1)]
+
+    assert found[:3] == [{1.0}, {1.0}, {1.0}]
+    assert found[3] == {1.0, 2.0}
+    assert found[4:] == [{2.0}] * (len(log) - 3)
+
+
+@pytest.mark.fault("P8")
+@pytest.mark.parametrize("left_out", ["sync", "sync-folder"])
+def test_model_of_the_disk_finds_what_is_not_synced(
+    left_out: str,
+    tmp_path: Path,
+    new_folder: Callable[[], Path],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A store that left out a sync would lose parameters that it has acknowledged."""
+    before, log = log_of_a_save(tmp_path / "store", monkeypatch)
+    careless = [op for op in log if op.kind != left_out]
+
+    assert 1.0 in zeros_found(before, careless, new_folder)

@@ -1,0 +1,270 @@
+"""The recorder: every cycle, whatever the disk does, and no harm to anybody else."""
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from piezod.daemon.stores import recorder as recorder_module
+from piezod.daemon.stores.recorder import Recorder, RecorderError, no_room
+from piezod.records.telemetry_file import TelemetryWriter
+from piezod.records.telemetry_reader import Telemetry, read_telemetry
+from tests.daemon.fake_ring import FakeRing
+from tests.daemon.waiting import eventually
+from tests.records.telemetry import header, record_dtype
+
+
+class Disk:
+    """Says how full the disk is."""
+
+    def __init__(self) -> None:
+        self.why = ""
+
+    def __call__(self, _folder: Path) -> str:
+        return self.why
+
+
+@pytest.fixture
+def ring() -> FakeRing:
+    """Return a ring that already holds something."""
+    ring = FakeRing(5000)
+    ring.run(300)
+    return ring
+
+
+@pytest.fixture
+def disk() -> Disk:
+    """Return a disk with room."""
+    return Disk()
+
+
+@pytest.fixture
+def recorder(ring: FakeRing, disk: Disk, tmp_path: Path) -> Iterator[Recorder]:
+    """Return a recorder, which is stopped in the end."""
+    folder = tmp_path / "recordings"
+    recorder = Recorder(ring.open_reader, record_dtype(), folder, ring.learned, disk)
+    yield recorder
+    recorder.stop()
+
+
+def read(recorder: Recorder) -> Telemetry:
+    """Return what the last recording holds."""
+    path = recorder.folder.find(recorder.status.name)
+    assert path is not None
+    return read_telemetry(path)
+
+
+def test_every_cycle_is_recorded(recorder: Recorder, ring: FakeRing) -> None:
+    """From the first cycle after the start to the last one before the stop none is missing."""
+    name = recorder.start(header(), "all")
+    for _ in range(7):
+        ring.run(1111)
+        eventually(lambda: recorder.status.records == ring.newest - 300)
+    ring.run(13)
+    status = recorder.stop()
+    recorded = read(recorder)
+
+    assert name.endswith("Z-all")
+    assert status == (False, name, 7790, 0, "")
+    assert recorded.lost == 0
+    assert recorded.header == replace(header(), weights={"x": 2})
+    np.testing.assert_array_equal(recorded.cycles["seq"], np.arange(300, 8090))
+
+
+def test_weights_are_recorded_when_they_change(recorder: Recorder, ring: FakeRing) -> None:
+    """With the instant of the newest cycle, and once as long as they stay what they are."""
+    recorder.start(header())
+    for _ in range(3):
+        ring.run(1000)
+        eventually(lambda: recorder.status.records == ring.newest - 300)
+    ring.weights["x"] = [0.5, -0.25]
+    ring.run(1)
+    recorder.stop()
+    (recording,) = read(recorder).recordings()
+
+    assert recording.weights.tolist() == [[1.0, 2.0], [0.5, -0.25]]
+    assert recording.weights_t_s[1] == recording.t_s[-1]
+
+
+def test_recordings_follow_each_other(recorder: Recorder, ring: FakeRing) -> None:
+    """After a stop the next one starts with what comes then, in a file of its own."""
+    names = []
+    for _ in range(2):
+        names.append(recorder.start(header()))
+        ring.run(100)
+        recorder.stop()
+        ring.run(1000)
+
+    assert len(set(names)) == 2
+    assert {each.name for each in recorder.folder.files()} == set(names)
+    np.testing.assert_array_equal(read(recorder).cycles["seq"], np.arange(1400, 1500))
+
+
+def test_one_recording_at_a_time(recorder: Recorder) -> None:
+    """A second start is refused, and the first goes on."""
+    name = recorder.start(header())
+    with pytest.raises(RecorderError, match=f"recording {name} goes on; stop it first"):
+        recorder.start(header())
+
+    assert recorder.status.recording
+
+
+def test_stop_without_a_start(recorder: Recorder) -> None:
+    """It does nothing."""
+    assert recorder.stop() == (False, "", 0, 0, "")
+
+
+def test_label_that_is_not_allowed(recorder: Recorder) -> None:
+    """It is refused, and nothing is recorded."""
+    with pytest.raises(ValueError, match="label"):
+        recorder.start(header(), "../x")
+
+    assert not recorder.status.recording
+
+
+def test_folder_that_is_gone(recorder: Recorder) -> None:
+    """A start says so, and can be tried again."""
+    recorder.folder.path.rmdir()
+    with pytest.raises(RecorderError, match="No such file"):
+        recorder.start(header())
+    recorder.folder.path.mkdir()
+
+    assert recorder.start(header())
+
+
+@pytest.mark.fault("P6")
+def test_nothing_is_recorded_on_a_full_disk(recorder: Recorder, disk: Disk) -> None:
+    """A start is refused with how much is free and what would help."""
+    disk.why = "12 MB are free"
+    with pytest.raises(RecorderError, match="12 MB are free"):
+        recorder.start(header())
+
+    assert recorder.folder.files() == ()
+
+
+@pytest.mark.fault("P6")
+def test_recording_ends_before_the_disk_is_full(
+    recorder: Recorder, ring: FakeRing, disk: Disk
+) -> None:
+    """When others need the room it ends by itself, closed cleanly, and says why."""
+    recorder.start(header())
+    ring.run(100)
+    disk.why = "12 MB are free"
+    eventually(lambda: not recorder.status.recording)
+
+    assert recorder.status[2:] == (100, 0, "12 MB are free")
+    assert read(recorder).cycles["seq"].size == 100
+    disk.why = ""
+    assert recorder.start(header()) == recorder.status.name
+
+
+@pytest.mark.fault("P6")
+def test_room_that_is_left_for_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """500 MB or 5 % of the disk stay free, whichever is more."""
+    usages = {
+        "small": (10e9, 0, 0.51e9),
+        "small, full": (10e9, 0, 0.49e9),
+        "large": (100e9, 0, 5.1e9),
+        "large, full": (100e9, 0, 4.9e9),
+    }
+    found = {}
+    for name, usage in usages.items():
+        disk_usage = type("Usage", (), dict(zip(("total", "used", "free"), usage, strict=True)))
+        monkeypatch.setattr(shutil, "disk_usage", lambda _, it=disk_usage: it)
+        found[name] = no_room(tmp_path)
+
+    assert found["small"] == found["large"] == ""
+    assert "490 MB are free" in found["small, full"]
+    assert "needed are 5000 MB; delete recordings" in found["large, full"]
+
+
+class StallingWriter(TelemetryWriter):
+    """A file on a disk that stalls: the first records are taken only when the gate opens."""
+
+    gate = Event()
+    reached = Event()
+
+    def append(self, records: NDArray[Any], lost: int = 0) -> None:
+        if len(records):
+            self.reached.set()
+            assert self.gate.wait(60)
+        super().append(records, lost)
+
+
+@pytest.mark.fault("P7")
+def test_stalled_disk_costs_records_that_are_counted(
+    recorder: Recorder, ring: FakeRing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The ring goes on and overwrites its oldest; how many are missing stands in the file."""
+    monkeypatch.setattr(recorder_module, "TelemetryWriter", StallingWriter)
+    recorder.start(header())
+    ring.run(100)
+    assert StallingWriter.reached.wait(60)
+    ring.run(7000)
+    StallingWriter.gate.set()
+    status = recorder.stop()
+    recorded = read(recorder)
+
+    assert status[2:] == (5100, 2000, "")
+    assert recorded.lost == 2000
+    assert recorded.gaps.tolist() == [[100, 2000]]
+    np.testing.assert_array_equal(np.diff(recorded.cycles["seq"]).max(), 2001)
+
+
+def test_any_failure_ends_a_recording_aloud(
+    recorder: Recorder, ring: FakeRing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever goes wrong in the thread, the status says that it has ended and why."""
+
+    def fail(*_arguments: object) -> None:
+        raise RuntimeError("Unable to flush")
+
+    monkeypatch.setattr(TelemetryWriter, "append", fail)
+    recorder.start(header())
+    ring.run(1)
+    eventually(lambda: not recorder.status.recording)
+
+    assert recorder.status.why == "the file did not take it: Unable to flush"
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+from piezod.daemon.stores.recorder import Recorder
+from tests.daemon.fake_ring import EndlessReader
+from tests.daemon.waiting import eventually
+from tests.records.telemetry import header, record_dtype
+resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
+recorder = Recorder(EndlessReader, record_dtype(), Path(sys.argv[1]), no_room=lambda folder: "")
+recorder.start(header())
+eventually(lambda: not recorder.status.recording)
+print(recorder.status.why)
+"""
+
+
+@pytest.mark.fault("P6")
+def test_disk_that_takes_no_more(tmp_path: Path) -> None:
+    """The recording ends and says why, the process lives on, and what was written can be read."""
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, str(tmp_path)],
+        cwd=Path(__file__).parents[3],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
+    )
+    (path,) = tmp_path.iterdir()
+    seqs = read_telemetry(path).cycles["seq"]
+
+    assert done.returncode == 0, done.stderr
+    assert "File too large" in done.stdout
+    assert seqs.size >= 1000
+    np.testing.assert_array_equal(seqs, np.arange(seqs.size))

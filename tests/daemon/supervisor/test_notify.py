@@ -1,0 +1,86 @@
+"""What systemd is told."""
+
+import os
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from piezod.daemon.supervisor.notify import Notifier, without_manager
+
+
+@pytest.fixture
+def manager(tmp_path: Path) -> Iterator[socket.socket]:
+    """Return a socket as systemd has one."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.settimeout(10)
+        listener.bind(str(tmp_path / "notify"))
+        yield listener
+
+
+def test_messages_arrive(manager: socket.socket) -> None:
+    """Each message is one datagram with one assignment in a line."""
+    notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "1000000"})
+
+    notifier.ready("SAFE,\nall well")
+    notifier.alive()
+    notifier.take_longer(90.5, "ramping")
+    notifier.stopping("ramping")
+
+    assert notifier.watchdog_s == 1
+    assert [manager.recv(200) for _ in range(4)] == [
+        b"READY=1\nSTATUS=SAFE, all well",
+        b"WATCHDOG=1",
+        b"EXTEND_TIMEOUT_USEC=90500000\nSTATUS=ramping",
+        b"STOPPING=1\nSTATUS=ramping",
+    ]
+
+
+def test_reload_tells_its_instant(manager: socket.socket) -> None:
+    """Systemd wants the time of the clock that no one sets."""
+    Notifier({"NOTIFY_SOCKET": manager.getsockname()}).reloading()
+
+    first, second = manager.recv(200).split(b"\n")
+    assert first == b"RELOADING=1"
+    assert second.startswith(b"MONOTONIC_USEC=")
+
+
+def test_abstract_address_is_understood() -> None:
+    """An address with a leading @ is not in the file system."""
+    name = f"piezod-test-{os.getpid()}"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+        listener.settimeout(10)
+        listener.bind("\0" + name)
+
+        Notifier({"NOTIFY_SOCKET": "@" + name}).status("here")
+
+        assert listener.recv(200) == b"STATUS=here"
+
+
+@pytest.mark.parametrize("environ", [{}, {"NOTIFY_SOCKET": "/nowhere/at/all"}])
+def test_missing_manager_is_no_error(environ: dict[str, str]) -> None:
+    """Whoever starts it by hand has no manager, and one that is gone ends nothing."""
+    Notifier(environ).ready("SAFE")
+
+
+def test_watchdog_of_another_process_is_not_ours(manager: socket.socket) -> None:
+    """Only the process that is watched feeds the watchdog."""
+    environ = {
+        "NOTIFY_SOCKET": manager.getsockname(),
+        "WATCHDOG_USEC": "1000000",
+        "WATCHDOG_PID": "1",
+    }
+    notifier = Notifier(environ)
+    manager.setblocking(False)
+
+    notifier.alive()
+
+    assert notifier.watchdog_s == 0
+    with pytest.raises(BlockingIOError):
+        manager.recv(200)
+
+
+def test_child_knows_no_manager() -> None:
+    """A child that inherited the address could speak for the service."""
+    assert without_manager({"NOTIFY_SOCKET": "@x", "WATCHDOG_USEC": "1", "A": "b"}) == {"A": "b"}

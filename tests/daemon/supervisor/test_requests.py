@@ -1,0 +1,99 @@
+"""Asking the loop."""
+
+import asyncio
+import time
+from pathlib import Path
+
+import pytest
+
+from piezod.config.requests import Estop, Goto, Hold, Request
+from piezod.control.stage.record import Answer
+from piezod.daemon.service.stage_service import NoAnswerError, UnavailableError
+from piezod.daemon.supervisor.requests import LoopRequests
+from piezod.telemetry.layout import REQUEST_SLOTS, URGENT_SLOTS, Layout
+from piezod.telemetry.shared_map import SharedMap, create
+from piezod.telemetry.words import Word
+from piezod.units import NS_PER_S
+from tests.daemon.fake_loop import FakeLoop
+
+
+@pytest.fixture
+def shared(tmp_path: Path) -> SharedMap:
+    """Return the memory shared with a loop."""
+    return create(tmp_path / "loop.map", Layout(("x",), 64, 1_000_000))
+
+
+def _ask(requests: LoopRequests, request: Request) -> Answer:
+    return asyncio.run(requests.ask(request))
+
+
+@pytest.mark.parametrize("answer", [Answer(True, "", 3), Answer(False, "cannot move in SAFE")])
+def test_answer_of_the_loop_is_given_back(shared: SharedMap, answer: Answer) -> None:
+    """What the loop decides arrives as it was, with its reason."""
+    with FakeLoop(shared, answer) as loop:
+        found = _ask(LoopRequests(shared), Goto(position_um=3.0))
+
+    assert found == answer
+    assert loop.requests == [Goto(position_um=3.0)]
+
+
+def test_request_that_nobody_takes_expires(shared: SharedMap) -> None:
+    """The error says whether the loop has begun; the request is not carried out later."""
+    requests = LoopRequests(shared)
+
+    with pytest.raises(NoAnswerError, match="the loop is starting"):
+        _ask(requests, Goto(position_um=3.0))
+    shared.words[Word.HEALTHY_CYCLES] = 1
+    with pytest.raises(NoAnswerError, match=r"within 0\.5 s"):
+        _ask(requests, Goto(position_um=3.0))
+    with FakeLoop(shared) as loop:
+        _ask(requests, Hold())
+
+    assert loop.requests == [Hold()]
+
+
+@pytest.mark.fault("E1")
+def test_emergency_stop_is_never_refused(shared: SharedMap) -> None:
+    """Not even where others have filled the urgent lane of a loop that is slow."""
+    requests, later_ns = LoopRequests(shared), time.monotonic_ns() + 60 * NS_PER_S
+    for _ in range(URGENT_SLOTS):
+        requests.post(Hold(), later_ns)
+
+    with pytest.raises(UnavailableError, match="4 requests wait"):
+        _ask(requests, Hold())
+
+    async def posted_before_the_loop_looks() -> tuple[Answer, list[Request]]:
+        asked = asyncio.create_task(requests.ask(Estop()))
+        await asyncio.sleep(0)
+        with FakeLoop(shared) as loop:
+            return await asked, loop.requests
+
+    answer, taken = asyncio.run(posted_before_the_loop_looks())
+
+    assert answer.accepted
+    assert taken[0] == Estop()
+
+
+@pytest.mark.fault("E1")
+def test_emergency_stop_that_nobody_takes_stays(shared: SharedMap) -> None:
+    """Whoever asked is told that there was no answer, and it is carried out as soon as may be."""
+    requests = LoopRequests(shared)
+
+    with pytest.raises(NoAnswerError):
+        _ask(requests, Estop())
+    with FakeLoop(shared) as loop:
+        _ask(requests, Hold())
+
+    assert loop.requests == [Estop(), Hold()]
+
+
+def test_full_mailbox_is_told_at_once(shared: SharedMap) -> None:
+    """A loop that takes nothing does not make requests pile up; a hold still gets through."""
+    requests, later_ns = LoopRequests(shared), time.monotonic_ns() + 60 * NS_PER_S
+    for _ in range(REQUEST_SLOTS):
+        requests.post(Goto(position_um=3.0), later_ns)
+
+    with pytest.raises(UnavailableError, match="16 requests wait"):
+        _ask(requests, Goto(position_um=3.0))
+    with FakeLoop(shared):
+        assert _ask(requests, Hold()).accepted

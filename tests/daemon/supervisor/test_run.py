@@ -1,0 +1,365 @@
+"""A stage from start to end within this process, with a loop that drives nothing."""
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from subprocess import Popen
+from typing import Any, NamedTuple
+
+import httpx
+import pytest
+
+from piezod.config.states import State
+from piezod.daemon.durations import ramp_s, ramped_down_within_s
+from piezod.daemon.lock import Lock
+from piezod.daemon.paths import StagePaths
+from piezod.daemon.supervisor import accepted_config
+from piezod.daemon.supervisor import loop_run as loop_supervision
+from piezod.daemon.supervisor.run import run_stage
+from piezod.daemon.supervisor.signals import Signals, noted_signals
+from piezod.daemon.supervisor.terms import Options
+from piezod.errors import ConfigError, DeviceUnavailableError
+from piezod.telemetry.shared_map import attach
+from piezod.telemetry.words import Word
+from tests.daemon.bench import write_record
+from tests.daemon.daemons import NO_TLS, configuration, is_alive
+from tests.daemon.service.raw import HEAD, connected, read_to_end
+from tests.daemon.waiting import eventually
+
+FAKE = Path(__file__).parents[1] / "fake_loop.py"
+
+
+class Rig(NamedTuple):
+    """A stage that can be run.
+
+    Attributes:
+        config: Its configuration.
+        paths: Its files.
+        processes: What was started, as the module and the process.
+        safe_codes: The exit code of `piezod safe`, in a list.
+        loop_command: What Python runs in the place of the loop.
+    """
+
+    config: Path
+    paths: StagePaths
+    processes: list[tuple[str, "Popen[bytes]"]]
+    safe_codes: list[int]
+    loop_command: list[str]
+
+    def run(self, during: Callable[[], None]) -> bool:
+        """Run the stage; meanwhile do something, and end it after that."""
+
+        def then_end() -> None:
+            try:
+                self.up()
+                during()
+            finally:
+                self.end()
+
+        self.paths.make_folders()
+        with Lock(self.paths.lock) as lock, ThreadPoolExecutor(1) as beside:
+            doing = beside.submit(then_end)
+            try:
+                with noted_signals() as signals:
+                    return run_stage(self.config, Options(), self.paths, lock, signals)
+            finally:
+                doing.result()
+
+    def up(self) -> None:
+        """Wait for the first healthy cycle."""
+        eventually(lambda: self.paths.api_socket.exists() and self.processes)
+        eventually(lambda: attach(self.paths.loop_map).words[Word.HEALTHY_CYCLES])
+
+    def end(self) -> None:
+        """Tell it to end, if it has not: it may do so at any moment."""
+        head = HEAD % b"shutdown" + b"content-type: application/json\r\nconnection: close\r\n"
+        with suppress(OSError), connected(self.paths.api_socket) as connection:
+            connection.sendall(head + b"content-length: 2\r\n\r\n{}")
+            read_to_end(connection)
+
+    def ask(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
+        """Send a request to the HTTP interface."""
+        transport = httpx.HTTPTransport(uds=str(self.paths.api_socket), verify=NO_TLS)
+        with httpx.Client(transport=transport, base_url="http://stage/v1", timeout=20) as client:
+            return client.request(method, path, json=body)
+
+
+@pytest.fixture
+def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
+    """Return a stage whose loop, and whose ramp-down, drive nothing."""
+    processes: list[tuple[str, Popen[bytes]]] = []
+    safe_codes, loop_command = [0], [str(FAKE)]
+
+    def started(module: str, *arguments: str) -> "Popen[bytes]":
+        if arguments[0] == "safe":
+            command = [sys.executable, "-c", f"raise SystemExit({safe_codes[0]})"]
+        else:
+            command = [sys.executable, *loop_command, *arguments]
+        process = Popen(command)
+        processes.append((module, process))
+        return process
+
+    monkeypatch.setattr(loop_supervision, "_start", started)
+    monkeypatch.chdir(tmp_path)  # a socket's path is short, and pytest's folders are not
+    paths = StagePaths("rig", Path("runtime"), Path("state"))
+    yield Rig(configuration(tmp_path), paths, processes, safe_codes, loop_command)
+    for _, process in processes:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+
+
+def _modules(rig: Rig) -> list[str]:
+    return [module for module, _ in rig.processes]
+
+
+def test_stage_ends_in_order(rig: Rig) -> None:
+    """A loop that ends because it was asked to leaves nothing to be done."""
+    told: list[httpx.Response] = []
+
+    def healthy() -> bool:
+        told.append(rig.ask("GET", "health"))
+        return told[-1].status_code == 200
+
+    def until_healthy() -> None:
+        eventually(healthy)
+
+    in_order = rig.run(until_healthy)
+
+    assert in_order
+    assert told[-1].json()["healthy"]
+    assert _modules(rig) == ["piezod.daemon.loop.process"]
+    assert not rig.paths.running.exists()
+    assert not rig.paths.api_socket.exists()
+
+
+@pytest.mark.fault("P1")
+def test_signal_ends_it_in_order(rig: Rig) -> None:
+    """SIGTERM does what a request to shut down does."""
+    assert rig.run(lambda: os.kill(os.getpid(), signal.SIGTERM))
+
+
+@pytest.mark.fault("P1")
+def test_signal_before_the_loop_has_begun_ends_it_in_order(
+    rig: Rig,
+) -> None:
+    """A loop that only starts has touched nothing: it is not waited for, nor followed by a ramp."""
+    rig.loop_command[:] = ["-c", "import time; time.sleep(600)"]
+    signals = Signals()
+    signals.note(signal.SIGTERM)
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock) as lock:
+        assert run_stage(rig.config, Options(), rig.paths, lock, signals)
+
+    assert _modules(rig) == ["piezod.daemon.loop.process"]
+    assert not rig.paths.running.exists()
+
+
+@pytest.mark.fault("P1")
+@pytest.mark.parametrize("safe_code", [0, 1])
+def test_signal_while_an_earlier_run_is_cleared_up(rig: Rig, safe_code: int) -> None:
+    """The ramp is waited for, no loop is started, and the mark stays."""
+    rig.safe_codes[0] = safe_code
+    signals = Signals()
+    signals.note(signal.SIGTERM)
+    rig.paths.make_folders()
+    rig.paths.running.touch()
+
+    with Lock(rig.paths.lock) as lock:
+        in_order = run_stage(rig.config, Options(), rig.paths, lock, signals)
+
+    assert in_order is (safe_code == 0)
+    assert _modules(rig) == ["piezod.cli.main"]
+    assert rig.paths.running.exists()
+
+
+def test_ramp_down_is_not_cut_off(rig: Rig) -> None:
+    """However slow the ramp of a stage is, it has that time three times over, and a minute."""
+    config = configuration(rig.config.parent, safety="{safe_v: 0, ramp_v_per_s: 0.1}")
+    slow = accepted_config.load(config)
+
+    assert ramp_s(slow) == 1500
+    assert ramped_down_within_s(slow) == 3 * 1500 + 60
+
+
+@pytest.mark.parametrize("safe_code", [0, 1])
+def test_lost_loop_is_no_orderly_end(
+    rig: Rig, safe_code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The stage is ramped down, the log says with which success, and the mark stays."""
+    rig.safe_codes[0] = safe_code
+
+    in_order = rig.run(lambda: _kill_and_wait(rig, signal.SIGKILL))
+
+    assert not in_order
+    assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
+    assert ("UNKNOWN" in capsys.readouterr().err) == bool(safe_code)
+    assert rig.paths.running.exists()
+
+
+@pytest.mark.fault("L3")
+def test_hung_loop_is_killed(rig: Rig, capsys: pytest.CaptureFixture[str]) -> None:
+    """A loop that has no cycles any more is ended, and the stage ramped down."""
+    in_order = rig.run(lambda: _kill_and_wait(rig, signal.SIGSTOP))
+
+    assert not in_order
+    assert "it runs no cycles any more" in capsys.readouterr().err
+    assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
+
+
+def _kill_and_wait(rig: Rig, number: int) -> None:
+    pid = rig.processes[0][1].pid
+    os.kill(pid, number)
+    eventually(lambda: not rig.paths.api_socket.exists())
+    assert not is_alive(pid)
+
+
+def test_device_that_must_be_there(rig: Rig) -> None:
+    """With --require-device an absent one is an error, and the end is orderly."""
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock) as lock, pytest.raises(DeviceUnavailableError, match="absent"):
+        run_stage(rig.config, Options(require_device=True), rig.paths, lock, Signals())
+
+    assert not rig.paths.running.exists()
+
+
+@pytest.mark.parametrize(("safe_code", "in_order"), [(0, True), (1, False)])
+def test_stage_that_its_loop_left_unsafe_is_ramped_down(
+    rig: Rig, safe_code: int, in_order: bool
+) -> None:
+    """An end that was asked for counts as orderly where `piezod safe` reaches the voltage."""
+    rig.safe_codes[0] = safe_code
+
+    def drive() -> None:
+        shared = attach(rig.paths.loop_map, writable=True)
+        write_record(shared, State.FAULT, drive_v=80.0)
+
+    assert rig.run(drive) is in_order
+    assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
+    assert rig.paths.running.exists()
+
+
+@pytest.mark.fault("P2")
+def test_mark_of_an_earlier_run_stays_where_no_device_was_opened(rig: Rig) -> None:
+    """Nobody has seen to what that run left in force."""
+    rig.paths.make_folders()
+    rig.paths.running.touch()
+    unclean: list[int] = []
+
+    rig.run(lambda: unclean.append(attach(rig.paths.loop_map).words[Word.UNCLEAN]))
+
+    assert unclean == [1]
+    assert rig.paths.running.exists()
+
+
+@pytest.mark.fault("P2")
+def test_what_an_earlier_run_left_in_force_is_ramped_down_first(rig: Rig) -> None:
+    """Before the loop is started; where that fails, the loop is started all the same."""
+    rig.paths.make_folders()
+    rig.paths.running.touch()
+    rig.safe_codes[0] = 1
+
+    rig.run(lambda: None)
+
+    assert _modules(rig)[:2] == ["piezod.cli.main", "piezod.daemon.loop.process"]
+
+
+@pytest.mark.fault("P11")
+def test_reload_within_the_service(rig: Rig) -> None:
+    """A changed file is taken, an invalid one is not, and the service answers all the time."""
+    answers: list[httpx.Response] = []
+
+    def reload() -> None:
+        configuration(rig.config.parent, rate_hz="25")
+        answers.append(rig.ask("POST", "reload", {}))
+        configuration(rig.config.parent, rate_hz="0")
+        answers.append(rig.ask("POST", "reload", {}))
+        answers.append(rig.ask("GET", "config"))
+
+    assert rig.run(reload)
+    assert [answer.status_code for answer in answers] == [200, 422, 200]
+    assert answers[0].json()["changes"] == ["rate_hz"]
+    assert answers[2].json()["rate_hz"] == 25
+
+
+@pytest.mark.fault("P11")
+def test_reload_that_fails_leaves_the_old_configuration(rig: Rig) -> None:
+    """Whoever reloads is told that the new loop did not come up, and the old one runs again."""
+    answers: list[httpx.Response] = []
+
+    def reload() -> None:
+        configuration(rig.config.parent, title="broken")
+        answers.append(rig.ask("POST", "reload", {}))
+        answers.append(rig.ask("GET", "config"))
+        rig.up()
+
+    assert rig.run(reload)
+    assert answers[0].status_code == 409
+    assert "the one before is in force" in answers[0].text
+    assert answers[1].json()["title"] == "Simulated stack actuator"
+
+
+@pytest.mark.fault("P11")
+def test_reload_by_a_signal(rig: Rig, capsys: pytest.CaptureFixture[str]) -> None:
+    """SIGHUP reads the file too; what is wrong with it is in the log."""
+
+    def reload() -> None:
+        configuration(rig.config.parent, rate_hz="25")
+        os.kill(os.getpid(), signal.SIGHUP)
+        eventually(lambda: len(rig.processes) == 2)
+        rig.up()
+        configuration(rig.config.parent, rate_hz="0")
+        os.kill(os.getpid(), signal.SIGHUP)
+        eventually(lambda: "reload refused" in capsys.readouterr().err)
+
+    assert rig.run(reload)
+
+
+def test_recording_keeps_the_configuration(rig: Rig) -> None:
+    """A recording knows the configuration that it began with."""
+    answers: list[httpx.Response] = []
+
+    def reload() -> None:
+        rig.ask("POST", "recordings/start", {})
+        answers.append(rig.ask("POST", "reload", {}))
+
+    assert rig.run(reload)
+    assert answers[0].status_code == 409
+    assert "goes on" in answers[0].text
+
+
+def test_loop_that_cannot_be_started_is_lost(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine without room for a process ramps the stage down, as far as it can."""
+    started = loop_supervision._start  # noqa: SLF001 - what the fixture has put there
+
+    def refused(module: str, *arguments: str) -> "Popen[bytes]":
+        if module == "piezod.daemon.loop.process":
+            raise BlockingIOError(11, "no process left")
+        return started(module, *arguments)
+
+    monkeypatch.setattr(loop_supervision, "_start", refused)
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock) as lock:
+        assert not run_stage(rig.config, Options(), rig.paths, lock, Signals())
+
+    assert _modules(rig) == ["piezod.cli.main"]
+
+
+@pytest.mark.fault("P10")
+def test_bad_configuration_starts_nothing(rig: Rig) -> None:
+    """No process is started and no mark is made."""
+    configuration(rig.config.parent, rate_hz="0")
+    rig.paths.make_folders()
+
+    with Lock(rig.paths.lock) as lock, pytest.raises(ConfigError, match="rate_hz"):
+        run_stage(rig.config, Options(), rig.paths, lock, Signals())
+
+    assert rig.processes == []
+    assert not rig.paths.running.exists()

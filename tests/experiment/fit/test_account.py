@@ -1,0 +1,40 @@
+"""The account of a fit beside the record it was made from."""
+
+import numpy as np
+import pytest
+
+from piezod.experiment.fit.account import account_of
+from piezod.experiment.fit.fit import FitSettings, fit_model
+from tests.experiment.made_up import ORDER, RATE_HZ, record_of
+
+
+@pytest.mark.parametrize("delay_periods", [0.0, 2.0, 2.5])
+def test_the_record_is_kept_as_it_is_and_the_prediction_stands_beside_it(
+    delay_periods: float,
+) -> None:
+    """However late the displacement, the residual is that of the fit; the end is not predicted."""
+    record = record_of(delay_periods=delay_periods)
+    delay_s = delay_periods / RATE_HZ
+    fit = fit_model(record, FitSettings(order=ORDER, delay_s=delay_s))
+
+    account = account_of(fit, record, axis="x", title="made up")
+
+    assert np.array_equal(account.t_s, record.t_s)
+    assert np.array_equal(account.drive_v, record.drive_v)
+    assert np.array_equal(account.position_um, record.position_um)
+    known = np.isfinite(account.residual_v)
+    assert np.count_nonzero(~known) == np.count_nonzero(~known[-3:]) == int(np.ceil(delay_periods))
+    rms_pct = 100.0 * float(np.sqrt(np.mean(account.residual_v[known] ** 2)))
+    rms_pct /= account.drive_range_v
+    assert rms_pct == pytest.approx(account.fit_errors["voltage_error_rms_pct"], rel=0.3, abs=1e-3)
+
+
+def test_nothing_is_predicted_in_the_run_in() -> None:
+    """What does not count is not shown as an error."""
+    record = record_of().after(2.0)
+
+    account = account_of(
+        fit_model(record, FitSettings(order=ORDER, delay_s=0.0)), record, axis="x", title=""
+    )
+
+    assert np.array_equal(np.isfinite(account.predicted_v), record.counted())

@@ -1,0 +1,173 @@
+"""From data files to models."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from piezod.config.model_file import load_model
+from piezod.errors import DataError
+from piezod.experiment.fit.automatic import Wanted
+from piezod.experiment.fit.file import FileFit, identify_file
+from piezod.experiment.fit.fit import FitSettings
+from piezod.experiment.fit.method import Method, Spacing
+from piezod.experiment.fit.outputs import write_model
+from piezod.hysteresis import LEAST_SLOPE
+from tests.experiment.made_up import ORDER, RATE_HZ, record_of, sine, swells, write_record
+
+Identify = Callable[..., FileFit]
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    """Return a data file of a made-up stage that is two samples late."""
+    path = tmp_path / "data.csv"
+    write_record(path, record_of(delay_periods=2.0))
+    return path
+
+
+def identify(data: Path, **changed: object) -> FileFit:
+    """Identify with least squares and a given delay, but for what is changed."""
+    settings = {
+        "test": None,
+        "skip_s": 0.0,
+        "delay_s": 2.0 / RATE_HZ,
+        "settings": FitSettings(order=ORDER),
+    }
+    return identify_file(data, **{**settings, **changed})  # type: ignore[arg-type]  # names in a table
+
+
+def test_first_seconds_do_not_count(data: Path) -> None:
+    """What is skipped carries the memory on, but is in no error and in no range."""
+    fitted = identify(data, skip_s=1.0)
+
+    assert fitted.record.t_s[0] == 0.0
+    assert fitted.record.run_in_s == 1.0
+    assert not np.any(fitted.record.counted()[:100])
+    assert fitted.taken.train == fitted.taken.fit.errors_pct(fitted.record)
+
+
+def test_other_file_is_judged_by_the_same_model(data: Path, tmp_path: Path) -> None:
+    """The test's errors are those of the model on the other record."""
+    other, other_record = tmp_path / "other.csv", record_of(delay_periods=2.0, duration_s=12.0)
+    write_record(other, other_record)
+
+    fitted = identify(data, test=other)
+
+    assert fitted.taken.test == fitted.taken.fit.errors_pct(other_record)
+    assert not any("rest" in warning for warning in fitted.warnings)
+
+
+def test_the_same_model_with_and_without_creep_is_judged_beside_it(data: Path) -> None:
+    """So a person sees what creep is worth; all else is alike."""
+    without, creeping = (
+        identify(data, settings=FitSettings(order=ORDER, creep=creep)) for creep in (False, True)
+    )
+
+    for fitted, creep in ((without, False), (creeping, True)):
+        assert fitted.other
+        assert (fitted.taken.fit.settings.creep, fitted.other.fit.settings.creep) == (
+            creep,
+            not creep,
+        )
+        assert fitted.other.fit.settings.order == ORDER
+        assert fitted.other.fit.model.delay_s == fitted.taken.fit.model.delay_s
+
+
+def test_what_smoothing_is_worth_is_judged_beside_it(tmp_path: Path) -> None:
+    """The same fit to the displacement as it was recorded; noise makes it worse."""
+    path = tmp_path / "noisy.csv"
+    write_record(path, record_of(path=swells, noise=0.005))
+
+    fitted = identify(path, delay_s=0.0)
+
+    assert fitted.raw
+    assert not fitted.raw.fit.settings.smoothing
+    assert fitted.raw.validation.rms_pct > fitted.taken.validation.rms_pct
+
+
+def test_of_lms_there_is_only_one_model(data: Path) -> None:
+    """It knows neither creep nor smoothing."""
+    fitted = identify(data, settings=FitSettings(method=Method.LMS, order=ORDER))
+
+    assert (fitted.other, fitted.raw) == (None, None)
+    assert fitted.taken.validation.rms_pct > 0.0
+
+
+def test_what_is_not_left_to_be_chosen_is_not_chosen(data: Path) -> None:
+    """The other candidates differ in what was left open, and the choice is told."""
+    fitted = identify(data, settings=Wanted(order=5, spacing=Spacing.GRADED))
+
+    assert fitted.choice
+    tried = [each.fit.settings for each in fitted.choice.candidates]
+    assert {(each.order, each.spacing) for each in tried} == {(5, Spacing.GRADED)}
+    assert {each.creep for each in tried} == {False, True}
+    assert fitted.taken.fit is fitted.choice.taken.fit
+
+
+def test_test_beyond_the_model_s_range_is_said(data: Path, tmp_path: Path) -> None:
+    """Displacements that the model never saw count as the ends of its range."""
+    other, record = tmp_path / "other.csv", record_of(delay_periods=2.0)
+    record.position_um[:] += 3.0
+    write_record(other, record)
+
+    *_, warning = identify(data, test=other).warnings
+
+    assert "of the test's displacements are outside of what the model was fitted to" in warning
+
+
+def test_one_frequency_is_said(tmp_path: Path) -> None:
+    """Whoever asks for the delay of such a record learns how little it tells."""
+    path = tmp_path / "sine.csv"
+    write_record(path, record_of(delay_periods=2.0, path=sine))
+
+    assert identify(path).warnings == ()
+    (warning,) = identify(path, delay_s=None).warnings
+
+    assert warning.startswith("The drive has one frequency.")
+    assert "only to about a sample, 10 ms" in warning
+
+
+def test_delay_at_the_end_of_the_search_is_said(tmp_path: Path) -> None:
+    """An estimate at the longest candidate may be no estimate at all."""
+    path = tmp_path / "late.csv"
+    write_record(path, record_of(delay_periods=8.0))
+
+    (warning,) = identify(path, delay_s=None).warnings
+
+    assert warning.startswith("The delay is the longest that was tried, 60 ms")
+
+
+def test_more_operators_than_noisy_data_determine_still_give_an_inverse(tmp_path: Path) -> None:
+    """Weights that noise alone decides stay within the models that can be inverted."""
+    path, record = tmp_path / "noisy.csv", record_of()
+    record.position_um[:] += np.random.default_rng(1).normal(scale=0.3, size=record.t_s.size)
+    write_record(path, record)
+
+    fitted = identify(path, delay_s=0.0, settings=FitSettings(order=100))
+
+    assert fitted.taken.fit.smallest_slope >= LEAST_SLOPE
+
+
+def test_refusals_begin_with_the_file(data: Path) -> None:
+    """A person sees which of the files is meant."""
+    with pytest.raises(DataError) as caught:
+        identify(data, skip_s=24.9)
+    assert str(caught.value).startswith(f"{data}: 10 samples are left for 12 weights")
+
+    with pytest.raises(DataError) as caught:
+        identify(data, skip_s=99.0)
+    assert str(caught.value) == f"{data}: skipping 99 s leaves nothing of a record of 24.99 s"
+
+
+def test_model_is_written_with_a_figure_beside_it(data: Path, tmp_path: Path) -> None:
+    """The file holds the model, the figure is a PNG of its name."""
+    fitted, path = identify(data), tmp_path / "models" / "stage.yaml"
+
+    plot = write_model(path, fitted, datetime(2024, 5, 1, tzinfo=UTC))
+
+    assert load_model(path).fit.model_dump() == fitted.taken.train
+    assert plot == tmp_path / "models" / "stage.png"
+    assert plot.read_bytes().startswith(b"\x89PNG")

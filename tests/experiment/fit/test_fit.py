@@ -1,0 +1,258 @@
+"""Fits of models to records, made up and measured."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from piezod.errors import DataError, ModelError
+from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
+from piezod.experiment.fit.method import Method
+from piezod.experiment.fit.prediction import predicted_v
+from piezod.experiment.fit.record import Record
+from piezod.records.csv_file import read_csv
+from tests.experiment.made_up import (
+    DRIVE_V,
+    LEFT_WEIGHTS,
+    ORDER,
+    POSITION_UM,
+    RATE_HZ,
+    RIGHT_WEIGHTS,
+    made_up_inverse,
+    record_of,
+)
+
+
+def fitted(
+    record: Record,
+    method: Method = Method.LEAST_SQUARES,
+    *,
+    order: int = ORDER,
+    delay_s: float | None = 0.0,
+    lms_gain: float | None = None,
+) -> Fit:
+    """Fit a model of the stage's own order, without delay if not told otherwise."""
+    settings = FitSettings(method=method, order=order, delay_s=delay_s, lms_gain=lms_gain)
+    return fit_model(record, settings)
+
+
+def test_least_squares_finds_the_weights() -> None:
+    """A stage made of stops at the thresholds of the fit is found again."""
+    fit = fitted(record_of())
+
+    inverse = fit.model.inverse()
+    assert inverse.left_stop_weights == pytest.approx(LEFT_WEIGHTS, abs=5e-4)
+    assert inverse.right_stop_weights == pytest.approx(RIGHT_WEIGHTS, abs=5e-4)
+    assert fit.smallest_slope == pytest.approx(made_up_inverse().smallest_slope, abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("method", "max_pct", "rms_pct"), [(Method.LEAST_SQUARES, 0.05, 0.01), (Method.LMS, 0.5, 0.1)]
+)
+def test_voltage_is_predicted(method: Method, max_pct: float, rms_pct: float) -> None:
+    """Both methods predict the drive of a stage made of stops, least squares better."""
+    record = record_of()
+
+    errors = fitted(record, method).errors_pct(record)
+
+    assert 0.0 < errors["voltage_error_rms_pct"] < errors["voltage_error_max_pct"]
+    assert errors["voltage_error_max_pct"] < max_pct
+    assert errors["voltage_error_rms_pct"] < rms_pct
+
+
+def test_ranges_of_the_record_become_the_model_s() -> None:
+    """What is 0 and 1 in the model are the lowest and highest values that were recorded."""
+    record = record_of()
+
+    model = fitted(record).model
+
+    assert tuple(model.drive_v) == pytest.approx((0.0, DRIVE_V), rel=1e-4)
+    assert tuple(model.position_um) == pytest.approx((0.0, POSITION_UM), abs=1e-3)
+
+
+def test_delay_is_estimated_only_when_none_is_given() -> None:
+    """The fit says how it came by its delay."""
+    record = record_of(delay_periods=2.0)
+
+    given = fitted(record, delay_s=0.02)
+    found = fitted(record, delay_s=None)
+
+    assert (given.delay, given.model.delay_s) == (None, 0.02)
+    assert found.delay is not None
+    assert found.delay.delay_s == found.model.delay_s == pytest.approx(0.02, abs=0.1 / RATE_HZ)
+
+
+def test_neglected_delay_costs_accuracy() -> None:
+    """A model that is fitted to unaligned data predicts worse, and knows it."""
+    record = record_of(delay_periods=3.0)
+
+    def rms_pct(delay_s: float) -> float:
+        return fitted(record, delay_s=delay_s).errors_pct(record)["voltage_error_rms_pct"]
+
+    assert rms_pct(0.0) > 10.0 * rms_pct(0.03)
+
+
+def test_prediction_is_the_inverse_model_s_output() -> None:
+    """The voltage predicted by regressors is what the inverse itself gives."""
+    record = record_of(duration_s=10.0)
+    model = fitted(record).model
+
+    x = np.clip(model.position_um.to_unit(record.position_um), 0.0, 1.0)
+
+    expected_v = model.drive_v.from_unit(model.inverse().run(x))
+    assert predicted_v(model, record) == pytest.approx(expected_v, abs=1e-9)
+
+
+def constant(record: Record) -> Record:
+    """Return a record whose displacement does not move."""
+    return replace(record, position_um=np.full_like(record.position_um, 3.5))
+
+
+def inverted(record: Record) -> Record:
+    """Return a record whose sensor has the wrong sign."""
+    return replace(record, position_um=-record.position_um)
+
+
+def unrelated(record: Record) -> Record:
+    """Return a record of somebody else's sensor."""
+    noise = np.random.default_rng(2).normal(size=record.t_s.size)
+    return replace(record, position_um=noise - 0.01 * record.position_um)
+
+
+def undriven(record: Record) -> Record:
+    """Return a record of an amplifier that was off."""
+    return replace(record, drive_v=np.zeros_like(record.drive_v))
+
+
+def short(record: Record) -> Record:
+    """Return the first 59 samples of a record."""
+    return Record(record.t_s[:59], record.drive_v[:59], record.position_um[:59])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "text"),
+    [
+        (constant, "position_um is 3.5 throughout; allowed is a signal that varies"),
+        (undriven, "drive_v is 0 throughout; allowed is a signal that varies"),
+        (
+            inverted,
+            "position_um does not grow with the drive: its correlation with drive_v is -0.97",
+        ),
+        (
+            unrelated,
+            "position_um does not grow with the drive: its correlation with drive_v is -0.0",
+        ),
+        (short, "59 samples are left for 12 weights; allowed are 60 or more"),
+    ],
+    ids=["constant", "undriven", "inverted", "unrelated", "short"],
+)
+def test_record_that_no_model_fits_is_refused(spoil: object, text: str) -> None:
+    """The error says what is wrong with the record, and what would be right."""
+    assert callable(spoil)
+    record = spoil(record_of(duration_s=5.0))
+
+    with pytest.raises(DataError) as caught:
+        fitted(record, delay_s=None)
+
+    assert str(caught.value).startswith(text)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("scale", [1e-200, 1e200, 1e300])
+def test_the_size_of_the_numbers_does_not_matter(scale: float) -> None:
+    """Whatever the unit, the fit is the same, without overflow."""
+    record = record_of(delay_periods=2.0)
+    scaled = replace(record, drive_v=scale * record.drive_v, position_um=scale * record.position_um)
+
+    plain, fit = (fitted(r, delay_s=None) for r in (record, scaled))
+
+    assert fit.model.weights == pytest.approx(plain.model.weights, rel=1e-6)
+    assert fit.model.delay_s == pytest.approx(plain.model.delay_s)
+    assert fit.errors_pct(scaled) == pytest.approx(plain.errors_pct(record), rel=1e-6)
+
+
+def test_delay_beyond_the_record_is_refused() -> None:
+    """Nothing is left to fit where no voltage is known."""
+    with pytest.raises(DataError, match="0 samples are left for 12 weights"):
+        fitted(record_of(duration_s=5.0), Method.LMS, delay_s=10.0)
+
+
+def test_a_gain_that_is_not_stable_is_refused() -> None:
+    """The error names the gain, the operators, and what would be stable."""
+    with pytest.raises(
+        ModelError, match=r"gain of 0\.1 is out of range: with 100 operators.*0\.03"
+    ):
+        fitted(record_of(), Method.LMS, order=100, lms_gain=0.1)
+
+
+def test_with_many_operators_the_gain_is_lowered_until_it_is_stable() -> None:
+    """Where none is given, LMS makes a model of any order."""
+    fit = fitted(record_of(), Method.LMS, order=100)
+
+    assert np.all(np.isfinite(fit.model.weights))
+    assert fit.errors_pct(record_of())["voltage_error_rms_pct"] < 2.0
+
+
+@pytest.mark.parametrize("offset_um", [-119.0, 0.0, 50.0])
+def test_a_model_is_zeroed_at_the_displacement_at_rest(offset_um: float) -> None:
+    """Wherever recorded displacements count from, a stage counts from its rest."""
+    record = record_of()
+    shifted = replace(record, position_um=record.position_um + offset_um)
+    fit = fitted(shifted)
+    zeroed = fit.model.zeroed_at(float(record.drive_v.min()))
+
+    assert zeroed.position_um.low == pytest.approx(0.0, abs=1e-6)
+    assert zeroed.position_um.width == pytest.approx(fit.model.position_um.width)
+
+
+def test_rest_between_the_ends_is_a_step_up_from_the_lower_one() -> None:
+    """The displacement there is that of the first rise, below the diagonal of a loop."""
+    record = record_of()
+    model = fitted(record).model
+    middle_v = model.drive_v.from_unit(0.5)
+    at_rest = model.position_um.low - model.zeroed_at(middle_v).position_um.low
+    unit = model.position_um.to_unit(at_rest)
+
+    assert model.inverse().step(unit) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_rest_outside_of_the_model_is_refused() -> None:
+    """A model that was not identified from rest on cannot tell where rest is."""
+    model = fitted(record_of()).model
+
+    with pytest.raises(DataError, match=r"leaves out the rest voltage.*identify from rest on"):
+        model.zeroed_at(model.drive_v.low - 0.1 * model.drive_v.width)
+
+
+def measured(shared_data: Path, name: str) -> Record:
+    """Return a record of the measured flexure stage, without the run-in of the first second."""
+    columns = read_csv(shared_data / "data" / "ntu_p885" / name)
+    return Record(columns["t_s"], columns["drive_v"], columns["position_um"], run_in_s=1.0)
+
+
+@pytest.mark.parametrize(
+    ("method", "max_pct", "rms_pct"), [(Method.LEAST_SQUARES, 1.6, 0.35), (Method.LMS, 1.7, 0.5)]
+)
+def test_measured_stage_is_predicted(
+    shared_data: Path, method: Method, max_pct: float, rms_pct: float
+) -> None:
+    """The drive voltage of a measured stage follows from its displacement, by either method."""
+    record = measured(shared_data, "identification.csv")
+
+    fit = fit_model(record, FitSettings(method=method))
+
+    errors = fit.errors_pct(record)
+    assert errors["voltage_error_max_pct"] < max_pct
+    assert errors["voltage_error_rms_pct"] < rms_pct
+    assert fit.smallest_slope > 0.2
+
+
+def test_model_of_a_measured_stage_carries_over(shared_data: Path) -> None:
+    """On a record with other amplitudes the error grows, but stays far below the loop's width."""
+    fit = fit_model(measured(shared_data, "identification.csv"), FitSettings())
+
+    errors = fit.errors_pct(measured(shared_data, "test.csv"))
+
+    assert errors["voltage_error_max_pct"] < 4.5
+    assert errors["voltage_error_rms_pct"] < 2.0

@@ -1,0 +1,61 @@
+"""Fits to a measured stage: how well a model predicts what it was not fitted to."""
+
+from pathlib import Path
+
+import pytest
+
+from piezod.experiment.fit.automatic import Wanted
+from piezod.experiment.fit.file import FileFit, identify_file
+from piezod.experiment.fit.fit import FitSettings
+from piezod.experiment.fit.judgement import Judgement
+from piezod.experiment.fit.method import Spacing
+from tests.conftest import Figure
+
+ALIGNED_S = 0.005
+"""The displacement of this record is one sample late."""
+
+
+def identified(shared_data: Path, settings: FitSettings | Wanted, skip_s: float) -> FileFit:
+    """Fit the measured record, and judge it on the other one."""
+    folder = shared_data / "data" / "ntu_p885"
+    return identify_file(
+        folder / "identification.csv",
+        test=folder / "test.csv",
+        skip_s=skip_s,
+        delay_s=ALIGNED_S,
+        settings=settings,
+    )
+
+
+def hold_on_what_they_do_not_know(judged: Judgement, name: str, figure: Figure) -> None:
+    """Check the errors on held-out blocks and, but for an offset, on test.csv; print them."""
+    held_out, removed = judged.validation.errors, judged.test_offset_removed
+    assert removed is not None
+    figure(
+        f"measured stage, {name}: held-out blocks {held_out['voltage_error_max_pct']:.2f} % worst, "
+        f"{held_out['voltage_error_rms_pct']:.3f} % rms; test.csv without a constant offset of "
+        f"{removed.offset_pct:.2f} %: {removed.errors['voltage_error_rms_pct']:.3f} % rms"
+    )
+    assert held_out["voltage_error_max_pct"] <= 1.3
+    assert held_out["voltage_error_rms_pct"] <= 0.3
+    assert removed.errors["voltage_error_rms_pct"] <= 1.05
+
+
+@pytest.mark.parametrize("skip_s", [0.0, 1.0])
+@pytest.mark.parametrize("creep", [False, True])
+def test_graded_models_hold_on_blocks_and_on_another_record(
+    shared_data: Path, figure: Figure, skip_s: float, creep: bool
+) -> None:
+    """With and without creep, on blocks that were held out and, but for an offset, on test.csv."""
+    settings = FitSettings(spacing=Spacing.GRADED, creep=creep)
+    name = f"{'with' if creep else 'without'} creep, first {skip_s:g} s left out"
+
+    hold_on_what_they_do_not_know(identified(shared_data, settings, skip_s).taken, name, figure)
+
+
+@pytest.mark.stress
+def test_the_automatic_choice_holds_too(shared_data: Path, figure: Figure) -> None:
+    """What cross-validation chooses predicts held-out blocks and the other record."""
+    judged = identified(shared_data, Wanted(), 1.0).taken
+
+    hold_on_what_they_do_not_know(judged, "chosen automatically", figure)

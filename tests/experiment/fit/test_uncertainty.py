@@ -1,0 +1,117 @@
+"""What noise leaves open of a model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from piezod.experiment.fit.cross_validation import cross_validate
+from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
+from piezod.experiment.fit.method import Method
+from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.uncertainty import (
+    CERTAIN,
+    Uncertainty,
+    covariance_of,
+    uncertainty_of,
+)
+from tests.experiment.made_up import DRIVE_V, ORDER, record_of, swells
+
+NOISE = 0.002
+"""Of the voltage, as a share of its range."""
+
+
+def noisy(seed: int, duration_s: float = 25.0) -> Record:
+    """Return a record whose voltage has white noise, which no model can predict."""
+    record = record_of(path=swells, duration_s=duration_s)
+    noise_v = NOISE * DRIVE_V * np.random.default_rng(seed).standard_normal(record.t_s.size)
+    return replace(record, drive_v=record.drive_v + noise_v)
+
+
+def fitted(record: Record, **changed: object) -> Fit:
+    """Fit a model of the stage's own order to a record as it is, but for what is changed."""
+    settings = {"order": ORDER, "delay_s": 0.0, "smoothing": False, **changed}
+    return fit_model(record, FitSettings(**settings))  # type: ignore[arg-type]  # names in a table
+
+
+def judged(record: Record, **changed: object) -> tuple[Fit, Uncertainty]:
+    """Fit a model, and tell how uncertain it is."""
+    fit = fitted(record, **changed)
+    return fit, uncertainty_of(fit, cross_validate(fit))
+
+
+def test_the_band_is_where_the_true_prediction_is() -> None:
+    """With noise whose size is known, 19 of 20 predictions lie within it, and it is no wider."""
+    linear = fitted(record_of(path=swells)).linearised
+    assert linear is not None
+    truth = linear.regressors @ linear.parameters
+    inside, ratios = [], []
+    for seed in range(40):
+        target = truth + NOISE * np.random.default_rng(seed).standard_normal(truth.size)
+        parameters = replace(linear, target=target).solved(linear.counted)
+        drawn = replace(linear, target=target, parameters=parameters)
+        _, covariance = covariance_of(drawn)
+        rows = drawn.regressors
+        error = rows @ (parameters - linear.parameters)
+        scatter = np.sqrt(np.einsum("ki,ij,kj->k", rows, covariance, rows))
+        inside.append(np.abs(error) <= CERTAIN * scatter)
+        ratios.append(np.mean(error**2) / np.mean(scatter**2))
+    assert np.mean(inside) > 0.9
+    assert 0.3 < np.mean(ratios) < 1.5
+
+
+def test_a_longer_record_leaves_less_open() -> None:
+    """Four times as many samples, about half the band."""
+    short, long = (judged(noisy(1, duration_s))[1].band_pct for duration_s in (25.0, 100.0))
+
+    assert short is not None
+    assert long is not None
+    assert np.mean(long) / np.mean(short) == pytest.approx(0.5, rel=0.3)
+
+
+def test_white_residuals_are_nearly_independent_and_alike_ones_are_not() -> None:
+    """Noise that changes slowly tells less than its samples promise."""
+    record = noisy(1)
+    white = fitted(record).linearised
+    slow_v = 4.0 * np.convolve(
+        np.random.default_rng(2).standard_normal(record.t_s.size), np.ones(40) / 40.0, mode="same"
+    )
+    alike = fitted(replace(record, drive_v=record.drive_v + slow_v)).linearised
+
+    assert white is not None
+    assert alike is not None
+    assert covariance_of(white)[0] > 0.5 * record.t_s.size
+    assert covariance_of(alike)[0] < 0.2 * record.t_s.size
+
+
+def test_creep_is_as_uncertain_as_it_scatters() -> None:
+    """The creep lies within what is told of it."""
+    record = record_of(path=swells, creep=0.005, noise=0.001, duration_s=50.0)
+
+    fit, uncertainty = judged(record, creep=True, smoothing=True)
+
+    assert uncertainty.creep_per_decade is not None
+    assert abs(fit.model.creep.per_decade - 0.01) < 3.0 * uncertainty.creep_per_decade + 5e-4
+    assert len(uncertainty.block_creep_per_decade) == 5
+    assert min(uncertainty.block_creep_per_decade) > 0.0
+
+
+def test_a_delay_that_was_given_is_not_uncertain() -> None:
+    """One that was estimated has the uncertainty of its estimate."""
+    record = record_of(path=swells, delay_periods=2.0)
+    fit, estimated = judged(record, delay_s=None)
+
+    assert fit.delay
+    assert estimated.delay_s == fit.delay.uncertainty_s
+    assert judged(record, delay_s=0.02)[1].delay_s is None
+
+
+def test_of_lms_only_the_spread_over_blocks_is_known() -> None:
+    """It solves no problem that has a covariance."""
+    _, uncertainty = judged(noisy(1), method=Method.LMS)
+
+    assert uncertainty.band_pct is None
+    assert uncertainty.independent_samples is None
+    assert uncertainty.creep_per_decade is None
+    assert uncertainty.spread_pct.size == noisy(1).t_s.size
+    assert np.all(uncertainty.spread_pct >= 0.0)

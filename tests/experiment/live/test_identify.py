@@ -1,0 +1,190 @@
+"""A running stage driven for a model: the drive, and the record that comes of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from piezod.config.combined_waveforms import Sequence
+from piezod.config.model_file import load_model
+from piezod.config.states import State
+from piezod.control.reference.waveforms import build_waveform
+from piezod.errors import ConfigError, DataError, NotReachedError
+from piezod.experiment.live.drive import designed_drive, from_rest, read_drive
+from piezod.experiment.live.identify import adopt_live, columns_of, record_live
+from piezod.experiment.live.setup import LiveAxis, read_setup
+from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.telemetry_reader import Telemetry
+from tests.experiment.live_fakes import MODEL, FakeStage, stage_document
+
+DRIVE = """\
+identification:
+  method: lms
+  settle_s: 1
+  run_in_s: 0.5
+  duration_s: 2
+  drive_v: {kind: sine, low: 0, high: 100, frequency_hz: 1}
+"""
+
+
+def axis(**limits: object) -> LiveAxis:
+    """Return axis x of the stage that is shipped, with other limits."""
+    document = stage_document()
+    document["axes"]["x"]["limits"] |= limits
+    document["axes"]["x"]["safety"] = {"safe_v": limits.get("rest_v", 0.0), "ramp_v_per_s": 50.0}
+    return read_setup(FakeStage(document)).axes["x"]
+
+
+def test_designed_drive_is_over_all_voltages() -> None:
+    """It is what the command recommends where a record tells too little."""
+    drive = designed_drive(axis())
+
+    waveform = build_waveform(drive.drive_v, drive.duration_s)
+    values_v = waveform.sample(np.linspace(0.0, drive.duration_s, 8001))
+    assert (drive.duration_s, drive.run_in_s, drive.settle_s) == (80.0, 8.0, 5.0)
+    assert values_v.min() == pytest.approx(0.0, abs=0.01)
+    assert values_v.max() == pytest.approx(150.0, abs=0.01)
+
+
+def test_drive_from_rest_is_as_it_is() -> None:
+    """Nothing is put before a drive that begins where the stage rests."""
+    designed = designed_drive(axis())
+
+    assert from_rest(designed, axis()).drive_v is designed.drive_v
+
+
+@pytest.mark.parametrize("designed", [True, False])
+def test_drive_from_elsewhere_has_a_way_there(tmp_path: Path, designed: bool) -> None:
+    """A stage that rests in the middle is not sent to the end of its range by a jump."""
+    there = axis(rest_v=60.0)
+    (tmp_path / "drive.yaml").write_text(DRIVE, encoding="utf-8")
+    settings = designed_drive(there) if designed else read_drive(tmp_path / "drive.yaml")
+
+    drive = from_rest(settings, there)
+
+    assert isinstance(drive.drive_v, Sequence)
+    value_v = build_waveform(drive.drive_v, drive.duration_s).value
+    assert [value_v(t_s) for t_s in (0.0, 0.6, 1.2)] == pytest.approx([60.0, 30.0, 0.0], abs=0.01)
+    assert drive.duration_s == settings.duration_s + 1.2
+    assert drive.run_in_s == settings.run_in_s + 1.2
+    assert value_v(1.2 + 0.5) == pytest.approx(
+        build_waveform(settings.drive_v, settings.duration_s).value(0.5), abs=0.01
+    )
+
+
+def test_drive_is_read_from_an_experiment(tmp_path: Path) -> None:
+    """Other keys of the file do not matter; what is wrong with the drive is told with its place."""
+    path = tmp_path / "drive.yaml"
+    path.write_text("title: anything\n" + DRIVE, encoding="utf-8")
+    assert read_drive(path).duration_s == 2.0
+
+    path.write_text(DRIVE.replace("high: 100", "high: -1"), encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"drive.yaml:6:\d+: identification.drive_v.high: "):
+        read_drive(path)
+
+    path.write_text("title: anything\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="there is no `identification:`"):
+        read_drive(path)
+
+
+def telemetry() -> Telemetry:
+    """Return a recording at 100 Hz: 1 s armed, 10 s driven, 1 s armed."""
+    states = [State.READY] * 100 + [State.IDENT] * 1000 + [State.READY] * 100
+    names = tuple(State)
+    t_s = 0.01 * np.arange(1200)
+    cycles = {
+        "t_s": t_s,
+        "late_ns": np.zeros(1200, np.int64),
+        "state": np.array([names.index(state) for state in states]),
+    }
+    columns = {"in_force_v": 10.0 * t_s, "position_um": 2.0 * t_s}
+    header = TelemetryHeader("t", ("x",), 100.0, "", 0, {"state": names})
+    return Telemetry(header, 0, np.empty((0, 2), np.int64), cycles, {"x": columns}, {})
+
+
+def test_record_is_what_was_driven() -> None:
+    """From the first cycle to the last one of the drive, with the voltage that was in force."""
+    columns, warnings = columns_of(telemetry(), "x")
+
+    assert warnings == ()
+    assert columns["t_s"] == pytest.approx(0.01 * np.arange(1000))
+    assert columns["drive_v"] == pytest.approx(10.0 + 10.0 * columns["t_s"])
+    assert columns["position_um"] == pytest.approx(2.0 + 2.0 * columns["t_s"])
+
+
+def test_few_missing_samples_are_filled_in() -> None:
+    """Cycles that were skipped and samples that were invalid, and it is told how many."""
+    told = telemetry()
+    told.axes["x"]["position_um"][500:505] = np.nan
+    for columns in (told.cycles, told.axes["x"]):
+        for name, column in columns.items():
+            columns[name] = np.delete(column, slice(700, 703))
+
+    filled, (warning,) = columns_of(told, "x")
+
+    assert filled["t_s"].size == 1000
+    assert filled["position_um"] == pytest.approx(2.0 + 2.0 * filled["t_s"])
+    assert warning.startswith("8 of 1000 samples were missing")
+
+
+def test_many_missing_samples_are_refused() -> None:
+    """A model of a sensor that was out of its range would be none of the stage."""
+    told = telemetry()
+    told.axes["x"]["position_um"][500:600] = np.nan
+
+    with pytest.raises(DataError, match="axis x: 100 of 1000 samples are missing"):
+        columns_of(told, "x")
+
+
+def test_recording_without_a_drive_is_refused() -> None:
+    """The state tells what belongs to it."""
+    told = telemetry()
+    told.cycles["state"][:] = 0
+
+    with pytest.raises(DataError, match="nothing of the drive"):
+        columns_of(told, "x")
+
+
+def record(stage: FakeStage, name: str | None = None) -> None:
+    """Identify an axis of a stage."""
+    record_live(stage, Path("no.csv"), lambda _label, _share: None, axis=name, settings=None)
+
+
+def test_axis_has_to_be_named_where_there_are_several() -> None:
+    """One after the other is identified, the others resting."""
+    document = stage_document()
+    document["axes"]["y"] = document["axes"]["x"]
+
+    with pytest.raises(DataError, match="several axes, x, y: name one with --axis"):
+        record(FakeStage(document))
+    with pytest.raises(DataError, match="no axis z; its axes are x, y"):
+        record(FakeStage(document), "z")
+
+
+def test_fault_while_driving_stops_the_stage() -> None:
+    """A record that ends early is none, and the stage is left disarmed."""
+
+    def fault(stage: FakeStage) -> None:
+        if stage.state == "IDENT":
+            stage.state, stage.present = "HOLD", ("S1",)
+
+    stage = FakeStage()
+    stage.each = fault
+
+    with pytest.raises(NotReachedError, match="in HOLD because of S1"):
+        record(stage)
+
+    assert stage.asked[-3:] == ["stop", "recordings/stop", "DELETE lease"]
+
+
+def test_model_is_adopted_disarmed() -> None:
+    """A stage takes a model in SAFE only."""
+    stage = FakeStage()
+    stage.state = "RUN"
+
+    adopt_live(stage, "x", load_model(MODEL))
+
+    assert stage.asked.index("stop") < stage.asked.index("model")
+    body = stage.bodies[stage.asked.index("model")]
+    assert body is not None
+    assert body["axis"] == "x"

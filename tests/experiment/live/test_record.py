@@ -1,0 +1,139 @@
+"""The waveform of a recording: found by its movement, checked, and judged."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from piezod.config.experiment_fields import CaseConfig
+from piezod.config.modes import Mode
+from piezod.config.waveforms import Sine
+from piezod.control.reference.waveforms import Waveform, build_waveform
+from piezod.errors import DataError
+from piezod.experiment.live.record import Run, cut, missing_cycles
+from piezod.experiment.live.setup import LiveAxis, read_setup
+from piezod.records.telemetry_header import TelemetryHeader
+from piezod.records.telemetry_reader import Telemetry
+from tests.experiment.live_fakes import FakeStage
+
+SINE = Sine(kind="sine", low=2.0, high=12.0, frequency_hz=1.0)
+CASE = CaseConfig(name="slow", title="a sine", period_s=1.0, duration_s=3.0, command_um=SINE)
+RUN = Run(CASE, Mode.ADAPTIVE, ("tracking_max_pct",))
+START = 100
+"""Cycle at whose end the movement is asked for; before, the stage stays at 0.5 µm."""
+
+
+@pytest.fixture
+def axis() -> LiveAxis:
+    """Return axis x of the stage that is shipped."""
+    return read_setup(FakeStage()).axes["x"]
+
+
+@pytest.fixture
+def waveform() -> Waveform:
+    """Return a sine that does not begin where the stage is."""
+    return build_waveform(SINE, CASE.duration_s)
+
+
+Told = Callable[..., Telemetry]
+
+
+@pytest.fixture
+def told(axis: LiveAxis, waveform: Waveform) -> Told:
+    """Return what makes a recording of the movement, at 1 kHz, 0.1 µm off its command."""
+
+    def recording(cycles: int = 3500, late_s: float = 0.0) -> Telemetry:
+        motion = axis.motion(waveform, CASE.duration_s, 0.5)
+        t_s = 7.0 + 0.001 * np.arange(cycles) + late_s
+        moving = np.arange(cycles) > START
+        since_s = t_s - t_s[START]
+        command_um = np.where(moving, [motion.reference_um(t) for t in since_s.tolist()], 0.5)
+        columns = {
+            "motion": np.where(moving, 4, 3),
+            "command_um": command_um,
+            "position_um": command_um + 0.1,
+            "in_force_v": 5.0 * command_um,
+            "uncompensated_v": 4.0 * command_um,
+        }
+        snapshots = np.array([7.0, 8.0, 9.0])
+        weights = {"weights": np.tile([1.0, 2.0, 3.0, 4.0], (3, 1)), "weights_t_s": snapshots}
+        return Telemetry(
+            TelemetryHeader("t", ("x",), 1000.0, "", 0),
+            0,
+            np.empty((0, 2), np.int64),
+            {"t_s": t_s, "skipped": np.zeros(cycles, np.int64)},
+            {"x": columns},
+            {"x": weights},
+        )
+
+    return recording
+
+
+def test_waveform_is_cut_after_its_lead_in(told: Told, axis: LiveAxis, waveform: Waveform) -> None:
+    """What is left begins with the waveform's first value, at 0 s, and is as long as the case."""
+    recording = cut(told(), "x", axis, waveform, RUN)
+
+    assert recording.key == ("x", "slow", "adaptive")
+    assert recording.t_s.size == 3000
+    assert 0.0 <= recording.t_s[0] < 0.001
+    expected = waveform.sample(recording.t_s)
+    assert recording.command_um == pytest.approx(expected, abs=1e-5)
+    assert recording.drive_v == pytest.approx(5.0 * recording.command_um)
+    assert recording.first_metric_index == 1000
+    assert recording.metrics["tracking_max_pct"] == pytest.approx(1.0, rel=0.01)
+    assert not recording.knows_truth
+
+
+def test_weights_have_the_right_operators_first(
+    told: Told, axis: LiveAxis, waveform: Waveform
+) -> None:
+    """As in an experiment in virtual time; snapshots from before the waveform are left out."""
+    recording = cut(told(), "x", axis, waveform, RUN)
+
+    assert recording.weights.tolist() == [[3.0, 4.0, 1.0, 2.0]] * 2
+    assert recording.weights_t_s == pytest.approx([0.85, 1.85], abs=0.05)
+
+
+def test_late_cycles_are_where_they_were(told: Told, axis: LiveAxis, waveform: Waveform) -> None:
+    """A loop's clock jitters, and the waveform is a function of it."""
+    jitter_s = 3e-4 * np.random.default_rng(1).random(3500)
+
+    recording = cut(told(late_s=jitter_s), "x", axis, waveform, RUN)
+
+    assert recording.command_um == pytest.approx(waveform.sample(recording.t_s), abs=1e-5)
+
+
+def test_recording_that_ends_early_is_refused(
+    told: Told, axis: LiveAxis, waveform: Waveform
+) -> None:
+    """Errors of a part would be taken for those of all."""
+    with pytest.raises(DataError, match="the recording ends before the waveform"):
+        cut(told(cycles=3000), "x", axis, waveform, RUN)
+
+
+def test_recording_that_begins_late_is_refused(
+    told: Told, axis: LiveAxis, waveform: Waveform
+) -> None:
+    """Where the movement began is not known then."""
+    whole = told()
+    whole.axes["x"]["motion"][:] = 4
+
+    with pytest.raises(DataError, match="does not begin before the movement"):
+        cut(whole, "x", axis, waveform, RUN)
+
+
+def test_other_command_is_refused(told: Told, axis: LiveAxis, waveform: Waveform) -> None:
+    """What was recorded has to be what was asked for."""
+    whole = told()
+    whole.axes["x"]["command_um"][2000:] += 0.01
+
+    with pytest.raises(DataError, match="in 1500 of 3399 cycles the recorded command is not"):
+        cut(whole, "x", axis, waveform, RUN)
+
+
+def test_missing_cycles_are_counted(told: Told) -> None:
+    """Both those that the loop skipped and those that the recorder lost."""
+    whole = told()
+    whole.cycles["skipped"][2000:] = 3
+
+    assert missing_cycles(whole) == 3

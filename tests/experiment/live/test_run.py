@@ -1,0 +1,228 @@
+"""Trouble with an experiment on a running stage: it is told, and the stage is stopped."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from piezod.config.experiment import ExperimentConfig
+from piezod.errors import (
+    ClientError,
+    DataError,
+    NotReachedError,
+    NotRunningError,
+    PiezodError,
+    RefusedError,
+)
+from piezod.experiment.live.run import run_live
+from tests.experiment.conftest import Load
+from tests.experiment.live_fakes import FakeStage, stage_document
+
+Trouble = Callable[[FakeStage], None]
+LEFT = ["stop", "recordings/stop", "DELETE lease"]
+"""How a stage is left while something is recorded."""
+
+
+@pytest.fixture
+def config(load: Load, short: str) -> ExperimentConfig:
+    """Return an experiment of one case in one mode, with a waveform of 3 s."""
+    return load(short + "modes: [adaptive]\n")
+
+
+def run(config: ExperimentConfig, stage: FakeStage) -> None:
+    """Run an experiment on a stage."""
+    run_live(config, "", "title", stage, lambda _label, _share: None)
+
+
+def while_moving(trouble: Trouble) -> Trouble:
+    """Return what makes a trouble once the stage follows the waveform."""
+
+    def each(stage: FakeStage) -> None:
+        if stage.motion:
+            trouble(stage)
+
+    return each
+
+
+def fault(stage: FakeStage) -> None:
+    """Have a fault stop the stage."""
+    stage.state, stage.present = "HOLD", ("S5",)
+
+
+def fall_back(stage: FakeStage) -> None:
+    """Have a fault change the mode."""
+    stage.mode_now, stage.present = "feedforward", ("S3",)
+
+
+def move(stage: FakeStage) -> None:
+    """Have somebody else move the stage."""
+    stage.motion = 2
+
+
+def lose_lease(stage: FakeStage) -> None:
+    """Have somebody else take the lease before it is renewed."""
+    stage.t_s += 10.0
+    stage.refused["lease"] = "somebody holds the lease for another 30 s"
+
+
+def vanish(stage: FakeStage) -> None:
+    """Have the daemon end."""
+    stage.refused = {}
+    raise NotRunningError("the daemon has gone", "is it still running?")
+
+
+@pytest.mark.parametrize(
+    ("trouble", "kind", "text"),
+    [
+        (fault, NotReachedError, "the stage is in HOLD because of S5; `piezod faults` tells more"),
+        (fall_back, NotReachedError, "axis x: the mode has become feedforward because of S3"),
+        (move, NotReachedError, "axis x: another movement has taken the place of this one"),
+        (lose_lease, RefusedError, "somebody holds the lease for another 30 s"),
+        (vanish, NotRunningError, "the daemon has gone"),
+    ],
+)
+def test_trouble_on_the_way_stops_the_stage(
+    config: ExperimentConfig, trouble: Trouble, kind: type[PiezodError], text: str
+) -> None:
+    """The error says which case and mode; the stage is stopped first, then the recording ended."""
+    stage = FakeStage()
+    stage.each = while_moving(trouble)
+
+    with pytest.raises(kind) as caught:
+        run(config, stage)
+
+    assert str(caught.value).startswith(f"slow, adaptive: {text}")
+    assert stage.asked[-3:] == LEFT
+
+
+@pytest.mark.parametrize("refused", ["mode", "zero", "arm", "recordings/start", "wave"])
+def test_refused_request_stops_the_stage(config: ExperimentConfig, refused: str) -> None:
+    """What is refused is told with case, mode and remedy, and the stage is left disarmed."""
+    stage = FakeStage()
+    stage.refused[refused] = "no"
+
+    with pytest.raises(RefusedError, match=r"^slow, adaptive: no; a remedy$"):
+        run(config, stage)
+
+    assert "stop" in stage.asked[stage.asked.index(refused) :]
+    assert stage.state == "SAFE"
+
+
+def test_interrupt_stops_the_stage(config: ExperimentConfig) -> None:
+    """Ctrl-C leaves the stage as an error does."""
+
+    def interrupt(_stage: FakeStage) -> None:
+        raise KeyboardInterrupt
+
+    stage = FakeStage()
+    stage.each = while_moving(interrupt)
+
+    with pytest.raises(KeyboardInterrupt):
+        run(config, stage)
+
+    assert stage.asked[-3:] == LEFT
+
+
+def test_stage_that_cannot_be_stopped_is_told(config: ExperimentConfig) -> None:
+    """Both are told: what went wrong, and that the stage may still be driven."""
+
+    def trouble(stage: FakeStage) -> None:
+        fault(stage)
+        stage.refused["stop"] = "too busy"
+
+    stage = FakeStage()
+    stage.each = while_moving(trouble)
+
+    with pytest.raises(ClientError) as caught:
+        run(config, stage)
+
+    assert "because of S5" in str(caught.value)
+    assert "the stage could not be stopped: too busy" in str(caught.value)
+    assert "the emergency stop" in caught.value.remedy
+
+
+def test_stage_that_another_moves_is_left_alone(config: ExperimentConfig) -> None:
+    """Without the lease nothing is stopped that somebody else may be doing."""
+    stage = FakeStage()
+    stage.refused["lease"] = "somebody holds the lease"
+
+    with pytest.raises(RefusedError, match="somebody holds the lease"):
+        run(config, stage)
+
+    assert "stop" not in stage.asked
+
+
+def test_faulty_stage_is_not_run(config: ExperimentConfig) -> None:
+    """A fault that is latched is for a person to reset."""
+
+    def latched(stage: FakeStage) -> None:
+        stage.state, stage.present = "FAULT", ("P2",)
+
+    stage = FakeStage()
+    stage.each = latched
+
+    with pytest.raises(NotReachedError, match=r"the stage is in FAULT because of P2"):
+        run(config, stage)
+
+    assert "arm" not in stage.asked
+
+
+def test_recording_that_ends_by_itself_is_told(config: ExperimentConfig) -> None:
+    """A full disk leaves nothing to judge."""
+    stage = FakeStage()
+    stage.why = "12 MB are free"
+
+    with pytest.raises(DataError, match=r"^slow, adaptive: .* by itself: 12 MB are free$"):
+        run(config, stage)
+
+
+def test_steps_of_a_run(config: ExperimentConfig) -> None:
+    """From rest, zeroed, in its mode and armed; recorded from before the movement to its end."""
+    stage = FakeStage()
+    stage.why = "that is enough"
+
+    with pytest.raises(DataError):
+        run(config, stage)
+
+    steps = [what for what in stage.asked if what not in ("lease", "DELETE lease")]
+    assert steps[:3] == ["GET status", "GET config", "GET params"]
+    assert steps[3:] == [
+        *("stop", "mode", "zero", "arm", "recordings/start", "mode", "wave", "recordings/stop"),
+        "stop",
+    ]
+    bodies = [body for body in stage.bodies if body]
+    assert {"label": "slow-adaptive"} in bodies
+    assert stage.t_s > 100.0 + 0.5 + 0.5 + 3.0
+
+
+def test_stage_whose_safe_voltage_is_not_rest_is_driven_there(config: ExperimentConfig) -> None:
+    """Zero is at the rest voltage, wherever it is safe."""
+    stage = FakeStage(stage_document(safety={"safe_v": 10.0, "ramp_v_per_s": 50.0}))
+    stage.why = "that is enough"
+
+    with pytest.raises(DataError, match="that is enough"):
+        run(config, stage)
+
+    at = stage.asked.index("identify")
+    assert stage.bodies[at] == {
+        "drive_v": {"x": {"kind": "setpoint", "level": 0.0}},
+        "duration_s": 0.5,
+    }
+    assert stage.asked[at - 1] == "arm"
+
+
+def test_file_is_sent_as_its_points(load: Load, short: str, tmp_path: Path) -> None:
+    """A daemon reads no files of others."""
+    (tmp_path / "path.csv").write_text("t_s,x\n0,0\n1,5\n3,20\n", encoding="utf-8")
+    sine = "{kind: sine, low: 0, high: 20, frequency_hz: 1}"
+    text = short.replace(sine, "{kind: csv, path: path.csv, column: x}") + "modes: [adaptive]\n"
+    stage = FakeStage()
+    stage.why = "that is enough"
+
+    with pytest.raises(DataError, match="that is enough"):
+        run(load(text), stage)
+
+    body = stage.bodies[stage.asked.index("wave")]
+    assert body is not None
+    assert body["command_um"]["x"]["kind"] == "points"
+    assert [list(point) for point in body["command_um"]["x"]["points"]] == [[0, 0], [1, 5], [3, 20]]

@@ -1,0 +1,84 @@
+"""Gains that are not safe stop an experiment, as early as it can be known."""
+
+from pathlib import Path
+
+import pytest
+
+from piezod.config.experiment import ExperimentConfig
+from piezod.control.law.gains import check_known
+from piezod.errors import ModelError
+from piezod.experiment.check_file import check_file
+from piezod.experiment.virtual.run import run_experiment
+from tests.experiment.conftest import Load
+
+LIMITS = "    limits:"
+GREEDY = "    trim: {gain_per_s: 700}\n"
+TRIMMED = "modes: [feedforward, trimmed]\n"
+GIVEN = "    compensator: {delay_s: 0.00065}\n"
+WITH_MODE = "    first_mode: {frequency_hz: 734, damping: 0.03}\n"
+
+REFUSED = r"^axis x: a trim gain of 700 1/s is not safe: .*"
+
+
+def check_gains(config: ExperimentConfig) -> None:
+    """Check what is known before anything moves."""
+    check_known(config.axes, 1.0 / config.rate_hz, trimmed=True)
+
+
+def phases(load: Load, text: str) -> list[str]:
+    """Run an experiment that is refused; return what it was doing on the way."""
+    seen: list[str] = []
+    with pytest.raises(ModelError, match=REFUSED):
+        run_experiment(load(text), "", "", lambda label, _share: seen.append(label))
+    return seen
+
+
+def test_delay_that_is_known_refuses_a_trim_before_anything_moves(load: Load, short: str) -> None:
+    """The configuration tells the delay."""
+    assert phases(load, short.replace(LIMITS, GREEDY + GIVEN + LIMITS) + TRIMMED) == []
+
+
+def test_delay_that_is_identified_refuses_a_trim_before_the_first_case(
+    load: Load, short: str
+) -> None:
+    """Only the identification has run."""
+    seen = phases(load, short.replace(LIMITS, GREEDY + LIMITS) + TRIMMED)
+
+    assert set(seen) == {"identification"}
+
+
+def test_trim_counts_in_its_mode_only(load: Load, short: str) -> None:
+    """Without mode `trimmed` any gain of it will do."""
+    result = run_experiment(
+        load(short.replace(LIMITS, GREEDY + LIMITS) + "modes: [feedforward]\n"),
+        "",
+        "",
+        lambda _label, _share: None,
+    )
+
+    assert len(result.recordings) == 1
+
+
+@pytest.mark.parametrize("gain_per_s", [50, 700])
+def test_check_of_a_file_refuses_what_an_experiment_would(
+    tmp_path: Path, short: str, gain_per_s: int
+) -> None:
+    """The same text, as a problem of the file."""
+    greedy = GREEDY.replace("700", str(gain_per_s))
+    path = tmp_path / "greedy.yaml"
+    path.write_text(short.replace(LIMITS, greedy + GIVEN + LIMITS) + TRIMMED, encoding="utf-8")
+
+    error = check_file(path).error
+
+    expected = f"{path}: axis x: a trim gain of 700 1/s is not safe: "
+    assert (error is None) if gain_per_s == 50 else str(error).startswith(expected)
+
+
+def test_first_mode_counts(load: Load, short: str) -> None:
+    """A gain that the delay alone would allow is refused for the mode, which the text names."""
+    modest = "    trim: {gain_per_s: 250}\n" + GIVEN.replace("0.00065", "0.0001")
+    without = short.replace(LIMITS, modest + LIMITS) + TRIMMED
+
+    check_gains(load(without))
+    with pytest.raises(ModelError, match=r"first mode 734 Hz with damping 0\.03"):
+        check_gains(load(without.replace(LIMITS, WITH_MODE + LIMITS)))

@@ -1,0 +1,56 @@
+"""The paper's experiment as it ships reaches the paper's figures, on any stage."""
+
+from pathlib import Path
+
+import pytest
+
+from piezod.config.experiment import load_experiment
+from piezod.config.modes import Mode
+from piezod.devices import registry
+from piezod.experiment.virtual.run import run_experiment
+from piezod.records.recording import Recording
+
+QIU = Path(__file__).parents[3] / "config" / "experiments" / "qiu.yaml"
+
+PAPER_PCT = {
+    ("case 1", Mode.FEEDFORWARD): 1.87,
+    ("case 2", Mode.FEEDFORWARD): 2.17,
+    ("case 3", Mode.FEEDFORWARD): 2.31,
+    ("case 1", Mode.ADAPTIVE): 1.49,
+    ("case 2", Mode.ADAPTIVE): 1.86,
+    ("case 3", Mode.ADAPTIVE): 2.02,
+}
+
+
+@pytest.mark.parametrize(
+    "seed", [1, *(pytest.param(seed, marks=pytest.mark.stress) for seed in range(2, 12))]
+)
+def test_the_errors_are_below_the_papers(seed: int) -> None:
+    """Worst tracking error and nonlinearity, in every case, and adaptive is below feedforward."""
+    config = load_experiment(QIU, registry).model_copy(update={"seed": seed})
+    result = run_experiment(config, "", "qiu", lambda _label, _share: None)
+    runs: dict[tuple[str, str], Recording] = {(r.case, r.mode): r for r in result.recordings}
+
+    assert len(runs) == 9
+    for case in result.cases:
+        without = runs[case, Mode.UNCOMPENSATED].metrics
+        assert without["nonlinearity_pct"] >= 6.0
+        for metric in ("nonlinearity_pct", "tracking_max_pct"):
+            feedforward = runs[case, Mode.FEEDFORWARD].metrics[metric]
+            adaptive = runs[case, Mode.ADAPTIVE].metrics[metric]
+            assert feedforward <= PAPER_PCT[case, Mode.FEEDFORWARD]
+            assert adaptive <= PAPER_PCT[case, Mode.ADAPTIVE]
+            assert adaptive < feedforward
+
+
+def test_the_file_names_the_papers_errors() -> None:
+    """What the report compares with is what the paper says."""
+    config = load_experiment(QIU, registry)
+    named = {
+        (case.name, mode): value
+        for case in config.cases
+        for mode, value in case.reference_pct.items()
+    }
+
+    assert named == PAPER_PCT
+    assert config.reference == "paper"
