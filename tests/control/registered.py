@@ -1,11 +1,12 @@
 """A fault register in the hands of a test: cycles with faults, and what was told of them."""
 
+from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection, FaultRegister
 from piezod.control.faults.table import Reaction, ids
 
 PERIOD_NS = 1_000_000
 SECOND = 1000
-S5 = Detection("S5", 0, 4.0, 3.0)
+S5 = Detection(Fault.S5, 0, 4.0, 3.0)
 
 
 class Stage:
@@ -16,24 +17,24 @@ class Stage:
         self.t_ns = 0
         self.told: list[tuple[str, bool]] = []
 
-    def cycle(self, *faults: str | Detection) -> Reaction:
+    def cycle(self, *faults: Fault | Detection) -> Reaction:
         """Run a cycle in which these faults are found; return the reaction."""
         self.t_ns += PERIOD_NS
-        found = [Detection(fault) if isinstance(fault, str) else fault for fault in faults]
+        found = [Detection(fault) if isinstance(fault, Fault) else fault for fault in faults]
         reaction = self.register.update(found, self.t_ns)
         self.told += [(news.rule.id, news.appeared) for news in self.register.news]
         return reaction
 
-    def cycles(self, count: int, *faults: str) -> list[Reaction]:
+    def cycles(self, count: int, *faults: Fault) -> list[Reaction]:
         """Run cycles in each of which these faults are found; return the reactions."""
         return [self.cycle(*faults) for _ in range(count)]
 
     @property
-    def present(self) -> list[str]:
+    def present(self) -> list[Fault]:
         """Ids of the faults that are present."""
         return ids(self.register.present)
 
     @property
-    def latched(self) -> list[str]:
+    def latched(self) -> list[Fault]:
         """Ids of the faults that are latched."""
         return ids(self.register.latched)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.control.faults.table import (
     FAULTS,
     INDEX,
@@ -35,21 +36,21 @@ class Case(StrEnum):
 
 
 COUNTED_FLAGS: Final = {
-    DeviceFlag.PARTIAL_WRITE: "A2",
-    DeviceFlag.GARBAGE: "B3",
-    DeviceFlag.BAD_CHECKSUM: "B4",
-    DeviceFlag.LATE_REPLY: "B5",
-    DeviceFlag.OUT_OF_ORDER: "B6",
-    DeviceFlag.SLOW_REPLY: "B7",
-    DeviceFlag.BUSY: "B10",
-    DeviceFlag.BUS_OVERLOADED: "B11",
+    DeviceFlag.PARTIAL_WRITE: Fault.A2,
+    DeviceFlag.GARBAGE: Fault.B3,
+    DeviceFlag.BAD_CHECKSUM: Fault.B4,
+    DeviceFlag.LATE_REPLY: Fault.B5,
+    DeviceFlag.OUT_OF_ORDER: Fault.B6,
+    DeviceFlag.SLOW_REPLY: Fault.B7,
+    DeviceFlag.BUSY: Fault.B10,
+    DeviceFlag.BUS_OVERLOADED: Fault.B11,
 }
 """One of these is a fault when its bucket has tripped: five cycles in a row, or many for long."""
-NOT_SENT: Final = "B9"
+NOT_SENT: Final = Fault.B9
 """The fault of frames that could not be sent, some in a row."""
 _NEVER_AT_ONCE: Final = (*COUNTED_FLAGS.values(), NOT_SENT)
 """Faults that a single event does not make."""
-LOST: Final = ("A2", "B1", "B2", "B8", "B9", "B13", "B14", "B15")
+LOST: Final = (Fault.A2, Fault.B1, Fault.B2, Fault.B8, Fault.B9, Fault.B13, Fault.B14, Fault.B15)
 """Faults that make an amplifier unreachable; of a sensor they are none the amplifier minds."""
 
 
@@ -63,8 +64,8 @@ def _of_sensor(rule: FaultRule) -> FaultRule:
 
 
 _OTHER_CODES: Final = {
-    ("B10", Case.REQUEST): FaultRule(
-        "B10",
+    (Fault.B10, Case.REQUEST): FaultRule(
+        Fault.B10,
         "device knows no such register or command",
         Source.BUS,
         Reaction.HOLD,
@@ -72,8 +73,8 @@ _OTHER_CODES: Final = {
         "error",
         "check registers, channels and unit address in the configuration",
     ),
-    ("B10", Case.BUSY): FaultRule(
-        "B10",
+    (Fault.B10, Case.BUSY): FaultRule(
+        Fault.B10,
         "device or gateway busy again and again",
         Source.BUS,
         Reaction.HOLD,
@@ -81,8 +82,8 @@ _OTHER_CODES: Final = {
         "error",
         "lower rate_hz; look for another program that asks the same device",
     ),
-    ("S10", Case.AMPLIFIER): FaultRule(
-        "S10",
+    (Fault.S10, Case.AMPLIFIER): FaultRule(
+        Fault.S10,
         "amplifier is another device",
         Source.SENSOR,
         Reaction.BLIND,
@@ -92,7 +93,7 @@ _OTHER_CODES: Final = {
     ),
 }
 
-CASES: Final[Mapping[tuple[str, Case], FaultRule]] = {
+CASES: Final[Mapping[tuple[Fault, Case], FaultRule]] = {
     **{(fault, Case.SINGLE): _single(FAULTS[INDEX[fault]]) for fault in _NEVER_AT_ONCE},
     **{(fault, Case.SENSOR): _of_sensor(FAULTS[INDEX[fault]]) for fault in LOST},
     **_OTHER_CODES,
@@ -100,10 +101,10 @@ CASES: Final[Mapping[tuple[str, Case], FaultRule]] = {
 """What holds instead of the table's rule."""
 
 
-def rule_of(fault: str, case: Case) -> FaultRule:
+def rule_of(fault: Fault, case: Case) -> FaultRule:
     """Return what holds for a fault; may be called in the loop.
 
     Raises:
-        KeyError: If there is no such fault, or no such case of it.
+        KeyError: If there is no such case of it.
     """
     return FAULTS[INDEX[fault]] if case is Case.USUAL else CASES[fault, case]

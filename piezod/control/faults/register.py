@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
+from piezod.config.faults import Fault
 from piezod.control.faults.cases import Case, rule_of
 from piezod.control.faults.table import (
     FAULTS,
@@ -18,7 +19,7 @@ GOOD_CYCLES: Final = 20
 """A fault is gone after so many cycles in a row in which no watch finds it."""
 CAUSE_CYCLES: Final = 10
 """For so many cycles after it appeared, a fault is taken for the cause of others."""
-_TRIPPED: Final = mask(["A9"])
+_TRIPPED: Final = mask([Fault.A9])
 _DEGRADING: Final = mask(
     rule.id
     for rule in FAULTS
@@ -30,14 +31,14 @@ class Detection(NamedTuple):
     """A fault that a watch finds in this cycle; it is told in every cycle in which it is there.
 
     Attributes:
-        fault: Its id, as in "S5".
+        fault: Which fault.
         axis: Index of the axis, -1 where it concerns all.
         measured: The value that was found, NaN where there is none.
         limit: What it was compared with, NaN where there is none.
         case: Which case of it.
     """
 
-    fault: str
+    fault: Fault
     axis: int = -1
     measured: float = float("nan")
     limit: float = float("nan")
@@ -115,7 +116,7 @@ class FaultRegister:
         places = _places(self.present & ~_TRIPPED)
         return any(self._rules[index].reaction is Reaction.BLIND for index in places)
 
-    def axes_of(self, fault: str) -> int:
+    def axes_of(self, fault: Fault) -> int:
         """Return the axes on which a fault was found since it is present or latched, as bits."""
         return self._axes[INDEX[fault]]
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from enum import IntEnum
 from typing import Final, Literal, NamedTuple
 
+from piezod.config.faults import Fault
 from piezod.units import NS_PER_S
 
 Severity = Literal["info", "warning", "error"]
@@ -77,7 +78,7 @@ class FaultRule(NamedTuple):
     """One fault.
 
     Attributes:
-        id: Short name, as in "S5".
+        id: Its short name.
         name: What it is, for people.
         source: Where it comes from.
         reaction: What is done when it appears.
@@ -87,7 +88,7 @@ class FaultRule(NamedTuple):
         escalation: What becomes of it when it stays; None: nothing more.
     """
 
-    id: str
+    id: Fault
     name: str
     source: Source
     reaction: Reaction
@@ -105,160 +106,163 @@ L0, L1, L2, L3 = Latch
 # fmt: off
 FAULTS: Final[tuple[FaultRule, ...]] = (
     # Sensor.
-    FaultRule("S1", "sensor value stuck while the stage should move", SENSOR, HOLD, L2, "error",
+    FaultRule(Fault.S1, "sensor value stuck while the stage should move", SENSOR, HOLD, L2, "error",
               "check sensor, cable and controller: the value must change when the stage moves"),
-    FaultRule("S2", "sensor value is not a number", SENSOR, HOLD, L1, "error",
+    FaultRule(Fault.S2, "sensor value is not a number", SENSOR, HOLD, L1, "error",
               "check the sensor's interface and its settings"),
-    FaultRule("S3", "sensor value outside its physical range", SENSOR, HOLD, L2, "error",
+    FaultRule(Fault.S3, "sensor value outside its physical range", SENSOR, HOLD, L2, "error",
               "check the sensor's range and calibration, and that the stage is free"),
-    FaultRule("S4", "spike in the sensor value", SENSOR, NONE, L0, "info",
+    FaultRule(Fault.S4, "spike in the sensor value", SENSOR, NONE, L0, "info",
               "where it happens often, look for a loose contact or a disturbance"),
-    FaultRule("S5", "no valid sample", SENSOR, HOLD, L1, "error",
+    FaultRule(Fault.S5, "no valid sample", SENSOR, HOLD, L1, "error",
               "check cable, power and light of the sensor", Escalation(0, NS_PER_S, RAMP, L2)),
-    FaultRule("S6", "sample late or repeated", SENSOR, WARN, L0, "warning",
+    FaultRule(Fault.S6, "sample late or repeated", SENSOR, WARN, L0, "warning",
               "lower rate_hz, or make the sensor's filter and bus faster"),
-    FaultRule("S7", "sensor saturated", SENSOR, HOLD, L1, "error",
+    FaultRule(Fault.S7, "sensor saturated", SENSOR, HOLD, L1, "error",
               "bring the stage back into the sensor's range"),
-    FaultRule("S8", "sensor light lost or weak", SENSOR, HOLD, L1, "error",
+    FaultRule(Fault.S8, "sensor light lost or weak", SENSOR, HOLD, L1, "error",
               "check fibre, connectors and alignment"),
-    FaultRule("S9", "position does not follow the drive as the model says",
+    FaultRule(Fault.S9, "position does not follow the drive as the model says",
               SENSOR, HOLD, L2, "error",
               "check calibration and sign of the sensor, the load, and the model file",
               Escalation(20, 0, RAMP, L2)),
-    FaultRule("S10", "device is another one, or has another calibration",
+    FaultRule(Fault.S10, "device is another one, or has another calibration",
               SENSOR, RAMP, L3, "error",
               "connect the device that the configuration names, or configure this one"),
-    FaultRule("S11", "samples in the wrong order", SENSOR, HOLD, L1, "error",
+    FaultRule(Fault.S11, "samples in the wrong order", SENSOR, HOLD, L1, "error",
               "look for a second program on the bus; replace the interface"),
-    FaultRule("S12", "sensor noisier than usual", SENSOR, DEGRADE, L0, "warning",
+    FaultRule(Fault.S12, "sensor noisier than usual", SENSOR, DEGRADE, L0, "warning",
               "look for vibration, light and grounding"),
-    FaultRule("S13", "sensor value stands still; it is not needed now", SENSOR, WARN, L0, "warning",
+    FaultRule(Fault.S13, "sensor value stands still; it is not needed now",
+              SENSOR, WARN, L0, "warning",
               "check sensor and cable before a mode that needs it"),
     # Amplifier.
-    FaultRule("A1", "amplifier does not acknowledge", AMPLIFIER, BLIND, L1, "error",
+    FaultRule(Fault.A1, "amplifier does not acknowledge", AMPLIFIER, BLIND, L1, "error",
               "check power and cable of the amplifier", Escalation(0, NS_PER_S, BLIND, L2)),
-    FaultRule("A2", "amplifier takes only part of a command", AMPLIFIER, BLIND, L1, "error",
+    FaultRule(Fault.A2, "amplifier takes only part of a command", AMPLIFIER, BLIND, L1, "error",
               "check cable and load of the bus"),
-    FaultRule("A3", "voltage read back is not the one written", AMPLIFIER, HOLD, L2, "error",
+    FaultRule(Fault.A3, "voltage read back is not the one written", AMPLIFIER, HOLD, L2, "error",
               "check load and calibration of the amplifier, and that nobody turns its knob",
               Escalation(7, 0, RAMP, L2)),
-    FaultRule("A4", "amplifier overloaded", AMPLIFIER, HOLD, L2, "error",
+    FaultRule(Fault.A4, "amplifier overloaded", AMPLIFIER, HOLD, L2, "error",
               "lower frequency or amplitude; check the actuator for a short",
               Escalation(9, 0, RAMP, L2)),
-    FaultRule("A5", "a voltage was asked for that is not a number", AMPLIFIER, HOLD, L2, "error",
+    FaultRule(Fault.A5, "a voltage was asked for that is not a number",
+              AMPLIFIER, HOLD, L2, "error",
               "this is a mistake in the program: report it, with the flight record"),
-    FaultRule("A6", "drive limited by its range or slew rate for long",
+    FaultRule(Fault.A6, "drive limited by its range or slew rate for long",
               AMPLIFIER, WARN, L0, "warning",
               "ask for less amplitude or speed, or check the limits"),
-    FaultRule("A7", "amplifier was restarted, or its voltage collapsed",
+    FaultRule(Fault.A7, "amplifier was restarted, or its voltage collapsed",
               AMPLIFIER, BLIND, L2, "error",
               "check the amplifier's power"),
-    FaultRule("A8", "amplifier in local mode or disabled", AMPLIFIER, HOLD, L1, "error",
+    FaultRule(Fault.A8, "amplifier in local mode or disabled", AMPLIFIER, HOLD, L1, "error",
               "give the amplifier back to remote control"),
-    FaultRule("A9", "amplifier's own watchdog tripped or not to be set",
+    FaultRule(Fault.A9, "amplifier's own watchdog tripped or not to be set",
               AMPLIFIER, BLIND, L2, "error",
               "check the amplifier's timeout and its version"),
-    FaultRule("A10", "amplifier does not read back", AMPLIFIER, NONE, L0, "info",
+    FaultRule(Fault.A10, "amplifier does not read back", AMPLIFIER, NONE, L0, "info",
               "nothing to do: what is written is not verified"),
-    FaultRule("A11", "actuator shorted or open", AMPLIFIER, CUT, L3, "error",
+    FaultRule(Fault.A11, "actuator shorted or open", AMPLIFIER, CUT, L3, "error",
               "check actuator and cable before anything is switched on again"),
-    FaultRule("A12", "voltage read back outside the range", AMPLIFIER, CUT, L3, "error",
+    FaultRule(Fault.A12, "voltage read back outside the range", AMPLIFIER, CUT, L3, "error",
               "check the amplifier before anything is switched on again"),
-    FaultRule("A13", "amplifier too hot", AMPLIFIER, CUT, L2, "error",
+    FaultRule(Fault.A13, "amplifier too hot", AMPLIFIER, CUT, L2, "error",
               "let it cool; check fan and load"),
     # Bus: found by the drivers of buses.
-    FaultRule("B1", "device disconnected", BUS, BLIND, L2, "error",
+    FaultRule(Fault.B1, "device disconnected", BUS, BLIND, L2, "error",
               "check cable and power"),
-    FaultRule("B2", "device came back under another path", BUS, BLIND, L2, "error",
+    FaultRule(Fault.B2, "device came back under another path", BUS, BLIND, L2, "error",
               "name the port by its stable name (/dev/serial/by-id)"),
-    FaultRule("B3", "bytes on the bus that are no frame", BUS, HOLD, L1, "error",
+    FaultRule(Fault.B3, "bytes on the bus that are no frame", BUS, HOLD, L1, "error",
               "check speed, wiring and termination"),
-    FaultRule("B4", "frames with a wrong checksum", BUS, HOLD, L1, "error",
+    FaultRule(Fault.B4, "frames with a wrong checksum", BUS, HOLD, L1, "error",
               "check wiring, shield and termination"),
-    FaultRule("B5", "late replies", BUS, HOLD, L1, "error",
+    FaultRule(Fault.B5, "late replies", BUS, HOLD, L1, "error",
               "lower rate_hz, or the latency of the interface"),
-    FaultRule("B6", "frames repeated or in the wrong order", BUS, HOLD, L2, "error",
+    FaultRule(Fault.B6, "frames repeated or in the wrong order", BUS, HOLD, L2, "error",
               "replace the interface or its driver"),
-    FaultRule("B7", "slow replies", BUS, HOLD, L1, "error",
+    FaultRule(Fault.B7, "slow replies", BUS, HOLD, L1, "error",
               "lower rate_hz, or the latency of the interface"),
-    FaultRule("B8", "CAN controller off the bus", BUS, BLIND, L2, "error",
+    FaultRule(Fault.B8, "CAN controller off the bus", BUS, BLIND, L2, "error",
               "check wiring, termination and bit rate"),
-    FaultRule("B9", "CAN frames cannot be sent", BUS, BLIND, L1, "error",
+    FaultRule(Fault.B9, "CAN frames cannot be sent", BUS, BLIND, L1, "error",
               "check that another node on the bus acknowledges"),
-    FaultRule("B10", "device answers with an exception code", BUS, RAMP, L2, "error",
+    FaultRule(Fault.B10, "device answers with an exception code", BUS, RAMP, L2, "error",
               "check registers and unit address in the configuration, and the device"),
-    FaultRule("B11", "bus overloaded", BUS, HOLD, L1, "error",
+    FaultRule(Fault.B11, "bus overloaded", BUS, HOLD, L1, "error",
               "find the node that sends so much"),
-    FaultRule("B12", "somebody else sends under our name", BUS, HOLD, L2, "error",
+    FaultRule(Fault.B12, "somebody else sends under our name", BUS, HOLD, L2, "error",
               "find the second master, or change the address"),
-    FaultRule("B13", "connection half open", BUS, BLIND, L1, "error",
+    FaultRule(Fault.B13, "connection half open", BUS, BLIND, L1, "error",
               "check network and gateway"),
-    FaultRule("B14", "another program uses the port", BUS, BLIND, L2, "error",
+    FaultRule(Fault.B14, "another program uses the port", BUS, BLIND, L2, "error",
               "stop that program (often ModemManager)"),
-    FaultRule("B15", "thread of a device does not answer", BUS, BLIND, L2, "error",
+    FaultRule(Fault.B15, "thread of a device does not answer", BUS, BLIND, L2, "error",
               "see the log for where it stands; restart the daemon"),
     # Loop.
-    FaultRule("L1", "cycle late, periods skipped", LOOP, NONE, L0, "info",
+    FaultRule(Fault.L1, "cycle late, periods skipped", LOOP, NONE, L0, "info",
               "where it happens often: `piezod status` tells what real-time set-up is missing"),
-    FaultRule("L2", "cycles late again and again", LOOP, HOLD, L1, "error",
+    FaultRule(Fault.L2, "cycles late again and again", LOOP, HOLD, L1, "error",
               "lower rate_hz, or give the loop a processor and real-time priority"),
-    FaultRule("L3", "loop hung", LOOP, RAMP, L2, "error",
+    FaultRule(Fault.L3, "loop hung", LOOP, RAMP, L2, "error",
               "report it, with the log"),
-    FaultRule("L4", "wall clock was set", LOOP, WARN, L0, "info",
+    FaultRule(Fault.L4, "wall clock was set", LOOP, WARN, L0, "info",
               "nothing to do: the loop does not use it"),
-    FaultRule("L5", "loop stood still: suspended, or its machine paused", LOOP, RAMP, L1, "error",
+    FaultRule(Fault.L5, "loop stood still: suspended, or its machine paused",
+              LOOP, RAMP, L1, "error",
               "forbid sleep and migration while armed"),
-    FaultRule("L6", "garbage collection in the loop", LOOP, WARN, L0, "warning",
+    FaultRule(Fault.L6, "garbage collection in the loop", LOOP, WARN, L0, "warning",
               "report it: there should be none"),
-    FaultRule("L7", "loop often late", LOOP, DEGRADE, L1, "warning",
+    FaultRule(Fault.L7, "loop often late", LOOP, DEGRADE, L1, "warning",
               "lower rate_hz, or take load off the processor"),
-    FaultRule("L8", "memory was not there when it was needed", LOOP, WARN, L0, "warning",
+    FaultRule(Fault.L8, "memory was not there when it was needed", LOOP, WARN, L0, "warning",
               "free memory, or raise the service's limit"),
-    FaultRule("L9", "real-time privileges missing", LOOP, NONE, L0, "info",
+    FaultRule(Fault.L9, "real-time privileges missing", LOOP, NONE, L0, "info",
               "install the service, or set rtprio and memlock for this user"),
     # Adaptation.
-    FaultRule("D1", "adaptation makes it worse", ADAPTATION, DEGRADE, L2, "warning",
+    FaultRule(Fault.D1, "adaptation makes it worse", ADAPTATION, DEGRADE, L2, "warning",
               "identify the stage anew; check the sensor"),
-    FaultRule("D2", "adaptation gave a value that is not a number",
+    FaultRule(Fault.D2, "adaptation gave a value that is not a number",
               ADAPTATION, DEGRADE, L2, "warning",
               "report it, with the flight record"),
-    FaultRule("D3", "adapted weights cannot be inverted", ADAPTATION, DEGRADE, L2, "warning",
+    FaultRule(Fault.D3, "adapted weights cannot be inverted", ADAPTATION, DEGRADE, L2, "warning",
               "identify the stage anew"),
-    FaultRule("D4", "too little movement to adapt", ADAPTATION, NONE, L0, "info",
+    FaultRule(Fault.D4, "too little movement to adapt", ADAPTATION, NONE, L0, "info",
               "nothing to do: it goes on with the movement"),
-    FaultRule("D5", "adapted weights far from the identified ones",
+    FaultRule(Fault.D5, "adapted weights far from the identified ones",
               ADAPTATION, DEGRADE, L1, "warning",
               "identify the stage anew; check the sensor for drift"),
-    FaultRule("D6", "the stage oscillates", ADAPTATION, WARN, L2, "warning",
+    FaultRule(Fault.D6, "the stage oscillates", ADAPTATION, WARN, L2, "warning",
               "lower the trim's gain; check the delay in the configuration",
               Escalation(0, NS_PER_S // 2, DEGRADE, L2, Escalation(0, NS_PER_S, HOLD, L2))),
-    FaultRule("D7", "sample not fit to learn from", ADAPTATION, NONE, L0, "info",
+    FaultRule(Fault.D7, "sample not fit to learn from", ADAPTATION, NONE, L0, "info",
               "nothing to do: it is left out"),
-    FaultRule("D8", "stored parameters damaged or of another stage",
+    FaultRule(Fault.D8, "stored parameters damaged or of another stage",
               ADAPTATION, DEGRADE, L2, "warning",
               "load an older set, or identify anew"),
-    FaultRule("D9", "a change of mode moved the drive", ADAPTATION, NONE, L0, "info",
+    FaultRule(Fault.D9, "a change of mode moved the drive", ADAPTATION, NONE, L0, "info",
               "nothing to do: the drive goes over at its slew rate"),
-    FaultRule("D10", "hysteresis memory unknown", ADAPTATION, WARN, L0, "warning",
+    FaultRule(Fault.D10, "hysteresis memory unknown", ADAPTATION, WARN, L0, "warning",
               "run `piezod condition`: until then positions are less accurate"),
     # Process.
-    FaultRule("P2", "the daemon did not end cleanly last time", PROCESS, RAMP, L2, "error",
+    FaultRule(Fault.P2, "the daemon did not end cleanly last time", PROCESS, RAMP, L2, "error",
               "see the log for why; check that the stage stands well"),
-    FaultRule("P3", "a driver failed", PROCESS, HOLD, L2, "error",
+    FaultRule(Fault.P3, "a driver failed", PROCESS, HOLD, L2, "error",
               "report it, with the log"),
-    FaultRule("P4", "the control law failed", PROCESS, HOLD, L2, "error",
+    FaultRule(Fault.P4, "the control law failed", PROCESS, HOLD, L2, "error",
               "report it, with the log and the flight record"),
-    FaultRule("P6", "disk full", PROCESS, WARN, L0, "warning",
+    FaultRule(Fault.P6, "disk full", PROCESS, WARN, L0, "warning",
               "delete recordings; a running recording was closed"),
-    FaultRule("P7", "disk too slow for the recording", PROCESS, WARN, L0, "warning",
+    FaultRule(Fault.P7, "disk too slow for the recording", PROCESS, WARN, L0, "warning",
               "record to a faster disk; the number of lost cycles is in the file"),
-    FaultRule("P11", "configuration file changed", PROCESS, NONE, L0, "info",
+    FaultRule(Fault.P11, "configuration file changed", PROCESS, NONE, L0, "info",
               "run `piezod reload` to use it"),
-    FaultRule("P15", "too many events", PROCESS, NONE, L0, "info",
+    FaultRule(Fault.P15, "too many events", PROCESS, NONE, L0, "info",
               "nothing to do: they are summarised"),
-    FaultRule("E1", "emergency stop", PROCESS, RAMP, L2, "error",
+    FaultRule(Fault.E1, "emergency stop", PROCESS, RAMP, L2, "error",
               "remove the cause, then `piezod reset`"),
-    FaultRule("H1", "supervisor gone", PROCESS, RAMP, L2, "error",
+    FaultRule(Fault.H1, "supervisor gone", PROCESS, RAMP, L2, "error",
               "see the log; the loop ends too, and the service starts again"),
 )
 # fmt: on
@@ -268,18 +272,14 @@ INDEX: Final = {rule.id: index for index, rule in enumerate(FAULTS)}
 """Id: place in `FAULTS`."""
 
 
-def mask(ids: Iterable[str]) -> int:
-    """Return faults as bits, from their ids.
-
-    Raises:
-        KeyError: If there is no such fault.
-    """
+def mask(ids: Iterable[Fault]) -> int:
+    """Return faults as bits."""
     bits = 0
     for fault in ids:
         bits |= 1 << INDEX[fault]
     return bits
 
 
-def ids(bits: int) -> list[str]:
+def ids(bits: int) -> list[Fault]:
     """Return the ids of faults that are given as bits, in the order of the table."""
     return [rule.id for index, rule in enumerate(FAULTS) if bits >> index & 1]

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from math import nan
 from typing import NamedTuple
 
+from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.requests import Request
 from piezod.config.states import State
@@ -31,7 +32,7 @@ from piezod.units import NS_PER_S
 LONGEST_CYCLES = 2
 """So many periods count for the slew rate after a pause, however long it was."""
 
-_OVERLOADED, _OSCILLATES = mask(["A4"]), mask(["D6"])
+_OVERLOADED, _OSCILLATES = mask([Fault.A4]), mask([Fault.D6])
 _EVENTS = {
     Reaction.HOLD: Event.FAULT_HOLD,
     Reaction.RAMP: Event.FAULT_RAMP,
@@ -89,7 +90,7 @@ class StageController:
             answer = execute(self.stage, request, t_ns)
         except Exception as error:  # noqa: BLE001 - a mistake in here must not drop the voltage
             self.stage.found.append(
-                crashed(self.stage, t_ns, "P4", -1, f"{request.kind}: {error!r}")
+                crashed(self.stage, t_ns, Fault.P4, -1, f"{request.kind}: {error!r}")
             )
             answer = Answer(False, f"{request.kind} failed: {error!r}; report it, with the log")
         if not answer.accepted:
@@ -170,7 +171,7 @@ class StageController:
             return self._judge(t_ns, samples)
         except Exception as error:  # noqa: BLE001 - a mistake in here must not drop the voltage
             text = f"judging failed: {error!r}"
-            self.stage.found.append(crashed(self.stage, t_ns, "P4", -1, text))
+            self.stage.found.append(crashed(self.stage, t_ns, Fault.P4, -1, text))
             for axis in self.stage.axes:
                 axis.hold()
             return [Sample(sample.t_ns, nan, False) for sample in samples]
@@ -213,7 +214,9 @@ class StageController:
     def _ease(self) -> None:
         """Halve the gains of the axes that oscillate, until that is reset."""
         register = self.stage.register
-        eased = register.axes_of("D6") if (register.present | register.latched) & _OSCILLATES else 0
+        eased = (
+            register.axes_of(Fault.D6) if (register.present | register.latched) & _OSCILLATES else 0
+        )
         if eased != self._eased_axes:
             self._eased_axes = eased
             for i, axis in enumerate(self.stage.axes):

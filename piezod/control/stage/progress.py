@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from math import isfinite
 
+from piezod.config.faults import Fault
 from piezod.config.states import State
 from piezod.control.faults.register import Detection
 from piezod.control.faults.table import mask
@@ -21,7 +22,7 @@ FIRST_TRY_NS, LAST_TRY_NS = s_to_ns(0.1), s_to_ns(2.0)
 STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 """A stream has stopped when nothing came for so many cycles and for so long."""
 
-_FALLEN, _LOCAL = mask(["A7", "A9"]), mask(["A8"])
+_FALLEN, _LOCAL = mask([Fault.A7, Fault.A9]), mask([Fault.A8])
 
 
 def go_on(stage: Stage, t_ns: int, samples: Sequence[Sample], read_back_v: Sequence[float]) -> None:
@@ -173,7 +174,7 @@ def _arrive(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
         stage.estop_pressed = False
         for i, (axis, drive_v) in enumerate(zip(stage.axes, read_back_v, strict=True)):
             tolerance_v = axis.live.limits.read_back_tolerance_v
-            stage.found.append(Detection("A3", i, drive_v - axis.config.safe_v, tolerance_v))
+            stage.found.append(Detection(Fault.A3, i, drive_v - axis.config.safe_v, tolerance_v))
         stage.go(Event.RAMP_TIMEOUT, t_ns)
 
 

@@ -88,7 +88,7 @@ class StageEvent(NamedTuple):
         severity: "info", "warning" or "error".
         kind: What happened, as in "state", "fault", "fault-cleared", "request".
         text: For people: what, which value, which limit, what to do.
-        fault: Id of the fault, as in "S5"; empty where it is none.
+        fault: Name of the fault; empty where it is none.
         axis: Name of the axis; empty where it concerns all.
         measured: The value that was found, NaN where there is none.
         limit: What it was compared with, NaN where there is none.

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import isfinite, nan
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.register import Detection
@@ -16,11 +17,11 @@ from piezod.devices.status import Flags
 SILENT_CYCLES: Final = 5
 """An amplifier that reads back, and does not for so many cycles, is lost."""
 
-_UNVERIFIED, _FORGOTTEN = Detection("A10"), Detection("D10")
+_UNVERIFIED, _FORGOTTEN = Detection(Fault.A10), Detection(Fault.D10)
 _COMPENSATING: Final = frozenset({State.READY, State.RUN, State.HOLD})
 
 
-def crashed(stage: Stage, t_ns: int, fault: str, axis: int, text: str) -> Detection:
+def crashed(stage: Stage, t_ns: int, fault: Fault, axis: int, text: str) -> Detection:
     """Note what was raised; return the fault that it is; may be called in the loop."""
     stage.note(StageEvent(t_ns, "error", "crash", text, fault))
     return Detection(fault, axis)
@@ -69,7 +70,7 @@ class StageWatches:
             return
         stage.silent_cycles = 0 if known else stage.silent_cycles + 1
         if stage.silent_cycles >= SILENT_CYCLES:
-            stage.found.append(Detection("A1", -1, stage.silent_cycles, SILENT_CYCLES))
+            stage.found.append(Detection(Fault.A1, -1, stage.silent_cycles, SILENT_CYCLES))
 
     def _detect(
         self, t_ns: int, samples: Sequence[Sample], timing: CycleTiming
@@ -84,10 +85,10 @@ class StageWatches:
                 found += self._detect_on(i, t_ns, sample, flags[i], flags[of_amplifiers + i])
         if stage.boundary.crash is not None:
             text = f"a driver failed: {stage.boundary.crash!r}"
-            found.append(crashed(stage, t_ns, "P3", -1, text))
+            found.append(crashed(stage, t_ns, Fault.P3, -1, text))
             stage.boundary.crash = None
         if stage.estop_pressed:
-            found.append(Detection("E1"))
+            found.append(Detection(Fault.E1))
         if stage.state in DRIVEN and not (stage.boundary.reads_back or stage.boundary.shadow):
             found.append(_UNVERIFIED)
         if not stage.memory_known and stage.state in _COMPENSATING and _compensates(stage):
@@ -111,7 +112,7 @@ class StageWatches:
             driven=stage.state in DRIVEN and not stage.boundary.shadow,
             needed=closed,
         ):
-            if detection.fault != "S5" or not watches.bus.explains_silence:
+            if detection.fault is not Fault.S5 or not watches.bus.explains_silence:
                 found.append(detection)
         found += watches.amplifier.check(self._read_back_v[i], of_amplifier)
         usable = watches.sensor.sample
@@ -121,7 +122,9 @@ class StageWatches:
             axis.command_um, position_um, closed=closed, noise_um=noise_um
         )
         if axis.crash is not None:
-            found.append(crashed(stage, t_ns, "P4", i, f"axis {stage.names[i]}: {axis.crash!r}"))
+            found.append(
+                crashed(stage, t_ns, Fault.P4, i, f"axis {stage.names[i]}: {axis.crash!r}")
+            )
             axis.crash = None
         return found
 

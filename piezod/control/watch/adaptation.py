@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from math import inf, isfinite
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection
 from piezod.control.law.model import StageModel
 from piezod.control.signals.oscillation import Oscillation
@@ -79,7 +80,7 @@ class AdaptationWatch:
         restored = self._keeps_restoring()
         if not closed:
             self._oscillation.forget()
-            return (Detection("D2", self._axis),) if self._broken else _NOTHING
+            return (Detection(Fault.D2, self._axis),) if self._broken else _NOTHING
         if isfinite(command_um) and isfinite(position_um):
             self._oscillation.update(
                 self._position_um.to_unit(command_um),
@@ -109,14 +110,14 @@ class AdaptationWatch:
     def _found(self, restored: bool, drifted: bool) -> Sequence[Detection]:
         found = []
         if self._broken:
-            found.append(Detection("D2", self._axis))
+            found.append(Detection(Fault.D2, self._axis))
         if restored:
-            found.append(Detection("D1", self._axis, RESTORED, RESTORED - 1))
+            found.append(Detection(Fault.D1, self._axis, RESTORED, RESTORED - 1))
         if drifted:
-            found.append(Detection("D5", self._axis, self._drifted, DRIFT_LIMIT))
+            found.append(Detection(Fault.D5, self._axis, self._drifted, DRIFT_LIMIT))
         if self._oscillation.found:
             width_um, wave = self._position_um.width, self._oscillation
             found.append(
-                Detection("D6", self._axis, wave.amplitude * width_um, wave.limit * width_um)
+                Detection(Fault.D6, self._axis, wave.amplitude * width_um, wave.limit * width_um)
             )
         return found

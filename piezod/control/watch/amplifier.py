@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from math import nan
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection
 from piezod.control.limits import Limits
 from piezod.control.signals.bucket import LeakyBucket
@@ -15,12 +16,12 @@ from piezod.control.signals.recent_range import RecentRange
 from piezod.devices.status import DeviceFlag, Flags
 
 FLAG_FAULTS: Final = {
-    DeviceFlag.SHORT_OR_OPEN: "A11",
-    DeviceFlag.OVER_TEMPERATURE: "A13",
-    DeviceFlag.RESTARTED: "A7",
-    DeviceFlag.WATCHDOG_TRIPPED: "A9",
-    DeviceFlag.OVERLOAD: "A4",
-    DeviceFlag.LOCAL_MODE: "A8",
+    DeviceFlag.SHORT_OR_OPEN: Fault.A11,
+    DeviceFlag.OVER_TEMPERATURE: Fault.A13,
+    DeviceFlag.RESTARTED: Fault.A7,
+    DeviceFlag.WATCHDOG_TRIPPED: Fault.A9,
+    DeviceFlag.OVERLOAD: Fault.A4,
+    DeviceFlag.LOCAL_MODE: Fault.A8,
 }
 """What it means when an amplifier says so."""
 MISMATCH_CYCLES: Final = 3
@@ -165,25 +166,25 @@ class AmplifierWatch:
     def _of_write(self) -> list[Detection]:
         found = []
         if self._not_taken:
-            found.append(Detection("A1", self._axis))
+            found.append(Detection(Fault.A1, self._axis))
         if self._not_finite:
-            found.append(Detection("A5", self._axis))
+            found.append(Detection(Fault.A5, self._axis))
         if self._in_range_end >= RANGE_CYCLES:
-            found.append(Detection("A6", self._axis, self._in_range_end, RANGE_CYCLES))
+            found.append(Detection(Fault.A6, self._axis, self._in_range_end, RANGE_CYCLES))
         elif self._at_slew_rate >= SLEW_CYCLES:
-            found.append(Detection("A6", self._axis, self._at_slew_rate, SLEW_CYCLES))
+            found.append(Detection(Fault.A6, self._axis, self._at_slew_rate, SLEW_CYCLES))
         return found
 
     def _of_read_back(self, read_back_v: float, before_v: float, off_v: float) -> list[Detection]:
         found = []
         if self._outside >= OVER_VOLTAGE_CYCLES:
             end_v = self._low_v if read_back_v < self._low_v else self._high_v
-            found.append(Detection("A12", self._axis, read_back_v, end_v))
+            found.append(Detection(Fault.A12, self._axis, read_back_v, end_v))
         if off_v > COLLAPSE_V and abs(before_v) - abs(read_back_v) > COLLAPSE_V:
-            found.append(Detection("A7", self._axis, off_v, COLLAPSE_V))
+            found.append(Detection(Fault.A7, self._axis, off_v, COLLAPSE_V))
         self._mismatched = self._mismatched + 1 if off_v > 0.0 else 0
         if 0 < self._mismatched < MISMATCH_CYCLES:
             self.strayed_v = read_back_v
         if self._mismatched >= MISMATCH_CYCLES:
-            found.append(Detection("A3", self._axis, off_v, self._tolerance_v))
+            found.append(Detection(Fault.A3, self._axis, off_v, self._tolerance_v))
         return found

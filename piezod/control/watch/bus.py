@@ -8,22 +8,23 @@ without losing the amplifier: the same faults are then other cases.
 from collections.abc import Sequence
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.control.faults.cases import COUNTED_FLAGS, LOST, NOT_SENT, Case
 from piezod.control.faults.register import Detection
 from piezod.control.signals.bucket import LeakyBucket
 from piezod.devices.status import DeviceFlag, Flags
 
 AT_ONCE: Final = {
-    DeviceFlag.DISCONNECTED: "B1",
-    DeviceFlag.OTHER_PATH: "B2",
-    DeviceFlag.BUS_OFF: "B8",
-    DeviceFlag.DEVICE_FAILURE: "B10",
-    DeviceFlag.WRONG_REQUEST: "B10",
-    DeviceFlag.FOREIGN_FRAME: "B12",
-    DeviceFlag.HALF_OPEN: "B13",
-    DeviceFlag.PORT_SHARED: "B14",
-    DeviceFlag.STUCK: "B15",
-    DeviceFlag.OTHER_DEVICE: "S10",
+    DeviceFlag.DISCONNECTED: Fault.B1,
+    DeviceFlag.OTHER_PATH: Fault.B2,
+    DeviceFlag.BUS_OFF: Fault.B8,
+    DeviceFlag.DEVICE_FAILURE: Fault.B10,
+    DeviceFlag.WRONG_REQUEST: Fault.B10,
+    DeviceFlag.FOREIGN_FRAME: Fault.B12,
+    DeviceFlag.HALF_OPEN: Fault.B13,
+    DeviceFlag.PORT_SHARED: Fault.B14,
+    DeviceFlag.STUCK: Fault.B15,
+    DeviceFlag.OTHER_DEVICE: Fault.S10,
 }
 """One of these is a fault in the cycle in which it is told."""
 NOT_SENT_CYCLES: Final = 3
@@ -67,15 +68,15 @@ class _Side:
             return (self._found(fault, self._case(flag, fault)),)
         return (self._found(fault, Case.SINGLE),) if told else ()
 
-    def _found(self, fault: str, case: Case) -> Detection:
+    def _found(self, fault: Fault, case: Case) -> Detection:
         return Detection(fault, self._axis, case=case)
 
-    def _case(self, flag: DeviceFlag, fault: str) -> Case:
+    def _case(self, flag: DeviceFlag, fault: Fault) -> Case:
         if flag is DeviceFlag.WRONG_REQUEST:
             return Case.REQUEST
         if flag is DeviceFlag.BUSY:
             return Case.BUSY
-        if fault == "S10" and self._drives:
+        if fault is Fault.S10 and self._drives:
             return Case.AMPLIFIER
         return Case.SENSOR if fault in LOST and not self._drives else Case.USUAL
 

@@ -7,6 +7,7 @@ took longer than its period.
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection
 from piezod.control.signals.bucket import LeakyBucket
 from piezod.units import NS_PER_S
@@ -80,15 +81,15 @@ class LoopWatch:
             return _NOTHING
         found = list(jumps)
         if lost:
-            found.append(Detection("L1", measured=lost, limit=0.0))
+            found.append(Detection(Fault.L1, measured=lost, limit=0.0))
         if timing.skipped >= PAUSE_PERIODS:
-            found.append(Detection("L5", measured=timing.skipped, limit=PAUSE_PERIODS))
+            found.append(Detection(Fault.L5, measured=timing.skipped, limit=PAUSE_PERIODS))
         if timing.skipped >= LONG_GAP_PERIODS:
-            found.append(Detection("L2", measured=timing.skipped, limit=LONG_GAP_PERIODS))
+            found.append(Detection(Fault.L2, measured=timing.skipped, limit=LONG_GAP_PERIODS))
         elif tripped or lost_share > LOST_SHARE:
-            found.append(Detection("L2", measured=lost_share, limit=LOST_SHARE))
+            found.append(Detection(Fault.L2, measured=lost_share, limit=LOST_SHARE))
         if late_share > LATE_SHARE:
-            found.append(Detection("L7", measured=late_share, limit=LATE_SHARE))
+            found.append(Detection(Fault.L7, measured=late_share, limit=LATE_SHARE))
         return found
 
     def _jumps(self, timing: CycleTiming) -> Sequence[Detection]:
@@ -102,13 +103,13 @@ class LoopWatch:
         wall_ns, boot_ns = abs(now[0] - before[0]), now[1] - before[1]
         # A machine that wakes up finds its wall clock ahead by as long as it slept: that is L5.
         if boot_ns > SUSPENDED_NS:
-            found.append(_in_seconds("L5", boot_ns, SUSPENDED_NS))
+            found.append(_in_seconds(Fault.L5, boot_ns, SUSPENDED_NS))
         elif wall_ns > WALL_CLOCK_JUMP_NS:
-            found.append(_in_seconds("L4", wall_ns, WALL_CLOCK_JUMP_NS))
+            found.append(_in_seconds(Fault.L4, wall_ns, WALL_CLOCK_JUMP_NS))
         return found
 
 
-def _in_seconds(fault: str, measured_ns: int, limit_ns: int) -> Detection:
+def _in_seconds(fault: Fault, measured_ns: int, limit_ns: int) -> Detection:
     return Detection(fault, measured=measured_ns / NS_PER_S, limit=limit_ns / NS_PER_S)
 
 

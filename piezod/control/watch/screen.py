@@ -7,6 +7,7 @@ few came in a row or a bucket has tripped.
 from collections.abc import Sequence
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection
 from piezod.control.signals.bucket import LeakyBucket
 from piezod.devices.interface import Sample
@@ -47,7 +48,8 @@ class SampleScreen:
         self._too_late_ns = latency_ns + TOO_LATE_PERIODS * period_ns
         self._newest_ns: int | None = None
         self._usable_ns: int | None = None
-        self._cause, self._in_a_row, self._missing = "", 0, 0
+        self._cause: Fault | None = None
+        self._in_a_row = self._missing = 0
         self._not_numbers, self._disordered = LeakyBucket(), LeakyBucket()
         self._troubled = self._tripped = False
         self.usable = False
@@ -61,9 +63,9 @@ class SampleScreen:
         A stage that is not driven may not even be zeroed yet: its samples may be anywhere.
         """
         cause = self._find_cause(t_ns, sample, flags)
-        if cause == "S3" and not driven:
-            cause = ""
-        late = cause == "S6"
+        if cause is Fault.S3 and not driven:
+            cause = None
+        late = cause is Fault.S6
         self.usable = not cause or (late and t_ns - sample.t_ns <= self._too_late_ns)
         if self.usable or self._usable_ns is None:
             self._usable_ns = t_ns
@@ -72,56 +74,56 @@ class SampleScreen:
         self._count(cause)
         return self._judge(t_ns, sample)
 
-    def _find_cause(self, t_ns: int, sample: Sample, flags: Flags) -> str:
+    def _find_cause(self, t_ns: int, sample: Sample, flags: Flags) -> Fault | None:
         taken_ns, position_um, valid = sample
         if flags and (flagged := _flagged(flags)):
             return flagged
         if not valid:
-            return "S5"
+            return Fault.S5
         if position_um - position_um != 0.0:  # infinite or not a number: time stands still for it
-            return "S2"
+            return Fault.S2
         newest_ns = self._newest_ns
         if taken_ns > t_ns or (newest_ns is not None and taken_ns <= newest_ns):
-            return "S11"
+            return Fault.S11
         self._newest_ns = taken_ns
         if self._low_um <= position_um <= self._high_um:
-            return "S6" if t_ns - taken_ns > self._late_ns else ""
-        return "S3"
+            return Fault.S6 if t_ns - taken_ns > self._late_ns else None
+        return Fault.S3
 
-    def _count(self, cause: str) -> None:
+    def _count(self, cause: Fault | None) -> None:
         self._in_a_row = self._in_a_row + 1 if cause and cause == self._cause else 1
         self._cause = cause
         self._missing = 0 if self.usable else self._missing + 1
-        self._tripped = self._not_numbers.update(cause == "S2")
-        self._tripped |= self._disordered.update(cause == "S11")
+        self._tripped = self._not_numbers.update(cause is Fault.S2)
+        self._tripped |= self._disordered.update(cause is Fault.S11)
         self._troubled = bool(cause or self._not_numbers.level or self._disordered.level)
 
     def _judge(self, t_ns: int, sample: Sample) -> Sequence[Detection]:
         cause, many = self._cause, self._in_a_row >= IN_A_ROW
         none_left = self._missing > TOO_LATE_PERIODS
         found: Sequence[Detection] = _NOTHING
-        if cause == "S2" and (self._tripped or none_left):
-            found = (Detection("S2", self._axis),)
-        elif cause == "S11" and (self._tripped or none_left):
-            found = (self._in_seconds("S11", sample.t_ns - (self._newest_ns or 0), 0),)
-        elif cause == "S3" and many:
+        if cause is Fault.S2 and (self._tripped or none_left):
+            found = (Detection(Fault.S2, self._axis),)
+        elif cause is Fault.S11 and (self._tripped or none_left):
+            found = (self._in_seconds(Fault.S11, sample.t_ns - (self._newest_ns or 0), 0),)
+        elif cause is Fault.S3 and many:
             low = sample.position_um < self._low_um
             limit_um = self._low_um if low else self._high_um
-            found = (Detection("S3", self._axis, sample.position_um, limit_um),)
-        elif cause in ("S7", "S8") and many:
+            found = (Detection(Fault.S3, self._axis, sample.position_um, limit_um),)
+        elif cause in (Fault.S7, Fault.S8) and many:
             found = (Detection(cause, self._axis),)
         elif none_left:
             since_ns = self._usable_ns or t_ns
-            found = (self._in_seconds("S5", t_ns - since_ns, self._too_late_ns),)
-        elif cause == "S6" and self._in_a_row >= LATE_CYCLES:
-            found = (self._in_seconds("S6", t_ns - sample.t_ns, self._late_ns),)
+            found = (self._in_seconds(Fault.S5, t_ns - since_ns, self._too_late_ns),)
+        elif cause is Fault.S6 and self._in_a_row >= LATE_CYCLES:
+            found = (self._in_seconds(Fault.S6, t_ns - sample.t_ns, self._late_ns),)
         return found
 
-    def _in_seconds(self, fault: str, measured_ns: int, limit_ns: int) -> Detection:
+    def _in_seconds(self, fault: Fault, measured_ns: int, limit_ns: int) -> Detection:
         return Detection(fault, self._axis, measured_ns / NS_PER_S, limit_ns / NS_PER_S)
 
 
-def _flagged(flags: Flags) -> str:
+def _flagged(flags: Flags) -> Fault | None:
     if DeviceFlag.LOW_LIGHT in flags:
-        return "S8"
-    return "S7" if DeviceFlag.SATURATED in flags else ""
+        return Fault.S8
+    return Fault.S7 if DeviceFlag.SATURATED in flags else None

@@ -9,6 +9,7 @@ from math import pi
 from typing import Final, NamedTuple, Self
 
 from piezod.config.axes import AxisConfig
+from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection
 from piezod.control.law.model import StageModel
 from piezod.control.signals.recent_range import RecentRange
@@ -149,9 +150,9 @@ class SensorWatch:
             self._follow.forget()
             self._stuck.forget()
         if self._jumps.excess > EXCESS:
-            found = (*found, Detection("S12", self._axis, self._jumps.excess, EXCESS))
+            found = (*found, Detection(Fault.S12, self._axis, self._jumps.excess, EXCESS))
         if self._still.still:
-            found = (*found, Detection("S13", self._axis, self._still.samples, STILL_SAMPLES))
+            found = (*found, Detection(Fault.S13, self._axis, self._still.samples, STILL_SAMPLES))
         return found
 
     @property
@@ -178,9 +179,9 @@ class SensorWatch:
         if spikes:
             jump_um, allowed_um = self._jumps.jump * width_um, self._jumps.allowed * width_um
             if spikes > SPIKE_SAMPLES and self._jumps.jump > self._jumps.allowed + STEP:
-                return (Detection("S9", axis, jump_um, allowed_um + STEP * width_um),)
+                return (Detection(Fault.S9, axis, jump_um, allowed_um + STEP * width_um),)
             self.sample = Sample(sample.t_ns, sample.position_um, spikes > SPIKE_SAMPLES)
-            return (Detection("S4", axis, jump_um, allowed_um),)
+            return (Detection(Fault.S4, axis, jump_um, allowed_um),)
         drive = self._drive_v.to_unit(in_force_v)
         stuck = self._stuck.update(position, drive)
         follow = self._follow
@@ -188,6 +189,6 @@ class SensorWatch:
         if not (stuck or implausible):
             return _NOTHING
         if stuck:
-            fault = "S1" if needed else "S13"
+            fault = Fault.S1 if needed else Fault.S13
             return (Detection(fault, axis, STUCK_SAMPLES, STUCK_SAMPLES),)
-        return (Detection("S9", axis, follow.measured * width_um, follow.limit * width_um),)
+        return (Detection(Fault.S9, axis, follow.measured * width_um, follow.limit * width_um),)

@@ -5,6 +5,7 @@ import resource
 import sys
 from collections.abc import Sequence
 
+from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection
 from piezod.telemetry.words import Word
 
@@ -40,7 +41,7 @@ class ProcessCounters:
         words[Word.ALLOCATED_BLOCKS] = sys.getallocatedblocks()
         if not (new_faults or new_collections):
             return ()
-        found = (("L6", new_collections), ("L8", new_faults))
+        found = ((Fault.L6, new_collections), (Fault.L8, new_faults))
         return [Detection(fault, measured=count, limit=0.0) for fault, count in found if count]
 
     def _counts(self) -> tuple[int, int, int]:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Final, Protocol
 
+from piezod.config.faults import Fault
 from piezod.config.requests import Estop, Request, Shutdown
 from piezod.control.faults.register import Detection
 from piezod.control.stage.record import Answer, StageEvent, StageRecord
@@ -116,7 +117,7 @@ class Loop:
             self._mailbox.answer(number, accepted=accepted, motion=motion, why=why)
         if self._supervisor.lost(t_ns, skipped):
             limit_s = SUPERVISOR_LOST_NS / NS_PER_S
-            self._controller.found(Detection("H1", measured=limit_s, limit=limit_s))
+            self._controller.found(Detection(Fault.H1, measured=limit_s, limit=limit_s))
             self._controller.execute(Shutdown(), t_ns)
         if t_ns - self._counted_ns >= _COUNTED_EACH_NS:
             self._counted_ns = t_ns

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.config.faults import Fault
 from piezod.control.assembly import assemble
 from piezod.control.faults.register import Detection
 from piezod.control.stage.controller import StageController
@@ -124,7 +125,7 @@ def _admit(
             f"not obtained: {', '.join(missing)}, and strict_rt is set: see `piezod status`"
         )
     if words[Word.UNCLEAN]:
-        controller.found(Detection("P2"))
+        controller.found(Detection(Fault.P2))
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.config.requests import Shutdown
 from piezod.control.stage.record import StageEvent
 from piezod.daemon.clock import Clock
@@ -71,7 +72,7 @@ def wait_for_devices(channels: Channels, shared: SharedMap, clock: Clock) -> boo
         opening.join(_LOOK_EACH_S)
         if opening.absent:
             desk.blind(clock.now_ns())
-        if not desk.look(clock.now_ns(), opening.absent, "device", "A1"):
+        if not desk.look(clock.now_ns(), opening.absent, "device", Fault.A1):
             opening.stop()
             return False
     if opening.crash is not None:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from hypothesis import given
 from hypothesis import strategies as st
 
+from piezod.config.faults import Fault
 from piezod.control.faults.table import FAULTS, INDEX, Latch
 from tests.control.registered import SECOND, Stage
 
@@ -12,7 +13,7 @@ FOUND = st.lists(st.sets(st.sampled_from([rule.id for rule in FAULTS]), max_size
 
 
 @given(found=FOUND)
-def test_suppression_never_weakens_the_reaction(found: Sequence[set[str]]) -> None:
+def test_suppression_never_weakens_the_reaction(found: Sequence[set[Fault]]) -> None:
     """Whatever is found: something at least as strict is present, and was reacted to."""
     stage = Stage()
     for faults in found:
@@ -24,7 +25,7 @@ def test_suppression_never_weakens_the_reaction(found: Sequence[set[str]]) -> No
 
 @given(found=FOUND, engineer=st.booleans(), wait=st.integers(0, 2 * SECOND))
 def test_after_a_second_without_faults_a_reset_ends_all(
-    found: Sequence[set[str]], engineer: bool, wait: int
+    found: Sequence[set[Fault]], engineer: bool, wait: int
 ) -> None:
     """What is then left needs an engineer; before, nothing present is dropped."""
     stage = Stage()
@@ -41,7 +42,7 @@ def test_after_a_second_without_faults_a_reset_ends_all(
 
 
 @given(found=FOUND)
-def test_each_fault_that_ends_has_begun(found: Sequence[set[str]]) -> None:
+def test_each_fault_that_ends_has_begun(found: Sequence[set[Fault]]) -> None:
     """The log pairs up: nothing ends twice, and what is over is in no mask."""
     stage = Stage()
     for faults in found:

@@ -7,6 +7,7 @@ from math import isfinite, nan
 import pytest
 
 from piezod.config import requests as rq
+from piezod.config.faults import Fault
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.register import Detection
@@ -128,7 +129,7 @@ def test_an_amplifier_that_collapses_is_taken_over_from_what_it_reads_back() -> 
     stage.run(1.5)
 
     after = [drive_v for t_ns, (drive_v,) in writes if t_ns > writes[0][0] + 40_000_000]
-    assert "A7" in stage.faults() or "A1" in stage.faults()
+    assert Fault.A7 in stage.faults() or Fault.A1 in stage.faults()
     assert not after or max(after) < 5.0
     assert stage.state in {State.FAULT, State.SAFE}
 
@@ -161,7 +162,7 @@ def test_while_somebody_else_drives_nothing_is_written_and_then_it_is_taken_over
 
     assert (silent, held) == (0, State.HOLD)
     assert stage.channels.writes[0][1] == pytest.approx((33.0,), abs=0.5)
-    assert stage.faults() == ["A8"]
+    assert stage.faults() == [Fault.A8]
     assert resumed.accepted
 
 
@@ -183,7 +184,7 @@ def test_an_axis_that_oscillates_goes_with_half_its_gain_until_it_is_reset() -> 
     stage = Faulty(Mode.TRIMMED)
     trim, seen = stage.controller.stage.axes[0].live.trim, []
     for _ in range(502):
-        stage.controller.found(Detection("D6", 0))
+        stage.controller.found(Detection(Fault.D6, 0))
         stage.cycle()
         seen.append((trim.eased, stage.x.mode))
     stage.run(1.1)
@@ -214,9 +215,9 @@ def test_a_memory_that_is_not_known_is_shown_until_it_is_conditioned() -> None:
     stage.until("READY", within_s=60.0)
     stage.run(0.1)
 
-    assert (before, armed, uncompensated) == ([], ["D10"], [])
+    assert (before, armed, uncompensated) == ([], [Fault.D10], [])
     assert ids(stage.records[-1].present) == []
-    assert set(stage.faults()) == {"D10"}
+    assert set(stage.faults()) == {Fault.D10}
 
 
 @pytest.mark.fault("P3")
@@ -228,7 +229,7 @@ def test_a_driver_that_raises_is_a_fault_and_no_crash(kind: Kind) -> None:
     first = stage.run(0.01)[3]
     stage.run(3.5)
 
-    assert "P3" in stage.faults()
+    assert Fault.P3 in stage.faults()
     assert first.state in {State.HOLD, State.RAMP, State.BLIND}
     assert stage.state in {State.SAFE, State.FAULT}
 
@@ -245,7 +246,7 @@ def test_a_control_law_that_raises_holds_the_voltage(monkeypatch: pytest.MonkeyP
     before_v = stage.x.drive_v
     after = stage.run(0.02)
 
-    assert "P4" in stage.faults()
+    assert Fault.P4 in stage.faults()
     assert {record.axes[0].drive_v for record in after} == {before_v}
     assert stage.state == State.HOLD
 
@@ -256,7 +257,7 @@ def test_a_long_gap_holds() -> None:
     stage = Faulty()
     stage.cycle(CycleTiming(0, 7, 10_000, 0, 0))
 
-    assert "L2" in stage.faults()
+    assert Fault.L2 in stage.faults()
     assert stage.state == State.HOLD
 
 
@@ -270,7 +271,7 @@ def test_a_gap_while_disarmed_is_over_when_it_is_over() -> None:
     stage.run(0.1)
     stage.do(rq.Arm())
 
-    assert "L2" in stage.faults()
+    assert Fault.L2 in stage.faults()
     assert not too_early.accepted
 
 
@@ -280,7 +281,7 @@ def test_a_process_that_stood_still_ramps() -> None:
     stage = Faulty()
     stage.cycle(CycleTiming(0, 100, 10_000, 0, 0))
 
-    assert "L5" in stage.faults()
+    assert Fault.L5 in stage.faults()
     assert stage.state == State.RAMP
 
 
@@ -306,7 +307,7 @@ def test_a_watchdog_that_tripped_is_told_and_the_way_down_begins_where_the_outpu
     stage.until("RAMP")
     stage.run(1.0)
 
-    assert "A9" in stage.faults()
+    assert Fault.A9 in stage.faults()
     assert (blind, sent) == (State.BLIND, 0)
     assert max(drive_v for _, (drive_v,) in stage.channels.writes) < 0.8
     assert stage.state == State.FAULT
@@ -320,7 +321,7 @@ def test_a_watchdog_that_stays_tripped_does_not_keep_a_stage_from_its_safe_volta
     stage.until("RAMP", within_s=0.2)
     stage.until("FAULT")
 
-    assert stage.faults().count("A9") == 1
+    assert stage.faults().count(Fault.A9) == 1
     assert stage.x.drive_v == pytest.approx(0.0, abs=5e-3)
 
 
@@ -356,7 +357,7 @@ def test_a_single_overrun_is_counted_and_no_more() -> None:
     stage = Faulty()
     record = stage.cycle(CycleTiming(0, 1, 1_900_000, 0, 0))
 
-    assert ids(record.present) == ["L1"]
+    assert ids(record.present) == [Fault.L1]
     assert stage.faults() == []
     assert stage.state == State.RUN
 
@@ -372,7 +373,7 @@ def test_a_wall_clock_that_jumps_changes_nothing() -> None:
     assert [record.axes[0].drive_v for record in ours] == [
         record.axes[0].drive_v for record in theirs
     ]
-    assert ids(jumped.records[-500].present) == ["L4"]
+    assert ids(jumped.records[-500].present) == [Fault.L4]
 
 
 @pytest.mark.fault("C9")

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection
 from piezod.control.limits import Limits
 from piezod.control.watch.amplifier import FLAG_FAULTS, AmplifierWatch
@@ -70,7 +71,7 @@ def test_five_writes_that_were_not_taken_are_told() -> None:
         found.append(ids(one.check(50.0, NO_FLAGS)))
         one.wrote(50.0 + k, taken=k == 0)
 
-    assert found == [[]] * 6 + [["A1"]] * 2
+    assert found == [[]] * 6 + [[Fault.A1]] * 2
 
 
 @pytest.mark.fault("A1")
@@ -102,7 +103,7 @@ def test_a_read_back_may_lag_as_long_as_nobody_waits_for_it() -> None:
     for _ in range(200):
         stuck += one.check(75.0, NO_FLAGS)
         one.wrote(140.0, taken=True)
-    assert "A3" in ids(stuck)
+    assert Fault.A3 in ids(stuck)
 
 
 @pytest.mark.fault("A3")
@@ -115,7 +116,7 @@ def test_a_voltage_that_is_not_the_one_written_is_told_after_three_cycles(off_v:
         found.append(one.check(50.0 + off_v * (k >= 5), NO_FLAGS))
         one.wrote(50.0, taken=True)
 
-    assert [ids(each) for each in found] == [[]] * 7 + [["A3"]] * 3
+    assert [ids(each) for each in found] == [[]] * 7 + [[Fault.A3]] * 3
     assert found[-1][0].measured == pytest.approx(1.0)
     assert found[-1][0].limit == 0.75
 
@@ -128,7 +129,7 @@ def test_an_output_that_is_stuck_is_told_while_the_drive_moves_away() -> None:
         one.wrote(75.0 + 0.2 * cycle, taken=True)
         cycle += 1
 
-    assert ids(found) == ["A3"]
+    assert ids(found) == [Fault.A3]
     assert cycle < 20
 
 
@@ -155,7 +156,7 @@ def test_a_command_that_is_no_number_is_told_at_once() -> None:
     first = one.check(50.0, NO_FLAGS)
     one.wrote(50.0, taken=True)
 
-    assert ids(first) == ["A5"]
+    assert ids(first) == [Fault.A5]
     assert ids(one.check(50.0, NO_FLAGS)) == []
 
 
@@ -182,7 +183,7 @@ def test_a_voltage_that_collapses_is_told_in_its_own_cycle() -> None:
         one.check(100.0, NO_FLAGS)
         one.wrote(100.0, taken=True)
 
-    assert one.check(10.0, NO_FLAGS) == [Detection("A7", 0, 90.0, 20.0)]
+    assert one.check(10.0, NO_FLAGS) == [Detection(Fault.A7, 0, 90.0, 20.0)]
 
 
 @pytest.mark.fault("A12")
@@ -193,7 +194,7 @@ def test_over_voltage_is_told_after_two_cycles() -> None:
     first = one.check(152.5, NO_FLAGS)
 
     assert ids(first) == []
-    assert one.check(152.5, NO_FLAGS) == [Detection("A12", 0, 152.5, 150.0)]
+    assert one.check(152.5, NO_FLAGS) == [Detection(Fault.A12, 0, 152.5, 150.0)]
 
 
 def test_a_stage_taken_over_outside_its_limits_is_not_cut_off() -> None:
@@ -206,8 +207,8 @@ def test_a_stage_taken_over_outside_its_limits_is_not_cut_off() -> None:
     found += one.check(153.0, NO_FLAGS)
     last = one.check(153.0, NO_FLAGS)
 
-    assert "A12" not in ids(found)
-    assert "A12" in ids(last)
+    assert Fault.A12 not in ids(found)
+    assert Fault.A12 in ids(last)
 
 
 @pytest.mark.parametrize(
@@ -217,7 +218,7 @@ def test_a_stage_taken_over_outside_its_limits_is_not_cut_off() -> None:
         for flag, fault in FLAG_FAULTS.items()
     ],
 )
-def test_what_an_amplifier_says_of_itself_is_told(flag: DeviceFlag, fault: str) -> None:
+def test_what_an_amplifier_says_of_itself_is_told(flag: DeviceFlag, fault: Fault) -> None:
     """As long as it says so, driven or not."""
     one = watch()
 

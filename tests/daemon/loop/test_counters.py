@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from piezod.config.faults import Fault
 from piezod.daemon.loop.counters import ProcessCounters
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import SharedMap, create
@@ -35,8 +36,8 @@ def test_a_collection_is_told_once(shared: SharedMap) -> None:
     counters = ProcessCounters(shared.words)
     gc.collect(0)
 
-    assert [found.fault for found in counters.publish()].count("L6") == 1
-    assert "L6" not in [found.fault for found in counters.publish()]
+    assert [found.fault for found in counters.publish()].count(Fault.L6) == 1
+    assert Fault.L6 not in [found.fault for found in counters.publish()]
     assert shared.words[Word.GC_COLLECTIONS] == 1
 
 
@@ -52,5 +53,5 @@ def test_memory_that_had_to_be_fetched_is_told(
     used.ru_majflt += 3
     found = counters.publish()
 
-    assert [(one.fault, one.measured) for one in found] == [("L8", 3)]
+    assert [(one.fault, one.measured) for one in found] == [(Fault.L8, 3)]
     assert shared.words[Word.MAJOR_FAULTS] == 3

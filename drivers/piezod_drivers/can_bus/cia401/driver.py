@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
 from piezod.devices.interface import DriverPlugin, Wiring
 from piezod_drivers.can_bus.cia401.dialogue import Dialogue
@@ -26,7 +27,30 @@ PLUGIN: Final = DriverPlugin(
     confirmed_on_hardware=False,
     channels=channels,
     sees=frozenset(
-        {f"B{number}" for number in (1, 2, 3, 5, 6, 7, 8, 9, 10, 11, 12, 14)}
-        | {"A1", "A3", "A4", "A7", "A8", "A9", "A11", "A12", "A13", "S7", "S10"}
+        {
+            Fault.B1,
+            Fault.B2,
+            Fault.B3,
+            Fault.B5,
+            Fault.B6,
+            Fault.B7,
+            Fault.B8,
+            Fault.B9,
+            Fault.B10,
+            Fault.B11,
+            Fault.B12,
+            Fault.B14,
+            Fault.A1,
+            Fault.A3,
+            Fault.A4,
+            Fault.A7,
+            Fault.A8,
+            Fault.A9,
+            Fault.A11,
+            Fault.A12,
+            Fault.A13,
+            Fault.S7,
+            Fault.S10,
+        }
     ),
 )

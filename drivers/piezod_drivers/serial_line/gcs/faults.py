@@ -2,10 +2,12 @@
 
 from typing import Final
 
+from piezod.config.faults import Fault
+
 SEES: Final = frozenset(
     {
-        *("B1", "B2", "B3", "B5", "B6", "B7", "B10", "B14"),
-        *("A1", "A2", "A3", "A8", "A12", "A13", "S10"),
+        *(Fault.B1, Fault.B2, Fault.B3, Fault.B5, Fault.B6, Fault.B7, Fault.B10, Fault.B14),
+        *(Fault.A1, Fault.A2, Fault.A3, Fault.A8, Fault.A12, Fault.A13, Fault.S10),
     }
 )
 """On either generation: the line's own, missing acknowledgements, errors told, the voltage."""

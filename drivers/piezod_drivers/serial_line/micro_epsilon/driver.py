@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.serial_line.micro_epsilon.dialogue import StreamDialogue
@@ -27,5 +28,19 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=channels,
-    sees=frozenset({"B1", "B2", "B3", "B5", "B11", "B14", "S5", "S6", "S7", "S8", "S10"}),
+    sees=frozenset(
+        {
+            Fault.B1,
+            Fault.B2,
+            Fault.B3,
+            Fault.B5,
+            Fault.B11,
+            Fault.B14,
+            Fault.S5,
+            Fault.S6,
+            Fault.S7,
+            Fault.S8,
+            Fault.S10,
+        }
+    ),
 )

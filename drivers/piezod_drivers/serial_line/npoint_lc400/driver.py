@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.serial_line.npoint_lc400.dialogue import Lc400Dialogue
@@ -28,6 +29,20 @@ PLUGIN: Final = DriverPlugin(
     confirmed_on_hardware=False,
     channels=channels,
     sees=frozenset(
-        {"A1", "A2", "A3", "A8", "A12", "B1", "B2", "B3", "B5", "B6", "B7", "B14", "S7"}
+        {
+            Fault.A1,
+            Fault.A2,
+            Fault.A3,
+            Fault.A8,
+            Fault.A12,
+            Fault.B1,
+            Fault.B2,
+            Fault.B3,
+            Fault.B5,
+            Fault.B6,
+            Fault.B7,
+            Fault.B14,
+            Fault.S7,
+        }
     ),
 )

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Final
 
+from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import DriverPlugin, Wiring
@@ -123,5 +124,5 @@ PLUGIN: Final = DriverPlugin(
     create=_create,
     confirmed_on_hardware=False,
     channels=channels,
-    sees=SEES | {"B13"},  # over TCP
+    sees=SEES | {Fault.B13},  # over TCP
 )
