@@ -21,7 +21,7 @@ from piezod.plant.layout import at_rest, constants
 from piezod.plant.parameters import PlantParameters
 from piezod.plant.plant import Plant
 from piezod_drivers.simulated.driver import SimulatedRig
-from piezod_drivers.simulated.options import Options
+from piezod_drivers.simulated.options import SimulatedOptions
 
 STEPS = 10_000
 PERIOD_NS = 1_000_000
@@ -68,7 +68,7 @@ def plant_us(parameters: PlantParameters) -> float:
 
 def rig_us(axes: tuple[str, ...]) -> float:
     """Give the cost of a cycle of the driver: read all axes, write all axes."""
-    rig = SimulatedRig(Options(), Wiring.both(axes), 1)
+    rig = SimulatedRig(SimulatedOptions(), Wiring.both(axes), 1)
     rig.open()
     rig.activate(0)
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 import typer
 
 if TYPE_CHECKING:
-    from piezod.commission.procedure import Step
+    from piezod.commission.procedure import ProcedureStep
     from piezod.commission.session import Session
 
 
 def walk(
     session: "Session",
-    steps: "Iterator[Step]",
+    steps: "Iterator[ProcedureStep]",
     not_done: list[str],
     *,
     asking: bool,
@@ -44,6 +44,6 @@ def walk(
                 not_done += [step.name, *(later.name for later in steps)]
 
 
-def _confirmed(step: "Step", session: "Session", of: str) -> bool:
+def _confirmed(step: "ProcedureStep", session: "Session", of: str) -> bool:
     with session.holding():
         return typer.confirm(f"{of}{step.name}: {step.what}?", default=not step.moves, err=True)

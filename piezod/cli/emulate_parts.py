@@ -15,10 +15,10 @@ from pydantic import BaseModel
 
 from piezod.config.daemon import load_daemon
 from piezod.devices import emulators, registry
-from piezod.devices.emulation.bench import Bench, Rig
-from piezod.devices.emulation.faults import Fault, Faults, parse
+from piezod.devices.emulation.bench import Rig, SharedRig
+from piezod.devices.emulation.faults import WireFault, WireFaults, parse
 from piezod.devices.emulation.trace import Trace
-from piezod.devices.emulators import Post
+from piezod.devices.emulators import EmulationRequest
 from piezod.devices.interface import Wiring
 from piezod.devices.wiring import pairs_of, wiring_of
 
@@ -76,7 +76,7 @@ def rig_of(config: Path, device: str | None, n_axes: int | None) -> RigPlan:
 
 
 @contextmanager
-def bench(plan: RigPlan, trace: Path | None) -> Iterator[Bench]:
+def bench(plan: RigPlan, trace: Path | None) -> Iterator[SharedRig]:
     """Make the rig and have it on a bench, in real time, as long as the block runs.
 
     Raises:
@@ -89,10 +89,12 @@ def bench(plan: RigPlan, trace: Path | None) -> Iterator[Bench]:
     with closing(rig), writing as written:
         identity = rig.open()
         rig.activate(time.monotonic_ns())
-        yield Bench(rig, time.monotonic_ns, written, identity)
+        yield SharedRig(rig, time.monotonic_ns, written, identity)
 
 
-def posts_of(profiles: Sequence[str], where: str | None, faults: Sequence[str]) -> list[Post]:
+def posts_of(
+    profiles: Sequence[str], where: str | None, faults: Sequence[str]
+) -> list[EmulationRequest]:
     """Return the devices that a command line names.
 
     Args:
@@ -114,7 +116,9 @@ def posts_of(profiles: Sequence[str], where: str | None, faults: Sequence[str]) 
         wrong = [parse(text) for text in faults]
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--fault") from error
-    posts = [Post(emulators.load(name), place, Faults(wrong)) for name, place in named]
+    posts = [
+        EmulationRequest(emulators.load(name), place, WireFaults(wrong)) for name, place in named
+    ]
     if wrong and any(post.plugin.wire == "socket" for post in posts):
         raise typer.BadParameter("a rig at a socket has no wire", param_hint="--fault")
     return posts
@@ -136,7 +140,7 @@ def told_to_end() -> Iterator[Callable[[], bool]]:
 
 
 def watch(
-    wires: Sequence[Faults], stopping: Callable[[], bool], tell: Callable[[str], None]
+    wires: Sequence[WireFaults], stopping: Callable[[], bool], tell: Callable[[str], None]
 ) -> None:
     """Take lines from standard input as the faults of all wires, until it is time to stop.
 
@@ -164,10 +168,10 @@ def _may_read() -> bool:
     return not os.isatty(_STDIN) or os.tcgetpgrp(_STDIN) == os.getpgrp()
 
 
-def _set(wires: Sequence[Faults], line: str) -> str:
+def _set(wires: Sequence[WireFaults], line: str) -> str:
     texts = [text.strip() for text in line.split(",") if text.strip()]
     try:
-        faults: list[Fault] = [parse(text) for text in texts]
+        faults: list[WireFault] = [parse(text) for text in texts]
     except ValueError as error:
         return f"unchanged, {error}"
     for wire in wires:

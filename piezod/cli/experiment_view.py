@@ -11,7 +11,7 @@ from rich.text import Text
 
 from piezod.experiment.error_rows import error_rows
 from piezod.experiment.outputs import DATA_NAME
-from piezod.records.error_table import Cell, Row, error_table, groups, meaning, verdict
+from piezod.records.error_table import ErrorCell, ErrorRow, error_table, groups, meaning, verdict
 from piezod.records.labels import metric_heading, metric_number, metric_text
 from piezod.records.recording import ExperimentResult, Identification
 from piezod.records.reference import Reference
@@ -74,7 +74,7 @@ def print_result(
 
 
 def _table(
-    result: ExperimentResult, errors: Mapping[Key, Sequence[Row]], reference: Reference | None
+    result: ExperimentResult, errors: Mapping[Key, Sequence[ErrorRow]], reference: Reference | None
 ) -> Table:
     # As narrow as can be: all errors fit into 80 columns.
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
@@ -104,14 +104,14 @@ def _headings(metrics: Sequence[str]) -> Iterator[str]:
             yield "\n".join(("" if index else group, *[""] * (2 - len(words)), *words))
 
 
-def _number(cell: Cell) -> Text:
+def _number(cell: ErrorCell) -> Text:
     number = metric_number(cell.metric, cell.value)
     if cell.missed:
         return Text(f"▲ {number}", style="bold red")
     return Text(number, style="bold" if cell.best else "")
 
 
-def _theirs(row: Row, reference: Reference) -> str:
+def _theirs(row: ErrorRow, reference: Reference) -> str:
     if row.reference is None:
         return ""
     return metric_number(reference.metrics[0], row.reference)

@@ -59,7 +59,7 @@ def _run(
     with Lock(paths.lock) as lock:
         # Imported only now: whoever comes second shall not keep the machine busy beside a loop.
         from piezod.daemon.supervisor.run import run_stage
-        from piezod.daemon.supervisor.terms import Options
+        from piezod.daemon.supervisor.terms import RunOptions
 
-        options = Options(strict_rt, require_device, shadow)
+        options = RunOptions(strict_rt, require_device, shadow)
         return run_stage(config, options, paths, lock, signals)

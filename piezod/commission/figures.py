@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from piezod.commission.procedure import Findings
-from piezod.commission.session import Trace
+from piezod.commission.session import SessionTrace
 from piezod.records.figures.style import DRIVE, LOOP, POSITION, house_style, new_figure, png_bytes
 from piezod.records.report_figures import ReportFigure
 
@@ -28,7 +28,7 @@ def draw(findings: Findings) -> Iterator[ReportFigure]:
         yield _rings(traces["ringing"])
 
 
-def _over_time(name: str, title: str, trace: Trace, *, drive: bool) -> ReportFigure:
+def _over_time(name: str, title: str, trace: SessionTrace, *, drive: bool) -> ReportFigure:
     with house_style():
         figure = new_figure(_WIDTH_IN, _HEIGHT_IN * (1.5 if drive else 1.0), "", "")
         panels = figure.subplots(2 if drive else 1, 1, sharex=True, squeeze=False)[:, 0]
@@ -41,7 +41,7 @@ def _over_time(name: str, title: str, trace: Trace, *, drive: bool) -> ReportFig
         return _drawn(name, title, "position over time", figure)
 
 
-def _loop(trace: Trace) -> ReportFigure:
+def _loop(trace: SessionTrace) -> ReportFigure:
     with house_style():
         figure = new_figure(_WIDTH_IN, 1.4 * _HEIGHT_IN, "", "")
         loop, amplifier = figure.subplots(1, 2)
@@ -72,7 +72,7 @@ def _phases(findings: Findings) -> ReportFigure:
         return _drawn("delay", "Delay", "lag against frequency: a straight line", figure)
 
 
-def _rings(trace: Trace) -> ReportFigure:
+def _rings(trace: SessionTrace) -> ReportFigure:
     with house_style():
         figure = new_figure(_WIDTH_IN, _HEIGHT_IN, "", "the first steps of many")
         panel = figure.subplots()

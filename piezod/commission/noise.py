@@ -4,7 +4,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from piezod.commission.session import Session, Trace
+from piezod.commission.session import Session, SessionTrace
 from piezod.errors import DeviceError
 
 DURATION_S: Final = 2.0
@@ -27,7 +27,7 @@ class Noise(NamedTuple):
     mean_um: float
 
 
-def measure_noise(session: Session) -> tuple[Noise, Trace]:
+def measure_noise(session: Session) -> tuple[Noise, SessionTrace]:
     """Hold the voltage and look at the sensor.
 
     Raises:

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from piezod.commission.session import Session, Trace, joined
+from piezod.commission.session import Session, SessionTrace, joined
 from piezod.errors import DeviceError
 
 STEP_PART: Final = 0.02
@@ -40,7 +40,7 @@ def step_v(session: Session) -> float:
     return size_v if room_up_v > session.drive_v - limits.drive_min_v else -size_v
 
 
-def find_polarity(session: Session, size_v: float, rms_um: float) -> tuple[Polarity, Trace]:
+def find_polarity(session: Session, size_v: float, rms_um: float) -> tuple[Polarity, SessionTrace]:
     """Step up and down a few times, and compare the means of rests.
 
     Args:
@@ -53,7 +53,7 @@ def find_polarity(session: Session, size_v: float, rms_um: float) -> tuple[Polar
             nothing while it should.
     """
     low_v = session.drive_v
-    traces: list[Trace] = []
+    traces: list[SessionTrace] = []
     changes_um: list[float] = []
     before_um = _mean_um(session, traces)
     for i in range(2 * REPEATS):
@@ -74,7 +74,7 @@ def find_polarity(session: Session, size_v: float, rms_um: float) -> tuple[Polar
     return Polarity(moved_um / size_v, uncertainty_um / abs(size_v), size_v), joined(traces)
 
 
-def _mean_um(session: Session, traces: list[Trace]) -> float:
+def _mean_um(session: Session, traces: list[SessionTrace]) -> float:
     """Return where the stage rests."""
     trace = session.rest(REST_S)
     traces.append(trace)

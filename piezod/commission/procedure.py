@@ -9,11 +9,11 @@ from piezod.commission.noise import DURATION_S, Noise, measure_noise
 from piezod.commission.polarity import REPEATS, Polarity, find_polarity, step_v
 from piezod.commission.response import Response, measure_delay
 from piezod.commission.ringing import Ringing, find_ringing
-from piezod.commission.session import Session, Trace
+from piezod.commission.session import Session, SessionTrace
 from piezod.commission.travel import (
     STAGES_PCT,
-    Amplifier,
     Travel,
+    TravelAmplifier,
     amplifier_of,
     excursion,
     farther_end_v,
@@ -37,13 +37,13 @@ class Findings:
     noise: Noise | None = None
     polarity: Polarity | None = None
     travel: Travel | None = None
-    amplifier: Amplifier | None = None
+    amplifier: TravelAmplifier | None = None
     response: Response | None = None
     ringing: Ringing | None = None
-    traces: dict[str, Trace] = field(default_factory=dict)
+    traces: dict[str, SessionTrace] = field(default_factory=dict)
 
 
-class Step(NamedTuple):
+class ProcedureStep(NamedTuple):
     """One step.
 
     Attributes:
@@ -59,7 +59,7 @@ class Step(NamedTuple):
     run: Callable[[], str]
 
 
-def steps_of(session: Session, findings: Findings) -> Iterator[Step]:
+def steps_of(session: Session, findings: Findings) -> Iterator[ProcedureStep]:
     """Give the steps, one after the other; they drive the voltages that they tell."""
     size_v, way_v = step_v(session), farther_end_v(session) - session.found_v
     yield _noise(session, findings)
@@ -72,7 +72,7 @@ def steps_of(session: Session, findings: Findings) -> Iterator[Step]:
     yield _ringing(session, findings, bias_v, swing_v)
 
 
-def _noise(session: Session, findings: Findings) -> Step:
+def _noise(session: Session, findings: Findings) -> ProcedureStep:
     def run() -> str:
         findings.noise, findings.traces["noise"] = found, _ = measure_noise(session)
         return (
@@ -81,10 +81,10 @@ def _noise(session: Session, findings: Findings) -> Step:
         )
 
     what = f"hold {session.drive_v:z.2f} V for {DURATION_S:g} s and look at the sensor"
-    return Step("noise", what, False, run)
+    return ProcedureStep("noise", what, False, run)
 
 
-def _polarity(session: Session, findings: Findings, size_v: float) -> Step:
+def _polarity(session: Session, findings: Findings, size_v: float) -> ProcedureStep:
     def run() -> str:
         found, trace = find_polarity(session, size_v, _rms_um(findings))
         findings.polarity, findings.traces["polarity"] = found, trace
@@ -96,10 +96,10 @@ def _polarity(session: Session, findings: Findings, size_v: float) -> Step:
         )
 
     what = f"{REPEATS} times {size_v:+.2f} V from {session.drive_v:z.2f} V, slowly, and back"
-    return Step("polarity", what, True, run)
+    return ProcedureStep("polarity", what, True, run)
 
 
-def _excursion(session: Session, findings: Findings, name: str, end_v: float) -> Step:
+def _excursion(session: Session, findings: Findings, name: str, end_v: float) -> ProcedureStep:
     def run() -> str:
         trace = excursion(session, end_v)
         findings.travel = found = travel_of(trace, _rms_um(findings))
@@ -110,10 +110,10 @@ def _excursion(session: Session, findings: Findings, name: str, end_v: float) ->
         )
 
     what = f"ramp from {session.found_v:z.2f} V to {end_v:.1f} V and back"
-    return Step(name, what, True, run)
+    return ProcedureStep(name, what, True, run)
 
 
-def _delay(session: Session, findings: Findings, bias_v: float, size_v: float) -> Step:
+def _delay(session: Session, findings: Findings, bias_v: float, size_v: float) -> ProcedureStep:
     def run() -> str:
         findings.response, findings.traces["delay"] = found, _ = _at(
             session, bias_v, lambda: measure_delay(session, size_v)
@@ -123,10 +123,10 @@ def _delay(session: Session, findings: Findings, bias_v: float, size_v: float) -
         return f"delay {found.delay_s * 1e3:.3f} ± {found.uncertainty_s * 1e3:.3f} ms"
 
     what = f"ramp to {bias_v:.1f} V, sines of {size_v:+.1f} V from there, and back"
-    return Step("delay", what, True, run)
+    return ProcedureStep("delay", what, True, run)
 
 
-def _ringing(session: Session, findings: Findings, bias_v: float, size_v: float) -> Step:
+def _ringing(session: Session, findings: Findings, bias_v: float, size_v: float) -> ProcedureStep:
     def run() -> str:
         findings.ringing, findings.traces["ringing"] = found, _ = _at(
             session, bias_v, lambda: find_ringing(session, size_v)
@@ -136,7 +136,7 @@ def _ringing(session: Session, findings: Findings, bias_v: float, size_v: float)
         return f"first mode at {found.frequency_hz:.0f} Hz, damping {found.damping:.3f}"
 
     what = f"ramp to {bias_v:.1f} V, steps of {size_v:+.1f} V from there, and back"
-    return Step("ringing", what, True, run)
+    return ProcedureStep("ringing", what, True, run)
 
 
 def _at(session: Session, bias_v: float, measure: Callable[[], T]) -> T:

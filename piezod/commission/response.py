@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from piezod.commission.session import Session, Trace, joined
+from piezod.commission.session import Session, SessionTrace, joined
 from piezod.errors import DeviceError
 from piezod.hysteresis.memory import FloatArray
 
@@ -44,7 +44,7 @@ class Response(NamedTuple):
         return self.delay_s >= 0.0
 
 
-def measure_delay(session: Session, size_v: float) -> tuple[Response, Trace]:
+def measure_delay(session: Session, size_v: float) -> tuple[Response, SessionTrace]:
     """Drive small sines of several frequencies, from the voltage in force on.
 
     Args:
@@ -73,14 +73,14 @@ def measure_delay(session: Session, size_v: float) -> tuple[Response, Trace]:
     return found, joined(traces)
 
 
-def _sine(session: Session, begin_v: float, size_v: float, frequency_hz: float) -> Trace:
+def _sine(session: Session, begin_v: float, size_v: float, frequency_hz: float) -> SessionTrace:
     def wave_v(t_s: float) -> float:
         return begin_v + size_v * (1.0 - float(np.cos(2 * pi * frequency_hz * t_s))) / 2.0
 
     return session.drive(wave_v, max(CYCLES / frequency_hz, LEAST_S))
 
 
-def _lag_rad(trace: Trace, frequency_hz: float) -> float:
+def _lag_rad(trace: SessionTrace, frequency_hz: float) -> float:
     """Return by how much the displacement lags the drive, the first cycle left out."""
     settled = trace.after(1.0 / frequency_hz)
     valid = np.isfinite(settled.position_um)

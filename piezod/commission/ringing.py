@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from piezod.commission.session import Session, Trace, joined
+from piezod.commission.session import Session, SessionTrace, joined
 from piezod.hysteresis.memory import FloatArray
 
 STEPS: Final = 24
@@ -58,7 +58,7 @@ class _Line(NamedTuple):
     decay_per_s: float
 
 
-def find_ringing(session: Session, size_v: float) -> tuple[Ringing, Trace]:
+def find_ringing(session: Session, size_v: float) -> tuple[Ringing, SessionTrace]:
     """Step up and down, at two rates, and listen.
 
     Args:
@@ -69,7 +69,7 @@ def find_ringing(session: Session, size_v: float) -> tuple[Ringing, Trace]:
         DeviceError: If the devices say that something is wrong.
     """
     searched_hz = FOLDS * session.rate_hz
-    traces: list[Trace] = []
+    traces: list[SessionTrace] = []
     lines = [
         _line(*_mean_response(session, size_v, rate_hz, traces))
         for rate_hz in (session.rate_hz, OTHER_RATE * session.rate_hz)
@@ -83,7 +83,7 @@ def find_ringing(session: Session, size_v: float) -> tuple[Ringing, Trace]:
 
 
 def _mean_response(
-    session: Session, size_v: float, rate_hz: float, traces: list[Trace]
+    session: Session, size_v: float, rate_hz: float, traces: list[SessionTrace]
 ) -> tuple[FloatArray, float]:
     """Return the mean of the responses to steps there, and to those back turned over, in µm."""
     begin_v = session.drive_v

@@ -50,7 +50,7 @@ LONGEST_PERIODS: Final = 2
 
 
 @dataclass(frozen=True)
-class Trace:
+class SessionTrace:
     """What was recorded; arrays of one length.
 
     Attributes:
@@ -70,21 +70,21 @@ class Trace:
         """Share of valid samples, in %."""
         return 100.0 * float(np.mean(np.isfinite(self.position_um)))
 
-    def after(self, t_s: float) -> "Trace":
+    def after(self, t_s: float) -> "SessionTrace":
         """Return what was recorded from an instant on."""
         late = self.t_s >= t_s
-        return Trace(
+        return SessionTrace(
             self.t_s[late], self.drive_v[late], self.read_back_v[late], self.position_um[late]
         )
 
 
-def joined(traces: "list[Trace]") -> Trace:
+def joined(traces: "list[SessionTrace]") -> SessionTrace:
     """Return traces one after the other, on one time axis."""
     t_s, begin_s = [], 0.0
     for trace in traces:
         t_s.append(begin_s + trace.t_s)
         begin_s += float(trace.t_s[-1] + (trace.t_s[1] - trace.t_s[0]))
-    return Trace(
+    return SessionTrace(
         np.concatenate(t_s),
         np.concatenate([trace.drive_v for trace in traces]),
         np.concatenate([trace.read_back_v for trace in traces]),
@@ -141,7 +141,7 @@ class Session:
         self._driving = threading.Lock()
         self._watch = self._new_watch()
 
-    def rest(self, duration_s: float) -> Trace:
+    def rest(self, duration_s: float) -> SessionTrace:
         """Hold the voltage, and record.
 
         Raises:
@@ -150,7 +150,7 @@ class Session:
         held_v = self.drive_v
         return self.drive(lambda _t_s: held_v, duration_s)
 
-    def go(self, drive_v: float) -> Trace:
+    def go(self, drive_v: float) -> SessionTrace:
         """Ramp to a voltage, in V, and record.
 
         Raises:
@@ -164,7 +164,7 @@ class Session:
 
         return self.drive(ramp_v, duration_s + max(SETTLE_S, SETTLE_CYCLES / self.rate_hz))
 
-    def back(self) -> Trace:
+    def back(self) -> SessionTrace:
         """Ramp from the voltage that is read back to where the axis was found.
 
         Whoever holds the voltage meanwhile does so no more.
@@ -224,7 +224,7 @@ class Session:
 
     def drive(
         self, wave_v: Callable[[float], float], duration_s: float, rate_hz: float | None = None
-    ) -> Trace:
+    ) -> SessionTrace:
         """Drive a voltage over time, and record.
 
         Time goes on with every write that is taken, by two periods at most.
@@ -259,7 +259,7 @@ class Session:
             if taken:
                 self.drive_v, over_s = admitted.drive_v[0], over_s + elapsed_s
             before_ns = now_ns
-        return Trace(*np.array(rows).T)
+        return SessionTrace(*np.array(rows).T)
 
     def _judge(self, told_v: float, now_ns: int) -> None:
         flags = frozenset[DeviceFlag]().union(*self._channels.status(now_ns))

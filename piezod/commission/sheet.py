@@ -15,7 +15,7 @@ from piezod.records.page import render
 SHEET_NAME: Final = "acceptance.html"
 
 
-class Row(NamedTuple):
+class SheetRow(NamedTuple):
     """A row of the table of what was found."""
 
     name: str
@@ -78,36 +78,36 @@ def write_sheet(folder: Path, sheet: Sheet) -> Path:
     return folder / SHEET_NAME
 
 
-def rows_of(findings: Findings) -> Iterator[Row]:
+def rows_of(findings: Findings) -> Iterator[SheetRow]:
     """Give what was found, a quantity each."""
     if noise := findings.noise:
         at_rest = f"{DURATION_S:g} s at rest"
-        yield Row("noise", f"{noise.rms_um * 1e3:.2f}", "nm rms", at_rest)
-        yield Row("drift", f"{noise.drift_um_per_s * 1e3:+.2f}", "nm/s", at_rest)
-        yield Row("valid samples", f"{noise.valid_pct:.1f}", "%", at_rest)
+        yield SheetRow("noise", f"{noise.rms_um * 1e3:.2f}", "nm rms", at_rest)
+        yield SheetRow("drift", f"{noise.drift_um_per_s * 1e3:+.2f}", "nm/s", at_rest)
+        yield SheetRow("valid samples", f"{noise.valid_pct:.1f}", "%", at_rest)
     if polarity := findings.polarity:
         way = "rises" if polarity.um_per_v > 0 else "falls"
-        yield Row("polarity", way, "", f"steps of {polarity.step_v:+.2f} V")
+        yield SheetRow("polarity", way, "", f"steps of {polarity.step_v:+.2f} V")
     if travel := findings.travel:
         ends = f"{travel.drive_low_v:.1f} to {travel.drive_high_v:.1f} V"
-        yield Row("travel", f"{abs(travel.travel_um):.3f}", "µm", ends)
-        yield Row("gain", f"{travel.um_per_v * 1e3:.2f}", "nm/V", f"mean over {ends}")
-        yield Row("width of the loop", f"{travel.loop_pct:.2f}", "% of travel", ends)
-        yield Row("noise", f"{travel.noise_pct:.3f}", "% of travel", "over the travel")
+        yield SheetRow("travel", f"{abs(travel.travel_um):.3f}", "µm", ends)
+        yield SheetRow("gain", f"{travel.um_per_v * 1e3:.2f}", "nm/V", f"mean over {ends}")
+        yield SheetRow("width of the loop", f"{travel.loop_pct:.2f}", "% of travel", ends)
+        yield SheetRow("noise", f"{travel.noise_pct:.3f}", "% of travel", "over the travel")
     if amplifier := findings.amplifier:
         how = "line through read-back against what was written"
-        yield Row("gain of the amplifier", f"{amplifier.gain:.5f}", "V/V", how)
-        yield Row("offset of the amplifier", f"{amplifier.offset_v:+z.4f}", "V", how)
-        yield Row("its largest deviation", f"{amplifier.worst_v:.4f}", "V", how)
+        yield SheetRow("gain of the amplifier", f"{amplifier.gain:.5f}", "V/V", how)
+        yield SheetRow("offset of the amplifier", f"{amplifier.offset_v:+z.4f}", "V", how)
+        yield SheetRow("its largest deviation", f"{amplifier.worst_v:.4f}", "V", how)
     if response := findings.response:
         value = f"{response.delay_s * 1e3:.3f} ± {response.uncertainty_s * 1e3:.3f}"
         value = value if response.found else "none found"
-        yield Row(
+        yield SheetRow(
             "delay", value, "ms" if response.found else "", "slope of the phase of small sines"
         )
     if ringing := findings.ringing:
         how = f"ringing after small steps, looked for up to {ringing.searched_hz:g} Hz"
         found = f"{ringing.frequency_hz:.1f}" if ringing.found else "none found"
-        yield Row("first mode", found, "Hz" if ringing.found else "", how)
+        yield SheetRow("first mode", found, "Hz" if ringing.found else "", how)
         if ringing.found:
-            yield Row("its damping ratio", f"{ringing.damping:.4f}", "", how)
+            yield SheetRow("its damping ratio", f"{ringing.damping:.4f}", "", how)

@@ -4,7 +4,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from piezod.commission.session import Session, Trace, joined
+from piezod.commission.session import Session, SessionTrace, joined
 from piezod.errors import DeviceError
 
 STAGES_PCT: Final = (10, 25, 50, 75, 100)
@@ -34,7 +34,7 @@ class Travel(NamedTuple):
     noise_pct: float
 
 
-class Amplifier(NamedTuple):
+class TravelAmplifier(NamedTuple):
     """What reading back tells of the amplifier, by a straight line through all that was driven.
 
     Attributes:
@@ -48,7 +48,7 @@ class Amplifier(NamedTuple):
     worst_v: float
 
 
-def excursion(session: Session, target_v: float) -> Trace:
+def excursion(session: Session, target_v: float) -> SessionTrace:
     """Ramp from the voltage found to another one, and back.
 
     Args:
@@ -75,7 +75,7 @@ def farther_end_v(session: Session) -> float:
     return high_v if high_v - session.found_v >= session.found_v - low_v else low_v
 
 
-def travel_of(trace: Trace, rms_um: float) -> Travel:
+def travel_of(trace: SessionTrace, rms_um: float) -> Travel:
     """Return what the largest excursion tells of the stage.
 
     Args:
@@ -99,7 +99,7 @@ def travel_of(trace: Trace, rms_um: float) -> Travel:
     )
 
 
-def amplifier_of(trace: Trace) -> Amplifier | None:
+def amplifier_of(trace: SessionTrace) -> TravelAmplifier | None:
     """Return what reading back tells; None where it is nothing, or too little at rest."""
     still = np.abs(np.gradient(trace.drive_v)) < 1e-9
     told = np.isfinite(trace.read_back_v) & np.roll(still, 3) & still
@@ -107,10 +107,10 @@ def amplifier_of(trace: Trace) -> Amplifier | None:
         return None
     slope, at_zero = np.polyfit(trace.drive_v[told], trace.read_back_v[told], 1)
     off_v = trace.read_back_v[told] - slope * trace.drive_v[told] - at_zero
-    return Amplifier(float(slope), float(at_zero), float(np.max(np.abs(off_v))))
+    return TravelAmplifier(float(slope), float(at_zero), float(np.max(np.abs(off_v))))
 
 
-def _mean_near(trace: Trace, drive_v: float) -> float:
+def _mean_near(trace: SessionTrace, drive_v: float) -> float:
     near = np.abs(trace.drive_v - drive_v) < 1e-6
     if not np.any(np.isfinite(trace.position_um[near])):
         raise DeviceError(
@@ -120,7 +120,7 @@ def _mean_near(trace: Trace, drive_v: float) -> float:
     return float(np.nanmean(trace.position_um[near]))
 
 
-def _loop_width_um(trace: Trace, top: int) -> float:
+def _loop_width_um(trace: SessionTrace, top: int) -> float:
     """Return the greatest distance of the way back from the way there, at one voltage."""
     sign = np.sign(trace.drive_v[top] - trace.drive_v[0])
     valid = np.isfinite(trace.position_um)

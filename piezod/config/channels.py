@@ -17,7 +17,7 @@ ChannelName: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_
 Value: TypeAlias = Annotated[float, Quantity(-1e9, 1e9)]
 
 
-class Line(ConfigModel):
+class LineCalibration(ConfigModel):
     """A straight line: physical = gain · value + offset."""
 
     kind: Literal["line"] = "line"
@@ -38,7 +38,7 @@ class Line(ConfigModel):
         return -inf, inf
 
 
-class Polynomial(ConfigModel):
+class PolynomialCalibration(ConfigModel):
     """physical = c0 + c1·value + c2·value² + …, strictly monotonic where it is used."""
 
     kind: Literal["polynomial"] = "polynomial"
@@ -65,7 +65,7 @@ class Polynomial(ConfigModel):
         return min(ends), max(ends)
 
 
-class Table(ConfigModel):
+class TableCalibration(ConfigModel):
     """A curve through measured points, in straight lines."""
 
     kind: Literal["table"] = "table"
@@ -132,7 +132,9 @@ def _monotonic(numbers: Sequence[float]) -> bool:
     return all(step > 0 for step in steps) or all(step < 0 for step in steps)
 
 
-Calibration: TypeAlias = Annotated[Line | Polynomial | Table, Field(discriminator="kind")]
+Calibration: TypeAlias = Annotated[
+    LineCalibration | PolynomialCalibration | TableCalibration, Field(discriminator="kind")
+]
 
 
 class LightConfig(ConfigModel):
@@ -158,7 +160,7 @@ class OutputConfig(ConfigModel):
         default=None, description="Name of the channel; left out: that of the axis."
     )
     calibration: Calibration = Field(
-        default=Line(), description="From the channel's value to V at the actuator."
+        default=LineCalibration(), description="From the channel's value to V at the actuator."
     )
 
 
@@ -169,7 +171,9 @@ class InputConfig(ConfigModel):
     channel: ChannelName | None = Field(
         default=None, description="Name of the channel; left out: that of the axis."
     )
-    calibration: Calibration = Field(default=Line(), description="From the channel's value to µm.")
+    calibration: Calibration = Field(
+        default=LineCalibration(), description="From the channel's value to µm."
+    )
     light: LightConfig | None = Field(
         default=None, description="Where a fibre sensor's light is told; left out: nowhere."
     )

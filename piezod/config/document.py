@@ -10,7 +10,7 @@ KeyPath: TypeAlias = tuple[str | int, ...]
 MAX_PROBLEMS: Final = 50
 
 
-class Place(NamedTuple):
+class SourcePlace(NamedTuple):
     """Line and column in a file, both counted from 1."""
 
     line: int
@@ -31,8 +31,8 @@ class Document:
 
     file: str
     data: dict[str, Any]
-    values: Mapping[KeyPath, Place]
-    keys: Mapping[KeyPath, Place]
+    values: Mapping[KeyPath, SourcePlace]
+    keys: Mapping[KeyPath, SourcePlace]
 
     def problem(self, path: KeyPath, what: str, *, at_key: bool = False) -> Problem:
         """Place a problem.

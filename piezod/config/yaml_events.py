@@ -6,7 +6,7 @@ from typing import Final
 
 import yaml
 
-from piezod.config.document import Place
+from piezod.config.document import SourcePlace
 from piezod.errors import ConfigError, Problem
 
 MAX_BYTES: Final = 256 * 1024
@@ -47,14 +47,14 @@ def parse_events(text: str, file: str) -> Iterator[yaml.Event]:
     Raises:
         ConfigError: Where the text stops being YAML; `file` is the name it gives.
     """
-    place = Place(1, 1)
+    place = SourcePlace(1, 1)
     try:
         for event in yaml.parse(text, Loader=yaml.SafeLoader):
             place = start_of(event)
             yield event
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
-        place = Place(mark.line + 1, mark.column + 1) if mark else place
+        place = SourcePlace(mark.line + 1, mark.column + 1) if mark else place
         raise ConfigError(Problem(file, *place, "", _explain(error))) from error
     except yaml.reader.ReaderError as error:
         what = f"character {chr(error.character)!a} is not allowed in YAML"
@@ -66,15 +66,15 @@ def parse_events(text: str, file: str) -> Iterator[yaml.Event]:
         raise ConfigError(Problem(file, *place, "", what)) from error
 
 
-def start_of(event: yaml.Event) -> Place:
+def start_of(event: yaml.Event) -> SourcePlace:
     """Tell where an event starts."""
     mark = event.start_mark
-    return Place(mark.line + 1, mark.column + 1) if mark else Place(1, 1)
+    return SourcePlace(mark.line + 1, mark.column + 1) if mark else SourcePlace(1, 1)
 
 
-def _place_after(text: str) -> Place:
+def _place_after(text: str) -> SourcePlace:
     lines = text.split("\n")
-    return Place(len(lines), len(lines[-1]) + 1)
+    return SourcePlace(len(lines), len(lines[-1]) + 1)
 
 
 def _explain(error: yaml.MarkedYAMLError) -> str:

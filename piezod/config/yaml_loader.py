@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import yaml
 
-from piezod.config.document import Document, KeyPath, Place, config_error
+from piezod.config.document import Document, KeyPath, SourcePlace, config_error
 from piezod.config.scalars import Scalar, resolve
 from piezod.config.yaml_events import parse_events, read_text, start_of
 from piezod.errors import ConfigError, Problem
@@ -56,8 +56,8 @@ class _Builder:
 
     def __init__(self, text: str, file: str) -> None:
         self.problems: list[Problem] = []
-        self.values: dict[KeyPath, Place] = {}
-        self.keys: dict[KeyPath, Place] = {}
+        self.values: dict[KeyPath, SourcePlace] = {}
+        self.keys: dict[KeyPath, SourcePlace] = {}
         self._file = file
         self._events = parse_events(text, file)
 

@@ -19,7 +19,7 @@ MOST, WITHIN_S = 10, 10.0
 _PRIORITIES: Final = {"debug": 7, "info": 6, "warning": 4, "error": 3, "critical": 2}
 
 
-class RateLimit:
+class EventRateLimit:
     """Lets ten lines of a kind through in ten seconds and counts the others.
 
     The first line of a kind after that tells how many were left out. Kinds are event and
@@ -65,7 +65,7 @@ def set_up_logging(stream: TextIO | None = None, environ: Mapping[str, str] = os
     ]
     last = _for_journal() if _is_journal(stream, environ) else _for_people(stream)
     structlog.configure(
-        processors=[RateLimit(), *shared, *last],
+        processors=[EventRateLimit(), *shared, *last],
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
         logger_factory=structlog.WriteLoggerFactory(stream),
         cache_logger_on_first_use=False,

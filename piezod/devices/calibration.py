@@ -6,7 +6,12 @@ from itertools import pairwise
 from math import isfinite, nan
 from typing import Final, Protocol
 
-from piezod.config.channels import Calibration, Line, Polynomial, Table
+from piezod.config.channels import (
+    Calibration,
+    LineCalibration,
+    PolynomialCalibration,
+    TableCalibration,
+)
 from piezod.config.polynomial import derivative, evaluate
 
 _KNOTS: Final = 64
@@ -33,13 +38,13 @@ class Curve(Protocol):
 def curve_of(calibration: Calibration) -> Curve | None:
     """Make the curve of a calibration; None where the channel's values are physical already."""
     match calibration:
-        case Line():
+        case LineCalibration():
             if calibration.gain == 1.0 and calibration.offset == 0.0:
                 return None
             return StraightLine(calibration.gain, calibration.offset)
-        case Polynomial():
+        case PolynomialCalibration():
             return PolynomialCurve(calibration.coefficients, *calibration.values)
-        case Table():
+        case TableCalibration():
             return TableCurve(calibration.points())
 
 

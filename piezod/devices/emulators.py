@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from piezod.devices import plugins
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.devices.emulation.far_end import FarEnd
-from piezod.devices.emulation.faults import Faults
+from piezod.devices.emulation.faults import WireFaults
 from piezod.devices.emulation.places import address, make_own_folder
 from piezod.devices.emulation.pty_end import PtyEnd
 from piezod.devices.emulation.tcp_end import TcpEnd
@@ -40,7 +40,7 @@ def load(name: str) -> EmulatorPlugin:
     return plugins.load(GROUP, "emulator", EmulatorPlugin, name)
 
 
-class Post(NamedTuple):
+class EmulationRequest(NamedTuple):
     """A device to be served.
 
     Attributes:
@@ -51,7 +51,7 @@ class Post(NamedTuple):
 
     plugin: EmulatorPlugin
     where: str
-    faults: Faults
+    faults: WireFaults
 
 
 class Emulation:
@@ -63,7 +63,9 @@ class Emulation:
         serial_number: Of each, "" for its usual one.
     """
 
-    def __init__(self, posts: Sequence[Post], bench: Bench, serial_number: str = "") -> None:
+    def __init__(
+        self, posts: Sequence[EmulationRequest], bench: SharedRig, serial_number: str = ""
+    ) -> None:
         self._bench, self._serial_number = bench, serial_number
         self._stop = threading.Event()
         self._news = threading.Condition()
@@ -106,7 +108,7 @@ class Emulation:
         if failure is not None:
             raise failure
 
-    def _run(self, number: int, post: Post) -> None:
+    def _run(self, number: int, post: EmulationRequest) -> None:
         def ready(place: str) -> None:
             with self._news:
                 self._places[number] = place
@@ -119,7 +121,7 @@ class Emulation:
                 self._failure = failure
                 self._news.notify_all()
 
-    def _serve(self, post: Post, ready: Callable[[str], None]) -> None:
+    def _serve(self, post: EmulationRequest, ready: Callable[[str], None]) -> None:
         plugin, bench, stopping = post.plugin, self._bench, self._stop.is_set
         if plugin.serve is not None:
             plugin.serve(bench, post.where, post.faults, self._serial_number, ready, stopping)

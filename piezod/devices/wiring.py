@@ -5,7 +5,7 @@ from itertools import chain
 from typing import NamedTuple
 
 from piezod.config.axes import AxisConfig
-from piezod.config.channels import Calibration, InputConfig, LightConfig, Line
+from piezod.config.channels import Calibration, InputConfig, LightConfig, LineCalibration
 from piezod.config.devices import DeviceConfig
 from piezod.devices import registry
 from piezod.devices.interface import Device, Wiring
@@ -29,8 +29,8 @@ class ChannelPair(NamedTuple):
     amplifier: str
     input: str | None = None
     output: str | None = None
-    to_um: Calibration = Line()
-    to_v: Calibration = Line()
+    to_um: Calibration = LineCalibration()
+    to_v: Calibration = LineCalibration()
     light: LightConfig | None = None
     command: InputConfig | None = None
 

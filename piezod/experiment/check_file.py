@@ -18,7 +18,7 @@ from piezod.errors import ConfigError, DataError, ModelError, Problem
 _OF_EXPERIMENTS: Final = ExperimentConfig.model_fields.keys() - DaemonConfig.model_fields.keys()
 
 
-class Kind(StrEnum):
+class FileKind(StrEnum):
     """What a file is."""
 
     EXPERIMENT = "experiment"
@@ -35,7 +35,7 @@ class Checked(NamedTuple):
         error: All that is wrong, None for a file that can be used.
     """
 
-    kind: Kind | None
+    kind: FileKind | None
     contents: str
     error: ConfigError | None
 
@@ -51,7 +51,7 @@ def check_file(path: Path) -> Checked:
     return Checked(kind, contents, None)
 
 
-def _kind(path: Path) -> Kind:
+def _kind(path: Path) -> FileKind:
     keys = load_yaml(path).data.keys()
     of_experiment = len(keys & ExperimentConfig.model_fields.keys())
     of_model = len(keys & ModelFile.model_fields.keys())
@@ -63,8 +63,8 @@ def _kind(path: Path) -> Kind:
         )
         raise ConfigError(Problem(str(path), 0, 0, "", what))
     if of_model > of_experiment:
-        return Kind.MODEL
-    return Kind.EXPERIMENT if keys & _OF_EXPERIMENTS else Kind.STAGE
+        return FileKind.MODEL
+    return FileKind.EXPERIMENT if keys & _OF_EXPERIMENTS else FileKind.STAGE
 
 
 def _describe_experiment(path: Path) -> str:
@@ -95,9 +95,9 @@ def _describe_model(path: Path) -> str:
 
 
 _DESCRIBE: Final = {
-    Kind.EXPERIMENT: _describe_experiment,
-    Kind.STAGE: _describe_stage,
-    Kind.MODEL: _describe_model,
+    FileKind.EXPERIMENT: _describe_experiment,
+    FileKind.STAGE: _describe_stage,
+    FileKind.MODEL: _describe_model,
 }
 
 

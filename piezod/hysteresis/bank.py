@@ -19,8 +19,8 @@ from piezod.hysteresis.memory import (
     MAXIMUM,
     MINIMUM,
     FloatArray,
-    Loop,
     Memory,
+    MemoryLoop,
     backlash,
     commit,
     locate,
@@ -104,7 +104,7 @@ def new_bank_memory(bank: FloatArray, capacity: int = DEFAULT_CAPACITY) -> Memor
 
 @compiled
 def evaluate_plays(
-    memory: Memory, bank: FloatArray, loop: Loop, value: float, plays: FloatArray
+    memory: Memory, bank: FloatArray, loop: MemoryLoop, value: float, plays: FloatArray
 ) -> None:
     """Write all plays at an input that was located into `plays`, shape (2 M,)."""
     levels, values = memory.levels, memory.values

@@ -23,8 +23,8 @@ from piezod.hysteresis.memory import (
     SEEN,
     FloatArray,
     IntArray,
-    Loop,
     Memory,
+    MemoryLoop,
     backlash,
     commit,
     locate,
@@ -152,7 +152,9 @@ def _rescale(memory: Memory, up: FloatArray, down: FloatArray, output_is_drive: 
 
 
 @compiled
-def _output(memory: Memory, up: FloatArray, down: FloatArray, loop: Loop, value: float) -> float:
+def _output(
+    memory: Memory, up: FloatArray, down: FloatArray, loop: MemoryLoop, value: float
+) -> float:
     """Return x for an input v in its loop."""
     levels, values = memory.levels, memory.values
     if loop.rising:
@@ -167,7 +169,9 @@ def _output(memory: Memory, up: FloatArray, down: FloatArray, loop: Loop, value:
 
 
 @compiled
-def _solution(memory: Memory, up: FloatArray, down: FloatArray, loop: Loop, value: float) -> float:
+def _solution(
+    memory: Memory, up: FloatArray, down: FloatArray, loop: MemoryLoop, value: float
+) -> float:
     """Return v for an output x in its loop."""
     levels, values = memory.levels, memory.values
     if loop.rising:

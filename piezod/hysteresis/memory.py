@@ -52,7 +52,7 @@ class Memory(NamedTuple):
     counts: IntArray
 
 
-class Loop(NamedTuple):
+class MemoryLoop(NamedTuple):
     """Where an input lies: direction of the move and the depth of both stacks then."""
 
     rising: bool
@@ -152,7 +152,7 @@ def _remember(memory: Memory, side: int, place: int) -> None:
 
 
 @compiled
-def locate(memory: Memory, value: float) -> Loop:
+def locate(memory: Memory, value: float) -> MemoryLoop:
     """Return the loop in which a new input lies; what is remembered does not change.
 
     At a reversal the last input becomes an extremum: it is written into the first free place, which
@@ -178,11 +178,11 @@ def locate(memory: Memory, value: float) -> Loop:
             minima -= 1
             maxima -= 1
         rising = False
-    return Loop(rising, maxima, minima)
+    return MemoryLoop(rising, maxima, minima)
 
 
 @compiled
-def commit(memory: Memory, loop: Loop, value: float) -> bool:
+def commit(memory: Memory, loop: MemoryLoop, value: float) -> bool:
     """Make an input that was located, and evaluated into `now`, the last one.
 
     Return whether the stacks were full, so that a pair of extrema was given up.

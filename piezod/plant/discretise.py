@@ -124,7 +124,7 @@ def receiver(bandwidth_hz: float, antialias_hz: float, step_s: float) -> Matrix:
     return advance(system, np.array([rate, 0.0, 0.0]), _CUBIC)
 
 
-class Creep(NamedTuple):
+class DiscreteCreep(NamedTuple):
     """Creep as a sum of first-order lags.
 
     Attributes:
@@ -138,7 +138,7 @@ class Creep(NamedTuple):
     at_reference: float
 
 
-def creep(per_decade: float, step_s: float) -> Creep:
+def creep(per_decade: float, step_s: float) -> DiscreteCreep:
     """Approximate 1 + γ·log10(t / 0.1 s) from 10 ms to 3 hours, two lags to a decade of time.
 
     Args:
@@ -148,4 +148,4 @@ def creep(per_decade: float, step_s: float) -> Creep:
     times_s = 10.0 ** (np.arange(13) / 2 - 2)
     weights = np.full(len(times_s), per_decade / 2)
     at_reference = float(weights @ -np.expm1(-0.1 / times_s))
-    return Creep(weights, -np.expm1(-step_s / times_s), at_reference)
+    return DiscreteCreep(weights, -np.expm1(-step_s / times_s), at_reference)

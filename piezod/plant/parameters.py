@@ -14,7 +14,7 @@ import numpy as np
 VARIATION = 0.1
 
 
-class Quantity(NamedTuple):
+class ParameterRange(NamedTuple):
     """What a type cannot say about a parameter; the driver's options are made from it.
 
     Attributes:
@@ -37,35 +37,38 @@ class StageParameters:
     """The actuator and the mechanics that it moves."""
 
     drive_v: Annotated[
-        float, Quantity("V", 1, 1000, "drive that gives the full travel", varies=False)
+        float, ParameterRange("V", 1, 1000, "drive that gives the full travel", varies=False)
     ] = 150.0
     reversible_um: Annotated[
-        float, Quantity("µm", 0, 1000, "part of the travel that is without memory")
+        float, ParameterRange("µm", 0, 1000, "part of the travel that is without memory")
     ] = 11.4
     irreversible_um: Annotated[
-        float, Quantity("µm", 0, 1000, "part of the travel that is hysteretic")
+        float, ParameterRange("µm", 0, 1000, "part of the travel that is hysteretic")
     ] = 18.6
     exponent: Annotated[
         float,
-        Quantity("", 1.05, 2, "growth of the hysteretic part with the swing", varies=False),
+        ParameterRange("", 1.05, 2, "growth of the hysteretic part with the swing", varies=False),
     ] = 1.375
     skew: Annotated[
-        float, Quantity("", -1.4, 1.4, "slope of the Preisach density along the drive")
+        float, ParameterRange("", -1.4, 1.4, "slope of the Preisach density along the drive")
     ] = 0.19
     creep_per_decade: Annotated[
-        float, Quantity("", 0, 0.1, "creep per decade of time, as a fraction of the step")
+        float, ParameterRange("", 0, 0.1, "creep per decade of time, as a fraction of the step")
     ] = 0.01
     drift: Annotated[
-        float, Quantity("", 0, 0.2, "drift of the return point at full swing, fraction of travel")
+        float,
+        ParameterRange("", 0, 0.2, "drift of the return point at full swing, fraction of travel"),
     ] = 0.005
     drift_time_s: Annotated[
-        float, Quantity("s", 0.1, 1000, "time constant with which the return point drifts")
+        float, ParameterRange("s", 0.1, 1000, "time constant with which the return point drifts")
     ] = 2.5
     drift_memory_s: Annotated[
-        float, Quantity("s", 0.1, 1e5, "time constant with which a past swing is forgotten")
+        float, ParameterRange("s", 0.1, 1e5, "time constant with which a past swing is forgotten")
     ] = 60.0
-    mode_hz: Annotated[float, Quantity("Hz", 10, 5000, "first mechanical mode")] = 734.0
-    mode_damping: Annotated[float, Quantity("", 0.001, 0.9, "damping ratio of the mode")] = 0.03
+    mode_hz: Annotated[float, ParameterRange("Hz", 10, 5000, "first mechanical mode")] = 734.0
+    mode_damping: Annotated[float, ParameterRange("", 0.001, 0.9, "damping ratio of the mode")] = (
+        0.03
+    )
 
     @property
     def travel_um(self) -> float:
@@ -77,28 +80,33 @@ class StageParameters:
 class AmplifierParameters:
     """The path from the commanded voltage to the voltage across the actuator."""
 
-    gain: Annotated[float, Quantity("V/V", 0.1, 1000, "nominal gain", varies=False)] = 20.0
-    gain_error: Annotated[float, Quantity("", -0.1, 0.1, "relative error of the gain")] = 0.002
-    bandwidth_hz: Annotated[float, Quantity("Hz", 10, 1e5, "-3 dB bandwidth into the actuator")] = (
-        3000.0
+    gain: Annotated[float, ParameterRange("V/V", 0.1, 1000, "nominal gain", varies=False)] = 20.0
+    gain_error: Annotated[float, ParameterRange("", -0.1, 0.1, "relative error of the gain")] = (
+        0.002
     )
-    slew_v_per_s: Annotated[float, Quantity("V/s", 10, 1e9, "slew rate of the output")] = 5e4
-    current_limit_a: Annotated[float, Quantity("A", 1e-4, 100, "greatest output current")] = 0.1
-    capacitance_uf: Annotated[float, Quantity("µF", 1e-3, 1000, "capacitance of the actuator")] = (
-        3.0
+    bandwidth_hz: Annotated[
+        float, ParameterRange("Hz", 10, 1e5, "-3 dB bandwidth into the actuator")
+    ] = 3000.0
+    slew_v_per_s: Annotated[float, ParameterRange("V/s", 10, 1e9, "slew rate of the output")] = 5e4
+    current_limit_a: Annotated[float, ParameterRange("A", 1e-4, 100, "greatest output current")] = (
+        0.1
     )
+    capacitance_uf: Annotated[
+        float, ParameterRange("µF", 1e-3, 1000, "capacitance of the actuator")
+    ] = 3.0
     output_min_v: Annotated[
-        float, Quantity("V", -1000, 0, "lowest output voltage", varies=False)
+        float, ParameterRange("V", -1000, 0, "lowest output voltage", varies=False)
     ] = -10.0
     output_max_v: Annotated[
-        float, Quantity("V", 1, 1000, "highest output voltage", varies=False)
+        float, ParameterRange("V", 1, 1000, "highest output voltage", varies=False)
     ] = 160.0
-    noise_v: Annotated[float, Quantity("V rms", 0, 1, "noise of the output")] = 0.8e-3
+    noise_v: Annotated[float, ParameterRange("V rms", 0, 1, "noise of the output")] = 0.8e-3
     dac_bits: Annotated[
-        float, Quantity("bit", 4, 24, "resolution of the converter", varies=False)
+        float, ParameterRange("bit", 4, 24, "resolution of the converter", varies=False)
     ] = 16
     dac_range_v: Annotated[
-        float, Quantity("V", 0.1, 100, "the converter gives plus and minus this", varies=False)
+        float,
+        ParameterRange("V", 0.1, 100, "the converter gives plus and minus this", varies=False),
     ] = 10.0
 
 
@@ -107,33 +115,38 @@ class SensorParameters:
     """The path from the displacement to the voltage that the converter reports."""
 
     slope_v_per_um: Annotated[
-        float, Quantity("V/µm", 1e-4, 1000, "slope of the near side at small gaps")
+        float, ParameterRange("V/µm", 1e-4, 1000, "slope of the near side at small gaps")
     ] = 0.11
-    light_level: Annotated[float, Quantity("", 0, 10, "light, relative to nominal")] = 1.0
+    light_level: Annotated[float, ParameterRange("", 0, 10, "light, relative to nominal")] = 1.0
     nonlinearity: Annotated[
         float,
-        Quantity("", 0, 0.04, "what the best straight line leaves over the travel, of the travel"),
+        ParameterRange(
+            "", 0, 0.04, "what the best straight line leaves over the travel, of the travel"
+        ),
     ] = 0.01
     setback_um: Annotated[
         float,
-        Quantity("µm", 0, 1e4, "gap beyond the probe's best place, a third of the travel"),
+        ParameterRange("µm", 0, 1e4, "gap beyond the probe's best place, a third of the travel"),
     ] = 0.0
     noise_nm_per_rthz: Annotated[
-        float, Quantity("nm/√Hz", 0, 1000, "noise density at nominal light on the near side")
+        float, ParameterRange("nm/√Hz", 0, 1000, "noise density at nominal light on the near side")
     ] = 0.745
-    bandwidth_hz: Annotated[float, Quantity("Hz", 100, 1e6, "-3 dB bandwidth")] = 1e4
+    bandwidth_hz: Annotated[float, ParameterRange("Hz", 100, 1e6, "-3 dB bandwidth")] = 1e4
     antialias_hz: Annotated[
-        float, Quantity("Hz", 10, 1e5, "-3 dB frequency of the second-order low-pass filter")
+        float, ParameterRange("Hz", 10, 1e5, "-3 dB frequency of the second-order low-pass filter")
     ] = 500.0
-    delay_s: Annotated[float, Quantity("s", 0, 2e-3, "pure delay from drive to sample")] = 0.11e-3
+    delay_s: Annotated[float, ParameterRange("s", 0, 2e-3, "pure delay from drive to sample")] = (
+        0.11e-3
+    )
     adc_bits: Annotated[
-        float, Quantity("bit", 4, 24, "resolution of the converter", varies=False)
+        float, ParameterRange("bit", 4, 24, "resolution of the converter", varies=False)
     ] = 16
     adc_range_v: Annotated[
-        float, Quantity("V", 0.1, 100, "the converter resolves plus and minus this", varies=False)
+        float,
+        ParameterRange("V", 0.1, 100, "the converter resolves plus and minus this", varies=False),
     ] = 10.0
     saturation_v: Annotated[
-        float, Quantity("V", 0.1, 100, "no greater voltage is reported", varies=False)
+        float, ParameterRange("V", 0.1, 100, "no greater voltage is reported", varies=False)
     ] = 10.0
 
 
@@ -146,7 +159,7 @@ class PlantParameters:
     sensor: SensorParameters = field(default_factory=SensorParameters)
 
 
-def quantities(part: type[Any]) -> dict[str, Quantity]:
+def quantities(part: type[Any]) -> dict[str, ParameterRange]:
     """Give name and quantity of each parameter of a part, in the order of declaration."""
     hints = get_type_hints(part, include_extras=True)
     return {item.name: hints[item.name].__metadata__[0] for item in fields(part)}

@@ -16,7 +16,7 @@ _MEANINGS: Final = {
 }
 
 
-class Cell(NamedTuple):
+class ErrorCell(NamedTuple):
     """One error.
 
     Attributes:
@@ -34,7 +34,7 @@ class Cell(NamedTuple):
     missed: bool
 
 
-class Row(NamedTuple):
+class ErrorRow(NamedTuple):
     """The errors of one recording.
 
     Attributes:
@@ -44,13 +44,13 @@ class Row(NamedTuple):
     """
 
     mode: str
-    cells: tuple[Cell, ...]
+    cells: tuple[ErrorCell, ...]
     reference: float | None
 
 
 def error_table(
     result: ExperimentResult, reference: Reference | None = None
-) -> dict[tuple[str, str], tuple[Row, ...]]:
+) -> dict[tuple[str, str], tuple[ErrorRow, ...]]:
     """Return the errors of an experiment, rows of modes by (axis, case).
 
     Args:
@@ -83,7 +83,7 @@ def meaning(metrics: Sequence[str]) -> str:
 
 
 def verdict(
-    table: Mapping[tuple[str, str], Sequence[Row]], reference: Reference | None = None
+    table: Mapping[tuple[str, str], Sequence[ErrorRow]], reference: Reference | None = None
 ) -> str:
     """Say in one sentence how the errors compare with the reference; empty without one.
 
@@ -107,7 +107,7 @@ def _row(
     rivals: Sequence[Recording],
     metrics: Sequence[str],
     reference: Reference | None,
-) -> Row:
+) -> ErrorRow:
     cells = []
     for metric in metrics:
         value = recording.metrics.get(metric, math.nan)
@@ -115,5 +115,5 @@ def _row(
         others = [rival.metrics.get(metric, math.inf) for rival in rivals if rival is not recording]
         best = bool(others) and all(value <= other for other in others)
         best = best and metric_group(metric) != "noise"
-        cells.append(Cell(metric, value, limit, best, is_missed(value, limit)))
-    return Row(recording.mode, tuple(cells), reference.value(recording) if reference else None)
+        cells.append(ErrorCell(metric, value, limit, best, is_missed(value, limit)))
+    return ErrorRow(recording.mode, tuple(cells), reference.value(recording) if reference else None)

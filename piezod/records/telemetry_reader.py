@@ -17,7 +17,7 @@ from piezod.records.telemetry_header import TelemetryHeader
 
 
 @dataclass(frozen=True, eq=False)
-class Telemetry:
+class RecordedTelemetry:
     """A recording of a running stage, or a part of one.
 
     Attributes:
@@ -69,7 +69,7 @@ class Telemetry:
         return self.header.names["mode"][int(found[0])] if found.size == 1 else "mixed"
 
 
-def read_telemetry(path: Path, begin_s: float = -inf, end_s: float = inf) -> Telemetry:
+def read_telemetry(path: Path, begin_s: float = -inf, end_s: float = inf) -> RecordedTelemetry:
     """Read a recording; it may be one that is still being written, or was cut off.
 
     Args:
@@ -91,11 +91,11 @@ def read_telemetry(path: Path, begin_s: float = -inf, end_s: float = inf) -> Tel
             ) from error
 
 
-def _read(entry: h5py.Group, begin_s: float, end_s: float) -> Telemetry:
+def _read(entry: h5py.Group, begin_s: float, end_s: float) -> RecordedTelemetry:
     names = list(entry.attrs["axes"])
     cycles, axes = entry["cycles"], {name: entry[f"axis_{name}"] for name in names}
     part = _part("t_s", [cycles, *axes.values()], begin_s, end_s)
-    return Telemetry(
+    return RecordedTelemetry(
         header=_read_header(entry),
         lost=int(entry.attrs["lost"]),
         gaps=entry["gaps"][()],

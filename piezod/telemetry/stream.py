@@ -6,7 +6,7 @@ from piezod.telemetry.layout import STREAM_WORDS
 from piezod.telemetry.shared_map import SharedMap
 
 
-class Setpoint(NamedTuple):
+class StreamedSetpoint(NamedTuple):
     """A position that a stream asks for."""
 
     axis: int
@@ -47,7 +47,7 @@ class StreamReader:
         self._words, self._values = part.cast("q"), part.cast("d")
         self._seen = [0] * len(shared.layout.axes)
 
-    def take(self) -> list[Setpoint]:
+    def take(self) -> list[StreamedSetpoint]:
         """Return what is new since the last call; may be called in the loop.
 
         A setpoint that is just being written comes with the next call.
@@ -57,7 +57,7 @@ class StreamReader:
             at = axis * STREAM_WORDS
             count = words[at + 3]
             if count != seen:
-                setpoint = Setpoint(axis, self._values[at + 1], words[at + 2])
+                setpoint = StreamedSetpoint(axis, self._values[at + 1], words[at + 2])
                 if words[at] == count:
                     self._seen[axis] = count
                     fresh.append(setpoint)

@@ -12,10 +12,12 @@ from typing import Final, Protocol
 
 from piezod.devices.interface import Amplifier, Capabilities, Identity, KnowsTruth, Sample, Sensor
 from piezod.devices.status import NO_FLAGS, Flags, TellsStatus
-from piezod.testing.injections import Injection, Kind
+from piezod.testing.injections import Injection, InjectionKind
 
 _REMEMBERED: Final = 4096  # samples, for late ones
-_FLAGGED: Final = frozenset({Kind.FLAGGED, Kind.SENSOR_FLAGGED, Kind.LOST})
+_FLAGGED: Final = frozenset(
+    {InjectionKind.FLAGGED, InjectionKind.SENSOR_FLAGGED, InjectionKind.LOST}
+)
 
 
 class FaultyError(Exception):
@@ -71,7 +73,7 @@ class FaultyDevice:
         Raises:
             FaultyError: If that is the fault.
         """
-        if self._any(Kind.READ_RAISES, now_ns):
+        if self._any(InjectionKind.READ_RAISES, now_ns):
             raise FaultyError("the driver failed while it read")
         taken = list(self._inner.read(now_ns))
         self._past.append(tuple(taken))
@@ -93,13 +95,13 @@ class FaultyDevice:
         Raises:
             FaultyError: If that is the fault.
         """
-        if self._any(Kind.WRITE_RAISES, now_ns):
+        if self._any(InjectionKind.WRITE_RAISES, now_ns):
             raise FaultyError("the driver failed while it wrote")
-        if self._any(Kind.REFUSED, now_ns) or self._any(Kind.LOST, now_ns):
+        if self._any(InjectionKind.REFUSED, now_ns) or self._any(InjectionKind.LOST, now_ns):
             return False
         sent_v = list(drive_v)
         for one in self._now(now_ns):
-            if one.kind is Kind.STUCK_OUTPUT and self._drive_v:
+            if one.kind is InjectionKind.STUCK_OUTPUT and self._drive_v:
                 sent_v[one.axis] = self._drive_v[one.axis]
         taken = self._inner.write(sent_v, now_ns)
         if taken:
@@ -110,9 +112,9 @@ class FaultyDevice:
         """Tell the voltages in force, and spoil them."""
         told_v = list(self._inner.read_back(now_ns))
         for one in self._now(now_ns):
-            if one.kind is Kind.READ_BACK_OFFSET:
+            if one.kind is InjectionKind.READ_BACK_OFFSET:
                 told_v[one.axis] += one.value
-            elif one.kind is Kind.LOST:
+            elif one.kind is InjectionKind.LOST:
                 told_v[one.axis] = nan
         return told_v
 
@@ -127,36 +129,36 @@ class FaultyDevice:
         for one in self._now(now_ns):
             if one.kind in _FLAGGED:
                 told[one.axis] |= {one.flag}
-            if one.kind in _FLAGGED - {Kind.SENSOR_FLAGGED}:
+            if one.kind in _FLAGGED - {InjectionKind.SENSOR_FLAGGED}:
                 told[n_inputs + one.axis] |= {one.flag}
         return told
 
     def _now(self, now_ns: int) -> list[Injection]:
         return [one for one in self.schedule if one.start_ns <= now_ns < one.end_ns]
 
-    def _any(self, kind: Kind, now_ns: int) -> bool:
+    def _any(self, kind: InjectionKind, now_ns: int) -> bool:
         return any(one.kind is kind for one in self._now(now_ns))
 
     def _spoilt(self, one: Injection, sample: Sample, now_ns: int) -> Sample:
         t_ns, position_um, valid = sample
         match one.kind:
-            case Kind.STUCK:
+            case InjectionKind.STUCK:
                 position_um = self._frozen.setdefault(one.axis, sample).position_um
-            case Kind.DUPLICATE:
+            case InjectionKind.DUPLICATE:
                 return self._frozen.setdefault(one.axis, self._at(one.axis, now_ns - 1))
-            case Kind.LATE:
+            case InjectionKind.LATE:
                 return self._at(one.axis, now_ns - int(one.value))
-            case Kind.REPLACED:
+            case InjectionKind.REPLACED:
                 position_um = one.value
-            case Kind.OFFSET:
+            case InjectionKind.OFFSET:
                 position_um += one.value
-            case Kind.GAIN:
+            case InjectionKind.GAIN:
                 position_um *= one.value
-            case Kind.NOISE:
+            case InjectionKind.NOISE:
                 position_um += one.value * self._random.gauss()
-            case Kind.GARBAGE:
+            case InjectionKind.GARBAGE:
                 position_um = one.value * self._random.uniform(-1.0, 1.0)
-            case Kind.DROPPED | Kind.LOST:
+            case InjectionKind.DROPPED | InjectionKind.LOST:
                 valid = False
         return Sample(t_ns, position_um, valid)
 

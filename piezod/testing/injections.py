@@ -7,7 +7,7 @@ from typing import NamedTuple
 from piezod.devices.status import DeviceFlag
 
 
-class Kind(StrEnum):
+class InjectionKind(StrEnum):
     """How a device fails, and what the value of an injection means for it."""
 
     STUCK = "stuck"
@@ -54,11 +54,11 @@ class Injection(NamedTuple):
         start_ns: From this instant on,
         end_ns: and before this one.
         axis: Index of the axis.
-        value: How much, see `Kind`.
+        value: How much, see `InjectionKind`.
         flag: What the status says, where it says something.
     """
 
-    kind: Kind
+    kind: InjectionKind
     start_ns: int
     end_ns: float = inf
     axis: int = 0

@@ -14,7 +14,7 @@ from piezod.devices.bus.serial_line import SerialLine
 from piezod.devices.interface import Identity
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.emulated.driver import EmulatedRig
-from piezod_drivers.emulated.options import Options
+from piezod_drivers.emulated.options import EmulatedOptions
 from tests.cli.conftest import Command
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import emulated
@@ -78,7 +78,7 @@ def test_rig_is_that_of_a_configuration(piezod: Command, folder: Path, stage: st
     """Options, axes and seed are those of the device; --json says where it is."""
     path = folder / "rig.sock"
     arguments = ["--config", stage, "--device", "rig", "--socket", path, "--json"]
-    driver = EmulatedRig(Options(socket=str(path)), ("x", "y"))
+    driver = EmulatedRig(EmulatedOptions(socket=str(path)), ("x", "y"))
     with ended_by(signal.SIGINT, driver) as found:
         code, out, _ = piezod("emulate", "simulated", *arguments)
 
@@ -94,7 +94,7 @@ def test_rig_is_where_drivers_look_by_default(
 ) -> None:
     """Without --socket it serves that of the driver's default options, and makes its folder."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
-    with ended_by(signal.SIGTERM, EmulatedRig(Options(), ("x",))) as found:
+    with ended_by(signal.SIGTERM, EmulatedRig(EmulatedOptions(), ("x",))) as found:
         code, out, _ = piezod("emulate", "simulated")
 
     assert code == 0

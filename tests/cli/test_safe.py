@@ -19,7 +19,7 @@ from piezod.daemon.noted_identities import note_identities
 from piezod.daemon.paths import StagePaths, stage_paths
 from piezod.devices.interface import Identity
 from piezod_drivers.emulated.driver import EmulatedRig
-from piezod_drivers.emulated.options import Options
+from piezod_drivers.emulated.options import EmulatedOptions
 from tests.cli.conftest import Command
 from tests.daemon.locks import is_held
 from tests.daemon.waiting import eventually
@@ -55,7 +55,9 @@ def paths(folder: Path, monkeypatch: pytest.MonkeyPatch) -> StagePaths:
 @pytest.fixture
 def rig(folder: Path) -> Iterator[EmulatedRig]:
     """Return a driver that is closed, of a rig that is at 60 V."""
-    driver = EmulatedRig(Options(socket=str(folder / "rig.sock"), deadline_ms=1000.0), ("x",))
+    driver = EmulatedRig(
+        EmulatedOptions(socket=str(folder / "rig.sock"), deadline_ms=1000.0), ("x",)
+    )
     with hosted(folder / "rig.sock", folder / "trace.csv"):
         driver.open()
         driver.activate(time.monotonic_ns())

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from piezod.commission.procedure import Findings, Step, steps_of
+from piezod.commission.procedure import Findings, ProcedureStep, steps_of
 from piezod.commission.profile import profile
 from piezod.commission.session import Session
 from piezod.config.daemon import StageAxisConfig, load_daemon
@@ -13,7 +13,7 @@ from piezod.control.limits import Limits
 from piezod.devices import registry
 from piezod.devices.interface import Device, Identity
 from piezod.testing.faulty import FaultyDevice
-from piezod.testing.injections import Injection, Kind
+from piezod.testing.injections import Injection, InjectionKind
 from tests.commission.axes import configured, resting_at, session
 
 STAGE = {"reversible_um": 12.0, "irreversible_um": 18.0}
@@ -21,7 +21,7 @@ RIG = {"sensor": {"delay_s": 1e-4}, "amplifier": {"gain_error": 0.0}, "stage": S
 WHO = {"rig": Identity("maker", "model", "serial", "firmware")}
 
 
-def done(axis: Session, findings: Findings) -> list[Step]:
+def done(axis: Session, findings: Findings) -> list[ProcedureStep]:
     """Do all steps of an axis."""
     steps = []
     for step in steps_of(axis, findings):
@@ -55,7 +55,7 @@ def test_a_slow_axis_is_commissioned(rate_hz: float, tmp_path: Path) -> None:
 def turned(device: Device) -> Device:
     """Turn the sign of a sensor over whose stage somebody has left at 100 V."""
     left = resting_at(100.0)(device)
-    return FaultyDevice(left, [Injection(Kind.GAIN, 0, value=-1.0)])  # type: ignore[arg-type] # the rig is both
+    return FaultyDevice(left, [Injection(InjectionKind.GAIN, 0, value=-1.0)])  # type: ignore[arg-type] # the rig is both
 
 
 @pytest.mark.parametrize(

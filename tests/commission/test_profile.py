@@ -12,7 +12,7 @@ from piezod.commission.procedure import Findings
 from piezod.commission.profile import profile
 from piezod.commission.response import Response
 from piezod.commission.ringing import Ringing
-from piezod.commission.session import Trace
+from piezod.commission.session import SessionTrace
 from piezod.commission.sheet import Sheet, write_sheet
 from piezod.commission.travel import Travel
 from piezod.config.daemon import DaemonConfig, SafetyConfig, load_daemon
@@ -127,7 +127,7 @@ def test_a_stage_without_a_mode_has_none(tmp_path: Path) -> None:
 def test_a_sheet_tells_what_was_not_done(tmp_path: Path) -> None:
     """A page is written whatever is missing, with the data that there is beside it."""
     t_s = np.linspace(0.0, 1.0, 11)
-    traces = {"noise": Trace(t_s, 0 * t_s, 0 * t_s, np.sin(t_s))}
+    traces = {"noise": SessionTrace(t_s, 0 * t_s, 0 * t_s, np.sin(t_s))}
     found = Findings(noise=FOUND.noise, traces=traces)
     sheet = Sheet("x", {"rate": "1000 Hz"}, WHO, found, ["polarity", "delay"], "stage.yaml", "")
     text = write_sheet(tmp_path, sheet).read_text(encoding="utf-8")

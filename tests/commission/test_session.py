@@ -11,21 +11,23 @@ from math import inf, nan, sin
 import numpy as np
 import pytest
 
-from piezod.commission.session import PATIENCE_S, Session, Trace, joined
+from piezod.commission.session import PATIENCE_S, Session, SessionTrace, joined
 from piezod.control.limits import Limits
 from piezod.devices.interface import Device
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod.testing.fake_clock import FakeClock
 from piezod.testing.faulty import FaultyDevice, FaultyError
-from piezod.testing.injections import Injection, Kind
+from piezod.testing.injections import Injection, InjectionKind
 from tests.commission.axes import T0_NS, resting_at, session
 from tests.daemon.waiting import eventually
 
 SOON_NS = T0_NS + 2_100_000_000
 
 
-def faulty(kind: Kind, value: float = nan, flag: DeviceFlag = DeviceFlag.OVERLOAD) -> FaultyDevice:
+def faulty(
+    kind: InjectionKind, value: float = nan, flag: DeviceFlag = DeviceFlag.OVERLOAD
+) -> FaultyDevice:
     """Return a wrapper that fails from a tenth of a second on."""
     return lambda device: FaultyDevice(device, [Injection(kind, SOON_NS, value=value, flag=flag)])  # type: ignore[return-value] # a factory; the rig is both
 
@@ -66,9 +68,12 @@ def test_a_ramp_takes_its_time() -> None:
 @pytest.mark.parametrize(
     ("wrap", "text"),
     [
-        (faulty(Kind.REFUSED), "has refused 0.00 V for 2.0 s"),
-        (faulty(Kind.READ_BACK_OFFSET, 7.0), "the voltage read back is 7.0 V off"),
-        (faulty(Kind.FLAGGED, flag=DeviceFlag.SHORT_OR_OPEN), "the device says: short or open"),
+        (faulty(InjectionKind.REFUSED), "has refused 0.00 V for 2.0 s"),
+        (faulty(InjectionKind.READ_BACK_OFFSET, 7.0), "the voltage read back is 7.0 V off"),
+        (
+            faulty(InjectionKind.FLAGGED, flag=DeviceFlag.SHORT_OR_OPEN),
+            "the device says: short or open",
+        ),
     ],
 )
 def test_a_device_that_does_not_do_what_it_is_told_ends_a_step(
@@ -90,7 +95,7 @@ def test_an_unknown_voltage_is_no_place_to_begin() -> None:
 
 def test_samples_that_are_not_valid_are_left_out() -> None:
     """They count in the share of valid ones."""
-    with session(wrap=faulty(Kind.DROPPED)) as axis:  # type: ignore[arg-type] # a factory
+    with session(wrap=faulty(InjectionKind.DROPPED)) as axis:  # type: ignore[arg-type] # a factory
         trace = axis.rest(0.2)
 
     assert trace.valid_pct == pytest.approx(50.0, abs=2.0)
@@ -105,12 +110,12 @@ def test_joined_traces_have_one_time_axis() -> None:
     assert trace.t_s[-1] == pytest.approx(0.15, abs=0.01)
 
 
-def _short(axis: Session) -> Trace:
+def _short(axis: Session) -> SessionTrace:
     return axis.rest(0.05)
 
 
 def _no_read_back() -> Injection:
-    return Injection(Kind.READ_BACK_OFFSET, 0, value=nan)
+    return Injection(InjectionKind.READ_BACK_OFFSET, 0, value=nan)
 
 
 def written_by(axis: Session, wrap: list[float]) -> None:
@@ -168,7 +173,7 @@ def test_a_pause_makes_no_step() -> None:
 
 def test_refusals_that_end_in_time_cost_nothing_but_time() -> None:
     """A lost reply, after which nothing may be asked for 300 ms, does not end the way back."""
-    refused = Injection(Kind.REFUSED, SOON_NS, SOON_NS + 300_000_000)
+    refused = Injection(InjectionKind.REFUSED, SOON_NS, SOON_NS + 300_000_000)
     with session(wrap=lambda device: FaultyDevice(device, [refused])) as axis:  # type: ignore[arg-type] # the rig is both
         trace = axis.go(10.0)
         axis.back()
@@ -181,7 +186,7 @@ def test_refusals_that_end_in_time_cost_nothing_but_time() -> None:
 def test_a_voltage_that_somebody_else_has_changed_is_left_alone(flag: DeviceFlag) -> None:
     """The way back would be a step: nothing is written any more."""
     written: list[float] = []
-    with session(wrap=faulty(Kind.FLAGGED, flag=flag)) as axis:  # type: ignore[arg-type] # a factory
+    with session(wrap=faulty(InjectionKind.FLAGGED, flag=flag)) as axis:  # type: ignore[arg-type] # a factory
         with pytest.raises(DeviceError, match=str(flag)):
             axis.go(20.0)
         written_by(axis, written)
@@ -206,7 +211,7 @@ def test_the_voltage_is_held_while_somebody_is_waited_for() -> None:
 def test_what_goes_wrong_meanwhile_is_told() -> None:
     """When the wait is over."""
     written: list[float] = []
-    with session(wrap=faulty(Kind.FLAGGED)) as axis:  # type: ignore[arg-type] # a factory
+    with session(wrap=faulty(InjectionKind.FLAGGED)) as axis:  # type: ignore[arg-type] # a factory
         written_by(axis, written)
         with pytest.raises(DeviceError, match="overload"), axis.holding():
             eventually(lambda: len(written) > 90)
@@ -215,7 +220,7 @@ def test_what_goes_wrong_meanwhile_is_told() -> None:
 def test_whatever_a_driver_raises_meanwhile_is_told() -> None:
     """Not only what piezod raises on purpose."""
     written: list[float] = []
-    with session(wrap=faulty(Kind.WRITE_RAISES)) as axis:  # type: ignore[arg-type] # a factory
+    with session(wrap=faulty(InjectionKind.WRITE_RAISES)) as axis:  # type: ignore[arg-type] # a factory
         written_by(axis, written)
         with pytest.raises(FaultyError, match="while it wrote"), axis.holding():
             eventually(lambda: len(written) > 90)
@@ -296,7 +301,7 @@ def test_a_way_back_that_ends_elsewhere_is_told() -> None:
 
 def test_a_voltage_that_is_off_ends_many_short_rests() -> None:
     """None of them lasts for so many cycles; a volt is much for 0 to 10 V."""
-    off = Injection(Kind.READ_BACK_OFFSET, SOON_NS, value=1.0)
+    off = Injection(InjectionKind.READ_BACK_OFFSET, SOON_NS, value=1.0)
     with (
         session(wrap=lambda one: FaultyDevice(one, [off]), limits=Limits(0.0, 10.0, 1e4)) as axis,  # type: ignore[arg-type] # the rig is both
         pytest.raises(DeviceError, match=r"read back is 1\.0 V off"),
@@ -324,7 +329,7 @@ def test_an_amplifier_that_follows_late_is_not_off() -> None:
 
 def test_what_was_refused_on_the_way_there_costs_nothing_on_the_way_back() -> None:
     """The way back has patience of its own."""
-    refused = Injection(Kind.REFUSED, SOON_NS, SOON_NS + 3_000_000_000)
+    refused = Injection(InjectionKind.REFUSED, SOON_NS, SOON_NS + 3_000_000_000)
     with session(wrap=lambda one: FaultyDevice(one, [refused])) as axis:  # type: ignore[arg-type] # the rig is both
         with pytest.raises(DeviceError, match="has refused"):
             axis.go(20.0)

@@ -7,12 +7,12 @@ from piezod.commission.noise import measure_noise
 from piezod.commission.polarity import find_polarity
 from piezod.commission.response import measure_delay
 from piezod.commission.ringing import find_ringing
-from piezod.commission.session import Trace
+from piezod.commission.session import SessionTrace
 from piezod.commission.travel import amplifier_of, excursion, travel_of
 from piezod.devices.interface import Device
 from piezod.errors import DeviceError
 from piezod.testing.faulty import FaultyDevice
-from piezod.testing.injections import Injection, Kind
+from piezod.testing.injections import Injection, InjectionKind
 from tests.commission.axes import T0_NS, session
 
 STAGE = {"mode_hz": 700.0, "mode_damping": 0.03, "reversible_um": 12.0, "irreversible_um": 18.0}
@@ -21,12 +21,12 @@ QUIET = {"amplifier": {"gain_error": 0.004}, "sensor": {"delay_s": 1e-4}, "stage
 
 def reversed_sensor(device: Device) -> Device:
     """Turn the sensor's sign over."""
-    return FaultyDevice(device, [Injection(Kind.GAIN, 0, value=-1.0)])  # type: ignore[arg-type] # the rig is both
+    return FaultyDevice(device, [Injection(InjectionKind.GAIN, 0, value=-1.0)])  # type: ignore[arg-type] # the rig is both
 
 
 def stuck_output(device: Device) -> Device:
     """Let the amplifier acknowledge, and stay."""
-    return FaultyDevice(device, [Injection(Kind.STUCK_OUTPUT, 0)])  # type: ignore[arg-type] # the rig is both
+    return FaultyDevice(device, [Injection(InjectionKind.STUCK_OUTPUT, 0)])  # type: ignore[arg-type] # the rig is both
 
 
 def test_noise_is_that_of_the_sensor() -> None:
@@ -40,7 +40,7 @@ def test_noise_is_that_of_the_sensor() -> None:
 
 def test_a_sensor_that_shows_one_value_is_not_believed() -> None:
     """Nothing that measures is free of noise."""
-    stuck = Injection(Kind.REPLACED, 0, value=1.0)
+    stuck = Injection(InjectionKind.REPLACED, 0, value=1.0)
     with (
         session(wrap=lambda device: FaultyDevice(device, [stuck])) as axis,  # type: ignore[arg-type] # the rig is both
         pytest.raises(DeviceError, match="the same value all the time"),
@@ -50,7 +50,7 @@ def test_a_sensor_that_shows_one_value_is_not_believed() -> None:
 
 def test_a_sensor_without_valid_samples_ends_the_step() -> None:
     """The share is told."""
-    dropped = Injection(Kind.DROPPED, 0)
+    dropped = Injection(InjectionKind.DROPPED, 0)
     with (
         session(wrap=lambda device: FaultyDevice(device, [dropped])) as axis,  # type: ignore[arg-type] # the rig is both
         pytest.raises(DeviceError, match="0 % of the sensor's samples are valid"),
@@ -79,7 +79,10 @@ def test_a_reversed_sensor_shows() -> None:
 
 def test_a_stage_that_does_not_move_is_told_from_noise() -> None:
     """The error says by how much it moved, and what to check."""
-    still = [Injection(Kind.REPLACED, 0, value=1.0), Injection(Kind.NOISE, 0, value=0.02)]
+    still = [
+        Injection(InjectionKind.REPLACED, 0, value=1.0),
+        Injection(InjectionKind.NOISE, 0, value=0.02),
+    ]
     with (
         session(QUIET, wrap=lambda one: FaultyDevice(one, still)) as axis,  # type: ignore[arg-type] # the rig is both
         pytest.raises(DeviceError, match=r"does not move: .* nm for \+3\.00 V"),
@@ -155,7 +158,7 @@ DEAD_NS = T0_NS + 2_500_000_000
 
 def dying_sensor(device: Device) -> Device:
     """Have the sensor give nothing from half a second on."""
-    return FaultyDevice(device, [Injection(Kind.DROPPED, DEAD_NS)])  # type: ignore[arg-type] # the rig is both
+    return FaultyDevice(device, [Injection(InjectionKind.DROPPED, DEAD_NS)])  # type: ignore[arg-type] # the rig is both
 
 
 def test_a_sensor_that_dies_has_no_polarity() -> None:
@@ -191,7 +194,7 @@ def test_a_sensor_that_is_blind_at_the_far_end_has_no_travel() -> None:
     t_s = np.linspace(0.0, 100.0, 10_001)
     drive_v = np.minimum(t_s, 100.0 - t_s)
     position_um = np.where(drive_v > 49.9, np.nan, 0.2 * drive_v)
-    trace = Trace(t_s, drive_v, drive_v, position_um)
+    trace = SessionTrace(t_s, drive_v, drive_v, position_um)
 
     with pytest.raises(DeviceError, match=r"no valid samples at 50\.0 V"):
         travel_of(trace, 0.02)

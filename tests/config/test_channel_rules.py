@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import pytest
 from pydantic import BaseModel
 
-from piezod.config.channels import InputConfig, LightConfig, Line, OutputConfig
+from piezod.config.channels import InputConfig, LightConfig, LineCalibration, OutputConfig
 from piezod.config.daemon import DaemonConfig
 from piezod.config.fields import ConfigModel, Context
 from piezod.config.validate import validate
@@ -75,7 +75,7 @@ def test_a_stage_whose_channels_are_there_is_right() -> None:
 
     assert axes["x"].sensor == InputConfig(device="gauge", channel="out")
     assert axes["y"].amplifier == OutputConfig(
-        device="daq", channel="DAC1", calibration=Line(gain=15.0)
+        device="daq", channel="DAC1", calibration=LineCalibration(gain=15.0)
     )
 
 
@@ -182,7 +182,7 @@ def test_a_calibration_that_is_written_down_is_meant() -> None:
     """Even where it changes nothing: 1 V may be 1 µm."""
     axes = load(("{kind: line, gain: 4}", "{kind: line}")).axes
 
-    assert axes["y"].sensor.calibration == Line()
+    assert axes["y"].sensor.calibration == LineCalibration()
 
 
 def test_light_and_command_are_read_from_the_file() -> None:

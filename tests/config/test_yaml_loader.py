@@ -7,7 +7,7 @@ import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from piezod.config.document import Place, format_path
+from piezod.config.document import SourcePlace, format_path
 from piezod.config.yaml_events import MAX_BYTES
 from piezod.config.yaml_loader import MAX_DEPTH, load_yaml, parse_yaml
 from piezod.errors import ConfigError
@@ -31,10 +31,10 @@ def test_places() -> None:
     """Keys and values have the line and column where they start, counted from 1."""
     document = parse_yaml("a: 1\nb:\n  - c:  2\n", "f")
 
-    assert Place(2, 1) == document.keys["b",]
-    assert Place(3, 3) == document.values["b",]
-    assert Place(3, 5) == document.keys["b", 0, "c"]
-    assert Place(3, 9) == document.values["b", 0, "c"]
+    assert SourcePlace(2, 1) == document.keys["b",]
+    assert SourcePlace(3, 3) == document.values["b",]
+    assert SourcePlace(3, 5) == document.keys["b", 0, "c"]
+    assert SourcePlace(3, 9) == document.values["b", 0, "c"]
 
 
 def test_byte_order_mark_and_line_ends(tmp_path: Path) -> None:
@@ -44,7 +44,7 @@ def test_byte_order_mark_and_line_ends(tmp_path: Path) -> None:
     document = load_yaml(path)
 
     assert document.data == {"a": 1, "b": 2}
-    assert (Place(1, 4), Place(2, 4)) == (document.values["a",], document.values["b",])
+    assert (SourcePlace(1, 4), SourcePlace(2, 4)) == (document.values["a",], document.values["b",])
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from piezod.devices.channels import Channels
 from piezod.devices.interface import Device
 from piezod.devices.wiring import ChannelPair, construct, pairs_of
 from piezod.testing.faulty import FaultyDevice, SensorAmplifier
-from piezod.testing.injections import Injection, Kind
+from piezod.testing.injections import Injection, InjectionKind
 from piezod.units import NS_PER_S
 
 CONFIG = Path(__file__).parents[2] / "config" / "simulated.yaml"
@@ -180,7 +180,7 @@ class FaultyStage(LiveStage):
         )
         (self.device,) = made
 
-    def fail(self, kind: Kind, cycles: int | None = None, **what: Any) -> None:
+    def fail(self, kind: InjectionKind, cycles: int | None = None, **what: Any) -> None:
         """Have the rig fail from the next cycle on, for some cycles or for ever."""
         start_ns = self.t_ns + 1
         end_ns = inf if cycles is None else start_ns + cycles * self.period_ns

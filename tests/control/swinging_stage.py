@@ -8,7 +8,7 @@ from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Sine
 from piezod.control.stage.record import StageRecord
-from piezod.testing.injections import Kind
+from piezod.testing.injections import InjectionKind
 from tests.control.live_stage import FaultyStage, quick
 
 SWING = rq.Wave(
@@ -47,7 +47,7 @@ class Case:
     """A fault, and what is done about it: the first state that is left for, and in which cycle."""
 
     fault: str
-    kind: Kind
+    kind: InjectionKind
     what: dict[str, Any]
     state: State
     within_cycles: int

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import structlog
 
-from piezod.daemon.logging import MOST, WITHIN_S, RateLimit, logger, set_up_logging
+from piezod.daemon.logging import MOST, WITHIN_S, EventRateLimit, logger, set_up_logging
 from piezod.units import NS_PER_S
 
 
@@ -69,7 +69,7 @@ def test_people_get_plain_lines() -> None:
 def test_flood_is_cut_and_counted() -> None:
     """Of a kind ten lines pass in ten seconds; the first one after tells how many did not."""
     now_s = 0.0
-    limit = RateLimit(lambda: now_s)
+    limit = EventRateLimit(lambda: now_s)
     kept = 0
     for _ in range(100_000):
         try:
@@ -87,7 +87,7 @@ def test_flood_is_cut_and_counted() -> None:
 
 def test_flood_of_one_fault_hides_no_other() -> None:
     """Kinds are counted each for itself."""
-    limit = RateLimit(lambda: 0.0)
+    limit = EventRateLimit(lambda: 0.0)
     for _ in range(MOST):
         limit(None, "warning", {"event": "fault", "fault": "S4"})
 

@@ -5,15 +5,15 @@ from math import isnan, nan
 
 import pytest
 
-from piezod.config.channels import InputConfig, LightConfig, Line, Table
+from piezod.config.channels import InputConfig, LightConfig, LineCalibration, TableCalibration
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Capabilities, Identity, Sample, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag
 from piezod.devices.wiring import ChannelPair, wiring_of
 
-LINE = Line(gain=4.0, offset=1.0)
+LINE = LineCalibration(gain=4.0, offset=1.0)
 LIGHT = LightConfig(channel="lamp", nominal=2.0, least=1.0)
-TENFOLD = Table(values=(0.0, 10.0), physical=(0.0, 150.0))
+TENFOLD = TableCalibration(values=(0.0, 10.0), physical=(0.0, 150.0))
 
 
 class Converter:

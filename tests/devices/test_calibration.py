@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from piezod.config.channels import Line, Polynomial, Table
+from piezod.config.channels import LineCalibration, PolynomialCalibration, TableCalibration
 from piezod.config.polynomial import derivative, evaluate, is_monotonic
 from piezod.devices.calibration import (
     Curve,
@@ -107,12 +107,14 @@ def test_beyond_its_ends_a_curve_does_not_hold(curve: Curve) -> None:
 
 def test_what_is_physical_already_costs_nothing() -> None:
     """There is no curve to go through."""
-    assert curve_of(Line()) is None
-    assert curve_of(Line(gain=2.0)) is not None
-    assert curve_of(Line(offset=2.0)) is not None
+    assert curve_of(LineCalibration()) is None
+    assert curve_of(LineCalibration(gain=2.0)) is not None
+    assert curve_of(LineCalibration(offset=2.0)) is not None
 
 
-PEAK = Table(values=(1.0, 3.0, 4.0, 3.5, 2.0), physical=(0.0, 10.0, 20.0, 30.0, 40.0), side="near")
+PEAK = TableCalibration(
+    values=(1.0, 3.0, 4.0, 3.5, 2.0), physical=(0.0, 10.0, 20.0, 30.0, 40.0), side="near"
+)
 
 
 def test_the_near_side_is_what_comes_before_the_greatest_value() -> None:
@@ -140,7 +142,7 @@ def test_the_far_side_has_the_opposite_slope() -> None:
 
 def test_the_gap_may_grow_while_what_is_physical_falls() -> None:
     """The order of the points says what the gap does: near is where it begins."""
-    towards = Table(
+    towards = TableCalibration(
         values=PEAK.values, physical=tuple(-physical for physical in PEAK.physical), side="near"
     )
     curve = curve_of(towards)
@@ -184,4 +186,4 @@ def test_a_level_point_has_an_inverse_too() -> None:
 
     assert curve.value(0.0) == pytest.approx(0.0, abs=1e-9)
     assert curve.value(1e-12) == pytest.approx(1e-4, rel=1e-9)
-    assert curve_of(Polynomial(coefficients=(1.0, -2.0), values=(0.0, 1.0))) is not None
+    assert curve_of(PolynomialCalibration(coefficients=(1.0, -2.0), values=(0.0, 1.0))) is not None

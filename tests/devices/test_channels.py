@@ -5,7 +5,12 @@ from math import isnan
 
 import pytest
 
-from piezod.config.channels import Calibration, Line, Polynomial, Table
+from piezod.config.channels import (
+    Calibration,
+    LineCalibration,
+    PolynomialCalibration,
+    TableCalibration,
+)
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Capabilities, Identity, KnowsTruth, Sample, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
@@ -314,7 +319,7 @@ def test_limits_that_an_amplifier_cannot_reach_are_told(
     limits_v: tuple[float, float], *, beyond: bool
 ) -> None:
     """The axis is named, and how far its amplifier goes."""
-    text = ranged(-20.0, 120.0, Line()).beyond_reach([limits_v])
+    text = ranged(-20.0, 120.0, LineCalibration()).beyond_reach([limits_v])
 
     assert bool(text) is beyond
     assert not beyond or "axis x" in text
@@ -329,8 +334,8 @@ def test_a_calibration_may_hold_for_less_than_the_device_can_give(
     """Rising or falling, what it holds for can be reached; what only the limits ask for cannot."""
     high_v = 150.0 if whole else 120.0
     for curve in (
-        Table(values=(0.0, 10.0), physical=(0.0, 150.0 * sign)),
-        Polynomial(coefficients=(0.0, 15.0 * sign), values=(0.0, 10.0)),
+        TableCalibration(values=(0.0, 10.0), physical=(0.0, 150.0 * sign)),
+        PolynomialCalibration(coefficients=(0.0, 15.0 * sign), values=(0.0, 10.0)),
     ):
         channels = ranged(-10.0, 10.0 if whole else 8.0, curve)
         limits_v = sorted((0.0, high_v * sign)), sorted((0.0, 151.0 * sign))
@@ -342,7 +347,7 @@ def test_a_calibration_may_hold_for_less_than_the_device_can_give(
 
 def test_the_end_of_what_an_amplifier_can_give_can_be_written() -> None:
     """Without a bit too much, which it would refuse in each cycle."""
-    channels = ranged(0.0, 10.0, Line(gain=1.5, offset=12.1))
+    channels = ranged(0.0, 10.0, LineCalibration(gain=1.5, offset=12.1))
     channels.write([27.1], 0)
 
     assert channels.beyond_reach([(20.0, 27.1)]) == ""

@@ -13,7 +13,7 @@ from piezod.devices import registry
 from piezod.devices.interface import Amplifier, Capabilities, Identity, KnowsTruth, Sample, Sensor
 from piezod.devices.status import NO_FLAGS, DeviceFlag, TellsStatus
 from piezod.testing.faulty import FaultyDevice, FaultyError
-from piezod.testing.injections import Injection, Kind
+from piezod.testing.injections import Injection, InjectionKind
 
 PIEZOD = Path(registry.__file__).parents[1]
 
@@ -52,7 +52,7 @@ class Rig:
         return self.drive_v
 
 
-def failing(kind: Kind, value: float = math.nan) -> FaultyDevice:
+def failing(kind: InjectionKind, value: float = math.nan) -> FaultyDevice:
     """Return a rig that fails on axis 1 from 10 to 20 ns."""
     return FaultyDevice(Rig(), [Injection(kind, 10, 20, 1, value)])
 
@@ -85,17 +85,17 @@ def test_a_device_without_faults_is_the_device() -> None:
 @pytest.mark.parametrize(
     ("kind", "value", "expected"),
     [
-        (Kind.STUCK, math.nan, [10.0, 10.0]),
-        (Kind.REPLACED, math.inf, [math.inf, math.inf]),
-        (Kind.OFFSET, 5.0, [15.0, 16.0]),
-        (Kind.GAIN, -1.0, [-10.0, -11.0]),
-        (Kind.LATE, 3.0, [8.0, 8.0]),
-        (Kind.DUPLICATE, math.nan, [9.0, 9.0]),
-        (Kind.DROPPED, math.nan, [10.0, 11.0]),
+        (InjectionKind.STUCK, math.nan, [10.0, 10.0]),
+        (InjectionKind.REPLACED, math.inf, [math.inf, math.inf]),
+        (InjectionKind.OFFSET, 5.0, [15.0, 16.0]),
+        (InjectionKind.GAIN, -1.0, [-10.0, -11.0]),
+        (InjectionKind.LATE, 3.0, [8.0, 8.0]),
+        (InjectionKind.DUPLICATE, math.nan, [9.0, 9.0]),
+        (InjectionKind.DROPPED, math.nan, [10.0, 11.0]),
     ],
 )
 def test_a_faulty_displacement_is_so_from_start_to_end(
-    kind: Kind, value: float, expected: list[float]
+    kind: InjectionKind, value: float, expected: list[float]
 ) -> None:
     """And on its own axis alone."""
     device = failing(kind, value)
@@ -103,12 +103,12 @@ def test_a_faulty_displacement_is_so_from_start_to_end(
 
     assert [sample.position_um for sample in samples[:4]] == [8.0, 9.0, *expected]
     assert [sample.position_um for sample in samples[-2:]] == [20.0, 21.0]
-    assert [sample.valid for sample in samples[2:12]] == [kind is not Kind.DROPPED] * 10
+    assert [sample.valid for sample in samples[2:12]] == [kind is not InjectionKind.DROPPED] * 10
     assert device.read(30)[0] == Sample(30, 30.0, True)
 
 
-@pytest.mark.parametrize("kind", [Kind.NOISE, Kind.GARBAGE])
-def test_random_faults_are_the_same_each_time(kind: Kind) -> None:
+@pytest.mark.parametrize("kind", [InjectionKind.NOISE, InjectionKind.GARBAGE])
+def test_random_faults_are_the_same_each_time(kind: InjectionKind) -> None:
     """The seed decides."""
     first, second = shown(failing(kind, 3.0)), shown(failing(kind, 3.0))
 
@@ -118,13 +118,13 @@ def test_random_faults_are_the_same_each_time(kind: Kind) -> None:
 
 def test_late_samples_are_old_by_their_time_stamps_too() -> None:
     """As those of a device that buffers; a duplicate likewise."""
-    assert [one.t_ns for one in shown(failing(Kind.LATE, 2.0))[2:5]] == [8, 9, 10]
-    assert [one.t_ns for one in shown(failing(Kind.DUPLICATE))[2:5]] == [9, 9, 9]
+    assert [one.t_ns for one in shown(failing(InjectionKind.LATE, 2.0))[2:5]] == [8, 9, 10]
+    assert [one.t_ns for one in shown(failing(InjectionKind.DUPLICATE))[2:5]] == [9, 9, 9]
 
 
 def test_writes_are_refused_or_swallowed() -> None:
     """Refused for all axes, swallowed on one; from the end on they count again."""
-    refusing, stuck = failing(Kind.REFUSED), failing(Kind.STUCK_OUTPUT)
+    refusing, stuck = failing(InjectionKind.REFUSED), failing(InjectionKind.STUCK_OUTPUT)
     answers = [
         [device.write([float(t_ns)] * 2, t_ns) for t_ns in (9, 10, 20)]
         for device in (refusing, stuck)
@@ -137,20 +137,20 @@ def test_writes_are_refused_or_swallowed() -> None:
 
 def test_status_and_read_back_lie_when_told_to() -> None:
     """On one axis."""
-    flagged = FaultyDevice(Rig(), [Injection(Kind.FLAGGED, 0, flag=DeviceFlag.LOCAL_MODE)])
+    flagged = FaultyDevice(Rig(), [Injection(InjectionKind.FLAGGED, 0, flag=DeviceFlag.LOCAL_MODE)])
 
     assert flagged.status(5) == [{DeviceFlag.LOCAL_MODE}, NO_FLAGS] * 2
-    flagged.schedule[0] = Injection(Kind.SENSOR_FLAGGED, 0, flag=DeviceFlag.LOCAL_MODE)
+    flagged.schedule[0] = Injection(InjectionKind.SENSOR_FLAGGED, 0, flag=DeviceFlag.LOCAL_MODE)
     assert flagged.status(5) == [{DeviceFlag.LOCAL_MODE}, *[NO_FLAGS] * 3]
-    assert failing(Kind.READ_BACK_OFFSET, 7.0).read_back(12) == [0.0, 7.0]
+    assert failing(InjectionKind.READ_BACK_OFFSET, 7.0).read_back(12) == [0.0, 7.0]
 
 
 def test_drivers_raise_when_told_to() -> None:
     """What no driver may."""
     with pytest.raises(FaultyError, match="read"):
-        failing(Kind.READ_RAISES).read(12)
+        failing(InjectionKind.READ_RAISES).read(12)
     with pytest.raises(FaultyError, match="wrote"):
-        failing(Kind.WRITE_RAISES).write([0.0, 0.0], 12)
+        failing(InjectionKind.WRITE_RAISES).write([0.0, 0.0], 12)
 
 
 def test_nobody_but_a_test_can_ask_for_it() -> None:

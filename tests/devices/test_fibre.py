@@ -5,7 +5,7 @@ from typing import Any, Final, Literal
 
 import pytest
 
-from piezod.config.channels import LightConfig, Table
+from piezod.config.channels import LightConfig, TableCalibration
 from piezod.config.daemon import load_daemon
 from piezod.devices import registry
 from piezod.devices.channels import Channels
@@ -13,7 +13,7 @@ from piezod.devices.status import DeviceFlag
 from piezod.devices.wiring import ChannelPair, construct, pairs_of, wiring_of
 from piezod.plant.plant import Plant
 from piezod_drivers.simulated.driver import SimulatedRig
-from piezod_drivers.simulated.options import Options
+from piezod_drivers.simulated.options import SimulatedOptions
 
 SHIPPED: Final = Path(__file__).parents[2] / "config" / "fibre.yaml"
 STEP_NS: Final = 50_000_000
@@ -38,7 +38,7 @@ def travelled(channels: Channels) -> list[tuple[float, float]]:
 
 def specimen(**options: Any) -> Plant:
     """Return the physics of the rig with these options."""
-    rig = SimulatedRig(Options.model_validate(options), wiring_of("rig", PLAIN), 1)
+    rig = SimulatedRig(SimulatedOptions.model_validate(options), wiring_of("rig", PLAIN), 1)
     rig.open()
     return rig._channels[0].plant  # noqa: SLF001 - what a reference measures, nobody else tells
 
@@ -64,10 +64,10 @@ def test_either_side_of_the_curve_can_be_used(side: Literal["near", "far"]) -> N
     gap_um = plant.parameters.sensor.setback_um
     physical = [float(x) for x in range(-round(gap_um) - 10, 41)] + [60.0, 100.0, 150.0, 200.0]
     values = [plant.ideal_reading_v(x) for x in physical]
-    table = Table(values=tuple(values), physical=tuple(physical), side=side)
+    table = TableCalibration(values=tuple(values), physical=tuple(physical), side=side)
     light = LightConfig(channel="x_light", nominal=plant.parameters.sensor.light_level, least=0.5)
     axes = {"x": ChannelPair("rig", "rig", "x_v", to_um=table, light=light)}
-    rig = SimulatedRig(Options.model_validate(options), wiring_of("rig", axes), 1)
+    rig = SimulatedRig(SimulatedOptions.model_validate(options), wiring_of("rig", axes), 1)
 
     measured = travelled(Channels({"rig": rig}, axes))
 
@@ -82,7 +82,7 @@ def test_a_lamp_that_fades_is_told_and_measured_through_as_long_as_it_can() -> N
     config = load_daemon(SHIPPED, registry)
     pairs = pairs_of(config.axes)
     for level, valid in ((0.6, True), (0.4, False)):
-        options = Options.model_validate({"sensor": {"light_level": level}})
+        options = SimulatedOptions.model_validate({"sensor": {"light_level": level}})
         rig = SimulatedRig(options, wiring_of("rig", pairs), config.seed)
         channels = Channels({"rig": rig}, pairs)
         channels.open()

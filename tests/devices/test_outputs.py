@@ -6,7 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.config.channels import Calibration, Line, Polynomial, Table
+from piezod.config.channels import (
+    Calibration,
+    LineCalibration,
+    PolynomialCalibration,
+    TableCalibration,
+)
 from piezod.devices.outputs import SLACK_V, CalibratedOutput
 
 SLOPES = st.floats(0.1, 50.0) | st.floats(-50.0, -0.1)
@@ -27,9 +32,9 @@ def calibrations(draw: st.DrawFn) -> Calibration:
     bent = slope * draw(st.floats(0.0, 0.01))
     low_v, middle_v, high_v = (offset + (slope + bent * x) * x for x in (-15.0, 0.3, 15.0))
     each: tuple[Calibration, ...] = (
-        Line(gain=slope, offset=offset),
-        Polynomial(coefficients=(offset, slope, bent), values=(-15.0, 15.0)),
-        Table(values=(-15.0, 0.3, 15.0), physical=(low_v, middle_v, high_v)),
+        LineCalibration(gain=slope, offset=offset),
+        PolynomialCalibration(coefficients=(offset, slope, bent), values=(-15.0, 15.0)),
+        TableCalibration(values=(-15.0, 0.3, 15.0), physical=(low_v, middle_v, high_v)),
     )
     return draw(st.sampled_from(each))
 
@@ -49,14 +54,14 @@ def test_every_voltage_that_is_in_reach_is_taken(
 
 def test_the_end_of_a_range_is_not_missed_by_rounding() -> None:
     """(1.5 · 10 + 12.1 - 12.1) / 1.5 is more than 10, by one bit."""
-    one = output(Line(gain=1.5, offset=12.1), 0.0, 10.0)
+    one = output(LineCalibration(gain=1.5, offset=12.1), 0.0, 10.0)
 
     assert (27.1 - 12.1) / 1.5 > 10.0
     assert one.value(27.1) == 10.0
 
 
-@pytest.mark.parametrize("calibration", [Line(), Line(gain=-15.0)])
-def test_what_is_beyond_the_range_stays_so(calibration: Line) -> None:
+@pytest.mark.parametrize("calibration", [LineCalibration(), LineCalibration(gain=-15.0)])
+def test_what_is_beyond_the_range_stays_so(calibration: LineCalibration) -> None:
     """Whoever takes it must refuse it: nothing is clamped."""
     one = output(calibration, 0.0, 10.0)
     for end_v, beyond in zip(one.reach_v(), (-1.0, 1.0), strict=True):
@@ -66,7 +71,12 @@ def test_what_is_beyond_the_range_stays_so(calibration: Line) -> None:
 
 
 @pytest.mark.parametrize(
-    "calibration", [Line(), Line(gain=2.0), Table(values=(0.0, 10.0), physical=(0.0, 150.0))]
+    "calibration",
+    [
+        LineCalibration(),
+        LineCalibration(gain=2.0),
+        TableCalibration(values=(0.0, 10.0), physical=(0.0, 150.0)),
+    ],
 )
 def test_what_is_no_voltage_makes_no_value(calibration: Calibration) -> None:
     """It must be refused as well."""
@@ -79,7 +89,7 @@ def test_what_is_no_voltage_makes_no_value(calibration: Calibration) -> None:
 
 def test_a_device_that_tells_no_range_reaches_everything() -> None:
     """It says itself what it does not take."""
-    one = CalibratedOutput(Line(gain=2.0))
+    one = CalibratedOutput(LineCalibration(gain=2.0))
 
     assert one.reaches(1e6)
     assert one.value(1e6) == 5e5

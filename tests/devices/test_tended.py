@@ -5,10 +5,10 @@ from math import isnan
 
 import pytest
 
-from piezod.devices.around import Combined
 from piezod.devices.interface import Sample
+from piezod.devices.reconnecting import CanBeLost, ReconnectingDevice
 from piezod.devices.status import NO_FLAGS, DeviceFlag
-from piezod.devices.tended import CanBeLost, Tended
+from piezod.devices.wrapper import CombinedExchange
 from piezod.errors import DeviceError, DeviceUnavailableError
 from tests.daemon.waiting import eventually
 from tests.devices.fake_link import OTHER, WHO, FakeLink
@@ -26,16 +26,18 @@ def link() -> FakeLink:
 
 
 @pytest.fixture
-def tended(link: FakeLink) -> Iterator[Tended]:
+def tended(link: FakeLink) -> Iterator[ReconnectingDevice]:
     """Return it tended, by a thread that does not wait long."""
-    tended = Tended(link, WHO, first_wait_s=0.0005, longest_wait_s=0.001)
+    tended = ReconnectingDevice(link, WHO, first_wait_s=0.0005, longest_wait_s=0.001)
     tended.thread.start()
     yield tended
     tended.close()
     assert not tended.thread.is_alive()
 
 
-def test_calls_go_through_as_long_as_the_device_is_there(link: FakeLink, tended: Tended) -> None:
+def test_calls_go_through_as_long_as_the_device_is_there(
+    link: FakeLink, tended: ReconnectingDevice
+) -> None:
     """Each role's, and what is told once is told once."""
     link.noticed(DeviceFlag.GARBAGE)
 
@@ -51,7 +53,7 @@ def test_calls_go_through_as_long_as_the_device_is_there(link: FakeLink, tended:
 
 @pytest.mark.parametrize("call", ["read", "write", "read_back", "exchange"])
 def test_a_device_is_lost_in_any_call_and_comes_back(
-    link: FakeLink, tended: Tended, call: str
+    link: FakeLink, tended: ReconnectingDevice, call: str
 ) -> None:
     """Meanwhile every call answers at once that there is nothing; then it is active again."""
     link.noticed(DeviceFlag.GARBAGE)
@@ -78,7 +80,7 @@ def test_a_device_is_lost_in_any_call_and_comes_back(
     assert tended.absent == ""
 
 
-def test_a_device_may_be_lost_again(link: FakeLink, tended: Tended) -> None:
+def test_a_device_may_be_lost_again(link: FakeLink, tended: ReconnectingDevice) -> None:
     """As often as it likes."""
     for now_ns in (1, 2, 3):
         link.pulled = True
@@ -89,7 +91,9 @@ def test_a_device_may_be_lost_again(link: FakeLink, tended: Tended) -> None:
     assert link.done.count("activate 3") == 1
 
 
-def test_another_device_is_not_taken_for_the_lost_one(link: FakeLink, tended: Tended) -> None:
+def test_another_device_is_not_taken_for_the_lost_one(
+    link: FakeLink, tended: ReconnectingDevice
+) -> None:
     """It is closed again and nothing is written to it; the right one is taken when it comes."""
     link.pulled = True
     tended.read(1)
@@ -107,7 +111,9 @@ def test_another_device_is_not_taken_for_the_lost_one(link: FakeLink, tended: Te
     eventually(lambda: tended.there)
 
 
-def test_a_device_with_other_firmware_is_the_same(link: FakeLink, tended: Tended) -> None:
+def test_a_device_with_other_firmware_is_the_same(
+    link: FakeLink, tended: ReconnectingDevice
+) -> None:
     """Somebody has changed that; and what is not told speaks against nobody."""
     for changed in ({"firmware": "2.0"}, {"serial": "unknown"}):
         link.pulled = True
@@ -117,7 +123,7 @@ def test_a_device_with_other_firmware_is_the_same(link: FakeLink, tended: Tended
 
 
 def test_a_driver_that_fails_to_close_is_opened_again_all_the_same(
-    link: FakeLink, tended: Tended, monkeypatch: pytest.MonkeyPatch
+    link: FakeLink, tended: ReconnectingDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The thread goes on, and tells it; the device is used when it is back."""
 
@@ -134,7 +140,7 @@ def test_a_driver_that_fails_to_close_is_opened_again_all_the_same(
 
 
 def test_a_device_that_was_deactivated_meanwhile_comes_back_so(
-    link: FakeLink, tended: Tended
+    link: FakeLink, tended: ReconnectingDevice
 ) -> None:
     """Nobody activates it but who is asked to; its outputs come to rest as soon as they can."""
     link.pulled = True
@@ -153,7 +159,7 @@ def test_a_device_that_was_deactivated_meanwhile_comes_back_so(
 
 
 def test_a_device_that_is_away_is_activated_when_it_comes_back(
-    link: FakeLink, tended: Tended
+    link: FakeLink, tended: ReconnectingDevice
 ) -> None:
     """Who asked for it need not ask again."""
     tended.deactivate(1)
@@ -169,7 +175,7 @@ def test_a_device_that_is_away_is_activated_when_it_comes_back(
 
 
 def test_a_device_that_refuses_is_not_activated_behind_anybodys_back(
-    link: FakeLink, tended: Tended, monkeypatch: pytest.MonkeyPatch
+    link: FakeLink, tended: ReconnectingDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Who asked for it was told that it is not active: then it is not, whatever comes later."""
 
@@ -192,7 +198,7 @@ def test_a_device_that_refuses_is_not_activated_behind_anybodys_back(
 
 
 def test_a_device_that_is_lost_over_its_activation_is_activated_when_it_comes_back(
-    link: FakeLink, tended: Tended, monkeypatch: pytest.MonkeyPatch
+    link: FakeLink, tended: ReconnectingDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is like any other that is away, and told to be."""
 
@@ -215,7 +221,7 @@ def test_a_device_that_is_lost_over_its_activation_is_activated_when_it_comes_ba
 
 @pytest.mark.parametrize("active", [True, False])
 def test_what_is_said_while_the_device_is_being_opened_is_done(
-    link: FakeLink, tended: Tended, monkeypatch: pytest.MonkeyPatch, *, active: bool
+    link: FakeLink, tended: ReconnectingDevice, monkeypatch: pytest.MonkeyPatch, *, active: bool
 ) -> None:
     """The thread has just looked what it is to be; the next call of the loop sees to it."""
     last = {True: ("deactivate", "activate 9"), False: ("activate", "deactivate 9")}[active]
@@ -241,7 +247,7 @@ def test_what_is_said_while_the_device_is_being_opened_is_done(
     assert link.done[-1] == last[1]
 
 
-def test_a_device_that_is_away_can_be_closed(link: FakeLink, tended: Tended) -> None:
+def test_a_device_that_is_away_can_be_closed(link: FakeLink, tended: ReconnectingDevice) -> None:
     """The thread ends with it."""
     link.pulled = True
     tended.read(1)
@@ -254,12 +260,12 @@ def test_a_device_that_is_away_can_be_closed(link: FakeLink, tended: Tended) -> 
 def test_what_cannot_be_lost_need_not_be_tended(link: FakeLink) -> None:
     """That is a mistake in the program."""
     with pytest.raises(DeviceError, match="stage cannot be lost"):
-        Tended(Combined(link), WHO)
+        ReconnectingDevice(CombinedExchange(link), WHO)
 
 
 def test_a_combined_cycle_costs_one_exchange(link: FakeLink) -> None:
     """A read gives what came with the write before it, once, with its time stamp."""
-    combined = Combined(link)
+    combined = CombinedExchange(link)
     first = combined.read(1)
     assert combined.write([4.0], 1)
     with_write = combined.read(2)
@@ -274,7 +280,7 @@ def test_a_combined_cycle_costs_one_exchange(link: FakeLink) -> None:
 
 def test_what_came_before_a_pause_is_not_given_after_it(link: FakeLink) -> None:
     """It is old then."""
-    combined = Combined(link)
+    combined = CombinedExchange(link)
     combined.write([4.0], 1)
     combined.deactivate(2)
 

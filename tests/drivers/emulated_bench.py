@@ -7,12 +7,12 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from piezod.devices import registry
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.trace import Trace
 from piezod.devices.interface import Wiring
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.host import listening
-from piezod_drivers.emulated.options import Options
+from piezod_drivers.emulated.options import EmulatedOptions
 from piezod_drivers.emulated.server import RigServer
 
 T0_NS = 1_000_000_000
@@ -49,7 +49,7 @@ def serving(
         identity = rig.open()
         stack.callback(rig.close)
         rig.activate(0)
-        bench = Bench(rig, time.now_ns, writes)  # type: ignore[arg-type] # it is both
+        bench = SharedRig(rig, time.now_ns, writes)  # type: ignore[arg-type] # it is both
         listener: socket.socket = stack.enter_context(listening(path))
         server = RigServer(bench, identity, listener, time.heard)
         thread = threading.Thread(target=server.serve, args=(stopping.is_set,))
@@ -61,4 +61,4 @@ def serving(
 
 def driver_of(path: Path, axes: tuple[str, ...] = ("x",)) -> EmulatedRig:
     """Construct a driver for the rig at a socket; the deadline is one that no test waits for."""
-    return EmulatedRig(Options(socket=str(path), deadline_ms=1000.0), axes)
+    return EmulatedRig(EmulatedOptions(socket=str(path), deadline_ms=1000.0), axes)

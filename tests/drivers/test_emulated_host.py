@@ -8,7 +8,7 @@ import pytest
 from piezod.errors import DeviceError
 from piezod_drivers.emulated.driver import EmulatedRig
 from piezod_drivers.emulated.host import listening
-from piezod_drivers.emulated.options import Options
+from piezod_drivers.emulated.options import EmulatedOptions
 
 
 @pytest.fixture
@@ -42,4 +42,4 @@ def test_socket_may_be_anywhere(
     expected = tmp_path / "piezod" / "rig.sock" if socket_option == "rig.sock" else socket_option
 
     with pytest.raises(DeviceError, match=f"no rig at {expected}:"):
-        EmulatedRig(Options(socket=socket_option), ("x",)).open()
+        EmulatedRig(EmulatedOptions(socket=socket_option), ("x",)).open()

@@ -16,8 +16,8 @@ from piezod_drivers.emulated.link import Link
 from piezod_drivers.emulated.wire import (
     Greeting,
     Op,
-    Reply,
-    Request,
+    RigReply,
+    RigRequest,
     Wire,
     pack_greeting,
     pack_refusal,
@@ -102,21 +102,21 @@ def link(path: Path, rig: ScriptedRig) -> Iterator[Link]:
     link.close()
 
 
-def request(number: int) -> Request:
+def request(number: int) -> RigRequest:
     """Return a request."""
-    return Request(Op.READ, number, number, [0.0])
+    return RigRequest(Op.READ, number, number, [0.0])
 
 
 def reply(number: int, position_um: float = 0.0) -> bytes:
     """Return the packet of a reply."""
-    return WIRE.pack_reply(Reply(number, True, [True], [position_um], [0.0]))
+    return WIRE.pack_reply(RigReply(number, True, [True], [position_um], [0.0]))
 
 
 def test_answer_in_time_is_given(link: Link, rig: ScriptedRig) -> None:
     """The numbers of a reply arrive as they were sent."""
     rig.send(reply(1, 1.25))
 
-    assert link.exchange(request(1)) == Reply(1, True, [True], [1.25], [0.0])
+    assert link.exchange(request(1)) == RigReply(1, True, [True], [1.25], [0.0])
 
 
 @pytest.mark.fault("B5")

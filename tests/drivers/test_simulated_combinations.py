@@ -20,7 +20,7 @@ from piezod.plant.parameters import (
 )
 from piezod.plant.variants import VARIANTS
 from piezod_drivers.simulated.driver import PLUGIN, SimulatedRig
-from piezod_drivers.simulated.options import Options
+from piezod_drivers.simulated.options import SimulatedOptions
 
 MS: Final = 1_000_000
 PARTS: Final[dict[str, type[Any]]] = {
@@ -49,7 +49,7 @@ def use(keys: dict[str, Any], *, drive_v: float = 10.0, seed: int = 1) -> bool:
     so are a warning and a position that is no number.
     """
     try:
-        rig = PLUGIN.create(Options.model_validate(keys), Wiring.both("x"), seed)
+        rig = PLUGIN.create(SimulatedOptions.model_validate(keys), Wiring.both("x"), seed)
         assert isinstance(rig, SimulatedRig)
         rig.open()
     except (ValidationError, DeviceError):

@@ -18,7 +18,7 @@ from piezod.plant.parameters import (
     quantities,
 )
 from piezod.plant.variants import VARIANTS
-from piezod_drivers.simulated.options import Commissioned, Line, Options, Table
+from piezod_drivers.simulated.options import Commissioned, SensorLine, SensorTable, SimulatedOptions
 
 SEED = np.random.SeedSequence(1)
 PARTS: dict[str, type[Any]] = {
@@ -29,19 +29,19 @@ PARTS: dict[str, type[Any]] = {
 MODE_HZ = "allowed range 10 to 5000 Hz"
 
 
-def read(text: str) -> Options:
+def read(text: str) -> SimulatedOptions:
     """Read options as from a file."""
-    return validate(parse_yaml(text, "rig.yaml"), Options, Context())
+    return validate(parse_yaml(text, "rig.yaml"), SimulatedOptions, Context())
 
 
 def test_options_know_every_variant() -> None:
     """The names that the options take are those of the plant's table."""
-    assert get_args(Options.model_fields["variant"].annotation) == tuple(VARIANTS)
+    assert get_args(SimulatedOptions.model_fields["variant"].annotation) == tuple(VARIANTS)
 
 
 def test_options_know_every_effect() -> None:
     """There is one switch for each effect, and each is on."""
-    switches = Options().effects.model_dump()
+    switches = SimulatedOptions().effects.model_dump()
 
     assert switches == dict.fromkeys(EFFECTS, True)
 
@@ -49,7 +49,7 @@ def test_options_know_every_effect() -> None:
 @pytest.mark.parametrize("part", PARTS)
 def test_options_describe_every_parameter(part: str) -> None:
     """The schema has text, unit and bounds of each parameter of the plant."""
-    definition = Options.model_json_schema()["$defs"][part.capitalize()]["properties"]
+    definition = SimulatedOptions.model_json_schema()["$defs"][part.capitalize()]["properties"]
 
     assert list(definition) == list(quantities(PARTS[part]))
     for name, quantity in quantities(PARTS[part]).items():
@@ -65,7 +65,7 @@ def test_bounds_of_parameters_belong_to_the_range(part: str, edge: str) -> None:
     for name, quantity in quantities(PARTS[part]).items():
         value = getattr(quantity, edge)
         beyond = value - 1e-6 * abs(value) - 1e-9 if edge == "low" else value * (1 + 1e-6) + 1e-9
-        taken = Options.model_validate({part: {name: value}})
+        taken = SimulatedOptions.model_validate({part: {name: value}})
         unit = f" {quantity.unit}" if quantity.unit else ""
 
         assert getattr(getattr(taken, part), name) == value
@@ -79,8 +79,8 @@ def test_bounds_of_parameters_belong_to_the_range(part: str, edge: str) -> None:
 
 def test_given_values_are_exact_and_the_others_vary() -> None:
     """What is configured does not vary with the seed; its neighbours do not change."""
-    plain = Options().plant(SEED).stage
-    given = Options.model_validate({"stage": {"creep_per_decade": 0.02}}).plant(SEED).stage
+    plain = SimulatedOptions().plant(SEED).stage
+    given = SimulatedOptions.model_validate({"stage": {"creep_per_decade": 0.02}}).plant(SEED).stage
 
     assert given.creep_per_decade == 0.02
     assert given.mode_hz == plain.mode_hz != VARIANTS["stack"].parameters.stage.mode_hz
@@ -88,7 +88,9 @@ def test_given_values_are_exact_and_the_others_vary() -> None:
 
 def test_switched_off_effect_is_absent_from_the_plant() -> None:
     """A switch in the configuration reaches the plant."""
-    plant = Options.model_validate({"effects": {"creep": False, "delay": False}}).plant(SEED)
+    plant = SimulatedOptions.model_validate({"effects": {"creep": False, "delay": False}}).plant(
+        SEED
+    )
 
     assert (plant.stage.creep_per_decade, plant.sensor.delay_s) == (0.0, 0.0)
     assert plant.stage.drift > 0
@@ -97,11 +99,11 @@ def test_switched_off_effect_is_absent_from_the_plant() -> None:
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_variant_decides_about_the_calibration(variant: str) -> None:
     """Only the uncalibrated stack has to do with a straight line, unless the options say so."""
-    expected = Line() if variant == "stack-uncalibrated" else Commissioned(residual_pct=0.05)
-    chosen = Options.model_validate({"variant": variant, "calibration": {"kind": "line"}})
+    expected = SensorLine() if variant == "stack-uncalibrated" else Commissioned(residual_pct=0.05)
+    chosen = SimulatedOptions.model_validate({"variant": variant, "calibration": {"kind": "line"}})
 
-    assert Options.model_validate({"variant": variant}).known_curve() == expected
-    assert chosen.known_curve() == Line()
+    assert SimulatedOptions.model_validate({"variant": variant}).known_curve() == expected
+    assert chosen.known_curve() == SensorLine()
 
 
 TABLE = "calibration: {kind: table, sensor_v: [1, 2], position_um: [0, 3]}"
@@ -186,7 +188,7 @@ def test_table_is_read_as_tuples() -> None:
     """Lists of a file cannot be changed afterwards."""
     table = read(TABLE).calibration
 
-    assert isinstance(table, Table)
+    assert isinstance(table, SensorTable)
     assert (table.sensor_v, table.position_um) == ((1.0, 2.0), (0.0, 3.0))
 
 
@@ -215,4 +217,4 @@ def test_sensor_that_tells_nothing_is_refused(text: str, message: str) -> None:
 def test_options_do_not_change() -> None:
     """What was validated stays."""
     with pytest.raises(ValidationError, match="frozen"):
-        Options().variant = "afm"  # type: ignore[misc] # what the test is about
+        SimulatedOptions().variant = "afm"  # type: ignore[misc] # what the test is about

@@ -11,7 +11,7 @@ from piezod.devices.interface import Amplifier, KnowsTruth, Sensor, Wiring
 from piezod.errors import DeviceError
 from piezod.plant.effects import EFFECTS
 from piezod_drivers.simulated.driver import PLUGIN, SimulatedRig
-from piezod_drivers.simulated.options import Options
+from piezod_drivers.simulated.options import SimulatedOptions
 
 MS = 1_000_000
 T0_NS = 5_000_000_000
@@ -19,7 +19,7 @@ T0_NS = 5_000_000_000
 
 def active(axes: tuple[str, ...] = ("x",), seed: int = 1, **options: Any) -> SimulatedRig:
     """Open and activate a rig."""
-    rig = PLUGIN.create(Options.model_validate(options), Wiring.both(axes), seed)
+    rig = PLUGIN.create(SimulatedOptions.model_validate(options), Wiring.both(axes), seed)
     assert isinstance(rig, SimulatedRig)
     rig.open()
     rig.activate(T0_NS)
@@ -93,7 +93,7 @@ def test_truth_has_none_of_the_sensors_faults() -> None:
 
 def test_identity_tells_variant_and_seed() -> None:
     """Who opens the rig learns that it is not a real one, and which."""
-    identity = SimulatedRig(Options(variant="afm"), Wiring.both("x"), 42).open()
+    identity = SimulatedRig(SimulatedOptions(variant="afm"), Wiring.both("x"), 42).open()
 
     assert (identity.model, identity.serial) == ("simulated afm", "seed 42")
 
@@ -152,7 +152,7 @@ def test_far_side_can_be_calibrated_too() -> None:
 def test_sensor_whose_light_peaks_within_the_travel_cannot_be_calibrated() -> None:
     """Where one voltage means two displacements, opening fails and says why."""
     rig = SimulatedRig(
-        Options.model_validate({"sensor": {"setback_um": 85.0}}), Wiring.both("x"), 1
+        SimulatedOptions.model_validate({"sensor": {"setback_um": 85.0}}), Wiring.both("x"), 1
     )
 
     with pytest.raises(DeviceError, match="not monotonic over the travel"):
@@ -294,7 +294,7 @@ def test_deactivation_makes_safe_even_if_its_instant_is_wrong() -> None:
 
 def test_rig_is_at_rest_with_nothing_to_remember_whenever_it_is_opened() -> None:
     """Nobody can have moved it meanwhile."""
-    rig = SimulatedRig(Options(), Wiring.both("x"), 1)
+    rig = SimulatedRig(SimulatedOptions(), Wiring.both("x"), 1)
     rig.open()
 
     assert rig.capabilities().opens_relaxed

@@ -20,7 +20,7 @@ from piezod.devices.interface import Sample, Wiring
 from piezod.devices.wiring import ChannelPair
 from piezod.experiment.virtual.creeping import Creeping
 from piezod.experiment.virtual.identify import identify_axes
-from piezod.experiment.virtual.stage import COMMAND_UM, TRUE_UM, Stage, opened
+from piezod.experiment.virtual.stage import COMMAND_UM, TRUE_UM, VirtualStage, opened
 from piezod.hysteresis import Shadowed, stop_regressors
 from piezod.hysteresis.memory import FloatArray
 from piezod.plant.plant import Plant
@@ -146,7 +146,7 @@ class StressRig:
         self.channels = FaultyChannels({"rig": rig}, {"x": ChannelPair("rig", "rig")})
         self.channels.open()
         self.channels.activate(0)
-        self.stage = Stage(self.channels, config, lambda _cycles: None)
+        self.stage = VirtualStage(self.channels, config, lambda _cycles: None)
         creeping = Creeping(self._model, self.stage.period_ns / NS_PER_S)
         creeping.watch(self.stage.rest(SETTLE_S)[0])
         creeping.zero()

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from piezod.experiment.check_file import Kind, check_file
+from piezod.experiment.check_file import FileKind, check_file
 
 
-def check(tmp_path: Path, text: str) -> tuple[Kind | None, str, list[str]]:
+def check(tmp_path: Path, text: str) -> tuple[FileKind | None, str, list[str]]:
     """Check a text; give kind, contents and problems without the folder."""
     path = tmp_path / "file.yaml"
     path.write_text(text, encoding="utf-8")
@@ -19,7 +19,7 @@ def check(tmp_path: Path, text: str) -> tuple[Kind | None, str, list[str]]:
 def test_experiment_is_described(tmp_path: Path, short: str) -> None:
     """A person reads what the file holds."""
     assert check(tmp_path, short) == (
-        Kind.EXPERIMENT,
+        FileKind.EXPERIMENT,
         "an experiment: 1 case in 3 modes on 1 axis",
         [],
     )
@@ -29,21 +29,22 @@ def test_stage_is_described() -> None:
     """The configuration that ships is one, its gains checked."""
     kind, contents, error = check_file(Path(__file__).parents[2] / "config" / "simulated.yaml")
 
-    assert (kind, contents, error) == (Kind.STAGE, "a stage: 1 axis at 1000 Hz", None)
+    assert (kind, contents, error) == (FileKind.STAGE, "a stage: 1 axis at 1000 Hz", None)
 
 
 @pytest.mark.parametrize(
     ("text", "kind", "problem"),
     [
-        ("modes: [adaptive]\n", Kind.EXPERIMENT, "file.yaml:1:1: rate_hz: required key is missing"),
-        ("format: old\n", Kind.MODEL, "file.yaml:1:1: created_at: required key is missing"),
-        ("delay_s: 0\n", Kind.MODEL, "file.yaml:1:1: created_at: required key is missing"),
+        ("modes: [adaptive]\n", FileKind.EXPERIMENT,
+         "file.yaml:1:1: rate_hz: required key is missing"),
+        ("format: old\n", FileKind.MODEL, "file.yaml:1:1: created_at: required key is missing"),
+        ("delay_s: 0\n", FileKind.MODEL, "file.yaml:1:1: created_at: required key is missing"),
         ("a: 1\na: 2\n", None, "file.yaml:2:1: duplicate key 'a', it stands already in line 1"),
         ("- 1\n", None, "file.yaml:1:1: the top level must be a mapping, lines of `key: value`"),
     ],
 )  # fmt: skip
 def test_kind_follows_from_the_keys(
-    tmp_path: Path, text: str, kind: Kind | None, problem: str
+    tmp_path: Path, text: str, kind: FileKind | None, problem: str
 ) -> None:
     """A file with mistakes is still taken for what most of its keys say."""
     found, contents, problems = check(tmp_path, text)

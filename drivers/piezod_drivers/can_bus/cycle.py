@@ -22,7 +22,7 @@ def _is_answer(_frame: Frame) -> bool:
     return True
 
 
-class Cycle:
+class CanCycle:
     """Sends what a cycle sends, and waits for the frames that answer it.
 
     Before anything is sent, all that has come is read: the latest counts, and an answer among it

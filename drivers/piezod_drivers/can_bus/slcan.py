@@ -72,7 +72,7 @@ def decode(line: bytes) -> Frame | None:
     return Frame(number, bytes(length) if remote else told[n_head:end], extended, remote)
 
 
-class Lines:
+class SlcanLines:
     """Cuts what an adapter says into lines, BELs among them; keeps no more than one line."""
 
     def __init__(self) -> None:

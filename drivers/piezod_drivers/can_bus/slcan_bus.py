@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Final
 
-from piezod.devices.bus.line import Line, LineFault, Notices
+from piezod.devices.bus.line import Line, LineFault, NoticingLine
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.cycle import STALLED_AFTER
 from piezod_drivers.can_bus.frame import Frame
-from piezod_drivers.can_bus.slcan import BEL, BIT_RATES, CLOSE, OPEN, Lines, decode, encode
+from piezod_drivers.can_bus.slcan import BEL, BIT_RATES, CLOSE, OPEN, SlcanLines, decode, encode
 
 _ANSWER_NS: Final = 500_000_000
 """How long an adapter may take to acknowledge a command."""
@@ -37,8 +37,8 @@ class SlcanBus:
         self._line, self._bit_rate = line, bit_rate
         self.now_ns: Callable[[], int] = line.now_ns
         """Tells the instant on the line's clock; may be called in the loop."""
-        self._notices = line if isinstance(line, Notices) else None
-        self._lines = Lines()
+        self._notices = line if isinstance(line, NoticingLine) else None
+        self._lines = SlcanLines()
         self._frames: deque[Frame] = deque(maxlen=_MOST_FRAMES)
         self._noticed: set[DeviceFlag] = set()
         self._refused, self._refusals = False, 0

@@ -9,8 +9,8 @@ from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
 from piezod_drivers.emulated.link import Link
-from piezod_drivers.emulated.options import Options, socket_path
-from piezod_drivers.emulated.wire import Greeting, Op, Reply, Request
+from piezod_drivers.emulated.options import EmulatedOptions, socket_path
+from piezod_drivers.emulated.wire import Greeting, Op, RigReply, RigRequest
 
 _NUMBERS: Final = 1 << 32
 
@@ -35,7 +35,7 @@ class EmulatedRig:
         axes: Names of the axes, at least one.
     """
 
-    def __init__(self, options: Options, axes: tuple[str, ...]) -> None:
+    def __init__(self, options: EmulatedOptions, axes: tuple[str, ...]) -> None:
         self._axes = axes
         self._link = Link(socket_path(options.socket), options.deadline_ms * 1e-3)
         self._greeting: Greeting | None = None
@@ -157,9 +157,9 @@ class EmulatedRig:
         restarted = since_ns is not None and now_ns - since_ns < NS_PER_S
         return self._restarted if restarted else self._well
 
-    def _ask(self, op: Op, now_ns: int, drive_v: Sequence[float]) -> Reply | None:
+    def _ask(self, op: Op, now_ns: int, drive_v: Sequence[float]) -> RigReply | None:
         self._number = (self._number + 1) % _NUMBERS
-        reply = self._link.exchange(Request(op, self._number, now_ns, drive_v))
+        reply = self._link.exchange(RigRequest(op, self._number, now_ns, drive_v))
         self._in_force_ns = now_ns
         self._in_force_v = self._unknown_v if reply is None else reply.in_force_v
         return reply
@@ -170,14 +170,14 @@ class EmulatedRig:
         return self._greeting
 
 
-def _create(options: Options, wiring: Wiring, _seed: int) -> EmulatedRig:
+def _create(options: EmulatedOptions, wiring: Wiring, _seed: int) -> EmulatedRig:
     return EmulatedRig(options, wiring.channels)  # what is random in it is the rig's own
 
 
 PLUGIN: Final = DriverPlugin(
     name="emulated",
     summary="a stage in another process, hosted by `piezod emulate`, over a unix socket",
-    options_model=Options,
+    options_model=EmulatedOptions,
     create=_create,
     confirmed_on_hardware=False,
 )

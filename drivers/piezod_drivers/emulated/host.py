@@ -6,9 +6,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
-from piezod.devices.emulation.faults import Faults
+from piezod.devices.emulation.faults import WireFaults
 from piezod.devices.emulation.places import make_own_folder
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.emulated.options import DEFAULT_SOCKET
@@ -16,9 +16,9 @@ from piezod_drivers.emulated.server import RigServer
 
 
 def serve(
-    bench: Bench,
+    bench: SharedRig,
     where: str,
-    faults: Faults,  # noqa: ARG001 - packets of a socket are neither late nor lost
+    faults: WireFaults,  # noqa: ARG001 - packets of a socket are neither late nor lost
     serial_number: str,
     ready: Callable[[str], None],
     stopping: Callable[[], bool],

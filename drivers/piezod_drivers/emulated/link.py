@@ -9,8 +9,8 @@ from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.emulated.wire import (
     MAX_PACKET,
     Greeting,
-    Reply,
-    Request,
+    RigReply,
+    RigRequest,
     Wire,
     unpack_greeting,
 )
@@ -69,7 +69,7 @@ class Link:
             if greeting._replace(life=expected.life) != expected:
                 self.close()
 
-    def exchange(self, request: Request) -> Reply | None:
+    def exchange(self, request: RigRequest) -> RigReply | None:
         """Ask, and wait for the answer until the deadline; may be called in the loop.
 
         Returns:
@@ -97,7 +97,7 @@ class Link:
             self._socket.close()
             self._socket = None
 
-    def _receive(self, link: socket.socket) -> Reply | None:
+    def _receive(self, link: socket.socket) -> RigReply | None:
         packet = link.recv(MAX_PACKET)
         if not packet:
             raise ConnectionResetError

@@ -11,7 +11,7 @@ from piezod.devices.emulation.places import own_folder
 DEFAULT_SOCKET: Final = "rig.sock"
 
 
-class Options(ConfigModel):
+class EmulatedOptions(ConfigModel):
     """Options of a rig in another process."""
 
     socket: Annotated[str, StringConstraints(min_length=1, max_length=100)] = Field(

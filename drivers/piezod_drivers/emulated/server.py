@@ -8,14 +8,14 @@ from math import isfinite, nan
 from struct import Struct
 from typing import Final
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.interface import Identity
 from piezod_drivers.emulated.wire import (
     MAX_PACKET,
     Greeting,
     Op,
-    Reply,
-    Request,
+    RigReply,
+    RigRequest,
     Wire,
     pack_greeting,
     pack_refusal,
@@ -41,7 +41,7 @@ class RigServer:
 
     def __init__(
         self,
-        bench: Bench,
+        bench: SharedRig,
         identity: Identity,
         listener: socket.socket,
         heard: Callable[[int], None] = _nobody,
@@ -100,7 +100,7 @@ class RigServer:
         if request is None or not _send(self._client, self._carry_out(request)):
             self._drop()
 
-    def _carry_out(self, request: Request) -> bytes:
+    def _carry_out(self, request: RigRequest) -> bytes:
         op, number, asked_ns, drive_v = request
         self._heard(asked_ns)
         taken, position_um = True, [nan] * self._bench.n_axes
@@ -110,7 +110,7 @@ class RigServer:
             taken = self._bench.drive_all(drive_v, asked_ns, self._client_pid)
         valid = [isfinite(each_um) for each_um in position_um]
         in_force_v = self._bench.drives_v()
-        return self._wire.pack_reply(Reply(number, taken, valid, position_um, in_force_v))
+        return self._wire.pack_reply(RigReply(number, taken, valid, position_um, in_force_v))
 
     def _drop(self) -> None:
         if self._client is not None:

@@ -26,7 +26,7 @@ class Op(IntEnum):
     READ_BACK = 3
 
 
-class Request(NamedTuple):
+class RigRequest(NamedTuple):
     """One call.
 
     Attributes:
@@ -42,7 +42,7 @@ class Request(NamedTuple):
     drive_v: Sequence[float]
 
 
-class Reply(NamedTuple):
+class RigReply(NamedTuple):
     """What the rig answers to a call.
 
     Attributes:
@@ -72,32 +72,32 @@ class Wire:
         self._request = Struct(f"=BIq{n_axes}d")
         self._reply = Struct(f"=I?{n_axes}?{n_axes}d{n_axes}d")
 
-    def pack_request(self, request: Request) -> bytes:
+    def pack_request(self, request: RigRequest) -> bytes:
         """Return the packet of a request."""
         op, number, now_ns, drive_v = request
         return self._request.pack(op, number, now_ns, *drive_v)
 
-    def unpack_request(self, packet: bytes) -> Request | None:
+    def unpack_request(self, packet: bytes) -> RigRequest | None:
         """Return the request in a packet, None where there is none."""
         try:
             op, number, now_ns, *drive_v = self._request.unpack(packet)
         except error:
             return None
-        return Request(op, number, now_ns, drive_v)
+        return RigRequest(op, number, now_ns, drive_v)
 
-    def pack_reply(self, reply: Reply) -> bytes:
+    def pack_reply(self, reply: RigReply) -> bytes:
         """Return the packet of a reply."""
         number, taken, valid, position_um, in_force_v = reply
         return self._reply.pack(number, taken, *valid, *position_um, *in_force_v)
 
-    def unpack_reply(self, packet: bytes) -> Reply | None:
+    def unpack_reply(self, packet: bytes) -> RigReply | None:
         """Return the reply in a packet, None where there is none."""
         try:
             number, taken, *values = self._reply.unpack(packet)
         except error:
             return None
         n = self._n
-        return Reply(number, taken, values[:n], values[n : 2 * n], values[2 * n :])
+        return RigReply(number, taken, values[:n], values[n : 2 * n], values[2 * n :])
 
 
 class Greeting(NamedTuple):

@@ -8,14 +8,14 @@ from piezod.devices.bus.tcp_line import TcpLine
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.modbus.labjack_dialogue import LabJackDialogue
 from piezod_drivers.modbus.layout import profile_of
-from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.options import ModbusOptions
 from piezod_drivers.modbus.register_dialogue import RegisterDialogue
 from piezod_drivers.modbus.rtu import RtuTransactions
 from piezod_drivers.modbus.tcp import TcpTransactions
 from piezod_drivers.modbus.transactions import Transactions
 
 
-def transactions_of(options: Options) -> Transactions:
+def transactions_of(options: ModbusOptions) -> Transactions:
     """Construct the line that options name, and what carries requests over it; no I/O."""
     timeout_s = options.timeout_ms * 1e-3
     if options.host is not None:
@@ -28,7 +28,7 @@ def transactions_of(options: Options) -> Transactions:
     return RtuTransactions(line, timeout_s, units, options.silence_s)
 
 
-def device_of(options: Options, wiring: Wiring, transactions: Transactions) -> BusDevice:
+def device_of(options: ModbusOptions, wiring: Wiring, transactions: Transactions) -> BusDevice:
     """Make the device that options describe."""
     profile = profile_of(options)
     name = " + ".join(unit.profile or f"unit {unit.unit}" for unit in options.every_unit)
@@ -38,7 +38,7 @@ def device_of(options: Options, wiring: Wiring, transactions: Transactions) -> B
     return (ExchangingBusDevice if dialogue.exchanges else BusDevice)(name, dialogue)
 
 
-def channels_of(options: Options) -> ChannelUnits:
+def channels_of(options: ModbusOptions) -> ChannelUnits:
     """Tell the channels of all units, with their units of measurement."""
     known = [register for unit in options.every_unit for register in unit.known]
     inputs, outputs = (
@@ -48,7 +48,7 @@ def channels_of(options: Options) -> ChannelUnits:
     return ChannelUnits(inputs, outputs)
 
 
-def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
+def _create(options: ModbusOptions, wiring: Wiring, _seed: int) -> BusDevice:
     return device_of(options, wiring, transactions_of(options))
 
 
@@ -56,7 +56,7 @@ PLUGIN: Final = DriverPlugin(
     name="modbus",
     summary="converters on Modbus TCP or RTU: LabJack T4/T7/T8, ADAM, ICP DAS, WAGO 750, "
     "Waveshare, or any register map",
-    options_model=Options,
+    options_model=ModbusOptions,
     create=_create,
     confirmed_on_hardware=False,
     channels=channels_of,

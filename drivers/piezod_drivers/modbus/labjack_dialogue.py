@@ -11,10 +11,10 @@ from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod_drivers.modbus.layout import profile_of, watched
-from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.options import ModbusOptions
 from piezod_drivers.modbus.profiles.labjack import COUNTER_10KHZ
 from piezod_drivers.modbus.register import Register, Role
-from piezod_drivers.modbus.requests import FEEDBACK, Request
+from piezod_drivers.modbus.requests import FEEDBACK, ModbusRequest
 from piezod_drivers.modbus.setup import Setup
 from piezod_drivers.modbus.transactions import Transactions
 
@@ -42,7 +42,7 @@ class LabJackDialogue:
         transactions: The line.
     """
 
-    def __init__(self, options: Options, wiring: Wiring, transactions: Transactions) -> None:
+    def __init__(self, options: ModbusOptions, wiring: Wiring, transactions: Transactions) -> None:
         profile = profile_of(options)
         assert profile is not None  # noqa: S101 - whoever chose this dialogue looked at it
         self._profile, self._options, self._transactions = profile, options, transactions
@@ -189,7 +189,7 @@ class LabJackDialogue:
 
     def _ask(self, pdu: bytes) -> None:
         """Read the outputs, set them perhaps, read them again, the inputs and the counter."""
-        request, asked_ns = Request(pdu, _ECHO, self._n_bytes), self._transactions.now_ns()
+        request, asked_ns = ModbusRequest(pdu, _ECHO, self._n_bytes), self._transactions.now_ns()
         numbers = self._unpack(self._transactions.ask(self._options.unit, (request,)))
         n, counter = self._n_outputs, numbers[-1]
         self._changed = None

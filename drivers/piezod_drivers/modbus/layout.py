@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from piezod.devices.interface import Capabilities, Wiring
-from piezod_drivers.modbus.options import Options, UnitOptions
+from piezod_drivers.modbus.options import ModbusOptions, UnitOptions
 from piezod_drivers.modbus.plan import ReadBlock, WriteBlock, read_blocks, write_blocks
 from piezod_drivers.modbus.profiles import PROFILES
-from piezod_drivers.modbus.profiles.profile import Profile, WatchdogPlan
+from piezod_drivers.modbus.profiles.profile import ModbusProfile, WatchdogPlan
 from piezod_drivers.modbus.register import Register, Role
 from piezod_drivers.modbus.requests import WriteAndRead
 
@@ -17,7 +17,7 @@ _RTU_BYTES: Final = 3  # unit and checksum
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class RegisterLayout:
     """The questions.
 
     Attributes:
@@ -42,18 +42,18 @@ class Layout:
     able: Capabilities
 
 
-def profile_of(unit: UnitOptions) -> Profile | None:
+def profile_of(unit: UnitOptions) -> ModbusProfile | None:
     """Return what is known of a device; None where it is described by registers."""
     return PROFILES[unit.profile] if unit.profile else None
 
 
-def watchdog_of(unit: UnitOptions, options: Options) -> WatchdogPlan | None:
+def watchdog_of(unit: UnitOptions, options: ModbusOptions) -> WatchdogPlan | None:
     """Return the watchdog that is to be armed; None where none is."""
     profile = profile_of(unit)
     return profile.watchdog if profile is not None and options.watchdog is not None else None
 
 
-def watched(options: Options, wiring: Wiring) -> list[tuple[int, WatchdogPlan]]:
+def watched(options: ModbusOptions, wiring: Wiring) -> list[tuple[int, WatchdogPlan]]:
     """Return the watchdogs that are to be armed, of devices whose outputs are used.
 
     Others would trip, as nobody sets their outputs.
@@ -68,7 +68,7 @@ def watched(options: Options, wiring: Wiring) -> list[tuple[int, WatchdogPlan]]:
     ]
 
 
-def writes_of(unit: UnitOptions, options: Options) -> tuple[int, ...]:
+def writes_of(unit: UnitOptions, options: ModbusOptions) -> tuple[int, ...]:
     """Tell the functions that may be used for writing to a device."""
     profile = profile_of(unit)
     functions = unit.write_functions if profile is None else profile.write_functions
@@ -76,7 +76,7 @@ def writes_of(unit: UnitOptions, options: Options) -> tuple[int, ...]:
     return functions if watchdog is None or not watchdog.writes else watchdog.writes
 
 
-def lay_out(options: Options, wiring: Wiring) -> Layout:
+def lay_out(options: ModbusOptions, wiring: Wiring) -> RegisterLayout:
     """Plan the questions for the channels that are used.
 
     The rate that a serial line lets through is for a cycle that reads every input, sets every
@@ -108,7 +108,7 @@ def lay_out(options: Options, wiring: Wiring) -> Layout:
         for place, register in outputs:
             ranges[place] = (register.low, register.high)
     together = _together(options, reads, writes)
-    return Layout(
+    return RegisterLayout(
         reads,
         backs,
         statuses,
@@ -155,7 +155,7 @@ def _channels(register: Register, wiring: Wiring, of_unit: list[int]) -> list[in
 
 
 def _together(
-    options: Options, reads: Sequence[ReadBlock], writes: Sequence[WriteBlock]
+    options: ModbusOptions, reads: Sequence[ReadBlock], writes: Sequence[WriteBlock]
 ) -> list[WriteAndRead]:
     if not len(options.every_unit) == len(reads) == len(writes) == 1:
         return []
@@ -166,7 +166,7 @@ def _together(
 
 
 def _fastest_hz(
-    options: Options,
+    options: ModbusOptions,
     n_outputs: int,
     reads: Sequence[ReadBlock],
     writes: Sequence[WriteBlock],

@@ -84,7 +84,7 @@ class UnitOptions(ConfigModel):
                 yield path, f"no input or output of this unit is called {reg.channel!r}"
 
 
-class Options(UnitOptions):
+class ModbusOptions(UnitOptions):
     """Options of the driver: one device, or several `units` on the same line."""
 
     units: tuple[UnitOptions, ...] = Field(

@@ -9,7 +9,7 @@ from piezod_drivers.modbus.register import Register, Table, packer, unpacker
 from piezod_drivers.modbus.requests import (
     MOST_READ,
     MOST_WRITTEN,
-    Request,
+    ModbusRequest,
     WriteMany,
     read,
     write_one,
@@ -89,7 +89,7 @@ class WriteBlock:
         self._many = WriteMany(self.start, self.count)
         self._packed = [(place, packer(register)) for place, register in wanted]
         singly = 6 in functions and self.count == len(wanted)
-        self._ways: list[Callable[[Sequence[float]], list[Request]]] = []
+        self._ways: list[Callable[[Sequence[float]], list[ModbusRequest]]] = []
         if 16 in functions or not singly:
             self._ways.append(self._at_once)
         if singly:
@@ -99,14 +99,14 @@ class WriteBlock:
         """Return the words to be written; may be called in the loop."""
         return b"".join([pack(values[place]) for place, pack in self._packed])
 
-    def requests(self, values: Sequence[float]) -> list[list[Request]]:
+    def requests(self, values: Sequence[float]) -> list[list[ModbusRequest]]:
         """Return the ways to write them, the best one first; may be called in the loop."""
         return [way(values) for way in self._ways]
 
-    def _at_once(self, values: Sequence[float]) -> list[Request]:
+    def _at_once(self, values: Sequence[float]) -> list[ModbusRequest]:
         return [self._many.request(self.words(values))]
 
-    def _one_by_one(self, values: Sequence[float]) -> list[Request]:
+    def _one_by_one(self, values: Sequence[float]) -> list[ModbusRequest]:
         return [
             write_one(self.start + i, pack(values[place]))
             for i, (place, pack) in enumerate(self._packed)

@@ -10,7 +10,7 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod_drivers.modbus.layout import lay_out, profile_of, watched
-from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.options import ModbusOptions
 from piezod_drivers.modbus.plan import ReadBlock, WriteBlock
 from piezod_drivers.modbus.setup import Setup
 from piezod_drivers.modbus.transactions import Transactions
@@ -34,7 +34,7 @@ class RegisterDialogue:
         transactions: The line.
     """
 
-    def __init__(self, options: Options, wiring: Wiring, transactions: Transactions) -> None:
+    def __init__(self, options: ModbusOptions, wiring: Wiring, transactions: Transactions) -> None:
         self._options, self._transactions = options, transactions
         self._layout = lay_out(options, wiring)
         self._watched = watched(options, wiring)

@@ -44,7 +44,7 @@ _EXCEPTIONS: Final = {
 }
 
 
-class Request(NamedTuple):
+class ModbusRequest(NamedTuple):
     """A request and the marks of its reply.
 
     Attributes:
@@ -58,7 +58,7 @@ class Request(NamedTuple):
     n_bytes: int
 
 
-def read(table: Table, address: int, count: int) -> Request:
+def read(table: Table, address: int, count: int) -> ModbusRequest:
     """Ask for registers or coils.
 
     Raises:
@@ -67,13 +67,13 @@ def read(table: Table, address: int, count: int) -> Request:
     asking = _READS[table](address=address, count=count)
     n_data = (count + 7) // 8 if table == "coil" else 2 * count
     function = bytes((asking.function_code,))
-    return Request(function + asking.encode(), function + bytes((n_data,)), 2 + n_data)
+    return ModbusRequest(function + asking.encode(), function + bytes((n_data,)), 2 + n_data)
 
 
-def write_one(address: int, word: bytes) -> Request:
+def write_one(address: int, word: bytes) -> ModbusRequest:
     """Set one register; the reply repeats the request; may be called in the loop."""
     pdu = _WRITE_ONE.pack(6, address, word)
-    return Request(pdu, pdu, 5)
+    return ModbusRequest(pdu, pdu, 5)
 
 
 class WriteMany:
@@ -89,9 +89,9 @@ class WriteMany:
         self._head = bytes((asking.function_code,)) + asking.encode()[: -2 * count]
         self._echo = self._head[:5]
 
-    def request(self, words: bytes) -> Request:
+    def request(self, words: bytes) -> ModbusRequest:
         """Make the request for these words; may be called in the loop."""
-        return Request(self._head + words, self._echo, 5)
+        return ModbusRequest(self._head + words, self._echo, 5)
 
 
 class WriteAndRead:
@@ -116,12 +116,12 @@ class WriteAndRead:
         self._head = bytes((asking.function_code,)) + asking.encode()[: -2 * write_count]
         self._echo = bytes((asking.function_code, 2 * read_count))
 
-    def request(self, words: bytes) -> Request:
+    def request(self, words: bytes) -> ModbusRequest:
         """Make the request for these words; may be called in the loop."""
-        return Request(self._head + words, self._echo, 2 + self._echo[1])
+        return ModbusRequest(self._head + words, self._echo, 2 + self._echo[1])
 
 
-def judge(pdu: bytes, request: Request, who: str) -> bytes:
+def judge(pdu: bytes, request: ModbusRequest, who: str) -> bytes:
     """Return a reply, function and all, that answers a request; may be called in the loop.
 
     Raises:

@@ -7,7 +7,7 @@ from piezod.devices.bus.conversation import PATIENCE
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.modbus.checksum import checksum, framed, is_whole
-from piezod_drivers.modbus.requests import FAILED, Request, judge
+from piezod_drivers.modbus.requests import FAILED, ModbusRequest, judge
 from piezod_drivers.modbus.transactions import OneLine
 
 _FIXED: Final = {5: 8, 6: 8, 15: 8, 16: 8}
@@ -63,7 +63,7 @@ class RtuTransactions(OneLine):
             self._absorb(self._line.receive(left_ns))
         self._owed.clear()
 
-    def ask(self, unit: int, requests: Sequence[Request], first: int = 0) -> bytes:
+    def ask(self, unit: int, requests: Sequence[ModbusRequest], first: int = 0) -> bytes:
         """Send one request of several that ask for the same; may be called in the loop.
 
         Raises:
@@ -87,7 +87,7 @@ class RtuTransactions(OneLine):
             return pdu
         return judge(pdu, request, self.who(unit))
 
-    def is_free(self, unit: int, requests: Sequence[Request]) -> bool:
+    def is_free(self, unit: int, requests: Sequence[ModbusRequest]) -> bool:
         """Tell whether no late reply can be mistaken for one to these; call it in the loop."""
         if not self._owed:
             return True
@@ -97,7 +97,7 @@ class RtuTransactions(OneLine):
             self._owed.get(bytes((unit,)) + request.echo, 0) <= now_ns for request in requests
         )
 
-    def _free(self, unit: int, requests: Sequence[Request], first: int) -> Request:
+    def _free(self, unit: int, requests: Sequence[ModbusRequest], first: int) -> ModbusRequest:
         """Choose a request whose reply cannot be mistaken for a late one."""
         self._tag = bytes((unit,)) + requests[first].echo
         if not self._owed:

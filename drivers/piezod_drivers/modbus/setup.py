@@ -7,7 +7,7 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Identity
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
-from piezod_drivers.modbus.profiles.profile import Profile, Setting, WatchdogPlan
+from piezod_drivers.modbus.profiles.profile import ModbusProfile, Setting, WatchdogPlan
 from piezod_drivers.modbus.register import STRUCTS, NumberType, Table
 from piezod_drivers.modbus.requests import WriteMany, read, write_one
 from piezod_drivers.modbus.transactions import Transactions
@@ -53,7 +53,7 @@ class Setup:
         request = write_one(setting.address, words) if len(words) == 2 else many.request(words)
         self._transactions.ask(self._unit, [request])
 
-    def check(self, profile: Profile) -> None:
+    def check(self, profile: ModbusProfile) -> None:
         """Look for what such a device always holds.
 
         Raises:
@@ -68,7 +68,7 @@ class Setup:
                     f"{table} {address} holds {found:.12g}, expected {expected:.12g}"
                 )
 
-    def identity(self, profile: Profile | None) -> Identity:
+    def identity(self, profile: ModbusProfile | None) -> Identity:
         """Ask who it is; what it does not tell is `NOT_TOLD`.
 
         Raises:

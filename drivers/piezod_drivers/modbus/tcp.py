@@ -6,7 +6,7 @@ from typing import Final
 
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.modbus.requests import Request, judge
+from piezod_drivers.modbus.requests import ModbusRequest, judge
 from piezod_drivers.modbus.transactions import OneLine
 
 _HEADER: Final = Struct(">HHHB")
@@ -29,7 +29,7 @@ class TcpTransactions(OneLine):
         super().__init__(line, timeout_s)
         self._number, self._tag = 0, b""
 
-    def ask(self, unit: int, requests: Sequence[Request], first: int = 0) -> bytes:
+    def ask(self, unit: int, requests: Sequence[ModbusRequest], first: int = 0) -> bytes:
         """Send one request; may be called in the loop.
 
         Raises:
@@ -51,7 +51,7 @@ class TcpTransactions(OneLine):
     def settle(self) -> None:
         """Do nothing: no late reply is in the way."""
 
-    def is_free(self, unit: int, requests: Sequence[Request]) -> bool:  # noqa: ARG002 - of RTU
+    def is_free(self, unit: int, requests: Sequence[ModbusRequest]) -> bool:  # noqa: ARG002 - of RTU
         """Tell that no late reply can be mistaken for another."""
         return True
 

@@ -6,7 +6,7 @@ from typing import Protocol
 from piezod.devices.bus.conversation import Conversation
 from piezod.devices.bus.line import Line
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.modbus.requests import Request
+from piezod_drivers.modbus.requests import ModbusRequest
 
 
 class Transactions(Protocol):
@@ -24,7 +24,7 @@ class Transactions(Protocol):
         """Let go. Never raises."""
         ...
 
-    def ask(self, unit: int, requests: Sequence[Request], first: int = 0) -> bytes:
+    def ask(self, unit: int, requests: Sequence[ModbusRequest], first: int = 0) -> bytes:
         """Send one request of several that ask for the same; may be called in the loop.
 
         Args:
@@ -40,7 +40,7 @@ class Transactions(Protocol):
         """
         ...
 
-    def is_free(self, unit: int, requests: Sequence[Request]) -> bool:
+    def is_free(self, unit: int, requests: Sequence[ModbusRequest]) -> bool:
         """Tell whether no late reply can be mistaken for one to these; call it in the loop."""
         ...
 

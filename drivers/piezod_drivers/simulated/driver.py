@@ -13,7 +13,7 @@ from piezod.errors import DeviceError
 from piezod.plant.plant import SUB_STEP_NS, Plant
 from piezod.units import NS_PER_S
 from piezod_drivers.simulated.calibration import commissioned, straight_line
-from piezod_drivers.simulated.options import Commissioned, Line, Options, Table
+from piezod_drivers.simulated.options import Commissioned, SensorLine, SensorTable, SimulatedOptions
 
 _REST_V: Final = 0.0
 _SENSOR_V, _LIGHT = "_v", "_light"
@@ -69,7 +69,7 @@ class SimulatedRig:
         seed: Of the specimens, the noise and the calibration's residual; not negative.
     """
 
-    def __init__(self, options: Options, wiring: Wiring, seed: int) -> None:
+    def __init__(self, options: SimulatedOptions, wiring: Wiring, seed: int) -> None:
         self._options = options
         self._wiring = wiring
         self._seed = seed
@@ -225,7 +225,7 @@ def _split(name: str, outputs: Sequence[str]) -> tuple[str, str]:
     return name, ""
 
 
-def _channel(options: Options, seed: np.random.SeedSequence) -> _Channel:
+def _channel(options: SimulatedOptions, seed: np.random.SeedSequence) -> _Channel:
     of_specimen, of_noise, of_calibration = seed.spawn(3)
     parameters = options.plant(of_specimen)
     plant = Plant(parameters, of_noise)
@@ -241,22 +241,22 @@ def _channel(options: Options, seed: np.random.SeedSequence) -> _Channel:
 
 
 def _calibration(
-    known: Commissioned | Line | Table, plant: Plant, seed: np.random.SeedSequence
+    known: Commissioned | SensorLine | SensorTable, plant: Plant, seed: np.random.SeedSequence
 ) -> TableCurve:
     travel_um = plant.parameters.stage.travel_um
     match known:
         case Commissioned():
             return commissioned(plant.ideal_reading_v, travel_um, known.residual_pct, seed)
-        case Line():
+        case SensorLine():
             return straight_line(plant.ideal_reading_v, travel_um)
-        case Table():
+        case SensorTable():
             return TableCurve(zip(known.sensor_v, known.position_um, strict=True))
 
 
 PLUGIN: Final = DriverPlugin(
     name="simulated",
     summary="a stage with amplifier and sensor that exists only in numbers",
-    options_model=Options,
+    options_model=SimulatedOptions,
     create=SimulatedRig,
     confirmed_on_hardware=False,
 )

@@ -40,13 +40,13 @@ class Commissioned(ConfigModel):
     )
 
 
-class Line(ConfigModel):
+class SensorLine(ConfigModel):
     """Only a straight line is known for the sensor."""
 
     kind: Literal["line"] = "line"
 
 
-class Table(ConfigModel):
+class SensorTable(ConfigModel):
     """The curve is given here."""
 
     kind: Literal["table"] = "table"
@@ -114,7 +114,7 @@ else:
     )
 
 
-class Options(ConfigModel):
+class SimulatedOptions(ConfigModel):
     """Options of the simulated rig; every axis is a specimen of its own of the same variant."""
 
     variant: Literal["stack", "stack-uncalibrated", "flexure", "afm"] = Field(
@@ -124,7 +124,9 @@ class Options(ConfigModel):
     stage: Stage = Field(Stage(), description="exact values; what is left out varies with the seed")
     amplifier: Amplifier = Field(Amplifier(), description="exact values, as for the stage")
     sensor: Sensor = Field(Sensor(), description="exact values, as for the stage")
-    calibration: Annotated[Commissioned | Line | Table, Field(discriminator="kind")] | None = Field(
+    calibration: (
+        Annotated[Commissioned | SensorLine | SensorTable, Field(discriminator="kind")] | None
+    ) = Field(
         None, description="what is known of the sensor's curve; left out: as the variant has it"
     )
 
@@ -146,11 +148,11 @@ class Options(ConfigModel):
         check_sensor(drawn)
         return drawn
 
-    def known_curve(self) -> Commissioned | Line | Table:
+    def known_curve(self) -> Commissioned | SensorLine | SensorTable:
         """Tell what is known of the sensor's curve."""
         if self.calibration is not None:
             return self.calibration
-        return Commissioned() if VARIANTS[self.variant].calibrated else Line()
+        return Commissioned() if VARIANTS[self.variant].calibrated else SensorLine()
 
     def _configured(self, drawn: PlantParameters) -> PlantParameters:
         configured = PlantParameters(

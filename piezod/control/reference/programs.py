@@ -11,7 +11,7 @@ DriveProgram = Callable[[float], float]
 """Voltage over time: seconds since its start to V."""
 
 
-class Drive(NamedTuple):
+class VoltageProgram(NamedTuple):
     """A voltage over time that comes to an end.
 
     Attributes:
@@ -23,7 +23,7 @@ class Drive(NamedTuple):
     duration_s: float
 
 
-def conditioning(config: ConditioningConfig, limits: LimitsConfig) -> Drive:
+def conditioning(config: ConditioningConfig, limits: LimitsConfig) -> VoltageProgram:
     """Return a swing over the whole range that decays onto the rest voltage, where it starts.
 
     Each swing is smaller than the one before: the largest one wipes out what the hysteresis
@@ -40,4 +40,4 @@ def conditioning(config: ConditioningConfig, limits: LimitsConfig) -> Drive:
         swing_v = middle_v - rest_v + half_v * sin(phase + tau * config.frequency_hz * t_s)
         return rest_v + (1.0 - t_s / duration_s) * swing_v
 
-    return Drive(drive_v, duration_s)
+    return VoltageProgram(drive_v, duration_s)

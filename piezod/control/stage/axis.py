@@ -11,7 +11,7 @@ from piezod.config.daemon import StageAxisConfig
 from piezod.config.modes import Mode
 from piezod.control.law.axis import AxisOutput, CompensatedAxis
 from piezod.control.reference.motion import Motion, Pace, StreamedReference, along, rest_at, way
-from piezod.control.reference.programs import Drive
+from piezod.control.reference.programs import VoltageProgram
 from piezod.control.reference.waveforms import Waveform
 from piezod.control.signals.on_target import OnTarget
 from piezod.control.stage.record import AxisRecord
@@ -85,7 +85,7 @@ class StageAxis:
         self.live.applied(drive_v)
         self.hold()
 
-    def drive(self, drive: Drive, t_ns: int) -> None:
+    def drive(self, drive: VoltageProgram, t_ns: int) -> None:
         """Drive a voltage over time, from an instant on; may be called in the loop."""
         program = drive.drive_v
         self._force(

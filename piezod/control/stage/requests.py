@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from piezod.config import requests
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.control.reference.programs import Drive, conditioning
+from piezod.control.reference.programs import VoltageProgram, conditioning
 from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.record import Answer
@@ -240,7 +240,7 @@ def _condition_axes(stage: Stage, axes: Iterable[int], t_ns: int) -> Answer:
 
 
 def _identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
-    drives: dict[int, Drive] = {}
+    drives: dict[int, VoltageProgram] = {}
     for name, config in request.drive_v.items():
         axes, why = _chosen(stage, name)
         if why:
@@ -253,11 +253,13 @@ def _identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
                 f"axis {name}: drive_v out of range (got {waveform.low:g} to {waveform.high:g} V), "
                 f"allowed range {limits.drive_min_v:g} to {limits.drive_max_v:g} V",
             )
-        drives[axes[0]] = Drive(waveform.value, request.duration_s)
+        drives[axes[0]] = VoltageProgram(waveform.value, request.duration_s)
     return _ident(stage, drives, t_ns, conditions=False)
 
 
-def _ident(stage: Stage, drives: dict[int, Drive], t_ns: int, *, conditions: bool) -> Answer:
+def _ident(
+    stage: Stage, drives: dict[int, VoltageProgram], t_ns: int, *, conditions: bool
+) -> Answer:
     """Drive voltages from rest, with the way to rest before and after."""
     refusal = stage.go(Event.IDENTIFY, t_ns)
     if refusal:

@@ -7,7 +7,7 @@ from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.register import Detection, FaultRegister
-from piezod.control.reference.programs import Drive
+from piezod.control.reference.programs import VoltageProgram
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary
 from piezod.control.stage.record import StageEvent
@@ -32,7 +32,7 @@ class WatchedAxis(NamedTuple):
     watches: AxisWatch
 
 
-DriveStep = Mapping[int, Drive | float]
+DriveStep = Mapping[int, VoltageProgram | float]
 """What is driven in IDENT at a time: axis and voltage over time, or one to ramp to."""
 
 Rebuild = Callable[[str, ModelFile, float], WatchedAxis]
@@ -162,7 +162,7 @@ class Stage:
             match step_now.get(i):
                 case None:
                     axis.hold()
-                case Drive() as drive:
+                case VoltageProgram() as drive:
                     axis.drive(drive, t_ns)
                 case voltage:
                     axis.ramp_to(voltage)

@@ -76,7 +76,7 @@ class Facts(NamedTuple):
     was_driven: bool = True
 
 
-class Step(NamedTuple):
+class Transition(NamedTuple):
     """What becomes of an event.
 
     Attributes:
@@ -136,7 +136,7 @@ _HELP: Final[Mapping[State, str]] = {
 }
 
 
-def step(state: State, event: Event, facts: Facts) -> Step:
+def step(state: State, event: Event, facts: Facts) -> Transition:
     """Return what becomes of an event; total and pure; may be called in the loop.
 
     What leads down is never refused. RUN and IDENT begin from READY only, RUN also goes on from
@@ -145,7 +145,7 @@ def step(state: State, event: Event, facts: Facts) -> Step:
     request = _REQUESTS.get(event)
     if request is not None:
         return request(state, facts)
-    return Step(_settled(_following(state, event, facts), event, facts))
+    return Transition(_settled(_following(state, event, facts), event, facts))
 
 
 def _following(state: State, event: Event, facts: Facts) -> State:
@@ -180,9 +180,9 @@ def _settled(state: State, event: Event, facts: Facts) -> State:
     return _FAULT if state is _SAFE and facts.latched else state
 
 
-def _arm(state: State, facts: Facts) -> Step:
+def _arm(state: State, facts: Facts) -> Transition:
     if state in {_READY, _RUN}:
-        return Step(state)
+        return Transition(state)
     if state is not _SAFE:
         return _refused(state, "arm")
     if facts.estop_active:
@@ -195,13 +195,13 @@ def _arm(state: State, facts: Facts) -> Step:
     return _entered(_READY, state, facts, "arm")
 
 
-def _run(state: State, facts: Facts) -> Step:
+def _run(state: State, facts: Facts) -> Transition:
     if state is _RUN:
-        return Step(_RUN)
+        return Transition(_RUN)
     return _entered(_RUN, state, facts, "move")
 
 
-def _run_adaptive(state: State, facts: Facts) -> Step:
+def _run_adaptive(state: State, facts: Facts) -> Transition:
     if state in {_READY, _RUN}:
         if not facts.sensor_valid:
             return _refused(state, "adapt", "the sensor gives no valid sample: see `piezod faults`")
@@ -212,32 +212,32 @@ def _run_adaptive(state: State, facts: Facts) -> Step:
     return _run(state, facts)
 
 
-def _identify(state: State, facts: Facts) -> Step:
+def _identify(state: State, facts: Facts) -> Transition:
     return _entered(_IDENT, state, facts, "drive a waveform of voltages")
 
 
-def _resume(state: State, facts: Facts) -> Step:
+def _resume(state: State, facts: Facts) -> Transition:
     if state is not _HOLD:
         help_text = "nothing is held" if state in {_SAFE, *_MOVABLE} else _HELP[state]
         return _refused(state, "resume", help_text)
     if facts.latched or not facts.resumable:
         return _refused(state, "resume", "the fault is not over: see `piezod faults`")
-    return Step(_RUN if facts.was_running else _READY)
+    return Transition(_RUN if facts.was_running else _READY)
 
 
-def _reset(state: State, facts: Facts) -> Step:
+def _reset(state: State, facts: Facts) -> Transition:
     if state in {_SAFE, *_MOVABLE}:
-        return Step(state)  # only what forbids to adapt can be latched here
+        return Transition(state)  # only what forbids to adapt can be latched here
     if state is not _FAULT:
         return _refused(state, "reset")
     if facts.estop_active:
         return _refused(state, "reset", "release the emergency stop first")
     if facts.latched:
         return _refused(state, "reset", "a fault is not over: see `piezod faults`")
-    return Step(_SAFE)
+    return Transition(_SAFE)
 
 
-def _entered(target: State, state: State, facts: Facts, what: str) -> Step:
+def _entered(target: State, state: State, facts: Facts, what: str) -> Transition:
     """Go up to a state that begins something, from the only one that leads there."""
     if state is not (_SAFE if target is _READY else _READY):
         return _refused(state, what)
@@ -245,14 +245,14 @@ def _entered(target: State, state: State, facts: Facts, what: str) -> Step:
         return _refused(state, what, _HELP[_STOPPING])
     if facts.no_entry:
         return _refused(state, what, facts.no_entry)
-    return Step(target)
+    return Transition(target)
 
 
-def _refused(state: State, what: str, help_text: str = "") -> Step:
-    return Step(state, f"cannot {what} in {state}: {help_text or _HELP[state]}")
+def _refused(state: State, what: str, help_text: str = "") -> Transition:
+    return Transition(state, f"cannot {what} in {state}: {help_text or _HELP[state]}")
 
 
-_REQUESTS: Final[Mapping[Event, Callable[[State, Facts], Step]]] = {
+_REQUESTS: Final[Mapping[Event, Callable[[State, Facts], Transition]]] = {
     Event.ARM: _arm,
     Event.RUN: _run,
     Event.RUN_ADAPTIVE: _run_adaptive,

@@ -15,9 +15,9 @@ from typing import Any, Final, NamedTuple, cast
 
 from piezod.daemon.clock import Clock
 from piezod.daemon.loop.worker import DeviceWorker
-from piezod.devices.around import AnyDevice, Combined
 from piezod.devices.interface import Capabilities, Device, Exchanges, Identity
-from piezod.devices.tended import CanBeLost, Tended
+from piezod.devices.reconnecting import CanBeLost, ReconnectingDevice
+from piezod.devices.wrapper import AnyDevice, CombinedExchange
 from piezod.units import NS_PER_S
 
 LEAST_ROUNDS, MOST_ROUNDS = 5, 100
@@ -31,7 +31,7 @@ STACK_BYTES: Final = 1 << 20
 """Of each thread; all of it will be locked in memory."""
 
 
-class Place(StrEnum):
+class DevicePlace(StrEnum):
     """Where a device is used."""
 
     CYCLE = "in the cycle"
@@ -75,7 +75,7 @@ class Placement(NamedTuple):
     """
 
     name: str
-    place: Place
+    place: DevicePlace
     trips: RoundTrips
     identity: Identity
     able: Capabilities
@@ -189,17 +189,19 @@ def _write_ns(able: Capabilities, trips: RoundTrips) -> int:
     return round(NS_PER_S / able.max_rate_hz)
 
 
-def _where(device: Device, trips: RoundTrips, rate_hz: float, left_ns: float) -> tuple[Place, int]:
+def _where(
+    device: Device, trips: RoundTrips, rate_hz: float, left_ns: float
+) -> tuple[DevicePlace, int]:
     """Return where a device is used, and how much of the cycle that takes."""
     able = device.capabilities()
     separate_ns = cost_ns(able, trips)
     if able.max_rate_hz < rate_hz and not able.inputs:
-        return Place.WORKER, 0
+        return DevicePlace.WORKER, 0
     if separate_ns <= left_ns:
-        return Place.CYCLE, separate_ns
+        return DevicePlace.CYCLE, separate_ns
     if _exchanges(device, able) and trips.p90_ns <= left_ns:
-        return Place.COMBINED, trips.p90_ns
-    return Place.WORKER, 0
+        return DevicePlace.COMBINED, trips.p90_ns
+    return DevicePlace.WORKER, 0
 
 
 def _exchanges(device: Device, able: Capabilities) -> bool:
@@ -211,7 +213,7 @@ def _placed(
     device: Device,
     trips: RoundTrips,
     identity: Identity,
-    where: Place,
+    where: DevicePlace,
     *,
     period_ns: int,
     clock: Clock,
@@ -220,11 +222,11 @@ def _placed(
     allowed_hz = able.max_rate_hz if able.inputs else inf
     threads = []
     if isinstance(device, CanBeLost):
-        used = tended = Tended(device, identity)
+        used = tended = ReconnectingDevice(device, identity)
         threads.append(tended.thread)
-    if where is Place.COMBINED:
-        used = Combined(used)
-    elif where is Place.WORKER:
+    if where is DevicePlace.COMBINED:
+        used = CombinedExchange(used)
+    elif where is DevicePlace.WORKER:
         combined = _exchanges(device, able)
         round_ns = trips.p99_ns + (0 if combined else _write_ns(able, trips))
         # One that says it is slower than the loop is not asked more often, however fast it answers.
@@ -277,7 +279,7 @@ def raise_threads(placements: Sequence[Placement]) -> None:
         return
     policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
     for one in placements:
-        if one.place is Place.WORKER:
+        if one.place is DevicePlace.WORKER:
             native_id = one.threads[-1].native_id
             if native_id is not None:
                 os.sched_setscheduler(native_id, policy, os.sched_param(priority - 1))

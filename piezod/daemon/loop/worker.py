@@ -15,9 +15,9 @@ from queue import SimpleQueue
 from typing import Final, NamedTuple
 
 from piezod.daemon.clock import Clock
-from piezod.devices.around import Around
 from piezod.devices.interface import Device, Sample
 from piezod.devices.status import PASSING, DeviceFlag, Flags
+from piezod.devices.wrapper import DeviceWrapper
 from piezod.units import NS_PER_S
 
 PAUSE_S: Final = 1.0
@@ -74,7 +74,7 @@ class _Told(NamedTuple):
     taken: bool
 
 
-class DeviceWorker(Around):
+class DeviceWorker(DeviceWrapper):
     """Implements the roles of a device by a thread that has it for itself.
 
     A sample is given once; a cycle into which no new one falls gets one that is not valid. A write

@@ -12,10 +12,10 @@ from piezod.daemon.service.answers import add_error_answers
 from piezod.daemon.service.gate import Gate
 from piezod.daemon.service.lease import Lease
 from piezod.daemon.service.rate_limit import RateLimit
+from piezod.daemon.service.request_context import RequestQueue
 from piezod.daemon.service.roles import Roles
 from piezod.daemon.service.stage_service import StageService
 from piezod.daemon.service.urgent_notes import UrgentNotes
-from piezod.daemon.service.visit import Office
 
 
 def create_app(
@@ -31,7 +31,7 @@ def create_app(
     app = FastAPI(
         title="piezod", version=__version__, openapi_url=None, docs_url=None, redoc_url=None
     )
-    app.state.office = Office(stage, roles, Lease(now_s), set(), UrgentNotes(now_s))
+    app.state.office = RequestQueue(stage, roles, Lease(now_s), set(), UrgentNotes(now_s))
     app.state.reading = asyncio.Semaphore(1)
     app.add_middleware(Gate, rate_limit=RateLimit(now_s))
     add_error_answers(app)

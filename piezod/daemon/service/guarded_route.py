@@ -21,10 +21,10 @@ from piezod.daemon.service.refusals import (
     MediaTypeError,
     TooLargeError,
 )
+from piezod.daemon.service.request_context import RequestContext, RequestQueue
 from piezod.daemon.service.roles import ACCESS, SMALL_BODY, Access
 from piezod.daemon.service.stage_service import BadValueError, Peer, StageError
 from piezod.daemon.service.strict_json import loads
-from piezod.daemon.service.visit import Office, Visit
 
 STREAMED: Final = "/v1/stream"
 """The endpoint that reads its body itself."""
@@ -77,10 +77,10 @@ class _StrictRequest(Request):
         return self._document
 
 
-async def _let_in(request: Request, access: Access) -> Visit:
-    office: Office = request.app.state.office
+async def _let_in(request: Request, access: Access) -> RequestContext:
+    office: RequestQueue = request.app.state.office
     peer = await _peer(request, office)
-    visit = Visit(office, peer, access)
+    visit = RequestContext(office, peer, access)
     if peer.role < access.role:
         needed = access.role.name.lower()
         what = f"{peer.user} is {peer.role.name.lower()} here, this needs {needed}"
@@ -90,7 +90,7 @@ async def _let_in(request: Request, access: Access) -> Visit:
     return visit
 
 
-async def _peer(request: Request, office: Office) -> Peer:
+async def _peer(request: Request, office: RequestQueue) -> Peer:
     client = request.headers.get("x-piezod-client", "")
     if not _CLIENT.fullmatch(client):
         what = "header X-Piezod-Client: allowed are up to 64 letters, digits and _.:@-"

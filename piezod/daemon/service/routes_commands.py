@@ -13,9 +13,9 @@ from piezod.daemon.service.answers import ErrorDocument, JsonAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.refusals import ForbiddenError
+from piezod.daemon.service.request_context import RequestContext, VisitOf, describe
 from piezod.daemon.service.setpoint_stream import SetpointStream
 from piezod.daemon.service.stage_service import Role
-from piezod.daemon.service.visit import Visit, VisitOf, describe
 
 router: Final = APIRouter(prefix="/v1", route_class=GuardedRoute)
 
@@ -70,7 +70,7 @@ def _add_command(path: str, model: type[BaseModel]) -> None:
     )
 
 
-def _allowed(command: Request, visit: Visit) -> Request:
+def _allowed(command: Request, visit: RequestContext) -> Request:
     for_engineers = isinstance(command, requests.Reset) and command.engineer
     if for_engineers and visit.peer.role < Role.ENGINEER:
         what = "only an engineer resets latches of level 3"

@@ -8,10 +8,10 @@ from fastapi import Request as HttpRequest
 from piezod.daemon.service.answers import JsonAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
+from piezod.daemon.service.request_context import VisitOf
 from piezod.daemon.service.routes_commands import ERRORS
 from piezod.daemon.service.stage_service import UnknownNameError
 from piezod.daemon.service.telemetry_stream import TelemetryAnswer
-from piezod.daemon.service.visit import VisitOf
 
 router: Final = APIRouter(prefix="/v1", route_class=GuardedRoute)
 

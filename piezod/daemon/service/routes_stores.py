@@ -12,9 +12,9 @@ from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.recording_files import RecordingAnswer, open_recording
 from piezod.daemon.service.refusals import TooManyError
+from piezod.daemon.service.request_context import VisitOf
 from piezod.daemon.service.routes_commands import ERRORS, Nothing
 from piezod.daemon.service.stage_service import NotNowError
-from piezod.daemon.service.visit import VisitOf
 
 router: Final = APIRouter(prefix="/v1", route_class=GuardedRoute)
 

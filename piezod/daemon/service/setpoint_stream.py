@@ -9,9 +9,9 @@ from starlette.requests import ClientDisconnect, Request
 from piezod.config.requests import Stream
 from piezod.daemon.service.peer_protocol import PeerProtocol
 from piezod.daemon.service.refusals import SilentError, TooLargeError
+from piezod.daemon.service.request_context import RequestContext
 from piezod.daemon.service.stage_service import BadValueError, Document, StageError
 from piezod.daemon.service.strict_json import loads
-from piezod.daemon.service.visit import Visit
 
 MAX_LINE: Final = 1024
 _REMEDY: Final = 'each line must be like {"x": 12.5}, in µm, with the axes of the first line'
@@ -27,7 +27,7 @@ class SetpointStream:
         connection: Where it comes from.
     """
 
-    def __init__(self, visit: Visit, connection: PeerProtocol) -> None:
+    def __init__(self, visit: RequestContext, connection: PeerProtocol) -> None:
         self._visit, self._connection = visit, connection
         self._axes: frozenset[str] = frozenset()
         self.count = 0

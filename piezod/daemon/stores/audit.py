@@ -18,7 +18,7 @@ KEPT: Final = 5
 _MAX_TEXT: Final = 1000
 
 
-class AuditEntry(NamedTuple):
+class AuditLine(NamedTuple):
     """One request and its outcome.
 
     Attributes:
@@ -90,7 +90,7 @@ class AuditLog:
         """
         when = self._now().isoformat(timespec="milliseconds")
         user, client, what, why = (text[:_MAX_TEXT] for text in (user, client, what, why))
-        entry = AuditEntry(when, uid, user, client, what, accepted, why)
+        entry = AuditLine(when, uid, user, client, what, accepted, why)
         line = (json.dumps(entry._asdict()) + "\n").encode()
         try:
             self._append(line)
@@ -99,7 +99,7 @@ class AuditLog:
                 logger("audit").error("audit entry lost", file=str(self._path), why=error.strerror)
             self.failed += 1
 
-    def last(self, number: int) -> tuple[AuditEntry, ...]:
+    def last(self, number: int) -> tuple[AuditLine, ...]:
         """Return the newest entries of the file and of the one before, newest first.
 
         Args:
@@ -169,8 +169,8 @@ def _last_byte(path: Path) -> bytes:
         return file.read(1)
 
 
-def _entry(line: bytes) -> AuditEntry | None:
+def _entry(line: bytes) -> AuditLine | None:
     try:
-        return AuditEntry(**json.loads(line))
+        return AuditLine(**json.loads(line))
     except (ValueError, TypeError):  # cut off by a loss of power
         return None

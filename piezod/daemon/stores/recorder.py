@@ -29,7 +29,7 @@ _RESERVE_BYTES: Final = 500_000_000
 _RESERVE_SHARE: Final = 0.05
 
 
-class Reader(Protocol):
+class RecordSource(Protocol):
     """What a recording is made from; `telemetry.ring.RingReader` is one."""
 
     def read(self, limit: int) -> tuple[NDArray[Any], int]:
@@ -93,7 +93,7 @@ class Recorder:
 
     def __init__(
         self,
-        open_reader: Callable[[], Reader],
+        open_reader: Callable[[], RecordSource],
         dtype: np.dtype[np.void],
         folder: Path,
         learned: Callable[[], Mapping[str, npt.ArrayLike]] = dict,
@@ -160,7 +160,7 @@ class Recorder:
             self._thread.join()
             self._thread = None
 
-    def _record(self, reader: Reader, writer: TelemetryWriter) -> None:
+    def _record(self, reader: RecordSource, writer: TelemetryWriter) -> None:
         why = _failure_of(lambda: self._drain_until_end(reader, writer))
         why_not_closed = _failure_of(writer.close)
         why = why or why_not_closed
@@ -169,7 +169,7 @@ class Recorder:
         if why:
             logger("recorder").error("recording ended", name=name, why=why)
 
-    def _drain_until_end(self, reader: Reader, writer: TelemetryWriter) -> str:
+    def _drain_until_end(self, reader: RecordSource, writer: TelemetryWriter) -> str:
         """Return why the recording ends, empty where it was asked to."""
         times = 0
         while not self._ending.wait(DRAIN_S):
@@ -181,7 +181,7 @@ class Recorder:
             pass
         return ""
 
-    def _drain(self, reader: Reader, writer: TelemetryWriter) -> int:
+    def _drain(self, reader: RecordSource, writer: TelemetryWriter) -> int:
         """Return how many records there were."""
         records, lost = reader.read(MAX_RECORDS)
         if len(records):

@@ -10,7 +10,7 @@ _NAME: Final = re.compile(r"[0-9]{8}T[0-9]{6}Z(-[0-9]+)?(-[A-Za-z0-9][A-Za-z0-9_
 _SUFFIX: Final = ".h5"
 
 
-class RecordingFile(NamedTuple):
+class StoredRecording(NamedTuple):
     """A file in the folder.
 
     Attributes:
@@ -66,11 +66,11 @@ class RecordingsFolder:
         found = _NAME.fullmatch(name) and path.is_file() and not path.is_symlink()
         return path if found else None
 
-    def files(self) -> tuple[RecordingFile, ...]:
+    def files(self) -> tuple[StoredRecording, ...]:
         """Return the files, newest first."""
         names = sorted((path.stem for path in self.path.glob(f"*{_SUFFIX}")), reverse=True)
         found = [(name, path) for name in names if (path := self.find(name))]
-        return tuple(RecordingFile(name, path.stat().st_size) for name, path in found)
+        return tuple(StoredRecording(name, path.stat().st_size) for name, path in found)
 
     def keep_newest(self, number: int) -> None:
         """Remove all but the newest files."""

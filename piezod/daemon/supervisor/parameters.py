@@ -24,7 +24,7 @@ Document = dict[str, Any]
 _log = logger("parameters")
 
 
-class StageParameters:
+class LearnedParameters:
     """Saves what the loop has learned, and has it take back what was saved.
 
     Args:

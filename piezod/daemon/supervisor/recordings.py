@@ -14,7 +14,7 @@ from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
 from piezod.daemon.stores.flight_recorder import FlightRecorder
-from piezod.daemon.stores.recorder import Reader, Recorder, RecorderError
+from piezod.daemon.stores.recorder import Recorder, RecorderError, RecordSource
 from piezod.daemon.supervisor import accepted_config
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.documents import GATES, MODES, STATES
@@ -42,7 +42,7 @@ class StageRecordings:
         self,
         paths: StagePaths,
         axes: int,
-        open_reader: Callable[[], Reader],
+        open_reader: Callable[[], RecordSource],
         last: Callable[[int], NDArray[Any]],
         learned: Callable[[], Mapping[str, NDArray[Any]]],
     ) -> None:

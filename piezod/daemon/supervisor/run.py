@@ -13,12 +13,12 @@ from piezod.daemon.supervisor.marker import Marker
 from piezod.daemon.supervisor.notify import Notifier
 from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.supervisor import Supervisor
-from piezod.daemon.supervisor.terms import Ending, Options
+from piezod.daemon.supervisor.terms import Ending, RunOptions
 from piezod.errors import DeviceUnavailableError
 
 
 def run_stage(
-    source: Path, options: Options, paths: StagePaths, lock: Lock, signals: Signals
+    source: Path, options: RunOptions, paths: StagePaths, lock: Lock, signals: Signals
 ) -> bool:
     """Run the daemon of a stage until it is told to stop, or its loop is gone.
 

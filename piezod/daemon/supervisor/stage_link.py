@@ -26,7 +26,7 @@ from piezod.daemon.stores.parameter_store import ParameterStore
 from piezod.daemon.supervisor import accepted_config
 from piezod.daemon.supervisor import documents as stage_documents
 from piezod.daemon.supervisor.connection import LoopConnection
-from piezod.daemon.supervisor.parameters import StageParameters
+from piezod.daemon.supervisor.parameters import LearnedParameters
 from piezod.daemon.supervisor.recordings import StageRecordings
 from piezod.telemetry.ring import RingReader
 
@@ -57,7 +57,7 @@ class StageLink:
         """The loop; exchanged by a reload."""
         self.available = True
         """Whether the loop takes requests; not while it is exchanged."""
-        self.parameters = StageParameters(ParameterStore(paths.parameters, paths.name))
+        self.parameters = LearnedParameters(ParameterStore(paths.parameters, paths.name))
         self.recordings_of_stage = StageRecordings(
             paths, len(loop.axes), self.open_reader, self._last, self._weights
         )

@@ -27,7 +27,7 @@ from piezod.daemon.supervisor.notify import Notifier
 from piezod.daemon.supervisor.reload import AT_REST, changes, exchange, read_again
 from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.stage_link import StageLink
-from piezod.daemon.supervisor.terms import Ending, Options
+from piezod.daemon.supervisor.terms import Ending, RunOptions
 
 TICK_S: Final = 0.1
 """How often everything is looked after; the loop takes a supervisor for dead after 1 s."""
@@ -55,7 +55,7 @@ class Supervisor:
         source: Path,
         paths: StagePaths,
         config: DaemonConfig,
-        options: Options,
+        options: RunOptions,
         notifier: Notifier,
         signals: Signals,
     ) -> None:

@@ -4,7 +4,7 @@ from enum import Enum
 from typing import NamedTuple
 
 
-class Options(NamedTuple):
+class RunOptions(NamedTuple):
     """What the command line adds to a configuration.
 
     Attributes:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, TypeAlias
 
-from piezod.devices.bus.line import Line, LineFault, Notices
+from piezod.devices.bus.line import Line, LineFault, NoticingLine
 from piezod.devices.status import DeviceFlag
 
 LengthOf: TypeAlias = Callable[[bytes], int]
@@ -40,7 +40,7 @@ class Conversation:
 
     def __init__(self, line: Line, timeout_s: float) -> None:
         self._line, self._timeout_ns = line, round(timeout_s * 1e9)
-        self._notices = line if isinstance(line, Notices) else None
+        self._notices = line if isinstance(line, NoticingLine) else None
         self._rest = b""
         self._owed: LengthOf | None = None
         self._owed_fits: Fits | None = None

@@ -71,7 +71,7 @@ class Line(Protocol):
 
 
 @runtime_checkable
-class Notices(Protocol):
+class NoticingLine(Protocol):
     """A line that also tells what is the matter with it where no exchange fails."""
 
     def take_noticed(self) -> set[DeviceFlag]:

@@ -17,7 +17,7 @@ class Rig(Sensor, Amplifier, Protocol):
     """A sensor and amplifier in one, with the inputs `a` and `a_v` for each output `a`."""
 
 
-class Bench:
+class SharedRig:
     """What emulators can do with their connectors; they may be in several threads.
 
     Args:

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias, runtime_checkable
 
-from piezod.devices.emulation.bench import Bench
-from piezod.devices.emulation.faults import Faults
+from piezod.devices.emulation.bench import SharedRig
+from piezod.devices.emulation.faults import WireFaults
 
 
 class Emulator(Protocol):
@@ -34,13 +34,13 @@ class HearsConnections(Protocol):
 
 
 Serve: TypeAlias = Callable[
-    [Bench, str, Faults, str, Callable[[str], None], Callable[[], bool]], None
+    [SharedRig, str, WireFaults, str, Callable[[str], None], Callable[[], bool]], None
 ]
 """Serves a device at a place until told to stop; runs in a thread of its own.
 
 Called with the bench; the place, "" for the usual one; what goes wrong on the wire; the serial
 number, "" for the usual one; what is told the place as soon as somebody can connect there; and
-what tells, asked at least every 0.1 s, that it is time to stop. Calls `Bench.tick` every few
+what tells, asked at least every 0.1 s, that it is time to stop. Calls `SharedRig.tick` every few
 milliseconds where nothing else is asked of the bench. Raises `DeviceUnavailableError` where the
 place is taken or cannot be made.
 """
@@ -64,6 +64,6 @@ class EmulatorPlugin:
     name: str
     summary: str
     wire: Literal["serial", "tcp", "can", "socket"]
-    create: Callable[[Bench, str], Emulator] | None = None
+    create: Callable[[SharedRig, str], Emulator] | None = None
     channels: int = 1
     serve: Serve | None = None

@@ -17,7 +17,7 @@ from threading import Lock
 from typing import Final, NamedTuple
 
 
-class FaultKind(StrEnum):
+class WireFaultKind(StrEnum):
     """What goes wrong."""
 
     LATE = "late"
@@ -45,18 +45,23 @@ class FaultKind(StrEnum):
 
 
 BEFALL_DEVICE: Final = frozenset(
-    {FaultKind.DISCONNECT, FaultKind.IMPOSTOR, FaultKind.RESTART, FaultKind.BUS_OFF},
+    {
+        WireFaultKind.DISCONNECT,
+        WireFaultKind.IMPOSTOR,
+        WireFaultKind.RESTART,
+        WireFaultKind.BUS_OFF,
+    },
 )
 """What can happen at once, and not only in place of a reply."""
-ON_A_BUS: Final = frozenset({FaultKind.FOREIGN, FaultKind.BUS_OFF})
+ON_A_BUS: Final = frozenset({WireFaultKind.FOREIGN, WireFaultKind.BUS_OFF})
 """What cannot happen on a wire with nobody else on it."""
 
 _USUAL: Final = {
-    FaultKind.NOISE: 8.0,
-    FaultKind.DISCONNECT: 0.5,
-    FaultKind.IMPOSTOR: 0.5,
-    FaultKind.RESTART: 0.5,
-    FaultKind.BUS_OFF: 0.5,
+    WireFaultKind.NOISE: 8.0,
+    WireFaultKind.DISCONNECT: 0.5,
+    WireFaultKind.IMPOSTOR: 0.5,
+    WireFaultKind.RESTART: 0.5,
+    WireFaultKind.BUS_OFF: 0.5,
 }
 _MOST_VALUE: Final = 3600.0
 _WHICH: Final = re.compile(
@@ -65,7 +70,7 @@ _WHICH: Final = re.compile(
 _VALUE: Final = re.compile(r"(\d{1,6}(?:\.\d{1,9})?)(?:-(\d{1,6}(?:\.\d{1,9})?))?")
 
 
-class Fault(NamedTuple):
+class WireFault(NamedTuple):
     """One thing that goes wrong.
 
     Attributes:
@@ -76,7 +81,7 @@ class Fault(NamedTuple):
         value: Range of its value; None for the usual.
     """
 
-    kind: FaultKind
+    kind: WireFaultKind
     first: int = 1
     last: int | None = None
     every: int = 1
@@ -88,7 +93,7 @@ class Fault(NamedTuple):
         return in_range and number % self.every == 0
 
 
-class Hit(NamedTuple):
+class ActiveFault(NamedTuple):
     """A fault that happens now.
 
     Attributes:
@@ -96,11 +101,11 @@ class Hit(NamedTuple):
         value: Its value; None where it is any.
     """
 
-    kind: FaultKind
+    kind: WireFaultKind
     value: float | None
 
 
-class Fate(NamedTuple):
+class ReplyFate(NamedTuple):
     """What becomes of a reply.
 
     Attributes:
@@ -114,27 +119,29 @@ class Fate(NamedTuple):
     copies: list[bytes]
 
 
-def parse(text: str) -> Fault:
+def parse(text: str) -> WireFault:
     """Return the fault that a text stands for; the syntax is at the top of this file.
 
     Raises:
         ValueError: If it stands for none; the text says why.
     """
     kind_text, *parts = text.split(":")
-    if kind_text not in list(FaultKind):
-        raise ValueError(f"no fault {kind_text!r} (got {text!r}), known: {', '.join(FaultKind)}")
-    kind = FaultKind(kind_text)
+    if kind_text not in list(WireFaultKind):
+        raise ValueError(
+            f"no fault {kind_text!r} (got {text!r}), known: {', '.join(WireFaultKind)}"
+        )
+    kind = WireFaultKind(kind_text)
     if len(parts) > 2:
         raise ValueError(f"too many parts in {text!r}, expected KIND[:WHICH][:VALUE]")
-    fault = _with_which(Fault(kind), parts[0], text) if parts else Fault(kind)
+    fault = _with_which(WireFault(kind), parts[0], text) if parts else WireFault(kind)
     if len(parts) == 2:
         fault = fault._replace(value=_value(parts[1], text))
-    if kind == FaultKind.LATE and fault.value is None:
+    if kind == WireFaultKind.LATE and fault.value is None:
         raise ValueError(f"how late, in s? as in late:1-10:0.05 (got {text!r})")
     return fault
 
 
-def _with_which(fault: Fault, which: str, text: str) -> Fault:
+def _with_which(fault: WireFault, which: str, text: str) -> WireFault:
     found = _WHICH.fullmatch(which)
     if found is None:
         what = "7, 7-9, 7-, every 7, or now"
@@ -164,56 +171,56 @@ def _value(value: str, text: str) -> tuple[float, float]:
     return low, high
 
 
-class Faults:
+class WireFaults:
     """What goes wrong on one wire; may be changed by another thread.
 
     Args:
         faults: What goes wrong.
     """
 
-    def __init__(self, faults: Iterable[Fault] = ()) -> None:
+    def __init__(self, faults: Iterable[WireFault] = ()) -> None:
         self._random = random.Random(1)  # noqa: S311 - faults that can be repeated
         self._lock = Lock()
         self.set(faults)
 
-    def set(self, faults: Iterable[Fault]) -> None:
+    def set(self, faults: Iterable[WireFault]) -> None:
         """Have this go wrong from now on, and nothing else; the next reply is number 1."""
         with self._lock:
             self._faults, self._number = list(faults), 0
             self._at_once = [fault for fault in self._faults if not fault.first]
 
-    def next_reply(self) -> list[Hit]:
+    def next_reply(self) -> list[ActiveFault]:
         """Count a reply, or a frame, and tell what befalls it."""
         with self._lock:
             self._number += 1
             return [self._hit(fault) for fault in self._faults if fault.befalls(self._number)]
 
-    def at_once(self) -> list[Hit]:
+    def at_once(self) -> list[ActiveFault]:
         """Tell once what happens now."""
         with self._lock:
             hits, self._at_once = [self._hit(fault) for fault in self._at_once], []
             return hits
 
-    def fate(self, data: bytes, hits: Iterable[Hit]) -> Fate:
+    def fate(self, data: bytes, hits: Iterable[ActiveFault]) -> ReplyFate:
         """Tell what becomes of a reply, or of the data of a frame, that this befalls."""
         late_s, noise, copies = 0.0, b"", 1
         for kind, value in hits:
             match kind:
-                case FaultKind.LATE:
+                case WireFaultKind.LATE:
                     late_s += value or 0.0
-                case FaultKind.LOST:
+                case WireFaultKind.LOST:
                     copies = 0
-                case FaultKind.DUPLICATED:
+                case WireFaultKind.DUPLICATED:
                     copies *= 2
-                case FaultKind.GARBLED:
+                case WireFaultKind.GARBLED:
                     data = self._garbled(data, value)
-                case FaultKind.PARTIAL:
+                case WireFaultKind.PARTIAL:
                     data = data[: len(data) // 2 if value is None else int(value)]
-                case FaultKind.NOISE:
+                case WireFaultKind.NOISE:
                     noise += self._random.randbytes(int(value or 0))
                 case _:
                     pass  # befalls the device, or the bus
-        return Fate(round(late_s * 1e9), noise, [data] * copies)
+        return ReplyFate(round(late_s * 1e9), noise, [data] * copies)
 
     def _garbled(self, data: bytes, bit: float | None) -> bytes:
         n_bits = 8 * len(data)
@@ -224,7 +231,7 @@ class Faults:
         flipped[place // 8] ^= 1 << place % 8
         return bytes(flipped)
 
-    def _hit(self, fault: Fault) -> Hit:
+    def _hit(self, fault: WireFault) -> ActiveFault:
         if fault.value is None:
-            return Hit(fault.kind, _USUAL.get(fault.kind))
-        return Hit(fault.kind, self._random.uniform(*fault.value))
+            return ActiveFault(fault.kind, _USUAL.get(fault.kind))
+        return ActiveFault(fault.kind, self._random.uniform(*fault.value))

@@ -5,16 +5,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import ClassVar, Final, Generic, TypeVar
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.far_end import End
-from piezod.devices.emulation.faults import BEFALL_DEVICE, FaultKind, Faults, Hit
+from piezod.devices.emulation.faults import BEFALL_DEVICE, ActiveFault, WireFaultKind, WireFaults
 
 EndT = TypeVar("EndT", bound=End)
 DeviceT = TypeVar("DeviceT")
 
 _IMPOSTOR: Final = "99000099"
 """Serial number of the device that comes instead of another one."""
-_UNPLUGGED: Final = frozenset({FaultKind.DISCONNECT, FaultKind.IMPOSTOR})
+_UNPLUGGED: Final = frozenset({WireFaultKind.DISCONNECT, WireFaultKind.IMPOSTOR})
 
 
 class Host(ABC, Generic[EndT, DeviceT]):
@@ -37,14 +37,14 @@ class Host(ABC, Generic[EndT, DeviceT]):
         self,
         end: EndT,
         make: Callable[[str], DeviceT],
-        bench: Bench,
-        faults: Faults,
+        bench: SharedRig,
+        faults: WireFaults,
         serial_number: str,
     ) -> None:
         self._end, self._make, self._bench, self._faults = end, make, bench, faults
         self._serial_number = serial_number
         self._device = make(serial_number)
-        self._away: dict[FaultKind, int] = {}  # why, and until which instant
+        self._away: dict[WireFaultKind, int] = {}  # why, and until which instant
 
     def serve(self, ready: Callable[[str], None], stopping: Callable[[], bool]) -> None:
         """Serve.
@@ -89,38 +89,38 @@ class Host(ABC, Generic[EndT, DeviceT]):
 
     @property
     def _is_off(self) -> bool:
-        return FaultKind.RESTART in self._away
+        return WireFaultKind.RESTART in self._away
 
     @property
     def _is_unplugged(self) -> bool:
         return not _UNPLUGGED.isdisjoint(self._away)
 
-    def _next_hits(self) -> list[Hit]:
+    def _next_hits(self) -> list[ActiveFault]:
         """Count a reply, have befall the device what does, and return what befalls the reply."""
         hits = self._faults.next_reply()
         for hit in hits:
             self._befall(hit)
         return hits
 
-    def _befall(self, hit: Hit) -> None:
+    def _befall(self, hit: ActiveFault) -> None:
         if hit.kind not in BEFALL_DEVICE:
             return
         self._forget()
         self._away[hit.kind] = self._bench.now_ns() + round((hit.value or 0.0) * 1e9)
-        if hit.kind == FaultKind.RESTART:
+        if hit.kind == WireFaultKind.RESTART:
             self._bench.drive_all([0.0] * self._bench.n_axes)
-        elif hit.kind == FaultKind.BUS_OFF:
+        elif hit.kind == WireFaultKind.BUS_OFF:
             self._leave(True)
         else:
             self._end.vanish()
 
-    def _come_back(self, reason: FaultKind) -> None:
+    def _come_back(self, reason: WireFaultKind) -> None:
         del self._away[reason]
-        if reason == FaultKind.BUS_OFF:
+        if reason == WireFaultKind.BUS_OFF:
             self._leave(False)
-        if reason == FaultKind.IMPOSTOR:
+        if reason == WireFaultKind.IMPOSTOR:
             self._serial_number = _IMPOSTOR
-        if reason in {FaultKind.IMPOSTOR, FaultKind.RESTART}:
+        if reason in {WireFaultKind.IMPOSTOR, WireFaultKind.RESTART}:
             self._device = self._make(self._serial_number)
         if reason in _UNPLUGGED and not self._is_unplugged:
             self._end.appear()

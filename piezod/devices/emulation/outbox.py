@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
-from piezod.devices.emulation.faults import Faults, Hit
+from piezod.devices.emulation.faults import ActiveFault, WireFaults
 
 MOST_REPLIES: Final = 4096
 """More than this on their way is a fault that nobody meant; the oldest are dropped."""
@@ -17,11 +17,11 @@ class Outbox:
         faults: Tells what becomes of them.
     """
 
-    def __init__(self, faults: Faults) -> None:
+    def __init__(self, faults: WireFaults) -> None:
         self._faults = faults
         self._waiting: deque[tuple[int, bytes]] = deque(maxlen=MOST_REPLIES)
 
-    def put(self, reply: bytes, hits: Sequence[Hit], now_ns: int) -> None:
+    def put(self, reply: bytes, hits: Sequence[ActiveFault], now_ns: int) -> None:
         """Add a reply, with what befalls it."""
         late_ns, noise, copies = self._faults.fate(reply, hits)
         self._waiting.extend((now_ns + late_ns, part) for part in (noise, *copies) if part)

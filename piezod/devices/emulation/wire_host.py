@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import Emulator, HearsConnections
 from piezod.devices.emulation.far_end import FarEnd
-from piezod.devices.emulation.faults import ON_A_BUS, Faults, Hit
+from piezod.devices.emulation.faults import ON_A_BUS, ActiveFault, WireFaults
 from piezod.devices.emulation.host import Host
 from piezod.devices.emulation.outbox import Outbox
 
@@ -22,8 +22,8 @@ class WireHost(Host[FarEnd, Emulator]):
         self,
         end: FarEnd,
         make: Callable[[str], Emulator],
-        bench: Bench,
-        faults: Faults,
+        bench: SharedRig,
+        faults: WireFaults,
         serial_number: str,
     ) -> None:
         super().__init__(end, make, bench, faults, serial_number)
@@ -51,6 +51,6 @@ class WireHost(Host[FarEnd, Emulator]):
     def _forget(self) -> None:
         self._outbox.clear()
 
-    def _befall(self, hit: Hit) -> None:
+    def _befall(self, hit: ActiveFault) -> None:
         if hit.kind not in ON_A_BUS:
             super()._befall(hit)

@@ -90,7 +90,7 @@ class Fit:
     settings: FitSettings
     delay: DelayEstimate | None
     smallest_slope: float
-    problem: "Problem" = field(repr=False)
+    problem: "FitProblem" = field(repr=False)
     linearised: Linearised | None = field(repr=False)
 
     @property
@@ -168,7 +168,7 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
         ModelError: If the gain of LMS is not stable for so many operators.
     """
     _check(record, settings)
-    problem = Problem(settings.seen(record), settings)
+    problem = FitProblem(settings.seen(record), settings)
     bank, slow, linearised = problem.bank(), Slow(), None
     # Creep looks like a delay; where there is one frequency, nothing tells them apart.
     if settings.creep and settings.delay_s is None and not has_one_frequency(record.drive_v):
@@ -183,7 +183,7 @@ def fit_model(record: Record, settings: FitSettings) -> Fit:
     return Fit(model, settings, estimate, slope, problem, linearised)
 
 
-class Problem:
+class FitProblem:
     """A record with its ranges, and what a fit asks of both.
 
     Args:

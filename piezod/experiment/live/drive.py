@@ -19,7 +19,7 @@ KEY: Final = "identification"
 _LEAST_STEP_V: Final = 1e-6
 
 
-class Drive(NamedTuple):
+class LiveDrive(NamedTuple):
     """A drive that begins where a stage rests.
 
     Attributes:
@@ -65,7 +65,7 @@ def _validated(document: Document, folder: Path) -> IdentificationConfig:
     return validate(only, _File, Context(folder)).identification
 
 
-def from_rest(settings: IdentificationConfig, axis: LiveAxis) -> Drive:
+def from_rest(settings: IdentificationConfig, axis: LiveAxis) -> LiveDrive:
     """Return a drive with the way to its first voltage before it, at the rate of the safe ramp.
 
     Args:
@@ -76,7 +76,7 @@ def from_rest(settings: IdentificationConfig, axis: LiveAxis) -> Drive:
     drive_v, duration_s = settings.drive_v, settings.duration_s
     first_v = build_waveform(drive_v, duration_s).value(0.0)
     if abs(first_v - rest_v) <= _LEAST_STEP_V:
-        return Drive(settings.settle_s, settings.run_in_s, duration_s, drive_v)
+        return LiveDrive(settings.settle_s, settings.run_in_s, duration_s, drive_v)
     way_s = max(abs(first_v - rest_v) / rate_v_per_s, axis.period_s)
     way = Points(kind="points", points=((0.0, rest_v), (way_s, first_v)))
     parts = (
@@ -84,7 +84,7 @@ def from_rest(settings: IdentificationConfig, axis: LiveAxis) -> Drive:
         if isinstance(drive_v, Sequence)
         else (SequencePart(duration_s=duration_s, waveform=drive_v),)
     )
-    return Drive(
+    return LiveDrive(
         settings.settle_s,
         settings.run_in_s + way_s,
         duration_s + way_s,

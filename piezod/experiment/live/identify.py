@@ -11,13 +11,13 @@ from piezod.config.experiment_fields import IdentificationConfig
 from piezod.config.model_file import ModelFile
 from piezod.config.states import State
 from piezod.errors import DataError
-from piezod.experiment.live.drive import Drive, designed_drive, from_rest
+from piezod.experiment.live.drive import LiveDrive, designed_drive, from_rest
 from piezod.experiment.live.setup import LiveSetup, read_setup
 from piezod.experiment.live.stage import ZERO_S, LiveStage
 from piezod.experiment.virtual.run import Progress
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.csv_file import write_csv
-from piezod.records.telemetry_reader import Telemetry
+from piezod.records.telemetry_reader import RecordedTelemetry
 
 MOST_MISSING: Final = 0.02
 """So large a part of the samples may be filled in."""
@@ -100,7 +100,7 @@ def adopt_live(client: StageClient, axis: str, model: ModelFile) -> None:
         client.adopt(model, axis=axis)
 
 
-def columns_of(told: Telemetry, axis: str) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+def columns_of(told: RecordedTelemetry, axis: str) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """Return what was recorded while the stage was driven, evenly in time, and what to know of it.
 
     Cycles that were skipped and samples that were invalid are filled in, as long as they are few.
@@ -141,7 +141,7 @@ def columns_of(told: Telemetry, axis: str) -> tuple[dict[str, FloatArray], tuple
     )
 
 
-def _driven(stage: LiveStage, axis: str, drive: Drive, file: Path) -> Telemetry:
+def _driven(stage: LiveStage, axis: str, drive: LiveDrive, file: Path) -> RecordedTelemetry:
     stage.park()
     stage.rest(drive.settle_s)
     stage.arm()

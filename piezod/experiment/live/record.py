@@ -13,7 +13,7 @@ from piezod.experiment.error_rows import errors_pct
 from piezod.experiment.live.setup import LiveAxis
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Recording
-from piezod.records.telemetry_reader import Telemetry
+from piezod.records.telemetry_reader import RecordedTelemetry
 
 SAME_UM = 1e-5
 """A recorded command is the one that was asked for within this,"""
@@ -21,7 +21,7 @@ OTHER_SHARE = 0.01
 """but for this part of the samples: at a step, time's last digit decides on which side one is."""
 
 
-class Run(NamedTuple):
+class LiveRun(NamedTuple):
     """What was run.
 
     Attributes:
@@ -35,7 +35,9 @@ class Run(NamedTuple):
     metrics: tuple[str, ...]
 
 
-def cut(told: Telemetry, name: str, axis: LiveAxis, waveform: Waveform, run: Run) -> Recording:
+def cut(
+    told: RecordedTelemetry, name: str, axis: LiveAxis, waveform: Waveform, run: LiveRun
+) -> Recording:
     """Return what a recording has of the waveform that was its last movement.
 
     Args:
@@ -86,7 +88,7 @@ def cut(told: Telemetry, name: str, axis: LiveAxis, waveform: Waveform, run: Run
     )
 
 
-def missing_cycles(told: Telemetry) -> int:
+def missing_cycles(told: RecordedTelemetry) -> int:
     """Return how many cycles a recording lacks: those that the loop skipped, and those lost."""
     skipped = told.cycles["skipped"]
     return int(skipped[-1] - skipped[0]) + told.lost
@@ -103,7 +105,7 @@ def _check_command(name: str, motion: Motion, since_s: FloatArray, command_um: F
 
 
 def _weights(
-    told: Telemetry, name: str, begin_s: float, end_s: float
+    told: RecordedTelemetry, name: str, begin_s: float, end_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the weights with those of the right operators first, and when they were so."""
     weights, t_s = told.weights[name]["weights"], told.weights[name]["weights_t_s"]

@@ -16,14 +16,14 @@ from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import ClientError, DataError
 from piezod.experiment.fit.account import parameters_of
 from piezod.experiment.live.plan import check_live, not_used
-from piezod.experiment.live.record import Run, cut, missing_cycles
+from piezod.experiment.live.record import LiveRun, cut, missing_cycles
 from piezod.experiment.live.setup import LiveSetup, read_setup
 from piezod.experiment.live.slower import slow_enough
 from piezod.experiment.live.stage import ZERO_S, LiveStage
 from piezod.experiment.virtual.run import Progress, versions
 from piezod.experiment.warnings import run_warnings
 from piezod.records.recording import ExperimentResult, Identification, Recording
-from piezod.records.telemetry_reader import Telemetry
+from piezod.records.telemetry_reader import RecordedTelemetry
 
 
 def run_live(
@@ -112,14 +112,14 @@ class _Runs:
         )
         stage.follow(commands, case.duration_s, mode, longest_s)
         told = stage.end_recording(self._file)
-        run = Run(case, mode, self._config.metrics)
+        run = LiveRun(case, mode, self._config.metrics)
         recordings = [
             cut(told, name, self._setup.axes[name], waveform, run)
             for name, waveform in waveforms.items()
         ]
         return [(recording, list(self._warnings(recording, told))) for recording in recordings]
 
-    def _warnings(self, recording: Recording, told: Telemetry) -> Iterator[str]:
+    def _warnings(self, recording: Recording, told: RecordedTelemetry) -> Iterator[str]:
         yield from run_warnings(recording, merged_pairs=0)
         run = f"{recording.case}, {recording.mode}, axis {recording.axis}:"
         missing = missing_cycles(told)

@@ -16,7 +16,7 @@ from piezod.config.states import State
 from piezod.config.waveforms import Setpoint
 from piezod.errors import ClientError, DataError, NotReachedError, NotRunningError
 from piezod.experiment.live.setup import LiveSetup
-from piezod.records.telemetry_reader import Telemetry, read_telemetry
+from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 
 RATE_HZ: Final = 20.0
 """How often the stage is looked at."""
@@ -181,7 +181,7 @@ class LiveStage:
         self._client.start_recording(_UNUSUAL.sub("-", label).strip("-_")[:_LABEL_LETTERS] or None)
         self._recording = True
 
-    def end_recording(self, file: Path) -> Telemetry:
+    def end_recording(self, file: Path) -> RecordedTelemetry:
         """End the recording, and return it.
 
         Args:

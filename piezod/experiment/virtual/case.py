@@ -21,7 +21,7 @@ from piezod.experiment.virtual.stage import (
     POSITION_UM,
     TRUE_UM,
     UNCOMPENSATED_V,
-    Stage,
+    VirtualStage,
 )
 from piezod.experiment.warnings import run_warnings
 from piezod.hysteresis.memory import FloatArray
@@ -34,7 +34,7 @@ BEYOND = 0.01
 """A command may leave the identified range by this part of it: both ends carry noise and drift."""
 
 
-class Run(NamedTuple):
+class VirtualRun(NamedTuple):
     """One axis in one case and one mode.
 
     Attributes:
@@ -47,12 +47,12 @@ class Run(NamedTuple):
 
 
 def run_case(
-    stage: Stage,
+    stage: VirtualStage,
     config: ExperimentConfig,
     identified: Mapping[str, IdentifiedAxis],
     case: CaseConfig,
     mode: Mode,
-) -> list[Run]:
+) -> list[VirtualRun]:
     """Rest, run a case, and return one run per axis.
 
     Raises:
@@ -108,7 +108,7 @@ def run_case(
         for name, trace, weights in zip(config.axes, traces, snapshots.weights, strict=True)
     ]
     return [
-        Run(recording, tuple(run_warnings(recording, _merged_pairs(axis))))
+        VirtualRun(recording, tuple(run_warnings(recording, _merged_pairs(axis))))
         for recording, axis in zip(recordings, axes, strict=True)
     ]
 

@@ -22,7 +22,7 @@ from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.warnings import fit_warnings
 from piezod.experiment.virtual.creeping import Creeping
-from piezod.experiment.virtual.stage import IN_FORCE_V, POSITION_UM, Stage
+from piezod.experiment.virtual.stage import IN_FORCE_V, POSITION_UM, VirtualStage
 from piezod.hysteresis.memory import FloatArray
 from piezod.records.recording import Identification
 from piezod.units import NS_PER_S
@@ -38,7 +38,7 @@ class IdentifiedAxis:
     warnings: tuple[str, ...]
 
 
-def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, IdentifiedAxis]:
+def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str, IdentifiedAxis]:
     """Return the model of every axis, in their order; those without a file are driven for it.
 
     Raises:
@@ -71,7 +71,7 @@ def identify_axes(stage: Stage, config: ExperimentConfig) -> Mapping[str, Identi
 
 
 def _drive(
-    stage: Stage, axes: Mapping[str, AxisConfig], settings: IdentificationConfig
+    stage: VirtualStage, axes: Mapping[str, AxisConfig], settings: IdentificationConfig
 ) -> Mapping[str, FloatArray]:
     """Drive the axes that have no model, the others resting; return the trace of each axis."""
     drive = build_waveform(settings.drive_v, settings.duration_s).value
@@ -86,7 +86,7 @@ def _held(drive_v: float) -> Waveform:
     return lambda _t_s: drive_v
 
 
-def _record(name: str, stage: Stage, trace: FloatArray) -> Record:
+def _record(name: str, stage: VirtualStage, trace: FloatArray) -> Record:
     position_um = trace[:, POSITION_UM]
     invalid = np.flatnonzero(~np.isfinite(position_um))
     t_s = np.arange(trace.shape[0], dtype=np.float64) * (stage.period_ns / NS_PER_S)

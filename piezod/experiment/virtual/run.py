@@ -6,7 +6,7 @@ from importlib.metadata import version
 from itertools import chain
 
 from piezod.config.experiment import ExperimentConfig
-from piezod.experiment.virtual.case import Run, run_case
+from piezod.experiment.virtual.case import VirtualRun, run_case
 from piezod.experiment.virtual.identify import identify_axes
 from piezod.experiment.virtual.stage import opened
 from piezod.records.recording import ExperimentResult
@@ -39,7 +39,7 @@ def run_experiment(
     with opened(config, meter.advance) as stage:
         meter.label = "identification"
         identified = identify_axes(stage, config)
-        runs: list[Run] = []
+        runs: list[VirtualRun] = []
         for case in config.cases:
             for mode in config.modes:
                 meter.label = f"{case.name}, {mode.value}"

@@ -32,7 +32,7 @@ Progress = Callable[[int], None]
 
 
 @contextmanager
-def opened(config: ExperimentConfig, progress: Progress) -> Iterator["Stage"]:
+def opened(config: ExperimentConfig, progress: Progress) -> Iterator["VirtualStage"]:
     """Open and activate the devices of an experiment; whatever happens, leave them safe.
 
     Raises:
@@ -47,7 +47,7 @@ def opened(config: ExperimentConfig, progress: Progress) -> Iterator["Stage"]:
     try:
         _check_rate(config.rate_hz, channels.capabilities().max_rate_hz)
         channels.activate(0)
-        stage = Stage(channels, config, progress)
+        stage = VirtualStage(channels, config, progress)
         yield stage
         channels.deactivate(stage.now_ns)
     finally:
@@ -72,7 +72,7 @@ def _check_rate(rate_hz: float, max_rate_hz: float) -> None:
         raise DeviceError(message)
 
 
-class Stage:
+class VirtualStage:
     """All axes of an experiment; time goes on from phase to phase.
 
     Args:

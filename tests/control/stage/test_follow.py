@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from piezod.config.channels import InputConfig, Line
+from piezod.config.channels import InputConfig, LineCalibration
 from piezod.config.daemon import DaemonConfig
 from piezod.config.requests import Arm, Follow, Goto, Hold, Resume, Stream
-from piezod.testing.injections import Injection, Kind
+from piezod.testing.injections import Injection, InjectionKind
 from tests.control.live_stage import FaultyStage, LiveStage, shipped
 
 KNOB = 1  # the rig's second input
@@ -17,7 +17,9 @@ KNOB = 1  # the rig's second input
 def commanded(**command: Any) -> DaemonConfig:
     """Return the stage that ships, its axis commanded by an input of the rig, 2 µm per unit."""
     config = shipped()
-    told = InputConfig(device="rig", channel="knob", calibration=Line(gain=2.0), **command)
+    told = InputConfig(
+        device="rig", channel="knob", calibration=LineCalibration(gain=2.0), **command
+    )
     axis = config.axes["x"].model_copy(update={"command_input": told})
     return config.model_copy(update={"axes": {"x": axis}})
 
@@ -33,11 +35,11 @@ class Knob(FaultyStage):
 
     def turn(self, value: float) -> None:
         """Have it show a value from now on."""
-        self.device.schedule[:] = [Injection(Kind.REPLACED, 0, axis=KNOB, value=value)]
+        self.device.schedule[:] = [Injection(InjectionKind.REPLACED, 0, axis=KNOB, value=value)]
 
     def unplug(self) -> None:
         """Have it show nothing."""
-        self.device.schedule[:] = [Injection(Kind.DROPPED, 0, axis=KNOB)]
+        self.device.schedule[:] = [Injection(InjectionKind.DROPPED, 0, axis=KNOB)]
 
 
 def test_an_axis_goes_where_its_input_tells_it() -> None:

@@ -15,25 +15,25 @@ from piezod.control.faults.table import ids
 from piezod.control.stage.record import StageRecord
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
-from piezod.testing.injections import Kind
+from piezod.testing.injections import InjectionKind
 from tests.control.live_stage import LiveStage, quick
 from tests.control.swinging_stage import Case, Faulty, check_way, failed
 
 CASES = [
-    Case("S1", Kind.STUCK, {}, State.HOLD, 60),
-    Case("S2", Kind.REPLACED, {"value": nan}, State.HOLD, 10),
-    Case("S3", Kind.OFFSET, {"value": 500.0}, State.HOLD, 10),
-    Case("S5", Kind.DROPPED, {}, State.HOLD, 10),
-    Case("S8", Kind.FLAGGED, {"flag": DeviceFlag.LOW_LIGHT}, State.HOLD, 10),
-    Case("S9", Kind.GAIN, {"value": 0.4}, State.HOLD, 200),
-    Case("A1", Kind.REFUSED, {}, State.BLIND, 10),
-    Case("A3", Kind.READ_BACK_OFFSET, {"value": 4.0}, State.HOLD, 20),
-    Case("A4", Kind.FLAGGED, {"flag": DeviceFlag.OVERLOAD}, State.HOLD, 3),
-    Case("A8", Kind.FLAGGED, {"flag": DeviceFlag.LOCAL_MODE}, State.HOLD, 3),
-    Case("A9", Kind.FLAGGED, {"flag": DeviceFlag.WATCHDOG_TRIPPED}, State.BLIND, 3),
-    Case("A11", Kind.FLAGGED, {"flag": DeviceFlag.SHORT_OR_OPEN}, State.FAULT, 3),
-    Case("A12", Kind.READ_BACK_OFFSET, {"value": 200.0}, State.FAULT, 4),
-    Case("A13", Kind.FLAGGED, {"flag": DeviceFlag.OVER_TEMPERATURE}, State.FAULT, 3),
+    Case("S1", InjectionKind.STUCK, {}, State.HOLD, 60),
+    Case("S2", InjectionKind.REPLACED, {"value": nan}, State.HOLD, 10),
+    Case("S3", InjectionKind.OFFSET, {"value": 500.0}, State.HOLD, 10),
+    Case("S5", InjectionKind.DROPPED, {}, State.HOLD, 10),
+    Case("S8", InjectionKind.FLAGGED, {"flag": DeviceFlag.LOW_LIGHT}, State.HOLD, 10),
+    Case("S9", InjectionKind.GAIN, {"value": 0.4}, State.HOLD, 200),
+    Case("A1", InjectionKind.REFUSED, {}, State.BLIND, 10),
+    Case("A3", InjectionKind.READ_BACK_OFFSET, {"value": 4.0}, State.HOLD, 20),
+    Case("A4", InjectionKind.FLAGGED, {"flag": DeviceFlag.OVERLOAD}, State.HOLD, 3),
+    Case("A8", InjectionKind.FLAGGED, {"flag": DeviceFlag.LOCAL_MODE}, State.HOLD, 3),
+    Case("A9", InjectionKind.FLAGGED, {"flag": DeviceFlag.WATCHDOG_TRIPPED}, State.BLIND, 3),
+    Case("A11", InjectionKind.FLAGGED, {"flag": DeviceFlag.SHORT_OR_OPEN}, State.FAULT, 3),
+    Case("A12", InjectionKind.READ_BACK_OFFSET, {"value": 200.0}, State.FAULT, 4),
+    Case("A13", InjectionKind.FLAGGED, {"flag": DeviceFlag.OVER_TEMPERATURE}, State.FAULT, 3),
 ]
 
 
@@ -83,7 +83,7 @@ def test_once_healed_a_stage_runs_again_when_it_is_told_to(case: Case) -> None:
 def test_a_spike_is_not_reacted_to() -> None:
     """One sample is replaced or left out; the stage goes on, the drive hardly notices."""
     stage = Faulty()
-    stage.fail(Kind.OFFSET, 1, value=8.0)
+    stage.fail(InjectionKind.OFFSET, 1, value=8.0)
     after = stage.run(0.5)
 
     steps_v = [b.axes[0].drive_v - a.axes[0].drive_v for a, b in pairwise(after)]
@@ -95,7 +95,7 @@ def test_a_spike_is_not_reacted_to() -> None:
 def test_a_short_gap_ends_where_it_is_resumed() -> None:
     """Below a second it is held; when samples are back, `resume` goes on."""
     stage = Faulty()
-    stage.fail(Kind.DROPPED, 100)
+    stage.fail(InjectionKind.DROPPED, 100)
     stage.run(0.5)
     held = stage.state
     stage.do(rq.Resume())
@@ -107,7 +107,7 @@ def test_a_short_gap_ends_where_it_is_resumed() -> None:
 def test_a_reset_that_is_refused_drops_no_latch() -> None:
     """In HOLD it is too early for it; `resume` is still refused afterwards."""
     stage = Faulty()
-    stage.fail(Kind.FLAGGED, 5, flag=DeviceFlag.OVERLOAD)
+    stage.fail(InjectionKind.FLAGGED, 5, flag=DeviceFlag.OVERLOAD)
     stage.run(1.5)
     held = stage.state
     reset, resumed = stage.ask(rq.Reset()), stage.ask(rq.Resume())
@@ -139,7 +139,7 @@ def test_an_amplifier_that_is_overloaded_may_go_half_as_fast() -> None:
     """For as long as the fault is shown, and no longer."""
     stage = Faulty()
     before = list(stage.controller.eased)
-    stage.fail(Kind.FLAGGED, 5, flag=DeviceFlag.OVERLOAD)
+    stage.fail(InjectionKind.FLAGGED, 5, flag=DeviceFlag.OVERLOAD)
     stage.run(0.005)
     during = list(stage.controller.eased)
     stage.run(0.1)
@@ -151,7 +151,7 @@ def test_an_amplifier_that_is_overloaded_may_go_half_as_fast() -> None:
 def test_while_somebody_else_drives_nothing_is_written_and_then_it_is_taken_over() -> None:
     """However long it takes; the voltage that is held afterwards is what they left."""
     stage = Faulty()
-    stage.fail(Kind.FLAGGED, 3000, flag=DeviceFlag.LOCAL_MODE)
+    stage.fail(InjectionKind.FLAGGED, 3000, flag=DeviceFlag.LOCAL_MODE)
     stage.run(0.002)
     stage.channels.writes.clear()
     stage.device.write([33.0], stage.t_ns)
@@ -170,7 +170,7 @@ def test_while_somebody_else_drives_nothing_is_written_and_then_it_is_taken_over
 def test_what_somebody_else_left_is_not_guessed() -> None:
     """Without a read-back nobody knows it: FAULT, and no write."""
     stage = Faulty(Mode.FEEDFORWARD, reads_back=False, holds=True)
-    stage.fail(Kind.FLAGGED, 100, flag=DeviceFlag.LOCAL_MODE)
+    stage.fail(InjectionKind.FLAGGED, 100, flag=DeviceFlag.LOCAL_MODE)
     stage.run(0.002)
     stage.channels.writes.clear()
     stage.until("FAULT")
@@ -221,8 +221,8 @@ def test_a_memory_that_is_not_known_is_shown_until_it_is_conditioned() -> None:
 
 
 @pytest.mark.fault("P3")
-@pytest.mark.parametrize("kind", [Kind.READ_RAISES, Kind.WRITE_RAISES])
-def test_a_driver_that_raises_is_a_fault_and_no_crash(kind: Kind) -> None:
+@pytest.mark.parametrize("kind", [InjectionKind.READ_RAISES, InjectionKind.WRITE_RAISES])
+def test_a_driver_that_raises_is_a_fault_and_no_crash(kind: InjectionKind) -> None:
     """The cycle goes on, the stage is held or blind within two cycles, and ends safe."""
     stage = Faulty()
     stage.fail(kind, 50)
@@ -293,7 +293,7 @@ def fallen_during_a_pause(flag: DeviceFlag | None = None) -> Faulty:
     stage.device.deactivate(stage.t_ns)
     stage.device.activate(stage.t_ns)
     if flag is not None:
-        stage.fail(Kind.FLAGGED, 4005, flag=flag)
+        stage.fail(InjectionKind.FLAGGED, 4005, flag=flag)
     stage.channels.writes.clear()
     stage.cycle(CycleTiming(0, 4000, 10_000, 0, 0))
     return stage
@@ -317,7 +317,7 @@ def test_a_watchdog_that_tripped_is_told_and_the_way_down_begins_where_the_outpu
 def test_a_watchdog_that_stays_tripped_does_not_keep_a_stage_from_its_safe_voltage() -> None:
     """Many tell so until they take a write: the stage is ramped after the first wait."""
     stage = Faulty()
-    stage.fail(Kind.FLAGGED, None, flag=DeviceFlag.WATCHDOG_TRIPPED)
+    stage.fail(InjectionKind.FLAGGED, None, flag=DeviceFlag.WATCHDOG_TRIPPED)
     stage.until("RAMP", within_s=0.2)
     stage.until("FAULT")
 
@@ -341,7 +341,7 @@ def test_no_way_down_begins_with_a_step_up(off_v: float) -> None:
     """A single answer that is wrong, or none, does not make it begin elsewhere."""
     stage = Faulty()
     before_v = stage.x.drive_v
-    stage.fail(Kind.READ_BACK_OFFSET, 1, value=off_v)
+    stage.fail(InjectionKind.READ_BACK_OFFSET, 1, value=off_v)
     stage.cycle()
     last_v = stage.x.drive_v
     stage.ask(rq.Stop())

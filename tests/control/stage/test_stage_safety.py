@@ -16,7 +16,7 @@ from piezod.control.law.gate import GateReason
 from piezod.control.stage import controller as stage_controller
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
-from piezod.testing.injections import Kind
+from piezod.testing.injections import InjectionKind
 from tests.control.live_stage import CONFIG, FaultyStage, LiveStage, shipped
 
 PAUSE = CycleTiming(0, 2000, 10_000, 0, 0)
@@ -78,7 +78,7 @@ def test_a_lost_amplifier_is_taken_over_from_where_it_is_when_it_is_back() -> No
     stage.cycle()
     stage.do(rq.Arm(), rq.Goto(position_um=18.0))
     stage.run(2.0)
-    stage.fail(Kind.REFUSED, 50)
+    stage.fail(InjectionKind.REFUSED, 50)
     stage.run(0.02)
     blind = stage.state
     stage.device.deactivate(stage.t_ns)
@@ -134,7 +134,7 @@ def test_an_amplifier_that_holds_is_ramped_where_it_cannot_be_cut(
     stage.do(rq.Arm(), rq.Goto(position_um=12.0))
     stage.run(0.5)
     if request_ is None:
-        stage.fail(Kind.FLAGGED, flag=DeviceFlag.OVER_TEMPERATURE)
+        stage.fail(InjectionKind.FLAGGED, flag=DeviceFlag.OVER_TEMPERATURE)
     else:
         stage.do(request_)
     stage.run(3.0)
@@ -214,7 +214,7 @@ def test_to_ask_for_a_hold_does_not_prolong_that_of_a_fault() -> None:
     stage.cycle()
     stage.do(rq.Arm(), rq.SelectMode(mode=Mode.ADAPTIVE), rq.Goto(position_um=12.0))
     stage.run(0.5)
-    stage.fail(Kind.REPLACED, value=nan)
+    stage.fail(InjectionKind.REPLACED, value=nan)
     stage.run(0.1)
     held, mode = stage.state, stage.x.mode
     stage.ask(rq.Hold())
@@ -289,11 +289,11 @@ def test_a_ramp_that_does_not_arrive_ends_in_a_fault_that_is_told() -> None:
     stage.do(rq.Arm())
     stage.run(0.1)
     stage.do(rq.Stop())
-    stage.fail(Kind.READ_BACK_OFFSET, value=0.7)
+    stage.fail(InjectionKind.READ_BACK_OFFSET, value=0.7)
     stage.until("SAFE")
     tolerated = stage.state
     stage.do(rq.Arm())
-    stage.fail(Kind.READ_BACK_OFFSET, value=3.0)
+    stage.fail(InjectionKind.READ_BACK_OFFSET, value=3.0)
     stage.run(6.0)
 
     assert tolerated == State.SAFE

@@ -7,7 +7,7 @@ from itertools import product
 import pytest
 
 from piezod.config.states import State
-from piezod.control.stage.states import Event, Facts, Step, step
+from piezod.control.stage.states import Event, Facts, Transition, step
 
 GOOD = Facts(
     output_known=True,
@@ -78,7 +78,7 @@ def all_facts() -> Iterator[Facts]:
 
 
 @cache
-def outcomes() -> frozenset[tuple[State, Event, Step]]:
+def outcomes() -> frozenset[tuple[State, Event, Transition]]:
     """Return what can become of each state and event, over all combinations of facts."""
     return frozenset(
         (state, event, step(state, event, facts))

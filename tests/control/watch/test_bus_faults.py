@@ -12,31 +12,40 @@ from piezod.config.states import State
 from piezod.control.faults.table import ids
 from piezod.control.stage.record import StageRecord
 from piezod.devices.status import DeviceFlag
-from piezod.testing.injections import Kind
+from piezod.testing.injections import InjectionKind
 from tests.control.live_stage import FaultyStage
 from tests.control.swinging_stage import Case, Faulty, check_way, failed
 
 CASES = [
-    Case("B1", Kind.LOST, {"flag": DeviceFlag.DISCONNECTED}, State.BLIND, 1),
-    Case("B2", Kind.FLAGGED, {"flag": DeviceFlag.OTHER_PATH}, State.BLIND, 1),
-    Case("B3", Kind.FLAGGED, {"flag": DeviceFlag.GARBAGE}, State.HOLD, 5),
-    Case("B4", Kind.FLAGGED, {"flag": DeviceFlag.BAD_CHECKSUM}, State.HOLD, 5),
-    Case("B5", Kind.FLAGGED, {"flag": DeviceFlag.LATE_REPLY}, State.HOLD, 5),
-    Case("B6", Kind.FLAGGED, {"flag": DeviceFlag.OUT_OF_ORDER}, State.HOLD, 5),
-    Case("B7", Kind.FLAGGED, {"flag": DeviceFlag.SLOW_REPLY}, State.HOLD, 5),
-    Case("B8", Kind.LOST, {"flag": DeviceFlag.BUS_OFF}, State.BLIND, 1),
-    Case("B9", Kind.FLAGGED, {"flag": DeviceFlag.NOT_SENT}, State.BLIND, 3),
-    Case("B10", Kind.FLAGGED, {"flag": DeviceFlag.DEVICE_FAILURE}, State.RAMP, 1),
-    Case("B10", Kind.FLAGGED, {"flag": DeviceFlag.WRONG_REQUEST}, State.HOLD, 1, "request"),
-    Case("B10", Kind.FLAGGED, {"flag": DeviceFlag.BUSY}, State.HOLD, 5, "busy"),
-    Case("B11", Kind.FLAGGED, {"flag": DeviceFlag.BUS_OVERLOADED}, State.HOLD, 5),
-    Case("B12", Kind.FLAGGED, {"flag": DeviceFlag.FOREIGN_FRAME}, State.HOLD, 1),
-    Case("B13", Kind.LOST, {"flag": DeviceFlag.HALF_OPEN}, State.BLIND, 1),
-    Case("B14", Kind.FLAGGED, {"flag": DeviceFlag.PORT_SHARED}, State.BLIND, 1),
-    Case("B15", Kind.LOST, {"flag": DeviceFlag.STUCK}, State.BLIND, 1),
-    Case("A2", Kind.FLAGGED, {"flag": DeviceFlag.PARTIAL_WRITE}, State.BLIND, 5),
-    Case("S10", Kind.FLAGGED, {"flag": DeviceFlag.OTHER_DEVICE}, State.BLIND, 1),
-    Case("S10", Kind.SENSOR_FLAGGED, {"flag": DeviceFlag.OTHER_DEVICE}, State.RAMP, 1, "sensor"),
+    Case("B1", InjectionKind.LOST, {"flag": DeviceFlag.DISCONNECTED}, State.BLIND, 1),
+    Case("B2", InjectionKind.FLAGGED, {"flag": DeviceFlag.OTHER_PATH}, State.BLIND, 1),
+    Case("B3", InjectionKind.FLAGGED, {"flag": DeviceFlag.GARBAGE}, State.HOLD, 5),
+    Case("B4", InjectionKind.FLAGGED, {"flag": DeviceFlag.BAD_CHECKSUM}, State.HOLD, 5),
+    Case("B5", InjectionKind.FLAGGED, {"flag": DeviceFlag.LATE_REPLY}, State.HOLD, 5),
+    Case("B6", InjectionKind.FLAGGED, {"flag": DeviceFlag.OUT_OF_ORDER}, State.HOLD, 5),
+    Case("B7", InjectionKind.FLAGGED, {"flag": DeviceFlag.SLOW_REPLY}, State.HOLD, 5),
+    Case("B8", InjectionKind.LOST, {"flag": DeviceFlag.BUS_OFF}, State.BLIND, 1),
+    Case("B9", InjectionKind.FLAGGED, {"flag": DeviceFlag.NOT_SENT}, State.BLIND, 3),
+    Case("B10", InjectionKind.FLAGGED, {"flag": DeviceFlag.DEVICE_FAILURE}, State.RAMP, 1),
+    Case(
+        "B10", InjectionKind.FLAGGED, {"flag": DeviceFlag.WRONG_REQUEST}, State.HOLD, 1, "request"
+    ),
+    Case("B10", InjectionKind.FLAGGED, {"flag": DeviceFlag.BUSY}, State.HOLD, 5, "busy"),
+    Case("B11", InjectionKind.FLAGGED, {"flag": DeviceFlag.BUS_OVERLOADED}, State.HOLD, 5),
+    Case("B12", InjectionKind.FLAGGED, {"flag": DeviceFlag.FOREIGN_FRAME}, State.HOLD, 1),
+    Case("B13", InjectionKind.LOST, {"flag": DeviceFlag.HALF_OPEN}, State.BLIND, 1),
+    Case("B14", InjectionKind.FLAGGED, {"flag": DeviceFlag.PORT_SHARED}, State.BLIND, 1),
+    Case("B15", InjectionKind.LOST, {"flag": DeviceFlag.STUCK}, State.BLIND, 1),
+    Case("A2", InjectionKind.FLAGGED, {"flag": DeviceFlag.PARTIAL_WRITE}, State.BLIND, 5),
+    Case("S10", InjectionKind.FLAGGED, {"flag": DeviceFlag.OTHER_DEVICE}, State.BLIND, 1),
+    Case(
+        "S10",
+        InjectionKind.SENSOR_FLAGGED,
+        {"flag": DeviceFlag.OTHER_DEVICE},
+        State.RAMP,
+        1,
+        "sensor",
+    ),
 ]
 PARAMETERS = [
     pytest.param(one, marks=pytest.mark.fault(one.fault), id=f"{one.fault}{one.name}")
@@ -76,7 +85,7 @@ def test_while_blind_nothing_is_sent_and_nothing_is_caught_up(flag: DeviceFlag, 
     stage = Faulty()
     while stage.x.drive_v < 60.0:
         stage.cycle()
-    stage.fail(Kind.LOST, 300, flag=flag)
+    stage.fail(InjectionKind.LOST, 300, flag=flag)
     stage.run(0.002)
     stage.channels.writes.clear()
     stage.run(0.29)
@@ -97,7 +106,7 @@ def test_what_nobody_has_driven_is_not_driven_when_it_comes_back(reads_back: boo
     stage = FaultyStage(reads_back=reads_back)
     stage.run(0.1)
     stage.device.write([33.0], stage.t_ns)
-    stage.fail(Kind.LOST, 100, flag=DeviceFlag.DISCONNECTED)
+    stage.fail(InjectionKind.LOST, 100, flag=DeviceFlag.DISCONNECTED)
     stage.run(0.01)
     blind = stage.state
     stage.until("FAULT")
@@ -113,8 +122,8 @@ def test_what_nobody_has_driven_is_not_driven_when_it_comes_back(reads_back: boo
 def test_a_sensor_that_is_lost_is_held_for_and_then_ramped_and_nobody_is_blind() -> None:
     """One cause, told once: that no sample comes is its consequence."""
     stage = Faulty()
-    stage.fail(Kind.DROPPED, 2000)
-    stage.fail(Kind.SENSOR_FLAGGED, 2000, flag=DeviceFlag.DISCONNECTED)
+    stage.fail(InjectionKind.DROPPED, 2000)
+    stage.fail(InjectionKind.SENSOR_FLAGGED, 2000, flag=DeviceFlag.DISCONNECTED)
     after = stage.run(3.5)
 
     states = [record.state for record in after]
@@ -130,10 +139,10 @@ def test_a_sensor_that_is_lost_is_held_for_and_then_ramped_and_nobody_is_blind()
 def test_an_amplifier_that_is_lost_after_the_sensor_was_is_blind_all_the_same() -> None:
     """It is the same fault, and worse."""
     stage = Faulty()
-    stage.fail(Kind.SENSOR_FLAGGED, 100, flag=DeviceFlag.DISCONNECTED)
+    stage.fail(InjectionKind.SENSOR_FLAGGED, 100, flag=DeviceFlag.DISCONNECTED)
     stage.run(0.01)
     held = stage.state
-    stage.fail(Kind.LOST, 100, flag=DeviceFlag.DISCONNECTED)
+    stage.fail(InjectionKind.LOST, 100, flag=DeviceFlag.DISCONNECTED)
     stage.run(0.002)
 
     assert (held, stage.state) == (State.HOLD, State.BLIND)
@@ -143,8 +152,8 @@ def test_an_amplifier_that_is_lost_after_the_sensor_was_is_blind_all_the_same() 
 def test_replies_that_stay_away_hold_once_and_can_be_resumed() -> None:
     """The sample is missed before the bus is found out: that makes no second fault of it."""
     stage = Faulty()
-    stage.fail(Kind.DROPPED, 300)
-    stage.fail(Kind.SENSOR_FLAGGED, 300, flag=DeviceFlag.LATE_REPLY)
+    stage.fail(InjectionKind.DROPPED, 300)
+    stage.fail(InjectionKind.SENSOR_FLAGGED, 300, flag=DeviceFlag.LATE_REPLY)
     after = stage.run(0.5)
     stage.do(rq.Resume())
 
@@ -157,7 +166,7 @@ def test_replies_that_stay_away_hold_once_and_can_be_resumed() -> None:
 def test_a_single_bad_frame_is_shown_and_neither_told_nor_reacted_to() -> None:
     """For as long as any other fault is shown."""
     stage = Faulty()
-    stage.fail(Kind.FLAGGED, 1, flag=DeviceFlag.GARBAGE)
+    stage.fail(InjectionKind.FLAGGED, 1, flag=DeviceFlag.GARBAGE)
     after = stage.run(0.5)
 
     assert ids(after[0].present) == ["B3"]
@@ -170,10 +179,10 @@ def test_a_single_bad_frame_is_shown_and_neither_told_nor_reacted_to() -> None:
 def test_single_bad_frames_do_not_keep_a_fault_from_being_over() -> None:
     """What was bad and is only bad now and then can be resumed."""
     stage = Faulty()
-    stage.fail(Kind.FLAGGED, 10, flag=DeviceFlag.BAD_CHECKSUM)
+    stage.fail(InjectionKind.FLAGGED, 10, flag=DeviceFlag.BAD_CHECKSUM)
     stage.run(0.01)
     for _ in range(6):
-        stage.fail(Kind.FLAGGED, 1, flag=DeviceFlag.BAD_CHECKSUM)
+        stage.fail(InjectionKind.FLAGGED, 1, flag=DeviceFlag.BAD_CHECKSUM)
         stage.run(0.01)
     stage.do(rq.Resume())
 
@@ -200,7 +209,7 @@ def test_an_output_that_is_held_and_not_read_back_is_ramped_from_the_last_write(
     stage = Faulty(Mode.FEEDFORWARD, holds=True, reads_back=False, tells_restart=True)
     while stage.x.drive_v < 60.0:
         stage.cycle()
-    stage.fail(Kind.LOST, 50, flag=DeviceFlag.DISCONNECTED)
+    stage.fail(InjectionKind.LOST, 50, flag=DeviceFlag.DISCONNECTED)
     before_v = stage.x.in_force_v
     stage.run(0.002)
     blind = stage.state
@@ -228,10 +237,10 @@ def test_an_output_that_nobody_knows_is_not_ramped(
 ) -> None:
     """It is not held, would not tell a restart, or told one: FAULT, what to do, and no write."""
     stage = Faulty(Mode.FEEDFORWARD, holds=holds, reads_back=False, tells_restart=tells_restart)
-    stage.fail(Kind.LOST, 50, flag=DeviceFlag.DISCONNECTED)
+    stage.fail(InjectionKind.LOST, 50, flag=DeviceFlag.DISCONNECTED)
     stage.run(0.051)
     if told_flag is not None:
-        stage.fail(Kind.FLAGGED, 1, flag=told_flag)
+        stage.fail(InjectionKind.FLAGGED, 1, flag=told_flag)
     stage.channels.writes.clear()
     stage.until("FAULT")
     stage.run(1.5)
@@ -253,7 +262,7 @@ def test_an_amplifier_that_was_without_power_is_not_written_its_old_voltage() ->
     stage.controller.stage.output_lost = lambda: lost.append(stage.t_ns)
     while stage.x.drive_v < 60.0:
         stage.cycle()
-    stage.fail(Kind.REFUSED, 30)
+    stage.fail(InjectionKind.REFUSED, 30)
     stage.run(0.03)
     blind = stage.state
     stage.channels.writes.clear()

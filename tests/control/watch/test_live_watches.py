@@ -10,7 +10,7 @@ from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine, Staircase, Triangle
 from piezod.devices.interface import Amplifier, Device, Sensor
 from piezod.testing.faulty import FaultyDevice
-from piezod.testing.injections import Injection, Kind
+from piezod.testing.injections import Injection, InjectionKind
 from tests.control.fakes import MS
 from tests.control.live_stage import LiveStage
 
@@ -74,9 +74,9 @@ def test_nothing_is_found_on_a_healthy_stage_for_long(rate_hz: float, seed: int)
     assert stage.faults() == []
 
 
-def faulty(kind: Kind, value: float, mode: Mode) -> LiveStage:
+def faulty(kind: InjectionKind, value: float, mode: Mode) -> LiveStage:
     """Return a stage on a slow sine that begins to fail as its drive rises fastest."""
-    start_ms = LEARNED_MS if kind is Kind.NOISE else START_MS
+    start_ms = LEARNED_MS if kind is InjectionKind.NOISE else START_MS
 
     def wrap(device: Device) -> Device:
         assert isinstance(device, Sensor)
@@ -99,27 +99,27 @@ def faulty(kind: Kind, value: float, mode: Mode) -> LiveStage:
     [
         pytest.param(*row, marks=pytest.mark.fault(row[2]))
         for row in (
-            (Kind.REPLACED, float("nan"), "S2", 5),
-            (Kind.REPLACED, 100.0, "S3", 4),
-            (Kind.OFFSET, 6.0, "S9", 4),
-            (Kind.OFFSET, -6.0, "S9", 4),
-            (Kind.GAIN, 0.5, "S9", 120),
-            (Kind.GAIN, 2.0, "S9", 20),
-            (Kind.GAIN, -1.0, "S9", 20),
-            (Kind.GARBAGE, 1e6, "S3", 4),
-            (Kind.DROPPED, 0.0, "S5", 5),
-            (Kind.LATE, 2.0 * MS, "S6", 25),
-            (Kind.DUPLICATE, 0.0, "S11", 5),
-            (Kind.NOISE, 0.3, "S12", 1000),
-            (Kind.REFUSED, 0.0, "A1", 6),
-            (Kind.STUCK_OUTPUT, 0.0, "A3", 20),
-            (Kind.READ_BACK_OFFSET, 1.0, "A3", 4),
-            (Kind.READ_BACK_OFFSET, -25.0, "A7", 1),
+            (InjectionKind.REPLACED, float("nan"), "S2", 5),
+            (InjectionKind.REPLACED, 100.0, "S3", 4),
+            (InjectionKind.OFFSET, 6.0, "S9", 4),
+            (InjectionKind.OFFSET, -6.0, "S9", 4),
+            (InjectionKind.GAIN, 0.5, "S9", 120),
+            (InjectionKind.GAIN, 2.0, "S9", 20),
+            (InjectionKind.GAIN, -1.0, "S9", 20),
+            (InjectionKind.GARBAGE, 1e6, "S3", 4),
+            (InjectionKind.DROPPED, 0.0, "S5", 5),
+            (InjectionKind.LATE, 2.0 * MS, "S6", 25),
+            (InjectionKind.DUPLICATE, 0.0, "S11", 5),
+            (InjectionKind.NOISE, 0.3, "S12", 1000),
+            (InjectionKind.REFUSED, 0.0, "A1", 6),
+            (InjectionKind.STUCK_OUTPUT, 0.0, "A3", 20),
+            (InjectionKind.READ_BACK_OFFSET, 1.0, "A3", 4),
+            (InjectionKind.READ_BACK_OFFSET, -25.0, "A7", 1),
         )
     ],
 )
 def test_a_fault_is_found_in_time(
-    kind: Kind, value: float, fault: str, within_ms: int, mode: Mode
+    kind: InjectionKind, value: float, fault: str, within_ms: int, mode: Mode
 ) -> None:
     """In any mode, within the cycles that it is allowed; nothing else is found before it."""
     stage = faulty(kind, value, mode)
@@ -134,7 +134,7 @@ def test_a_fault_is_found_in_time(
 @pytest.mark.parametrize(("mode", "state"), [(Mode.FEEDFORWARD, "RUN"), (Mode.ADAPTIVE, "HOLD")])
 def test_a_stuck_sensor_stops_only_what_needs_it(mode: Mode, state: str) -> None:
     """The other goes on, with a warning."""
-    stage = faulty(Kind.STUCK, 0.0, mode)
+    stage = faulty(InjectionKind.STUCK, 0.0, mode)
     stage.run(0.1)
 
     assert stage.faults()[0] == ("S1" if mode is Mode.ADAPTIVE else "S13")

@@ -27,7 +27,7 @@ from piezod.telemetry.stream import StreamWriter
 from piezod.telemetry.words import Word
 from piezod.testing.fake_clock import FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
-from piezod_drivers.simulated.options import Options
+from piezod_drivers.simulated.options import SimulatedOptions
 from tests.daemon.fake_controller import FakeController
 
 PERIOD_NS = 1_000_000
@@ -59,7 +59,7 @@ def rig(tmp_path: Path) -> Rig:
     """Return a loop over two simulated axes and a controller that takes everything."""
     clock = FakeClock(10**9)
     pairs = {axis: ChannelPair("rig", "rig") for axis in AXES}
-    channels = Channels({"rig": SimulatedRig(Options(), Wiring.both(AXES), 1)}, pairs)
+    channels = Channels({"rig": SimulatedRig(SimulatedOptions(), Wiring.both(AXES), 1)}, pairs)
     channels.open()
     channels.activate(clock.now_ns())
     output = tmp_path / "output.map"

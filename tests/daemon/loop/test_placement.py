@@ -6,7 +6,7 @@ from math import inf
 import pytest
 
 from piezod.daemon.loop.placement import (
-    Place,
+    DevicePlace,
     Placement,
     RoundTrips,
     cost_ns,
@@ -17,9 +17,9 @@ from piezod.daemon.loop.placement import (
     start_threads,
 )
 from piezod.daemon.loop.worker import DeviceWorker
-from piezod.devices.around import Combined
 from piezod.devices.interface import Capabilities, Sample
-from piezod.devices.tended import Tended
+from piezod.devices.reconnecting import ReconnectingDevice
+from piezod.devices.wrapper import CombinedExchange
 from piezod.testing.fake_clock import FakeClock
 from tests.devices.fake_link import WHO, FakeLink
 
@@ -78,16 +78,16 @@ def placed(*devices: object, rate_hz: float = 1000.0, clock: FakeClock) -> list[
 @pytest.mark.parametrize(
     ("read_us", "read_back_us", "expected"),
     [
-        (100.0, 100.0, Place.CYCLE),
-        (160.0, 160.0, Place.CYCLE),
-        (240.0, 240.0, Place.COMBINED),
-        (300.0, 0.0, Place.COMBINED),
-        (400.0, 300.0, Place.WORKER),
-        (5000.0, 0.0, Place.WORKER),
+        (100.0, 100.0, DevicePlace.CYCLE),
+        (160.0, 160.0, DevicePlace.CYCLE),
+        (240.0, 240.0, DevicePlace.COMBINED),
+        (300.0, 0.0, DevicePlace.COMBINED),
+        (400.0, 300.0, DevicePlace.WORKER),
+        (5000.0, 0.0, DevicePlace.WORKER),
     ],
 )
 def test_a_device_is_placed_by_what_its_exchanges_take(
-    read_us: float, read_back_us: float, expected: Place
+    read_us: float, read_back_us: float, expected: DevicePlace
 ) -> None:
     """Half a period is there for reading, read-back and a write; else for one exchange, or none."""
     clock = FakeClock()
@@ -107,7 +107,7 @@ def test_what_is_put_around_a_device_is_what_its_place_needs() -> None:
         [one] = placed(TimedLink(clock, read_us), clock=clock)
         kinds.append((type(one.device), len(one.threads)))
 
-    assert kinds == [(Tended, 1), (Combined, 1), (DeviceWorker, 2)]
+    assert kinds == [(ReconnectingDevice, 1), (CombinedExchange, 1), (DeviceWorker, 2)]
 
 
 def test_a_device_that_is_fast_and_cannot_be_lost_is_used_as_it_is() -> None:
@@ -127,7 +127,11 @@ def test_the_fastest_come_first_into_the_cycle() -> None:
     found = placed(*sensors, clock=clock)
 
     assert [one.name for one in found] == ["d0", "d1", "d2"]
-    assert [one.place for one in found] == [Place.WORKER, Place.CYCLE, Place.CYCLE]
+    assert [one.place for one in found] == [
+        DevicePlace.WORKER,
+        DevicePlace.CYCLE,
+        DevicePlace.CYCLE,
+    ]
 
 
 def test_a_sensor_slower_than_the_loop_is_refused_by_name() -> None:
@@ -155,7 +159,7 @@ def test_a_sensor_that_is_slow_now_and_then_is_not_refused() -> None:
     clock = FakeClock()
     found = placed(Unsteady(clock, 70.0, outputs=()), clock=clock)
 
-    assert found[0].place is Place.WORKER
+    assert found[0].place is DevicePlace.WORKER
     assert refusal(found, 1000.0) == ""
 
 
@@ -174,7 +178,7 @@ def test_a_slow_amplifier_is_not_waited_for() -> None:
     takes_long = TimedLink(clock, 0.0, 20_000.0, inputs=())
     found = placed(says_so, takes_long, clock=clock)
 
-    assert [one.place for one in found] == [Place.WORKER, Place.WORKER]
+    assert [one.place for one in found] == [DevicePlace.WORKER, DevicePlace.WORKER]
     assert [one.allowed_hz for one in found] == [inf, inf]
     assert refusal(found, 20_000.0) == ""
 
@@ -187,15 +191,15 @@ def silent_amplifier(clock: FakeClock, max_rate_hz: float) -> TimedLink:
 @pytest.mark.parametrize(
     ("max_rate_hz", "rate_hz", "expected"),
     [
-        (1050.0, 500.0, Place.CYCLE),  # as a DAC on CAN
-        (1050.0, 600.0, Place.WORKER),
-        (100.0, 60.0, Place.WORKER),
-        (100.0, 200.0, Place.WORKER),
-        (1e5, 1000.0, Place.CYCLE),
+        (1050.0, 500.0, DevicePlace.CYCLE),  # as a DAC on CAN
+        (1050.0, 600.0, DevicePlace.WORKER),
+        (100.0, 60.0, DevicePlace.WORKER),
+        (100.0, 200.0, DevicePlace.WORKER),
+        (1e5, 1000.0, DevicePlace.CYCLE),
     ],
 )
 def test_an_amplifier_that_tells_nothing_costs_what_it_says(
-    max_rate_hz: float, rate_hz: float, expected: Place
+    max_rate_hz: float, rate_hz: float, expected: DevicePlace
 ) -> None:
     """Its write, which nobody has tried, may wait for a reply."""
     clock = FakeClock()
@@ -205,7 +209,7 @@ def test_an_amplifier_that_tells_nothing_costs_what_it_says(
 
     assert one.place is expected
     assert cost_ns(one.able, one.trips) == pytest.approx(write_ns, abs=1 * US)
-    if expected is Place.WORKER:
+    if expected is DevicePlace.WORKER:
         assert lag_ns == pytest.approx(3 * write_ns, abs=3 * US)
 
 
@@ -215,7 +219,7 @@ def test_an_amplifier_that_tells_nothing_does_not_drive_out_a_sensor() -> None:
     amplifier, sensor = silent_amplifier(clock, 1050.0), TimedLink(clock, 100.0, outputs=())
     found = placed(amplifier, sensor, clock=clock, rate_hz=500.0)
 
-    assert [one.place for one in found] == [Place.WORKER, Place.CYCLE]
+    assert [one.place for one in found] == [DevicePlace.WORKER, DevicePlace.CYCLE]
 
 
 def test_a_device_costs_its_exchanges_and_a_write() -> None:
@@ -256,7 +260,7 @@ def test_a_driver_that_fails_when_it_is_measured_harms_nobody() -> None:
     clock = FakeClock()
     [one] = placed(Failing(clock, 0.0), clock=clock)
 
-    assert one.place is Place.WORKER
+    assert one.place is DevicePlace.WORKER
 
 
 def test_a_placement_is_shown_as_plain_values() -> None:

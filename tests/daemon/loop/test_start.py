@@ -38,7 +38,7 @@ from piezod.telemetry.shared_map import SharedMap, create
 from piezod.telemetry.words import Word
 from piezod.testing.fake_clock import FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
-from piezod_drivers.simulated.options import Options
+from piezod_drivers.simulated.options import SimulatedOptions
 from tests.daemon.fake_controller import FakeController
 from tests.daemon.loop_child import beat
 from tests.daemon.waiting import eventually
@@ -51,7 +51,7 @@ class ShyRig(SimulatedRig):
     """A rig that is absent until somebody lets it be there, or that breaks."""
 
     def __init__(self, error: Exception | None = None) -> None:
-        super().__init__(Options(), Wiring.both("x"), 1)
+        super().__init__(SimulatedOptions(), Wiring.both("x"), 1)
         self.error = error
 
     def open(self) -> Identity:

@@ -7,7 +7,7 @@ import pytest
 
 from piezod.daemon.clock import MonotonicClock
 from piezod.daemon.loop.worker import DeviceWorker
-from piezod.devices.tended import Tended
+from piezod.devices.reconnecting import ReconnectingDevice
 from piezod.units import NS_PER_S
 from tests.daemon.waiting import eventually
 from tests.devices.fake_link import WHO, FakeLink
@@ -25,13 +25,13 @@ def link() -> FakeLink:
 
 
 @pytest.fixture
-def tended(link: FakeLink) -> Tended:
+def tended(link: FakeLink) -> ReconnectingDevice:
     """Return it tended, by a thread that does not wait long."""
-    return Tended(link, WHO, first_wait_s=0.0005, longest_wait_s=0.001)
+    return ReconnectingDevice(link, WHO, first_wait_s=0.0005, longest_wait_s=0.001)
 
 
 @pytest.fixture
-def worker(tended: Tended) -> Iterator[DeviceWorker]:
+def worker(tended: ReconnectingDevice) -> Iterator[DeviceWorker]:
     """Return it behind a worker whose rounds are never late, both threads running."""
     worker = DeviceWorker(tended, CLOCK, NS_PER_S, NS_PER_S, pause_s=0.0005)
     tended.thread.start()
@@ -46,7 +46,7 @@ def measures(worker: DeviceWorker) -> bool:
 
 
 def test_a_device_that_was_activated_while_it_was_away_is_used_when_it_is_back(
-    link: FakeLink, tended: Tended, worker: DeviceWorker
+    link: FakeLink, tended: ReconnectingDevice, worker: DeviceWorker
 ) -> None:
     """The worker has told long ago that it will be active."""
     worker.deactivate(0)
@@ -65,7 +65,10 @@ def test_a_device_that_was_activated_while_it_was_away_is_used_when_it_is_back(
 
 
 def test_a_device_that_was_deactivated_while_it_was_away_is_so_when_it_is_back(
-    link: FakeLink, tended: Tended, worker: DeviceWorker, monkeypatch: pytest.MonkeyPatch
+    link: FakeLink,
+    tended: ReconnectingDevice,
+    worker: DeviceWorker,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Its outputs come to rest then."""
     told = threading.Event()

@@ -10,7 +10,7 @@ from piezod.devices.wiring import ChannelPair
 from piezod.errors import DeviceError
 from piezod.testing.fake_clock import READING_NS, FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
-from piezod_drivers.simulated.options import Options
+from piezod_drivers.simulated.options import SimulatedOptions
 
 AXES = ("x", "y")
 
@@ -25,7 +25,7 @@ def clock() -> FakeClock:
 def timed(tmp_path: Path, clock: FakeClock) -> TimedChannels:
     """Return two simulated axes with a stopwatch, active."""
     pairs = {axis: ChannelPair("rig", "rig") for axis in AXES}
-    channels = Channels({"rig": SimulatedRig(Options(), Wiring.both(AXES), 1)}, pairs)
+    channels = Channels({"rig": SimulatedRig(SimulatedOptions(), Wiring.both(AXES), 1)}, pairs)
     timed = TimedChannels(channels, clock, LastOutputWriter(tmp_path / "output.map", len(AXES)))
     timed.open()
     timed.activate(clock.now_ns())

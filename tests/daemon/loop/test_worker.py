@@ -9,8 +9,8 @@ import pytest
 
 from piezod.daemon.loop.worker import STUCK_NS, DeviceWorker
 from piezod.devices.interface import Capabilities, Sample
+from piezod.devices.reconnecting import ReconnectingDevice
 from piezod.devices.status import NO_FLAGS, DeviceFlag
-from piezod.devices.tended import Tended
 from piezod.errors import DeviceError
 from piezod.testing.fake_clock import FakeClock
 from tests.daemon.waiting import eventually
@@ -293,7 +293,7 @@ def test_a_device_that_is_lost_is_opened_again_behind_the_worker() -> None:
     """The worker goes on, and tells what the one that tends the device says."""
     link = SlowLink()
     link.open()
-    tended = Tended(link, WHO, first_wait_s=0.0005, longest_wait_s=0.001)
+    tended = ReconnectingDevice(link, WHO, first_wait_s=0.0005, longest_wait_s=0.001)
     worker = DeviceWorker(tended, FakeClock(MS), MS, MS)
     for thread in (tended.thread, worker.thread):
         thread.start()

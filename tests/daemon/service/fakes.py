@@ -17,6 +17,7 @@ from piezod.control.stage.record import Answer
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.lease import Lease
 from piezod.daemon.service.peer_protocol import ConnectionLimits, Credentials
+from piezod.daemon.service.request_context import RequestQueue
 from piezod.daemon.service.roles import User
 from piezod.daemon.service.server import bind, make_server
 from piezod.daemon.service.stage_service import (
@@ -29,7 +30,6 @@ from piezod.daemon.service.stage_service import (
     UnknownNameError,
 )
 from piezod.daemon.service.urgent_notes import UrgentNotes
-from piezod.daemon.service.visit import Office
 from piezod.telemetry.layout import record_dtype
 
 NAN = float("nan")
@@ -173,7 +173,7 @@ class Served:
         """Begin anew with another stage; so much time passes that no limit remembers anything."""
         self.stage, self.roles = FakeStage(folder), FakeRoles()
         self.now.now_s += 1000.0
-        self.app.state.office = Office(
+        self.app.state.office = RequestQueue(
             self.stage, self.roles, Lease(self.now), set(), UrgentNotes(self.now)
         )
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from structlog.testing import capture_logs
 
-from piezod.daemon.stores.audit import KEPT, AuditEntry, AuditLog
+from piezod.daemon.stores.audit import KEPT, AuditLine, AuditLog
 
 WHEN = datetime(2024, 5, 1, 12, tzinfo=UTC)
 STAMP = "2024-05-01T12:00:00.000+00:00"
@@ -38,8 +38,8 @@ def test_entries_come_back_newest_first(audit: AuditLog) -> None:
     audit.write(1001, "", "", "arm", accepted=False, why="the state is FAULT")
 
     assert audit.last(10) == (
-        AuditEntry(STAMP, 1001, "", "", "arm", False, "the state is FAULT"),
-        AuditEntry(STAMP, 1000, "ann", "cli 12", "goto x 12.5 µm", True),
+        AuditLine(STAMP, 1001, "", "", "arm", False, "the state is FAULT"),
+        AuditLine(STAMP, 1000, "ann", "cli 12", "goto x 12.5 µm", True),
     )
     assert audit.last(1) == audit.last(10)[:1]
     assert audit.last(0) == ()
@@ -66,7 +66,7 @@ def test_an_entry_is_one_line(text: str, tmp_path_factory: pytest.TempPathFactor
 
     assert json.loads(line)["what"] == text[:1000]
     assert audit.last(2) == (
-        AuditEntry(STAMP, 0, text[:1000], text[:1000], text[:1000], False, text[:1000]),
+        AuditLine(STAMP, 0, text[:1000], text[:1000], text[:1000], False, text[:1000]),
     )
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from piezod.daemon.stores import recorder as recorder_module
 from piezod.daemon.stores.recorder import Recorder, RecorderError, no_room
 from piezod.records.telemetry_file import TelemetryWriter
-from piezod.records.telemetry_reader import Telemetry, read_telemetry
+from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 from tests.daemon.fake_ring import FakeRing
 from tests.daemon.waiting import eventually
 from tests.records.telemetry import header, record_dtype
@@ -55,7 +55,7 @@ def recorder(ring: FakeRing, disk: Disk, tmp_path: Path) -> Iterator[Recorder]:
     recorder.stop()
 
 
-def read(recorder: Recorder) -> Telemetry:
+def read(recorder: Recorder) -> RecordedTelemetry:
     """Return what the last recording holds."""
     path = recorder.folder.find(recorder.status.name)
     assert path is not None

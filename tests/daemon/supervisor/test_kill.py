@@ -12,7 +12,7 @@ import pytest
 
 from piezod.units import NS_PER_S
 from piezod_drivers.emulated.driver import EmulatedRig
-from piezod_drivers.emulated.options import Options
+from piezod_drivers.emulated.options import EmulatedOptions
 from tests.daemon.conftest import StartDaemon
 from tests.daemon.daemons import configuration, is_alive, latched
 from tests.daemon.waiting import eventually
@@ -42,7 +42,7 @@ class Stage:
     def __init__(self, folder: Path, start: StartDaemon) -> None:
         socket = folder / "rig.sock"
         self._trace = folder / "trace.csv"
-        self._rig = EmulatedRig(Options(socket=str(socket), deadline_ms=1000.0), ("x",))
+        self._rig = EmulatedRig(EmulatedOptions(socket=str(socket), deadline_ms=1000.0), ("x",))
         limits = f"drive_min_v: {LOW_V}, drive_max_v: {HIGH_V}, slew_v_per_s: {SLEW_V_PER_S}"
         config = configuration(
             folder,

@@ -21,7 +21,7 @@ from piezod.daemon.supervisor import accepted_config
 from piezod.daemon.supervisor import loop_run as loop_supervision
 from piezod.daemon.supervisor.run import run_stage
 from piezod.daemon.supervisor.signals import Signals, noted_signals
-from piezod.daemon.supervisor.terms import Options
+from piezod.daemon.supervisor.terms import RunOptions
 from piezod.errors import ConfigError, DeviceUnavailableError
 from piezod.telemetry.shared_map import attach
 from piezod.telemetry.words import Word
@@ -65,7 +65,7 @@ class Rig(NamedTuple):
             doing = beside.submit(then_end)
             try:
                 with noted_signals() as signals:
-                    return run_stage(self.config, Options(), self.paths, lock, signals)
+                    return run_stage(self.config, RunOptions(), self.paths, lock, signals)
             finally:
                 doing.result()
 
@@ -154,7 +154,7 @@ def test_signal_before_the_loop_has_begun_ends_it_in_order(
     rig.paths.make_folders()
 
     with Lock(rig.paths.lock) as lock:
-        assert run_stage(rig.config, Options(), rig.paths, lock, signals)
+        assert run_stage(rig.config, RunOptions(), rig.paths, lock, signals)
 
     assert _modules(rig) == ["piezod.daemon.loop.process"]
     assert not rig.paths.running.exists()
@@ -171,7 +171,7 @@ def test_signal_while_an_earlier_run_is_cleared_up(rig: Rig, safe_code: int) -> 
     rig.paths.running.touch()
 
     with Lock(rig.paths.lock) as lock:
-        in_order = run_stage(rig.config, Options(), rig.paths, lock, signals)
+        in_order = run_stage(rig.config, RunOptions(), rig.paths, lock, signals)
 
     assert in_order is (safe_code == 0)
     assert _modules(rig) == ["piezod.cli.main"]
@@ -224,7 +224,7 @@ def test_device_that_must_be_there(rig: Rig) -> None:
     rig.paths.make_folders()
 
     with Lock(rig.paths.lock) as lock, pytest.raises(DeviceUnavailableError, match="absent"):
-        run_stage(rig.config, Options(require_device=True), rig.paths, lock, Signals())
+        run_stage(rig.config, RunOptions(require_device=True), rig.paths, lock, Signals())
 
     assert not rig.paths.running.exists()
 
@@ -347,7 +347,7 @@ def test_loop_that_cannot_be_started_is_lost(rig: Rig, monkeypatch: pytest.Monke
     rig.paths.make_folders()
 
     with Lock(rig.paths.lock) as lock:
-        assert not run_stage(rig.config, Options(), rig.paths, lock, Signals())
+        assert not run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
 
     assert _modules(rig) == ["piezod.cli.main"]
 
@@ -359,7 +359,7 @@ def test_bad_configuration_starts_nothing(rig: Rig) -> None:
     rig.paths.make_folders()
 
     with Lock(rig.paths.lock) as lock, pytest.raises(ConfigError, match="rate_hz"):
-        run_stage(rig.config, Options(), rig.paths, lock, Signals())
+        run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
 
     assert rig.processes == []
     assert not rig.paths.running.exists()

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.devices.bus.line import Line, LineFault, Notices
+from piezod.devices.bus.line import Line, LineFault, NoticingLine
 from piezod.devices.bus.serial_line import SerialLine
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
@@ -78,7 +78,7 @@ def line(cable: Cable) -> Iterator[SerialLine]:
 
 def test_line_is_one(line: SerialLine, cable: Cable) -> None:
     """It is a line that notices things, and tells where it leads."""
-    assert isinstance(line, Notices)
+    assert isinstance(line, NoticingLine)
     as_line: Line = line
     assert as_line.where == str(cable.path)
 

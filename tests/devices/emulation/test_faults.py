@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.devices.emulation.faults import Fault, FaultKind, Faults, Hit, parse
+from piezod.devices.emulation.faults import ActiveFault, WireFault, WireFaultKind, WireFaults, parse
 from piezod.devices.emulation.outbox import Outbox
 
 MS = 1_000_000
@@ -15,17 +15,17 @@ MS = 1_000_000
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("lost", Fault(FaultKind.LOST)),
-        ("lost:7", Fault(FaultKind.LOST, 7, 7)),
-        ("garbled:7-9:13", Fault(FaultKind.GARBLED, 7, 9, value=(13, 13))),
-        ("partial:7-", Fault(FaultKind.PARTIAL, 7)),
-        ("duplicated:every 7", Fault(FaultKind.DUPLICATED, every=7)),
-        ("late:every 7:0.01-0.2", Fault(FaultKind.LATE, every=7, value=(0.01, 0.2))),
-        ("disconnect:now:2", Fault(FaultKind.DISCONNECT, 0, 0, value=(2, 2))),
-        ("wrong-identity:3", Fault(FaultKind.IMPOSTOR, 3, 3)),
+        ("lost", WireFault(WireFaultKind.LOST)),
+        ("lost:7", WireFault(WireFaultKind.LOST, 7, 7)),
+        ("garbled:7-9:13", WireFault(WireFaultKind.GARBLED, 7, 9, value=(13, 13))),
+        ("partial:7-", WireFault(WireFaultKind.PARTIAL, 7)),
+        ("duplicated:every 7", WireFault(WireFaultKind.DUPLICATED, every=7)),
+        ("late:every 7:0.01-0.2", WireFault(WireFaultKind.LATE, every=7, value=(0.01, 0.2))),
+        ("disconnect:now:2", WireFault(WireFaultKind.DISCONNECT, 0, 0, value=(2, 2))),
+        ("wrong-identity:3", WireFault(WireFaultKind.IMPOSTOR, 3, 3)),
     ],
 )
-def test_fault_is_what_was_written(text: str, fault: Fault) -> None:
+def test_fault_is_what_was_written(text: str, fault: WireFault) -> None:
     """Kind, which, value."""
     assert parse(text) == fault
 
@@ -63,27 +63,27 @@ def test_any_text_is_a_fault_or_refused(text: str) -> None:
 
 def test_replies_are_counted_from_the_last_change() -> None:
     """Each fault befalls those that it says, several may befall one; a change counts anew."""
-    faults = Faults([parse("lost:2"), parse("garbled:every 2:3")])
+    faults = WireFaults([parse("lost:2"), parse("garbled:every 2:3")])
     first = [faults.next_reply() for _ in range(4)]
     faults.set([parse("lost:2-3")])
     second = [[hit.kind for hit in faults.next_reply()] for _ in range(4)]
 
-    garbled = Hit(FaultKind.GARBLED, 3.0)
-    assert first == [[], [Hit(FaultKind.LOST, None), garbled], [], [garbled]]
+    garbled = ActiveFault(WireFaultKind.GARBLED, 3.0)
+    assert first == [[], [ActiveFault(WireFaultKind.LOST, None), garbled], [], [garbled]]
     assert second == [[], ["lost"], ["lost"], []]
 
 
 def test_at_once_is_once() -> None:
     """What happens now befalls no reply, and is not told again."""
-    faults = Faults([parse("disconnect:now")])
+    faults = WireFaults([parse("disconnect:now")])
 
-    assert faults.at_once() == [Hit(FaultKind.DISCONNECT, 0.5)]
+    assert faults.at_once() == [ActiveFault(WireFaultKind.DISCONNECT, 0.5)]
     assert (faults.at_once(), faults.next_reply()) == ([], [])
 
 
-def sent(reply: bytes, *hits: Hit, wait_ns: int = 0) -> bytes:
+def sent(reply: bytes, *hits: ActiveFault, wait_ns: int = 0) -> bytes:
     """Return what comes of a reply some time after it was given."""
-    outbox = Outbox(Faults())
+    outbox = Outbox(WireFaults())
     outbox.put(reply, hits, 0)
     return outbox.take(wait_ns)
 
@@ -92,39 +92,42 @@ def sent(reply: bytes, *hits: Hit, wait_ns: int = 0) -> bytes:
     ("hits", "comes"),
     [
         ([], b"abcd"),
-        ([Hit(FaultKind.LOST, None)], b""),
-        ([Hit(FaultKind.DUPLICATED, None)], b"abcdabcd"),
-        ([Hit(FaultKind.PARTIAL, None)], b"ab"),
-        ([Hit(FaultKind.PARTIAL, 3.0)], b"abc"),
-        ([Hit(FaultKind.GARBLED, 9.0)], b"a`cd"),
-        ([Hit(FaultKind.PARTIAL, 1.0), Hit(FaultKind.DUPLICATED, None)], b"aa"),
+        ([ActiveFault(WireFaultKind.LOST, None)], b""),
+        ([ActiveFault(WireFaultKind.DUPLICATED, None)], b"abcdabcd"),
+        ([ActiveFault(WireFaultKind.PARTIAL, None)], b"ab"),
+        ([ActiveFault(WireFaultKind.PARTIAL, 3.0)], b"abc"),
+        ([ActiveFault(WireFaultKind.GARBLED, 9.0)], b"a`cd"),
+        (
+            [ActiveFault(WireFaultKind.PARTIAL, 1.0), ActiveFault(WireFaultKind.DUPLICATED, None)],
+            b"aa",
+        ),
     ],
 )
-def test_what_becomes_of_a_reply(hits: list[Hit], comes: bytes) -> None:
+def test_what_becomes_of_a_reply(hits: list[ActiveFault], comes: bytes) -> None:
     """As the fault says, one after the other."""
     assert sent(b"abcd", *hits) == comes
 
 
 def test_one_bit_is_flipped() -> None:
     """Any, where none is named; there is none in an empty reply."""
-    (flipped,) = [sent(b"abcd", Hit(FaultKind.GARBLED, None))]
+    (flipped,) = [sent(b"abcd", ActiveFault(WireFaultKind.GARBLED, None))]
     bits = int.from_bytes(flipped) ^ int.from_bytes(b"abcd")
 
     assert bits.bit_count() == 1
-    assert sent(b"", Hit(FaultKind.GARBLED, None)) == b""
+    assert sent(b"", ActiveFault(WireFaultKind.GARBLED, None)) == b""
 
 
 def test_noise_comes_before_the_reply() -> None:
     """So many bytes."""
-    noisy = sent(b"abcd", Hit(FaultKind.NOISE, 5.0))
+    noisy = sent(b"abcd", ActiveFault(WireFaultKind.NOISE, 5.0))
 
     assert (len(noisy), noisy[-4:]) == (9, b"abcd")
 
 
 def test_late_reply_holds_up_those_behind_it() -> None:
     """A device answers in order; the outbox tells how long nothing is to be sent."""
-    outbox = Outbox(Faults())
-    outbox.put(b"1", [Hit(FaultKind.LATE, 0.05)], 0)
+    outbox = Outbox(WireFaults())
+    outbox.put(b"1", [ActiveFault(WireFaultKind.LATE, 0.05)], 0)
     outbox.put(b"2", [], MS)
     waits = [outbox.wait_ns(now_ns, 100 * MS) for now_ns in (0, 49 * MS, 60 * MS)]
 

@@ -13,11 +13,11 @@ from piezod.devices import emulators
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.bus.serial_line import SerialLine
 from piezod.devices.bus.tcp_line import TcpLine
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
-from piezod.devices.emulation.faults import Faults, parse
+from piezod.devices.emulation.faults import WireFaults, parse
 from piezod.devices.emulation.places import address, make_own_folder
-from piezod.devices.emulators import Emulation, Post
+from piezod.devices.emulators import Emulation, EmulationRequest
 from piezod.errors import DeviceError, DeviceUnavailableError, RegistryError
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.wire import StillRig
@@ -29,7 +29,7 @@ HOUR_NS = 3600 * 1_000_000_000
 class Parrot:
     """An emulator that says its serial number and what it has heard, since when it is connected."""
 
-    def __init__(self, bench: Bench, serial: str) -> None:
+    def __init__(self, bench: SharedRig, serial: str) -> None:
         self._bench, self._serial, self._heard, self._unasked = bench, serial, b"", b""
 
     def receive(self, data: bytes) -> list[bytes]:
@@ -64,11 +64,15 @@ class Clock:
 
 @contextmanager
 def serving(
-    plugin: EmulatorPlugin, where: str, faults: Faults, rig: StillRig, clock: Clock | None = None
+    plugin: EmulatorPlugin,
+    where: str,
+    faults: WireFaults,
+    rig: StillRig,
+    clock: Clock | None = None,
 ) -> Iterator[str]:
     """Serve a parrot; give where."""
-    bench = Bench(rig, (clock or Clock()).now_ns)
-    emulation = Emulation([Post(plugin, where, faults)], bench, "7")
+    bench = SharedRig(rig, (clock or Clock()).now_ns)
+    emulation = Emulation([EmulationRequest(plugin, where, faults)], bench, "7")
     (place,) = emulation.start()
     assert emulation.running()
     yield place
@@ -83,9 +87,9 @@ def wire(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def faults() -> Faults:
+def faults() -> WireFaults:
     """Give the wire's faults."""
-    return Faults()
+    return WireFaults()
 
 
 @pytest.fixture
@@ -101,7 +105,9 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def line(wire: str, faults: Faults, rig: StillRig, clock: Clock, tmp_path: Path) -> Iterator[Line]:
+def line(
+    wire: str, faults: WireFaults, rig: StillRig, clock: Clock, tmp_path: Path
+) -> Iterator[Line]:
     """Give an open line to a parrot."""
     plugin, where = (SERIAL, str(tmp_path / "port")) if wire == "serial" else (TCP, "")
     with serving(plugin, where, faults, rig, clock) as place:
@@ -155,7 +161,7 @@ def test_device_goes_on_when_its_client_comes_back(line: Line, wire: str) -> Non
     assert heard == (b"7:xxxx" if wire == "serial" else b"7:x")
 
 
-def test_connection_goes_and_comes_back(line: Line, faults: Faults, clock: Clock) -> None:
+def test_connection_goes_and_comes_back(line: Line, faults: WireFaults, clock: Clock) -> None:
     """In place of a reply; meanwhile nobody can connect."""
     faults.set([parse("disconnect:2:3600")])
     assert ask(line) == b"7:x"
@@ -173,7 +179,7 @@ def test_connection_goes_and_comes_back(line: Line, faults: Faults, clock: Clock
 
 
 def test_unplugged_device_may_be_restarted(
-    line: Line, faults: Faults, rig: StillRig, clock: Clock
+    line: Line, faults: WireFaults, rig: StillRig, clock: Clock
 ) -> None:
     """It is back when both are over."""
     assert ask(line, b"drive") == b"7:drive"
@@ -186,14 +192,14 @@ def test_unplugged_device_may_be_restarted(
     assert ask(line) == b"7:x"
 
 
-def test_wire_is_no_bus(line: Line, faults: Faults) -> None:
+def test_wire_is_no_bus(line: Line, faults: WireFaults) -> None:
     """What can only go wrong on one does not on a wire."""
     faults.set([parse("bus-off"), parse("bus-off:now:3600"), parse("foreign")])
 
     assert [ask(line), ask(line)] == [b"7:x", b"7:xx"]
 
 
-def test_another_device_comes_back(line: Line, faults: Faults) -> None:
+def test_another_device_comes_back(line: Line, faults: WireFaults) -> None:
     """At once, with another serial number."""
     faults.set([parse("wrong-identity:now:0.05")])
     eventually(lambda: gone(line))
@@ -202,7 +208,9 @@ def test_another_device_comes_back(line: Line, faults: Faults) -> None:
     assert ask(line) == b"99000099:x"
 
 
-def test_restarted_device_is_silent_and_then_new(line: Line, faults: Faults, rig: StillRig) -> None:
+def test_restarted_device_is_silent_and_then_new(
+    line: Line, faults: WireFaults, rig: StillRig
+) -> None:
     """The connection stays, nothing is heard, and the amplifier falls to 0 V."""
     assert ask(line, b"drive") == b"7:drive"
     driven_v = list(rig.drive_v)
@@ -214,7 +222,7 @@ def test_restarted_device_is_silent_and_then_new(line: Line, faults: Faults, rig
     assert heard.startswith(b"7:x")
 
 
-def test_late_and_lost_replies(line: Line, faults: Faults) -> None:
+def test_late_and_lost_replies(line: Line, faults: WireFaults) -> None:
     """The second reply is lost, and what is sent unasked after it is late."""
     faults.set([parse("lost:2"), parse("late:3:0.03")])
     first = ask(line, b"a")
@@ -245,7 +253,10 @@ def test_what_nobody_reads_is_dropped(line: Line) -> None:
 )
 def test_place_that_cannot_be(plugin: EmulatorPlugin, where: str, why: str, rig: StillRig) -> None:
     """The text names it."""
-    with pytest.raises(DeviceUnavailableError, match=why), serving(plugin, where, Faults(), rig):
+    with (
+        pytest.raises(DeviceUnavailableError, match=why),
+        serving(plugin, where, WireFaults(), rig),
+    ):
         pass
 
 
@@ -253,7 +264,7 @@ def test_link_that_leads_nowhere_is_replaced(tmp_path: Path, rig: StillRig) -> N
     """An emulator that was killed leaves one."""
     path = tmp_path / "port"
     path.symlink_to("/dev/pts/none")
-    with serving(SERIAL, str(path), Faults(), rig):
+    with serving(SERIAL, str(path), WireFaults(), rig):
         assert path.exists()
     assert not path.is_symlink()
 
@@ -267,22 +278,22 @@ def test_link_that_nobody_serves_is_replaced(
     left = os.ttyname(slave)
     path = make_own_folder() / "parrot.tty"
     path.symlink_to(left)
-    with serving(SERIAL, "", Faults(), rig) as place:
+    with serving(SERIAL, "", WireFaults(), rig) as place:
         assert place == str(path)
         assert str(path.readlink()) != left
         with (
             pytest.raises(DeviceUnavailableError, match="is served by another process"),
-            serving(SERIAL, "", Faults(), rig),
+            serving(SERIAL, "", WireFaults(), rig),
         ):
             pass
         assert path.is_symlink()
-    with serving(SERIAL, "", Faults(), rig):
+    with serving(SERIAL, "", WireFaults(), rig):
         assert path.exists()
     elsewhere = tmp_path / "port"
     elsewhere.symlink_to(left)
     with (
         pytest.raises(DeviceUnavailableError, match="is there already"),
-        serving(SERIAL, str(elsewhere), Faults(), rig),
+        serving(SERIAL, str(elsewhere), WireFaults(), rig),
     ):
         pass
     os.close(master)
@@ -291,7 +302,7 @@ def test_link_that_nobody_serves_is_replaced(
 
 def test_second_client_is_turned_away(rig: StillRig) -> None:
     """A TCP device serves one; the first one goes on."""
-    with serving(TCP, "", Faults(), rig) as place:
+    with serving(TCP, "", WireFaults(), rig) as place:
         first, second = TcpLine(*address(place)), TcpLine(*address(place))
         first.open()
         assert ask(first) == b"7:x"
@@ -304,9 +315,12 @@ def test_second_client_is_turned_away(rig: StillRig) -> None:
 
 def test_one_that_fails_ends_all(rig: StillRig, tmp_path: Path) -> None:
     """The others are not left alone on a bench."""
-    posts = [Post(SERIAL, str(tmp_path / "port"), Faults()), Post(TCP, "nowhere", Faults())]
+    posts = [
+        EmulationRequest(SERIAL, str(tmp_path / "port"), WireFaults()),
+        EmulationRequest(TCP, "nowhere", WireFaults()),
+    ]
     with pytest.raises(DeviceUnavailableError, match="nowhere"):
-        Emulation(posts, Bench(rig, time.monotonic_ns)).start()
+        Emulation(posts, SharedRig(rig, time.monotonic_ns)).start()
     assert not (tmp_path / "port").exists()
 
 
@@ -314,7 +328,7 @@ def test_plugin_without_either_way(rig: StillRig) -> None:
     """It can neither be made nor served."""
     with (
         pytest.raises(RegistryError, match="neither be made nor served"),
-        serving(EmulatorPlugin("none", "none", "can"), "", Faults(), rig),
+        serving(EmulatorPlugin("none", "none", "can"), "", WireFaults(), rig),
     ):
         pass
 
@@ -323,9 +337,9 @@ def test_plugin_may_serve_itself(rig: StillRig) -> None:
     """Called with everything that it needs."""
 
     def serve(
-        bench: Bench,
+        bench: SharedRig,
         where: str,
-        faults: Faults,
+        faults: WireFaults,
         serial: str,
         ready: Callable[[str], None],
         stopping: Callable[[], bool],
@@ -334,7 +348,7 @@ def test_plugin_may_serve_itself(rig: StillRig) -> None:
         eventually(stopping)
 
     plugin = EmulatorPlugin("own", "own", "can", serve=serve)
-    with serving(plugin, "here", Faults(), rig) as place:
+    with serving(plugin, "here", WireFaults(), rig) as place:
         assert place == "here 7 2 []"
 
 

@@ -10,8 +10,8 @@ import pytest
 from piezod.devices import emulators, registry
 from piezod.devices.bus.serial_line import SerialLine
 from piezod.devices.bus.tcp_line import TcpLine
-from piezod.devices.emulation.bench import Bench
-from piezod.devices.emulation.faults import FaultKind, Faults, Hit
+from piezod.devices.emulation.bench import SharedRig
+from piezod.devices.emulation.faults import ActiveFault, WireFaultKind, WireFaults
 from piezod.devices.emulation.outbox import Outbox
 from piezod.devices.status import DeviceFlag
 from tests.drivers.bus.profiles import Profile
@@ -58,8 +58,8 @@ class Wire:
         assert plugin.create is not None, f"{profile.name} is on no wire"
         arguments = dict(zip(profile.arguments[::2], profile.arguments[1::2], strict=True))
         self.rig = StillRig(int(arguments.get("--axes", plugin.channels)))
-        self.emulator = plugin.create(Bench(self.rig, lambda: self.now_ns), "")
-        self._outbox = Outbox(Faults())
+        self.emulator = plugin.create(SharedRig(self.rig, lambda: self.now_ns), "")
+        self._outbox = Outbox(WireFaults())
         self._random = random.Random(seed)  # noqa: S311 - faults that can be repeated
         self._timeout_ms, self._tick_ns = timeout_ms, 0
         self.late = self.lost = 0.0
@@ -100,7 +100,7 @@ class Wire:
         for reply in replies:
             late = self._random.random() < self.late
             late_s = self._random.uniform(1, 10) * self._timeout_ms * 1e-3 if late else 0.0
-            hits = [Hit(FaultKind.LATE, late_s)]
+            hits = [ActiveFault(WireFaultKind.LATE, late_s)]
             self._outbox.put(self.change(reply), hits, self.now_ns + ON_THE_WAY_NS)
 
 

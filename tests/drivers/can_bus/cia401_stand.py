@@ -6,9 +6,9 @@ from typing import Any
 from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.can_bus.cia401.dialogue import Dialogue
+from piezod_drivers.can_bus.cia401.dialogue import Cia401Dialogue
 from piezod_drivers.can_bus.cia401.node import Cia401Node
-from piezod_drivers.can_bus.cia401.options import Options
+from piezod_drivers.can_bus.cia401.options import Cia401Options
 from piezod_drivers.can_bus.cia401.sdo_server import AbortCode, AbortError
 from tests.drivers.can_bus.fake_bus import FakeBus
 from tests.drivers.can_bus.profiles import CODES, canopen
@@ -30,13 +30,13 @@ class Stand:
         self.bus = FakeBus(self.node, self.time)
         two = {f"a{i}": {"number": i, **CODES} for i in (1, 2)}
         options = canopen("/dev/null", 5.0, **{"inputs": two, "outputs": two, **more})
-        self.options = Options.model_validate(options)
+        self.options = Cia401Options.model_validate(options)
         self.device = self.make(Wiring(tuple(self.options.inputs), tuple(self.options.outputs)))
 
     def make(self, wiring: Wiring) -> Any:
         """Construct a device of some channels."""
         kind = ExchangingBusDevice if all(wiring) else BusDevice
-        return kind("the node", Dialogue(self.options, wiring, self.bus))
+        return kind("the node", Cia401Dialogue(self.options, wiring, self.bus))
 
     def active(self, wiring: Wiring | None = None) -> Any:
         """Give a device that is open and active."""

@@ -14,9 +14,9 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.cia401 import objects as o
 from piezod_drivers.can_bus.cia401.driver import PLUGIN
-from piezod_drivers.can_bus.cia401.health import Health, meaning_of
+from piezod_drivers.can_bus.cia401.health import NodeHealth, meaning_of
 from piezod_drivers.can_bus.cia401.node import NODE, Cia401Node
-from piezod_drivers.can_bus.cia401.options import Options, channels
+from piezod_drivers.can_bus.cia401.options import Cia401Options, channels
 from piezod_drivers.can_bus.cia401.pdo import Scale, pack, unpack
 from piezod_drivers.can_bus.frame import Frame, most_bits
 from piezod_drivers.can_bus.options import BusOptions, highest_rate_hz, make_bus
@@ -70,7 +70,7 @@ def test_words_survive_as_process_data(words: list[int]) -> None:
 @given(st.lists(st.tuples(st.booleans(), st.binary(max_size=8)), max_size=100))
 def test_whatever_a_node_tells_is_taken(told: list[tuple[bool, bytes]]) -> None:
     """Emergencies and heartbeats of any content set flags or none, and never raise."""
-    health = Health()
+    health = NodeHealth()
     for is_emergency, data in told:
         (health.take_emergency if is_emergency else health.take_heartbeat)(data)
     assert all(isinstance(flag, DeviceFlag) for flag in health.flags)
@@ -79,7 +79,7 @@ def test_whatever_a_node_tells_is_taken(told: list[tuple[bool, bytes]]) -> None:
 @pytest.mark.parametrize("state", [o.PREOPERATIONAL, o.STOPPED])
 def test_one_heartbeat_from_before_the_start_is_passed_over(state: int) -> None:
     """It may have waited in the node since before it was started; a second one has not."""
-    health = Health()
+    health = NodeHealth()
     health.take_heartbeat(bytes((state,)))
     assert health.flags == frozenset()
     health.take_heartbeat(bytes((state,)))
@@ -183,12 +183,12 @@ def test_short_process_data_raise_an_emergency() -> None:
 def test_mistakes_are_told(change: dict[str, Any], said: str) -> None:
     """What does not fit together is an error of the configuration."""
     with pytest.raises(ValidationError, match=said):
-        Options.model_validate(canopen("/dev/null", **change))
+        Cia401Options.model_validate(canopen("/dev/null", **change))
 
 
 def test_plug_in_makes_the_device_without_opening_anything() -> None:
     """The channels are those of the configuration; a device of both kinds exchanges."""
-    options = Options.model_validate(canopen("/dev/null"))
+    options = Cia401Options.model_validate(canopen("/dev/null"))
     made: Any = PLUGIN.create(options, Wiring(("ai1",), ("ao1",)), 0)
 
     assert isinstance(made, ExchangingBusDevice)

@@ -6,7 +6,7 @@ import pytest
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.can_bus.cycle import MOST_FRAMES, PATIENCE, Cycle
+from piezod_drivers.can_bus.cycle import MOST_FRAMES, PATIENCE, CanCycle
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.fake_bus import FakeBus
 from tests.drivers.serial_line.scripted_line import MS
@@ -21,7 +21,7 @@ class _Bench:
     def __init__(self) -> None:
         self.bus = FakeBus()
         self.taken: list[Frame] = []
-        self.cycle = Cycle(self.bus, TIMEOUT_NS, (ASKS, OURS), self.taken.append)
+        self.cycle = CanCycle(self.bus, TIMEOUT_NS, (ASKS, OURS), self.taken.append)
 
     def ask(self) -> bytes:
         return self.cycle.ask(ASK, EXPECTED)[ANSWERS]

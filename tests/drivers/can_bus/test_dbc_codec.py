@@ -14,7 +14,7 @@ from piezod_drivers.can_bus.dbc.checksum import ALGORITHMS, crc8_j1850
 from piezod_drivers.can_bus.dbc.database import DatabaseError, load
 from piezod_drivers.can_bus.dbc.demo import COMMAND, POLL, REPORT, STATUS
 from piezod_drivers.can_bus.dbc.frames import Checksum, Received, Sent
-from piezod_drivers.can_bus.dbc.layout import Message, Reader, Signal, Writer
+from piezod_drivers.can_bus.dbc.layout import DbcMessage, DbcSignal, SignalReader, SignalWriter
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.profiles import DBC
 
@@ -22,66 +22,66 @@ FLOAT_SLACK = 1e-9
 
 
 @st.composite
-def signals(draw: Any) -> Signal:
+def signals(draw: Any) -> DbcSignal:
     """Draw a signal that fits into eight bytes."""
     bits = draw(st.integers(1, 64))
     big = draw(st.booleans())
     low = draw(st.integers(0, 64 - bits))
     # Counted from the top for those with the highest byte first, as a DBC file numbers them.
     start = low // 8 * 8 + 7 - low % 8 if big else low
-    return Signal("S", start, bits, big, draw(st.booleans()))
+    return DbcSignal("S", start, bits, big, draw(st.booleans()))
 
 
-def _message(signal: Signal) -> Message:
-    return Message("M", 1, 8, False, {"S": signal})
+def _message(signal: DbcSignal) -> DbcMessage:
+    return DbcMessage("M", 1, 8, False, {"S": signal})
 
 
-def _theirs(signal: Signal) -> Any:
+def _theirs(signal: DbcSignal) -> Any:
     order: Any = "big_endian" if signal.big_endian else "little_endian"
     one = cantools.database.Signal("S", signal.start, signal.bits, order, is_signed=signal.signed)
     return cantools.database.Message(1, "M", 8, [one])
 
 
 @given(signals(), st.binary(min_size=8, max_size=8))
-def test_reading_agrees_with_cantools(signal: Signal, data: bytes) -> None:
+def test_reading_agrees_with_cantools(signal: DbcSignal, data: bytes) -> None:
     """Any bits of any eight bytes are the number that cantools takes them for."""
     theirs = _theirs(signal).decode(data, scaling=False)
 
-    assert Reader(_message(signal), "S").raw(data) == theirs["S"]
+    assert SignalReader(_message(signal), "S").raw(data) == theirs["S"]
 
 
 @given(signals(), st.data())
-def test_writing_agrees_with_cantools(signal: Signal, data: Any) -> None:
+def test_writing_agrees_with_cantools(signal: DbcSignal, data: Any) -> None:
     """Any number that fits is put where cantools puts it, and other bits stay."""
     raw = data.draw(st.integers(*signal.raw_range))
     ours = bytearray(8)
-    Writer(_message(signal), "S").put_raw(ours, raw)
+    SignalWriter(_message(signal), "S").put_raw(ours, raw)
     assert bytes(ours) == _theirs(signal).encode({"S": raw}, scaling=False)
 
     ours = bytearray(b"\xff" * 8)
-    Writer(_message(signal), "S").put_raw(ours, raw)
-    Writer(_message(signal), "S").put_raw(ours, -1)
+    SignalWriter(_message(signal), "S").put_raw(ours, raw)
+    SignalWriter(_message(signal), "S").put_raw(ours, -1)
     assert bytes(ours) == b"\xff" * 8
 
 
 @given(st.floats(-1e6, 1e6), st.sampled_from([0.005, 1.0, -0.5]), st.floats(-100, 100))
 def test_value_survives_within_a_step(value: float, scale: float, offset: float) -> None:
     """What is read is what was written, to half a step, or the end of what the bits hold."""
-    signal = Signal("S", 3, 17, False, True, scale, offset)
+    signal = DbcSignal("S", 3, 17, False, True, scale, offset)
     low, high = signal.range
     data = bytearray(8)
-    Writer(_message(signal), "S").put(data, value)
+    SignalWriter(_message(signal), "S").put(data, value)
     expected = min(max(value, low), high)
 
-    assert Reader(_message(signal), "S").value(bytes(data)) == pytest.approx(
+    assert SignalReader(_message(signal), "S").value(bytes(data)) == pytest.approx(
         expected, abs=abs(scale) / 2 + FLOAT_SLACK
     )
 
 
 def test_value_out_of_its_range_is_none() -> None:
     """A value beyond what the file says is possible is no number."""
-    signal = Signal("S", 0, 16, lowest=0.0, highest=100.0)
-    reader = Reader(_message(signal), "S")
+    signal = DbcSignal("S", 0, 16, lowest=0.0, highest=100.0)
+    reader = SignalReader(_message(signal), "S")
 
     assert reader.value((100).to_bytes(8, "little")) == 100.0
     assert reader.value((101).to_bytes(8, "little")) != reader.value((101).to_bytes(8, "little"))
@@ -152,7 +152,7 @@ def test_sender_that_begins_anew_is_believed() -> None:
 
 
 @pytest.mark.parametrize("ours", [COMMAND, POLL, STATUS, REPORT], ids=lambda ours: ours.name)
-def test_emulated_device_is_as_its_file_says(ours: Message) -> None:
+def test_emulated_device_is_as_its_file_says(ours: DbcMessage) -> None:
     """Each frame of the emulated device has identifier, length and signals of the DBC file."""
     file = load(DBC)[ours.name]
 

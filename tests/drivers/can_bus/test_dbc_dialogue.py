@@ -11,9 +11,9 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.dbc.demo import COMMAND, POLL, STATUS, DemoNode
-from piezod_drivers.can_bus.dbc.dialogue import Dialogue
+from piezod_drivers.can_bus.dbc.dialogue import DbcDialogue
 from piezod_drivers.can_bus.dbc.driver import PLUGIN, create
-from piezod_drivers.can_bus.dbc.options import Options, channels
+from piezod_drivers.can_bus.dbc.options import DbcOptions, channels
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.fake_bus import FakeBus
 from tests.drivers.can_bus.profiles import polled, reported
@@ -35,8 +35,8 @@ class Stand:
     ) -> None:
         on_bench, self.rig, self.time = bench(1)
         self.bus = FakeBus(DemoNode(on_bench), self.time)
-        self.options = Options.model_validate(dict(make("/dev/null", 20.0)))
-        dialogue = Dialogue(self.options, wiring, self.bus)
+        self.options = DbcOptions.model_validate(dict(make("/dev/null", 20.0)))
+        dialogue = DbcDialogue(self.options, wiring, self.bus)
         kind = ExchangingBusDevice if all(wiring) else BusDevice
         self.device: Any = kind("the device", dialogue)
         self.device.open()
@@ -189,9 +189,9 @@ def _inline() -> dict[str, Any]:
 
 def test_frames_may_be_described_in_the_configuration() -> None:
     """Without a DBC file, messages and signals are written where the device is configured."""
-    options = Options.model_validate(_inline())
+    options = DbcOptions.model_validate(_inline())
     bus = FakeBus()
-    device: Any = ExchangingBusDevice("it", Dialogue(options, Wiring(("z",), ("u",)), bus))
+    device: Any = ExchangingBusDevice("it", DbcDialogue(options, Wiring(("z",), ("u",)), bus))
     got = Frame(0x1ABCDEF0, b"\x00\x05\0\0", extended=True)
     bus.when_opened = [got]
     device.open()
@@ -215,7 +215,7 @@ def _wrong(path: tuple[str, ...], value: object, make: Callable[[], dict[str, An
     else:
         inner[path[-1]] = value
     with pytest.raises(ValidationError) as failure:
-        Options.model_validate(options)
+        DbcOptions.model_validate(options)
     return str(failure.value)
 
 
@@ -245,7 +245,7 @@ def test_echo_without_a_counter_is_a_mistake() -> None:
 
 def test_plug_in_makes_the_device_without_opening_anything() -> None:
     """What the plug-in makes exchanges if it has channels of both kinds."""
-    options = Options.model_validate(polled("/dev/null"))
+    options = DbcOptions.model_validate(polled("/dev/null"))
 
     assert isinstance(create(options, BOTH, 0), ExchangingBusDevice)
     assert not isinstance(create(options, Wiring(("position",), ()), 0), ExchangingBusDevice)

@@ -12,8 +12,8 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
-from piezod_drivers.can_bus.dbc.dialogue import Dialogue
-from piezod_drivers.can_bus.dbc.options import Options
+from piezod_drivers.can_bus.dbc.dialogue import DbcDialogue
+from piezod_drivers.can_bus.dbc.options import DbcOptions
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.fake_bus import FakeBus
 from tests.drivers.serial_line.scripted_line import MS
@@ -99,7 +99,7 @@ def _device(wiring: Wiring, options: dict[str, Any]) -> tuple[Any, Amplifier]:
     bus = FakeBus(amplifier)
     bus.delay_ns = 0
     kind = ExchangingBusDevice if all(wiring) else BusDevice
-    return kind("it", Dialogue(Options.model_validate(options), wiring, bus)), amplifier
+    return kind("it", DbcDialogue(DbcOptions.model_validate(options), wiring, bus)), amplifier
 
 
 @pytest.mark.parametrize("request_", ["Command", "Twin"])
@@ -108,7 +108,7 @@ def test_request_that_drives_is_refused(request_: str) -> None:
     options = _options(request_)
     options["messages"]["Twin"] = {"id": COMMAND, "bytes": 8}
     with pytest.raises(ValidationError, match=f"{request_} sets output a: .* name a message that"):
-        Options.model_validate(options)
+        DbcOptions.model_validate(options)
 
 
 @pytest.mark.parametrize("request_", ["Poll", None])
@@ -156,7 +156,9 @@ def test_output_that_cannot_be_read_back_has_to_be_used() -> None:
 def test_bus_is_listened_to_where_nothing_is_read_back() -> None:
     """That it was left, or refuses frames, comes as nobody's answer."""
     bus = FakeBus(Amplifier(reports=False))
-    dialogue = Dialogue(Options.model_validate(_options(backs=())), Wiring((), ("a", "b")), bus)
+    dialogue = DbcDialogue(
+        DbcOptions.model_validate(_options(backs=())), Wiring((), ("a", "b")), bus
+    )
     device: Any = BusDevice("it", dialogue)
     device.open()
     device.activate(MS)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.devices.emulation.faults import Faults, parse
+from piezod.devices.emulation.faults import WireFaults, parse
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.cia401.node import Cia401Node
 from piezod_drivers.can_bus.emulation.ends import AdapterEnd, GroupEnd, end_at
@@ -55,7 +55,7 @@ class _End:
 class _Hosted:
     def __init__(self) -> None:
         on_bench, self.rig, self.time = bench(1)
-        self.end, self.faults = _End(), Faults()
+        self.end, self.faults = _End(), WireFaults()
         self.serials: list[str] = []
 
         def make(serial: str) -> Cia401Node:

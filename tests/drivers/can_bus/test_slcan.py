@@ -13,7 +13,7 @@ from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.emulation.ends import Adapter
 from piezod_drivers.can_bus.frame import EXTENDED_IDS, STANDARD_IDS, Frame
-from piezod_drivers.can_bus.slcan import BEL, Lines, decode, encode
+from piezod_drivers.can_bus.slcan import BEL, SlcanLines, decode, encode
 from piezod_drivers.can_bus.slcan_bus import SlcanBus
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, TestTime
 
@@ -102,7 +102,7 @@ def test_lines_are_taken_by_the_rules(line: bytes, data: Any) -> None:
 def test_lines_do_not_depend_on_how_bytes_come(parts: list[bytes], size: int) -> None:
     """Lines are the same however bytes are cut, as long as none is longer than any can be."""
     stream = b"".join(part.replace(b"\r", b"")[:20] + b"\r" for part in parts)
-    whole, cut = Lines(), Lines()
+    whole, cut = SlcanLines(), SlcanLines()
     step = size + 1
     pieces = [stream[i : i + step] for i in range(0, len(stream), step)]
 
@@ -111,7 +111,7 @@ def test_lines_do_not_depend_on_how_bytes_come(parts: list[bytes], size: int) ->
 
 def test_memory_is_bounded() -> None:
     """Of bytes without an end only the last few are kept."""
-    lines = Lines()
+    lines = SlcanLines()
     lines.feed(b"x" * 1_000_000)
 
     assert len(lines.feed(b"\r")[0]) <= 32

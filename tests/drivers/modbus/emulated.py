@@ -5,13 +5,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from piezod.devices.bus.bus_device import BusDevice
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
-from piezod.devices.emulation.faults import Fault, Faults
-from piezod.devices.emulators import Emulation, Post
+from piezod.devices.emulation.faults import WireFault, WireFaults
+from piezod.devices.emulators import Emulation, EmulationRequest
 from piezod.devices.interface import Wiring
 from piezod_drivers.modbus.driver import device_of
-from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.options import ModbusOptions
 from piezod_drivers.modbus.rtu import RtuTransactions
 from piezod_drivers.modbus.tcp import TcpTransactions
 from piezod_drivers.modbus.transactions import Transactions
@@ -21,7 +21,7 @@ from tests.drivers.serial_line.scripted_line import EmulatedLine
 TIMEOUT_S = 0.05
 
 
-def transactions_over(line: EmulatedLine, options: Options) -> Transactions:
+def transactions_over(line: EmulatedLine, options: ModbusOptions) -> Transactions:
     """Return what carries the requests of options over a line of a test."""
     if options.host is not None:
         return TcpTransactions(line, TIMEOUT_S)
@@ -31,7 +31,7 @@ def transactions_over(line: EmulatedLine, options: Options) -> Transactions:
 
 def emulated(
     plugin: EmulatorPlugin,
-    options: Options,
+    options: ModbusOptions,
     wiring: Wiring,
     serial: str = "",
     kind: type[EmulatedLine] = EmulatedLine,
@@ -44,10 +44,14 @@ def emulated(
 
 
 @contextmanager
-def served(plugin: EmulatorPlugin, where: str = "", faults: Sequence[Fault] = ()) -> Iterator[str]:
+def served(
+    plugin: EmulatorPlugin, where: str = "", faults: Sequence[WireFault] = ()
+) -> Iterator[str]:
     """Serve a device at a pty or a TCP port in a thread of its own; yield where."""
     rig = LinearRig(1)
-    emulation = Emulation([Post(plugin, where, Faults(faults))], Bench(rig, time.monotonic_ns))
+    emulation = Emulation(
+        [EmulationRequest(plugin, where, WireFaults(faults))], SharedRig(rig, time.monotonic_ns)
+    )
     places = emulation.start()
     try:
         yield places[0]

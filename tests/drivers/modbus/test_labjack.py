@@ -9,7 +9,7 @@ from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.modbus.driver import device_of
 from piezod_drivers.modbus.emulation import plugins
-from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.options import ModbusOptions
 from tests.drivers.modbus.emulated import emulated, transactions_over
 from tests.drivers.serial_line.linear_rig import LinearRig
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine
@@ -23,7 +23,7 @@ def labjack(
 ) -> tuple[ExchangingBusDevice, EmulatedLine, LinearRig]:
     """Return an active T7, its line and the rig at the other end."""
     options = {"profile": "labjack-t7", "host": "t7", "watchdog": watchdog}
-    device, line, rig = emulated(plugins.LABJACK_T7, Options.model_validate(options), wiring)
+    device, line, rig = emulated(plugins.LABJACK_T7, ModbusOptions.model_validate(options), wiring)
     assert isinstance(device, ExchangingBusDevice)
     device.open()
     device.activate(line.now_ns())
@@ -33,7 +33,7 @@ def labjack(
 def labjack_at(line: EmulatedLine, watchdog: dict[str, float], wiring: Wiring) -> BusDevice:
     """Return another active device of the same T7."""
     options = {"profile": "labjack-t7", "host": "t7", "watchdog": watchdog}
-    model = Options.model_validate(options)
+    model = ModbusOptions.model_validate(options)
     device = device_of(model, wiring, transactions_over(line, model))
     device.open()
     device.activate(line.now_ns())
@@ -61,7 +61,7 @@ def set_by_somebody_else(line: EmulatedLine, address: int, value: bytes) -> None
 )
 def test_who_it_is(plugin: EmulatorPlugin, product: str, highest: float) -> None:
     """It tells product, serial number and firmware, and goes from 0 V to the end of its range."""
-    options = Options.model_validate({"profile": f"labjack-{product.lower()}", "host": "h"})
+    options = ModbusOptions.model_validate({"profile": f"labjack-{product.lower()}", "host": "h"})
     device, line, rig = emulated(plugin, options, ONE, "470012345")
     assert device.open() == ("LabJack", product, "470012345", "1.0300")
     device.activate(line.now_ns())
@@ -114,7 +114,7 @@ def test_a_saturated_input_is_no_sample() -> None:
 def test_an_input_of_a_t4_saturates_at_the_end_of_its_own_range(order: tuple[int, ...]) -> None:
     """AIN0 to AIN3 go to 10 V and the others to 2.5 V, in whatever order they are used."""
     wiring = Wiring(tuple(f"AIN{i}" for i in order), ())
-    options = Options.model_validate({"profile": "labjack-t4", "host": "h"})
+    options = ModbusOptions.model_validate({"profile": "labjack-t4", "host": "h"})
     device, line, rig = emulated(plugins.LABJACK_T4, options, wiring)
     device.open()
     device.activate(line.now_ns())
@@ -249,7 +249,9 @@ def test_an_armed_watchdog_is_not_written_again() -> None:
 @pytest.mark.sees("modbus", "A9")
 def test_a_watchdog_that_cannot_be_armed_is_refused() -> None:
     """A device that holds something else than was written is not activated."""
-    options = Options.model_validate({"profile": "labjack-t7", "host": "h", "watchdog": WATCHED})
+    options = ModbusOptions.model_validate(
+        {"profile": "labjack-t7", "host": "h", "watchdog": WATCHED}
+    )
     device, line, _ = emulated(plugins.LABJACK_T7, options, ONE)
     device.open()
     line.change = lambda reply: reply[:-1] + b"\7" if reply[7:9] == b"\3\4" else reply
@@ -285,7 +287,7 @@ def test_a_restart_is_noticed() -> None:
 
 def test_words_in_the_wrong_order_are_noticed() -> None:
     """What always holds 0x00112233 and does not is no LabJack, or speaks in another order."""
-    options = Options.model_validate({"profile": "labjack-t7", "host": "h"})
+    options = ModbusOptions.model_validate({"profile": "labjack-t7", "host": "h"})
     device, line, _ = emulated(plugins.LABJACK_T7, options, ONE)
     line.change = lambda reply: reply[:-4] + reply[-2:] + reply[-4:-2]
     with pytest.raises(DeviceError, match="55100 holds 573767697, expected 1122867"):

@@ -3,7 +3,7 @@ from pydantic import ValidationError
 
 from piezod.devices import registry
 from piezod_drivers.modbus.driver import channels_of
-from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.options import ModbusOptions
 
 T7 = {"profile": "labjack-t7", "host": "t7"}
 TCP = {"host": "x"}
@@ -44,7 +44,7 @@ BACK = {"role": "read-back", "channel": "a", "address": 0}
 def test_a_broken_rule_is_told(options: dict[str, object], what: str) -> None:
     """Each mistake in the options is an error that says what is allowed."""
     with pytest.raises(ValidationError, match=what):
-        Options.model_validate(options)
+        ModbusOptions.model_validate(options)
 
 
 @pytest.mark.parametrize(
@@ -52,14 +52,14 @@ def test_a_broken_rule_is_told(options: dict[str, object], what: str) -> None:
 )
 def test_addresses_up_to_the_ends_are_taken(line: dict[str, object], unit: int) -> None:
     """A serial line has the addresses 1 to 255; over TCP 0 and 255 mean the device itself."""
-    assert Options.model_validate({**line, "profile": "wago-750", "unit": unit}).unit == unit
+    assert ModbusOptions.model_validate({**line, "profile": "wago-750", "unit": unit}).unit == unit
 
 
 def test_a_status_may_be_about_an_input_or_an_output_or_all() -> None:
     """References to channels that are there, and a status of the whole unit, are taken."""
     about = (STATUS | {"channel": "a"}, STATUS | {"channel": "b"}, STATUS)
     rows = (OUTPUT, BACK, INPUT | {"channel": "b"}, *about)
-    assert len(Options.model_validate({**TCP, "registers": rows}).registers) == 6
+    assert len(ModbusOptions.model_validate({**TCP, "registers": rows}).registers) == 6
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_a_status_may_be_about_an_input_or_an_output_or_all() -> None:
 def test_a_register_that_makes_no_sense_is_told(row: dict[str, object], what: str) -> None:
     """Each mistake in a register is an error that says what is allowed."""
     with pytest.raises(ValidationError, match=what):
-        Options.model_validate({**TCP, "registers": (row,)})
+        ModbusOptions.model_validate({**TCP, "registers": (row,)})
 
 
 @pytest.mark.parametrize(
@@ -95,17 +95,17 @@ def test_a_register_that_makes_no_sense_is_told(row: dict[str, object], what: st
 )
 def test_the_rest_of_the_line(options: dict[str, object], silence_s: float) -> None:
     """It is 3.5 characters up to 19200 bit/s, 1.75 ms above, or what is asked for."""
-    found = Options.model_validate({"profile": "adam-4024", "port": "/dev/x"} | options)
+    found = ModbusOptions.model_validate({"profile": "adam-4024", "port": "/dev/x"} | options)
     assert found.silence_s == pytest.approx(silence_s)
 
 
 def test_channels_have_the_units_of_their_registers() -> None:
     """A LabJack has inputs and outputs in V; registers have the unit that they are given."""
-    units = channels_of(Options.model_validate(T7))
+    units = channels_of(ModbusOptions.model_validate(T7))
     assert set(units.inputs) == {f"AIN{i}" for i in range(14)}
     assert units.outputs == {"DAC0": "V", "DAC1": "V"}
     rows = (INPUT | {"unit": "%"}, OUTPUT)
-    assert channels_of(Options.model_validate({"host": "x", "registers": rows})) == (
+    assert channels_of(ModbusOptions.model_validate({"host": "x", "registers": rows})) == (
         {"a": "%"},
         {"a": "V"},
     )
@@ -114,5 +114,5 @@ def test_channels_have_the_units_of_their_registers() -> None:
 def test_the_driver_can_be_found() -> None:
     """The driver is installed under its name, and says that nobody has tried it on hardware."""
     plugin = registry.load("modbus")
-    assert plugin.options_model is Options
+    assert plugin.options_model is ModbusOptions
     assert not plugin.confirmed_on_hardware

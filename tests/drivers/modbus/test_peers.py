@@ -17,7 +17,7 @@ from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod_drivers.modbus.driver import device_of, transactions_of
 from piezod_drivers.modbus.emulation import plugins
-from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.options import ModbusOptions
 from tests.drivers.modbus.emulated import served
 from tests.drivers.modbus.pty_pair import wired_ports
 
@@ -67,9 +67,9 @@ def libmodbus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return server
 
 
-def options(**chosen: object) -> Options:
+def options(**chosen: object) -> ModbusOptions:
     """Return options that were given as a file gives them."""
-    return Options.model_validate(chosen)
+    return ModbusOptions.model_validate(chosen)
 
 
 @contextmanager
@@ -83,7 +83,7 @@ def running(*command: str) -> Iterator[str]:
             server.kill()
 
 
-def follows(chosen: Options) -> None:
+def follows(chosen: ModbusOptions) -> None:
     """Drive three outputs of three types, and find them in the inputs and in the read-back."""
     device = device_of(chosen, WIRING, transactions_of(chosen))
     try:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from piezod.devices.interface import Wiring
 from piezod_drivers.modbus.driver import channels_of
 from piezod_drivers.modbus.layout import lay_out
-from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.options import ModbusOptions
 from piezod_drivers.modbus.plan import FORMS, read_blocks, write_blocks
 from piezod_drivers.modbus.profiles import PROFILES
 from piezod_drivers.modbus.register import Register
@@ -123,7 +123,7 @@ def _coil(address: int) -> Register:
 @pytest.mark.parametrize("name", sorted(PROFILES))
 def test_every_profile_can_be_planned(name: str) -> None:
     """All channels of a profile at once: each is read, set or both, and the rate is bounded."""
-    options = Options.model_validate({"profile": name, "port": "/dev/x", "baud": 9600})
+    options = ModbusOptions.model_validate({"profile": name, "port": "/dev/x", "baud": 9600})
     units = channels_of(options)
     layout = lay_out(options, Wiring(tuple(units.inputs), tuple(units.outputs)))
     assert len(layout.ranges) == len(units.outputs)
@@ -134,7 +134,7 @@ def test_every_profile_can_be_planned(name: str) -> None:
 def test_the_rate_is_what_the_wire_lets_through() -> None:
     """At 9600 bit/s: two reads, in their longest form, a write, and three rests of the line."""
     units = ({"unit": 1, "profile": "waveshare-ai8b"}, {"unit": 2, "profile": "waveshare-ao8b"})
-    options = Options.model_validate({"units": units, "port": "/dev/x", "baud": 9600})
+    options = ModbusOptions.model_validate({"units": units, "port": "/dev/x", "baud": 9600})
     layout = lay_out(options, Wiring(("AI1",), ("AO1",)))
     longest_read, write = 8 + 5 + 2 * FORMS, 16
     wire_s = (2 * longest_read + write + 3 * 3.5) * 10 / 9600

@@ -7,7 +7,7 @@ import pytest
 
 from piezod.devices.interface import Wiring
 from piezod_drivers.modbus.driver import device_of, transactions_of
-from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.options import ModbusOptions
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import emulated
 
@@ -18,7 +18,7 @@ def test_a_labjack_makes_its_output_safe_when_its_driver_is_gone(tmp_path: Path)
     trace = tmp_path / "trace.csv"
     with emulated("labjack-t7", arguments=("--trace", str(trace))) as devices:
         host, _, port = devices.where[0].rpartition(":")
-        options = Options.model_validate(
+        options = ModbusOptions.model_validate(
             {
                 "profile": "labjack-t7",
                 "host": host,

@@ -9,7 +9,7 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.modbus.emulation import plugins
-from piezod_drivers.modbus.options import Options
+from piezod_drivers.modbus.options import ModbusOptions
 from tests.drivers.modbus.emulated import TIMEOUT_S, emulated
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine
 
@@ -37,7 +37,7 @@ def opened(
     plugin: EmulatorPlugin, options: dict[str, object], wiring: Wiring = ONE
 ) -> tuple[BusDevice, EmulatedLine, Any]:
     """Return an active device, its line and the rig at the other end."""
-    device, line, rig = emulated(plugin, Options.model_validate(options), wiring)
+    device, line, rig = emulated(plugin, ModbusOptions.model_validate(options), wiring)
     device.open()
     device.activate(line.now_ns())
     return device, line, rig
@@ -167,7 +167,7 @@ def test_a_status_that_piezod_cannot_clear_refuses_until_it_is_cleared() -> None
         {"role": "read-back", "channel": "AO0", "address": 0x200},
         TRIPPED,
     )
-    options = Options.model_validate({"registers": rows, "host": "h"})
+    options = ModbusOptions.model_validate({"registers": rows, "host": "h"})
     device, line, rig = emulated(plugins.WAGO_750, options, ONE)
     line.open()
     set_by_somebody_else(line, 1, 0x4000)
@@ -305,7 +305,7 @@ def test_another_device_is_refused() -> None:
     """A profile whose constants are not found is not opened, and the error says what was found."""
     device, line, _ = emulated(
         plugins.WAGO_750,
-        Options.model_validate({"profile": "labjack-t7", "host": "h"}),
+        ModbusOptions.model_validate({"profile": "labjack-t7", "host": "h"}),
         Wiring((), ()),
     )
     with pytest.raises(DeviceUnavailableError, match="no such register"):
@@ -313,7 +313,7 @@ def test_another_device_is_refused() -> None:
     assert not line.opened
     device, _, _ = emulated(
         plugins.LABJACK_T4,
-        Options.model_validate({"profile": "labjack-t7", "host": "h"}),
+        ModbusOptions.model_validate({"profile": "labjack-t7", "host": "h"}),
         Wiring((), ()),
     )
     with pytest.raises(DeviceError, match=r"no LabJack T7 .*60000 holds 4, expected 7"):
@@ -324,7 +324,7 @@ def test_another_device_is_refused() -> None:
 def test_a_register_that_the_device_has_not_is_told_when_it_is_opened() -> None:
     """A wrong map fails at once, with the exception and the request."""
     row = {"role": "input", "channel": "AI0", "address": 700}
-    options = Options.model_validate({"registers": (row,), "host": "h"})
+    options = ModbusOptions.model_validate({"registers": (row,), "host": "h"})
     device, _, _ = emulated(plugins.ADAM_6024, options, Wiring(("AI0",), ()))
     with pytest.raises(DeviceUnavailableError, match=r"function 3 .*exception 2"):
         device.open()
@@ -335,7 +335,7 @@ def test_forms_that_a_device_refuses_are_not_used() -> None:
     rows = tuple(
         {"role": "input", "channel": f"AI{i}", "address": i, "table": "holding"} for i in range(9)
     )
-    options = Options.model_validate({"registers": rows, "host": "h"})
+    options = ModbusOptions.model_validate({"registers": rows, "host": "h"})
     device, line, _ = emulated(plugins.ADAM_6024, options, Wiring(("AI5",), ()))
     device.open()
     device.activate(line.now_ns())
@@ -346,7 +346,7 @@ def test_forms_that_a_device_refuses_are_not_used() -> None:
 
 def test_a_form_that_is_refused_is_not_used_in_a_common_request() -> None:
     """Of three lengths the device refuses the second: only the others are read while writing."""
-    options = Options.model_validate({"profile": "wago-750", "host": "h"})
+    options = ModbusOptions.model_validate({"profile": "wago-750", "host": "h"})
     device, line, _ = emulated(plugins.WAGO_750, options, ONE)
     assert isinstance(device, ExchangingBusDevice)
 
@@ -370,7 +370,7 @@ def test_a_form_that_is_refused_is_not_used_in_a_common_request() -> None:
 
 def test_what_a_device_does_not_tell() -> None:
     """A box without the register of its version is not told apart, and works nevertheless."""
-    options = Options.model_validate({"profile": "waveshare-ai8b", "port": "p"})
+    options = ModbusOptions.model_validate({"profile": "waveshare-ai8b", "port": "p"})
     device, _, _ = emulated(plugins.ICPDAS, options, Wiring(("AI1",), ()))
     model = "Modbus RTU Analog Input 8CH (B)"
     assert device.open() == ("Waveshare", model, "not told", "not told")

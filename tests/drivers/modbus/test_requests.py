@@ -13,7 +13,7 @@ from piezod.devices.status import DeviceFlag
 from piezod_drivers.modbus.checksum import checksum, is_whole
 from piezod_drivers.modbus.register import Register, packer, unpacker
 from piezod_drivers.modbus.requests import (
-    Request,
+    ModbusRequest,
     WriteAndRead,
     WriteMany,
     judge,
@@ -85,7 +85,7 @@ def test_every_exception_code_has_its_meaning(codes: tuple[int, ...], flag: Devi
 @given(st.binary(max_size=20))
 def test_judging_raises_nothing_but_line_faults(pdu: bytes) -> None:
     """Whatever a device answers is an answer of the right form, or a fault of the line."""
-    request = Request(b"\x03\0\0\0\1", b"\x03\x02", 4)
+    request = ModbusRequest(b"\x03\0\0\0\1", b"\x03\x02", 4)
     with suppress(LineFault):
         assert judge(pdu, request, "unit 1").startswith(b"\x03\x02")
 

@@ -9,7 +9,7 @@ from piezod.devices.bus.conversation import PATIENCE
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.modbus.checksum import checksum
-from piezod_drivers.modbus.requests import Request, WriteMany, read, write_one
+from piezod_drivers.modbus.requests import ModbusRequest, WriteMany, read, write_one
 from piezod_drivers.modbus.rtu import RtuTransactions
 from tests.devices.bus.played_line import MS, PlayedLine
 
@@ -44,7 +44,7 @@ def forms(line: PlayedLine) -> list[int]:
 @pytest.mark.parametrize(
     "request_", [*FORMS, write_one(3, b"\x12\x34"), WriteMany(0, 1).request(b"\0\1")]
 )
-def test_no_flipped_bit_is_accepted(request_: Request) -> None:
+def test_no_flipped_bit_is_accepted(request_: ModbusRequest) -> None:
     """Each bit of each kind of reply, flipped: the frame is not taken, whichever bit it is."""
     pdu = (request_.echo + bytes(range(250)))[: request_.n_bytes]
     reply = framed(pdu)

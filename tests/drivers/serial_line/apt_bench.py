@@ -7,8 +7,8 @@ from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.amplifier import AmplifierDialogue
 from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
-from piezod_drivers.serial_line.thorlabs_apt.emulator import Amplifier, Reader
-from piezod_drivers.serial_line.thorlabs_apt.options import Options
+from piezod_drivers.serial_line.thorlabs_apt.emulator import KpzEmulator, KsgEmulator
+from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 from piezod_drivers.serial_line.thorlabs_apt.reader import ReaderDialogue
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
 from tests.drivers.serial_line.scripted_line import EmulatedLine
@@ -19,12 +19,12 @@ NOW = 5
 OUTPUT, INPUT = Wiring((), ("1",)), Wiring(("1",), ())
 
 
-def kpz(**options: object) -> tuple[BusDevice, EmulatedLine, LinearRig, Amplifier]:
+def kpz(**options: object) -> tuple[BusDevice, EmulatedLine, LinearRig, KpzEmulator]:
     """Return an amplifier, the line to it, and what is behind the line."""
     stand, rig, time = bench()
-    emulator = Amplifier(stand, "")
+    emulator = KpzEmulator(stand, "")
     line = EmulatedLine(emulator, time)
-    told = Options.model_validate({"port": "p", "model": "KPZ101", **options})
+    told = AptOptions.model_validate({"port": "p", "model": "KPZ101", **options})
     return BusDevice("KPZ101", AmplifierDialogue(told, OUTPUT, line)), line, rig, emulator
 
 
@@ -33,8 +33,8 @@ def ksg(
 ) -> tuple[BusDevice, EmulatedLine, LinearRig]:
     """Return a strain gauge reader, the line to it, and the rig behind it."""
     stand, rig, time = bench()
-    line = EmulatedLine(Reader(stand, "", request), time)
-    told = Options.model_validate({"port": "p", "model": "KSG101", **options})
+    line = EmulatedLine(KsgEmulator(stand, "", request), time)
+    told = AptOptions.model_validate({"port": "p", "model": "KSG101", **options})
     return BusDevice("KSG101", ReaderDialogue(told, INPUT, line)), line, rig
 
 

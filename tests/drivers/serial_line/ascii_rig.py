@@ -6,9 +6,9 @@ from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.bus.line import Line
 from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.ascii_line.dialogue import AsciiDialogue
-from piezod_drivers.serial_line.ascii_line.options import Options
+from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 from piezod_drivers.serial_line.ascii_line.patterns import compiled
-from piezod_drivers.serial_line.ascii_line.stream import StreamDialogue
+from piezod_drivers.serial_line.ascii_line.stream import AsciiStreamDialogue
 from tests.drivers.serial_line.scripted_line import ScriptedLine, Step
 
 PLAIN: Mapping[str, object] = {
@@ -35,16 +35,16 @@ LISTENED: Mapping[str, object] = {
 
 def device(line: Line, wiring: Wiring = Wiring.both("x"), /, **options: object) -> BusDevice:  # noqa: B008 - it never changes
     """Construct a device at a line: `PLAIN`, but for what is given."""
-    model = Options.model_validate({**PLAIN, **options})
+    model = AsciiOptions.model_validate({**PLAIN, **options})
     return BusDevice("ASCII", AsciiDialogue(line, model, wiring))
 
 
 def sensor(line: Line, **options: object) -> BusDevice:
     """Construct a sensor at a line: `LISTENED`, but for what is given."""
-    model = Options.model_validate({**LISTENED, **options})
+    model = AsciiOptions.model_validate({**LISTENED, **options})
     assert model.stream is not None
     wiring = Wiring(tuple(model.inputs), ())
-    return BusDevice("ASCII", StreamDialogue(line, model, wiring, compiled(model.stream)))
+    return BusDevice("ASCII", AsciiStreamDialogue(line, model, wiring, compiled(model.stream)))
 
 
 def started(*steps: Step, **options: object) -> tuple[BusDevice, ScriptedLine]:

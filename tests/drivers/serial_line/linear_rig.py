@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from piezod.devices.emulation.bench import UM_PER_V as UM_PER_SENSOR_V
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.interface import Capabilities, Identity, Sample
 from tests.drivers.serial_line.scripted_line import TestTime
 
@@ -69,8 +69,8 @@ class LinearRig:
         return self.drive_v
 
 
-def bench(n_axes: int = 1, time: TestTime | None = None) -> tuple[Bench, LinearRig, TestTime]:
+def bench(n_axes: int = 1, time: TestTime | None = None) -> tuple[SharedRig, LinearRig, TestTime]:
     """Return a bench, the rig behind it and the clock of both."""
     clock = time or TestTime()
     rig = LinearRig(n_axes)
-    return Bench(rig, clock.now_ns), rig, clock
+    return SharedRig(rig, clock.now_ns), rig, clock

@@ -3,9 +3,9 @@
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.micro_epsilon import stream
-from piezod_drivers.serial_line.micro_epsilon.dialogue import StreamDialogue
+from piezod_drivers.serial_line.micro_epsilon.dialogue import MicroEpsilonDialogue
 from piezod_drivers.serial_line.micro_epsilon.emulator import ILD1420, ODC2520
-from piezod_drivers.serial_line.micro_epsilon.options import Options
+from piezod_drivers.serial_line.micro_epsilon.options import MicroEpsilonOptions
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
 from tests.drivers.serial_line.scripted_line import US, EmulatedLine, ScriptedLine, says
@@ -20,9 +20,9 @@ WORD = stream.pack(COUNT, 3)
 AT_COUNT_UM = (COUNT * 102 / 65520 - 1) / 100 * 10_000
 
 
-def options(model: str = "ILD1420", **more: object) -> Options:
+def options(model: str = "ILD1420", **more: object) -> MicroEpsilonOptions:
     """Return the options of a sensor."""
-    return Options.model_validate({"port": "p", "model": model, **more})
+    return MicroEpsilonOptions.model_validate({"port": "p", "model": model, **more})
 
 
 def emulated(model: str = "ILD1420") -> tuple[BusDevice, EmulatedLine, LinearRig]:
@@ -31,7 +31,7 @@ def emulated(model: str = "ILD1420") -> tuple[BusDevice, EmulatedLine, LinearRig
     plugin = ILD1420 if model == "ILD1420" else ODC2520
     assert plugin.create is not None
     line = EmulatedLine(plugin.create(stand, ""), time)
-    return BusDevice(model, StreamDialogue(options(model), WIRING, line)), line, rig
+    return BusDevice(model, MicroEpsilonDialogue(options(model), WIRING, line)), line, rig
 
 
 def scripted(model: str = "ILD1420", **more: object) -> tuple[BusDevice, ScriptedLine]:
@@ -39,7 +39,7 @@ def scripted(model: str = "ILD1420", **more: object) -> tuple[BusDevice, Scripte
     line = ScriptedLine()
     if PROFILES[model].talks:
         line.then(says(GETINFO, WORD + ANSWER.replace(b"ILD1420", model.encode()) + WORD))
-    device = BusDevice(model, StreamDialogue(options(model, **more), WIRING, line))
+    device = BusDevice(model, MicroEpsilonDialogue(options(model, **more), WIRING, line))
     line.comes(stream.pack(COUNT >> 4, PROFILES[model].word_bytes), 200 * US)
     device.open()
     device.activate(line.now_ns())

@@ -4,7 +4,7 @@ from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.pi_gcs2.driver import Gcs2Dialogue
 from piezod_drivers.serial_line.pi_gcs2.emulator import Gcs2Emulator
-from piezod_drivers.serial_line.pi_gcs2.options import Options
+from piezod_drivers.serial_line.pi_gcs2.options import Gcs2Options
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
 from tests.drivers.serial_line.scripted_line import (
     EmulatedLine,
@@ -12,7 +12,7 @@ from tests.drivers.serial_line.scripted_line import (
     says,
 )
 
-OPTIONS = Options(port="/dev/ttyUSB0")
+OPTIONS = Gcs2Options(port="/dev/ttyUSB0")
 OPENING = (
     says(b"ERR?\n", b"0\n"),
     says(b"*IDN?\nERR?\n", b"(c) PI, E-727, 1204, 14.1\n0\n"),

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod_drivers.serial_line.thorlabs_apt import codec
-from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Hardware, Id, MalformedError
-from piezod_drivers.serial_line.thorlabs_apt.emulator import Amplifier, Reader
+from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, AptFrameError, Hardware, Id
+from piezod_drivers.serial_line.thorlabs_apt.emulator import KpzEmulator, KsgEmulator
 from tests.drivers.serial_line.linear_rig import bench
 
 COUNTS = st.integers(-32768, 32767)
@@ -63,7 +63,7 @@ def _told(frame: bytes) -> dict[str, Any]:
 @given(COUNTS, COUNTS, st.integers(0, 2**32 - 1))
 def test_status_reads_the_same(output: int, position: int, bits: int) -> None:
     """A status is read as thorlabs-apt-protocol reads it."""
-    status = codec.Status(output, position, bits)
+    status = codec.CubeStatus(output, position, bits)
     frame = codec.long(Id.GET_STATUS, codec.pack_status(1, status), to=HOST, source=UNIT)
     theirs = _told(frame)
     assert codec.status_of(frame) == status
@@ -102,11 +102,11 @@ DECODERS: list[Callable[[bytes], object]] = [
 
 @given(st.binary(max_size=300))
 def test_garbage_is_refused_by_the_documented_error(garbage: bytes) -> None:
-    """Arbitrary bytes are decoded, or refused by `MalformedError` and nothing else."""
+    """Arbitrary bytes are decoded, or refused by `AptFrameError` and nothing else."""
     for decode in DECODERS:
         try:
             decode(garbage)
-        except MalformedError:
+        except AptFrameError:
             continue
 
 
@@ -138,7 +138,7 @@ def test_flipped_bits_of_a_header_are_seen() -> None:
             continue
         try:
             codec.words_of(frame, 1)
-        except MalformedError:
+        except AptFrameError:
             continue
         unseen.append(bit)
     data_bits = set(range(64, 80))
@@ -160,10 +160,10 @@ HEADS = st.builds(
 )
 
 
-@pytest.mark.parametrize("cube", [Amplifier, Reader])
+@pytest.mark.parametrize("cube", [KpzEmulator, KsgEmulator])
 @given(parts=st.lists(st.binary(max_size=60) | HEADS, max_size=20))
 def test_emulators_survive_whatever_comes(
-    cube: type[Amplifier | Reader], parts: list[bytes]
+    cube: type[KpzEmulator | KsgEmulator], parts: list[bytes]
 ) -> None:
     """Emulated cubes answer arbitrary bytes, or not, and raise nothing."""
     stand, _, _ = bench()

@@ -9,7 +9,7 @@ from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
 from piezod_drivers.serial_line.thorlabs_apt.driver import PLUGIN
-from piezod_drivers.serial_line.thorlabs_apt.options import Options
+from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 from piezod_drivers.serial_line.thorlabs_apt.port import wake
 from tests.drivers.serial_line.apt_bench import NOW, answering, answering_words, instead, kpz, ksg
 from tests.drivers.serial_line.linear_rig import UM_PER_V
@@ -204,6 +204,6 @@ def test_cube_is_woken_by_rts() -> None:
 def test_plug_in_tells_the_channel_of_each_model() -> None:
     """An amplifier has one output in V, a reader one input in µm."""
     for model, inputs, outputs in (("TPZ001", {}, {"1": "V"}), ("TSG001", {"1": "µm"}, {})):
-        options = Options.model_validate({"port": "p", "model": model})
+        options = AptOptions.model_validate({"port": "p", "model": model})
         assert PLUGIN.channels(options) == (inputs, outputs)
         assert PLUGIN.create(options, Wiring((), ()), 1) is not None

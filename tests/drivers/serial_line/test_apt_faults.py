@@ -8,7 +8,7 @@ from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
-from piezod_drivers.serial_line.thorlabs_apt.emulator import Amplifier
+from piezod_drivers.serial_line.thorlabs_apt.emulator import KpzEmulator
 from tests.drivers.serial_line.apt_bench import NOW, answering_words, instead, kpz, ksg
 from tests.drivers.serial_line.scripted_line import MS
 
@@ -38,7 +38,7 @@ def test_disabled_output_is_told() -> None:
     assert set(device.status(NOW)[0]) == {DeviceFlag.LOCAL_MODE}
 
 
-def _switch_off_and_on(emulator: Amplifier) -> None:
+def _switch_off_and_on(emulator: KpzEmulator) -> None:
     emulator.receive(codec.short(Id.SET_ENABLED, 1, 2))
     emulator.receive(codec.long(Id.SET_OUTPUT, codec.words(1, 0)))
 

@@ -12,7 +12,7 @@ from serial import Serial
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.thorlabs_apt.driver import PLUGIN
-from piezod_drivers.serial_line.thorlabs_apt.options import Options
+from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import Emulated, emulated
 from tests.drivers.bus.checks import activates, starts
@@ -92,7 +92,7 @@ def test_host_gets_updates_as_long_as_it_wants_them(cubes: Emulated) -> None:
 def test_amplifier_that_is_switched_off_and_on_is_told(cubes: Emulated) -> None:
     """Our driver tells, across processes, of an amplifier that was off; armed again it obeys."""
     options = {"port": cubes.where[0], "model": "KPZ101", "timeout_ms": 100.0}
-    device: Any = PLUGIN.create(Options.model_validate(options), Wiring((), ("1",)), 1)
+    device: Any = PLUGIN.create(AptOptions.model_validate(options), Wiring((), ("1",)), 1)
     with closing(device):
         eventually(lambda: starts(device))
         eventually(lambda: device.write([5.0], time.monotonic_ns()))

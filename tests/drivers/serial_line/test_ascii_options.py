@@ -10,9 +10,9 @@ from pydantic import ValidationError
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.serial_line.ascii_line.codec import Lines, number
+from piezod_drivers.serial_line.ascii_line.codec import AsciiLines, number
 from piezod_drivers.serial_line.ascii_line.driver import PLUGIN
-from piezod_drivers.serial_line.ascii_line.options import Options
+from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 from piezod_drivers.serial_line.ascii_line.templates import filled, parsed
 from tests.drivers.serial_line.ascii_rig import LISTENED, PLAIN
 
@@ -20,7 +20,7 @@ from tests.drivers.serial_line.ascii_rig import LISTENED, PLAIN
 def errors_of(options: dict[str, Any]) -> str:
     """Return what is said of options that are wrong."""
     with pytest.raises(ValidationError) as caught:
-        Options.model_validate(options)
+        AsciiOptions.model_validate(options)
     return "\n".join(f"{error['loc']}: {error['msg']}" for error in caught.value.errors())
 
 
@@ -75,7 +75,7 @@ def test_what_does_not_fit_together_is_told_with_its_place(
 @pytest.mark.parametrize("options", [PLAIN, LISTENED])
 def test_channels_and_units_are_those_of_the_options(options: dict[str, Any]) -> None:
     """What the driver offers is what the options list."""
-    model = Options.model_validate(dict(options))
+    model = AsciiOptions.model_validate(dict(options))
 
     units = PLUGIN.channels(model)
 
@@ -87,7 +87,7 @@ def test_channels_and_units_are_those_of_the_options(options: dict[str, Any]) ->
 @pytest.mark.parametrize("options", [PLAIN, LISTENED])
 def test_a_device_is_made_without_its_port(options: dict[str, Any]) -> None:
     """Constructing a device opens nothing, whether it is asked or listened to."""
-    model = Options.model_validate(dict(options))
+    model = AsciiOptions.model_validate(dict(options))
     wiring = Wiring(tuple(model.inputs), tuple(model.outputs))
 
     assert PLUGIN.create(model, wiring, 1) is not None
@@ -119,7 +119,9 @@ def test_any_text_is_a_command_or_refused(text: str) -> None:
 )
 def test_any_bytes_are_lines_or_garbage_or_not_enough(got: bytes, code: str, ending: str) -> None:
     """No bytes make the codec raise anything but a fault of the line, or wait for ever."""
-    lines = Lines(Options.model_validate({**PLAIN, "encoding": code, "reply_terminator": ending}))
+    lines = AsciiLines(
+        AsciiOptions.model_validate({**PLAIN, "encoding": code, "reply_terminator": ending})
+    )
     while length := lines.length(got):
         assert abs(length) <= len(got)
         if length > 0:

@@ -13,18 +13,18 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.npoint_lc400 import codec
-from piezod_drivers.serial_line.npoint_lc400.codec import MalformedError, Register
+from piezod_drivers.serial_line.npoint_lc400.codec import Lc400FrameError, Lc400Register
 from piezod_drivers.serial_line.npoint_lc400.dialogue import Lc400Dialogue
 from piezod_drivers.serial_line.npoint_lc400.driver import PLUGIN
 from piezod_drivers.serial_line.npoint_lc400.emulator import MID_UM, Lc400
-from piezod_drivers.serial_line.npoint_lc400.options import Options
+from piezod_drivers.serial_line.npoint_lc400.options import Lc400Options
 from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine
 
 NOW = 5
 BOTH = Wiring.both(("1", "2"))
-SERVO_1 = codec.address(1, Register.SERVO)
-POSITION_1 = codec.address(1, Register.POSITION)
+SERVO_1 = codec.address(1, Lc400Register.SERVO)
+POSITION_1 = codec.address(1, Lc400Register.POSITION)
 
 
 def lc400(
@@ -34,14 +34,14 @@ def lc400(
     stand, rig, time = bench(2)
     emulator = Lc400(stand, "")
     line = EmulatedLine(emulator, time)
-    told = Options.model_validate({"port": "p", **options})
+    told = Lc400Options.model_validate({"port": "p", **options})
     return ExchangingBusDevice("LC.400", Lc400Dialogue(told, wiring, line)), line, rig, emulator
 
 
 def test_frames_are_those_of_the_source() -> None:
     """Requests are, byte for byte, what the EPICS module's structures are in memory."""
     assert codec.read(POSITION_1) == bytes.fromhex("a0 34138311 55")
-    assert codec.write(codec.address(3, Register.SETPOINT), -2) == bytes.fromhex(
+    assert codec.write(codec.address(3, Lc400Register.SETPOINT), -2) == bytes.fromhex(
         "a2 18328311 feffffff 55"
     )
     assert codec.read_array(codec.FIRMWARE, 5) == bytes.fromhex("a4 28008311 05000000 55")
@@ -84,7 +84,7 @@ def test_taking_control_moves_nothing() -> None:
     device.read_back(NOW)
     device.close()
     assert rig.drive_v == before
-    assert not any(frame[0] == codec.Request.WRITE for frame in line.sent)
+    assert not any(frame[0] == codec.Lc400Request.WRITE for frame in line.sent)
 
 
 def test_servo_that_is_on_is_refused() -> None:
@@ -118,7 +118,7 @@ def test_command_that_is_not_there_is_refused() -> None:
     device, line, _, _ = lc400(Wiring.both(("1",)))
     device.open()
     device.activate(NOW)
-    other = codec.reply(codec.address(1, Register.SETPOINT), 7)
+    other = codec.reply(codec.address(1, Lc400Register.SETPOINT), 7)
     line.change = lambda reply: reply[:10] + other + reply[20:]
     assert not device.write([10.0], NOW)
     assert set(device.status(NOW)[1]) == {DeviceFlag.LOCAL_MODE}
@@ -138,11 +138,11 @@ def test_end_of_range_is_told() -> None:
 def test_range_of_another_unit_has_to_be_set() -> None:
     """A range that is not told in µm is asked for; one that is set is not."""
     device, _, _, emulator = lc400()
-    emulator.receive(codec.write(codec.address(1, Register.RANGE_TYPE), 2))
+    emulator.receive(codec.write(codec.address(1, Lc400Register.RANGE_TYPE), 2))
     with pytest.raises(DeviceError, match="set range_um"):
         device.open()
     set_, _, _, emulator = lc400(range_um=60.0)
-    emulator.receive(codec.write(codec.address(1, Register.RANGE_TYPE), 2))
+    emulator.receive(codec.write(codec.address(1, Lc400Register.RANGE_TYPE), 2))
     assert "60" in set_.open().serial
 
 
@@ -211,9 +211,9 @@ LENGTHS = [
 
 @given(st.binary(max_size=200))
 def test_garbage_is_refused_by_the_documented_error(garbage: bytes) -> None:
-    """Arbitrary bytes are decoded, or refused by `MalformedError` and nothing else."""
+    """Arbitrary bytes are decoded, or refused by `Lc400FrameError` and nothing else."""
     for decode in DECODERS:
-        with suppress(MalformedError):
+        with suppress(Lc400FrameError):
             decode(garbage)
 
 
@@ -240,6 +240,6 @@ def test_emulator_survives_whatever_comes(parts: list[bytes]) -> None:
 
 def test_plug_in_tells_channels_with_both_units() -> None:
     """Each channel has a position in µm and a command in %."""
-    options = Options.model_validate({"port": "p", "axes": 2})
+    options = Lc400Options.model_validate({"port": "p", "axes": 2})
     assert PLUGIN.channels(options) == ({"1": "µm", "2": "µm"}, {"1": "%", "2": "%"})
     assert PLUGIN.create(options, BOTH, 1) is not None

@@ -8,7 +8,7 @@ from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.micro_epsilon import stream
-from piezod_drivers.serial_line.micro_epsilon.dialogue import StreamDialogue
+from piezod_drivers.serial_line.micro_epsilon.dialogue import MicroEpsilonDialogue
 from piezod_drivers.serial_line.micro_epsilon.driver import PLUGIN
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES
 from tests.drivers.serial_line.linear_rig import UM_PER_V
@@ -46,7 +46,7 @@ def test_identity_is_found_between_values() -> None:
     text = b"".join(ANSWER[i : i + 1] + WORD for i in range(len(ANSWER)))
     line = ScriptedLine(says(GETINFO, WORD[1:] + WORD + text + WORD))
     line.comes(WORD, 200 * US)
-    device = BusDevice("ILD1420", StreamDialogue(options(), WIRING, line))
+    device = BusDevice("ILD1420", MicroEpsilonDialogue(options(), WIRING, line))
     assert device.open() == ("Micro-Epsilon", "ILD1420-10", "77", "1")
 
 
@@ -184,7 +184,7 @@ def test_lost_axis_is_beyond_the_range() -> None:
 def test_silent_sensor_is_told_with_a_remedy() -> None:
     """A sensor that answers and sends no values is refused, with what to do."""
     line = ScriptedLine(says(GETINFO, ANSWER))
-    device = BusDevice("ILD1420", StreamDialogue(options(), WIRING, line))
+    device = BusDevice("ILD1420", MicroEpsilonDialogue(options(), WIRING, line))
     with pytest.raises(DeviceUnavailableError, match="have the sensor output them at RS422"):
         device.open()
 
@@ -192,14 +192,14 @@ def test_silent_sensor_is_told_with_a_remedy() -> None:
 def test_other_model_is_refused() -> None:
     """A sensor of another family than the configuration says is refused."""
     line = ScriptedLine(says(GETINFO, ANSWER))
-    device = BusDevice("ILD1900", StreamDialogue(options("ILD1900"), WIRING, line))
+    device = BusDevice("ILD1900", MicroEpsilonDialogue(options("ILD1900"), WIRING, line))
     with pytest.raises(DeviceError, match="leads to a ILD1420-10, the configuration says ILD1900"):
         device.open()
 
 
 def test_range_has_to_be_known() -> None:
     """A sensor that cannot be asked for its range has to have it set."""
-    device = BusDevice("ILD1402", StreamDialogue(options("ILD1402"), WIRING, ScriptedLine()))
+    device = BusDevice("ILD1402", MicroEpsilonDialogue(options("ILD1402"), WIRING, ScriptedLine()))
     with pytest.raises(DeviceError, match="set range_mm"):
         device.open()
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod_drivers.serial_line.micro_epsilon import stream
-from piezod_drivers.serial_line.micro_epsilon.emulator import Sensor
+from piezod_drivers.serial_line.micro_epsilon.emulator import SensorEmulator
 from piezod_drivers.serial_line.micro_epsilon.info import info_of
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES
 from tests.drivers.serial_line.linear_rig import bench
@@ -81,7 +81,7 @@ def test_additional_values_are_passed_over() -> None:
 def test_unknown_command_is_refused() -> None:
     """An emulated sensor answers a command that it does not know with an error and a prompt."""
     stand, _, _ = bench()
-    sensor = Sensor(stand, "", "ILD1420", "ILD1420-10", 10.0, 5000.0)
+    sensor = SensorEmulator(stand, "", "ILD1420", "ILD1420-10", 10.0, 5000.0)
     assert sensor.receive(b"HE") == []
     assert sensor.receive(b"LP\r\n") == [b"HELP\r\nE200 I/O error\r\n->"]
     assert len(sensor.due()) == 1
@@ -98,7 +98,7 @@ def test_half_an_answer_tells_nothing(text: str) -> None:
 def test_emulator_survives_whatever_comes(parts: list[bytes]) -> None:
     """An emulator answers arbitrary bytes, or not, and raises nothing."""
     stand, _, time = bench()
-    sensor = Sensor(stand, "", "ILD1420", "ILD1420-10", 10.0, 5000.0)
+    sensor = SensorEmulator(stand, "", "ILD1420", "ILD1420-10", 10.0, 5000.0)
     for part in parts:
         sensor.receive(part)
         time.t_ns += MS

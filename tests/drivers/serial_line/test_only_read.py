@@ -7,29 +7,29 @@ import pytest
 
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.bus.dialogue import Dialogue
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import Emulator
 from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.ascii_line.dialogue import AsciiDialogue
 from piezod_drivers.serial_line.ascii_line.emulator import Nanopositioner
-from piezod_drivers.serial_line.ascii_line.options import Options as AsciiOptions
+from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 from piezod_drivers.serial_line.npoint_lc400.dialogue import Lc400Dialogue
 from piezod_drivers.serial_line.npoint_lc400.emulator import Lc400
-from piezod_drivers.serial_line.npoint_lc400.options import Options as Lc400Options
+from piezod_drivers.serial_line.npoint_lc400.options import Lc400Options
 from piezod_drivers.serial_line.pi_gcs1.driver import Gcs1Dialogue
 from piezod_drivers.serial_line.pi_gcs1.emulator import EMULATOR as GCS1
-from piezod_drivers.serial_line.pi_gcs1.options import Options as Gcs1Options
+from piezod_drivers.serial_line.pi_gcs1.options import Gcs1Options
 from piezod_drivers.serial_line.pi_gcs2.driver import Gcs2Dialogue
 from piezod_drivers.serial_line.pi_gcs2.emulator import Gcs2Emulator
-from piezod_drivers.serial_line.pi_gcs2.options import Options as Gcs2Options
+from piezod_drivers.serial_line.pi_gcs2.options import Gcs2Options
 from piezod_drivers.serial_line.psj.dialogue import PsjDialogue
 from piezod_drivers.serial_line.psj.emulator import PsjEmulator
 from piezod_drivers.serial_line.psj.models import MODELS, Profile
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.amplifier import AmplifierDialogue
 from piezod_drivers.serial_line.thorlabs_apt.codec import Id
-from piezod_drivers.serial_line.thorlabs_apt.emulator import Amplifier
-from piezod_drivers.serial_line.thorlabs_apt.options import Options as AptOptions
+from piezod_drivers.serial_line.thorlabs_apt.emulator import KpzEmulator
+from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 from tests.drivers.bus.profiles import ASCII_DEMO
 from tests.drivers.serial_line.linear_rig import bench
 from tests.drivers.serial_line.scripted_line import EmulatedLine
@@ -51,7 +51,7 @@ class Case(NamedTuple):
 
     name: str
     channel: str
-    emulator: Callable[[Bench], Emulator]
+    emulator: Callable[[SharedRig], Emulator]
     dialogue: Callable[[EmulatedLine, Wiring], Dialogue]
     before: bytes
     changing: Sequence[bytes]
@@ -71,7 +71,7 @@ def psj(profile: Profile, before: bytes) -> Case:
     )
 
 
-def gcs1(stand: Bench) -> Emulator:
+def gcs1(stand: SharedRig) -> Emulator:
     """Return an E-816."""
     assert GCS1.create is not None
     return GCS1.create(stand, "")
@@ -120,7 +120,7 @@ CASES = [
     Case(
         "kpz101",
         "",
-        lambda stand: Amplifier(stand, ""),
+        lambda stand: KpzEmulator(stand, ""),
         lambda line, wiring: AmplifierDialogue(
             AptOptions.model_validate({"port": "p", "model": "KPZ101"}), wiring, line
         ),

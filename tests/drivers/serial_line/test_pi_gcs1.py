@@ -7,11 +7,11 @@ from piezod.errors import DeviceUnavailableError
 from piezod_drivers.serial_line.gcs.emulator import GcsEmulator
 from piezod_drivers.serial_line.pi_gcs1.driver import PLUGIN, Gcs1Dialogue
 from piezod_drivers.serial_line.pi_gcs1.emulator import EMULATOR
-from piezod_drivers.serial_line.pi_gcs1.options import Options
+from piezod_drivers.serial_line.pi_gcs1.options import Gcs1Options
 from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench
 from tests.drivers.serial_line.scripted_line import EmulatedLine, ScriptedLine, says
 
-OPTIONS = Options(port="/dev/ttyS0")
+OPTIONS = Gcs1Options(port="/dev/ttyS0")
 
 
 def emulated(names: str = "A") -> tuple[ExchangingBusDevice, EmulatedLine, GcsEmulator, LinearRig]:
@@ -116,9 +116,9 @@ def test_nobody_answers() -> None:
 def test_what_a_configuration_may_say() -> None:
     """A range goes upwards; channels are the axes, in µm and V; the rate is the line's."""
     with pytest.raises(ValueError, match="must be above the first"):
-        Options(port="x", range_v=(10.0, 10.0))
+        Gcs1Options(port="x", range_v=(10.0, 10.0))
     assert PLUGIN.channels(OPTIONS) == ({"A": "µm"}, {"A": "V"})
-    slow = Options(port="x", baud=38_400)
+    slow = Gcs1Options(port="x", baud=38_400)
     dialogue = Gcs1Dialogue(ScriptedLine(), slow, Wiring.both(["A"]))
     assert dialogue.capabilities().max_rate_hz == pytest.approx(61, abs=1)
     PLUGIN.create(OPTIONS, Wiring.both(["A"]), 1).close()

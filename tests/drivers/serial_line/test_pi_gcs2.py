@@ -7,7 +7,7 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.pi_gcs2.driver import PLUGIN, Gcs2Dialogue
-from piezod_drivers.serial_line.pi_gcs2.options import Options
+from piezod_drivers.serial_line.pi_gcs2.options import Gcs2Options
 from tests.drivers.serial_line.linear_rig import UM_PER_V
 from tests.drivers.serial_line.pi_gcs2_bench import (
     AT_EASE,
@@ -261,8 +261,8 @@ def test_nobody_answers() -> None:
 def test_what_a_configuration_may_say() -> None:
     """A range goes upwards; channels are the axes, in µm and V."""
     with pytest.raises(ValueError, match="must be above the first"):
-        Options(port="x", range_v=(10.0, 10.0))
-    units = PLUGIN.channels(Options(host="pi", tcp_port=50_000, axes=("1", "X")))
+        Gcs2Options(port="x", range_v=(10.0, 10.0))
+    units = PLUGIN.channels(Gcs2Options(host="pi", tcp_port=50_000, axes=("1", "X")))
     assert units == ({"1": "µm", "X": "µm"}, {"1": "V", "X": "V"})
 
 
@@ -270,7 +270,7 @@ def test_the_rate_of_the_line() -> None:
     """A serial line bounds the rate by its bytes, a network by a guess."""
     serial = Gcs2Dialogue(ScriptedLine(), OPTIONS, Wiring.both(["1"])).capabilities()
     assert serial.max_rate_hz == pytest.approx(115_200 / 10 / 63)
-    network = Options(host="pi", tcp_port=50_000)
+    network = Gcs2Options(host="pi", tcp_port=50_000)
     dialogue = Gcs2Dialogue(ScriptedLine(), network, Wiring.both(["1"]))
     assert dialogue.capabilities().max_rate_hz == 1000
     device = PLUGIN.create(network, Wiring.both(["1"]), 1)

@@ -6,18 +6,18 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.gcs.errors import ERRORS, fault_of
 from piezod_drivers.serial_line.gcs.identity import identity_of
-from piezod_drivers.serial_line.gcs.reply import Reply
+from piezod_drivers.serial_line.gcs.reply import GcsReply
 from piezod_drivers.serial_line.pi_gcs1.codec import Gcs1
 from piezod_drivers.serial_line.pi_gcs2.codec import Gcs2
 
-TWO = Reply(*Gcs2().numbers(["1", "2"]), *Gcs2().numbers(["1", "2"]))
-LETTER = Reply(*Gcs1().numbers(["A"]), *Gcs1().numbers(["A"]))
-SWITCH = Reply(*Gcs1().switches(["A"]), whole=True)
+TWO = GcsReply(*Gcs2().numbers(["1", "2"]), *Gcs2().numbers(["1", "2"]))
+LETTER = GcsReply(*Gcs1().numbers(["A"]), *Gcs1().numbers(["A"]))
+SWITCH = GcsReply(*Gcs1().switches(["A"]), whole=True)
 GOOD = b"1=5.25 \n2=-6\n1=33.1 \n2=4e1\n0\n"
-REPLIES = [TWO, LETTER, SWITCH, Reply(), Reply(Gcs2().axes(), whole=True)]
+REPLIES = [TWO, LETTER, SWITCH, GcsReply(), GcsReply(Gcs2().axes(), whole=True)]
 
 
-def frames_of(reply: Reply, data: bytes) -> list[bytes]:
+def frames_of(reply: GcsReply, data: bytes) -> list[bytes]:
     """Take all frames out of what has come, as a conversation does."""
     frames = []
     while length := reply.length_of(data):
@@ -53,8 +53,8 @@ def test_bare_replies() -> None:
     assert SWITCH.texts(b"1\n0\n") == [b"1"]
 
 
-@pytest.mark.parametrize("reply", [TWO, LETTER, Reply()])
-def test_an_error_instead_of_replies(reply: Reply) -> None:
+@pytest.mark.parametrize("reply", [TWO, LETTER, GcsReply()])
+def test_an_error_instead_of_replies(reply: GcsReply) -> None:
     """Where a query has no reply, the error that follows is the frame, and is raised."""
     assert reply.length_of(b"2\n") == 2
     with pytest.raises(LineFault, match="error 2: unknown command") as caught:
@@ -96,7 +96,7 @@ def test_no_reply_at_all_is_read() -> None:
 
 @pytest.mark.parametrize("reply", REPLIES)
 @given(data=st.binary(max_size=200) | st.text("012=. \n+-eE", max_size=200).map(str.encode))
-def test_any_bytes(reply: Reply, data: bytes) -> None:
+def test_any_bytes(reply: GcsReply, data: bytes) -> None:
     """Arbitrary bytes are frames, garbage or not yet anything; they raise line faults only."""
     for frame in frames_of(reply, data):
         try:

@@ -6,7 +6,7 @@ from pydantic import ValidationError
 from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.psj.driver import PLUGIN
 from piezod_drivers.serial_line.psj.models import Profile, Reads
-from piezod_drivers.serial_line.psj.options import Options
+from piezod_drivers.serial_line.psj.options import PsjOptions
 
 
 @pytest.mark.parametrize(
@@ -21,8 +21,8 @@ from piezod_drivers.serial_line.psj.options import Options
 )
 def test_the_baud_rate_is_the_models_unless_it_is_given(profile: Profile, baud: int) -> None:
     """Who says nothing gets the rate that public sources use."""
-    assert Options(profile=profile, port="p").model().baud == baud
-    assert Options(profile=profile, port="p", baud=57_600).model().baud == 57_600
+    assert PsjOptions(profile=profile, port="p").model().baud == baud
+    assert PsjOptions(profile=profile, port="p", baud=57_600).model().baud == 57_600
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_the_baud_rate_is_the_models_unless_it_is_given(profile: Profile, baud: 
 )
 def test_only_positions_are_inputs(profile: Profile, reads: Reads | None, inputs: int) -> None:
     """A reading is an input where it is a position, in µm; the slow one only if asked for."""
-    units = PLUGIN.channels(Options(profile=profile, port="p", reads=reads))
+    units = PLUGIN.channels(PsjOptions(profile=profile, port="p", reads=reads))
 
     assert units is not None
     assert list(units.inputs.values()) == ["µm"] * inputs
@@ -50,19 +50,19 @@ def test_only_positions_are_inputs(profile: Profile, reads: Reads | None, inputs
 def test_a_range_has_a_width() -> None:
     """A lowest voltage that is not below the highest is an error."""
     with pytest.raises(ValidationError, match="must be above the first of the two"):
-        Options(profile="nv200", port="p", range_v=(5.0, 5.0))
+        PsjOptions(profile="nv200", port="p", range_v=(5.0, 5.0))
 
 
 def test_only_an_nv40_has_to_be_said_to_be_under_remote_control() -> None:
     """The others are asked, and what is said of them would not count."""
-    assert Options(profile="nv40-1", port="p", remote=True).remote
+    assert PsjOptions(profile="nv40-1", port="p", remote=True).remote
     with pytest.raises(ValidationError, match="not for nv200, which is asked"):
-        Options(profile="nv200", port="p", remote=True)
+        PsjOptions(profile="nv200", port="p", remote=True)
 
 
 def test_a_device_is_made_without_its_port() -> None:
     """Constructing a device opens nothing, whether it is on a port or on a network."""
     for where in ({"port": "/nowhere"}, {"host": "127.0.0.1", "tcp_port": 23}):
-        options = Options.model_validate({"profile": "nv200", **where})
+        options = PsjOptions.model_validate({"profile": "nv200", **where})
 
         assert PLUGIN.create(options, Wiring.both(("ch0",)), 1) is not None

@@ -13,20 +13,20 @@ from piezod_drivers.serial_line.thorlabs_mdt.emulator import (
     MDT693B,
     MDT694B,
     MdtEmulator,
-    Model,
+    MdtModel,
 )
-from piezod_drivers.serial_line.thorlabs_mdt.options import Options
+from piezod_drivers.serial_line.thorlabs_mdt.options import MdtOptions
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, ScriptedLine, Step, says
 
-B3 = Model("MDT693B", "XYZ", "2.09")
-B1 = Model("MDT694B", "X", "2.09")
-A3 = Model("MDT693A", "XYZ", "1.09", legacy=True)
+B3 = MdtModel("MDT693B", "XYZ", "2.09")
+B1 = MdtModel("MDT694B", "X", "2.09")
+A3 = MdtModel("MDT693A", "XYZ", "1.09", legacy=True)
 TIMEOUT_S = 0.1
 
 
 def emulated(
-    model: Model, outputs: str, change_mode: bool = False
+    model: MdtModel, outputs: str, change_mode: bool = False
 ) -> tuple[BusDevice, EmulatedLine, MdtEmulator, LinearRig]:
     """Return an open and active device on an emulated amplifier."""
     table, rig, time = bench(len(model.axes))
@@ -50,7 +50,7 @@ def emulated(
     ],
 )
 def test_one_output(
-    model: Model, change_mode: bool, outputs: str, put: list[bytes], get: list[bytes]
+    model: MdtModel, change_mode: bool, outputs: str, put: list[bytes], get: list[bytes]
 ) -> None:
     """Each model, and each mode, is set and read back in its own words."""
     device, line, emulator, rig = emulated(model, outputs, change_mode)
@@ -72,8 +72,8 @@ def test_three_outputs_at_once() -> None:
     assert line.sent == [b"XYZVOLTAGE=1.000,2.000,3.000\r", b"XYZVOLTAGE?\r"]
 
 
-@pytest.mark.parametrize("model", [A3, Model("MDT693B", "XYZ", "1.05")])
-def test_three_outputs_one_by_one(model: Model) -> None:
+@pytest.mark.parametrize("model", [A3, MdtModel("MDT693B", "XYZ", "1.05")])
+def test_three_outputs_one_by_one(model: MdtModel) -> None:
     """Where there is no command for all axes, each has one of its own."""
     device, line, _, rig = emulated(model, "xyz")
     assert device.write([3.0, 1.0, 2.0], 1)
@@ -106,7 +106,7 @@ def test_beyond_the_range(value: float) -> None:
 @pytest.mark.sees("thorlabs_mdt", "B10")
 @pytest.mark.sees("thorlabs_mdt", "A1")
 @pytest.mark.parametrize(("model", "reply"), [(B3, b"CMD_ARG_INVALID>"), (A3, b"!")])
-def test_the_amplifier_refuses(model: Model, reply: bytes) -> None:
+def test_the_amplifier_refuses(model: MdtModel, reply: bytes) -> None:
     """An error in the place of the prompt refuses the write, and the status says so."""
     device, line, _, _ = emulated(model, "x")
     line.change = lambda _: reply
@@ -253,7 +253,7 @@ def test_a_device_that_does_not_tell(steps: list[Step], what: str) -> None:
 
 def test_the_plug_in() -> None:
     """The driver has three outputs in V and no input; nothing is opened by construction."""
-    options = Options(port="/dev/ttyUSB0")
+    options = MdtOptions(port="/dev/ttyUSB0")
     assert PLUGIN.channels(options) == ({}, {"x": "V", "y": "V", "z": "V"})
     PLUGIN.create(options, Wiring((), ("x",)), 1).close()
     assert [plugin.name for plugin in (MDT693A, MDT693B, MDT694B)] == [

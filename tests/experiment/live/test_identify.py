@@ -14,7 +14,7 @@ from piezod.experiment.live.drive import designed_drive, from_rest, read_drive
 from piezod.experiment.live.identify import adopt_live, columns_of, record_live
 from piezod.experiment.live.setup import LiveAxis, read_setup
 from piezod.records.telemetry_header import TelemetryHeader
-from piezod.records.telemetry_reader import Telemetry
+from piezod.records.telemetry_reader import RecordedTelemetry
 from tests.experiment.live_fakes import MODEL, FakeStage, stage_document
 
 DRIVE = """\
@@ -87,7 +87,7 @@ def test_drive_is_read_from_an_experiment(tmp_path: Path) -> None:
         read_drive(path)
 
 
-def telemetry() -> Telemetry:
+def telemetry() -> RecordedTelemetry:
     """Return a recording at 100 Hz: 1 s armed, 10 s driven, 1 s armed."""
     states = [State.READY] * 100 + [State.IDENT] * 1000 + [State.READY] * 100
     names = tuple(State)
@@ -99,7 +99,7 @@ def telemetry() -> Telemetry:
     }
     columns = {"in_force_v": 10.0 * t_s, "position_um": 2.0 * t_s}
     header = TelemetryHeader("t", ("x",), 100.0, "", 0, {"state": names})
-    return Telemetry(header, 0, np.empty((0, 2), np.int64), cycles, {"x": columns}, {})
+    return RecordedTelemetry(header, 0, np.empty((0, 2), np.int64), cycles, {"x": columns}, {})
 
 
 def test_record_is_what_was_driven() -> None:

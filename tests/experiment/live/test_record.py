@@ -10,15 +10,15 @@ from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine
 from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.errors import DataError
-from piezod.experiment.live.record import Run, cut, missing_cycles
+from piezod.experiment.live.record import LiveRun, cut, missing_cycles
 from piezod.experiment.live.setup import LiveAxis, read_setup
 from piezod.records.telemetry_header import TelemetryHeader
-from piezod.records.telemetry_reader import Telemetry
+from piezod.records.telemetry_reader import RecordedTelemetry
 from tests.experiment.live_fakes import FakeStage
 
 SINE = Sine(kind="sine", low=2.0, high=12.0, frequency_hz=1.0)
 CASE = CaseConfig(name="slow", title="a sine", period_s=1.0, duration_s=3.0, command_um=SINE)
-RUN = Run(CASE, Mode.ADAPTIVE, ("tracking_max_pct",))
+RUN = LiveRun(CASE, Mode.ADAPTIVE, ("tracking_max_pct",))
 START = 100
 """Cycle at whose end the movement is asked for; before, the stage stays at 0.5 µm."""
 
@@ -35,14 +35,14 @@ def waveform() -> Waveform:
     return build_waveform(SINE, CASE.duration_s)
 
 
-Told = Callable[..., Telemetry]
+Told = Callable[..., RecordedTelemetry]
 
 
 @pytest.fixture
 def told(axis: LiveAxis, waveform: Waveform) -> Told:
     """Return what makes a recording of the movement, at 1 kHz, 0.1 µm off its command."""
 
-    def recording(cycles: int = 3500, late_s: float = 0.0) -> Telemetry:
+    def recording(cycles: int = 3500, late_s: float = 0.0) -> RecordedTelemetry:
         motion = axis.motion(waveform, CASE.duration_s, 0.5)
         t_s = 7.0 + 0.001 * np.arange(cycles) + late_s
         moving = np.arange(cycles) > START
@@ -57,7 +57,7 @@ def told(axis: LiveAxis, waveform: Waveform) -> Told:
         }
         snapshots = np.array([7.0, 8.0, 9.0])
         weights = {"weights": np.tile([1.0, 2.0, 3.0, 4.0], (3, 1)), "weights_t_s": snapshots}
-        return Telemetry(
+        return RecordedTelemetry(
             TelemetryHeader("t", ("x",), 1000.0, "", 0),
             0,
             np.empty((0, 2), np.int64),

@@ -10,9 +10,9 @@ from piezod.devices import registry
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Wiring
 from piezod.errors import DeviceError
-from piezod.experiment.virtual.stage import POSITION_UM, TRUE_UM, Stage, opened
+from piezod.experiment.virtual.stage import POSITION_UM, TRUE_UM, VirtualStage, opened
 from piezod_drivers.simulated.driver import PLUGIN, SimulatedRig
-from piezod_drivers.simulated.options import Options
+from piezod_drivers.simulated.options import SimulatedOptions
 from tests.experiment.conftest import Load
 
 
@@ -34,7 +34,7 @@ class Charged(Channels):
 class Blind:
     """A rig that keeps the truth to itself, like a real one."""
 
-    def __init__(self, options: Options, wiring: Wiring, seed: int) -> None:
+    def __init__(self, options: SimulatedOptions, wiring: Wiring, seed: int) -> None:
         rig = SimulatedRig(options, wiring, seed)
         self.open, self.capabilities, self.close = rig.open, rig.capabilities, rig.close
         self.activate, self.deactivate = rig.activate, rig.deactivate
@@ -75,7 +75,7 @@ def test_the_voltage_in_force_is_read_and_not_assumed(load: Load, short: str) ->
     """A stage that was left charged starts from where it is."""
     config: ExperimentConfig = load(short)
 
-    assert Stage(Charged(), config, nothing).in_force_v == [42.0]
+    assert VirtualStage(Charged(), config, nothing).in_force_v == [42.0]
 
 
 def test_a_short_rest_zeroes_the_sensor_too(load: Load, short: str) -> None:

@@ -11,18 +11,18 @@ from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.can_bus.cia401 import objects
-from piezod_drivers.can_bus.cia401.health import Health
-from piezod_drivers.can_bus.cia401.options import Options
+from piezod_drivers.can_bus.cia401.health import NodeHealth
+from piezod_drivers.can_bus.cia401.options import Cia401Options
 from piezod_drivers.can_bus.cia401.pdo import Scale, pack, unpack
 from piezod_drivers.can_bus.cia401.words import SDO_BYTES, read_words, requests_for
-from piezod_drivers.can_bus.cycle import Cycle
+from piezod_drivers.can_bus.cycle import CanCycle
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.frame_bus import FrameBus
 from piezod_drivers.can_bus.options import highest_rate_hz
 
 if TYPE_CHECKING:
-    from piezod_drivers.can_bus.cia401.sdo import Access
-    from piezod_drivers.can_bus.cia401.setup import Layout
+    from piezod_drivers.can_bus.cia401.sdo import SdoAccess
+    from piezod_drivers.can_bus.cia401.setup import PdoLayout
 
 MS: Final = 1_000_000
 _BEATS: Final = 4
@@ -32,7 +32,7 @@ _MISSED: Final = 3
 _SYNC: Final = Frame(objects.SYNC)
 
 
-class Dialogue:
+class Cia401Dialogue:
     """Implements `devices.bus.dialogue.ExchangingDialogue` for a node of CiA 401.
 
     One exchange is: process data with the outputs, SYNC, process data with the inputs. It is the
@@ -49,7 +49,7 @@ class Dialogue:
         bus: The bus.
     """
 
-    def __init__(self, options: Options, wiring: Wiring, bus: FrameBus) -> None:
+    def __init__(self, options: Cia401Options, wiring: Wiring, bus: FrameBus) -> None:
         self._options, self._wiring, self._bus = options, wiring, bus
         inputs = [options.inputs[name] for name in wiring.inputs]
         outputs = [options.outputs[name] for name in wiring.outputs]
@@ -70,8 +70,8 @@ class Dialogue:
         self._beat_frame = Frame(
             objects.HEARTBEAT + options.host_node, bytes((objects.OPERATIONAL,))
         )
-        self._health = Health()
-        self._access: Access | None = None
+        self._health = NodeHealth()
+        self._access: SdoAccess | None = None
         self._watchdog = self._armed = self._watched = self._beats = False
         self._beat_ns = self._heard_ns = 0
         self._beat_every_ns = options.watchdog_ms * MS // _BEATS
@@ -79,8 +79,8 @@ class Dialogue:
         self._in_force_ns: int | None = None
         self._input_flags: list[Flags] = []
         self._cycle = self._make_cycle(())
-        self._set: Layout | None = None
-        self._tell: Layout | None = None
+        self._set: PdoLayout | None = None
+        self._tell: PdoLayout | None = None
         self._told: frozenset[int] = frozenset()
 
     def open(self) -> Identity:
@@ -100,7 +100,7 @@ class Dialogue:
         self._health.clear()
         self._cycle, self._tell = self._make_cycle(()), None
         self._bus.open(self._accepted())
-        access = self._access = sdo.Access(node, self._bus, self._take)
+        access = self._access = sdo.SdoAccess(node, self._bus, self._take)
         try:
             identity = setup.identify(access)
         except LineFault as fault:
@@ -335,12 +335,12 @@ class Dialogue:
         self._heard_ns = self._bus.now_ns()
         self._input_flags = [NO_FLAGS] * len(self._input_numbers)
 
-    def _make_cycle(self, own: Sequence[int]) -> Cycle:
+    def _make_cycle(self, own: Sequence[int]) -> CanCycle:
         options = self._options
         ours = [objects.SDO_REQUEST + options.node, *own]
         if not self._only_looks:
             ours += [objects.NMT, objects.SYNC, objects.HEARTBEAT + options.host_node]
-        return Cycle(self._bus, round(options.timeout_ms * MS), ours, self._take)
+        return CanCycle(self._bus, round(options.timeout_ms * MS), ours, self._take)
 
     def _accepted(self) -> list[int]:
         node, host = self._options.node, self._options.host_node
@@ -359,7 +359,7 @@ class Dialogue:
             sizes += [SDO_BYTES, SDO_BYTES] * n_out
         return sizes
 
-    def _require(self) -> Access:
+    def _require(self) -> SdoAccess:
         if self._access is None:
             raise DeviceError("the node is not open")
         return self._access

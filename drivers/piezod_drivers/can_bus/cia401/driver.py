@@ -5,15 +5,15 @@ from typing import Final
 from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
 from piezod.devices.interface import DriverPlugin, Wiring
-from piezod_drivers.can_bus.cia401.dialogue import Dialogue
-from piezod_drivers.can_bus.cia401.options import Options, channels
+from piezod_drivers.can_bus.cia401.dialogue import Cia401Dialogue
+from piezod_drivers.can_bus.cia401.options import Cia401Options, channels
 from piezod_drivers.can_bus.options import make_bus
 
 
-def create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
+def create(options: Cia401Options, wiring: Wiring, _seed: int) -> BusDevice:
     """Construct the device; nothing is opened."""
     name = f"CANopen node {options.node}"
-    dialogue = Dialogue(options, wiring, make_bus(options.bus))
+    dialogue = Cia401Dialogue(options, wiring, make_bus(options.bus))
     if wiring.inputs and wiring.outputs:
         return ExchangingBusDevice(name, dialogue)
     return BusDevice(name, dialogue)
@@ -22,7 +22,7 @@ def create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
 PLUGIN: Final = DriverPlugin(
     name="canopen",
     summary="analogue inputs and outputs on a CAN bus, by CANopen's profile CiA 401",
-    options_model=Options,
+    options_model=Cia401Options,
     create=create,
     confirmed_on_hardware=False,
     channels=channels,

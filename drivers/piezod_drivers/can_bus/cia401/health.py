@@ -30,7 +30,7 @@ def meaning_of(code: int) -> DeviceFlag:
     return DeviceFlag.DEVICE_FAILURE
 
 
-class Health:
+class NodeHealth:
     """Remembers what lasts of what a node has told: emergencies until it takes them back."""
 
     def __init__(self) -> None:

@@ -3,7 +3,7 @@
 from math import isnan
 from typing import Final
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.can_bus.cia401 import objects as o
 from piezod_drivers.can_bus.cia401.dictionary import N_CHANNELS, SERIAL, Entry, dictionary
@@ -37,7 +37,7 @@ class Cia401Node:
         serial: Its serial number.
     """
 
-    def __init__(self, bench: Bench, serial: int = SERIAL) -> None:
+    def __init__(self, bench: SharedRig, serial: int = SERIAL) -> None:
         self._bench = bench
         self._entries = dictionary(NODE, serial)
         self._values: dict[tuple[int, int], int | str] = {}
@@ -239,7 +239,7 @@ class Cia401Node:
         return int(self._values[index, number])
 
 
-def _make(bench: Bench, serial: str) -> Cia401Node:
+def _make(bench: SharedRig, serial: str) -> Cia401Node:
     return Cia401Node(bench, int(serial) if serial.isdecimal() else SERIAL)
 
 

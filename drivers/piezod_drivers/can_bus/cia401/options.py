@@ -57,7 +57,7 @@ class NodeOutput(NodeInput):
     )
 
 
-class Options(ConfigModel):
+class Cia401Options(ConfigModel):
     """Options of a CANopen node with analogue inputs and outputs, by CiA 401."""
 
     bus: BusOptions = Field(description="The bus.")
@@ -108,7 +108,7 @@ class Options(ConfigModel):
             yield ("host_node",), "must not be the number of the node"
 
 
-def channels(options: Options) -> ChannelUnits:
+def channels(options: Cia401Options) -> ChannelUnits:
     """Tell the channels that a configuration names, with their units."""
     return ChannelUnits(
         {name: channel.unit for name, channel in options.inputs.items()},

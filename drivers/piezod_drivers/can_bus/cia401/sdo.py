@@ -88,7 +88,7 @@ class _Client(SdoClient):
         return answer
 
 
-class Access:
+class SdoAccess:
     """Reads and writes the objects of a node, and tells it what state to be in; not in the loop.
 
     Args:

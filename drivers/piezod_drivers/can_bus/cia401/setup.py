@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 from piezod.devices.interface import Identity
 from piezod.errors import DeviceError
 from piezod_drivers.can_bus.cia401 import objects
-from piezod_drivers.can_bus.cia401.sdo import Access, SdoRefusedError
+from piezod_drivers.can_bus.cia401.sdo import SdoAccess, SdoRefusedError
 
 _ID_MASK: Final = 0x7FF
 _WORD_MASK: Final = 0xFFFF
@@ -44,7 +44,7 @@ class Pdo(NamedTuple):
         return cls(objects.TPDO + i, mapping, objects.EVERY_SYNC, read + set_to)
 
 
-class Layout(NamedTuple):
+class PdoLayout(NamedTuple):
     """Where the channels are in a PDO that is in force.
 
     Attributes:
@@ -58,7 +58,7 @@ class Layout(NamedTuple):
     fill: tuple[int, ...]
 
 
-def identify(access: Access) -> Identity:
+def identify(access: SdoAccess) -> Identity:
     """Ask a node who it is.
 
     Raises:
@@ -78,7 +78,7 @@ def identify(access: Access) -> Identity:
     return Identity(f"vendor 0x{vendor:08X}", name, str(serial), software)
 
 
-def has(access: Access, index: int, number: int) -> bool:
+def has(access: SdoAccess, index: int, number: int) -> bool:
     """Tell whether a node has an object that can be read.
 
     Raises:
@@ -91,7 +91,7 @@ def has(access: Access, index: int, number: int) -> bool:
     return True
 
 
-def prepare(access: Access, pdos: Sequence[Pdo]) -> list[Layout]:
+def prepare(access: SdoAccess, pdos: Sequence[Pdo]) -> list[PdoLayout]:
     """Set PDOs up, unless they are so already, and return where the channels are in each.
 
     A node whose mapping cannot be changed is used with the one that it has, if all channels are in
@@ -111,19 +111,19 @@ def prepare(access: Access, pdos: Sequence[Pdo]) -> list[Layout]:
         raise DeviceError(f"the node cannot be set up: {error}") from error
 
 
-def _in_force(access: Access, pdo: Pdo) -> Pdo | None:
+def _in_force(access: SdoAccess, pdo: Pdo) -> Pdo | None:
     if access.number(pdo.settings, 1) & objects.DISABLED:
         return None
     transmission = access.number(pdo.settings, 2)
     return pdo._replace(transmission=transmission, entries=_entries(access, pdo))
 
 
-def _entries(access: Access, pdo: Pdo) -> tuple[int, ...]:
+def _entries(access: SdoAccess, pdo: Pdo) -> tuple[int, ...]:
     count = access.number(pdo.mapping)
     return tuple(access.number(pdo.mapping, i + 1) for i in range(min(count, 8)))
 
 
-def _set_up(access: Access, pdo: Pdo) -> None:
+def _set_up(access: SdoAccess, pdo: Pdo) -> None:
     identifier = access.number(pdo.settings, 1) & ~objects.DISABLED
     access.write(pdo.settings, 1, identifier | objects.DISABLED, 4)
     access.write(pdo.settings, 2, pdo.transmission, 1)
@@ -140,7 +140,7 @@ def _set_up(access: Access, pdo: Pdo) -> None:
     access.write(pdo.settings, 1, identifier, 4)
 
 
-def _layout(access: Access, pdo: Pdo) -> Layout:
+def _layout(access: SdoAccess, pdo: Pdo) -> PdoLayout:
     entries = _entries(access, pdo)
     if any(entry & 0xFF != objects.WORD_BITS for entry in entries):
         what = f"PDO 0x{pdo.settings:04X} of the node has entries that have not 16 bits"
@@ -151,10 +151,12 @@ def _layout(access: Access, pdo: Pdo) -> Layout:
         for entry in entries
     )
     places = tuple(entries.index(entry) for entry in pdo.entries)
-    return Layout(access.number(pdo.settings, 1) & _ID_MASK, places, fill)
+    return PdoLayout(access.number(pdo.settings, 1) & _ID_MASK, places, fill)
 
 
-def arm(access: Access, host: int, watchdog_ms: int, safe_codes: Sequence[tuple[int, int]]) -> None:
+def arm(
+    access: SdoAccess, host: int, watchdog_ms: int, safe_codes: Sequence[tuple[int, int]]
+) -> None:
     """Have a node take safe codes when this host falls silent.
 
     Args:
@@ -179,7 +181,7 @@ def arm(access: Access, host: int, watchdog_ms: int, safe_codes: Sequence[tuple[
         raise DeviceError(f"{what}: {error}; leave out safe_code") from error
 
 
-def disarm(access: Access) -> None:
+def disarm(access: SdoAccess) -> None:
     """Have a node expect no heartbeat any more, so that its outputs hold.
 
     Raises:
@@ -191,7 +193,7 @@ def disarm(access: Access) -> None:
         return  # it has none
 
 
-def beat(access: Access, heartbeat_ms: int) -> bool:
+def beat(access: SdoAccess, heartbeat_ms: int) -> bool:
     """Have a node show that it lives, this often; tell whether it does.
 
     Raises:
@@ -204,7 +206,7 @@ def beat(access: Access, heartbeat_ms: int) -> bool:
     return heartbeat_ms > 0
 
 
-def _number_or_0(access: Access, number: int) -> int:
+def _number_or_0(access: SdoAccess, number: int) -> int:
     try:
         return access.number(objects.IDENTITY, number)
     except SdoRefusedError as error:

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.cia401 import objects
-from piezod_drivers.can_bus.cycle import Cycle
+from piezod_drivers.can_bus.cycle import CanCycle
 from piezod_drivers.can_bus.frame import Frame
 
 SDO_BYTES: Final = 8
@@ -51,7 +51,7 @@ def requests_for(node: int, index: int, numbers: Sequence[int]) -> list[WordRequ
     return requests
 
 
-def read_words(cycle: Cycle, requests: Sequence[WordRequest]) -> list[int]:
+def read_words(cycle: CanCycle, requests: Sequence[WordRequest]) -> list[int]:
     """Read the 16 bits of each channel, one after the other; may be called in the loop.
 
     Raises:
@@ -61,7 +61,7 @@ def read_words(cycle: Cycle, requests: Sequence[WordRequest]) -> list[int]:
     return [_read_word(cycle, request) for request in requests]
 
 
-def _read_word(cycle: Cycle, request: WordRequest) -> int:
+def _read_word(cycle: CanCycle, request: WordRequest) -> int:
     (data,) = cycle.ask(request.frames, request.answers, request.is_answered_by).values()
     if len(data) != SDO_BYTES:
         raise LineFault(DeviceFlag.GARBAGE, "an answer of the node has not eight bytes")

@@ -5,7 +5,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
-from piezod_drivers.can_bus.dbc.layout import Message, Signal
+from piezod_drivers.can_bus.dbc.layout import DbcMessage, DbcSignal
 from piezod_drivers.can_bus.frame import LONGEST
 
 _UNITS: Final = {"um": "µm", "\u03bcm": "µm", "\u00c2\u00b5m": "µm"}
@@ -17,7 +17,7 @@ class DatabaseError(Exception):
 
 
 @lru_cache(maxsize=4)
-def load(path: Path) -> Mapping[str, Message]:
+def load(path: Path) -> Mapping[str, DbcMessage]:
     """Return the messages of a DBC file by name; those that cannot be used are left out.
 
     These are messages of CAN FD, and signals that are multiplexed or floating point numbers.
@@ -39,17 +39,17 @@ def load(path: Path) -> Mapping[str, Message]:
     return {one.name: _message(one) for one in messages if one.length <= LONGEST}
 
 
-def _message(one: Any) -> Message:  # cantools' messages
+def _message(one: Any) -> DbcMessage:  # cantools' messages
     signals = {
         signal.name: _signal(signal)
         for signal in one.signals
         if not (signal.is_float or signal.is_multiplexer or signal.multiplexer_ids)
     }
-    return Message(one.name, one.frame_id, one.length, one.is_extended_frame, signals)
+    return DbcMessage(one.name, one.frame_id, one.length, one.is_extended_frame, signals)
 
 
-def _signal(one: Any) -> Signal:  # cantools' signals
-    return Signal(
+def _signal(one: Any) -> DbcSignal:  # cantools' signals
+    return DbcSignal(
         one.name,
         one.start,
         one.length,

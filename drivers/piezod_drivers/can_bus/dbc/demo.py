@@ -8,45 +8,45 @@ from math import isnan
 from typing import Final
 
 from piezod.devices.bus.line import LineFault
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.can_bus.dbc.frames import Checksum, Received, Sent
-from piezod_drivers.can_bus.dbc.layout import Message, Reader, Signal
+from piezod_drivers.can_bus.dbc.layout import DbcMessage, DbcSignal, SignalReader
 from piezod_drivers.can_bus.emulation.host import serving
 from piezod_drivers.can_bus.frame import Frame
 
 _REPORT_NS: Final = 5_000_000
-_COUNTER: Final = Signal("Counter", 48, 8)
-_CRC: Final = Signal("Crc", 56, 8)
-_POSITION: Final = Signal("Position", 7, 16, True, True, 0.001)
-_MEASURED: Final = Signal("DriveMeasured", 16, 16, False, True, 0.005)
+_COUNTER: Final = DbcSignal("Counter", 48, 8)
+_CRC: Final = DbcSignal("Crc", 56, 8)
+_POSITION: Final = DbcSignal("Position", 7, 16, True, True, 0.001)
+_MEASURED: Final = DbcSignal("DriveMeasured", 16, 16, False, True, 0.005)
 _NOT_SENSED: Final = -32.768
 """The position that stands for none: the sensor is at its end."""
 
 
-def _message(name: str, identifier: int, n_bytes: int, *signals: Signal) -> Message:
-    return Message(name, identifier, n_bytes, False, {signal.name: signal for signal in signals})
+def _message(name: str, identifier: int, n_bytes: int, *signals: DbcSignal) -> DbcMessage:
+    return DbcMessage(name, identifier, n_bytes, False, {signal.name: signal for signal in signals})
 
 
 COMMAND: Final = _message(
     "Command",
     0x100,
     8,
-    Signal("Drive", 0, 16, False, True, 0.005),
-    Signal("Enable", 16, 1),
+    DbcSignal("Drive", 0, 16, False, True, 0.005),
+    DbcSignal("Enable", 16, 1),
     _COUNTER,
     _CRC,
 )
-POLL: Final = _message("Poll", 0x101, 2, Signal("Counter", 0, 8), Signal("Crc", 8, 8))
+POLL: Final = _message("Poll", 0x101, 2, DbcSignal("Counter", 0, 8), DbcSignal("Crc", 8, 8))
 STATUS: Final = _message(
     "Status",
     0x180,
     8,
     _POSITION,
     _MEASURED,
-    Signal("Saturated", 32, 1),
-    Signal("Disabled", 33, 1),
-    Signal("Echo", 40, 8),
+    DbcSignal("Saturated", 32, 1),
+    DbcSignal("Disabled", 33, 1),
+    DbcSignal("Echo", 40, 8),
     _COUNTER,
     _CRC,
 )
@@ -62,7 +62,7 @@ class DemoNode:
         bench: What it is connected to.
     """
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: SharedRig) -> None:
         self._bench = bench
         self._status = Sent(STATUS, {}, "Counter", Checksum(STATUS, "Crc", "crc8_j1850"))
         self._report = Sent(REPORT, {}, "Counter", Checksum(REPORT, "Crc", "crc8_j1850"))
@@ -73,8 +73,8 @@ class DemoNode:
             self._status.uses(signal)
         self._command = Received(COMMAND, None, None, Checksum(COMMAND, "Crc", "crc8_j1850"))
         self._poll = Received(POLL, None, None, Checksum(POLL, "Crc", "crc8_j1850"))
-        self._drive, self._enable = Reader(COMMAND, "Drive"), Reader(COMMAND, "Enable")
-        self._asked = Reader(POLL, "Counter")
+        self._drive, self._enable = SignalReader(COMMAND, "Drive"), SignalReader(COMMAND, "Enable")
+        self._asked = SignalReader(POLL, "Counter")
         self._enabled = False
         self._reported_ns = 0
 
@@ -123,7 +123,7 @@ class DemoNode:
         return isnan(position_um)
 
 
-def _make(bench: Bench, _serial: str) -> DemoNode:
+def _make(bench: SharedRig, _serial: str) -> DemoNode:
     return DemoNode(bench)
 
 

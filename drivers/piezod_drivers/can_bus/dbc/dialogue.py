@@ -9,10 +9,10 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus.cycle import Cycle
-from piezod_drivers.can_bus.dbc.described import Described
-from piezod_drivers.can_bus.dbc.layout import Reader
-from piezod_drivers.can_bus.dbc.options import Options
+from piezod_drivers.can_bus.cycle import CanCycle
+from piezod_drivers.can_bus.dbc.layout import SignalReader
+from piezod_drivers.can_bus.dbc.options import DbcOptions
+from piezod_drivers.can_bus.dbc.used_signals import UsedSignals
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.frame_bus import FrameBus
 from piezod_drivers.can_bus.options import highest_rate_hz
@@ -22,7 +22,7 @@ _FIRST_NS: Final = 1_000_000_000
 """How long the device may take for its first frames."""
 
 
-class Dialogue:
+class DbcDialogue:
     """Implements `devices.bus.dialogue.ExchangingDialogue` for described frames.
 
     With a request, one exchange is: the messages that drive, the request, and the answers to it,
@@ -36,10 +36,10 @@ class Dialogue:
         bus: The bus.
     """
 
-    def __init__(self, options: Options, wiring: Wiring, bus: FrameBus) -> None:
+    def __init__(self, options: DbcOptions, wiring: Wiring, bus: FrameBus) -> None:
         self._options, self._wiring, self._bus = options, wiring, bus
-        self._described: Described | None = None
-        self._cycle = Cycle(bus, round(options.timeout_ms * MS), (), self._take)
+        self._described: UsedSignals | None = None
+        self._cycle = CanCycle(bus, round(options.timeout_ms * MS), (), self._take)
         self._latest: dict[int, tuple[int, bytes]] = {}
         self._noticed: set[DeviceFlag] = set()
         self._asked_ns: int | None = None
@@ -52,12 +52,12 @@ class Dialogue:
             DeviceError: If an output that is not used would be set too, and cannot be read back.
             LineFault: If the bus fails.
         """
-        described = self._described = Described(self._options, self._wiring)
+        described = self._described = UsedSignals(self._options, self._wiring)
         self._latest.clear()
         self._noticed.clear()
         own = tuple(described.sent)
         self._bus.open((*own, *described.received))
-        self._cycle = Cycle(self._bus, round(self._options.timeout_ms * MS), own, self._take)
+        self._cycle = CanCycle(self._bus, round(self._options.timeout_ms * MS), own, self._take)
         try:
             self._ask((), None)
         except LineFault as fault:
@@ -161,7 +161,7 @@ class Dialogue:
         return noticed
 
     @property
-    def _frames(self) -> Described:
+    def _frames(self) -> UsedSignals:
         assert self._described is not None  # noqa: S101 - a bus device opens it first
         return self._described
 
@@ -250,7 +250,7 @@ class Dialogue:
         age_ns = max(self._bus.now_ns() - arrived_ns, 0)
         return now_ns - age_ns, [self._value(place) for place in inputs]
 
-    def _value(self, place: tuple[int, Reader]) -> float:
+    def _value(self, place: tuple[int, SignalReader]) -> float:
         identifier, reader = place
         found = self._latest.get(identifier)
         return nan if found is None else reader.value(found[1])

@@ -5,14 +5,14 @@ from typing import Final
 from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
 from piezod.devices.interface import DriverPlugin, Wiring
-from piezod_drivers.can_bus.dbc.dialogue import Dialogue
-from piezod_drivers.can_bus.dbc.options import Options, channels
+from piezod_drivers.can_bus.dbc.dialogue import DbcDialogue
+from piezod_drivers.can_bus.dbc.options import DbcOptions, channels
 from piezod_drivers.can_bus.options import make_bus
 
 
-def create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
+def create(options: DbcOptions, wiring: Wiring, _seed: int) -> BusDevice:
     """Construct the device; nothing is opened."""
-    dialogue = Dialogue(options, wiring, make_bus(options.bus))
+    dialogue = DbcDialogue(options, wiring, make_bus(options.bus))
     if wiring.inputs and wiring.outputs:
         return ExchangingBusDevice("the CAN device", dialogue)
     return BusDevice("the CAN device", dialogue)
@@ -21,7 +21,7 @@ def create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
 PLUGIN: Final = DriverPlugin(
     name="can_dbc",
     summary="whatever sends and takes frames on a CAN bus that a DBC file describes",
-    options_model=Options,
+    options_model=DbcOptions,
     create=create,
     confirmed_on_hardware=False,
     channels=channels,

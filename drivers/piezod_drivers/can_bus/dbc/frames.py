@@ -6,7 +6,7 @@ from typing import Final
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.dbc.checksum import ALGORITHMS, Algorithm
-from piezod_drivers.can_bus.dbc.layout import Message, Reader, Writer
+from piezod_drivers.can_bus.dbc.layout import DbcMessage, SignalReader, SignalWriter
 from piezod_drivers.can_bus.frame import Frame
 
 _BEGUN_ANEW: Final = 3
@@ -22,7 +22,7 @@ class Checksum:
         algorithm: How it is made of the other bytes.
     """
 
-    def __init__(self, message: Message, signal: str, algorithm: Algorithm) -> None:
+    def __init__(self, message: DbcMessage, signal: str, algorithm: Algorithm) -> None:
         self._place = message.signals[signal].start // 8
         self._make: Callable[[bytes | bytearray], int] = ALGORITHMS[algorithm]
 
@@ -51,7 +51,7 @@ class Sent:
 
     def __init__(
         self,
-        message: Message,
+        message: DbcMessage,
         constants: Mapping[str, int],
         counter: str | None,
         checksum: Checksum | None,
@@ -59,16 +59,16 @@ class Sent:
         self._message, self._checksum = message, checksum
         self._data = bytearray(message.n_bytes)
         for signal, raw in constants.items():
-            Writer(message, signal).put_raw(self._data, raw)
-        self._writers: dict[str, Writer] = {}
-        self._counter = None if counter is None else Writer(message, counter)
+            SignalWriter(message, signal).put_raw(self._data, raw)
+        self._writers: dict[str, SignalWriter] = {}
+        self._counter = None if counter is None else SignalWriter(message, counter)
         self._count_mask = 0 if counter is None else (1 << message.signals[counter].bits) - 1
         self.count = 0
         """What the counter of the last frame was."""
 
     def uses(self, signal: str) -> None:
         """Prepare for values of a signal."""
-        self._writers[signal] = Writer(self._message, signal)
+        self._writers[signal] = SignalWriter(self._message, signal)
 
     def put(self, signal: str, value: float) -> None:
         """Set a signal, in all frames from now on; may be called in the loop."""
@@ -97,16 +97,16 @@ class Received:
 
     def __init__(
         self,
-        message: Message,
+        message: DbcMessage,
         counter: str | None,
         echo: str | None,
         checksum: Checksum | None,
     ) -> None:
         self._name, self._n_bytes, self._extended = message.name, message.n_bytes, message.extended
         self._checksum = checksum
-        self._counter = None if counter is None else Reader(message, counter)
+        self._counter = None if counter is None else SignalReader(message, counter)
         self._counts = 0 if counter is None else 1 << message.signals[counter].bits
-        self._echo = None if echo is None else Reader(message, echo)
+        self._echo = None if echo is None else SignalReader(message, echo)
         self._echo_mask = 0 if echo is None else (1 << message.signals[echo].bits) - 1
         self._last: int | None = None
         self._lagging = self._n_lagging = 0

@@ -5,7 +5,7 @@ from math import nan
 from typing import Literal, NamedTuple
 
 
-class Signal(NamedTuple):
+class DbcSignal(NamedTuple):
     """Some bits of a frame, as a DBC file describes them.
 
     Attributes:
@@ -64,7 +64,7 @@ class Signal(NamedTuple):
         return 8 * n_bytes - from_top - self.bits
 
 
-class Message(NamedTuple):
+class DbcMessage(NamedTuple):
     """A frame with signals.
 
     Attributes:
@@ -79,10 +79,10 @@ class Message(NamedTuple):
     id: int
     n_bytes: int
     extended: bool
-    signals: Mapping[str, Signal]
+    signals: Mapping[str, DbcSignal]
 
 
-class Reader:
+class SignalReader:
     """Takes the value of one signal out of the data of its frame.
 
     Args:
@@ -90,7 +90,7 @@ class Reader:
         signal: Name of the signal.
     """
 
-    def __init__(self, message: Message, signal: str) -> None:
+    def __init__(self, message: DbcMessage, signal: str) -> None:
         one = message.signals[signal]
         self._shift, self._mask = one.shift(message.n_bytes), (1 << one.bits) - 1
         self._order, self._sign = one.order, 1 << one.bits - 1 if one.signed else 0
@@ -111,7 +111,7 @@ class Reader:
         return value if self._low <= value <= self._high else nan
 
 
-class Writer:
+class SignalWriter:
     """Puts the value of one signal into the data of its frame.
 
     Args:
@@ -119,7 +119,7 @@ class Writer:
         signal: Name of the signal.
     """
 
-    def __init__(self, message: Message, signal: str) -> None:
+    def __init__(self, message: DbcMessage, signal: str) -> None:
         one = message.signals[signal]
         self._shift, self._mask = one.shift(message.n_bytes), (1 << one.bits) - 1
         self._others = ~(self._mask << self._shift)

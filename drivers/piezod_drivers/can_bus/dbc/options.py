@@ -13,7 +13,7 @@ from piezod.devices.interface import ChannelUnits
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.dbc.checksum import Algorithm
 from piezod_drivers.can_bus.dbc.database import DatabaseError, load
-from piezod_drivers.can_bus.dbc.layout import Message, Signal
+from piezod_drivers.can_bus.dbc.layout import DbcMessage, DbcSignal
 from piezod_drivers.can_bus.frame import EXTENDED_IDS, STANDARD_IDS
 from piezod_drivers.can_bus.options import BusOptions, TimeoutMs
 
@@ -84,7 +84,7 @@ class MessageLayout(ConfigModel):
     signals: dict[_Word, SignalLayout] = Field(default_factory=dict, description="By name.")
 
 
-class Options(ConfigModel):
+class DbcOptions(ConfigModel):
     """Options of a device whose frames are described by a DBC file or here."""
 
     bus: BusOptions = Field(description="The bus.")
@@ -154,7 +154,7 @@ class Options(ConfigModel):
         yield from self._broken_checksums(messages)
 
     def _broken_request(
-        self, request: str, messages: Mapping[str, Message]
+        self, request: str, messages: Mapping[str, DbcMessage]
     ) -> Iterator[BrokenRule]:
         if request not in self.counters and self.echoes:
             yield ("echoes",), f"there is nothing to repeat: name the counter of {request}"
@@ -166,7 +166,7 @@ class Options(ConfigModel):
                 yield ("request",), f"{what}; {remedy} sends by itself"
                 return
 
-    def _broken_checksums(self, messages: Mapping[str, Message]) -> Iterator[BrokenRule]:
+    def _broken_checksums(self, messages: Mapping[str, DbcMessage]) -> Iterator[BrokenRule]:
         for name, place in self.checksums.items():
             signal = messages[name].signals.get(place.signal) if name in messages else None
             if signal is not None and (signal.bits != 8 or not _is_aligned(signal)):
@@ -198,7 +198,7 @@ class _Place(NamedTuple):
     signal: str
 
 
-def messages_of(options: Options) -> Mapping[str, Message]:
+def messages_of(options: DbcOptions) -> Mapping[str, DbcMessage]:
     """Return the messages of a configuration by name; reads the DBC file if there is one.
 
     Raises:
@@ -207,7 +207,7 @@ def messages_of(options: Options) -> Mapping[str, Message]:
     if options.dbc is not None:
         return load(options.dbc)
     return {
-        name: Message(
+        name: DbcMessage(
             name,
             one.id,
             one.bytes,
@@ -218,7 +218,7 @@ def messages_of(options: Options) -> Mapping[str, Message]:
     }
 
 
-def channels(options: Options) -> ChannelUnits:
+def channels(options: DbcOptions) -> ChannelUnits:
     """Tell the channels that a configuration names, with the units of their signals."""
     messages = messages_of(options)
 
@@ -236,9 +236,9 @@ def flag_of(name: _Flag) -> DeviceFlag:
     return DeviceFlag(name)
 
 
-def _signal(name: str, one: SignalLayout) -> Signal:
+def _signal(name: str, one: SignalLayout) -> DbcSignal:
     low, high = one.range or (None, None)
-    return Signal(
+    return DbcSignal(
         name,
         one.start,
         one.bits,
@@ -252,11 +252,11 @@ def _signal(name: str, one: SignalLayout) -> Signal:
     )
 
 
-def _is_aligned(signal: Signal) -> bool:
+def _is_aligned(signal: DbcSignal) -> bool:
     return signal.start % 8 == (7 if signal.big_endian else 0)
 
 
-def _broken_layouts(messages: Mapping[str, Message]) -> Iterator[BrokenRule]:
+def _broken_layouts(messages: Mapping[str, DbcMessage]) -> Iterator[BrokenRule]:
     for message in messages.values():
         if message.id >= STANDARD_IDS and not message.extended:
             what = f"0x{message.id:X} does not fit into 11 bits: set extended"
@@ -269,7 +269,7 @@ def _broken_layouts(messages: Mapping[str, Message]) -> Iterator[BrokenRule]:
                 yield path, "its scale must not be 0"
 
 
-def _broken_place(place: _Place, messages: Mapping[str, Message]) -> Iterator[BrokenRule]:
+def _broken_place(place: _Place, messages: Mapping[str, DbcMessage]) -> Iterator[BrokenRule]:
     if place.message not in messages:
         yield place.path, _unknown("message", place.message, messages)
     elif place.signal not in messages[place.message].signals:

@@ -11,7 +11,7 @@ from piezod.devices.emulation.pty_end import PtyEnd
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.library_bus import LibraryBus
-from piezod_drivers.can_bus.slcan import BEL, BIT_RATES, CLOSE, CR, OPEN, Lines, decode, encode
+from piezod_drivers.can_bus.slcan import BEL, BIT_RATES, CLOSE, CR, OPEN, SlcanLines, decode, encode
 
 UDP: Final = "udp:"
 DEFAULT_GROUP: Final = "239.74.163.2"
@@ -101,7 +101,7 @@ class Adapter:
     """
 
     def __init__(self, *, off_bus: bool = False) -> None:
-        self._lines = Lines()
+        self._lines = SlcanLines()
         self._open = False
         self.off_bus = off_bus
 

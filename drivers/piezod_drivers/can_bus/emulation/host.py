@@ -3,9 +3,9 @@
 from collections import deque
 from collections.abc import Callable
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import Serve
-from piezod.devices.emulation.faults import FaultKind, Faults
+from piezod.devices.emulation.faults import WireFaultKind, WireFaults
 from piezod.devices.emulation.host import Host
 from piezod.devices.emulation.outbox import MOST_REPLIES
 from piezod_drivers.can_bus.emulation.ends import BusEnd, end_at
@@ -25,8 +25,8 @@ class NodeHost(Host[BusEnd, Node]):
         self,
         end: BusEnd,
         make: Callable[[str], Node],
-        bench: Bench,
-        faults: Faults,
+        bench: SharedRig,
+        faults: WireFaults,
         serial_number: str,
     ) -> None:
         super().__init__(end, make, bench, faults, serial_number)
@@ -59,7 +59,7 @@ class NodeHost(Host[BusEnd, Node]):
             return
         late_ns, noise, copies = self._faults.fate(frame.data, hits)
         parts: list[Frame | bytes] = [
-            self._device.foreign() for hit in hits if hit.kind == FaultKind.FOREIGN
+            self._device.foreign() for hit in hits if hit.kind == WireFaultKind.FOREIGN
         ]
         parts += [noise] if noise else []
         parts += [frame._replace(data=data) for data in copies]
@@ -72,7 +72,7 @@ class NodeHost(Host[BusEnd, Node]):
         self._end.leave(away)
 
 
-def serving(name: str, make: Callable[[Bench, str], Node]) -> Serve:
+def serving(name: str, make: Callable[[SharedRig, str], Node]) -> Serve:
     """Return what serves a node at an slcan adapter's port, or in a group at `udp:GROUP:PORT`.
 
     Args:
@@ -81,9 +81,9 @@ def serving(name: str, make: Callable[[Bench, str], Node]) -> Serve:
     """
 
     def serve(
-        bench: Bench,
+        bench: SharedRig,
         where: str,
-        faults: Faults,
+        faults: WireFaults,
         serial_number: str,
         ready: Callable[[str], None],
         stopping: Callable[[], bool],

@@ -3,10 +3,10 @@
 from functools import partial
 from typing import Final
 
-from piezod.devices.emulation.bench import Bench
-from piezod_drivers.modbus.emulation.converter import Output, measured_v
+from piezod.devices.emulation.bench import SharedRig
+from piezod_drivers.modbus.emulation.converter import ConverterOutput, measured_v
 from piezod_drivers.modbus.emulation.servers import RtuServer, TcpServer
-from piezod_drivers.modbus.emulation.unit import FAILURE, NO_VALUE, Refusal, Unit
+from piezod_drivers.modbus.emulation.unit import FAILURE, NO_VALUE, EmulatedUnit, ModbusRefusal
 from piezod_drivers.modbus.emulation.watchdog import TRIPPED, Watchdog
 from piezod_drivers.modbus.profiles import advantech, icp_das, wago, waveshare
 
@@ -15,43 +15,43 @@ _MV: Final = 1e-3
 _REGISTERS: Final = frozenset({1, 3, 4, 6, 16})
 
 
-def _measured(bench: Bench, axis: int, scale: float, offset: float = 0.0) -> float:
+def _measured(bench: SharedRig, axis: int, scale: float, offset: float = 0.0) -> float:
     """Give the code of an input, value = scale · code + offset, within ±10 V."""
     value_v = min(max(measured_v(bench, axis), -_HIGHEST_V), _HIGHEST_V)
     return (value_v - offset) / scale
 
 
-def _output(unit: Unit, address: int, output: Output, scale: float) -> None:
+def _output(unit: EmulatedUnit, address: int, output: ConverterOutput, scale: float) -> None:
     unit.has("holding", address, "uint16", partial(_code, output, scale), output.set_code(scale))
 
 
-def _code(output: Output, scale: float) -> float:
+def _code(output: ConverterOutput, scale: float) -> float:
     return output.value / scale
 
 
-def adam_6024(bench: Bench, _serial: str) -> TcpServer:
+def adam_6024(bench: SharedRig, _serial: str) -> TcpServer:
     """Make an ADAM-6024: input and output i are sensor and amplifier of axis i."""
-    unit = Unit(_REGISTERS)
+    unit = EmulatedUnit(_REGISTERS)
     for i in range(6):
         scale = 20 / 65_535
         unit.has("holding", i, "uint16", partial(_measured, bench, i, scale, -_HIGHEST_V))
         unit.has("holding", 20 + i, "uint16", partial(_over_or_under, bench, i))
     for i in range(2):
-        output = Output(bench, i, _HIGHEST_V, advantech.CODES_12_BIT)
+        output = ConverterOutput(bench, i, _HIGHEST_V, advantech.CODES_12_BIT)
         _output(unit, 10 + i, output, _HIGHEST_V / advantech.CODES_12_BIT)
     return TcpServer(unit)
 
 
-def _over_or_under(bench: Bench, axis: int) -> float:
+def _over_or_under(bench: SharedRig, axis: int) -> float:
     value_v = measured_v(bench, axis)
     return 2 if value_v > _HIGHEST_V else 4 if value_v < -_HIGHEST_V else 0
 
 
-def adam_4024(bench: Bench, _serial: str) -> RtuServer:
+def adam_4024(bench: SharedRig, _serial: str) -> RtuServer:
     """Make an ADAM-4024 at address 1: output i is the amplifier of axis i."""
-    unit = Unit(_REGISTERS)
+    unit = EmulatedUnit(_REGISTERS)
     for i in range(4):
-        output = Output(bench, i, _HIGHEST_V, advantech.CODES_12_BIT)
+        output = ConverterOutput(bench, i, _HIGHEST_V, advantech.CODES_12_BIT)
         _output(unit, i, output, _HIGHEST_V / advantech.CODES_12_BIT)
     unit.has("holding", advantech.MODULE_NAME, "uint16", lambda: 0x4024)
     unit.has("holding", advantech.VERSION, "uint16", lambda: 0xA200)
@@ -59,13 +59,13 @@ def adam_4024(bench: Bench, _serial: str) -> RtuServer:
     return RtuServer({1: unit}, bench.now_ns)
 
 
-def icpdas(bench: Bench, _serial: str) -> RtuServer:
+def icpdas(bench: SharedRig, _serial: str) -> RtuServer:
     """Make an M-7017C at address 1 and an M-7024R at address 2 on one line."""
-    inputs, outputs = Unit(_REGISTERS), Unit(_REGISTERS)
+    inputs, outputs = EmulatedUnit(_REGISTERS), EmulatedUnit(_REGISTERS)
     for i in range(8):
         inputs.has("input", i, "int16", partial(_measured, bench, i, _MV))
     for i in range(4):
-        _output(outputs, i, Output(bench, i, _HIGHEST_V, (1 << 14) - 1), _MV)
+        _output(outputs, i, ConverterOutput(bench, i, _HIGHEST_V, (1 << 14) - 1), _MV)
     outputs.has("coil", icp_das.WATCHDOG_TRIPPED, "uint16", lambda: 0)
     for unit in (inputs, outputs):
         unit.has("coil", icp_das.FORMAT, "uint16", lambda: 1)
@@ -73,22 +73,22 @@ def icpdas(bench: Bench, _serial: str) -> RtuServer:
     return RtuServer({1: inputs, 2: outputs}, bench.now_ns)
 
 
-def waveshare_b(bench: Bench, _serial: str) -> RtuServer:
+def waveshare_b(bench: SharedRig, _serial: str) -> RtuServer:
     """Make an Analog Input 8CH (B) at address 1 and an Analog Output 8CH (B) at address 2."""
-    inputs, outputs = Unit(_REGISTERS), Unit(_REGISTERS)
+    inputs, outputs = EmulatedUnit(_REGISTERS), EmulatedUnit(_REGISTERS)
     for i in range(8):
         inputs.has("input", i, "uint16", partial(_measured, bench, i, _MV))
-        _output(outputs, i, Output(bench, i, _HIGHEST_V, (1 << 12) - 1), _MV)
+        _output(outputs, i, ConverterOutput(bench, i, _HIGHEST_V, (1 << 12) - 1), _MV)
     for unit in (inputs, outputs):
         unit.has("holding", waveshare.VERSION, "uint16", lambda: 100)
     return RtuServer({1: inputs, 2: outputs}, bench.now_ns)
 
 
-def wago_750(bench: Bench, _serial: str) -> TcpServer:
+def wago_750(bench: SharedRig, _serial: str) -> TcpServer:
     """Make a coupler with four inputs and four outputs of 10 V."""
-    unit = Unit(_REGISTERS | {23})
+    unit = EmulatedUnit(_REGISTERS | {23})
     scale = _HIGHEST_V / wago.CODES
-    outputs = [Output(bench, i, _HIGHEST_V, (1 << 12) - 1) for i in range(4)]
+    outputs = [ConverterOutput(bench, i, _HIGHEST_V, (1 << 12) - 1) for i in range(4)]
     watchdog = _wago_watchdog(unit, bench, outputs)
     for i, output in enumerate(outputs):
         get = partial(_measured, bench, i, scale)
@@ -102,13 +102,15 @@ def wago_750(bench: Bench, _serial: str) -> TcpServer:
     return TcpServer(unit, watchdog.heard)
 
 
-def _unless_tripped(watchdog: Watchdog, output: Output, scale: float, code: float) -> None:
+def _unless_tripped(watchdog: Watchdog, output: ConverterOutput, scale: float, code: float) -> None:
     if watchdog.state == TRIPPED:
-        raise Refusal(FAILURE)
+        raise ModbusRefusal(FAILURE)
     output.set(code * scale)
 
 
-def _wago_watchdog(unit: Unit, bench: Bench, outputs: list[Output]) -> Watchdog:
+def _wago_watchdog(
+    unit: EmulatedUnit, bench: SharedRig, outputs: list[ConverterOutput]
+) -> Watchdog:
     time = unit.stores("holding", wago.WATCHDOG_TIME, "uint16", 100)
     unit.stores("holding", wago.WATCHDOG_MASK, "uint16")
 
@@ -118,7 +120,7 @@ def _wago_watchdog(unit: Unit, bench: Bench, outputs: list[Output]) -> Watchdog:
 
     def stop(number: float) -> None:
         if number not in {0xAA55, 0x55AA}:
-            raise Refusal(NO_VALUE)
+            raise ModbusRefusal(NO_VALUE)
         watchdog.stop()
 
     watchdog = Watchdog(bench.now_ns, lambda: time() / 10, trips)

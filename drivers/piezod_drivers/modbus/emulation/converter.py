@@ -4,8 +4,8 @@ from collections.abc import Callable
 from math import isfinite
 from typing import Final
 
-from piezod.devices.emulation.bench import Bench
-from piezod_drivers.modbus.emulation.unit import FAILURE, NO_VALUE, Refusal
+from piezod.devices.emulation.bench import SharedRig
+from piezod_drivers.modbus.emulation.unit import FAILURE, NO_VALUE, ModbusRefusal
 
 FULL_V: Final = 150.0
 """What the amplifier behind an output gives at the end of the output's range."""
@@ -13,7 +13,7 @@ OVERLOAD_V: Final = 1000.0
 """What an input measures that is far beyond its range."""
 
 
-class Output:
+class ConverterOutput:
     """A digital-to-analogue converter, with an amplifier behind it if the bench has the axis.
 
     Args:
@@ -23,7 +23,7 @@ class Output:
         n_codes: Into how many steps it is divided.
     """
 
-    def __init__(self, bench: Bench, axis: int, highest: float, n_codes: int) -> None:
+    def __init__(self, bench: SharedRig, axis: int, highest: float, n_codes: int) -> None:
         self._bench, self._axis, self._highest, self._n_codes = bench, axis, highest, n_codes
         self.value = 0.0
 
@@ -31,14 +31,14 @@ class Output:
         """Set it; what is beyond its range becomes the end of the range.
 
         Raises:
-            Refusal: If it is no number, or the amplifier cannot give it.
+            ModbusRefusal: If it is no number, or the amplifier cannot give it.
         """
         if not isfinite(value):
-            raise Refusal(NO_VALUE)
+            raise ModbusRefusal(NO_VALUE)
         part = min(max(value / self._highest, 0.0), 1.0)
         part = round(part * self._n_codes) / self._n_codes
         if self._axis < self._bench.n_axes and not self._bench.drive(self._axis, part * FULL_V):
-            raise Refusal(FAILURE)
+            raise ModbusRefusal(FAILURE)
         self.value = part * self._highest
 
     def set_code(self, scale: float) -> Callable[[float], None]:
@@ -46,7 +46,7 @@ class Output:
         return lambda code: self.set(code * scale)
 
 
-def measured_v(bench: Bench, axis: int) -> float:
+def measured_v(bench: SharedRig, axis: int) -> float:
     """Give the voltage at an input; 0 V where nothing is connected."""
     if axis >= bench.n_axes:
         return 0.0

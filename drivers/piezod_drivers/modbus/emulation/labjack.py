@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 from zlib import crc32
 
-from piezod.devices.emulation.bench import Bench
-from piezod_drivers.modbus.emulation.converter import Output, measured_v
+from piezod.devices.emulation.bench import SharedRig
+from piezod_drivers.modbus.emulation.converter import ConverterOutput, measured_v
 from piezod_drivers.modbus.emulation.servers import TcpServer
-from piezod_drivers.modbus.emulation.unit import Unit
+from piezod_drivers.modbus.emulation.unit import EmulatedUnit
 from piezod_drivers.modbus.emulation.watchdog import RUNNING, Watchdog
 from piezod_drivers.modbus.profiles import labjack
 from piezod_drivers.modbus.register import Table
@@ -20,7 +20,7 @@ _LOW_RANGE_V: Final = 2.5
 _WRAPS_AT: Final = 1 << 32
 
 
-class Model(NamedTuple):
+class LabJackModel(NamedTuple):
     """What differs.
 
     Attributes:
@@ -40,15 +40,15 @@ class Model(NamedTuple):
     usual_serial: int
 
 
-T4: Final = Model(4, 12, 8, 5.0, (1 << 10) - 1, 440_010_001)
-T7: Final = Model(7, 14, 0, 5.0, (1 << 12) - 1, 470_010_001)
-T8: Final = Model(8, 8, 0, 10.0, (1 << 16) - 1, 480_010_001)
+T4: Final = LabJackModel(4, 12, 8, 5.0, (1 << 10) - 1, 440_010_001)
+T7: Final = LabJackModel(7, 14, 0, 5.0, (1 << 12) - 1, 470_010_001)
+T8: Final = LabJackModel(8, 8, 0, 10.0, (1 << 16) - 1, 480_010_001)
 
 
-def emulator(model: Model, bench: Bench, serial: str) -> TcpServer:
+def emulator(model: LabJackModel, bench: SharedRig, serial: str) -> TcpServer:
     """Make one: input and output i are sensor and amplifier of axis i."""
-    unit = Unit(FUNCTIONS)
-    outputs = [Output(bench, axis, model.highest_v, model.n_codes) for axis in range(2)]
+    unit = EmulatedUnit(FUNCTIONS)
+    outputs = [ConverterOutput(bench, axis, model.highest_v, model.n_codes) for axis in range(2)]
     for i in range(model.n_inputs):
         is_low = i >= model.n_inputs - model.n_low_inputs
         value_v = (_low_input if is_low else _input)(bench, i)
@@ -61,7 +61,7 @@ def emulator(model: Model, bench: Bench, serial: str) -> TcpServer:
     return TcpServer(unit, watchdog.heard)
 
 
-def _add_facts(unit: Unit, model: Model, bench: Bench, serial: str) -> None:
+def _add_facts(unit: EmulatedUnit, model: LabJackModel, bench: SharedRig, serial: str) -> None:
     born_ns = bench.now_ns()
     number = int(serial) if serial.isdigit() else crc32(serial.encode()) % 10**9
     number = number % _WRAPS_AT if serial else model.usual_serial
@@ -79,7 +79,7 @@ def _add_facts(unit: Unit, model: Model, bench: Bench, serial: str) -> None:
         )
 
 
-def _watchdog(unit: Unit, bench: Bench, outputs: list[Output]) -> Watchdog:
+def _watchdog(unit: EmulatedUnit, bench: SharedRig, outputs: list[ConverterOutput]) -> Watchdog:
     timeout_s = unit.stores("holding", labjack.WATCHDOG_TIMEOUT_S, "uint32", 3600)
     safe = [
         (
@@ -107,7 +107,7 @@ def _watchdog(unit: Unit, bench: Bench, outputs: list[Output]) -> Watchdog:
     return watchdog
 
 
-def _input(bench: Bench, axis: int) -> Callable[[], float]:
+def _input(bench: SharedRig, axis: int) -> Callable[[], float]:
     def value_v() -> float:
         value = measured_v(bench, axis)
         return value if abs(value) <= _RANGE_V else _NO_VALUE
@@ -115,9 +115,9 @@ def _input(bench: Bench, axis: int) -> Callable[[], float]:
     return value_v
 
 
-def _low_input(bench: Bench, axis: int) -> Callable[[], float]:
+def _low_input(bench: SharedRig, axis: int) -> Callable[[], float]:
     return lambda: min(max(measured_v(bench, axis), 0.0), _LOW_RANGE_V)
 
 
-def _value_of(output: Output) -> Callable[[], float]:
+def _value_of(output: ConverterOutput) -> Callable[[], float]:
     return lambda: output.value

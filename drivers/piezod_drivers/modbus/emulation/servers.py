@@ -5,7 +5,7 @@ from struct import Struct
 from typing import Final
 
 from piezod_drivers.modbus.checksum import checksum, is_whole
-from piezod_drivers.modbus.emulation.unit import Unit
+from piezod_drivers.modbus.emulation.unit import EmulatedUnit
 
 _HEADER: Final = Struct(">HHHB")
 _MOST: Final = 512
@@ -21,7 +21,9 @@ class TcpServer:
         heard: Called whenever a request is answered, and by `due`.
     """
 
-    def __init__(self, unit: Unit, heard: Callable[[bool], None] = lambda _asked: None) -> None:
+    def __init__(
+        self, unit: EmulatedUnit, heard: Callable[[bool], None] = lambda _asked: None
+    ) -> None:
         self._unit, self._heard, self._got = unit, heard, b""
 
     def connected(self) -> None:
@@ -59,7 +61,7 @@ class RtuServer:
         now_ns: The clock.
     """
 
-    def __init__(self, units: Mapping[int, Unit], now_ns: Callable[[], int]) -> None:
+    def __init__(self, units: Mapping[int, EmulatedUnit], now_ns: Callable[[], int]) -> None:
         self._units, self._now_ns = units, now_ns
         self._got, self._until_ns = b"", 0
 

@@ -16,7 +16,7 @@ _SET_AND_READ: Final = Struct(">HHHHB")
 _FEEDBACK: Final = Struct(">BHB")
 
 
-class Refusal(Exception):  # noqa: N818 - an answer that a device gives
+class ModbusRefusal(Exception):  # noqa: N818 - an answer that a device gives
     """Raised where a device refuses.
 
     Args:
@@ -28,13 +28,13 @@ class Refusal(Exception):  # noqa: N818 - an answer that a device gives
         self.code = code
 
 
-class Cell(NamedTuple):
+class RegisterCell(NamedTuple):
     """A number in one or two registers.
 
     Attributes:
         layout: How it is coded.
         get: Gives the number.
-        set: Takes one, or raises `Refusal`; None where it cannot be written.
+        set: Takes one, or raises `ModbusRefusal`; None where it cannot be written.
     """
 
     layout: Struct
@@ -42,7 +42,7 @@ class Cell(NamedTuple):
     set: Callable[[float], None] | None
 
 
-class Unit:
+class EmulatedUnit:
     """Answers requests.
 
     Args:
@@ -51,7 +51,7 @@ class Unit:
 
     def __init__(self, functions: frozenset[int]) -> None:
         self._functions = functions
-        self._cells: dict[tuple[Table, int], Cell] = {}
+        self._cells: dict[tuple[Table, int], RegisterCell] = {}
 
     def has(
         self,
@@ -62,7 +62,7 @@ class Unit:
         set_: Callable[[float], None] | None = None,
     ) -> None:
         """Add a number."""
-        self._cells[table, address] = Cell(STRUCTS[kind], get, set_)
+        self._cells[table, address] = RegisterCell(STRUCTS[kind], get, set_)
 
     def stores(
         self, table: Table, address: int, kind: NumberType, number: float = 0
@@ -81,7 +81,7 @@ class Unit:
             return bytes((function | FAILED, NO_FUNCTION))
         try:
             return bytes((function,)) + self._do(function, pdu[1:])
-        except Refusal as refusal:
+        except ModbusRefusal as refusal:
             return bytes((function | FAILED, refusal.code))
 
     def _do(self, function: int, data: bytes) -> bytes:
@@ -129,10 +129,10 @@ class Unit:
                 data = data[2 * count :]
         return told
 
-    def _cell(self, table: Table, address: int) -> Cell:
+    def _cell(self, table: Table, address: int) -> RegisterCell:
         cell = self._cells.get((table, address))
         if cell is None:
-            raise Refusal(NO_REGISTER)
+            raise ModbusRefusal(NO_REGISTER)
         return cell
 
     def _read(self, table: Table, address: int, count: int) -> bytes:
@@ -141,7 +141,7 @@ class Unit:
             cell = self._cell(table, address + len(words) // 2)
             words += _pack(cell)
         if len(words) > 2 * count:
-            raise Refusal(NO_REGISTER)
+            raise ModbusRefusal(NO_REGISTER)
         return words
 
     def _write(self, address: int, words: bytes) -> None:
@@ -151,14 +151,14 @@ class Unit:
         while at < len(words):
             cell = self._cell("holding", address + at // 2)
             if cell.set is None or at + cell.layout.size > len(words):
-                raise Refusal(NO_REGISTER)
+                raise ModbusRefusal(NO_REGISTER)
             cells.append((cell.set, cell.layout.unpack_from(words, at)[0]))
             at += cell.layout.size
         for set_, number in cells:
             set_(number)
 
 
-def _pack(cell: Cell) -> bytes:
+def _pack(cell: RegisterCell) -> bytes:
     number = cell.get()
     if cell.layout.format == ">f":
         return cell.layout.pack(number)
@@ -174,4 +174,4 @@ def _unpack(layout: Struct, data: bytes, *, exact: bool = True) -> tuple[int, ..
 
 def _check(true: bool) -> None:
     if not true:
-        raise Refusal(NO_VALUE)
+        raise ModbusRefusal(NO_VALUE)

@@ -6,7 +6,7 @@ Codes of the ADAM-4024 are those of its range 0 to 10 V; not confirmed on hardwa
 
 from typing import Final
 
-from piezod_drivers.modbus.profiles.profile import Constant, Fact, Profile, row
+from piezod_drivers.modbus.profiles.profile import Constant, Fact, ModbusProfile, row
 
 CODES_12_BIT: Final = 0xFFF
 MODULE_NAME: Final = 210
@@ -14,7 +14,7 @@ VERSION: Final = 212
 COMM_SAFETY: Final = 215
 """Whether the communication watchdog has put the outputs to their safe values."""
 
-ADAM_6024: Final = Profile(
+ADAM_6024: Final = ModbusProfile(
     name="adam-6024",
     maker="Advantech",
     model="ADAM-6024",
@@ -35,7 +35,7 @@ ADAM_6024: Final = Profile(
     max_rate_hz=100.0,  # not documented: its converters are slower, its network is not
 )
 
-ADAM_4024: Final = Profile(
+ADAM_4024: Final = ModbusProfile(
     name="adam-4024",
     maker="Advantech",
     model="ADAM-4024",

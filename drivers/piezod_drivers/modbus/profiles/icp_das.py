@@ -7,7 +7,7 @@ confirmed on hardware.
 
 from typing import Final
 
-from piezod_drivers.modbus.profiles.profile import Constant, Fact, Profile, row
+from piezod_drivers.modbus.profiles.profile import Constant, Fact, ModbusProfile, row
 
 FORMAT: Final = 268
 """Coil: 0 hexadecimal, 1 engineering units."""
@@ -19,7 +19,7 @@ _FACTS: Final = (
     ("firmware", Fact("holding", FIRMWARE, "uint16", lambda number: f"{int(number):04X}")),
 )
 
-M_7017: Final = Profile(
+M_7017: Final = ModbusProfile(
     name="icpdas-m7017",
     maker="ICP DAS",
     model="M-7017C",
@@ -37,7 +37,7 @@ M_7017: Final = Profile(
     max_rate_hz=10.0,  # so often it is said to convert; not confirmed
 )
 
-M_7024: Final = Profile(
+M_7024: Final = ModbusProfile(
     name="icpdas-m7024",
     maker="ICP DAS",
     model="M-7024R",

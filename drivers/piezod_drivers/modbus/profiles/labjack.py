@@ -11,7 +11,7 @@ from typing import Final
 from piezod_drivers.modbus.profiles.profile import (
     Constant,
     Fact,
-    Profile,
+    ModbusProfile,
     Setting,
     WatchdogPlan,
     row,
@@ -74,9 +74,9 @@ def _inputs(first: int, end: int, range_v: tuple[float, float]) -> tuple[Registe
     )
 
 
-def _profile(product: int, highest_v: float, n_inputs: int, n_low_inputs: int = 0) -> Profile:
+def _profile(product: int, highest_v: float, n_inputs: int, n_low_inputs: int = 0) -> ModbusProfile:
     n_high = n_inputs - n_low_inputs
-    return Profile(
+    return ModbusProfile(
         name=f"labjack-t{product}",
         maker="LabJack",
         model=f"T{product}",

@@ -76,7 +76,7 @@ class WatchdogPlan(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class ModbusProfile:
     """A device that needs only its name.
 
     Attributes:

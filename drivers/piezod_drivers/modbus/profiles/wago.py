@@ -11,7 +11,7 @@ from typing import Final
 from piezod_drivers.modbus.profiles.profile import (
     Constant,
     Fact,
-    Profile,
+    ModbusProfile,
     Setting,
     WatchdogPlan,
     row,
@@ -48,7 +48,7 @@ def _objection(timeout_s: float, safe_v: float) -> str:
 _NAMES: Final = [f"AO{i}" for i in range(4)]
 
 WAGO: Final = (
-    Profile(
+    ModbusProfile(
         name="wago-750",
         maker="WAGO",
         model="750",

@@ -7,7 +7,7 @@ confirmed on hardware.
 
 from typing import Final, Literal
 
-from piezod_drivers.modbus.profiles.profile import Fact, Profile, row
+from piezod_drivers.modbus.profiles.profile import Fact, ModbusProfile, row
 
 VERSION: Final = 0x8000
 _FACTS: Final = (
@@ -15,8 +15,8 @@ _FACTS: Final = (
 )
 
 
-def _input(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> Profile:
-    return Profile(
+def _input(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> ModbusProfile:
+    return ModbusProfile(
         name=name,
         maker="Waveshare",
         model=model,
@@ -34,9 +34,9 @@ def _input(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> P
     )
 
 
-def _output(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> Profile:
+def _output(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> ModbusProfile:
     names = [f"AO{i}" for i in range(1, 9)]
-    return Profile(
+    return ModbusProfile(
         name=name,
         maker="Waveshare",
         model=model,

@@ -6,9 +6,15 @@ from typing import Final, NamedTuple, TypeAlias
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.serial_line.ascii_line.fields import AskConfig, Fields, FlagConfig
+from piezod_drivers.serial_line.ascii_line.fields import AsciiFields, AskConfig, FlagConfig
 from piezod_drivers.serial_line.ascii_line.patterns import compiled
-from piezod_drivers.serial_line.ascii_line.templates import TAG, Place, filled, names_of, parsed
+from piezod_drivers.serial_line.ascii_line.templates import (
+    TAG,
+    Placeholder,
+    filled,
+    names_of,
+    parsed,
+)
 
 TAGS: Final = 1000
 """A command's number goes from 0 to below this, and begins anew."""
@@ -32,7 +38,7 @@ class Exchange(NamedTuple):
         tagged: Whether the answer names the command by its number.
     """
 
-    places: tuple[Place, ...]
+    places: tuple[Placeholder, ...]
     reply: re.Pattern[str] | None
     names: tuple[str, ...]
     tagged: bool
@@ -55,19 +61,19 @@ def flagging(configs: Sequence[FlagConfig]) -> Flagging:
     return [(compiled(config.pattern), DeviceFlag(config.flag)) for config in configs]
 
 
-class Lines:
+class AsciiLines:
     """How lines are made of text, and text of lines.
 
     Args:
         options: Terminators, encoding, longest answer.
     """
 
-    def __init__(self, options: Fields) -> None:
+    def __init__(self, options: AsciiFields) -> None:
         self._encoding, self._longest = options.encoding, options.longest_reply
         self._ending = options.terminator.encode(self._encoding)
         self._reply_ending = options.reply_ending.encode(self._encoding)
 
-    def request(self, places: tuple[Place, ...], values: Mapping[str, float]) -> bytes:
+    def request(self, places: tuple[Placeholder, ...], values: Mapping[str, float]) -> bytes:
         """Return a command with its values and terminator; may be called in the loop."""
         return filled(places, values).encode(self._encoding) + self._ending
 

@@ -14,15 +14,15 @@ from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.ascii_line.codec import (
     TAGS,
+    AsciiLines,
     Exchange,
     Found,
-    Lines,
     exchange,
     flagging,
     matched,
     number,
 )
-from piezod_drivers.serial_line.ascii_line.options import Options
+from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 from piezod_drivers.serial_line.ascii_line.templates import TAG, parsed
 from piezod_drivers.serial_line.quiet import until_quiet
 
@@ -42,10 +42,10 @@ class AsciiDialogue:
         wiring: Which channels are used.
     """
 
-    def __init__(self, line: Line, options: Options, wiring: Wiring) -> None:
+    def __init__(self, line: Line, options: AsciiOptions, wiring: Wiring) -> None:
         self._line, self._options, self._wiring = line, options, wiring
         self._talk = Conversation(line, options.timeout_ms * 1e-3)
-        self._lines = Lines(options)
+        self._lines = AsciiLines(options)
         self._errors = flagging(options.errors)
         self._set = _using([exchange(ask) for ask in options.set], wiring.outputs)
         self._read = _using([exchange(ask) for ask in options.read], wiring.inputs)

@@ -6,23 +6,23 @@ from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.serial_line.ascii_line.dialogue import AsciiDialogue
-from piezod_drivers.serial_line.ascii_line.options import Options
+from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 from piezod_drivers.serial_line.ascii_line.patterns import compiled
-from piezod_drivers.serial_line.ascii_line.stream import StreamDialogue
+from piezod_drivers.serial_line.ascii_line.stream import AsciiStreamDialogue
 from piezod_drivers.serial_line.options import make_line
 
 
-def _channels(options: Options) -> ChannelUnits:
+def _channels(options: AsciiOptions) -> ChannelUnits:
     return ChannelUnits(
         {name: channel.unit for name, channel in options.inputs.items()},
         {name: channel.unit for name, channel in options.outputs.items()},
     )
 
 
-def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
+def _create(options: AsciiOptions, wiring: Wiring, _seed: int) -> BusDevice:
     line = make_line(options)
     if options.stream is not None:
-        listening = StreamDialogue(line, options, wiring, compiled(options.stream))
+        listening = AsciiStreamDialogue(line, options, wiring, compiled(options.stream))
         return BusDevice("ASCII sensor", listening)
     return BusDevice("ASCII device", AsciiDialogue(line, options, wiring))
 
@@ -30,7 +30,7 @@ def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
 PLUGIN: Final = DriverPlugin(
     name="ascii",
     summary="any device that speaks in lines of text: commands and answers are written in YAML",
-    options_model=Options,
+    options_model=AsciiOptions,
     create=_create,
     confirmed_on_hardware=False,
     channels=_channels,

@@ -4,7 +4,7 @@ import re
 from math import isfinite
 from typing import Final
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 
 MOST_BYTES: Final = 256
@@ -28,7 +28,7 @@ class Nanopositioner:
         serial: Serial number.
     """
 
-    def __init__(self, bench: Bench, serial: str) -> None:
+    def __init__(self, bench: SharedRig, serial: str) -> None:
         self._bench, self._serial = bench, serial or "1001"
         self._axes = "XYZ"[: bench.n_axes]
         self._rest = b""
@@ -67,7 +67,7 @@ class Reporter:
         bench: Its bench; it measures the first axis.
     """
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: SharedRig) -> None:
         self._bench, self._sent_ns = bench, 0
 
     def receive(self, data: bytes) -> list[bytes]:  # noqa: ARG002 - it hears nothing
@@ -85,7 +85,7 @@ class Reporter:
         return [f"P {told}\r\n".encode("ascii")]
 
 
-def _reporter(bench: Bench, _serial: str) -> Reporter:
+def _reporter(bench: SharedRig, _serial: str) -> Reporter:
     return Reporter(bench)
 
 

@@ -61,7 +61,7 @@ class StatusConfig(ConfigModel):
     )
 
 
-class OutputConfig(ConfigModel):
+class AsciiOutputConfig(ConfigModel):
     """A channel that is driven."""
 
     unit: Unit = Field(default="V", description="Unit of its values: V, µm, %, ….")
@@ -74,13 +74,13 @@ class OutputConfig(ConfigModel):
     )
 
 
-class InputConfig(ConfigModel):
+class AsciiInputConfig(ConfigModel):
     """A channel that is read."""
 
     unit: Unit = Field(default="µm", description="Unit of its values: µm, V, counts, ….")
 
 
-class Fields(LineOptions):
+class AsciiFields(LineOptions):
     """The fields of the options."""
 
     terminator: Terminator = Field(default="\n", description="What ends a command.")
@@ -96,8 +96,12 @@ class Fields(LineOptions):
     max_rate_hz: Annotated[float, Quantity(0.1, 20_000, "Hz")] = Field(
         default=50.0, description="The fastest loop that device and line can follow, Hz."
     )
-    inputs: Mapping[Key, InputConfig] = Field(default={}, description="Channels that are read.")
-    outputs: Mapping[Key, OutputConfig] = Field(default={}, description="Channels that are driven.")
+    inputs: Mapping[Key, AsciiInputConfig] = Field(
+        default={}, description="Channels that are read."
+    )
+    outputs: Mapping[Key, AsciiOutputConfig] = Field(
+        default={}, description="Channels that are driven."
+    )
     identify: AskConfig | None = Field(
         default=None,
         description="Asks who is there; groups maker, model, serial, firmware tell, others match.",

@@ -5,11 +5,11 @@ from typing import Self
 from pydantic import model_validator
 
 from piezod.config.fields import raise_rules
-from piezod_drivers.serial_line.ascii_line.fields import Fields
+from piezod_drivers.serial_line.ascii_line.fields import AsciiFields
 from piezod_drivers.serial_line.ascii_line.rules import broken_rules
 
 
-class Options(Fields):
+class AsciiOptions(AsciiFields):
     """Options of a device that speaks in lines of text."""
 
     @model_validator(mode="after")

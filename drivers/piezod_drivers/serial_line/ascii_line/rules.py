@@ -6,14 +6,14 @@ from typing import Final
 
 from piezod.config.document import KeyPath
 from piezod.config.fields import BrokenRule
-from piezod_drivers.serial_line.ascii_line.fields import AskConfig, Fields
+from piezod_drivers.serial_line.ascii_line.fields import AsciiFields, AskConfig
 from piezod_drivers.serial_line.ascii_line.templates import TAG, names_of, parsed
 
 IDENTITY: Final = ("maker", "model", "serial", "firmware")
 _NOBODY: Final[Collection[str]] = ()
 
 
-def broken_rules(options: Fields) -> Iterator[BrokenRule]:
+def broken_rules(options: AsciiFields) -> Iterator[BrokenRule]:
     """Find everything that does not fit together."""
     if not options.inputs and not options.outputs:
         yield ("outputs",), "name a channel, here or in inputs"
@@ -35,7 +35,7 @@ def broken_rules(options: Fields) -> Iterator[BrokenRule]:
         yield from _sent(("status", "send"), options.status.send, options, _NOBODY)
 
 
-def _lists(options: Fields) -> Iterator[BrokenRule]:
+def _lists(options: AsciiFields) -> Iterator[BrokenRule]:
     for place, asks in (("start", options.start), ("stop", options.stop)):
         for index, ask in enumerate(asks):
             yield from _ask((place, index), ask, options, _NOBODY, _NOBODY)
@@ -55,7 +55,7 @@ def _lists(options: Fields) -> Iterator[BrokenRule]:
         yield from _each_once(place, [_groups(ask.reply) for ask in asks], channels)
 
 
-def _stream(options: Fields) -> Iterator[BrokenRule]:
+def _stream(options: AsciiFields) -> Iterator[BrokenRule]:
     if options.stream is None:
         return
     if options.read or options.outputs or options.identify or options.status:
@@ -69,7 +69,7 @@ def _stream(options: Fields) -> Iterator[BrokenRule]:
 def _ask(
     path: KeyPath,
     ask: AskConfig,
-    options: Fields,
+    options: AsciiFields,
     values: Collection[str],
     groups: Collection[str],
 ) -> Iterator[BrokenRule]:
@@ -91,7 +91,7 @@ def _ask(
 
 
 def _sent(
-    path: KeyPath, template: str, options: Fields, values: Collection[str]
+    path: KeyPath, template: str, options: AsciiFields, values: Collection[str]
 ) -> Iterator[BrokenRule]:
     yield from _unknown(path, names_of(template), [*values, TAG])
     text = "".join(place.before for place in parsed(template))

@@ -6,11 +6,17 @@ from math import nan
 from typing import Final
 
 from piezod.devices.bus.dialogue import Reading
-from piezod.devices.bus.line import Line, LineFault, Notices
+from piezod.devices.bus.line import Line, LineFault, NoticingLine
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
-from piezod_drivers.serial_line.ascii_line.codec import Lines, exchange, flagging, matched, number
-from piezod_drivers.serial_line.ascii_line.options import Options
+from piezod_drivers.serial_line.ascii_line.codec import (
+    AsciiLines,
+    exchange,
+    flagging,
+    matched,
+    number,
+)
+from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 
 UNKNOWN: Final = "unknown"
 MOST_READS: Final = 4
@@ -21,7 +27,7 @@ MOST_BYTES: Final = 4096
 _NEVER: Final[Reading] = (0, ())
 
 
-class StreamDialogue:
+class AsciiStreamDialogue:
     """Implements `Dialogue` for a device that is only listened to.
 
     A sample is the newest line; where none has come since the last call, the same again with the
@@ -35,10 +41,10 @@ class StreamDialogue:
     """
 
     def __init__(
-        self, line: Line, options: Options, wiring: Wiring, pattern: re.Pattern[str]
+        self, line: Line, options: AsciiOptions, wiring: Wiring, pattern: re.Pattern[str]
     ) -> None:
         self._line, self._options, self._wiring, self._pattern = line, options, wiring, pattern
-        self._lines = Lines(options)
+        self._lines = AsciiLines(options)
         self._errors = flagging(options.errors)
         self._timeout_ns = round(options.timeout_ms * 1e6)
         self._rest = b""
@@ -124,7 +130,7 @@ class StreamDialogue:
     def take_noticed(self) -> set[DeviceFlag]:
         """Return what was wrong with lines, and with the line itself."""
         noticed, self._noticed = self._noticed, set()
-        if isinstance(self._line, Notices):
+        if isinstance(self._line, NoticingLine):
             noticed |= self._line.take_noticed()
         return noticed
 

@@ -17,7 +17,7 @@ _SPEC: Final = re.compile(r"[+ ]?0?\d{0,2}(?:\.\d{1,2})?[feEgG]", re.ASCII)
 _TAG_SPEC: Final = re.compile(r"(?:0\dd?)?", re.ASCII)
 
 
-class Place(NamedTuple):
+class Placeholder(NamedTuple):
     """A place for a value.
 
     Attributes:
@@ -31,7 +31,7 @@ class Place(NamedTuple):
     spec: str
 
 
-def parsed(template: str) -> tuple[Place, ...]:
+def parsed(template: str) -> tuple[Placeholder, ...]:
     """Read a command.
 
     Raises:
@@ -42,7 +42,7 @@ def parsed(template: str) -> tuple[Place, ...]:
         if name is not None:
             _check(name, spec or "", conversion)
         written = "" if name is None else spec or ("" if name == TAG else USUAL_SPEC)
-        places.append(Place(before, name or "", written))
+        places.append(Placeholder(before, name or "", written))
     return tuple(places)
 
 
@@ -60,7 +60,7 @@ def names_of(template: str) -> list[str]:
     return [place.name for place in parsed(template) if place.name]
 
 
-def filled(places: tuple[Place, ...], values: Mapping[str, float]) -> str:
+def filled(places: tuple[Placeholder, ...], values: Mapping[str, float]) -> str:
     """Return a command with its values; may be called in the loop."""
     return "".join(
         place.before + (format(values[place.name], place.spec) if place.name else "")

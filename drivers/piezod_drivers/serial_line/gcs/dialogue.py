@@ -11,7 +11,7 @@ from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.gcs.identity import identity_of
-from piezod_drivers.serial_line.gcs.reply import Reply
+from piezod_drivers.serial_line.gcs.reply import GcsReply
 from piezod_drivers.serial_line.gcs.syntax import ASK_ERROR, Syntax, volts
 from piezod_drivers.serial_line.quiet import until_quiet
 
@@ -25,7 +25,7 @@ _OPENING_NS: Final = 500_000_000
 _IDENTITY: Final = r"([^\n]{1,400})\n"
 
 
-class Drive(NamedTuple):
+class GcsDrive(NamedTuple):
     """What is known of the outputs before anything is asked.
 
     Attributes:
@@ -53,7 +53,7 @@ class GcsDialogue(ABC):
     """
 
     def __init__(
-        self, line: Line, timeout_s: float, syntax: Syntax, wiring: Wiring, drive: Drive
+        self, line: Line, timeout_s: float, syntax: Syntax, wiring: Wiring, drive: GcsDrive
     ) -> None:
         self._line, self._syntax, self._wiring, self._drive = line, syntax, wiring, drive
         self._conversation = Conversation(line, timeout_s)
@@ -74,7 +74,7 @@ class GcsDialogue(ABC):
         """
         self._line.open()
         self._calm()
-        told = self._ask_once(b"*IDN?\n", Reply(_IDENTITY))
+        told = self._ask_once(b"*IDN?\n", GcsReply(_IDENTITY))
         identity = identity_of(told[0])
         axes = self._axes()
         self._outputs = self._voltage_ids(axes)
@@ -169,7 +169,7 @@ class GcsDialogue(ABC):
     def _take_over(self, held: Mapping[str, float]) -> None:
         """Make `SVA` drive these axes, at the voltages that they have."""
         servos_off = self._syntax.setting("SVO", list(held), ["0"] * len(held))
-        self._ask_once(servos_off + self._setpoints(list(held), list(held.values())), Reply())
+        self._ask_once(servos_off + self._setpoints(list(held), list(held.values())), GcsReply())
 
     def _setpoints(self, axes: Sequence[str], values: Sequence[float]) -> bytes:
         """Return the request that sets these axes."""
@@ -190,16 +190,16 @@ class GcsDialogue(ABC):
         """Return the outputs whose switch is `on`; `ids` are theirs in the query."""
         if not ids:
             return []
-        reply = Reply(*self._syntax.switches(ids), whole=self._syntax.bare)
+        reply = GcsReply(*self._syntax.switches(ids), whole=self._syntax.bare)
         told = self._ask_once(self._syntax.query(query, ids), reply)
         return [a for a, state in zip(self._wiring.outputs, told, strict=True) if int(state) == on]
 
-    def _ask(self, request: bytes, reply: Reply) -> list[float]:
+    def _ask(self, request: bytes, reply: GcsReply) -> list[float]:
         """Ask in the loop; what was told before may not be in force any more."""
         self._told_ns = None
         return reply.numbers(self._conversation.ask(request, reply.length_of))
 
-    def _ask_once(self, request: bytes, reply: Reply) -> list[bytes]:
+    def _ask_once(self, request: bytes, reply: GcsReply) -> list[bytes]:
         request += ASK_ERROR
         frame = self._conversation.ask(request, reply.length_of, timeout_ns=_OPENING_NS)
         return reply.texts(frame)
@@ -220,8 +220,8 @@ class GcsDialogue(ABC):
         self._ask_positions = syntax.query("POS?", inputs) if inputs else b""
         self._ask_voltages = syntax.query(self._drive.read_back, outputs) if outputs else b""
         self._sample_request = self._ask_positions + self._ask_voltages + ASK_ERROR
-        self._sample_reply = Reply(*positions, *voltages)
-        self._voltages_reply, self._put_reply = Reply(*voltages), Reply()
+        self._sample_reply = GcsReply(*positions, *voltages)
+        self._voltages_reply, self._put_reply = GcsReply(*voltages), GcsReply()
 
     def _calm(self) -> None:
         """Read away what was on its way, and the error of an earlier life or of being switched on.
@@ -234,7 +234,7 @@ class GcsDialogue(ABC):
         self._conversation.ask(ASK_ERROR, self._put_reply.length_of, timeout_ns=_OPENING_NS)
 
     def _axes(self) -> Sequence[str]:
-        reply = Reply(self._syntax.axes(), whole=True)
+        reply = GcsReply(self._syntax.axes(), whole=True)
         told = self._ask_once(b"SAI?\n", reply)
         axes = self._syntax.axes_in(told[0].decode())
         missing = [axis for axis in self._wiring.channels if axis not in axes]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final, NamedTuple, Protocol
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 
 _LONGEST: Final = 256
 _STOP: Final = 0x18
@@ -19,7 +19,7 @@ _NUMBER: Final = re.compile(r"[+-]?[0-9]{1,12}(\.[0-9]{0,12})?([eE][+-]?[0-9]{1,
 _Handler = Callable[[str], bytes]
 
 
-class Refusal(Exception):  # noqa: N818 - an answer of the protocol, not an error of ours
+class GcsRefusal(Exception):  # noqa: N818 - an answer of the protocol, not an error of ours
     """Raised where a command is not carried out.
 
     Args:
@@ -31,14 +31,14 @@ class Refusal(Exception):  # noqa: N818 - an answer of the protocol, not an erro
         self.code = code
 
 
-class Manners(Protocol):
+class ProtocolQuirks(Protocol):
     """How a generation reads arguments and writes replies."""
 
     def ids(self, text: str, every: Sequence[str]) -> Sequence[str]:
         """Return the identifiers in the arguments of a query; all there are where none is given.
 
         Raises:
-            Refusal: If it cannot be read.
+            GcsRefusal: If it cannot be read.
         """
         ...
 
@@ -46,7 +46,7 @@ class Manners(Protocol):
         """Return the identifiers and values in the arguments of a setting.
 
         Raises:
-            Refusal: If it cannot be read.
+            GcsRefusal: If it cannot be read.
         """
         ...
 
@@ -59,7 +59,7 @@ class Manners(Protocol):
         ...
 
 
-class Kind(NamedTuple):
+class GcsKind(NamedTuple):
     """What differs between controllers.
 
     Attributes:
@@ -82,7 +82,7 @@ class Kind(NamedTuple):
 
 
 @dataclass
-class Axis:
+class GcsAxis:
     """State of an axis; it drives while it is online."""
 
     servo: bool = False
@@ -103,11 +103,13 @@ class GcsEmulator:
         serial: Its serial number, "" for its usual one.
     """
 
-    def __init__(self, bench: Bench, manners: Manners, kind: Kind, serial: str) -> None:
+    def __init__(
+        self, bench: SharedRig, manners: ProtocolQuirks, kind: GcsKind, serial: str
+    ) -> None:
         self._bench, self._manners, self._kind = bench, manners, kind
         self._serial = serial or kind.serial
         self._ids = tuple(kind.ids[: bench.n_axes])
-        self.axes = [Axis(wanted_v=bench.drive_v(i)) for i in range(len(self._ids))]
+        self.axes = [GcsAxis(wanted_v=bench.drive_v(i)) for i in range(len(self._ids))]
         self._error = 0
         self._line = b""
         self._handlers: dict[str, _Handler] = {
@@ -152,7 +154,7 @@ class GcsEmulator:
             return b""
         try:
             return self._handlers.get(command.upper(), _unknown)(arguments.strip())
-        except Refusal as refusal:
+        except GcsRefusal as refusal:
             self._error = refusal.code
             return b""
 
@@ -180,7 +182,7 @@ class GcsEmulator:
     def _position(self, axis: int) -> float:
         position_um = self._bench.position_um(axis)
         if not isfinite(position_um):
-            raise Refusal(505)
+            raise GcsRefusal(505)
         return position_um
 
     def _set_voltages(self, arguments: str) -> bytes:
@@ -189,9 +191,9 @@ class GcsEmulator:
         ]
         for i, value_v in wanted:
             if self.axes[i].servo:
-                raise Refusal(self._kind.servo_error)
+                raise GcsRefusal(self._kind.servo_error)
             if not self._kind.lowest_v <= value_v <= self._kind.highest_v:
-                raise Refusal(17)
+                raise GcsRefusal(17)
         for i, value_v in wanted:
             self.axes[i].wanted_v = value_v
             self._drive(i)
@@ -206,29 +208,29 @@ class GcsEmulator:
         """Drive an axis to what is wanted of it, unless something else drives it.
 
         Raises:
-            Refusal: If the amplifier cannot.
+            GcsRefusal: If the amplifier cannot.
         """
         if self.axes[i].online and not self._bench.drive(i, self.axes[i].wanted_v):
-            raise Refusal(302)
+            raise GcsRefusal(302)
 
     def _index(self, axis: str) -> int:
         if axis not in self._ids:
-            raise Refusal(15)
+            raise GcsRefusal(15)
         return self._ids.index(axis)
 
 
 def _unknown(_arguments: str) -> bytes:
-    raise Refusal(2)
+    raise GcsRefusal(2)
 
 
 def number_in(text: str) -> float:
     """Return the number in an argument.
 
     Raises:
-        Refusal: If there is none.
+        GcsRefusal: If there is none.
     """
     if not _NUMBER.fullmatch(text):
-        raise Refusal(25)
+        raise GcsRefusal(25)
     return float(text)
 
 
@@ -236,8 +238,8 @@ def switch_in(text: str) -> bool:
     """Return the 0 or 1 in an argument.
 
     Raises:
-        Refusal: If there is something else.
+        GcsRefusal: If there is something else.
     """
     if text not in {"0", "1"}:
-        raise Refusal(17)
+        raise GcsRefusal(17)
     return text == "1"

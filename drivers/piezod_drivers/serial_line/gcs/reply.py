@@ -16,7 +16,7 @@ _LONGEST: Final = 4096
 """No reply of which something is needed is longer, in bytes."""
 
 
-class Reply:
+class GcsReply:
     r"""The replies to some queries and to the `ERR?` behind them, taken as one frame.
 
     A query that the controller does not understand has no reply. A line that can be none of the

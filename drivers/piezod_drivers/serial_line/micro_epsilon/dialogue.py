@@ -11,7 +11,7 @@ from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.micro_epsilon import info, stream
-from piezod_drivers.serial_line.micro_epsilon.options import Options
+from piezod_drivers.serial_line.micro_epsilon.options import MicroEpsilonOptions
 from piezod_drivers.serial_line.micro_epsilon.profiles import UM_PER_MM
 
 _MAKER: Final = "Micro-Epsilon"
@@ -23,7 +23,7 @@ _BEFORE_OPENING: Final = frozenset({DeviceFlag.GARBAGE, DeviceFlag.OUT_OF_ORDER}
 _NOT_TOLD: Final = "not told"
 
 
-class StreamDialogue:
+class MicroEpsilonDialogue:
     """Implements `Dialogue` without outputs.
 
     The sensor sends by itself. A reading is the newest value that has come, at the instant of the
@@ -36,7 +36,7 @@ class StreamDialogue:
         line: The line to the sensor.
     """
 
-    def __init__(self, options: Options, wiring: Wiring, line: Line) -> None:
+    def __init__(self, options: MicroEpsilonOptions, wiring: Wiring, line: Line) -> None:
         self._options, self._inputs, self._line = options, wiring.inputs, line
         self._profile = options.profile
         self._conversation = Conversation(line, _OPENING_NS * 1e-9)

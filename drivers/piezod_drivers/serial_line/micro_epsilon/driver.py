@@ -5,26 +5,26 @@ from typing import Final
 from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
-from piezod_drivers.serial_line.micro_epsilon.dialogue import StreamDialogue
-from piezod_drivers.serial_line.micro_epsilon.options import Options
+from piezod_drivers.serial_line.micro_epsilon.dialogue import MicroEpsilonDialogue
+from piezod_drivers.serial_line.micro_epsilon.options import MicroEpsilonOptions
 from piezod_drivers.serial_line.options import make_line
 
 
-def channels(_options: Options) -> ChannelUnits:
+def channels(_options: MicroEpsilonOptions) -> ChannelUnits:
     """Tell the only channel, the distance from the beginning of the measuring range."""
     return ChannelUnits({"distance": "µm"}, {})
 
 
-def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
+def _create(options: MicroEpsilonOptions, wiring: Wiring, _seed: int) -> BusDevice:
     line = make_line(options, options.bits_per_s)
     name = f"{options.model} at {options.port}"
-    return BusDevice(name, StreamDialogue(options, wiring, line))
+    return BusDevice(name, MicroEpsilonDialogue(options, wiring, line))
 
 
 PLUGIN: Final = DriverPlugin(
     name="micro_epsilon",
     summary="Micro-Epsilon ILD1220 to ILD1900, ODC2520: a stream of values at RS422",
-    options_model=Options,
+    options_model=MicroEpsilonOptions,
     create=_create,
     confirmed_on_hardware=False,
     channels=channels,

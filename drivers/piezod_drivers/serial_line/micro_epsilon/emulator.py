@@ -3,7 +3,7 @@
 from math import isfinite
 from typing import Final
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.units import NS_PER_S
 from piezod_drivers.serial_line.micro_epsilon import stream
@@ -17,7 +17,7 @@ _MOST_WORDS: Final = 64
 _LONGEST_LINE: Final = 256
 
 
-class Sensor:
+class SensorEmulator:
     """A sensor in front of the first axis.
 
     Args:
@@ -30,7 +30,7 @@ class Sensor:
     """
 
     def __init__(
-        self, bench: Bench, serial: str, model: str, name: str, range_mm: float, rest_um: float
+        self, bench: SharedRig, serial: str, model: str, name: str, range_mm: float, rest_um: float
     ) -> None:
         self._bench, self._profile = bench, PROFILES[model]
         self._range_um, self._rest_um = range_mm * UM_PER_MM, rest_um
@@ -73,12 +73,12 @@ class Sensor:
         return f"{word}\r\n{answer}{PROMPT}".encode("ascii", "replace")
 
 
-def _ild1420(bench: Bench, serial: str) -> Sensor:
-    return Sensor(bench, serial, "ILD1420", "ILD1420-10", range_mm=10.0, rest_um=5000.0)
+def _ild1420(bench: SharedRig, serial: str) -> SensorEmulator:
+    return SensorEmulator(bench, serial, "ILD1420", "ILD1420-10", range_mm=10.0, rest_um=5000.0)
 
 
-def _odc2520(bench: Bench, serial: str) -> Sensor:
-    return Sensor(bench, serial, "ODC2520", "ODC2520-46", range_mm=46.0, rest_um=20_000.0)
+def _odc2520(bench: SharedRig, serial: str) -> SensorEmulator:
+    return SensorEmulator(bench, serial, "ODC2520", "ODC2520-46", range_mm=46.0, rest_um=20_000.0)
 
 
 ILD1420: Final = EmulatorPlugin(

@@ -5,11 +5,11 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from piezod.config.fields import Quantity
-from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES, Profile
+from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES, SensorProfile
 from piezod_drivers.serial_line.options import Baud, PortOptions
 
 
-class Options(PortOptions):
+class MicroEpsilonOptions(PortOptions):
     """Options of a sensor that streams at RS422."""
 
     model: Literal[
@@ -27,7 +27,7 @@ class Options(PortOptions):
     )
 
     @property
-    def profile(self) -> Profile:
+    def profile(self) -> SensorProfile:
         """What the stream looks like."""
         return PROFILES[self.model]
 

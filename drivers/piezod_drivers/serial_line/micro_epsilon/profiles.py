@@ -40,7 +40,7 @@ _CODES_2: Final[Mapping[int, Flags]] = MappingProxyType(
 )
 
 
-class Profile(NamedTuple):
+class SensorProfile(NamedTuple):
     """The stream of a family of sensors; displacement = count · `per_count` + `offset`.
 
     Attributes:
@@ -82,13 +82,15 @@ class Profile(NamedTuple):
         return round((part - self.offset) / self.per_count)
 
 
-_ILD1X20: Final = Profile(3, 921_600, 1.02 / 65_520, -0.01, 643, 64_877, 262_072, _CODES_3)
-_ILD1X50: Final = Profile(3, 921_600, 1 / 65_536, -98_232 / 65_536, 0, 230_604, 262_072, _CODES_3)
-_ILD14: Final = Profile(
+_ILD1X20: Final = SensorProfile(3, 921_600, 1.02 / 65_520, -0.01, 643, 64_877, 262_072, _CODES_3)
+_ILD1X50: Final = SensorProfile(
+    3, 921_600, 1 / 65_536, -98_232 / 65_536, 0, 230_604, 262_072, _CODES_3
+)
+_ILD14: Final = SensorProfile(
     2, 115_200, 1.02 / 16_368, -0.01, 161, 16_207, 16_368, _CODES_2, talks=False
 )
 
-PROFILES: Final[Mapping[str, Profile]] = MappingProxyType(
+PROFILES: Final[Mapping[str, SensorProfile]] = MappingProxyType(
     {
         "ILD1220": _ILD1X20,
         "ILD1320": _ILD1X20,
@@ -97,7 +99,7 @@ PROFILES: Final[Mapping[str, Profile]] = MappingProxyType(
         "ILD1900": _ILD1X50,
         "ILD1402": _ILD14,
         "ILD1700": _ILD14,
-        "ODC2520": Profile(
+        "ODC2520": SensorProfile(
             3, 115_200, 1.0, -131_000.0, 0, 262_071, 262_072, _CODES_3, scaled=False
         ),
     }

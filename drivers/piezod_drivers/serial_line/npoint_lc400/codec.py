@@ -35,11 +35,11 @@ _ARRAY_REQUEST: Final = Struct("<BIIB")
 _REPLY_BYTES: Final = _WORD.size
 
 
-class MalformedError(ValueError):
+class Lc400FrameError(ValueError):
     """Raised where bytes are not the frame that they are taken for."""
 
 
-class Register(IntEnum):
+class Lc400Register(IntEnum):
     """Registers of a channel, by their offset."""
 
     RANGE_TYPE = 0x044
@@ -123,10 +123,10 @@ class Poll:
         """Return the words that were read.
 
         Raises:
-            MalformedError: If these are not the replies.
+            Lc400FrameError: If these are not the replies.
         """
         if len(frame) != self._length:
-            raise MalformedError(f"no replies: {frame.hex()}")
+            raise Lc400FrameError(f"no replies: {frame.hex()}")
         return self._values.unpack(frame)
 
 
@@ -179,7 +179,7 @@ def request_length(got: bytes) -> int:
     return length if got[length - 1] == _END else -1
 
 
-class Request(IntEnum):
+class Lc400Request(IntEnum):
     """What a frame to a controller wants."""
 
     READ = _READ
@@ -188,18 +188,18 @@ class Request(IntEnum):
     READ_ARRAY = _READ_ARRAY
 
 
-def parse_request(frame: bytes) -> tuple[Request, int, int]:
+def parse_request(frame: bytes) -> tuple[Lc400Request, int, int]:
     """Return what a frame to a controller wants, the address, and the value or number of words.
 
     Raises:
-        MalformedError: If it is none.
+        Lc400FrameError: If it is none.
     """
     if request_length(frame) != len(frame) or not frame:
-        raise MalformedError(f"no request: {frame.hex()}")
-    request = Request(frame[0])
-    if request is Request.READ:
+        raise Lc400FrameError(f"no request: {frame.hex()}")
+    request = Lc400Request(frame[0])
+    if request is Lc400Request.READ:
         return request, _REQUEST.unpack(frame)[1], 0
-    if request is Request.WRITE_NEXT:
+    if request is Lc400Request.WRITE_NEXT:
         return request, 0, _NEXT.unpack(frame)[1]
-    _, where, value, _ = (_WORD if request is Request.WRITE else _ARRAY_REQUEST).unpack(frame)
+    _, where, value, _ = (_WORD if request is Lc400Request.WRITE else _ARRAY_REQUEST).unpack(frame)
     return request, where, value

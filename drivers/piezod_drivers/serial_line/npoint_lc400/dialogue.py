@@ -11,8 +11,8 @@ from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.npoint_lc400 import codec
-from piezod_drivers.serial_line.npoint_lc400.codec import FULL_SCALE, HALF_SCALE, Register
-from piezod_drivers.serial_line.npoint_lc400.options import Options
+from piezod_drivers.serial_line.npoint_lc400.codec import FULL_SCALE, HALF_SCALE, Lc400Register
+from piezod_drivers.serial_line.npoint_lc400.options import Lc400Options
 
 HALF_PCT: Final = 50.0
 """Outputs go from minus that to plus that, in % of the command's span."""
@@ -35,13 +35,13 @@ class Lc400Dialogue:
         line: The line to the controller.
     """
 
-    def __init__(self, options: Options, wiring: Wiring, line: Line) -> None:
+    def __init__(self, options: Lc400Options, wiring: Wiring, line: Line) -> None:
         self._options, self._wiring, self._line = options, wiring, line
         self._conversation = Conversation(line, options.timeout_ms * 1e-3)
         self._outputs, self._inputs = _numbers(wiring.outputs), _numbers(wiring.inputs)
-        watched = (Register.SETPOINT, Register.SERVO)
+        watched = (Lc400Register.SETPOINT, Lc400Register.SERVO)
         addresses = [codec.address(i, register) for i in self._outputs for register in watched]
-        addresses += [codec.address(i, Register.POSITION) for i in self._inputs]
+        addresses += [codec.address(i, Lc400Register.POSITION) for i in self._inputs]
         self._poll = codec.Poll(addresses)
         self._number = 0
         self._um_per_count: list[float] = []
@@ -152,7 +152,7 @@ class Lc400Dialogue:
     def _set(self, values: Sequence[float]) -> list[float]:
         counts = tuple(round(value / 100.0 * FULL_SCALE) for value in values)
         writes = b"".join(
-            codec.write(codec.address(i, Register.SETPOINT), count)
+            codec.write(codec.address(i, Lc400Register.SETPOINT), count)
             for i, count in zip(self._outputs, counts, strict=True)
         )
         positions_um = self._exchange(writes)
@@ -196,7 +196,9 @@ class Lc400Dialogue:
         """
         if self._options.range_um is not None:
             return self._options.range_um
-        wanted = [codec.address(channel, one) for one in (Register.RANGE_TYPE, Register.RANGE)]
+        wanted = [
+            codec.address(channel, one) for one in (Lc400Register.RANGE_TYPE, Lc400Register.RANGE)
+        ]
         kind, size = self._ask(b"", codec.Poll(wanted))
         if kind != _RANGE_IN_UM or size <= 0:
             where, what = self._line.where, f"range {size} of kind {kind}"

@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Final
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.serial_line.npoint_lc400 import codec
 from piezod_drivers.serial_line.npoint_lc400.codec import (
     FULL_SCALE,
     HALF_SCALE,
-    MalformedError,
-    Register,
-    Request,
+    Lc400FrameError,
+    Lc400Register,
+    Lc400Request,
 )
 
 RANGE_UM: Final = 30
@@ -37,18 +37,18 @@ class Lc400:
         serial: What its firmware calls itself, "" for its usual name.
     """
 
-    def __init__(self, bench: Bench, serial: str) -> None:
+    def __init__(self, bench: SharedRig, serial: str) -> None:
         self._bench = bench
         self._got, self._got_ns = b"", 0
         self._next = 0
         self._words: dict[int, int] = {}
         axes = range(bench.n_axes)
-        self._positions = {codec.address(i + 1, Register.POSITION): i for i in axes}
-        self._setpoints = {codec.address(i + 1, Register.SETPOINT): i for i in axes}
+        self._positions = {codec.address(i + 1, Lc400Register.POSITION): i for i in axes}
+        self._setpoints = {codec.address(i + 1, Lc400Register.SETPOINT): i for i in axes}
         for i in axes:
-            self._words[codec.address(i + 1, Register.RANGE)] = RANGE_UM
+            self._words[codec.address(i + 1, Lc400Register.RANGE)] = RANGE_UM
             counts = round((bench.drive_v(i) - MID_V) / V_PER_PCT / 100 * FULL_SCALE)
-            self._words[codec.address(i + 1, Register.SETPOINT)] = counts
+            self._words[codec.address(i + 1, Lc400Register.SETPOINT)] = counts
         name = f"LC400 {serial or '1.0'}".ljust(4 * codec.FIRMWARE_WORDS)[
             : 4 * codec.FIRMWARE_WORDS
         ]
@@ -75,15 +75,15 @@ class Lc400:
     def _obey(self, frame: bytes) -> list[bytes]:
         try:
             request, where, value = codec.parse_request(frame)
-        except MalformedError:
+        except Lc400FrameError:
             return []
-        if request is Request.READ:
+        if request is Lc400Request.READ:
             return [codec.reply(where, self._read(where))]
-        if request is Request.READ_ARRAY:
+        if request is Lc400Request.READ_ARRAY:
             n = value if value <= codec.MOST_WORDS else 0
             addresses = (where + _WORD_BYTES * i & 0xFFFFFFFF for i in range(n))
             return [codec.array_reply(where, [self._read(one) for one in addresses])]
-        self._write(self._next if request is Request.WRITE_NEXT else where, value)
+        self._write(self._next if request is Lc400Request.WRITE_NEXT else where, value)
         return []
 
     def _read(self, where: int) -> int:

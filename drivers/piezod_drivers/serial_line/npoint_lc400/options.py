@@ -8,7 +8,7 @@ from piezod.config.fields import Quantity
 from piezod_drivers.serial_line.options import Baud, PortOptions
 
 
-class Options(PortOptions):
+class Lc400Options(PortOptions):
     """Options of an LC.400 at its virtual serial port."""
 
     baud: Baud = Field(default=230_400, description="Bits per second, as set on the device.")

@@ -7,12 +7,12 @@ from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.bus.line import Line
 from piezod.devices.interface import DriverPlugin, Wiring
 from piezod_drivers.serial_line.gcs.channels import channels
-from piezod_drivers.serial_line.gcs.dialogue import MEASURED, Drive, GcsDialogue
+from piezod_drivers.serial_line.gcs.dialogue import MEASURED, GcsDialogue, GcsDrive
 from piezod_drivers.serial_line.gcs.faults import SEES
 from piezod_drivers.serial_line.gcs.rate import wire_rate_hz
 from piezod_drivers.serial_line.options import make_line
 from piezod_drivers.serial_line.pi_gcs1.codec import Gcs1
-from piezod_drivers.serial_line.pi_gcs1.options import Options
+from piezod_drivers.serial_line.pi_gcs1.options import Gcs1Options
 
 
 class Gcs1Dialogue(GcsDialogue):
@@ -24,8 +24,8 @@ class Gcs1Dialogue(GcsDialogue):
         wiring: The channels that are used.
     """
 
-    def __init__(self, line: Line, options: Options, wiring: Wiring) -> None:
-        drive = Drive(MEASURED, wire_rate_hz(options.baud, len(wiring.channels)))
+    def __init__(self, line: Line, options: Gcs1Options, wiring: Wiring) -> None:
+        drive = GcsDrive(MEASURED, wire_rate_hz(options.baud, len(wiring.channels)))
         super().__init__(line, options.timeout_ms * 1e-3, Gcs1(), wiring, drive)
         self._range_v = options.range_v
 
@@ -37,7 +37,7 @@ class Gcs1Dialogue(GcsDialogue):
         return [self._range_v] * len(self._wiring.outputs)
 
 
-def _create(options: Options, wiring: Wiring, _seed: int) -> ExchangingBusDevice:
+def _create(options: Gcs1Options, wiring: Wiring, _seed: int) -> ExchangingBusDevice:
     dialogue = Gcs1Dialogue(make_line(options), options, wiring)
     return ExchangingBusDevice("PI GCS 1 controller", dialogue)
 
@@ -45,7 +45,7 @@ def _create(options: Options, wiring: Wiring, _seed: int) -> ExchangingBusDevice
 PLUGIN: Final = DriverPlugin(
     name="pi_gcs1",
     summary="PI controllers by GCS 1: E-816 (E-621, E-625, E-665), E-516",
-    options_model=Options,
+    options_model=Gcs1Options,
     create=_create,
     confirmed_on_hardware=False,
     channels=channels,

@@ -4,11 +4,11 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
-from piezod_drivers.serial_line.gcs.emulator import GcsEmulator, Kind, Refusal
+from piezod_drivers.serial_line.gcs.emulator import GcsEmulator, GcsKind, GcsRefusal
 
-_KIND: Final = Kind(
+_KIND: Final = GcsKind(
     identity="Physik Instrumente,E-816,{serial},3.20",
     ids=tuple("ABCDEFGH"),
     serial="107032415",
@@ -19,19 +19,19 @@ _KIND: Final = Kind(
 )
 
 
-class _Manners:
+class _Quirks:
     """Implements `Manners`: letters glued to values, replies without the letter."""
 
     def ids(self, text: str, every: Sequence[str]) -> Sequence[str]:  # noqa: ARG002 - the protocol's
         """Return the one letter that is asked for."""
         if not text:
-            raise Refusal(26)
+            raise GcsRefusal(26)
         return [text]
 
     def pairs(self, text: str) -> Sequence[tuple[str, str]]:
         """Return letters and what is glued to them."""
         if not re.fullmatch(r"([A-Z][^A-Z]+)+", text):
-            raise Refusal(24)
+            raise GcsRefusal(24)
         return [(pair[0], pair[1:].strip()) for pair in re.findall(r"[A-Z][^A-Z]+", text)]
 
     def reply(self, ids: Sequence[str], values: Sequence[str]) -> bytes:  # noqa: ARG002 - likewise
@@ -43,8 +43,8 @@ class _Manners:
         return f"{''.join(ids)}\n".encode()
 
 
-def _create(bench: Bench, serial: str) -> GcsEmulator:
-    return GcsEmulator(bench, _Manners(), _KIND, serial)
+def _create(bench: SharedRig, serial: str) -> GcsEmulator:
+    return GcsEmulator(bench, _Quirks(), _KIND, serial)
 
 
 EMULATOR: Final = EmulatorPlugin(

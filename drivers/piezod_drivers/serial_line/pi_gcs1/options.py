@@ -11,7 +11,7 @@ Axis: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Z]$")]
 Volts: TypeAlias = Annotated[float, Quantity(-1000, 1000, "V")]
 
 
-class Options(PortOptions):
+class Gcs1Options(PortOptions):
     """Options of `pi_gcs1`; an E-816 comes with 38 400 or 115 200 bits per second."""
 
     rtscts: bool = Field(default=True, description="Whether RTS and CTS hold up the flow.")

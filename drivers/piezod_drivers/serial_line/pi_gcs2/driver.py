@@ -11,13 +11,13 @@ from piezod.devices.interface import DriverPlugin, Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.gcs.channels import channels
-from piezod_drivers.serial_line.gcs.dialogue import MEASURED, Drive, GcsDialogue
+from piezod_drivers.serial_line.gcs.dialogue import MEASURED, GcsDialogue, GcsDrive
 from piezod_drivers.serial_line.gcs.faults import SEES
 from piezod_drivers.serial_line.gcs.rate import NETWORK_RATE_HZ, wire_rate_hz
-from piezod_drivers.serial_line.gcs.reply import Reply
+from piezod_drivers.serial_line.gcs.reply import GcsReply
 from piezod_drivers.serial_line.options import make_line
 from piezod_drivers.serial_line.pi_gcs2.codec import Gcs2
-from piezod_drivers.serial_line.pi_gcs2.options import Options
+from piezod_drivers.serial_line.pi_gcs2.options import Gcs2Options
 
 _REFUSALS: Final = frozenset({DeviceFlag.WRONG_REQUEST, DeviceFlag.LOCAL_MODE})
 
@@ -31,10 +31,10 @@ class Gcs2Dialogue(GcsDialogue):
         wiring: The channels that are used.
     """
 
-    def __init__(self, line: Line, options: Options, wiring: Wiring) -> None:
+    def __init__(self, line: Line, options: Gcs2Options, wiring: Wiring) -> None:
         serial_hz = wire_rate_hz(options.baud, len(wiring.channels))
         rate_hz = serial_hz if options.host is None else NETWORK_RATE_HZ
-        drive = Drive(options.read_back, rate_hz)
+        drive = GcsDrive(options.read_back, rate_hz)
         super().__init__(line, options.timeout_ms * 1e-3, Gcs2(), wiring, drive)
         self._range_v = options.range_v
         self._by_channel = options.read_back == MEASURED
@@ -59,7 +59,7 @@ class Gcs2Dialogue(GcsDialogue):
         return list(zip(lowest, highest, strict=True))
 
     def _limits(self, query: str) -> list[float]:
-        reply = Reply(*self._syntax.numbers(self._amplifiers))
+        reply = GcsReply(*self._syntax.numbers(self._amplifiers))
         request = self._syntax.query(query, self._amplifiers)
         limits = [float(text) for text in self._ask_once(request, reply)]
         if not all(map(isfinite, limits)):
@@ -100,7 +100,7 @@ class Gcs2Dialogue(GcsDialogue):
         """
         axes = list(held)
         try:
-            self._ask_once(self._setpoints(axes, list(held.values())), Reply())
+            self._ask_once(self._setpoints(axes, list(held.values())), GcsReply())
         except LineFault as fault:
             if fault.flag not in _REFUSALS:
                 raise
@@ -109,10 +109,10 @@ class Gcs2Dialogue(GcsDialogue):
             raise DeviceError(f"{what} and refuses to be set ({fault}): {remedy}") from fault
         channels_of = dict(zip(self._wiring.outputs, self._amplifiers, strict=True))
         online = [channels_of[axis] for axis in axes]
-        self._ask_once(self._syntax.setting("ONL", online, ["1"] * len(online)), Reply())
+        self._ask_once(self._syntax.setting("ONL", online, ["1"] * len(online)), GcsReply())
 
 
-def _create(options: Options, wiring: Wiring, _seed: int) -> ExchangingBusDevice:
+def _create(options: Gcs2Options, wiring: Wiring, _seed: int) -> ExchangingBusDevice:
     dialogue = Gcs2Dialogue(make_line(options), options, wiring)
     return ExchangingBusDevice("PI GCS 2 controller", dialogue)
 
@@ -120,7 +120,7 @@ def _create(options: Options, wiring: Wiring, _seed: int) -> ExchangingBusDevice
 PLUGIN: Final = DriverPlugin(
     name="pi_gcs2",
     summary="PI controllers by GCS 2.0: E-517, E-709, E-712, E-727, E-754; serial or TCP",
-    options_model=Options,
+    options_model=Gcs2Options,
     create=_create,
     confirmed_on_hardware=False,
     channels=channels,

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import Final
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
-from piezod_drivers.serial_line.gcs.emulator import GcsEmulator, Kind, Refusal, switch_in
+from piezod_drivers.serial_line.gcs.emulator import GcsEmulator, GcsKind, GcsRefusal, switch_in
 
-_KIND: Final = Kind(
+_KIND: Final = GcsKind(
     identity="(c)2015-2018 Physik Instrumente (PI) GmbH & Co. KG, E-727.3CDA, {serial}, "
     "14.11.01.05",
     ids=tuple("12345678"),
@@ -22,7 +22,7 @@ _NEXT: Final = " \n"
 """Ends a line of a reply that has another one."""
 
 
-class _Manners:
+class _Quirks:
     """Implements `Manners`: arguments apart by spaces, replies with a line for each axis."""
 
     def ids(self, text: str, every: Sequence[str]) -> Sequence[str]:
@@ -33,7 +33,7 @@ class _Manners:
         """Return the words two by two."""
         words = text.split()
         if not words or len(words) % 2:
-            raise Refusal(24)
+            raise GcsRefusal(24)
         return list(zip(words[::2], words[1::2], strict=True))
 
     def reply(self, ids: Sequence[str], values: Sequence[str]) -> bytes:
@@ -54,8 +54,8 @@ class Gcs2Emulator(GcsEmulator):
         serial: Its serial number, "" for its usual one.
     """
 
-    def __init__(self, bench: Bench, serial: str) -> None:
-        super().__init__(bench, _Manners(), _KIND, serial)
+    def __init__(self, bench: SharedRig, serial: str) -> None:
+        super().__init__(bench, _Quirks(), _KIND, serial)
         self._handlers |= {
             "ONL": self._set_online,
             "ONL?": self._query(lambda i: self.axes[i].online),

@@ -12,7 +12,7 @@ Axis: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]{1,8}$
 Volts: TypeAlias = Annotated[float, Quantity(-1000, 1000, "V")]
 
 
-class Options(LineOptions):
+class Gcs2Options(LineOptions):
     """Options of `pi_gcs2`; over TCP the controllers listen at port 50000."""
 
     axes: tuple[Axis, ...] = Field(

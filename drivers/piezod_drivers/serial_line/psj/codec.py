@@ -11,7 +11,7 @@ from typing import Final
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
-from piezod_drivers.serial_line.psj.models import Bits, Model
+from piezod_drivers.serial_line.psj.models import Bits, PsjModel
 
 LONGEST: Final = 256
 """More bytes than this without an end are no answer."""
@@ -50,7 +50,7 @@ _ERRORS_NV200: Final[Mapping[str, DeviceFlag]] = {
 }
 
 
-def command(model: Model, name: str, channel: int | None = None, *values: float) -> bytes:
+def command(model: PsjModel, name: str, channel: int | None = None, *values: float) -> bytes:
     """Make a command; voltages have three decimals, whole numbers none.
 
     Args:

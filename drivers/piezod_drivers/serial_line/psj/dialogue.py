@@ -10,10 +10,10 @@ from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod_drivers.serial_line.psj import codec
 from piezod_drivers.serial_line.psj.freshness import Freshness
-from piezod_drivers.serial_line.psj.models import Model
+from piezod_drivers.serial_line.psj.models import PsjModel
 from piezod_drivers.serial_line.psj.opening import identity_of, limits_of
+from piezod_drivers.serial_line.psj.session import PsjSession
 from piezod_drivers.serial_line.psj.takeover import take_over
-from piezod_drivers.serial_line.psj.talk import Talk
 
 STATUS_NS: Final = 100_000_000
 """The status is asked for this often, after a setpoint or a sample."""
@@ -42,7 +42,7 @@ class PsjDialogue:
     def __init__(
         self,
         line: Line,
-        model: Model,
+        model: PsjModel,
         wiring: Wiring,
         range_v: tuple[float, float],
         timeout_s: float,
@@ -50,7 +50,7 @@ class PsjDialogue:
         remote: bool = False,
     ) -> None:
         self._line, self._model, self._wiring, self._range_v = line, model, wiring, range_v
-        self._talk, self._remote = Talk(line, model, timeout_s), remote
+        self._talk, self._remote = PsjSession(line, model, timeout_s), remote
         self._inputs = [int(name[2:]) for name in wiring.inputs]
         self._outputs = [int(name[2:]) for name in wiring.outputs]
         self._all = [int(name[2:]) for name in wiring.channels]

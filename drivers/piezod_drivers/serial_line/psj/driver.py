@@ -8,17 +8,17 @@ from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.serial_line.options import make_line
 from piezod_drivers.serial_line.psj.dialogue import PsjDialogue
 from piezod_drivers.serial_line.psj.models import channel_names
-from piezod_drivers.serial_line.psj.options import Options
+from piezod_drivers.serial_line.psj.options import PsjOptions
 
 
-def _channels(options: Options) -> ChannelUnits:
+def _channels(options: PsjOptions) -> ChannelUnits:
     model = options.model()
     names = channel_names(model)
     inputs = dict.fromkeys(names, "µm") if model.reads == "position" else {}
     return ChannelUnits(inputs, dict.fromkeys(names, "V"))
 
 
-def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
+def _create(options: PsjOptions, wiring: Wiring, _seed: int) -> BusDevice:
     model = options.model()
     line = make_line(options, model.baud)
     timeout_s = options.timeout_ms * 1e-3
@@ -29,7 +29,7 @@ def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
 PLUGIN: Final = DriverPlugin(
     name="psj",
     summary="piezosystem jena: d-Drive, 30DV50/300, NV40/3 (CLE), NV40/1 CL, NV200/D",
-    options_model=Options,
+    options_model=PsjOptions,
     create=_create,
     confirmed_on_hardware=False,
     channels=_channels,

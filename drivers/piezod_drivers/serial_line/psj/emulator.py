@@ -5,7 +5,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Final, Literal
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import Emulator, EmulatorPlugin
 from piezod.units import NS_PER_S
 from piezod_drivers.serial_line.psj.models import MODELS, Profile
@@ -27,7 +27,7 @@ _ENDS_WITH_CR: Final = frozenset({"modon", "monsrc", "sr", "kp", "ki", "kd", "tf
 """Some of the commands whose answer a d-Drive ends with CR only, where it tells a value."""
 
 
-class RefusedError(Exception):
+class PsjRefusedError(Exception):
     """Raised where a command is answered by an error; its argument is a key of `_ERRORS`."""
 
 
@@ -52,7 +52,7 @@ class PsjEmulator:
         serial: Serial number of the actuators.
     """
 
-    def __init__(self, profile: Profile, bench: Bench, serial: str) -> None:
+    def __init__(self, profile: Profile, bench: SharedRig, serial: str) -> None:
         self._profile, self._model, self._bench = profile, MODELS[profile], bench
         self._serial = serial or "85533"
         self._channels = min(self._model.channels, bench.n_axes)
@@ -83,7 +83,7 @@ class PsjEmulator:
         name, *values = line.decode("latin-1").strip(" \x11\x13").split(",")
         try:
             text = self._obey(name, values)
-        except RefusedError as refused:
+        except PsjRefusedError as refused:
             text = _ERRORS[refused.args[0]][self._family()]
         if not self._model.frames:
             return f"{text}\r\n".encode("ascii") if text else b""
@@ -108,10 +108,10 @@ class PsjEmulator:
             return f"ver,V1.03\r\nsdate,2026-01-01\r\nserno,{self._serial}"
         commands = self._commands()
         if name not in commands:
-            raise RefusedError("unknown")
+            raise PsjRefusedError("unknown")
         channel, given = self._channel(values)
         if len(given) > 1:
-            raise RefusedError("many")
+            raise PsjRefusedError("many")
         value = _number(given[0]) if given else None
         told = commands[name](channel, value)
         if told is None:
@@ -140,23 +140,23 @@ class PsjEmulator:
         if not self._model.numbered:
             return 0, values
         if not values or not values[0]:
-            raise RefusedError("missing")
+            raise PsjRefusedError("missing")
         if values[0] not in [str(channel) for channel in range(self._channels)]:
-            raise RefusedError("channel")
+            raise PsjRefusedError("channel")
         return int(values[0]), values[1:]
 
     def _set(self, channel: int, value: float | None) -> str | None:
         if value is None:
             if not self._model.tells_setpoint:
-                raise RefusedError("missing")
+                raise PsjRefusedError("missing")
             return f"{self._setpoint[channel]:.3f}"
         if self._family() == 0:  # it limits, without a word of it
             value = min(max(value, LOWEST_V), HIGHEST_V)
         if not LOWEST_V <= value <= HIGHEST_V:
-            raise RefusedError("range")
+            raise PsjRefusedError("range")
         self._setpoint[channel] = value
         if self.remote[channel] and not self._bench.drive(channel, value):
-            raise RefusedError("range")
+            raise PsjRefusedError("range")
         return None
 
     def _hand_over(self, channel: int, word: str) -> None:
@@ -210,16 +210,16 @@ def _number(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise RefusedError("missing") from None
+        raise PsjRefusedError("missing") from None
     if not isfinite(value):
-        raise RefusedError("range")
+        raise PsjRefusedError("range")
     return value
 
 
 def _plugin(
     name: str, profile: Profile, wire: Literal["serial", "tcp"] = "serial"
 ) -> EmulatorPlugin:
-    def create(bench: Bench, serial: str) -> Emulator:
+    def create(bench: SharedRig, serial: str) -> Emulator:
         return PsjEmulator(profile, bench, serial)
 
     how = " over TCP" if wire == "tcp" else ""

@@ -24,7 +24,7 @@ class Bits(NamedTuple):
     flag: DeviceFlag
 
 
-class Model(NamedTuple):
+class PsjModel(NamedTuple):
     """A model, as seen from the wire.
 
     Attributes:
@@ -89,7 +89,7 @@ _NV200_BITS: Final = (
     Bits(0b11 << 12, True, DeviceFlag.DEVICE_FAILURE),  # hardware, I2C
 )
 
-_D_DRIVE: Final = Model(
+_D_DRIVE: Final = PsjModel(
     title="d-Drive",
     greetings=("DSM V",),
     baud=115_200,
@@ -104,13 +104,13 @@ _D_DRIVE: Final = Model(
     serial="acdescr",
 )
 
-MODELS: Final[Mapping[Profile, Model]] = MappingProxyType(
+MODELS: Final[Mapping[Profile, PsjModel]] = MappingProxyType(
     {
         "ddrive": _D_DRIVE,
         "30dv": _D_DRIVE._replace(
             title="30DV50/300", greetings=("AP V",), channels=1, numbered=False
         ),
-        "nv40": Model(
+        "nv40": PsjModel(
             title="NV40/3",
             greetings=("NV403CLE>", "NV403>"),
             baud=19_200,
@@ -124,7 +124,7 @@ MODELS: Final[Mapping[Profile, Model]] = MappingProxyType(
             serial="ver",
             limits=("dspvmin", "dspvmax"),
         ),
-        "nv40-1": Model(
+        "nv40-1": PsjModel(
             title="NV40/1 CL",
             greetings=("NV40",),
             baud=9600,
@@ -134,7 +134,7 @@ MODELS: Final[Mapping[Profile, Model]] = MappingProxyType(
             frames=False,
             acknowledges=False,
         ),
-        "nv200": Model(
+        "nv200": PsjModel(
             title="NV200/D",
             greetings=("NV200",),
             baud=115_200,
@@ -150,6 +150,6 @@ MODELS: Final[Mapping[Profile, Model]] = MappingProxyType(
 )
 
 
-def channel_names(model: Model) -> tuple[str, ...]:
+def channel_names(model: PsjModel) -> tuple[str, ...]:
     """Return the names of a model's channels: ch0, ch1, …, numbered as its commands number them."""
     return tuple(f"ch{number}" for number in range(model.channels))

@@ -7,15 +7,15 @@ from piezod.devices.interface import Identity
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.psj import codec
-from piezod_drivers.serial_line.psj.models import Model
-from piezod_drivers.serial_line.psj.talk import Talk
+from piezod_drivers.serial_line.psj.models import PsjModel
+from piezod_drivers.serial_line.psj.session import PsjSession
 
 UNKNOWN = "unknown"
 _NO_COMMAND = "~"
 """Makes what is left of a setpoint that did not go out as a whole a command that nobody knows."""
 
 
-def identity_of(talk: Talk, model: Model, where: str) -> Identity:
+def identity_of(talk: PsjSession, model: PsjModel, where: str) -> Identity:
     """Ask who is there, after something that ends half a command without obeying it.
 
     Args:
@@ -41,7 +41,7 @@ def identity_of(talk: Talk, model: Model, where: str) -> Identity:
     return Identity("piezosystem jena", name, serial_of(talk, model), version or UNKNOWN)
 
 
-def serial_of(talk: Talk, model: Model) -> str:
+def serial_of(talk: PsjSession, model: PsjModel) -> str:
     """Ask for what tells a device from another of its kind; "unknown" where it tells nothing.
 
     Raises:
@@ -61,7 +61,7 @@ def serial_of(talk: Talk, model: Model) -> str:
 
 
 def limits_of(
-    talk: Talk, model: Model, channel: int, range_v: tuple[float, float]
+    talk: PsjSession, model: PsjModel, channel: int, range_v: tuple[float, float]
 ) -> tuple[float, float]:
     """Return the voltages that a channel can be set to, in V: as configured, and as it says.
 

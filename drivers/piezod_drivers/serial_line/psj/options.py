@@ -7,12 +7,12 @@ from pydantic import Field
 
 from piezod.config.fields import BrokenRule, Quantity
 from piezod_drivers.serial_line.options import LineOptions, TimeoutMs, ordered
-from piezod_drivers.serial_line.psj.models import MODELS, Model, Profile, Reads
+from piezod_drivers.serial_line.psj.models import MODELS, Profile, PsjModel, Reads
 
 Volts = Annotated[float, Quantity(-200, 500, "V")]
 
 
-class Options(LineOptions):
+class PsjOptions(LineOptions):
     """Options of an amplifier of piezosystem jena; `baud` is the model's own unless it is given."""
 
     profile: Profile = Field(description="Which model it is.")
@@ -39,7 +39,7 @@ class Options(LineOptions):
         if self.remote and not self.profile.startswith("nv40"):
             yield ("remote",), f"is not for {self.profile}, which is asked: leave it out"
 
-    def model(self) -> Model:
+    def model(self) -> PsjModel:
         """Return the model, with its baud rate and its reading as they are given."""
         model = MODELS[self.profile]
         return model._replace(baud=self.baud_or(model.baud), reads=self.reads or model.reads)

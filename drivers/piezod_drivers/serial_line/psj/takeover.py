@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from piezod.devices.bus.line import LineFault
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.psj import codec
-from piezod_drivers.serial_line.psj.models import Model
-from piezod_drivers.serial_line.psj.talk import Talk
+from piezod_drivers.serial_line.psj.models import PsjModel
+from piezod_drivers.serial_line.psj.session import PsjSession
 
 
-def take_over(model: Model, outputs: Sequence[int], talk: Talk, *, remote: bool) -> None:
+def take_over(model: PsjModel, outputs: Sequence[int], talk: PsjSession, *, remote: bool) -> None:
     """Make sure that the outputs are under remote control, in open loop; nothing is changed.
 
     Where the device's own loop is closed, or its setpoint comes from elsewhere, its voltage would
@@ -39,27 +39,27 @@ def take_over(model: Model, outputs: Sequence[int], talk: Talk, *, remote: bool)
                 _refuse_if(not remote, what, "i1 and ol, then set `remote: true`")
 
 
-def _d_drive(channel: int, talk: Talk) -> None:
+def _d_drive(channel: int, talk: PsjSession) -> None:
     status = codec.word(talk.value("stat", channel), 10)
     _refuse_if(bool(status & 1 << 7), f"channel {channel} is in closed loop", f"cl,{channel},0")
     modulated = talk.values("modon", channel, 1, codec.ended_by_cr)[0] != "0"
     _refuse_if(modulated, f"channel {channel} adds its modulation input", f"modon,{channel},0")
 
 
-def _nv200(talk: Talk) -> None:
+def _nv200(talk: PsjSession) -> None:
     _refuse_if(talk.value("cl") != "0", "it is in closed loop", "cl,0")
     source = talk.value("modsrc")
     _refuse_if(source != "0", f"its setpoint comes from source {source}", "modsrc,0")
 
 
-def _nv40(channel: int, talk: Talk, *, remote: bool) -> None:
+def _nv40(channel: int, talk: PsjSession, *, remote: bool) -> None:
     closed = _nv40_is_closed(channel, talk)
     _refuse_if(closed, f"channel {channel} is in closed loop", f"cloop,{channel},0")
     what = f"nobody has said that channel {channel} is under remote control"
     _refuse_if(not remote, what, f"setk,{channel},1, then set `remote: true`")
 
 
-def _nv40_is_closed(channel: int, talk: Talk) -> bool:
+def _nv40_is_closed(channel: int, talk: PsjSession) -> bool:
     """Tell whether the device's own loop is closed; one without CLE has none, nor the command.
 
     What its reading is used for here does not say which of them it is. Any other refusal tells

@@ -11,7 +11,7 @@ from piezod.errors import DeviceError
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import FULL_SCALE, Id, StatusBit
 from piezod_drivers.serial_line.thorlabs_apt.cube import CHANNEL, Cube
-from piezod_drivers.serial_line.thorlabs_apt.options import Options
+from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 
 LIMIT_V: Final = {1: 75, 2: 100, 3: 150}
 """The voltage limits that an amplifier can be set to, by their codes."""
@@ -43,7 +43,7 @@ class AmplifierDialogue:
         line: The line to the amplifier.
     """
 
-    def __init__(self, options: Options, wiring: Wiring, line: Line) -> None:
+    def __init__(self, options: AptOptions, wiring: Wiring, line: Line) -> None:
         self._options, self._outputs = options, wiring.outputs
         self._cube = Cube(options, line)
         self._max_v = 0
@@ -174,7 +174,7 @@ class AmplifierDialogue:
             self._least = 0
             raise LineFault(DeviceFlag.RESTARTED, "the voltage that was set is forgotten")
 
-    def _ask_status(self) -> codec.Status:
+    def _ask_status(self) -> codec.CubeStatus:
         """Ask for what updates tell; none of these can be on its way, the last answer was later."""
         return codec.status_of(self._cube.ask(codec.short(Id.REQ_STATUS, CHANNEL), Id.GET_STATUS))
 

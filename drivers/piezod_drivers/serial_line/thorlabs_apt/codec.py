@@ -33,7 +33,7 @@ _HOSTS: Final = frozenset({0x00, HOST})
 _UNITS: Final = frozenset({0x00, 0x11, *range(0x21, 0x2B), UNIT})
 
 
-class MalformedError(ValueError):
+class AptFrameError(ValueError):
     """Raised where bytes are not the message that they are taken for."""
 
 
@@ -96,7 +96,7 @@ class Hardware(NamedTuple):
     firmware: str
 
 
-class Status(NamedTuple):
+class CubeStatus(NamedTuple):
     """What a piezo amplifier tells of itself.
 
     Attributes:
@@ -161,10 +161,10 @@ def short_of(frame: bytes) -> tuple[int, int]:
     """Return the parameters of a message without data.
 
     Raises:
-        MalformedError: If it has data, or is too short.
+        AptFrameError: If it has data, or is too short.
     """
     if len(frame) != _HEADER.size or frame[4] & _LONG:
-        raise MalformedError(f"no short message: {frame.hex()}")
+        raise AptFrameError(f"no short message: {frame.hex()}")
     return frame[2], frame[3]
 
 
@@ -172,30 +172,30 @@ def words_of(frame: bytes, channel: int, n: int = 1) -> tuple[int, ...]:
     """Return the first signed numbers of a message that begins with a channel.
 
     Raises:
-        MalformedError: If there are not as many, or they are another channel's.
+        AptFrameError: If there are not as many, or they are another channel's.
     """
     data = frame[_HEADER.size :]
     if len(data) < _WORDS[n].size:
-        raise MalformedError(f"too short: {frame.hex()}")
+        raise AptFrameError(f"too short: {frame.hex()}")
     told, *values = _WORDS[n].unpack_from(data)
     if told != channel:
-        raise MalformedError(f"of channel {told}, not {channel}")
+        raise AptFrameError(f"of channel {told}, not {channel}")
     return tuple(values)
 
 
-def status_of(frame: bytes) -> Status:
+def status_of(frame: bytes) -> CubeStatus:
     """Return the status in a message.
 
     Raises:
-        MalformedError: If it holds none.
+        AptFrameError: If it holds none.
     """
     if len(frame) != _HEADER.size + _STATUS.size:
-        raise MalformedError(f"no status: {frame.hex()}")
+        raise AptFrameError(f"no status: {frame.hex()}")
     _, *values = _STATUS.unpack_from(frame, _HEADER.size)
-    return Status(*values)
+    return CubeStatus(*values)
 
 
-def pack_status(channel: int, status: Status) -> bytes:
+def pack_status(channel: int, status: CubeStatus) -> bytes:
     """Return a status as data."""
     return _STATUS.pack(channel, *status)
 
@@ -204,10 +204,10 @@ def hardware_of(frame: bytes) -> Hardware:
     """Return who a device says it is.
 
     Raises:
-        MalformedError: If the message does not tell.
+        AptFrameError: If the message does not tell.
     """
     if len(frame) != _HEADER.size + _HARDWARE.size:
-        raise MalformedError(f"no identity: {frame.hex()}")
+        raise AptFrameError(f"no identity: {frame.hex()}")
     fields = _HARDWARE.unpack_from(frame, _HEADER.size)
     minor, interim, major = fields[3], fields[4], fields[5]
     return Hardware(fields[0], _text(fields[1]), f"{major}.{interim}.{minor}")

@@ -8,9 +8,9 @@ from piezod.devices.interface import Identity
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.thorlabs_apt import codec
-from piezod_drivers.serial_line.thorlabs_apt.aside import AsideLine
-from piezod_drivers.serial_line.thorlabs_apt.codec import Id, MalformedError
-from piezod_drivers.serial_line.thorlabs_apt.options import Options
+from piezod_drivers.serial_line.thorlabs_apt.codec import AptFrameError, Id
+from piezod_drivers.serial_line.thorlabs_apt.filtered_line import FilteredLine
+from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 
 CHANNEL: Final = 1
 """A cube has one."""
@@ -30,9 +30,9 @@ class Cube:
         line: The line to the cube.
     """
 
-    def __init__(self, options: Options, line: Line) -> None:
+    def __init__(self, options: AptOptions, line: Line) -> None:
         self._options = options
-        self.line = AsideLine(line)
+        self.line = FilteredLine(line)
         self._conversation = Conversation(self.line, options.timeout_ms * 1e-3)
 
     def open(self) -> Identity:
@@ -97,7 +97,7 @@ class Cube:
         frame = self.ask(request, wanted)
         try:
             return codec.words_of(frame, CHANNEL, n)
-        except MalformedError as error:
+        except AptFrameError as error:
             raise LineFault(DeviceFlag.GARBAGE, str(error)) from error
 
     def ask_parameter(self, request: int, wanted: int) -> int:

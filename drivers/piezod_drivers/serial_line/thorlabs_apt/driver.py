@@ -6,21 +6,21 @@ from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.serial_line.thorlabs_apt.amplifier import AmplifierDialogue
-from piezod_drivers.serial_line.thorlabs_apt.options import Options
+from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 from piezod_drivers.serial_line.thorlabs_apt.port import CubePort
 from piezod_drivers.serial_line.thorlabs_apt.reader import ReaderDialogue
 
 CHANNEL: Final = "1"
 
 
-def channels(options: Options) -> ChannelUnits:
+def channels(options: AptOptions) -> ChannelUnits:
     """Tell the channels of a cube: its only one is an output or an input."""
     if options.is_amplifier:
         return ChannelUnits({}, {CHANNEL: "V"})
     return ChannelUnits({CHANNEL: "µm"}, {})
 
 
-def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
+def _create(options: AptOptions, wiring: Wiring, _seed: int) -> BusDevice:
     line = CubePort(options.port, options.baud, rtscts=options.rtscts)
     name = f"{options.model} at {options.port}"
     if options.is_amplifier:
@@ -31,7 +31,7 @@ def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
 PLUGIN: Final = DriverPlugin(
     name="thorlabs_apt",
     summary="Thorlabs KPZ101 and TPZ001 amplifiers, KSG101 and TSG001 strain gauge readers",
-    options_model=Options,
+    options_model=AptOptions,
     create=_create,
     confirmed_on_hardware=False,
     channels=channels,

@@ -8,17 +8,17 @@ from collections.abc import Callable
 from math import isfinite
 from typing import Final
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import (
     FULL_SCALE,
     HOST,
     UNIT,
+    AptFrameError,
+    CubeStatus,
     Hardware,
     Id,
-    MalformedError,
-    Status,
     StatusBit,
 )
 
@@ -47,7 +47,7 @@ class _Cube:
         hardware: Who it says it is.
     """
 
-    def __init__(self, bench: Bench, hardware: Hardware) -> None:
+    def __init__(self, bench: SharedRig, hardware: Hardware) -> None:
         self._bench, self._hardware = bench, hardware
         self._got, self._got_ns = b"", 0
         self._handlers: dict[int, _Handler] = {Id.REQ_INFO: self._info}
@@ -65,7 +65,7 @@ class _Cube:
             if handler is not None:
                 try:
                     replies += handler(frame)
-                except MalformedError:
+                except AptFrameError:
                     continue
         return replies
 
@@ -77,7 +77,7 @@ class _Cube:
         return [_answer(Id.GET_INFO, codec.pack_hardware(self._hardware))]
 
 
-class Amplifier(_Cube):
+class KpzEmulator(_Cube):
     """A KPZ101: off and at 0 V when it is switched on, and obeying the host alone.
 
     Args:
@@ -85,7 +85,7 @@ class Amplifier(_Cube):
         serial: The number that it tells, "" for its usual one.
     """
 
-    def __init__(self, bench: Bench, serial: str) -> None:
+    def __init__(self, bench: SharedRig, serial: str) -> None:
         super().__init__(bench, Hardware(_number(serial, 29_000_001), "KPZ101", "1.0.3"))
         self._output, self._enabled, self._mode = 0, _DISABLED, 1
         self.source = _SOFTWARE
@@ -145,7 +145,7 @@ class Amplifier(_Cube):
         counts = round(self._bench.drive_v(0) / MAX_V * FULL_SCALE)
         bits = StatusBit.ENABLED if self._enabled == _ENABLED else 0
         bits |= 0 if self._mode in _OPEN_MODES else StatusBit.CLOSED_LOOP
-        status = Status(max(-FULL_SCALE, min(counts, FULL_SCALE)), 0, bits)
+        status = CubeStatus(max(-FULL_SCALE, min(counts, FULL_SCALE)), 0, bits)
         return _answer(Id.GET_STATUS, codec.pack_status(_CHANNEL, status))
 
     def _start_updates(self, _frame: bytes) -> list[bytes]:
@@ -161,7 +161,7 @@ class Amplifier(_Cube):
         return []
 
 
-class Reader(_Cube):
+class KsgEmulator(_Cube):
     """A KSG101 whose actuator travels 30 µm.
 
     Args:
@@ -170,7 +170,7 @@ class Reader(_Cube):
         request: What it wants to be asked for readings, the answer being one more: sources differ.
     """
 
-    def __init__(self, bench: Bench, serial: str, request: int = Id.READING_7DE) -> None:
+    def __init__(self, bench: SharedRig, serial: str, request: int = Id.READING_7DE) -> None:
         super().__init__(bench, Hardware(_number(serial, 59_000_001), "KSG101", "1.0.2"))
         self._reading_id = request + 1
         travel = round(TRAVEL_UM * 10)
@@ -208,11 +208,11 @@ KPZ101: Final = EmulatorPlugin(
     name="kpz101",
     summary="Thorlabs KPZ101 piezo amplifier, 0 to 150 V",
     wire="serial",
-    create=Amplifier,
+    create=KpzEmulator,
 )
 KSG101: Final = EmulatorPlugin(
     name="ksg101",
     summary="Thorlabs KSG101 strain gauge reader, 30 µm",
     wire="serial",
-    create=Reader,
+    create=KsgEmulator,
 )

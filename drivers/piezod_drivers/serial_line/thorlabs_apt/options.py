@@ -8,7 +8,7 @@ from piezod.config.fields import Quantity
 from piezod_drivers.serial_line.options import PortOptions
 
 
-class Options(PortOptions):
+class AptOptions(PortOptions):
     """Options of a cube on a USB port of its own."""
 
     model: Literal["KPZ101", "TPZ001", "KSG101", "TSG001"] = Field(

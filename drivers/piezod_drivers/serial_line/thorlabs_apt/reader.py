@@ -12,7 +12,7 @@ from piezod.errors import DeviceError
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import FULL_SCALE, Id
 from piezod_drivers.serial_line.thorlabs_apt.cube import CHANNEL, Cube
-from piezod_drivers.serial_line.thorlabs_apt.options import Options
+from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 
 _BYTES_PER_CYCLE: Final = 6 + 12
 _UM_PER_TRAVEL: Final = 0.1
@@ -42,7 +42,7 @@ class ReaderDialogue:
         line: The line to the reader.
     """
 
-    def __init__(self, options: Options, wiring: Wiring, line: Line) -> None:
+    def __init__(self, options: AptOptions, wiring: Wiring, line: Line) -> None:
         self._options, self._inputs = options, wiring.inputs
         self._cube = Cube(options, line)
         self._um_per_count = 0.0

@@ -7,14 +7,14 @@ from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.serial_line.options import make_line
 from piezod_drivers.serial_line.thorlabs_mdt.dialogue import MdtDialogue
-from piezod_drivers.serial_line.thorlabs_mdt.options import Options
+from piezod_drivers.serial_line.thorlabs_mdt.options import MdtOptions
 
 
-def _channels(_options: Options) -> ChannelUnits:
+def _channels(_options: MdtOptions) -> ChannelUnits:
     return ChannelUnits({}, dict.fromkeys(("x", "y", "z"), "V"))
 
 
-def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
+def _create(options: MdtOptions, wiring: Wiring, _seed: int) -> BusDevice:
     dialogue = MdtDialogue(make_line(options), options.timeout_ms * 1e-3, wiring)
     return BusDevice("Thorlabs MDT amplifier", dialogue)
 
@@ -22,7 +22,7 @@ def _create(options: Options, wiring: Wiring, _seed: int) -> BusDevice:
 PLUGIN: Final = DriverPlugin(
     name="thorlabs_mdt",
     summary="Thorlabs MDT693A/B and MDT694A/B open-loop amplifiers",
-    options_model=Options,
+    options_model=MdtOptions,
     create=_create,
     confirmed_on_hardware=False,
     channels=_channels,

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Final, NamedTuple
 
-from piezod.devices.emulation.bench import Bench
+from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 
 _LONGEST: Final = 128
@@ -19,7 +19,7 @@ class _Refused(Exception):  # noqa: N818 - an answer of the protocol, not an err
     """Raised where a command is not carried out, with the device's word for it."""
 
 
-class Model(NamedTuple):
+class MdtModel(NamedTuple):
     """Which amplifier it is.
 
     Attributes:
@@ -44,7 +44,7 @@ class MdtEmulator:
         serial: Its serial number, "" for its usual one.
     """
 
-    def __init__(self, model: Model, bench: Bench, serial: str) -> None:
+    def __init__(self, model: MdtModel, bench: SharedRig, serial: str) -> None:
         self._model, self._bench = model, bench
         self._serial = serial or "140421-07"
         self._axes = model.axes[: bench.n_axes]
@@ -166,7 +166,7 @@ def _volts(text: str) -> float:
     return float(text)
 
 
-def _plugin(profile: str, model: Model) -> EmulatorPlugin:
+def _plugin(profile: str, model: MdtModel) -> EmulatorPlugin:
     return EmulatorPlugin(
         name=profile,
         summary=f"Thorlabs {model.name}, amplifier with {len(model.axes)} outputs",
@@ -175,6 +175,6 @@ def _plugin(profile: str, model: Model) -> EmulatorPlugin:
     )
 
 
-MDT693A: Final = _plugin("mdt693a", Model("MDT693A", "XYZ", "1.09", legacy=True))
-MDT693B: Final = _plugin("mdt693b", Model("MDT693B", "XYZ", "2.09"))
-MDT694B: Final = _plugin("mdt694b", Model("MDT694B", "X", "2.09"))
+MDT693A: Final = _plugin("mdt693a", MdtModel("MDT693A", "XYZ", "1.09", legacy=True))
+MDT693B: Final = _plugin("mdt693b", MdtModel("MDT693B", "XYZ", "2.09"))
+MDT694B: Final = _plugin("mdt694b", MdtModel("MDT694B", "X", "2.09"))

@@ -6,14 +6,14 @@ from typing import Final, NamedTuple
 from piezod.devices.interface import Wiring
 from piezod.errors import DeviceError
 from piezod_drivers.can_bus.dbc.frames import Checksum, Received, Sent
-from piezod_drivers.can_bus.dbc.layout import Message, Reader
-from piezod_drivers.can_bus.dbc.options import Options, SignalPlace, flag_of, messages_of
+from piezod_drivers.can_bus.dbc.layout import DbcMessage, SignalReader
+from piezod_drivers.can_bus.dbc.options import DbcOptions, SignalPlace, flag_of, messages_of
 
 _SLACK: Final = 0.01
 """How far beyond its range an output may be read back, as a part of the range."""
 
 
-class Fill(NamedTuple):
+class UnusedOutput(NamedTuple):
     """An output that nobody uses, in a message that sets others: it is sent as it was found.
 
     Attributes:
@@ -25,7 +25,7 @@ class Fill(NamedTuple):
 
     name: str
     place: tuple[int, str]
-    back: tuple[int, Reader]
+    back: tuple[int, SignalReader]
     range: tuple[float, float]
 
     def held(self, value: float) -> float:
@@ -44,7 +44,7 @@ class Fill(NamedTuple):
         return min(max(value, low), high)
 
 
-class Described:
+class UsedSignals:
     """The frames and signals of a configuration that a wiring uses.
 
     Args:
@@ -55,7 +55,7 @@ class Described:
         DeviceError: If a message that drives has an output that is neither used nor read back.
     """
 
-    def __init__(self, options: Options, wiring: Wiring) -> None:
+    def __init__(self, options: DbcOptions, wiring: Wiring) -> None:
         self._options, self._messages = options, messages_of(options)
         outputs = [options.outputs[name] for name in wiring.outputs]
         self.fills = self._find_fills(wiring.outputs)
@@ -89,7 +89,7 @@ class Described:
         used = {*self.sent, *self.answers}
         return [one.n_bytes for one in self._messages.values() if one.id in used]
 
-    def _find_fills(self, used: Sequence[str]) -> list[Fill]:
+    def _find_fills(self, used: Sequence[str]) -> list[UnusedOutput]:
         """Find the outputs that nobody uses in the messages of those that are used."""
         outputs = self._options.outputs
         driven = {(self._message(outputs[name]).id, outputs[name].signal) for name in used}
@@ -106,17 +106,17 @@ class Described:
                     f"read back: name its read_back, or use it together with {', '.join(used)}"
                 )
             back, range_ = self._place(output.read_back), message.signals[output.signal].range
-            fills.append(Fill(name, place, back, range_))
+            fills.append(UnusedOutput(name, place, back, range_))
         return fills
 
-    def _message(self, place: SignalPlace) -> Message:
+    def _message(self, place: SignalPlace) -> DbcMessage:
         return self._messages[place.message]
 
-    def _place(self, place: SignalPlace) -> tuple[int, Reader]:
+    def _place(self, place: SignalPlace) -> tuple[int, SignalReader]:
         message = self._message(place)
-        return message.id, Reader(message, place.signal)
+        return message.id, SignalReader(message, place.signal)
 
-    def _checksum(self, message: Message) -> Checksum | None:
+    def _checksum(self, message: DbcMessage) -> Checksum | None:
         place = self._options.checksums.get(message.name)
         return None if place is None else Checksum(message, place.signal, place.algorithm)
 
@@ -125,7 +125,7 @@ class Described:
         constants = options.constants.get(name, {})
         return Sent(message, constants, options.counters.get(name), self._checksum(message))
 
-    def _make_received(self, message: Message) -> Received:
+    def _make_received(self, message: DbcMessage) -> Received:
         options, name = self._options, message.name
         counter, echo = options.counters.get(name), options.echoes.get(name)
         return Received(message, counter, echo, self._checksum(message))

@@ -7,13 +7,13 @@ from piezod.devices.bus.conversation import PATIENCE, Conversation, LengthOf
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.psj import codec
-from piezod_drivers.serial_line.psj.models import Model
+from piezod_drivers.serial_line.psj.models import PsjModel
 
 SLOW: Final = 2
 """While a device is opened it may take so many times as long for an answer as in the loop."""
 
 
-class Talk:
+class PsjSession:
     """Asks in the words of a model.
 
     Args:
@@ -22,7 +22,7 @@ class Talk:
         timeout_s: How long to wait for an answer, in s.
     """
 
-    def __init__(self, line: Line, model: Model, timeout_s: float) -> None:
+    def __init__(self, line: Line, model: PsjModel, timeout_s: float) -> None:
         self._line, self._model, self._timeout_s = line, model, timeout_s
         self._slow_ns = round(SLOW * timeout_s * 1e9)
         self._conversation = Conversation(line, timeout_s)

@@ -20,7 +20,7 @@ class AnyDevice(Sensor, Amplifier, Exchanges, TellsStatus, Protocol):
     """A device in every role; whoever asks for one of them has made sure that it plays it."""
 
 
-class Around:
+class DeviceWrapper:
     """Implements the roles of a device over it.
 
     Args:
@@ -78,7 +78,7 @@ class Around:
         return [Sample(now_ns, nan, False)] * len(self._able.inputs)
 
 
-class Combined(Around):
+class CombinedExchange(DeviceWrapper):
     """Has a cycle cost one exchange with the device: reading rides on the write before it.
 
     The samples of a cycle are those that came with the write of the cycle before, and so is what is

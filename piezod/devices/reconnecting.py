@@ -4,11 +4,11 @@ import threading
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
-from piezod.devices.around import Around
 from piezod.devices.bus.bus_device import LOSING
 from piezod.devices.interface import Device, Identity, Sample, is_same
 from piezod.devices.status import DeviceFlag, Flags
 from piezod.devices.waits import FIRST_WAIT_S, LONGEST_WAIT_S, waits_s
+from piezod.devices.wrapper import DeviceWrapper
 from piezod.errors import DeviceError
 
 
@@ -23,7 +23,7 @@ class CanBeLost(Protocol):
     lost: str
 
 
-class Tended(Around):
+class ReconnectingDevice(DeviceWrapper):
     """Passes calls on to a device as long as it is there, and opens it again where it is lost.
 
     While it is away samples are not valid, writes are refused, and what is in force is not known;

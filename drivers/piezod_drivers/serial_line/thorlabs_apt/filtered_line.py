@@ -2,12 +2,12 @@
 
 from typing import Final
 
-from piezod.devices.bus.line import Line, Notices
+from piezod.devices.bus.line import Line, NoticingLine
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.thorlabs_apt.codec import (
     MOST_BYTES,
+    CubeStatus,
     Id,
-    Status,
     ident_of,
     length_to_host,
     status_of,
@@ -19,8 +19,8 @@ _COMPLAINTS: Final = frozenset({Id.RESPONSE, Id.RICH_RESPONSE})
 _REPLIES: Final = frozenset(map(int, Id)) - _COMPLAINTS
 
 
-class AsideLine:
-    """Implements `Line` and `Notices` with nothing on it but the messages that are wanted.
+class FilteredLine:
+    """Implements `Line` and `NoticingLine` with nothing on it but the messages that are wanted.
 
     Statuses that come beside what is wanted are kept, complaints and bytes that are no message are
     noticed, and everything else is dropped.
@@ -36,7 +36,7 @@ class AsideLine:
         self._noticed: set[DeviceFlag] = set()
         self.wanted = 0
         """What the messages are that are passed on."""
-        self.status: Status | None = None
+        self.status: CubeStatus | None = None
         """The last one that came, asked for or not."""
 
     @property
@@ -95,7 +95,9 @@ class AsideLine:
     def take_noticed(self) -> set[DeviceFlag]:
         """Return what was noticed since the last call, and forget it; may be called in the loop."""
         noticed, self._noticed = self._noticed, set()
-        return noticed | self._line.take_noticed() if isinstance(self._line, Notices) else noticed
+        return (
+            noticed | self._line.take_noticed() if isinstance(self._line, NoticingLine) else noticed
+        )
 
     def forget_noticed(self) -> None:
         """Forget what was noticed here."""

@@ -23,7 +23,7 @@ ResultT = TypeVar("ResultT")
 _SHOWN: Final = 300
 
 
-class Office(NamedTuple):
+class RequestQueue(NamedTuple):
     """What all requests share.
 
     Attributes:
@@ -41,7 +41,7 @@ class Office(NamedTuple):
     urgent_notes: UrgentNotes
 
 
-class Visit(NamedTuple):
+class RequestContext(NamedTuple):
     """A request that was let in.
 
     Attributes:
@@ -50,7 +50,7 @@ class Visit(NamedTuple):
         access: What the endpoint asks of him.
     """
 
-    office: Office
+    office: RequestQueue
     peer: Peer
     access: Access
 
@@ -122,5 +122,5 @@ def _visit(request: HttpRequest) -> Any:
     return request.state.visit
 
 
-VisitOf = Annotated[Visit, Depends(_visit)]
+VisitOf = Annotated[RequestContext, Depends(_visit)]
 """What an endpoint declares to get its visit."""
