@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from piezod.commission.session import Session
 from piezod.config.daemon import DaemonConfig
-from piezod.control.limits import Limits
+from piezod.control.guard import Limits
 from piezod.daemon.clock import Clock, MonotonicClock
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity

@@ -7,7 +7,7 @@ import yaml
 
 from piezod.commission.procedure import Findings
 from piezod.config.daemon import DaemonConfig, StageAxisConfig
-from piezod.control.limits import read_back_tolerance_v
+from piezod.control.guard import read_back_tolerance_v
 from piezod.devices.interface import Identity
 
 RANGE_PART: Final = 0.9

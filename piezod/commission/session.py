@@ -9,9 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from piezod.control.guard import Guard
-from piezod.control.limits import Limits
-from piezod.control.signals.recent_range import RecentRange
+from piezod.control.guard import Guard, Limits
+from piezod.control.signals import RecentRange
 from piezod.daemon.clock import Clock
 from piezod.daemon.loop.pacer import Pacer
 from piezod.devices.channels import Channels

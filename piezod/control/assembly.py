@@ -1,20 +1,23 @@
 """A stage put together from its configuration, ready for the loop."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from piezod.config.daemon import DaemonConfig, StageAxisConfig
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
+from piezod.control.controller import StageController
 from piezod.control.faults.register import FaultRegister
 from piezod.control.law.compensated import Start, compensated_axis
-from piezod.control.law.creep_state import CreepState
+from piezod.control.law.creep import CreepState
 from piezod.control.law.gains import check_known, naming
 from piezod.control.law.model import StageModel
 from piezod.control.law.model_files import from_model_file, read_model
 from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.boundary import DeviceBoundary, StageDevices
-from piezod.control.stage.controller import StageController
-from piezod.control.stage.stage import Owned, Stage, WatchedAxis
+from piezod.control.stage.parts import StageParts, WatchedAxis
+from piezod.control.stage.stage import Stage
 from piezod.control.watch.adaptation import AdaptationWatch
 from piezod.control.watch.amplifier import AmplifierWatch
 from piezod.control.watch.axis import AxisWatch
@@ -38,13 +41,20 @@ def check_stage(config: DaemonConfig) -> None:
         _model_of(name, axis)
 
 
-def assemble(config: DaemonConfig, devices: StageDevices, able: Capabilities) -> StageController:
+def assemble(
+    config: DaemonConfig,
+    devices: StageDevices,
+    able: Capabilities,
+    on_output_lost: Callable[[], None] | None = None,
+) -> StageController:
     """Put a stage together; its devices are open and active.
 
     Args:
         config: What `check_stage` has passed.
         devices: The devices as one, one axis for each of the configuration, in its order.
         able: What the devices can do together.
+        on_output_lost: Called when the last written voltage says nothing any more about the one
+            in force.
 
     Raises:
         ConfigError: If a model file cannot be used.
@@ -71,7 +81,10 @@ def assemble(config: DaemonConfig, devices: StageDevices, able: Capabilities) ->
     )
     register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)
     stage = Stage(
-        Owned(axes, boundary, period_ns, rebuilt), register, memory_known=able.opens_relaxed
+        StageParts(axes, boundary, period_ns, rebuilt),
+        register,
+        memory_known=able.opens_relaxed,
+        on_output_lost=on_output_lost,
     )
     return StageController(stage)
 
@@ -118,7 +131,7 @@ def _axis(
         AmplifierWatch(index, live.limits, delay_ns, period_ns, lag_ns),
         AdaptationWatch(index, adaptation, model, used.position_um, period_ns),
     )
-    return WatchedAxis(StageAxis(axis, live, period_ns), watches)
+    return WatchedAxis(StageAxis(name, axis, live, period_ns), watches)
 
 
 def _at_rest(model: StageModel, period_s: float) -> CreepState:

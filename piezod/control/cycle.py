@@ -1,126 +1,321 @@
-"""One cycle of the loop: read, judge, compensate, guard, write. Time is an argument."""
+"""One cycle of the loop, from the sample to the voltage.
 
-from collections.abc import Container, Sequence
-from typing import NamedTuple, Protocol
+`run_cycle` is the only place that knows the order: read, read back, screen, watch, faults, react,
+reference, compensate, guard, write, record. Time is an argument, and a fault is a value.
+"""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import nan
+from typing import Final, Protocol
+
+from piezod.config.faults import Fault
+from piezod.config.modes import Mode
+from piezod.config.states import State
+from piezod.control.faults.register import Detection, News
+from piezod.control.faults.table import Reaction, mask
 from piezod.control.guard import Admitted, Guard
-from piezod.control.law.axis import Axis, AxisOutput
+from piezod.control.law.axis import AxisOutput
+from piezod.control.stage.boundary import DeviceBoundary
+from piezod.control.stage.progress import advance
+from piezod.control.stage.stage import DRIVEN, SENSED, Stage
+from piezod.control.stage.states import Event
+from piezod.control.watch.loop import CycleTiming, LoopWatch
 from piezod.devices.interface import Sample
+from piezod.devices.status import Flags
+from piezod.telemetry.record import AxisRecord, CycleRecord, StageEvent
 from piezod.units import NS_PER_S
 
+PUNCTUAL: Final = CycleTiming(0, 0, 0, 0, 0)
+"""The timing of a cycle in virtual time."""
 
-class CycleRecord(NamedTuple):
-    """What happened in one cycle; per axis, in the order of the axes.
+_UNVERIFIED, _FORGOTTEN, _ESTOP = Detection(Fault.A10), Detection(Fault.D10), Detection(Fault.E1)
+_OVERLOADED, _OSCILLATES = mask([Fault.A4]), mask([Fault.D6])
+_EVENTS: Final = {
+    Reaction.HOLD: Event.FAULT_HOLD,
+    Reaction.RAMP: Event.FAULT_RAMP,
+    Reaction.BLIND: Event.FAULT_BLIND,
+    Reaction.CUT: Event.FAULT_CUT,
+}
+
+
+class CycleAxis(Protocol):
+    """What the cycle asks of an axis: its reference and its control law."""
+
+    def update(self, t_ns: int, sample: Sample) -> AxisOutput:
+        """Take the sample of this cycle; return the voltage to write. Real-time safe."""
+        ...
+
+    def applied(self, drive_v: float) -> None:
+        """Take the voltage that is in force from now on. Real-time safe."""
+        ...
+
+    def record(
+        self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
+    ) -> AxisRecord:
+        """Return what the cycle leaves of this axis. Real-time safe."""
+        ...
+
+
+@dataclass
+class CycleParts:
+    """What a cycle works on.
 
     Attributes:
-        t_ns: Instant of the cycle.
-        samples: Measured displacements, as they were used.
-        outputs: What the axes asked for.
-        admitted: What the guard let through.
-        written: Whether the amplifier took the voltages.
+        devices: The sensors and amplifiers of all axes.
+        axes: The axes, in the order of the devices; their owner may exchange them.
+        guard: The last check before the write.
+        period_s: Period of the loop, in s.
+        stage: The stage whose faults and state belong to it; None watches nothing, as an
+            experiment in virtual time does.
+        loop_watch: Watches the loop; None as above.
+        written_ns: Instant of the last write that the amplifiers took; None before the first.
     """
 
-    t_ns: int
-    samples: Sequence[Sample]
-    outputs: Sequence[AxisOutput]
-    admitted: Admitted
-    written: bool
+    devices: DeviceBoundary
+    axes: Sequence[CycleAxis]
+    guard: Guard
+    period_s: float
+    stage: Stage | None = None
+    loop_watch: LoopWatch | None = None
+    written_ns: int | None = None
 
 
-class Senses(Protocol):
-    """What the cycle needs of a sensor."""
-
-    def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take one sample of each axis; may be called in the loop."""
-        ...
-
-
-class Drives(Protocol):
-    """What the cycle needs of an amplifier."""
-
-    def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Set the voltage of every axis; return whether it was taken; call it in the loop."""
-        ...
-
-
-class Overseer(Protocol):
-    """Whoever decides, between reading and compensating, what is true and what is done."""
-
-    @property
-    def sent_v(self) -> Sequence[float] | None:
-        """What was sent last and not acknowledged, in V; None where nothing was."""
-        ...
-
-    @property
-    def eased(self) -> Container[int]:
-        """Axes that may go only half as fast as usual."""
-        ...
-
-    def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:
-        """Return the samples that may be used; may be called in the loop."""
-        ...
-
-
-class Unwatched:
-    """Nobody: samples are used as they are."""
-
-    sent_v: Sequence[float] | None = None
-    eased: Container[int] = ()
-
-    def watch(self, t_ns: int, samples: Sequence[Sample]) -> Sequence[Sample]:  # noqa: ARG002
-        """Return the samples; may be called in the loop."""
-        return samples
-
-
-class Cycle:
-    """The way of a sample, for all axes in one transaction.
+def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> CycleRecord:
+    """Run one cycle. Real-time safe.
 
     Args:
-        sensor: Gives one sample per axis.
-        amplifier: Takes one voltage per axis.
-        axes: The axes, in the devices' order; whoever owns the list may exchange them.
-        guard: The last thing before the write.
-        period_s: Period of the loop, in s.
-        overseer: Who judges the samples.
+        parts: What it works on.
+        t_ns: Instant of the cycle.
+        timing: How punctual the loop is.
     """
+    devices, axes, stage = parts.devices, parts.axes, parts.stage
+    slew_halved: Sequence[int] = ()
 
-    def __init__(
-        self,
-        sensor: Senses,
-        amplifier: Drives,
-        axes: Sequence[Axis],
-        guard: Guard,
-        period_s: float,
-        overseer: Overseer | None = None,
-    ) -> None:
-        self._sensor, self._amplifier, self._axes = sensor, amplifier, axes
-        self._guard, self._period_s = guard, period_s
-        self._overseer = overseer or Unwatched()
-        self._written_ns: int | None = None
+    # Read, read back. A driver that fails gives invalid samples and NaN.
+    samples = devices.read(t_ns)
+    read_back_v = devices.read_back(t_ns)
 
-    def run(self, t_ns: int) -> CycleRecord:
-        """Run one cycle; may be called in the loop; a fault is a value in the record."""
-        samples = self._overseer.watch(t_ns, self._sensor.read(t_ns))
-        outputs = [
-            axis.update(t_ns, sample) for axis, sample in zip(self._axes, samples, strict=True)
-        ]
-        asked_v = [output.drive_v for output in outputs]
-        in_force_v = [output.in_force_v for output in outputs]
-        planned_t_ns = min(output.t_ns for output in outputs)
-        elapsed_s, sent_v = self._elapsed_s(t_ns), self._overseer.sent_v
-        eased = self._overseer.eased
-        admitted = self._guard.admit(
-            planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, sent_v, eased
+    if stage is not None and parts.loop_watch is not None:
+        try:
+            # Screen, watch: which samples may be used, and what is wrong.
+            detections = [*parts.loop_watch.check(timing), *stage.take_reports()]
+            usable = _watch_axes(stage, t_ns, samples, read_back_v, detections)
+            for stage_axis in stage.axes:
+                stage_axis.live.pause_learning(timing.skipped > 0)
+            _watch_stage(stage, t_ns, read_back_v, detections)
+            # Faults: which are new, and the worst reaction to them.
+            reaction = stage.register.update(detections, t_ns)
+            # React: change the state, then what the state does by itself.
+            _react(stage, reaction, t_ns)
+            advance(stage, t_ns, usable, read_back_v)
+            samples, slew_halved = usable, _overloaded_axes(stage)
+        except Exception as error:  # noqa: BLE001 - a mistake here must not drop the voltage
+            samples = _hold_after_crash(stage, t_ns, samples, error)
+
+    # Reference, compensate: the command of each axis, and the voltage that should follow it.
+    outputs = [axis.update(t_ns, sample) for axis, sample in zip(axes, samples, strict=True)]
+    asked_v = [output.drive_v for output in outputs]
+    in_force_v = [output.in_force_v for output in outputs]
+    planned_t_ns = min([output.t_ns for output in outputs])
+
+    # Guard. After a late cycle less than a period may have passed since the last write.
+    elapsed_s = parts.period_s
+    if parts.written_ns is not None:
+        elapsed_s = min((t_ns - parts.written_ns) / NS_PER_S, elapsed_s)
+    admitted = parts.guard.admit(
+        planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved
+    )
+
+    # Write. The hysteresis memory advances with the voltage that was applied.
+    drive_v = admitted.drive_v
+    written = admitted.writable and devices.write(drive_v, t_ns)
+    if written:
+        parts.written_ns = t_ns
+        for axis, applied_v in zip(axes, drive_v, strict=True):
+            axis.applied(applied_v)
+
+    # Record.
+    records = [
+        axis.record(sample, output, applied_v, reported_v)
+        for axis, sample, output, applied_v, reported_v in zip(
+            axes, samples, outputs, drive_v, read_back_v, strict=True
         )
-        written = admitted.writable and self._amplifier.write(admitted.drive_v, t_ns)
-        if written:
-            self._written_ns = t_ns
-            for axis, drive_v in zip(self._axes, admitted.drive_v, strict=True):
-                axis.applied(drive_v)
-        return CycleRecord(t_ns, samples, outputs, admitted, written)
+    ]
+    if stage is None:
+        return CycleRecord(t_ns, State.RUN, False, written, 0, 0, records)
+    _watch_write(stage, admitted, written)
+    register, shadow = stage.register, devices.shadow
+    written |= stage.state not in DRIVEN
+    return CycleRecord(
+        t_ns, stage.state, shadow, written, register.present, register.latched, records
+    )
 
-    def _elapsed_s(self, t_ns: int) -> float:
-        """Return how long the drive may have moved: less than a period after a late cycle."""
-        if self._written_ns is None:
-            return self._period_s
-        return min((t_ns - self._written_ns) / NS_PER_S, self._period_s)
+
+# ---------------------------------------------------------------------- screen, watch
+
+
+def _watch_axes(
+    stage: Stage,
+    t_ns: int,
+    samples: Sequence[Sample],
+    read_back_v: Sequence[float],
+    detections: list[Detection],
+) -> Sequence[Sample]:
+    """Add what is wrong on the axes; return the samples that may be used."""
+    if not stage.boundary.active:
+        return samples
+    flags, n_axes = stage.boundary.status(t_ns), len(samples)
+    for i, sample in enumerate(samples):
+        of_sensor, of_amplifier = flags[i], flags[n_axes + i]
+        _watch_axis(stage, i, t_ns, sample, of_sensor, of_amplifier, read_back_v[i], detections)
+    return [watch.sensor.sample for watch in stage.watches]
+
+
+def _watch_axis(
+    stage: Stage,
+    i: int,
+    t_ns: int,
+    sample: Sample,
+    of_sensor: Flags,
+    of_amplifier: Flags,
+    read_back_v: float,
+    detections: list[Detection],
+) -> None:
+    """Add what is wrong on one axis."""
+    axis, watch, driven = stage.axes[i], stage.watches[i], stage.state in DRIVEN
+    closed = stage.state is State.RUN and axis.mode in SENSED
+    if of_sensor or of_amplifier or watch.bus.counting:  # else the devices report nothing
+        detections += watch.bus.check(of_sensor, of_amplifier)
+    for detection in watch.sensor.check(
+        t_ns,
+        sample,
+        of_sensor,
+        axis.live.in_force_v,
+        axis.command_um,
+        driven=driven and not stage.boundary.shadow,
+        needed=closed,
+    ):
+        if detection.fault is not Fault.S5 or not watch.bus.explains_silence:
+            detections.append(detection)
+    detections += watch.amplifier.check(read_back_v, of_amplifier)
+    usable = watch.sensor.sample
+    position_um = usable.position_um if usable.valid else nan
+    detections += watch.adaptation.check(
+        axis.command_um, position_um, closed=closed, noise_um=watch.sensor.noise_um
+    )
+    if axis.crash is not None:
+        text = f"axis {axis.name}: {axis.crash!r}"
+        detections.append(_crashed(stage, t_ns, Fault.P4, i, text))
+        axis.crash = None
+
+
+def _watch_stage(
+    stage: Stage, t_ns: int, read_back_v: Sequence[float], detections: list[Detection]
+) -> None:
+    """Add what is wrong with the stage as a whole."""
+    boundary, driven = stage.boundary, stage.state in DRIVEN
+    if boundary.reads_back and not boundary.shadow:
+        silent = stage.output.take_read_back(read_back_v, driven=driven)
+        if silent is not None:
+            detections.append(silent)
+    if boundary.crash is not None:
+        text = f"a driver failed: {boundary.crash!r}"
+        detections.append(_crashed(stage, t_ns, Fault.P3, -1, text))
+        boundary.crash = None
+    if stage.estop_pressed():
+        detections.append(_ESTOP)
+    if driven and not (boundary.reads_back or boundary.shadow):
+        detections.append(_UNVERIFIED)
+    if stage.memory_is_missed():
+        detections.append(_FORGOTTEN)
+
+
+def _watch_write(stage: Stage, admitted: Admitted, written: bool) -> None:
+    """Let the watches of the amplifiers know what this cycle wrote; the next one compares."""
+    boundary = stage.boundary
+    if stage.state not in DRIVEN or boundary.shadow or boundary.withheld:
+        return
+    for i, (axis, watch) in enumerate(zip(stage.axes, stage.watches, strict=True)):
+        law = axis.live
+        cut_off = axis.following and law.compensator.limited
+        at_end = cut_off and law.at_end_of_range
+        watch.amplifier.wrote(
+            admitted.drive_v[i],
+            taken=written,
+            refused=i in admitted.refused,
+            range_limited=i in admitted.range_limited or at_end,
+            slew_limited=i in admitted.slew_limited or (cut_off and not at_end),
+        )
+
+
+def _crashed(stage: Stage, t_ns: int, fault: Fault, axis: int, text: str) -> Detection:
+    """Note an exception; return the fault that it is."""
+    stage.note(StageEvent(t_ns, "error", "crash", text, fault))
+    return Detection(fault, axis)
+
+
+def _hold_after_crash(
+    stage: Stage, t_ns: int, samples: Sequence[Sample], error: Exception
+) -> Sequence[Sample]:
+    """Hold the voltages of all axes after a mistake in watching or reacting."""
+    text = f"judging failed: {error!r}"
+    stage.report(_crashed(stage, t_ns, Fault.P4, -1, text))
+    for axis in stage.axes:
+        axis.hold()
+    return [Sample(sample.t_ns, nan, False) for sample in samples]
+
+
+# ---------------------------------------------------------------------- react
+
+
+def _react(stage: Stage, reaction: Reaction, t_ns: int) -> None:
+    """Report new faults, and do what the worst of them asks for."""
+    register = stage.register
+    for news in register.news:
+        if news.rule.reaction is not Reaction.NONE:  # else it would flood the log
+            stage.note(_fault_event(stage, t_ns, news))
+    known = register.present | register.latched
+    if known or register.news:
+        _halve_gains(stage, register.axes_of(Fault.D6) if known & _OSCILLATES else 0)
+    if reaction in {Reaction.DEGRADE, Reaction.HOLD} or (known and not register.adapt_allowed):
+        for axis in stage.axes:
+            if axis.mode in SENSED:
+                axis.select(Mode.FEEDFORWARD)
+    event = _EVENTS.get(reaction)
+    if event is Event.FAULT_CUT and not stage.cut(t_ns):
+        event = Event.FAULT_RAMP
+    if event is not None:
+        stage.go(event, t_ns)
+    if event is Event.FAULT_BLIND:
+        for watch in stage.watches:
+            watch.amplifier.forget()
+
+
+def _halve_gains(stage: Stage, oscillating: int) -> None:
+    """Halve the gains of the axes that oscillate (bits), until that fault is reset."""
+    for i, axis in enumerate(stage.axes):
+        axis.live.halve_gains(bool(oscillating >> i & 1))
+
+
+def _overloaded_axes(stage: Stage) -> Sequence[int]:
+    """Return the axes whose amplifier is overloaded: they may go only half as fast as usual."""
+    if not stage.register.present & _OVERLOADED:
+        return ()
+    return [i for i, watch in enumerate(stage.watches) if watch.amplifier.overloaded]
+
+
+def _fault_event(stage: Stage, t_ns: int, news: News) -> StageEvent:
+    rule, detection, appeared = news
+    axis = stage.axes[detection.axis].name if detection.axis >= 0 else ""
+    text = f"{rule.name}; {rule.remedy}" if appeared else f"{rule.name}: gone"
+    return StageEvent(
+        t_ns,
+        rule.severity if appeared else "info",
+        "fault" if appeared else "fault-cleared",
+        text,
+        rule.id,
+        axis,
+        detection.measured,
+        detection.limit,
+    )

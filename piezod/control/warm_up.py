@@ -78,7 +78,7 @@ def warm_up(config: DaemonConfig) -> None:
     period_ns, t_ns = round(NS_PER_S / config.rate_hz), NS_PER_S
     waves: dict[str, WaveformConfig] = {
         name: Sine(kind="sine", low=axis.pace.low_um, high=axis.pace.high_um, frequency_hz=1.0)
-        for name, axis in zip(config.axes, controller.stage.axes, strict=True)
+        for name, axis in zip(config.axes, controller.axes, strict=True)
     }
     for request in (
         None,

@@ -1,9 +1,10 @@
 """What happened in the loop, handed to the supervisor for log and audit; the oldest give way."""
 
 from struct import Struct
-from typing import Final, NamedTuple
+from typing import Final
 
 from piezod.telemetry.layout import EVENT_BYTES, EVENT_SLOTS
+from piezod.telemetry.record import StageEvent
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.words import Word
 
@@ -11,19 +12,6 @@ _NUMBERS: Final = Struct("<qddq")  # instant, measured, limit, length of the tex
 _TEXT_AT: Final = 8 + _NUMBERS.size
 _TEXT_BYTES: Final = EVENT_BYTES - _TEXT_AT
 _BETWEEN: Final = "\x1f"
-
-
-class LoopEvent(NamedTuple):
-    """An event; the fields are those of `control.stage.record.StageEvent`."""
-
-    t_ns: int
-    severity: str
-    kind: str
-    text: str
-    fault: str
-    axis: str
-    measured: float
-    limit: float
 
 
 class EventWriter:
@@ -38,7 +26,7 @@ class EventWriter:
         self._numbers = self._bytes.cast("q")
         self._seq = shared.words[Word.NEWEST_EVENT]
 
-    def append(self, event: LoopEvent) -> None:
+    def append(self, event: StageEvent) -> None:
         """Hand an event over; a long text is cut off; may be called in the loop."""
         t_ns, severity, kind, text, fault, axis, measured, limit = event
         texts = _BETWEEN.join((severity, kind, fault, axis, text)).encode()[:_TEXT_BYTES]
@@ -61,7 +49,7 @@ class EventReader:
         self._bytes, self._words = shared.part("events"), shared.words
         self._position = self._words[Word.NEWEST_EVENT]
 
-    def read(self) -> tuple[list[LoopEvent], int]:
+    def read(self) -> tuple[list[StageEvent], int]:
         """Return the events since the last call, oldest first, and how many were lost."""
         newest = self._words[Word.NEWEST_EVENT]
         start = max(self._position, newest - EVENT_SLOTS + 1)
@@ -78,8 +66,8 @@ class EventReader:
         return bytes(self._bytes[at : at + EVENT_BYTES])
 
 
-def _event(slot: bytes) -> LoopEvent:
+def _event(slot: bytes) -> StageEvent:
     t_ns, measured, limit, length = _NUMBERS.unpack_from(slot, 8)
     text = slot[_TEXT_AT : _TEXT_AT + length].decode(errors="ignore")
     severity, kind, fault, axis, text = text.split(_BETWEEN, 4)
-    return LoopEvent(t_ns, severity, kind, text, fault, axis, measured, limit)
+    return StageEvent(t_ns, severity, kind, text, fault, axis, measured, limit)

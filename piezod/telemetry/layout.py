@@ -1,18 +1,20 @@
 """What lies where in the memory that loop and supervisor share, and what a record holds.
 
-A record is written by `struct` (a loop needs no array for it) and read as a structured array; both
-descriptions are made here, side by side. Numbers are little-endian and lie without gaps that are
-not named; every record is a multiple of eight bytes long, so that its sequence numbers are aligned.
+A record is written by `struct`, because a loop needs no array for it, and read as a structured
+array; both descriptions derive from `telemetry.record`. Numbers are little-endian; each record is a
+multiple of eight bytes long, so that its sequence numbers are aligned.
 """
 
 import json
 from dataclasses import asdict, dataclass
+from enum import Enum
 from itertools import accumulate
-from typing import Final, Self
+from typing import Final, NamedTuple, Self, get_type_hints
 
 import numpy as np
 
 from piezod.config.daemon import DaemonConfig
+from piezod.telemetry.record import AxisRecord, CycleHeader
 from piezod.units import NS_PER_S, s_to_ns
 
 PAGE: Final = 4096
@@ -38,65 +40,78 @@ RING_S: Final = 16.0
 """What the ring holds: the flight recorder wants 10 s, and time to come for them."""
 RING_MAX_BYTES: Final = 64 * 1024 * 1024
 
-AXIS_FIELDS: Final = (
-    ("sample_ns", "<i8", "q"),
-    ("position_um", "<f8", "d"),
-    ("command_um", "<f8", "d"),
-    ("target_um", "<f8", "d"),
-    ("uncompensated_v", "<f8", "d"),
-    ("asked_v", "<f8", "d"),
-    ("drive_v", "<f8", "d"),
-    ("in_force_v", "<f8", "d"),
-    ("read_back_v", "<f8", "d"),
-    ("trim_um", "<f8", "d"),
-    ("mode", "u1", "B"),
-    ("gate", "u1", "B"),
-    ("on_target", "?", "?"),
-    ("_axis_gap", "V5", "5x"),
-    ("motion", "<i8", "q"),
-)
-"""Name, numpy's and struct's description of what is told of an axis, in the order of `append`.
+_CODES: Final = {int: ("<i8", "q"), float: ("<f8", "d"), bool: ("?", "?")}
+"""Type of a field: numpy's description of it, and that of `struct`."""
+_MASK: Final = ("<u8", "Q")
+_PLACE: Final = ("u1", "B")
+"""A member of an enumeration is stored as its place in it."""
 
-`mode` is the place in `config.modes.Mode`, `gate` that in `control.law.gate.GateReason`.
-"""
 
-CYCLE_FIELDS: Final = (
-    ("t_ns", "<i8", "q"),
-    ("late_ns", "<i8", "q"),
-    ("read_ns", "<i8", "q"),
-    ("compute_ns", "<i8", "q"),
-    ("write_late_ns", "<i8", "q"),
-    ("write_ns", "<i8", "q"),
-    ("skipped", "<i8", "q"),
-    ("present_lo", "<u8", "Q"),
-    ("present_hi", "<u8", "Q"),
-    ("latched_lo", "<u8", "Q"),
-    ("latched_hi", "<u8", "Q"),
-    ("state", "u1", "B"),
-    ("shadow", "?", "?"),
-    ("written", "?", "?"),
-    ("_cycle_gap", "V5", "5x"),
-)
-"""The same of a cycle, before its axes.
+class Field(NamedTuple):
+    """One field of a record in memory.
 
-`late_ns`: wake-up after the deadline; `read_ns`, `compute_ns`, `write_ns`: durations of the phases;
-`write_late_ns`: begin of the write after the deadline, -1 where nothing was written; `skipped`:
-periods skipped since the start; `present`, `latched`: faults, the first 64 and the others; `state`:
-place in `config.states.State`.
-"""
+    Attributes:
+        name: Its name; one that begins with "_" is a gap.
+        dtype: Numpy's description of it.
+        code: That of `struct`.
+    """
+
+    name: str
+    dtype: str
+    code: str
+
+
+def fields_of(record: type[AxisRecord] | type[CycleHeader]) -> tuple[Field, ...]:
+    """Return the fields of a record in memory, from its declaration.
+
+    Gaps keep the fields of eight bytes, and the end, at multiples of eight.
+    """
+    fields: list[Field] = []
+    at = 0
+    for name, kind in get_type_hints(record).items():
+        dtype, code = _described(name, kind)
+        size = np.dtype(dtype).itemsize
+        if at % size:
+            fields.append(_gap(len(fields), -at % size))
+            at += -at % size
+        fields.append(Field(name, dtype, code))
+        at += size
+    if at % 8:
+        fields.append(_gap(len(fields), -at % 8))
+    return tuple(fields)
+
+
+def _described(name: str, kind: type) -> tuple[str, str]:
+    if name.endswith(("_lo", "_hi")):
+        return _MASK
+    return _PLACE if issubclass(kind, Enum) else _CODES[kind]
+
+
+def _gap(place: int, size: int) -> Field:
+    return Field(f"_gap{place}", f"V{size}", f"{size}x")
+
+
+CYCLE_FIELDS: Final = fields_of(CycleHeader)
+AXIS_FIELDS: Final = fields_of(AxisRecord)
 
 
 def record_dtype(axes: int) -> np.dtype[np.void]:
-    """Describe a record of so many axes; the axes are the field `axes`, of shape (axes,)."""
-    axis = np.dtype([(name, kind) for name, kind, _ in AXIS_FIELDS])
-    cycle = [(name, kind) for name, kind, _ in CYCLE_FIELDS]
+    """Describe a record of this many axes; the field `axes` has shape (axes,)."""
+    axis = np.dtype([(name, dtype) for name, dtype, _ in AXIS_FIELDS])
+    cycle = [(name, dtype) for name, dtype, _ in CYCLE_FIELDS]
     return np.dtype([("seq", "<i8"), *cycle, ("axes", axis, (axes,)), ("end_seq", "<i8")])
 
 
 def body_format(axes: int) -> str:
     """Describe the same for `struct`, without the sequence numbers at both ends."""
-    cycle = "".join(code for *_, code in CYCLE_FIELDS)
-    return "<" + cycle + "".join(code for *_, code in AXIS_FIELDS) * axes
+    cycle = "".join(field.code for field in CYCLE_FIELDS)
+    return "<" + cycle + "".join(field.code for field in AXIS_FIELDS) * axes
+
+
+def enumerations() -> dict[str, tuple[Enum, ...]]:
+    """Return the fields that hold a place in an enumeration, each with the members."""
+    hints = get_type_hints(CycleHeader) | get_type_hints(AxisRecord)
+    return {name: tuple(kind) for name, kind in hints.items() if issubclass(kind, Enum)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 from piezod.commission.session import Session
 from piezod.config.daemon import DaemonConfig, load_daemon
-from piezod.control.limits import Limits
+from piezod.control.guard import Limits
 from piezod.devices import registry
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Device

@@ -9,7 +9,7 @@ from piezod.commission.procedure import Findings, ProcedureStep, steps_of
 from piezod.commission.profile import profile
 from piezod.commission.session import Session
 from piezod.config.daemon import StageAxisConfig, load_daemon
-from piezod.control.limits import Limits
+from piezod.control.guard import Limits
 from piezod.devices import registry
 from piezod.devices.interface import Device, Identity
 from piezod.testing.faulty import FaultyDevice

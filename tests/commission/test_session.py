@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from piezod.commission.session import PATIENCE_S, Session, SessionTrace, joined
-from piezod.control.limits import Limits
+from piezod.control.guard import Limits
 from piezod.devices.interface import Device
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError

@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
+from piezod.config.gate_reasons import GateReason
 from piezod.control.law.axis import AxisOutput
-from piezod.control.law.gate import GateReason, LearningGate
+from piezod.control.law.identifier import LearningGate
 from piezod.control.law.trim import Trim
 from piezod.devices.interface import Capabilities, Identity, Sample
 from piezod.hysteresis import LMSIdentifier, even_thresholds, new_bank

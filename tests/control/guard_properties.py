@@ -5,8 +5,7 @@ from math import inf, isfinite, isnan, nan
 
 from hypothesis import strategies as st
 
-from piezod.control.guard import Admitted, Guard
-from piezod.control.limits import Limits
+from piezod.control.guard import Admitted, Guard, Limits
 
 LIMITS = (Limits(-10.0, 150.0, 20_000.0), Limits(0.0, 100.0, 500.0))
 LONGEST_S = 2e-3

@@ -9,12 +9,13 @@ from typing import Any, cast
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.requests import Request
 from piezod.control.assembly import assemble
-from piezod.control.stage.record import Answer, AxisRecord, StageEvent, StageRecord
+from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices import registry
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Device
 from piezod.devices.wiring import ChannelPair, construct, pairs_of
+from piezod.telemetry.record import AxisRecord, CycleRecord, StageEvent
 from piezod.testing.faulty import FaultyDevice, SensorAmplifier
 from piezod.testing.injections import Injection, InjectionKind
 from piezod.units import NS_PER_S
@@ -95,7 +96,7 @@ class LiveStage:
         )
         self.controller = assemble(self.config, self.channels, able)
         self.events: list[StageEvent] = []
-        self.records: list[StageRecord] = []
+        self.records: list[CycleRecord] = []
 
     @property
     def x(self) -> AxisRecord:
@@ -107,14 +108,14 @@ class LiveStage:
         """The state now."""
         return self.controller.state.value
 
-    def run(self, duration_s: float, timing: CycleTiming = ON_TIME) -> list[StageRecord]:
+    def run(self, duration_s: float, timing: CycleTiming = ON_TIME) -> list[CycleRecord]:
         """Run cycles for a time; return their records."""
         first = len(self.records)
         for _ in range(max(1, round(duration_s * NS_PER_S / self.period_ns))):
             self.cycle(timing)
         return self.records[first:]
 
-    def cycle(self, timing: CycleTiming = ON_TIME) -> StageRecord:
+    def cycle(self, timing: CycleTiming = ON_TIME) -> CycleRecord:
         """Run one cycle, as late as it is told to be; return its record."""
         self.t_ns += self.period_ns * (1 + timing.skipped)
         record = self.controller.cycle(self.t_ns, timing)

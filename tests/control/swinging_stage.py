@@ -7,7 +7,7 @@ from piezod.config import requests as rq
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Sine
-from piezod.control.stage.record import StageRecord
+from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from tests.control.live_stage import FaultyStage, quick
 
@@ -54,7 +54,7 @@ class Case:
     name: str = ""
 
 
-def failed(case: Case) -> tuple[Faulty, list[StageRecord]]:
+def failed(case: Case) -> tuple[Faulty, list[CycleRecord]]:
     """Return a stage after 200 ms of a fault, and at rest; and the records since it began."""
     stage = Faulty()
     stage.fail(case.kind, 200, **case.what)
@@ -64,7 +64,7 @@ def failed(case: Case) -> tuple[Faulty, list[StageRecord]]:
     return stage, after + stage.run(0.4)
 
 
-def check_way(case: Case, stage: Faulty, after: list[StageRecord]) -> None:
+def check_way(case: Case, stage: Faulty, after: list[CycleRecord]) -> None:
     """Check that a fault was told, RUN was left in time, and the stage ended at rest."""
     first = next(i for i, record in enumerate(after) if record.state is not State.RUN)
     assert case.fault in stage.faults()

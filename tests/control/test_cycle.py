@@ -5,9 +5,8 @@ from collections.abc import Container, Sequence
 import pytest
 
 from piezod.control.cycle import Cycle
-from piezod.control.guard import Guard
+from piezod.control.guard import Guard, Limits
 from piezod.control.law.axis import AxisOutput
-from piezod.control.limits import Limits
 from piezod.devices.interface import Sample
 from tests.control.fakes import MS, FakeAmplifier, FakeAxis, FakeSensor
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.control.limits import Limits
+from piezod.control.guard import Limits
 
 LIMITS = Limits(drive_min_v=-10.0, drive_max_v=150.0, slew_v_per_s=20_000.0)
 CYCLE_S = 1e-3

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from piezod.config.daemon import DaemonConfig
+from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.control.law.gate import GateReason
-from piezod.control.stage.record import Answer
+from piezod.control.stage.answer import Answer
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import Peer, Role
 from piezod.daemon.supervisor.connection import LoopConnection

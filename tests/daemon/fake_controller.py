@@ -2,14 +2,15 @@
 
 from math import nan
 
+from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.requests import Request, Shutdown
 from piezod.config.states import State
 from piezod.control.faults.register import Detection
-from piezod.control.law.gate import GateReason
-from piezod.control.stage.record import Answer, AxisRecord, StageEvent, StageRecord
+from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.loop.timed_channels import TimedChannels
+from piezod.telemetry.record import AxisRecord, CycleRecord, StageEvent
 from piezod.testing.fake_clock import FakeClock
 
 
@@ -55,7 +56,7 @@ class FakeController:
         """Tell something that differs from axis to axis."""
         return [axis + 0.5], 1.0, 2.0, 3.0
 
-    def cycle(self, t_ns: int, timing: CycleTiming) -> StageRecord:
+    def cycle(self, t_ns: int, timing: CycleTiming) -> CycleRecord:
         """Read, take its time, write."""
         self.timings.append(timing)
         sample = self._devices.read(t_ns)[0]
@@ -79,4 +80,4 @@ class FakeController:
             3,
         )
         faults = 1 << 70 | 1 << 3
-        return StageRecord(t_ns, self.state, False, written, faults, 1 << 64, [axis, axis])
+        return CycleRecord(t_ns, self.state, False, written, faults, 1 << 64, [axis, axis])

@@ -14,7 +14,7 @@ from typing import Self
 
 from piezod.config.requests import Estop, Request, Shutdown
 from piezod.config.states import State
-from piezod.control.stage.record import Answer
+from piezod.control.stage.answer import Answer
 from piezod.telemetry.mailbox import MailboxReader
 from piezod.telemetry.requests_codec import decode
 from piezod.telemetry.shared_map import SharedMap, attach

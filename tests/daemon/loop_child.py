@@ -14,7 +14,7 @@ from piezod.config.daemon import load_daemon
 from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.devices import registry
-from piezod.telemetry.events import EventReader, LoopEvent
+from piezod.telemetry.events import EventReader, StageEvent
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.mailbox import MailboxAnswer, MailboxWriter
 from piezod.telemetry.requests_codec import encode
@@ -50,7 +50,7 @@ class LoopChild:
         for name, value in words.items():
             self.shared.words[Word[name]] = value
         self._events = EventReader(self.shared)
-        self._told: list[LoopEvent] = []
+        self._told: list[StageEvent] = []
         self._mailbox = MailboxWriter(self.shared)
         self.silent = threading.Event()
         self._beating = threading.Thread(target=beat, args=(self.shared, self.silent))
@@ -80,7 +80,7 @@ class LoopChild:
         return list(State)[self.shared.words[Word.LOOP_STATE]]
 
     @property
-    def events(self) -> list[LoopEvent]:
+    def events(self) -> list[StageEvent]:
         """All events so far."""
         self._told += self._events.read()[0]
         return self._told

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod.config.daemon import load_daemon
-from piezod.control.stage.record import AxisRecord
 from piezod.devices import registry
 from piezod.telemetry.layout import (
     AXIS_FIELDS,
@@ -17,6 +16,7 @@ from piezod.telemetry.layout import (
     body_format,
     record_dtype,
 )
+from piezod.telemetry.record import AxisRecord
 
 SIMULATED = Path(__file__).parents[2] / "config" / "simulated.yaml"
 LAYOUTS = st.builds(

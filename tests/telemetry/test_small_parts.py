@@ -4,17 +4,17 @@ from math import isnan, nan
 
 import numpy as np
 
-from piezod.control.stage.record import StageEvent
-from piezod.telemetry.events import EventReader, EventWriter, LoopEvent
+from piezod.telemetry.events import EventReader, EventWriter
 from piezod.telemetry.layout import EVENT_SLOTS, MAX_WEIGHTS
 from piezod.telemetry.learned import LearnedReader, LearnedWriter
+from piezod.telemetry.record import StageEvent
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamReader, StreamWriter
 
 
-def event(number: int, text: str = "text") -> LoopEvent:
+def event(number: int, text: str = "text") -> StageEvent:
     """Return an event."""
-    return LoopEvent(number, "info", "state", text, "S5", "x", 1.5, nan)
+    return StageEvent(number, "info", "state", text, "S5", "x", 1.5, nan)
 
 
 def test_newest_setpoint_wins(shared: SharedMap) -> None:
@@ -95,7 +95,7 @@ def test_event_comes_out_as_it_went_in(shared: SharedMap) -> None:
 
 def test_event_of_the_loop_has_the_fields_of_the_controller() -> None:
     """So that they are handed over as they are."""
-    assert LoopEvent._fields == StageEvent._fields
+    assert StageEvent._fields == StageEvent._fields
 
 
 def test_long_text_is_cut_off(shared: SharedMap) -> None:

@@ -1,18 +1,18 @@
-"""What happens to one axis in one cycle; two ways to drive it."""
+"""The control law of one axis: from a sample and a reference to the voltage of the next cycle."""
 
 from collections.abc import Callable
 from math import nan
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from piezod.config.modes import Mode
+from piezod.control.guard import Limits, Window
 from piezod.control.law.compensator import Compensator
-from piezod.control.law.history import DriveHistory
-from piezod.control.law.identifier import Identifier
-from piezod.control.law.shaping import CornerFilter
+from piezod.control.law.identifier import DriveHistory, Identifier
 from piezod.control.law.trim import Trim
-from piezod.control.limits import Limits, Window
+from piezod.control.reference.motion import CornerFilter
 from piezod.devices.interface import Sample
 from piezod.hysteresis.normalisation import AffineRange
+from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S
 
 Waveform = Callable[[float], float]
@@ -35,47 +35,6 @@ class AxisOutput(NamedTuple):
     uncompensated_v: float
     in_force_v: float
     t_ns: int
-
-
-class Axis(Protocol):
-    """One axis of the cycle."""
-
-    def update(self, t_ns: int, sample: Sample) -> AxisOutput:
-        """Take the sample of this cycle; return what to write; may be called in the loop."""
-        ...
-
-    def applied(self, drive_v: float) -> None:
-        """Learn what is in force from now on; may be called in the loop."""
-        ...
-
-
-class OpenLoopAxis:
-    """Drives a voltage waveform, for identification; the displacement is recorded, not used.
-
-    Args:
-        waveform_v: Voltage over time since the start, in V.
-        limits: What the drive may do.
-        in_force_v: Voltage in force at the start.
-        start_ns: Instant at which the waveform starts.
-        period_ns: Period of the loop.
-    """
-
-    def __init__(
-        self, waveform_v: Waveform, limits: Limits, in_force_v: float, start_ns: int, period_ns: int
-    ) -> None:
-        self._waveform_v, self._limits = waveform_v, limits
-        self._in_force_v = in_force_v
-        self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
-
-    def update(self, t_ns: int, sample: Sample) -> AxisOutput:  # noqa: ARG002 - open loop
-        """Return the voltage for this cycle; may be called in the loop."""
-        wished_v = self._waveform_v((t_ns - self._start_ns) / NS_PER_S)
-        drive_v = self._limits.admit(wished_v, self._in_force_v, self._period_s)
-        return AxisOutput(drive_v, float("nan"), wished_v, self._in_force_v, t_ns)
-
-    def applied(self, drive_v: float) -> None:
-        """Learn what is in force from now on; may be called in the loop."""
-        self._in_force_v = drive_v
 
 
 class CompensatedAxis:
@@ -145,9 +104,13 @@ class CompensatedAxis:
         else:
             self.trim.disable()
 
-    def ease(self, eased: bool) -> None:
-        """Trim and learn with half the gain, or with the whole again; call it in the loop."""
-        self.trim.eased = self.identifier.eased = eased
+    def halve_gains(self, halved: bool) -> None:
+        """Trim and learn with half the gain, or with the whole gain again. Real-time safe."""
+        self.trim.gain_halved = self.identifier.gain_halved = halved
+
+    def pause_learning(self, paused: bool) -> None:
+        """Learn nothing from the next sample, or learn again. Real-time safe."""
+        self.identifier.gate.skipped = paused
 
     @property
     def limits(self) -> Limits:
@@ -221,7 +184,9 @@ class CompensatedAxis:
         command_um = self._reference_um(t_s)
         forced = self._forced_v == self._forced_v
         credible = self.identifier.gate.credible and not (refused or forced)
-        trim = self.trim.step(self._lacks(sample), credible, self.compensator.stop)
+        trim = 0.0
+        if self.trim.active:
+            trim = self.trim.step(self._lacks(sample), credible, self.compensator.stop)
         ahead = self._position_um.to_unit(self._shaped_um.value(t_s + self._ahead_s))
         window = self._limits.window(self._in_force_v, self._period_s)
         if forced:
@@ -244,6 +209,45 @@ class CompensatedAxis:
         """Learn what is in force from now on; may be called in the loop."""
         self._in_force_v = drive_v
         self._awaits_write = False
+
+    def record(
+        self,
+        sample: Sample,
+        output: AxisOutput,
+        drive_v: float,
+        read_back_v: float,
+        *,
+        target_um: float = nan,
+        on_target: bool = False,
+        motion: int = 0,
+    ) -> AxisRecord:
+        """Return what this cycle leaves. Real-time safe.
+
+        Args:
+            sample: The sample that was used.
+            output: What the axis asked for.
+            drive_v: Voltage that was written, in V.
+            read_back_v: Voltage that the amplifier reports, in V; NaN if it does not.
+            target_um: Position at which the movement ends, in µm; NaN if there is none.
+            on_target: Whether the position has been reached and has stayed there.
+            motion: Number of the movement.
+        """
+        return AxisRecord(
+            sample.t_ns,
+            sample.position_um if sample.valid else nan,
+            output.command_um,
+            target_um,
+            output.uncompensated_v,
+            output.drive_v,
+            drive_v,
+            output.in_force_v,
+            read_back_v,
+            self.trim.value * self._position_um.width,
+            self.compensator.mode,
+            self.identifier.gate.reason,
+            on_target,
+            motion,
+        )
 
     def _lacks(self, sample: Sample) -> float:
         """Return what a sample lacks to the command of the instant it shows, in units of range."""

@@ -6,16 +6,14 @@ import numpy as np
 
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import Mode
+from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis, Waveform
 from piezod.control.law.compensator import Compensator
-from piezod.control.law.creep_state import CreepState
-from piezod.control.law.gate import LearningGate
-from piezod.control.law.history import DriveHistory
-from piezod.control.law.identifier import Identifier
+from piezod.control.law.creep import CreepState
+from piezod.control.law.identifier import DriveHistory, Identifier, LearningGate
 from piezod.control.law.model import StageModel
 from piezod.control.law.stability import refuse_unstable
 from piezod.control.law.trim import Trim
-from piezod.control.limits import Limits
 from piezod.hysteresis import (
     AdaptiveIdentifier,
     Convergence,
@@ -117,7 +115,7 @@ def compensated_axis(
         model.position_um,
         history,
         delay_ns,
-        Convergence(CONVERGED_WITHIN, window=_cycles(CONVERGED_FOR_S, period_ns)),
+        None if np.any(model.weights) else _convergence(period_ns),
         LearningGate(period_ns, latency_ns=sensor_delay_ns),
         creep,
     )
@@ -145,6 +143,10 @@ def compensated_axis(
         trim=_trim(config, period_ns),
         first_mode_hz=config.first_mode.frequency_hz if config.first_mode else None,
     )
+
+
+def _convergence(period_ns: int) -> Convergence:
+    return Convergence(CONVERGED_WITHIN, window=_cycles(CONVERGED_FOR_S, period_ns))
 
 
 def _adaptation(config: AxisConfig, bank: FloatArray, weights: FloatArray) -> AdaptiveIdentifier:

@@ -19,7 +19,7 @@ from math import isfinite
 import numpy as np
 
 from piezod.config.modes import Mode
-from piezod.control.law.creep_state import AT_REST, CreepState
+from piezod.control.law.creep import AT_REST, CreepState
 from piezod.control.law.step import BEYOND, OUTSIDE, POSITION, step
 from piezod.hysteresis.bank import new_bank_memory
 from piezod.hysteresis.memory import MERGED, SEEN, FloatArray

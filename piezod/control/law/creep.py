@@ -1,9 +1,10 @@
-"""Creep in seconds: how much of it, and over which times."""
+"""Creep in seconds: how much, over which times, and how far a stage has crept."""
 
 from typing import NamedTuple
 
 import numpy as np
 
+from piezod.hysteresis.creep import NO_CREEP as NO_LAGS
 from piezod.hysteresis.creep import Creep
 from piezod.hysteresis.memory import FloatArray
 
@@ -43,3 +44,23 @@ def logarithmic(weight: float) -> CreepLaw:
         weight: What each lag adds, as a share of what it follows.
     """
     return CreepLaw(TIME_CONSTANTS_S, np.full(TIME_CONSTANTS_S.size, weight))
+
+
+class CreepState(NamedTuple):
+    """The creep of a stage at an instant; displacements in units of the range.
+
+    Attributes:
+        creep: How the stage creeps.
+        lags: (K,) its lags.
+        zeroed: What had crept when the sensor was zeroed, and is not seen of it since.
+        quick: Displacement without creep.
+    """
+
+    creep: Creep
+    lags: FloatArray
+    zeroed: float
+    quick: float
+
+
+AT_REST = CreepState(NO_LAGS, np.empty(0), 0.0, 0.0)
+"""Of a stage that does not creep, at the lower end of its range."""

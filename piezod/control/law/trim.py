@@ -26,14 +26,16 @@ class Trim:
         self._authority = authority
         self._fade_per_cycle = authority / fade_cycles
         self._enabled = False
-        self.eased = False
-        """Whether it goes with half its gain."""
+        self.gain_halved = False
+        """Whether it integrates with half its gain."""
+        self.active = False
+        """Whether `step` can give anything but zero: enabled, or still fading."""
         self.value = 0.0
         """The trim now, within plus and minus the authority."""
 
     def enable(self) -> None:
         """Integrate from the present trim on, zero unless it still fades; call it in the loop."""
-        self._enabled = True
+        self._enabled = self.active = True
 
     def disable(self) -> None:
         """Let the trim fade to zero; may be called in the loop."""
@@ -51,8 +53,9 @@ class Trim:
         """
         if not self._enabled:
             self.value -= min(max(self.value, -self._fade_per_cycle), self._fade_per_cycle)
+            self.active = self.value != 0.0
         elif valid and error - error == 0.0 and error * limited <= 0.0:
-            gain = self._gain_per_cycle / 2.0 if self.eased else self._gain_per_cycle
+            gain = self._gain_per_cycle / 2.0 if self.gain_halved else self._gain_per_cycle
             wished = self.value + gain * error
             self.value = min(max(wished, -self._authority), self._authority)
         return self.value

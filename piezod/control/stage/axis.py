@@ -13,10 +13,36 @@ from piezod.control.law.axis import AxisOutput, CompensatedAxis
 from piezod.control.reference.motion import Motion, Pace, StreamedReference, along, rest_at, way
 from piezod.control.reference.programs import VoltageProgram
 from piezod.control.reference.waveforms import Waveform
-from piezod.control.signals.on_target import OnTarget
-from piezod.control.stage.record import AxisRecord
 from piezod.devices.interface import Sample
+from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S, s_to_ns
+
+
+class OnTarget:
+    """Watches the measured position of one axis.
+
+    Args:
+        tolerance_um: Largest error, in µm.
+        settle_cycles: For how many cycles the error stays below that.
+    """
+
+    def __init__(self, tolerance_um: float, settle_cycles: int) -> None:
+        self._tolerance_um, self._settle_cycles = tolerance_um, settle_cycles
+        self._cycles = 0
+
+    def restart(self) -> None:
+        """Wait for another position; may be called in the loop."""
+        self._cycles = 0
+
+    def update(self, error_um: float) -> bool:
+        """Take the error of a cycle, NaN for none; return whether the position is reached.
+
+        May be called in the loop.
+        """
+        close = abs(error_um) <= self._tolerance_um
+        self._cycles = self._cycles + 1 if close else 0
+        return self._cycles > self._settle_cycles
+
 
 SHORTEST_WAY_PERIODS = 3.0
 """The shortest way takes this many periods of the first mode, or of the loop where none is known"""
@@ -29,13 +55,16 @@ class StageAxis:
     """Implements `Axis` for a daemon.
 
     Args:
-        config: The axis' configuration.
-        live: The axis, compensated.
+        name: Its name.
+        config: Its configuration.
+        live: Its control law.
         period_ns: Period of the loop.
     """
 
-    def __init__(self, config: StageAxisConfig, live: CompensatedAxis, period_ns: int) -> None:
-        self.config, self.live = config, live
+    def __init__(
+        self, name: str, config: StageAxisConfig, live: CompensatedAxis, period_ns: int
+    ) -> None:
+        self.name, self.config, self.live = name, config, live
         self._period_s = period_ns / NS_PER_S
         self.pace = _pace(config, live, self._period_s)
         self._voltage: Callable[[int], float] = lambda _t_ns: self.live.in_force_v
@@ -45,12 +74,12 @@ class StageAxis:
         """Cycles that the ramp under way should still take; negative once it is overdue."""
         self.command_um = nan
         """Command of the last cycle, NaN where there was none."""
-        self._motion, self._started_ns = rest_at(nan), 0
+        self._motion, self._started_ns, self._arrives_ns = rest_at(nan), 0, 0
         self.stream: StreamedReference | None = None
         self.follows_input = False
         """Whether the setpoints of the stream are those of its command input."""
         self.commanded_ns = 0
-        """Instant of the newest usable setpoint of its command input."""
+        """Instant of the newest usable setpoint, of a stream or of the command input."""
         self.motion = 0
         """Number of the movement, one more with each."""
         settle = s_to_ns(config.on_target.settle_s) // period_ns
@@ -145,7 +174,7 @@ class StageAxis:
         start_um, _ = self._reference_at(t_ns)
         stream = StreamedReference(start_um, self.pace, self._period_s)
         number = self._move(Motion(stream, 0.0, nan), t_ns)
-        self.stream = stream
+        self.stream, self.commanded_ns = stream, t_ns
         return number
 
     def follow_input(self, t_ns: int) -> int:
@@ -154,7 +183,7 @@ class StageAxis:
         What it tells is taken by `command`.
         """
         number = self.follow_stream(t_ns)
-        self.follows_input, self.commanded_ns = True, t_ns
+        self.follows_input = True
         return number
 
     def command(self, told: Sample) -> None:
@@ -165,6 +194,7 @@ class StageAxis:
 
     def _move(self, motion: Motion, t_ns: int) -> int:
         self._motion, self._started_ns, self._forced = motion, t_ns, False
+        self._arrives_ns = t_ns + s_to_ns(motion.duration_s)
         self.stream, self._reached, self.follows_input = None, False, False
         self._on_target.restart()
         self.live.follow(motion.reference_um, t_ns)
@@ -192,13 +222,15 @@ class StageAxis:
         except Exception as error:  # noqa: BLE001 - a mistake in the law must not drop the voltage
             self.crash = error
             return AxisOutput(self.live.in_force_v, nan, nan, self.live.in_force_v, t_ns)
-        self.command_um = nan if self._forced else output.command_um
-        self._judge(t_ns, sample, output)
+        if self._forced:  # what it drives answers to no command
+            output = AxisOutput(output.drive_v, nan, nan, output.in_force_v, t_ns)
+        self.command_um = output.command_um
+        self._judge(t_ns, sample)
         return output
 
-    def _judge(self, t_ns: int, sample: Sample, output: AxisOutput) -> None:
-        error_um = output.command_um - sample.position_um if sample.valid else nan
-        arrived = not self._forced and t_ns - self._started_ns >= s_to_ns(self._motion.duration_s)
+    def _judge(self, t_ns: int, sample: Sample) -> None:
+        error_um = self.command_um - sample.position_um if sample.valid else nan
+        arrived = not self._forced and t_ns >= self._arrives_ns
         self._reached = self._on_target.update(error_um if arrived else nan)
 
     def applied(self, drive_v: float) -> None:
@@ -208,30 +240,22 @@ class StageAxis:
     def record(
         self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
     ) -> AxisRecord:
-        """Return what this cycle leaves; may be called in the loop.
+        """Return what this cycle leaves. Real-time safe.
 
         Args:
-            sample: What was measured.
-            output: What was asked for.
-            drive_v: What was written.
-            read_back_v: What the amplifier tells, NaN where it does not.
+            sample: The sample that was used.
+            output: What the axis asked for.
+            drive_v: Voltage that was written, in V.
+            read_back_v: Voltage that the amplifier reports, in V; NaN if it does not.
         """
-        live = self.live
-        return AxisRecord(
-            sample.t_ns,
-            sample.position_um if sample.valid else nan,
-            self.command_um,
-            self._motion.target_um,
-            nan if self._forced else output.uncompensated_v,
-            output.drive_v,
+        return self.live.record(
+            sample,
+            output,
             drive_v,
-            output.in_force_v,
             read_back_v,
-            live.trim.value * live.zeroed_range_um.width,
-            live.compensator.mode,
-            live.identifier.gate.reason,
-            self._reached,
-            self.motion,
+            target_um=self._motion.target_um,
+            on_target=self._reached,
+            motion=self.motion,
         )
 
 

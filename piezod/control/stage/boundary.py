@@ -2,14 +2,19 @@
 
 The same edge decides whether anything is written at all. Where nothing is, a write is refused; in
 shadow it is taken and goes nowhere.
+
+It also keeps what is known of the voltages in force, and when a lost amplifier is tried again.
 """
 
-from collections.abc import Sequence
-from math import nan
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from math import isfinite, nan
+from typing import Final, Protocol
 
+from piezod.config.faults import Fault
+from piezod.control.faults.register import Detection
 from piezod.devices.interface import Amplifier, Sample, Sensor
 from piezod.devices.status import NO_FLAGS, Flags, TellsStatus
+from piezod.units import s_to_ns
 
 
 class StageDevices(Sensor, Amplifier, TellsStatus, Protocol):
@@ -93,7 +98,7 @@ class DeviceBoundary:
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Tell what is in force on each axis, in V, NaN where nobody can; call it in the loop."""
-        if not self.reads_back:
+        if not self.reads_back or self.shadow:  # in shadow it answers to nothing that was asked for
             return self._nothing
         try:
             return [float(drive_v) for drive_v in self.devices.read_back(now_ns)]
@@ -140,3 +145,64 @@ class DeviceBoundary:
     def zero(self, zero_um: Sequence[float]) -> None:
         """Call these displacements, in µm as the devices give them, zero from now on."""
         self.devices.zero(zero_um, self._true_zero_um)
+
+
+SILENT_CYCLES: Final = 5
+"""An amplifier with read-back counts as lost after this many cycles without one."""
+FIRST_TRY_NS, LAST_TRY_NS = s_to_ns(0.1), s_to_ns(2.0)
+"""Pause before a lost amplifier is tried again: after the first loss, and at most."""
+
+
+class OutputKnowledge:
+    """Whether the voltages in force are known.
+
+    Args:
+        on_lost: Called when the last written voltage says nothing any more about the one in force.
+    """
+
+    def __init__(self, on_lost: Callable[[], None] | None) -> None:
+        self.known = False
+        """Whether the voltage in force is known on every axis."""
+        self.known_when_lost = False
+        """Whether it was known when the amplifier was lost."""
+        self._on_lost = on_lost
+        self._silent_cycles = self._losses = 0
+
+    def take_read_back(self, read_back_v: Sequence[float], *, driven: bool) -> Detection | None:
+        """Take the read-back of this cycle; return A1 if the amplifier has fallen silent.
+
+        Call once per cycle, only if the amplifiers have a read-back. Real-time safe.
+
+        Args:
+            read_back_v: Voltage of each axis, in V; NaN if the amplifier does not report it.
+            driven: Whether voltages are written in this state.
+        """
+        complete = all(map(isfinite, read_back_v))
+        if not driven:
+            self.known, self._silent_cycles = complete, 0
+            return None
+        self._silent_cycles = 0 if complete else self._silent_cycles + 1
+        if self._silent_cycles < SILENT_CYCLES:
+            return None
+        return Detection(Fault.A1, -1, self._silent_cycles, SILENT_CYCLES)
+
+    def lose(self, *, traceable: bool) -> None:
+        """Note that the amplifier was lost. Real-time safe.
+
+        Args:
+            traceable: Whether the voltage in force can be found out later, from a read-back or
+                because the amplifier reports a restart.
+        """
+        self.known_when_lost, self.known = self.known, False
+        self._losses += 1
+        if not traceable and self._on_lost is not None:
+            self._on_lost()
+
+    def settle(self) -> None:
+        """Note that the amplifier works again: the next loss counts as the first."""
+        self._losses = 0
+
+    def try_due(self, lost_for_ns: int) -> bool:
+        """Return whether a lost amplifier may be tried again; the pause doubles with each loss."""
+        pause_ns = FIRST_TRY_NS << min(self._losses - 1, 10)
+        return lost_for_ns >= min(pause_ns, LAST_TRY_NS)

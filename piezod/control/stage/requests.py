@@ -1,17 +1,17 @@
 """What becomes of a request: carried out, or refused with a reason and what would help."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final
 
 from piezod.config import requests
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.reference.programs import VoltageProgram, conditioning
 from piezod.control.reference.waveforms import Waveform, build_waveform
+from piezod.control.stage.answer import Answer
 from piezod.control.stage.axis import StageAxis
-from piezod.control.stage.record import Answer
 from piezod.control.stage.stage import SENSED, Stage
 from piezod.control.stage.states import Event
-from piezod.control.stage.zeroing import Zeroing
 from piezod.errors import PiezodError
 from piezod.units import s_to_ns
 
@@ -21,70 +21,52 @@ AT_REST_PART = 0.01
 """A stage is at rest when its voltage is the rest voltage within this part of its range."""
 
 
-def execute(stage: Stage, request: requests.Request, t_ns: int) -> Answer:  # noqa: PLR0911 - a table
-    """Carry out a request; may be called in the loop, between cycles.
+def execute(stage: Stage, request: requests.Request, t_ns: int) -> Answer:
+    """Carry out a request between two cycles. Real-time safe.
 
     Args:
-        stage: What it is about.
+        stage: The stage.
         request: What is asked for; its numbers are finite and within their ranges.
-        t_ns: Now.
+        t_ns: Instant of the next cycle, or earlier.
     """
-    match request:
-        case requests.Arm():
-            return _arm(stage, request, t_ns)
-        case requests.SelectMode():
-            return _select(stage, request, t_ns)
-        case requests.Goto():
-            return _goto(stage, request, t_ns)
-        case requests.Wave():
-            return _wave(stage, request, t_ns)
-        case requests.Stream():
-            return _stream(stage, request, t_ns)
-        case requests.Follow():
-            return _follow(stage, request, t_ns)
-        case requests.Condition():
-            return _condition(stage, request, t_ns)
-        case requests.Identify():
-            return _identify(stage, request, t_ns)
-        case requests.Zero():
-            return _zero(stage, request, t_ns)
-        case requests.AdoptModel():
-            return _adopt(stage, request)
-        case _:
-            return _plain(stage, request, t_ns)
+    return _HANDLERS[type(request)](stage, request, t_ns)
 
 
-def _plain(stage: Stage, request: requests.Request, t_ns: int) -> Answer:
-    """Carry out a request that is an edge of the state machine and no more."""
-    match request:
-        case requests.Disarm():
-            event = Event.DISARM
-        case requests.Stop():
-            event = Event.STOP
-        case requests.Hold():
-            event = Event.HOLD
-        case requests.Resume():
-            why = stage.refusal(Event.RESUME) or stage.register.resume()
-            if why:
-                return Answer(False, why)
-            event = Event.RESUME
-        case requests.Reset(engineer=engineer):
-            why = stage.refusal(Event.RESET) or stage.register.reset(engineer)
-            if why:
-                return Answer(False, why)
-            if not stage.boundary.active:
-                stage.boundary.activate(t_ns)
-            event = Event.RESET
-        case requests.Estop():
-            return _estop(stage, t_ns)
-        case _:
-            stage.shutting_down = True
-            event = Event.SHUTDOWN
-    before = stage.state
-    refusal = stage.go(event, t_ns)
-    if event is Event.HOLD and stage.state is not before:
-        stage.held_by_request = True
-    return _answer(refusal)
+# ---------------------------------------------------------------------- edges of the state machine
+
+
+def _disarm(stage: Stage, _: requests.Disarm, t_ns: int) -> Answer:
+    return _answer(stage.go(Event.DISARM, t_ns))
+
+
+def _stop(stage: Stage, _: requests.Stop, t_ns: int) -> Answer:
+    return _answer(stage.go(Event.STOP, t_ns))
+
+
+def _hold(stage: Stage, _: requests.Hold, t_ns: int) -> Answer:
+    return _answer(stage.hold_on_request(t_ns))
+
+
+def _resume(stage: Stage, _: requests.Resume, t_ns: int) -> Answer:
+    why = stage.refusal(Event.RESUME) or stage.register.resume()
+    return _answer(why or stage.go(Event.RESUME, t_ns))
+
+
+def _reset(stage: Stage, request: requests.Reset, t_ns: int) -> Answer:
+    why = stage.refusal(Event.RESET) or stage.register.reset(request.engineer)
+    if why:
+        return Answer(False, why)
+    if not stage.boundary.active:  # its outputs were cut
+        stage.boundary.activate(t_ns)
+    return _answer(stage.go(Event.RESET, t_ns))
+
+
+def _estop(stage: Stage, _: requests.Estop, t_ns: int) -> Answer:
+    return _answer(stage.press_estop(t_ns))
+
+
+def _shut_down(stage: Stage, _: requests.Shutdown, t_ns: int) -> Answer:
+    return _answer(stage.shut_down(t_ns))
 
 
 def _answer(refusal: str, motion: int = 0) -> Answer:
@@ -100,7 +82,7 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
     stage.register.resume()  # what only held the stage, and is gone, holds nothing any more
     stage.boundary.shadow = request.shadow
     if request.confirm_output and not stage.boundary.reads_back:
-        stage.output_known = True
+        stage.output.known = True
         for axis in stage.axes:
             axis.track(axis.config.safe_v)
     refusal = stage.go(Event.ARM, t_ns)
@@ -113,14 +95,6 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
 
 def _in_shadow(stage: Stage) -> str:
     return "in shadow" if stage.boundary.shadow else "and not in shadow"
-
-
-def _estop(stage: Stage, t_ns: int) -> Answer:
-    stage.estop_pressed = True
-    cutting = any(axis.config.safety.estop == "cut" for axis in stage.axes)
-    if cutting:
-        stage.cut(t_ns)
-    return _answer(stage.go(Event.ESTOP, t_ns))
 
 
 # ---------------------------------------------------------------------- movements
@@ -142,7 +116,7 @@ def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
 def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
     axes, why = _chosen(stage, request.axis)
     if not why and len(axes) > 1:
-        why = f"axis must be one of {', '.join(stage.names)}: a position belongs to one"
+        why = f"axis must be one of {_names(stage)}: a position belongs to one"
     if why:
         return Answer(False, why)
     axis, position_um = stage.axes[axes[0]], request.position_um
@@ -180,12 +154,12 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
 
 
 def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
-    unknown = [name for name in request.axes if name not in stage.names]
+    axes = {axis.name: axis for axis in stage.axes}
+    unknown = [name for name in request.axes if name not in axes]
     why = _no_such(stage, unknown[0]) if unknown else _start_running(stage, t_ns)
     if why:
         return Answer(False, why)
-    stage.stream_ns = t_ns
-    motions = [stage.axes[stage.names.index(name)].follow_stream(t_ns) for name in request.axes]
+    motions = [axes[name].follow_stream(t_ns) for name in request.axes]
     return Answer(True, motion=motions[0])
 
 
@@ -193,7 +167,7 @@ def _follow(stage: Stage, request: requests.Follow, t_ns: int) -> Answer:
     axes, why = _chosen(stage, request.axis)
     commanded = [i for i in axes if stage.axes[i].config.command_input is not None]
     if not (why or commanded):
-        whose = request.axis or ", ".join(stage.names)
+        whose = request.axis or _names(stage)
         why = f"there is nothing to follow: the configuration has no `command_input` for {whose}"
     why = why or _start_running(stage, t_ns)
     if why:
@@ -283,18 +257,18 @@ def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
         ):
             return Answer(
                 False,
-                f"axis {stage.names[i]} is at {in_force_v:.3g} V; zero is where it rests, "
+                f"axis {stage.axes[i].name} is at {in_force_v:.3g} V; zero is where it rests, "
                 f"at {limits.rest_v:g} V: `piezod stop` brings it there",
             )
     cycles = max(1, s_to_ns(ZERO_OVER_S) // stage.period_ns)
-    stage.zeroing = Zeroing(axes, len(stage.axes), cycles, t_ns + 2 * s_to_ns(ZERO_OVER_S))
+    stage.zero.begin(axes, cycles, t_ns + 2 * s_to_ns(ZERO_OVER_S))
     return Answer(True)
 
 
-def _adopt(stage: Stage, request: requests.AdoptModel) -> Answer:
+def _adopt(stage: Stage, request: requests.AdoptModel, _t_ns: int) -> Answer:
     axes, why = _chosen(stage, request.axis)
     if not why and len(axes) > 1:
-        why = f"axis must be one of {', '.join(stage.names)}: a model belongs to one"
+        why = f"axis must be one of {_names(stage)}: a model belongs to one"
     if not why and stage.state not in {State.SAFE, State.FAULT}:
         why = f"the stage is in {stage.state}; a model is changed in SAFE: `piezod disarm` first"
     if why:
@@ -305,7 +279,7 @@ def _adopt(stage: Stage, request: requests.AdoptModel) -> Answer:
     except PiezodError as error:
         return Answer(False, str(error))
     if request.zero_um is not None:
-        stage.set_zero(index, request.zero_um)
+        stage.zero.set_um(index, request.zero_um)
     return Answer(True)
 
 
@@ -313,13 +287,40 @@ def _adopt(stage: Stage, request: requests.AdoptModel) -> Answer:
 
 
 def _chosen(stage: Stage, name: str | None) -> tuple[list[int], str]:
-    """Return the axes that are meant, all where none is named, and why there are none."""
+    """Return the indexes of the named axes, all if none is named, or why there are none."""
+    names = [axis.name for axis in stage.axes]
     if name is None:
-        return list(range(len(stage.axes))), ""
-    if name not in stage.names:
+        return list(range(len(names))), ""
+    if name not in names:
         return [], _no_such(stage, name)
-    return [stage.names.index(name)], ""
+    return [names.index(name)], ""
 
 
 def _no_such(stage: Stage, name: str) -> str:
-    return f"no axis {name!r}; this stage has {', '.join(stage.names)}"
+    return f"no axis {name!r}; this stage has {_names(stage)}"
+
+
+def _names(stage: Stage) -> str:
+    return ", ".join(axis.name for axis in stage.axes)
+
+
+_HANDLERS: Final[Mapping[type[requests.Request], Callable[[Stage, Any, int], Answer]]] = {
+    requests.Arm: _arm,
+    requests.Disarm: _disarm,
+    requests.SelectMode: _select,
+    requests.Goto: _goto,
+    requests.Wave: _wave,
+    requests.Stream: _stream,
+    requests.Follow: _follow,
+    requests.Condition: _condition,
+    requests.Identify: _identify,
+    requests.Zero: _zero,
+    requests.AdoptModel: _adopt,
+    requests.Hold: _hold,
+    requests.Resume: _resume,
+    requests.Stop: _stop,
+    requests.Reset: _reset,
+    requests.Estop: _estop,
+    requests.Shutdown: _shut_down,
+}
+"""What carries out each request."""

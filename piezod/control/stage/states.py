@@ -53,7 +53,6 @@ class Facts(NamedTuple):
         adapt_allowed: Whether no fault speaks against adapting.
         model_known: Whether the hysteresis' memory is known.
         latched: Whether a fault is latched that only `reset` ends (L2 or L3, HOLD or worse).
-        resumable: Whether nothing speaks against `resume`.
         shutting_down: Whether the daemon is on its way out.
         estop_active: Whether the emergency stop is still pressed.
         no_entry: Why nothing may be started now, for people; empty where it may.
@@ -67,7 +66,6 @@ class Facts(NamedTuple):
     adapt_allowed: bool
     model_known: bool
     latched: bool
-    resumable: bool
     shutting_down: bool
     estop_active: bool
     no_entry: str = ""
@@ -220,7 +218,7 @@ def _resume(state: State, facts: Facts) -> Transition:
     if state is not _HOLD:
         help_text = "nothing is held" if state in {_SAFE, *_MOVABLE} else _HELP[state]
         return _refused(state, "resume", help_text)
-    if facts.latched or not facts.resumable:
+    if facts.latched:
         return _refused(state, "resume", "the fault is not over: see `piezod faults`")
     return Transition(_RUN if facts.was_running else _READY)
 

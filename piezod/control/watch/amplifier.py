@@ -10,9 +10,8 @@ from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection
-from piezod.control.limits import Limits
-from piezod.control.signals.bucket import LeakyBucket
-from piezod.control.signals.recent_range import RecentRange
+from piezod.control.guard import Limits
+from piezod.control.signals import LeakyBucket, RecentRange
 from piezod.devices.status import DeviceFlag, Flags
 
 FLAG_FAULTS: Final = {

@@ -11,7 +11,7 @@ from typing import Final
 from piezod.config.faults import Fault
 from piezod.control.faults.cases import COUNTED_FLAGS, LOST, NOT_SENT, Case
 from piezod.control.faults.register import Detection
-from piezod.control.signals.bucket import LeakyBucket
+from piezod.control.signals import LeakyBucket
 from piezod.devices.status import DeviceFlag, Flags
 
 AT_ONCE: Final = {
@@ -90,8 +90,9 @@ class BusWatch:
 
     def __init__(self, axis: int) -> None:
         self._sensor, self._amplifier = _Side(axis, drives=False), _Side(axis, drives=True)
-        self.explains_silence = False
-        """Whether the way to the sensor is so troubled that no sample is its consequence."""
+        self.explains_silence = self.counting = False
+        """Whether the way to the sensor is so troubled that no sample is its consequence; whether
+        a count is not yet back at zero, so that `check` has to be called."""
 
     def check(self, sensor: Flags, amplifier: Flags) -> Sequence[Detection]:
         """Return what is wrong on the way; call it once in each cycle, after the read.
@@ -102,11 +103,9 @@ class BusWatch:
             sensor: What the sensor's device says is the matter.
             amplifier: What the amplifier's device says; the same where they are one.
         """
-        if not (sensor or amplifier or self._sensor.counting or self._amplifier.counting):
-            self.explains_silence = False
-            return _NOTHING
         of_amplifier = self._amplifier.check(amplifier)
         of_sensor = self._sensor.check(sensor)
         self.explains_silence = any(one.case is not Case.SINGLE for one in of_sensor)
+        self.counting = self._sensor.counting or self._amplifier.counting or self.explains_silence
         told = {one.fault for one in of_amplifier if one.case is not Case.SINGLE}
         return [*of_amplifier, *(one for one in of_sensor if one.fault not in told)]

@@ -7,9 +7,48 @@ or without one it goes up when the drive goes up, once a stride is long enough t
 from math import copysign
 from typing import Final
 
-from piezod.control.signals.recent_range import RecentRange
-from piezod.control.watch.plausible import Plausible
+import numpy as np
+
+from piezod.control.law.model import StageModel
+from piezod.control.signals import RecentRange
 from piezod.units import NS_PER_S
+
+_POINTS = 65
+
+
+class Plausible:
+    """The widest loop of an identified stage, as a table; independent of what is learned later.
+
+    Args:
+        model: The identified model.
+    """
+
+    def __init__(self, model: StageModel) -> None:
+        rise = np.linspace(0.0, 1.0, 513)
+        drives = model.inverse().run(np.concatenate((rise, rise[::-1])))
+        grid = np.linspace(0.0, 1.0, _POINTS)
+        up = np.maximum.accumulate(drives[: rise.size])
+        down = np.maximum.accumulate(drives[rise.size :][::-1])
+        one, other = np.interp(grid, up, rise), np.interp(grid, down, rise)
+        self._low: list[float] = np.minimum(one, other).tolist()
+        self._high: list[float] = np.maximum(one, other).tolist()
+        self._drive_v = model.drive_v
+
+    def bounds(self, low_v: float, high_v: float) -> tuple[float, float]:
+        """Return between what a stage is while its drive is between two finite voltages.
+
+        May be called in the loop.
+
+        Returns:
+            Lowest and highest displacement without creep, in units of the model's range.
+        """
+        return self._at(low_v, self._low), self._at(high_v, self._high)
+
+    def _at(self, drive_v: float, table: list[float]) -> float:
+        place = min(max(self._drive_v.to_unit(drive_v), 0.0), 1.0) * (_POINTS - 1)
+        index = min(int(place), _POINTS - 2)
+        return table[index] + (table[index + 1] - table[index]) * (place - index)
+
 
 MARGIN: Final = 0.1
 """So far beyond the widest loop, in parts of the range, creep, drift and a load may take a stage;
@@ -61,29 +100,25 @@ class FollowWatch:
             recent_v: The voltages in force while the stage answered.
             noise: Standard deviation of the displacement's noise, in units of the range.
         """
-        wrong = self._strides.update(position, drive, noise)
-        if self._is_outside(position, recent_v):
-            return True
-        if wrong:
+        against = self._strides.update(position, drive, noise)
+        if self._plausible is not None:
+            low, high = self._plausible.bounds(recent_v.low, recent_v.high)
+            beyond = max(low - position, position - high)
+            if beyond <= MARGIN:
+                self._outside = max(self._outside - 2, 0)
+            else:
+                self._outside = min(self._outside + 1, self._enough)
+                self.measured, self.limit = beyond, MARGIN
+            if self._outside >= self._enough:
+                return True
+        if against:
             self.measured, self.limit = self._strides.against, AGAINST
-        return wrong
+        return against
 
     def forget(self) -> None:
         """Begin anew: the stage is not driven; may be called in the loop."""
         self._outside = 0
         self._strides.forget()
-
-    def _is_outside(self, position: float, recent_v: RecentRange) -> bool:
-        if self._plausible is None:
-            return False
-        low, high = self._plausible.bounds(recent_v.low, recent_v.high)
-        beyond = max(low - position, position - high)
-        if beyond <= MARGIN:
-            self._outside = max(self._outside - 2, 0)
-        else:
-            self._outside = min(self._outside + 1, self._enough)
-            self.measured, self.limit = beyond, MARGIN
-        return self._outside >= self._enough
 
 
 class _Strides:

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection
-from piezod.control.signals.bucket import LeakyBucket
+from piezod.control.signals import LeakyBucket
 from piezod.units import NS_PER_S
 
 LONG_GAP_PERIODS: Final = 5

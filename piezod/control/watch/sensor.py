@@ -12,13 +12,15 @@ from piezod.config.axes import AxisConfig
 from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection
 from piezod.control.law.model import StageModel
-from piezod.control.signals.recent_range import RecentRange
-from piezod.control.signals.still import STILL_SAMPLES, StillSensor
-from piezod.control.signals.stuck import STUCK_SAMPLES, StuckSensor
-from piezod.control.watch.follow import FollowWatch
-from piezod.control.watch.jump import EXCESS, SPIKE_SAMPLES, JumpWatch
-from piezod.control.watch.plausible import Plausible
-from piezod.control.watch.screen import SampleScreen
+from piezod.control.signals import (
+    STILL_SAMPLES,
+    STUCK_SAMPLES,
+    RecentRange,
+    StillSensor,
+    StuckSensor,
+)
+from piezod.control.watch.follow import FollowWatch, Plausible
+from piezod.control.watch.screen import EXCESS, SPIKE_SAMPLES, JumpWatch, SampleScreen
 from piezod.devices.interface import Sample
 from piezod.devices.status import Flags
 from piezod.errors import ModelError

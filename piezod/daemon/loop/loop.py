@@ -6,7 +6,7 @@ from typing import Final, Protocol
 from piezod.config.faults import Fault
 from piezod.config.requests import Estop, Request, Shutdown
 from piezod.control.faults.register import Detection
-from piezod.control.stage.record import Answer, StageEvent, StageRecord
+from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.clock import Clock, clock_offsets_ns
 from piezod.daemon.loop.counters import ProcessCounters
@@ -14,6 +14,7 @@ from piezod.daemon.loop.pacer import Pacer
 from piezod.daemon.loop.publisher import KnowsLearned, Publisher
 from piezod.daemon.loop.timed_channels import TimedChannels
 from piezod.telemetry.mailbox import MailboxReader
+from piezod.telemetry.record import CycleRecord, StageEvent
 from piezod.telemetry.requests_codec import decode
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamReader
@@ -27,7 +28,7 @@ _ESTOP: Final = Estop()
 
 
 class Controller(KnowsLearned, Protocol):
-    """What decides in each cycle; `control.stage.controller.StageController` is it."""
+    """What decides in each cycle; `control.controller.StageController` is it."""
 
     @property
     def finished(self) -> bool:
@@ -42,11 +43,11 @@ class Controller(KnowsLearned, Protocol):
         """Take the newest setpoint of a stream."""
         ...
 
-    def cycle(self, t_ns: int, timing: CycleTiming) -> StageRecord:
+    def cycle(self, t_ns: int, timing: CycleTiming) -> CycleRecord:
         """Run one cycle."""
         ...
 
-    def found(self, detection: Detection) -> None:
+    def report(self, detection: Detection) -> None:
         """Take a fault that was found outside, for the next cycle."""
         ...
 
@@ -117,12 +118,12 @@ class Loop:
             self._mailbox.answer(number, accepted=accepted, motion=motion, why=why)
         if self._supervisor.lost(t_ns, skipped):
             limit_s = SUPERVISOR_LOST_NS / NS_PER_S
-            self._controller.found(Detection(Fault.H1, measured=limit_s, limit=limit_s))
+            self._controller.report(Detection(Fault.H1, measured=limit_s, limit=limit_s))
             self._controller.execute(Shutdown(), t_ns)
         if t_ns - self._counted_ns >= _COUNTED_EACH_NS:
             self._counted_ns = t_ns
             for detection in self.counters.publish():
-                self._controller.found(detection)
+                self._controller.report(detection)
 
     def _execute(self, payload: bytes, t_ns: int) -> Answer:
         try:

@@ -16,9 +16,8 @@ from typing import Final
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.faults import Fault
 from piezod.control.assembly import assemble
+from piezod.control.controller import StageController
 from piezod.control.faults.register import Detection
-from piezod.control.stage.controller import StageController
-from piezod.control.stage.record import StageEvent
 from piezod.control.warm_up import warm_up
 from piezod.daemon.clock import MonotonicClock
 from piezod.daemon.durations import loop_gone_within_s
@@ -42,6 +41,7 @@ from piezod.daemon.paths import IDENTITIES, LOOP_LOCK
 from piezod.devices import registry
 from piezod.devices.channels import Channels
 from piezod.telemetry import requests_codec
+from piezod.telemetry.record import StageEvent
 from piezod.telemetry.shared_map import SharedMap, attach
 from piezod.telemetry.words import Word
 
@@ -74,8 +74,8 @@ def main(runtime: Path, config_file: Path) -> None:
     threads = start_threads(placements)
     noted = LastOutputWriter(runtime / "output.map", len(config.axes))
     timed = TimedChannels(channels, clock, noted)
-    controller = assemble(config, timed, channels.capabilities())
-    controller.stage.output_lost = lambda: noted.forget(clock.now_ns())
+    able = channels.capabilities()
+    controller = assemble(config, timed, able, lambda: noted.forget(clock.now_ns()))
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
     realtime = Realtime(config.loop, shared, 1 + threads)
     steps = realtime.set_up()
@@ -112,20 +112,20 @@ def _admit(
     limits = [axis.limits for axis in config.axes.values()]
     beyond = channels.beyond_reach([(each.drive_min_v, each.drive_max_v) for each in limits])
     if beyond:
-        controller.stage.no_entry = beyond
+        controller.forbid_entry(beyond)
     elif slow := refusal(placements, config.rate_hz):
-        controller.stage.no_entry = slow
+        controller.forbid_entry(slow)
     elif config.rate_hz > rate_hz:
-        controller.stage.no_entry = (
+        controller.forbid_entry(
             f"rate_hz is {config.rate_hz:g}, this machine with these devices keeps {rate_hz:.0f}"
             " Hz: choose a lower rate"
         )
     elif missing and config.loop.strict_rt:
-        controller.stage.no_entry = (
+        controller.forbid_entry(
             f"not obtained: {', '.join(missing)}, and strict_rt is set: see `piezod status`"
         )
     if words[Word.UNCLEAN]:
-        controller.found(Detection(Fault.P2))
+        controller.report(Detection(Fault.P2))
 
 
 if __name__ == "__main__":

@@ -3,22 +3,18 @@
 from collections.abc import Iterable
 from typing import Any, Final, Protocol
 
-from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.control.law.gate import GateReason
-from piezod.control.stage.record import StageEvent, StageRecord
 from piezod.daemon.loop.pacer import Tick
 from piezod.daemon.loop.timed_channels import NOT_WRITTEN, TimedChannels
-from piezod.telemetry.events import EventWriter, LoopEvent
+from piezod.telemetry.encoder import encode_axis, encode_cycle
+from piezod.telemetry.events import EventWriter
 from piezod.telemetry.learned import LearnedWriter
+from piezod.telemetry.record import CycleHeader, CycleRecord, StageEvent
 from piezod.telemetry.ring import RingWriter
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.words import Word
 
-# By identity: hashing a member of an enumeration is a call into Python.
 _STATES: Final = {id(state): place for place, state in enumerate(State)}
-_MODES: Final = {id(mode): place for place, mode in enumerate(Mode)}
-_GATES: Final = {id(gate): place for place, gate in enumerate(GateReason)}
 _LOW: Final = (1 << 64) - 1
 _LEARNED_HZ: Final = 20
 # As plain numbers: a member of an enumeration costs several times as much to index with.
@@ -51,7 +47,7 @@ class Publisher:
         self._skipped = 0
         self._healthy = self._words[Word.HEALTHY_CYCLES]
 
-    def record(self, record: StageRecord, tick: Tick, timed: TimedChannels, end_ns: int) -> None:
+    def record(self, record: CycleRecord, tick: Tick, timed: TimedChannels, end_ns: int) -> None:
         """Publish a cycle.
 
         Args:
@@ -60,36 +56,36 @@ class Publisher:
             timed: How long its phases took.
             end_ns: When it ended.
         """
-        t_ns, state, shadow, written, present, latched, axes = record
         deadline_ns, late_ns, skipped = tick
         self._skipped += skipped
         write_late_ns = timed.write_begin_ns
         if write_late_ns != NOT_WRITTEN:
             write_late_ns -= deadline_ns
-        place = _STATES[id(state)]
         busy_ns = end_ns - deadline_ns - late_ns
-        fields: list[float] = [
-            t_ns,
-            late_ns,
-            timed.read_ns,
-            busy_ns - timed.read_ns - timed.write_ns,
-            write_late_ns,
-            timed.write_ns,
-            self._skipped,
-            present & _LOW,
-            present >> 64,
-            latched & _LOW,
-            latched >> 64,
-            place,
-            shadow,
-            written,
-        ]
-        for axis in axes:
-            fields += axis[:10]
-            fields += _MODES[id(axis[10])], _GATES[id(axis[11])], axis[12], axis[13]
-        self._ring.append(fields)
+        values = encode_cycle(
+            CycleHeader(
+                t_ns=record.t_ns,
+                late_ns=late_ns,
+                read_ns=timed.read_ns,
+                compute_ns=busy_ns - timed.read_ns - timed.write_ns,
+                write_late_ns=write_late_ns,
+                write_ns=timed.write_ns,
+                skipped=self._skipped,
+                present_lo=record.present & _LOW,
+                present_hi=record.present >> 64,
+                latched_lo=record.latched & _LOW,
+                latched_hi=record.latched >> 64,
+                state=record.state,
+                shadow=record.shadow,
+                written=record.written,
+            )
+        )
+        for axis in record.axes:
+            values += encode_axis(axis)
+        self._ring.append(values)
         words = self._words
-        words[_STATE], words[_SKIPPED], words[_BEAT] = place, self._skipped, t_ns
+        words[_STATE] = _STATES[id(record.state)]
+        words[_SKIPPED], words[_BEAT] = self._skipped, record.t_ns
         if not skipped:
             self._healthy += 1
             words[_HEALTHY] = self._healthy
@@ -97,7 +93,7 @@ class Publisher:
     def events(self, events: Iterable[StageEvent]) -> None:
         """Hand events over."""
         for event in events:
-            self._events.append(LoopEvent(*event))
+            self._events.append(event)
 
     def learned(self, controller: KnowsLearned) -> None:
         """Publish what the next axis has learned when it is its turn, each 20 times a second."""

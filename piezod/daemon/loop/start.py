@@ -5,7 +5,6 @@ from typing import Final
 
 from piezod.config.faults import Fault
 from piezod.config.requests import Shutdown
-from piezod.control.stage.record import StageEvent
 from piezod.daemon.clock import Clock
 from piezod.daemon.lock import Lock, device_lock
 from piezod.daemon.loop.devices import Opening
@@ -14,6 +13,7 @@ from piezod.daemon.loop.publisher import Publisher
 from piezod.devices.channels import Channels
 from piezod.errors import AlreadyRunningError
 from piezod.telemetry.mailbox import MailboxReader
+from piezod.telemetry.record import StageEvent
 from piezod.telemetry.requests_codec import decode
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.words import Word

@@ -10,7 +10,7 @@ from math import isfinite, nan
 from typing import Final, NamedTuple
 
 from piezod.config.daemon import StageAxisConfig
-from piezod.control.limits import read_back_tolerance_v
+from piezod.control.guard import read_back_tolerance_v
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Identity, is_same
 from piezod.errors import DeviceError, DeviceUnavailableError

@@ -7,7 +7,7 @@ from fastapi import Depends
 from fastapi import Request as HttpRequest
 
 from piezod.config.requests import Request
-from piezod.control.stage.record import Answer
+from piezod.control.stage.answer import Answer
 from piezod.daemon.service.lease import Lease
 from piezod.daemon.service.roles import Access, Roles
 from piezod.daemon.service.stage_service import (

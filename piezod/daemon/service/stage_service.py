@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from piezod.config.requests import Request
-from piezod.control.stage.record import Answer
+from piezod.control.stage.answer import Answer
 from piezod.errors import PiezodError
 
 Document: TypeAlias = dict[str, Any]

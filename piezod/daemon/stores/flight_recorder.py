@@ -10,10 +10,10 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from piezod.control.stage.record import StageEvent
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
 from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_header import TelemetryHeader
+from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
 
 BEFORE_NS: Final = 10 * NS_PER_S

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from piezod.config.daemon import DaemonConfig
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.states import State
-from piezod.control.limits import read_back_tolerance_v
+from piezod.control.guard import read_back_tolerance_v
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
 from piezod.daemon.supervisor.documents import STATES
 from piezod.daemon.supervisor.health import LoopHealth

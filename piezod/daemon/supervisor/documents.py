@@ -6,10 +6,10 @@ from typing import Any, Final
 import numpy as np
 
 from piezod.config.daemon import DaemonConfig
+from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
-from piezod.control.law.gate import GateReason
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.words import Word
 

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 import piezod
 from piezod.config.model_file import ModelFile
 from piezod.config.requests import AdoptModel
-from piezod.control.stage.record import Answer
+from piezod.control.stage.answer import Answer
 from piezod.daemon.logging import logger
 from piezod.daemon.service.stage_service import NotNowError, UnknownNameError
 from piezod.daemon.stores.parameter_document import AxisParameters

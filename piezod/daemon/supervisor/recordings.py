@@ -9,7 +9,6 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from piezod.control.stage.record import StageEvent
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
@@ -17,10 +16,9 @@ from piezod.daemon.stores.flight_recorder import FlightRecorder
 from piezod.daemon.stores.recorder import Recorder, RecorderError, RecordSource
 from piezod.daemon.supervisor import accepted_config
 from piezod.daemon.supervisor.connection import LoopConnection
-from piezod.daemon.supervisor.documents import GATES, MODES, STATES
 from piezod.records.telemetry_header import TelemetryHeader
-from piezod.telemetry.events import LoopEvent
-from piezod.telemetry.layout import record_dtype
+from piezod.telemetry.layout import enumerations, record_dtype
+from piezod.telemetry.record import StageEvent
 
 Document = dict[str, Any]
 
@@ -93,9 +91,9 @@ class StageRecordings:
         finished = [each._asdict() for each in files if each.name != self.under_way]
         return (status._asdict() if status.recording else None), finished
 
-    def note(self, event: LoopEvent) -> None:
+    def note(self, event: StageEvent) -> None:
         """Tell the flight recorder what happened."""
-        self._flights.note(StageEvent(*event))
+        self._flights.note(event)
 
     async def write_flight(self, loop: LoopConnection, *, at_once: bool = False) -> None:
         """Write what a fault wants to be kept, as soon as that is over, or at once."""
@@ -115,13 +113,13 @@ class StageRecordings:
             await asyncio.to_thread(self._recorder.stop)
 
     def _header(self, loop: LoopConnection, title: str) -> TelemetryHeader:
-        names = {"state": STATES, "mode": MODES, "gate": GATES}
+        places = enumerations().items()
         return TelemetryHeader(
             title=title,
             axes=loop.axes,
             rate_hz=loop.config.rate_hz,
             started_at=datetime.now(UTC).isoformat(timespec="milliseconds"),
             start_ns=time.monotonic_ns(),
-            names={field: [each.value for each in members] for field, members in names.items()},
+            names={field: [str(each.value) for each in members] for field, members in places},
             notes={"configuration": json.dumps(accepted_config.document(loop.config))},
         )

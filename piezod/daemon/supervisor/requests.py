@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from piezod.config.requests import Disarm, Estop, Hold, Request, Shutdown, Stop
-from piezod.control.stage.record import Answer
+from piezod.control.stage.answer import Answer
 from piezod.daemon.service.stage_service import NoAnswerError, UnavailableError
 from piezod.telemetry.mailbox import EXPIRED, MailboxAnswer, MailboxFullError, MailboxWriter
 from piezod.telemetry.requests_codec import encode

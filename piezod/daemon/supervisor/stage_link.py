@@ -9,7 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from piezod.config.requests import AdoptModel, Arm, Request, Shutdown
-from piezod.control.stage.record import Answer
+from piezod.control.stage.answer import Answer
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import (

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from piezod.control.law.creep_state import CreepState
+from piezod.control.law.creep import CreepState
 from piezod.control.law.model import StageModel
 from piezod.hysteresis.creep import remove_creep
 from piezod.hysteresis.memory import FloatArray

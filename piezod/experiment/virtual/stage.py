@@ -6,16 +6,19 @@ from contextlib import contextmanager
 import numpy as np
 
 from piezod.config.experiment import ExperimentConfig
-from piezod.control.cycle import Cycle, CycleRecord
+from piezod.control.cycle import CycleAxis, CycleParts, run_cycle
 from piezod.control.guard import Guard
-from piezod.control.law.axis import Axis, OpenLoopAxis, Waveform
+from piezod.control.law.axis import Waveform
 from piezod.control.law.compensated import limits_of
+from piezod.control.stage.boundary import DeviceBoundary
 from piezod.devices.channels import Channels
 from piezod.devices.interface import Device, KnowsTruth
 from piezod.devices.wiring import construct, pairs_of
 from piezod.errors import DeviceError
 from piezod.experiment.error_rows import NEED_TRUTH
+from piezod.experiment.virtual.open_loop import OpenLoopAxis
 from piezod.hysteresis.memory import FloatArray
+from piezod.telemetry.record import CycleRecord
 from piezod.units import NS_PER_S, s_to_ns
 
 ZERO_OVER_S = 0.2
@@ -83,6 +86,8 @@ class VirtualStage:
 
     def __init__(self, channels: Channels, config: ExperimentConfig, progress: Progress) -> None:
         self._channels, self._progress = channels, progress
+        self._devices = DeviceBoundary(channels, len(config.axes), reads_back=False, holds=False)
+        self._devices.open = True
         self._axes = tuple(config.axes.values())
         self.period_ns = round(NS_PER_S / config.rate_hz)
         self.now_ns = 0
@@ -92,7 +97,10 @@ class VirtualStage:
         self._true_zero_um = [0.0] * len(self._axes)
 
     def run(
-        self, axes: Sequence[Axis], duration_s: float, before: Callable[[int], None] | None = None
+        self,
+        axes: Sequence[CycleAxis],
+        duration_s: float,
+        before: Callable[[int], None] | None = None,
     ) -> FloatArray:
         """Run cycles for a duration; return the trace, shape (axes, cycles, COLUMNS).
 
@@ -105,13 +113,14 @@ class VirtualStage:
             DeviceError: If the amplifier refuses a voltage.
         """
         cycles = s_to_ns(duration_s) // self.period_ns
-        guard = Guard([limits_of(axis) for axis in self._axes], self.period_ns / NS_PER_S)
-        cycle = Cycle(self._channels, self._channels, axes, guard, self.period_ns / NS_PER_S)
+        period_s = self.period_ns / NS_PER_S
+        guard = Guard([limits_of(axis) for axis in self._axes], period_s)
+        parts = CycleParts(self._devices, axes, guard, period_s)
         trace = np.full((len(axes), cycles, COLUMNS), np.nan)
         for k in range(cycles):
             if before is not None:
                 before(k)
-            record = cycle.run(self.now_ns)
+            record = run_cycle(parts, self.now_ns)
             self._note(record, trace[:, k])
             trace[:, k, TRUE_UM] = self._channels.true_position_um(self.now_ns)
             self.now_ns += self.period_ns
@@ -152,17 +161,18 @@ class VirtualStage:
         self._channels.zero(self._zero_um, self._true_zero_um)
 
     def _note(self, record: CycleRecord, row: FloatArray) -> None:
+        if self._devices.crash is not None:
+            raise self._devices.crash
         if not record.written:
-            asked = ", ".join(f"{output.drive_v:g} V" for output in record.outputs)
+            asked = ", ".join(f"{axis.asked_v:g} V" for axis in record.axes)
             message = f"the amplifier refused {asked} at {record.t_ns / NS_PER_S:.3f} s"
             raise DeviceError(message)
-        for i, (sample, output) in enumerate(zip(record.samples, record.outputs, strict=True)):
-            row[i, IN_FORCE_V] = output.in_force_v
-            row[i, COMMAND_UM] = output.command_um
-            row[i, UNCOMPENSATED_V] = output.uncompensated_v
-            if sample.valid:
-                row[i, POSITION_UM] = sample.position_um
-            self.in_force_v[i] = record.admitted.drive_v[i]
+        for i, axis in enumerate(record.axes):
+            row[i, IN_FORCE_V] = axis.in_force_v
+            row[i, POSITION_UM] = axis.position_um
+            row[i, COMMAND_UM] = axis.command_um
+            row[i, UNCOMPENSATED_V] = axis.uncompensated_v
+            self.in_force_v[i] = axis.drive_v
 
 
 def _ramp(from_v: float, to_v: float, over_s: float) -> Waveform:

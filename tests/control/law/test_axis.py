@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from piezod.config.modes import Mode
+from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis, OpenLoopAxis
 from piezod.control.law.compensator import Compensator
-from piezod.control.law.history import DriveHistory
-from piezod.control.law.identifier import Identifier
+from piezod.control.law.identifier import DriveHistory, Identifier
 from piezod.control.law.trim import Trim
-from piezod.control.limits import Limits
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence, even_thresholds, new_bank
 from tests.control.fakes import MS, FakeGate, FakeTrim, PairsOnly

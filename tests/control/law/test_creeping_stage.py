@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from piezod.config.modes import Mode
 from piezod.control.law.compensator import Compensator
-from piezod.control.law.creep_state import CreepState
+from piezod.control.law.creep import CreepState
 from tests.control.made_up import BANK, CREEP, WEIGHTS, Array, MadeUpStage
 
 RELAXED = CreepState(CREEP, np.zeros(3), 0.0, 0.0)

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.control.law.gate import (
+from piezod.control.law.identifier import (
     LIMITED_CYCLES,
     SPIKE_CYCLES,
     GateReason,
     LearningGate,
 )
-from piezod.control.signals.stuck import STUCK_SAMPLES
+from piezod.control.signals import STUCK_SAMPLES
 from tests.control.fakes import MS
 
 SIGMA = 6e-4  # of the range: 18 nm on 30 µm

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.control.law.history import DriveHistory
+from piezod.control.law.identifier import DriveHistory
 
 MS = 1_000_000
 

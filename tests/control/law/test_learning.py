@@ -5,10 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from piezod.control.law.creep_state import AT_REST, CreepState
-from piezod.control.law.gate import GateReason, LearningGate
-from piezod.control.law.history import DriveHistory
-from piezod.control.law.identifier import Identifier
+from piezod.config.gate_reasons import GateReason
+from piezod.control.law.creep import AT_REST, CreepState
+from piezod.control.law.identifier import DriveHistory, Identifier, LearningGate
 from piezod.devices.interface import Sample
 from piezod.hysteresis import (
     AdaptiveIdentifier,

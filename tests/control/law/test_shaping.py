@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.control.law.shaping import CornerFilter, neighbour_share
+from piezod.control.reference.motion import CornerFilter, neighbour_share
 
 PERIOD_S = 1e-3
 MODE_HZ = 734.0

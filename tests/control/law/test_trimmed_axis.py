@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from piezod.config.modes import Mode
+from piezod.control.guard import Limits
 from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensator import Compensator
-from piezod.control.law.gate import LearningGate
-from piezod.control.law.history import DriveHistory
-from piezod.control.law.identifier import Identifier
+from piezod.control.law.identifier import DriveHistory, Identifier, LearningGate
 from piezod.control.law.trim import Trim
-from piezod.control.limits import Limits
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence, NLMSIdentifier
 from tests.control.fakes import MS

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.control.signals.bucket import LeakyBucket
+from piezod.control.signals import LeakyBucket
 
 
 def test_it_trips_at_the_fifth_error_in_a_row() -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from piezod.control.signals.noise import (
+from piezod.control.signals import (
     LEAST_VARIANCE,
     START_VARIANCE,
     USUAL_CYCLES,

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.control.signals.recent_range import RecentRange
+from piezod.control.signals import RecentRange
 
 VALUES = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=100)
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.control.signals.sliding_range import SlidingRange
+from piezod.control.signals import SlidingRange
 
 
 def swing_of(values: list[float], cycles: int) -> float:

@@ -12,9 +12,9 @@ from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.register import Detection
 from piezod.control.faults.table import ids
-from piezod.control.stage.record import StageRecord
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
+from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from tests.control.live_stage import LiveStage, quick
 from tests.control.swinging_stage import Case, Faulty, check_way, failed
@@ -38,7 +38,7 @@ CASES = [
 
 
 @cache
-def seen(case: Case) -> tuple[Faulty, list[StageRecord]]:
+def seen(case: Case) -> tuple[Faulty, list[CycleRecord]]:
     """Return what `failed` does, once for each case."""
     return failed(case)
 

@@ -8,11 +8,11 @@ import pytest
 
 from piezod.config import requests as rq
 from piezod.config.daemon import DaemonConfig
+from piezod.config.gate_reasons import GateReason
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Sine
-from piezod.control.law.gate import GateReason
 from piezod.control.stage import controller as stage_controller
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection
-from piezod.control.limits import Limits
+from piezod.control.guard import Limits
 from piezod.control.watch.amplifier import FLAG_FAULTS, AmplifierWatch
 from piezod.devices.status import NO_FLAGS, DeviceFlag
 from tests.control.fakes import MS

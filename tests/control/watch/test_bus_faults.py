@@ -10,8 +10,8 @@ from piezod.config import requests as rq
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.faults.table import ids
-from piezod.control.stage.record import StageRecord
 from piezod.devices.status import DeviceFlag
+from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
 from tests.control.live_stage import FaultyStage
 from tests.control.swinging_stage import Case, Faulty, check_way, failed
@@ -54,7 +54,7 @@ PARAMETERS = [
 
 
 @cache
-def seen(case: Case) -> tuple[Faulty, list[StageRecord]]:
+def seen(case: Case) -> tuple[Faulty, list[CycleRecord]]:
     """Return what `failed` does, once for each case."""
     return failed(case)
 

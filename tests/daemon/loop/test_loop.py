@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 import pytest
 
+from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.requests import Estop, Goto, Hold, Shutdown, Stop
 from piezod.config.states import State
-from piezod.control.law.gate import GateReason
-from piezod.control.stage.record import StageEvent
 from piezod.daemon.last_output import LastOutputWriter, read_last_output
 from piezod.daemon.loop.loop import SUPERVISOR_LOST_NS, Loop
 from piezod.daemon.loop.pacer import Pacer
@@ -20,6 +19,7 @@ from piezod.telemetry.events import EventReader
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.learned import LearnedReader
 from piezod.telemetry.mailbox import MailboxWriter
+from piezod.telemetry.record import StageEvent
 from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.ring import RingReader
 from piezod.telemetry.shared_map import SharedMap, create

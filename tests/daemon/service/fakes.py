@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezod.config.requests import Request
-from piezod.control.stage.record import Answer
+from piezod.control.stage.answer import Answer
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.lease import Lease
 from piezod.daemon.service.peer_protocol import ConnectionLimits, Credentials

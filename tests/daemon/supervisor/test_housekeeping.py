@@ -13,7 +13,7 @@ from piezod.config.states import State
 from piezod.daemon.logging import set_up_logging
 from piezod.daemon.supervisor import accepted_config
 from piezod.daemon.supervisor.housekeeping import Housekeeping
-from piezod.telemetry.events import EventWriter, LoopEvent
+from piezod.telemetry.events import EventWriter, StageEvent
 from piezod.units import NS_PER_S
 from tests.daemon.bench import PEER, Bench
 
@@ -35,7 +35,7 @@ def bench(tmp_path: Path, rig_file: Path) -> Bench:
 def test_events_of_the_loop_are_logged(bench: Bench, log: io.StringIO) -> None:
     """Its own time and its text first, then what it is about; NaN says nothing."""
     hour_ago_ns = time.monotonic_ns() - 3600 * NS_PER_S
-    event = LoopEvent(hour_ago_ns, "error", "fault", "no sample", "S5", "x", 4.0, nan)
+    event = StageEvent(hour_ago_ns, "error", "fault", "no sample", "S5", "x", 4.0, nan)
     before = datetime.now().astimezone() - timedelta(hours=1, minutes=1)
     EventWriter(bench.loop.shared).append(event)
     house = Housekeeping(bench.link)
@@ -55,7 +55,7 @@ def test_end_writes_what_a_fault_wants_to_be_kept(bench: Bench, log: io.StringIO
     """A loop that dies of a fault has its last seconds on the disk, and a recording is closed."""
     bench.record(State.RUN, drive_v=3.0)
     bench.do(lambda link: link.start_recording("last", PEER))
-    event = LoopEvent(5, "error", "fault", "it is gone", "A1", "x", nan, nan)
+    event = StageEvent(5, "error", "fault", "it is gone", "A1", "x", nan, nan)
     EventWriter(bench.loop.shared).append(event)
 
     asyncio.run(Housekeeping(bench.link).close())

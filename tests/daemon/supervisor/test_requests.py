@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from piezod.config.requests import Estop, Goto, Hold, Request
-from piezod.control.stage.record import Answer
+from piezod.control.stage.answer import Answer
 from piezod.daemon.service.stage_service import NoAnswerError, UnavailableError
 from piezod.daemon.supervisor.requests import LoopRequests
 from piezod.telemetry.layout import REQUEST_SLOTS, URGENT_SLOTS, Layout

@@ -12,7 +12,7 @@ from piezod.config.daemon import DaemonConfig
 from piezod.config.requests import AdoptModel, Arm, Goto, Shutdown
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
-from piezod.control.stage.record import Answer
+from piezod.control.stage.answer import Answer
 from piezod.daemon.service.stage_service import (
     AuditEntry,
     BadValueError,

@@ -1,0 +1,124 @@
+"""A stage as the loop process sees it: requests come in, each cycle goes out as a record.
+
+The controller is pure: time is an argument, and the devices are behind a boundary that turns
+exceptions into values. What happens in a cycle is in `control.cycle`.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+from piezod.config.faults import Fault
+from piezod.config.requests import Request
+from piezod.config.states import State
+from piezod.control.cycle import CycleParts, run_cycle
+from piezod.control.faults.register import Detection
+from piezod.control.guard import Guard
+from piezod.control.stage.answer import Answer
+from piezod.control.stage.axis import StageAxis, usable
+from piezod.control.stage.requests import execute
+from piezod.control.stage.stage import Stage
+from piezod.control.watch.loop import CycleTiming, LoopWatch
+from piezod.hysteresis.memory import FloatArray
+from piezod.telemetry.record import CycleRecord, StageEvent
+from piezod.units import NS_PER_S
+
+
+class Learned(NamedTuple):
+    """What an axis has learned.
+
+    Attributes:
+        weights: (2 M,) weights [a^l, a^r] of the identifier; they change in place.
+        offset: Drift of the displacement, in units of the range.
+        scale: Relative excess of the displacement that the hysteresis sees.
+        zero_um: Sensor zero, in µm as the sensor shows it.
+    """
+
+    weights: FloatArray
+    offset: float
+    scale: float
+    zero_um: float
+
+
+class StageController:
+    """Runs a stage, cycle by cycle. All methods are real-time safe.
+
+    Args:
+        stage: The stage.
+    """
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+        period_s = stage.period_ns / NS_PER_S
+        guard = Guard([axis.live.limits for axis in stage.axes], longest_s=period_s)
+        loop_watch = LoopWatch(stage.period_ns)
+        parts = CycleParts(stage.boundary, stage.axes, guard, period_s, stage, loop_watch)
+        self.cycle: Callable[[int, CycleTiming], CycleRecord] = partial(run_cycle, parts)
+        """Runs one cycle, from its instant in ns and the timing of the loop."""
+
+    @property
+    def state(self) -> State:
+        """The state of the stage."""
+        return self._stage.state
+
+    @property
+    def finished(self) -> bool:
+        """Whether a shutdown has ended and the process may end."""
+        return self._stage.state is State.STOPPING
+
+    @property
+    def axes(self) -> list[StageAxis]:
+        """The axes, in the order of the devices."""
+        return self._stage.axes
+
+    def execute(self, request: Request, t_ns: int) -> Answer:
+        """Carry out a request between two cycles, or say why not."""
+        stage = self._stage
+        try:
+            answer = execute(stage, request, t_ns)
+        except Exception as error:  # noqa: BLE001 - a mistake here must not drop the voltage
+            text = f"{request.kind}: {error!r}"
+            stage.note(StageEvent(t_ns, "error", "crash", text, Fault.P4))
+            stage.report(Detection(Fault.P4))
+            answer = Answer(False, f"{request.kind} failed: {error!r}; report it, with the log")
+        if not answer.accepted:
+            text = f"{request.kind} refused: {answer.why}"
+            stage.note(StageEvent(t_ns, "info", "refused", text))
+        return answer
+
+    def stream_um(self, axis: int, position_um: float, t_ns: int) -> None:
+        """Take the newest setpoint of a stream.
+
+        Args:
+            axis: Index of the axis.
+            position_um: The setpoint, in µm; one that is out of range is dropped.
+            t_ns: Instant at which it came.
+        """
+        one = self._stage.axes[axis]
+        if one.stream is not None and not one.follows_input and usable(position_um, one.pace):
+            one.stream.newest_um = position_um
+            for each in self._stage.axes:  # one setpoint keeps the streams of all axes alive
+                if not each.follows_input:
+                    each.commanded_ns = max(each.commanded_ns, t_ns)
+
+    def report(self, detection: Detection) -> None:
+        """Take a fault that the loop process found, for the next cycle."""
+        self._stage.report(detection)
+
+    def forbid_entry(self, why: str) -> None:
+        """Refuse to arm from now on.
+
+        Args:
+            why: The reason, for people.
+        """
+        self._stage.forbid_entry(why)
+
+    def learned(self, axis: int) -> Learned:
+        """Return what an axis has learned."""
+        identifier = self._stage.axes[axis].live.identifier
+        zero_um = self._stage.zero.um(axis)
+        return Learned(identifier.weights, identifier.offset, identifier.scale, zero_um)
+
+    def take_events(self) -> list[StageEvent]:
+        """Return the events since the last call, oldest first."""
+        return self._stage.take_events()

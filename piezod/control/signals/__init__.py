@@ -1,1 +1,0 @@
-"""Small statistics over the last samples; pure, with fixed memory."""

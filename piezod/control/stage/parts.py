@@ -1,0 +1,36 @@
+"""What a stage consists of."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from piezod.config.model_file import ModelFile
+from piezod.control.stage.axis import StageAxis
+from piezod.control.stage.boundary import DeviceBoundary
+from piezod.control.watch.axis import AxisWatch
+
+
+class WatchedAxis(NamedTuple):
+    """An axis with its watches."""
+
+    axis: StageAxis
+    watches: AxisWatch
+
+
+Rebuild = Callable[[str, ModelFile, float], WatchedAxis]
+"""Makes an axis anew, from its name, its model and the voltage in force."""
+
+
+class StageParts(NamedTuple):
+    """The parts of a stage.
+
+    Attributes:
+        axes: The axes, by name.
+        boundary: The devices.
+        period_ns: Period of the loop.
+        rebuild: Makes an axis anew with another model.
+    """
+
+    axes: Mapping[str, WatchedAxis]
+    boundary: DeviceBoundary
+    period_ns: int
+    rebuild: Rebuild
