@@ -47,6 +47,16 @@ def assemble(
     able: Capabilities,
     on_output_lost: Callable[[], None] | None = None,
 ) -> StageController:
+    """Return the controller of a stage; arguments and errors as for `make_stage`."""
+    return StageController(make_stage(config, devices, able, on_output_lost))
+
+
+def make_stage(
+    config: DaemonConfig,
+    devices: StageDevices,
+    able: Capabilities,
+    on_output_lost: Callable[[], None] | None = None,
+) -> Stage:
     """Put a stage together; its devices are open and active.
 
     Args:
@@ -80,13 +90,12 @@ def assemble(
         tells_restart=able.tells_restart,
     )
     register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)
-    stage = Stage(
+    return Stage(
         StageParts(axes, boundary, period_ns, rebuilt),
         register,
         memory_known=able.opens_relaxed,
         on_output_lost=on_output_lost,
     )
-    return StageController(stage)
 
 
 def _model_of(name: str, axis: StageAxisConfig) -> StageModel | None:

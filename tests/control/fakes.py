@@ -1,25 +1,37 @@
 """Small devices, axes and algorithms that do what a test tells them and write down what happens."""
 
 from collections.abc import Sequence
+from math import nan
 
 from piezod.config.gate_reasons import GateReason
+from piezod.config.modes import Mode
 from piezod.control.law.axis import AxisOutput
 from piezod.control.law.identifier import LearningGate
 from piezod.control.law.trim import Trim
 from piezod.devices.interface import Capabilities, Identity, Sample
+from piezod.devices.status import NO_FLAGS, Flags
 from piezod.hysteresis import LMSIdentifier, even_thresholds, new_bank
+from piezod.telemetry.record import AxisRecord
 
 MS = 1_000_000
 
 
-class FakeDevice:
-    """The part of a device's life that the cycle has nothing to do with."""
+class FakeDevices:
+    """Sensors and amplifiers of two axes, with the samples that a test gives.
 
-    def __init__(self, log: list[str]) -> None:
-        self.log = log
+    Attributes:
+        samples: What `read` returns.
+        refuses: Whether writes are refused.
+        drive_v: Voltages that were taken last.
+    """
+
+    def __init__(self, log: list[str], samples: Sequence[Sample]) -> None:
+        self.log, self.samples = log, samples
+        self.refuses = False
+        self.drive_v: Sequence[float] = (0.0, 0.0)
 
     def open(self) -> Identity:
-        """Say who this is."""
+        """Return an identity."""
         return Identity("piezod", "fake", "0", "0")
 
     def capabilities(self) -> Capabilities:
@@ -27,35 +39,34 @@ class FakeDevice:
         return Capabilities(("x", "y"), ("x", "y"), read_back=True, max_rate_hz=1e3)
 
     def activate(self, now_ns: int) -> None:
-        """Be ready."""
+        """Do nothing."""
 
     def deactivate(self, now_ns: int) -> None:
-        """Be at rest."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Be gone."""
+        """Do nothing."""
 
+    def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
+        """Do nothing."""
 
-class FakeSensor(FakeDevice):
-    """Gives the samples that it was told to give."""
+    def commands(self) -> Sequence[Sample]:
+        """Return no command."""
+        return [Sample(0, nan, False)] * len(self.samples)
 
-    def __init__(self, log: list[str], samples: Sequence[Sample]) -> None:
-        super().__init__(log)
-        self.samples = samples
+    def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - asked for by StageDevices
+        """Report nothing."""
+        return [NO_FLAGS] * (2 * len(self.samples))
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Give the samples."""
+        """Return the samples."""
         self.log.append(f"read at {now_ns}")
         return self.samples
 
-
-class FakeAmplifier(FakeDevice):
-    """Takes voltages, or refuses them while it is told to."""
-
-    def __init__(self, log: list[str]) -> None:
-        super().__init__(log)
-        self.refuses = False
-        self.drive_v: Sequence[float] = (0.0, 0.0)
+    def read_back(self, now_ns: int) -> Sequence[float]:
+        """Return the voltages that were taken last."""
+        self.log.append(f"read back at {now_ns}")
+        return self.drive_v
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
         """Take the voltages unless told to refuse."""
@@ -64,13 +75,9 @@ class FakeAmplifier(FakeDevice):
             self.drive_v = drive_v
         return not self.refuses
 
-    def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - asked for by Amplifier
-        """Give the voltages taken last."""
-        return self.drive_v
-
 
 class FakeAxis:
-    """Asks for the voltage that it was told to ask for."""
+    """Asks for the voltage that a test sets."""
 
     def __init__(self, log: list[str], name: str, drive_v: float) -> None:
         self.log, self.name, self.drive_v = log, name, drive_v
@@ -83,6 +90,27 @@ class FakeAxis:
     def applied(self, drive_v: float) -> None:
         """Write down what is in force."""
         self.log.append(f"{self.name} has {drive_v} V")
+
+    def record(
+        self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
+    ) -> AxisRecord:
+        """Return what the cycle leaves."""
+        return AxisRecord(
+            sample_ns=sample.t_ns,
+            position_um=sample.position_um,
+            command_um=output.command_um,
+            target_um=nan,
+            uncompensated_v=output.uncompensated_v,
+            asked_v=output.drive_v,
+            drive_v=drive_v,
+            in_force_v=output.in_force_v,
+            read_back_v=read_back_v,
+            trim_um=0.0,
+            mode=Mode.FEEDFORWARD,
+            gate=GateReason.OPEN,
+            on_target=False,
+            motion=0,
+        )
 
 
 class PairsOnly(LMSIdentifier):
@@ -134,6 +162,7 @@ class FakeTrim(Trim):
 
     def __init__(self) -> None:
         super().__init__(1.0, 1e-3, 0.05, 1)
+        self.active = True
         self.errors: list[float] = []
         self.valid: list[bool] = []
         self.stops: list[int] = []

@@ -8,7 +8,8 @@ from typing import Any, cast
 
 from piezod.config.daemon import DaemonConfig, load_daemon
 from piezod.config.requests import Request
-from piezod.control.assembly import assemble
+from piezod.control.assembly import make_stage
+from piezod.control.controller import StageController
 from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices import registry
@@ -94,7 +95,12 @@ class LiveStage:
             read_back=reads_back,
             tells_restart=tells_restart,
         )
-        self.controller = assemble(self.config, self.channels, able)
+        self.output_lost_ns: list[int] = []
+        """Instants at which the last written voltage came to say nothing any more."""
+        self.stage = make_stage(
+            self.config, self.channels, able, lambda: self.output_lost_ns.append(self.t_ns)
+        )
+        self.controller = StageController(self.stage)
         self.events: list[StageEvent] = []
         self.records: list[CycleRecord] = []
 

@@ -43,7 +43,7 @@ class FakeController:
         """Note a setpoint."""
         self.setpoints.append((axis, position_um, t_ns))
 
-    def found(self, detection: Detection) -> None:
+    def report(self, detection: Detection) -> None:
         """Note a fault."""
         self.detections.append(detection)
 

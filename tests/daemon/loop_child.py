@@ -14,9 +14,10 @@ from piezod.config.daemon import load_daemon
 from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.devices import registry
-from piezod.telemetry.events import EventReader, StageEvent
+from piezod.telemetry.events import EventReader
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.mailbox import MailboxAnswer, MailboxWriter
+from piezod.telemetry.record import StageEvent
 from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.ring import RingReader
 from piezod.telemetry.shared_map import SharedMap, create

@@ -107,5 +107,7 @@ class BusWatch:
         of_sensor = self._sensor.check(sensor)
         self.explains_silence = any(one.case is not Case.SINGLE for one in of_sensor)
         self.counting = self._sensor.counting or self._amplifier.counting or self.explains_silence
+        if not (of_amplifier or of_sensor):
+            return _NOTHING
         told = {one.fault for one in of_amplifier if one.case is not Case.SINGLE}
         return [*of_amplifier, *(one for one in of_sensor if one.fault not in told)]

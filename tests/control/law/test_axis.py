@@ -8,7 +8,7 @@ import pytest
 
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits
-from piezod.control.law.axis import CompensatedAxis, OpenLoopAxis
+from piezod.control.law.axis import CompensatedAxis
 from piezod.control.law.compensator import Compensator
 from piezod.control.law.identifier import DriveHistory, Identifier
 from piezod.control.law.trim import Trim
@@ -247,17 +247,3 @@ def test_trim_is_told_where_nothing_more_is_to_be_had() -> None:
         axis.applied(axis.update(START_NS + k * MS, AT_REST).drive_v)
 
     assert trim.stops == [0, 1, 1, 0, -1, -1, 0]
-
-
-def test_open_loop_axis_drives_its_waveform_within_the_limits() -> None:
-    """There is no command, and the sample is not used."""
-    axis = OpenLoopAxis(lambda t_s: 1.0 + 1000 * t_s, SLOW, 0.0, START_NS, MS)
-    invalid = Sample(0, math.nan, valid=False)
-
-    first = axis.update(START_NS, invalid)
-    axis.applied(first.drive_v)
-    second = axis.update(START_NS + 9 * MS, invalid)
-
-    assert first.drive_v == 1.0
-    assert (second.drive_v, second.uncompensated_v, second.in_force_v) == (3.0, 10.0, 1.0)
-    assert math.isnan(second.command_um)

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from piezod.config.gate_reasons import GateReason
 from piezod.control.law.identifier import (
     LIMITED_CYCLES,
     SPIKE_CYCLES,
-    GateReason,
     LearningGate,
 )
 from piezod.control.signals import STUCK_SAMPLES

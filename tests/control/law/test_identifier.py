@@ -136,10 +136,10 @@ def test_an_eased_identifier_learns_from_every_second_sample_that_can_teach() ->
     """The others go on to the memory alone."""
     lms = PairsOnly()
     one = identifier(lms)
-    one.eased = True
+    one.gain_halved = True
     for _ in range(4):
         learn(one)
-    one.eased = False
+    one.gain_halved = False
     for _ in range(2):
         learn(one)
 

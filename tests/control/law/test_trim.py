@@ -151,7 +151,7 @@ def test_an_eased_trim_goes_half_as_fast() -> None:
     """From one cycle to the next, and back."""
     trim = enabled()
     steps = []
-    for trim.eased in (False, True, False):
+    for trim.gain_halved in (False, True, False):
         before = trim.value
         steps.append(trim.step(0.01, True, 0) - before)
 

@@ -86,7 +86,8 @@ def test_what_is_not_usable_is_left_out_and_held_where_it_lasts(value: float | N
     assert stage.state == "HOLD"
     [told] = [event for event in stage.events if event.kind == "stream"]
     assert told.text == (
-        "the command input has told nothing from 0 to 26 µm for 100 ms: it is not followed any more"
+        "the command input gave nothing from 0 to 26 µm for 100 ms: "
+        "the axis does not follow it any more"
     )
     assert told.axis == "x"
     stage.run(3.0)

@@ -13,7 +13,7 @@ from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Sine
-from piezod.control.stage import controller as stage_controller
+from piezod.control import controller as stage_controller
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
 from piezod.testing.injections import InjectionKind
@@ -269,7 +269,7 @@ def test_a_mistake_in_judging_or_in_a_request_holds_the_voltage(
     monkeypatch.undo()
     stage.cycle()
     held = stage.state
-    monkeypatch.setattr(stage.controller.stage.watches[0].sensor, "check", broken)
+    monkeypatch.setattr(stage.stage.watches[0].sensor, "check", broken)
     broken_too = stage.run(0.01)
     monkeypatch.undo()
     stage.run(5.0)
@@ -339,7 +339,7 @@ def test_a_movement_is_no_faster_than_the_axis_may_be() -> None:
 def test_an_amplifier_that_does_not_read_back_is_armed_with_a_confirmation() -> None:
     """Somebody has to have seen that it is at the safe voltage; from there it is driven."""
     stage = LiveStage()
-    stage.controller.stage.boundary.reads_back = False
+    stage.stage.boundary.reads_back = False
     stage.cycle()
     refused = stage.ask(rq.Arm())
     stage.do(rq.Arm(confirm_output=True))

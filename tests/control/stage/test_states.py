@@ -15,7 +15,6 @@ GOOD = Facts(
     adapt_allowed=True,
     model_known=True,
     latched=False,
-    resumable=True,
     shutting_down=False,
     estop_active=False,
 )
@@ -171,7 +170,6 @@ def test_resume_goes_back_to_where_it_was_held() -> None:
     ready = GOOD._replace(was_running=False)
 
     assert following(State.HOLD, Event.RESUME, ready) is State.READY
-    assert following(State.HOLD, Event.RESUME, GOOD._replace(resumable=False)) is State.HOLD
     assert following(State.HOLD, Event.RESUME, GOOD._replace(latched=True)) is State.HOLD
 
 

@@ -13,7 +13,8 @@ from piezod.config.states import State
 from piezod.daemon.logging import set_up_logging
 from piezod.daemon.supervisor import accepted_config
 from piezod.daemon.supervisor.housekeeping import Housekeeping
-from piezod.telemetry.events import EventWriter, StageEvent
+from piezod.telemetry.events import EventWriter
+from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
 from tests.daemon.bench import PEER, Bench
 
