@@ -1,9 +1,14 @@
-"""The mathematics of hysteresis: operators, forward and inverse models, identification, metrics.
+"""Hysteresis: operators, forward and inverse models, identification and error metrics.
 
-Knows nothing of volts, time, devices and files: everything here is normalised. From the inside out:
-`memory` (which past extrema matter), `bank` (all operators on it), `closed_form` (what fixed
-weights make of them), `slopes` (whether they can be inverted), and on these `operators`, `model`,
-`thresholds`, `least_squares` and the identifiers that adapt, `lms` to `rls`; `metrics` judges.
+Every quantity is normalised to [0, 1]; volts, time, devices and files do not appear here. "The
+paper" is Qiu, Jiang, Ji and Hu, "A Modified Prandtl-Ishlinskii Model and its Applications to
+Inverse Control of Piezoelectric Actuators". `docs/mathematics.md` lists which function implements
+which equation; a search for "eq. (16)" finds the functions of that equation.
+
+From the bottom up: `memory` (the past extrema that still matter), `bank` (all play operators of a
+model on one memory), `closed_form` (the model with fixed weights as two table look-ups), `slopes`
+(the condition for an inverse). On these build `operators`, `model`, `thresholds`, `least_squares`
+and the adaptive identifiers `lms`, `nlms` and `rls`. `metrics` computes the errors of a record.
 """
 
 from piezod.hysteresis.adaptation import AdaptiveIdentifier, Shadowed

@@ -1,4 +1,4 @@
-"""Adaptation in the loop: what every identifier offers, and a guard that undoes bad learning."""
+"""Interface of the adaptive identifiers, and a shadow model that undoes bad learning."""
 
 import math
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ from piezod.hysteresis.online import checked_pairs
 
 
 class AdaptiveIdentifier(Protocol):
-    """Learns the weights of the inverse model pair by pair; all of it may be called in the loop.
+    """Learns the weights of the inverse model pair by pair. Real-time safe.
 
-    After every step that learned, the inverse of the weights exists.
+    After every learning step the inverse of the learned model exists.
     """
 
     @property
@@ -24,68 +24,69 @@ class AdaptiveIdentifier(Protocol):
 
     @property
     def offset(self) -> float:
-        """What the operators do not see of the displacement; 0 where it is not learned."""
+        """Offset of the displacement against the operator input; 0 if not learned."""
 
     @property
     def scale(self) -> float:
-        """By how much more than the displacement they see; 0 where it is not learned."""
+        """Relative gain of the operator input over the displacement; 0 if not learned."""
 
     @property
     def position(self) -> float:
-        """Displacement that the operators see, behind the dead-band."""
+        """Displacement at the input of the operators, after the dead-band."""
 
     @property
     def merged_pairs(self) -> int:
-        """Number of pairs of extrema that a full memory had to give up."""
+        """Number of pairs of extrema that a full memory has removed."""
 
     def step(self, position: float, drive: float, learn: bool = True) -> float:
-        """Adapt to one pair; return the error, not finite where the pair is not.
+        """Adapt to one pair; return the error, which is not finite if the pair is not.
 
-        Without `learn` the memory goes on and nothing is learned.
+        Without `learn` the memory advances and the model stays.
         """
 
     def run(self, positions: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:
         """Adapt to a record of pairs, shape (n,) each; return the errors, shape (n,)."""
 
     def predict(self, weights: FloatArray, offset: float, scale: float) -> float:
-        """Return the drive that others predict for the last displacement."""
+        """Return the drive that another model predicts for the last displacement."""
 
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
-        """Take over weights, an offset and a scale, and forget how well they were known."""
+        """Replace weights, offset and scale, and restart their uncertainty."""
 
     def reset(self) -> None:
-        """Forget the past displacement, not what was learned."""
+        """Clear the hysteresis memory; the learned model stays."""
 
 
 @dataclass
-class _Model:
-    """A copy of what was learned."""
+class _LearnedModel:
+    """Copy of a learned model: weights, offset and scale."""
 
     weights: FloatArray
     offset: float
     scale: float
 
     @classmethod
-    def of(cls, source: AdaptiveIdentifier) -> "_Model":
+    def of(cls, source: AdaptiveIdentifier) -> "_LearnedModel":
         return cls(source.weights.copy(), source.offset, source.scale)
 
-    def assign(self, source: "AdaptiveIdentifier | _Model") -> None:
+    def assign(self, source: "AdaptiveIdentifier | _LearnedModel") -> None:
         self.weights[:] = source.weights
         self.offset, self.scale = source.offset, source.scale
 
 
 class Shadowed:
-    """An identifier that goes back to its last good model where learning made it predict worse.
+    """Identifier that returns to its last good model if learning made it predict worse.
 
-    Over a window of pairs both models, the one that adapts and its shadow, predict the same drives.
-    Where the one that adapts was worse, it goes back to the shadow. Else the model that the window
-    began with has proved itself and is the next shadow; a disturbance that was learned at the end
-    of one window is so found out in the next.
+    Over a window of pairs, the adapting model and its shadow predict the same drives. If the
+    adapting model was worse, it is replaced by the shadow. Otherwise the model from the start of
+    the window has proved itself and becomes the next shadow. A disturbance that was learned at the
+    end of one window is thus detected in the next window.
 
     Args:
-        identifier: What learns; use it through this from here on.
-        window: Pairs that were learned from before the two are compared, from 1 on.
-        tolerance: How many times the mean squared error of the shadow counts as worse, 1 or more.
+        identifier: The identifier to guard; from now on use it only through this object.
+        window: Number of learned pairs between two comparisons, at least 1.
+        tolerance: Ratio of the mean squared errors above which the adapting model counts as worse,
+            at least 1.
 
     Raises:
         ModelError: If an argument is outside its range.
@@ -102,14 +103,14 @@ class Shadowed:
             raise ModelError(message)
         self._identifier = identifier
         self._window, self._tolerance = window, tolerance
-        self._shadow = _Model.of(identifier)
-        self._candidate = _Model.of(identifier)
+        self._shadow = _LearnedModel.of(identifier)
+        self._candidate = _LearnedModel.of(identifier)  # the model at the start of the window
         self._pairs, self._squares, self._shadow_squares = 0, 0.0, 0.0
         self.restored = 0
-        """How often the last good model was restored."""
+        """Number of times that the last good model was restored."""
 
     def step(self, position: float, drive: float, learn: bool = True) -> float:
-        """Adapt to one pair, and judge what was learned; return the error."""
+        """Adapt to one pair, and compare the models at the end of a window; return the error."""
         error = self._identifier.step(position, drive, learn)
         if learn and math.isfinite(error):
             shadow = self._shadow
@@ -119,7 +120,7 @@ class Shadowed:
             self._shadow_squares += shadow_error * shadow_error
             self._pairs += 1
             if self._pairs == self._window:
-                self._judge()
+                self._compare()
         return error
 
     def run(self, positions: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:
@@ -132,11 +133,11 @@ class Shadowed:
         return np.array([self.step(float(x), float(v)) for x, v in pairs])
 
     def predict(self, weights: FloatArray, offset: float, scale: float) -> float:
-        """Return the drive that others predict for the last displacement."""
+        """Return the drive that another model predicts for the last displacement."""
         return self._identifier.predict(weights, offset, scale)
 
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
-        """Take over weights, an offset and a scale, as the last good model too.
+        """Replace weights, offset and scale, of the last good model too.
 
         Raises:
             ModelError: If the identifier refuses them.
@@ -144,12 +145,12 @@ class Shadowed:
         self._identifier.adopt(weights, offset, scale)
         self._candidate.assign(self._identifier)
         self._shadow.assign(self._identifier)
-        self._begin()
+        self._begin_window()
 
     def reset(self) -> None:
-        """Forget the past displacement and the window begun, not what was learned."""
+        """Clear the hysteresis memory and start a new window; the learned model stays."""
         self._identifier.reset()
-        self._begin()
+        self._begin_window()
 
     @property
     def weights(self) -> FloatArray:
@@ -158,25 +159,26 @@ class Shadowed:
 
     @property
     def offset(self) -> float:
-        """What the operators do not see of the displacement; 0 where it is not learned."""
+        """Offset of the displacement against the operator input; 0 if not learned."""
         return self._identifier.offset
 
     @property
     def scale(self) -> float:
-        """By how much more than the displacement they see; 0 where it is not learned."""
+        """Relative gain of the operator input over the displacement; 0 if not learned."""
         return self._identifier.scale
 
     @property
     def position(self) -> float:
-        """Displacement that the operators see, behind the dead-band."""
+        """Displacement at the input of the operators, after the dead-band."""
         return self._identifier.position
 
     @property
     def merged_pairs(self) -> int:
-        """Number of pairs of extrema that a full memory had to give up."""
+        """Number of pairs of extrema that a full memory has removed."""
         return self._identifier.merged_pairs
 
-    def _judge(self) -> None:
+    def _compare(self) -> None:
+        """Restore the shadow if the adapting model predicted worse, else renew the shadow."""
         if self._squares > self._tolerance * self._shadow_squares:
             shadow = self._shadow
             self._identifier.adopt(shadow.weights, shadow.offset, shadow.scale)
@@ -184,7 +186,7 @@ class Shadowed:
         else:
             self._shadow.assign(self._candidate)
         self._candidate.assign(self._identifier)
-        self._begin()
+        self._begin_window()
 
-    def _begin(self) -> None:
+    def _begin_window(self) -> None:
         self._pairs, self._squares, self._shadow_squares = 0, 0.0, 0.0

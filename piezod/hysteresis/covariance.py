@@ -1,8 +1,8 @@
-"""The covariance P of slopes, offset and scale that walk at random, for recursive least squares.
+"""The covariance P of slopes, offset and scale as random walks, for recursive least squares.
 
-Forgetting winds up: where pairs tell nothing, P grows without end, and the first that does throws
-the weights off. Here P decays by the share Q / bound at each step while the walk adds Q, so that no
-variance exceeds its bound:
+Exponential forgetting winds up: while pairs carry no information P grows without limit, and the
+next informative pair throws the weights off. Here P decays by the share Q / bound in each step and
+the random walk adds Q, so that no variance exceeds its bound:
 
     P ← D (P - P u u' P / (R + u' P u)) D + Q,   D² = 1 - Q / bound.
 """
@@ -14,21 +14,21 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.jit import compiled
 
 REGRESSOR, GAIN, DECAY = 0, 1, 2
-"""Rows of vectors, shape (3, N): u, K, and the root of what is left of each variance in a step."""
+"""Rows of vectors, shape (3, N): u, P u (K before its division), and the diagonal of D."""
 
 SLOPE_VARIANCE, SLOPE_BOUND = 1e-4, 1e-3
-"""Variance of a slope at the start, and the largest it can have."""
+"""Initial and largest variance of a slope, dimensionless."""
 OFFSET_VARIANCE, OFFSET_BOUND = 1e-6, 1e-4
-"""Variance of the offset at the start, and the largest it can have; in units of the range."""
+"""Initial and largest variance of the offset, in units of the range squared."""
 SCALE_VARIANCE, SCALE_BOUND = 1e-6, 1e-4
-"""The same of the scale, dimensionless."""
+"""Initial and largest variance of the scale, dimensionless."""
 
 
 @compiled
 def fill_gain(covariance: FloatArray, vectors: FloatArray) -> float:
-    """Write P u; return u' P u.
+    """Write P u and return u' P u.
 
-    The sum runs row by row, which P being symmetric allows and the processor prefers.
+    The loop runs row by row, in the order of the storage; that is allowed because P is symmetric.
     """
     regressor, gain = vectors[REGRESSOR], vectors[GAIN]
     for j in range(gain.size):
@@ -36,19 +36,20 @@ def fill_gain(covariance: FloatArray, vectors: FloatArray) -> float:
     for i in range(gain.size):
         for j in range(gain.size):
             gain[j] += covariance[i, j] * regressor[i]
-    told = 0.0
+    predicted_variance = 0.0
     for j in range(gain.size):
-        told += regressor[j] * gain[j]
-    return told
+        predicted_variance += regressor[j] * gain[j]
+    return predicted_variance
 
 
 @compiled
 def update_covariance(
-    covariance: FloatArray, walk: FloatArray, vectors: FloatArray, told: float
+    covariance: FloatArray, walk: FloatArray, vectors: FloatArray, innovation_variance: float
 ) -> None:
-    """P ← D (P - (P u) (P u)' / (R + u' P u)) D + Q, symmetric to the bit."""
+    """Replace P by D (P - (P u) (P u)' / (R + u' P u)) D + Q, symmetric to the bit."""
     gain, decay = vectors[GAIN], vectors[DECAY]
-    root = 1.0 / np.sqrt(told)
+    # Half of the division goes into each factor, so that the product is exactly symmetric.
+    root = 1.0 / np.sqrt(innovation_variance)
     for j in range(gain.size):
         gain[j] *= root
     for i in range(gain.size):
@@ -57,17 +58,18 @@ def update_covariance(
             covariance[i, j] = left * (decay[i] * decay[j]) + walk[i, j]
 
 
-def on_planes(
+def constrained_covariance(
     cells: FloatArray, slope_variance: float, offset_variance: float, scale_variance: float
 ) -> FloatArray:
-    """Return a covariance, shape (N, N): slopes vary alike but for Σ s c, the others alone.
+    """Return a covariance, shape (N, N), whose slopes obey the constraint Σ s c = const per side.
 
-    N is 2 M + 4: slopes of both sides, the offset and the scale.
+    All slopes have the same variance in that plane; offset and scale are independent. N is 2 M + 4:
+    the slopes of both sides, the offset and the scale.
     """
     count = cells.shape[1]
     covariance = np.zeros((2 * count + 2, 2 * count + 2))
-    for side, across in enumerate(cells):
-        plane = np.eye(count) - np.outer(across, across) / (across @ across)
+    for side, normal in enumerate(cells):
+        plane = np.eye(count) - np.outer(normal, normal) / (normal @ normal)
         block = slice(side * count, (side + 1) * count)
         covariance[block, block] = slope_variance * plane
     covariance[-2, -2] = offset_variance
@@ -76,12 +78,12 @@ def on_planes(
 
 
 def checked_walk(name: str, walk: float, bound: float) -> float:
-    """Return the variance that a state gains in a step.
+    """Return the variance that a state gains per step.
 
     Raises:
-        ModelError: If it is not from 0 to below the bound of that variance.
+        ModelError: If it is not in [0, bound).
     """
     if not 0.0 <= walk < bound:
-        message = f"the walk of {name} is from 0 to below its bound of {bound:g}, got {walk:g}"
+        message = f"the walk of {name} must be from 0 to below its bound {bound:g}, got {walk:g}"
         raise ModelError(message)
     return walk

@@ -1,16 +1,16 @@
-"""Creep: a small linear state on top of the displacement that hysteresis makes.
+"""Creep: a small linear dynamic that adds to the displacement of the hysteresis.
 
-After a move a piezo goes on moving, by about as much in each decade of time. With y the
-displacement without creep, the measured one is
+After a move a piezo continues to move, by about the same amount in each decade of time. Let y be
+the displacement without creep. The measured displacement is
 
-    x = y + Σ w_k L_k[y],
+    x = y + Σ w_k L_k[y].
 
-L_k first-order lags of y whose time constants are evenly spaced on a logarithmic scale. At each
-sample the lags advance with the y of the sample before, so that both directions are explicit:
-adding creep to y, and removing it from x, which is exact. With w >= 0 and Σ w < 1 both are stable.
+The L_k are first-order lags of y, whose time constants are evenly spaced on a logarithmic scale. At
+each sample the lags advance with the y of the sample before. Adding creep to y and removing it from
+x are therefore both explicit, and the removal is exact. For w >= 0 and Σ w < 1 both are stable.
 
-Source: Krejčí and Kuhnen, "Inverse control of systems with hysteresis and creep", IEE Proc.
-Control Theory Appl. 148 (2001), for the lags; the paper has no creep.
+Source: Krejčí and Kuhnen, "Inverse control of systems with hysteresis and creep", IEE Proc. Control
+Theory Appl. 148 (2001), for the lags. The paper has no creep.
 """
 
 from typing import NamedTuple
@@ -24,11 +24,12 @@ from piezod.jit import compiled
 
 
 class Creep(NamedTuple):
-    """The creep of a stage that is sampled at an even rate.
+    """Creep of a stage that is sampled at an even rate.
 
     Attributes:
-        weights: (K,) how much each lag adds to the displacement, >= 0.
-        gains: (K,) part of its way that a lag goes in one sample, 1 - exp(-dt / τ), in (0, 1].
+        weights: (K,) contribution of each lag to the displacement, >= 0.
+        gains: (K,) share of the remaining distance that a lag covers per sample, 1 - exp(-dt / τ),
+            in (0, 1].
     """
 
     weights: FloatArray
@@ -40,17 +41,15 @@ NO_CREEP = Creep(np.zeros(0), np.zeros(0))
 
 @compiled
 def advance_creep(lags: FloatArray, gains: FloatArray, weights: FloatArray, before: float) -> float:
-    """Advance the lags by one sample, in place; return what has crept by then.
-
-    May be called in the loop.
+    """Advance the lags in place by one sample and return the creep then. Real-time safe.
 
     Args:
-        lags: (K,) the lags; all 0 after a long rest at 0.
+        lags: (K,) state of the lags; zeros after a long rest at 0.
         gains: (K,) as in `Creep`.
         weights: (K,) as in `Creep`.
-        before: Displacement without creep at the sample before; what is not finite moves no lag.
+        before: Displacement without creep at the sample before; if it is not finite, the lags stay.
     """
-    known = before - before == 0.0
+    known = before - before == 0.0  # False for NaN and for infinities
     crept = 0.0
     for k in range(lags.size):
         if known:
@@ -95,7 +94,8 @@ def remove_creep(
     Args:
         creep: The creep of the stage.
         positions: (n,) measured displacement.
-        lags: (K,) state of the lags, zeros after a long rest at 0; afterwards that at the end.
+        lags: (K,) state of the lags, zeros after a long rest at 0; afterwards their state at the
+            end.
         before: Displacement without creep at the sample before the first.
 
     Raises:
@@ -110,7 +110,7 @@ def remove_creep(
 def add_creep(
     creep: Creep, positions: npt.ArrayLike, lags: FloatArray, before: float = 0.0
 ) -> FloatArray:
-    """Return what a displacement without creep becomes with it, shape (n,); undoes `remove_creep`.
+    """Return the displacement with creep, shape (n,); the inverse of `remove_creep`.
 
     Arguments and errors are those of `remove_creep`, with `positions` without creep.
     """

@@ -1,8 +1,8 @@
-"""What is learned pair by pair, and the kernels by which every identifier handles it.
+"""State of an adaptive identifier, and the kernels that all identifiers share.
 
-A pair is a displacement x and the drive that was in force when it was taken. Stages drift and
-change their gain: the operators see y = (1 + scale) x - offset, and the weights predict the drive
-from them.
+A pair is a displacement x and the drive that was in force when x was sampled. A stage drifts and
+its gain changes. The operators therefore see y = (1 + scale) x - offset, and the weights predict
+the drive from y.
 """
 
 from typing import NamedTuple
@@ -21,24 +21,24 @@ from piezod.hysteresis.slopes import (
 )
 from piezod.jit import compiled
 
-OFFSET, SCALE, POSITION, SPARE = 0, 1, 2, 3
-"""Places of `Learner.scalars`: offset and scale, the last displacement, and by how much the
-smallest slope is known to exceed the least."""
+OFFSET, SCALE, POSITION, SLOPE_MARGIN = 0, 1, 2, 3
+"""Indices in `Learner.scalars`: offset, scale, last displacement, and a lower bound of the smallest
+slope minus `LEAST_SLOPE`."""
 
 OFFSET_LIMIT, SCALE_LIMIT = 1.0, 0.3
-"""Largest magnitudes: no drift exceeds the range, and no sound stage changes its gain by more."""
+"""Largest magnitudes: no drift exceeds the range, and a sound stage changes its gain by less."""
 
-_ROUNDING = 1e-9  # more than a million sums of weights lose
+_ROUNDING = 1e-9  # exceeds the rounding error that a million updates of the weights add up to
 
 
 class Learner(NamedTuple):
-    """What is learned, and room to work on it; nothing is allocated later.
+    """Learned parameters and work space; nothing is allocated later.
 
     Attributes:
         bank: (2, 2 M) thresholds and gains of the stops.
         weights: (2 M,) weights [a^l, a^r].
-        scalars: (4,) `OFFSET`, `SCALE`, `POSITION` and `SPARE`.
-        slopes: (2, M + 1) room for the slopes that the weights make.
+        scalars: (4,) `OFFSET`, `SCALE`, `POSITION` and `SLOPE_MARGIN`.
+        slopes: (2, M + 1) work space for the slopes of the weights.
         cells: (2, M + 1) widths of the cells.
     """
 
@@ -57,68 +57,69 @@ def new_learner(bank: FloatArray) -> Learner:
 
 @compiled
 def is_finite(value: float) -> bool:
-    """Return whether a value is a number, and not an infinite one."""
+    """Return whether a value is neither NaN nor infinite."""
     return value - value == 0.0
 
 
 @compiled
-def observe(memory: Memory, learner: Learner, deadband: float, position: float) -> float:
-    """Advance all plays by a finite displacement; return the one they see, within [0, 1]."""
+def advance_operators(memory: Memory, learner: Learner, deadband: float, position: float) -> float:
+    """Advance all plays by a finite displacement; return the operator input y, clamped."""
     scalars = learner.scalars
     scalars[POSITION] = position
-    shown = (1.0 + scalars[SCALE]) * position - scalars[OFFSET]
-    return advance_plays(memory, learner.bank, deadband, shown)
+    operator_input = (1.0 + scalars[SCALE]) * position - scalars[OFFSET]
+    return advance_plays(memory, learner.bank, deadband, operator_input)
 
 
 @compiled
 def prediction(
     memory: Memory, learner: Learner, weights: FloatArray, offset: float, scale: float
 ) -> float:
-    """Return the drive that weights, an offset and a scale predict for the last displacement.
+    """Return the drive that a model predicts for the last displacement: z of paper eq. (30).
 
-    What the operators did not see of it, or would have seen with these, counts with the slope one:
-    so does what lies outside the range.
+    Outside the range, and for a change of offset or scale since the operators advanced, the model
+    is extended with the slope one.
     """
     within = weighted_sum(memory.now, learner.bank, weights, memory.last[RAW])
-    shown = (1.0 + scale) * learner.scalars[POSITION] - offset
-    return within + (shown - memory.last[RAW])
+    operator_input = (1.0 + scale) * learner.scalars[POSITION] - offset
+    return within + (operator_input - memory.last[RAW])
 
 
 @compiled
 def own_prediction(memory: Memory, learner: Learner) -> float:
-    """Return the drive that what was learned predicts for the last displacement."""
+    """Return the drive that the learned model predicts for the last displacement."""
     scalars = learner.scalars
     return prediction(memory, learner, learner.weights, scalars[OFFSET], scalars[SCALE])
 
 
 @compiled
 def keep_weights_invertible(learner: Learner, moved: float) -> None:
-    """Project the weights where no inverse belongs to them; else they stay, to the bit.
+    """Project the weights if their model has no inverse; otherwise they stay the same to the bit.
 
-    The condition is looked at when the slopes can have moved by as much as it had to spare last
-    time, and not before: that would cost as much as the learning.
+    The condition costs as much as a learning step. It is checked only when the slopes may have
+    moved by the whole margin of the last check.
 
     Args:
-        learner: Whose weights have changed.
-        moved: Bound on what any slope of one side and any of the other have moved by, together.
+        learner: Learner whose weights have changed.
+        moved: Upper bound of the change of a slope of one side plus that of a slope of the other
+            side.
     """
     scalars, slopes = learner.scalars, learner.slopes
-    scalars[SPARE] -= moved
-    if scalars[SPARE] > 0.0:
+    scalars[SLOPE_MARGIN] -= moved
+    if scalars[SLOPE_MARGIN] > 0.0:
         return
     fill_slopes(learner.bank, learner.weights, slopes)
     if keep_invertible(slopes, learner.cells):
         fill_weights(learner.bank, slopes, learner.weights)
-    scalars[SPARE] = least_slope(slopes, learner.cells) - LEAST_SLOPE - _ROUNDING
+    scalars[SLOPE_MARGIN] = least_slope(slopes, learner.cells) - LEAST_SLOPE - _ROUNDING
 
 
 @compiled
 def limited(value: float, limit: float) -> float:
-    """Return a value of a magnitude up to the limit."""
+    """Return the value clamped to [-limit, limit]."""
     return min(max(value, -limit), limit)
 
 
 @compiled
-def taught(error: float) -> float:
-    """Return the error to learn from: at most the whole range, whatever a pair claims."""
+def limited_error(error: float) -> float:
+    """Return the error to learn from, clamped to the whole range, so that no pair counts more."""
     return limited(error, 1.0)

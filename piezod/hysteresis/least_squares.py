@@ -1,9 +1,9 @@
 """Batch identification: all weights of the inverse at once, by constrained ridge least squares.
 
-The weights are searched among the models that can be inverted (see `slopes`): every slope of a
-side is at least 1 + ε - κ and every chord at least κ, which are linear in the weights. A quadratic
-programme with linear constraints is a problem of least distance, and that one of nonnegative least
-squares (Lawson & Hanson, Solving Least Squares Problems, chapter 23).
+The weights are searched among the models that can be inverted (see `slopes`). Every slope of a side
+is at least 1 + ε - κ and every chord is at least κ; both are linear in the weights. This quadratic
+programme with linear constraints is equivalent to a least-distance problem, which is solved as a
+nonnegative least squares problem (Lawson and Hanson, Solving Least Squares Problems, chapter 23).
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ from piezod.jit import compiled
 
 
 @compiled
-def _fill(
+def _fill_regressors(
     levels: FloatArray,
     values: FloatArray,
     now: FloatArray,
@@ -45,10 +45,10 @@ def _fill(
 def stop_regressors(
     bank: FloatArray, positions: npt.ArrayLike, deadband: float = 0.0
 ) -> FloatArray:
-    """Return E - x of every stop for a record of displacements, shape (n, 2 M)."""
+    """Return E - x of all stops for a record of displacements, shape (n, 2 M), paper eq. (29)."""
     x = checked_series(positions)
     regressors = np.empty((x.size, bank.shape[1]))
-    _fill(*new_bank_memory(bank), bank, deadband, x, regressors)
+    _fill_regressors(*new_bank_memory(bank), bank, deadband, x, regressors)
     return regressors
 
 
@@ -62,17 +62,17 @@ def identify_least_squares(
 ) -> FloatArray:
     """Return the weights [a^l, a^r], shape (2 M,), that predict the drive best.
 
-    The model that they make can be inverted on every loop.
+    They minimise the squared error. The resulting model can be inverted on every loop.
 
     Args:
         bank: Thresholds and gains of the stops, from `new_bank`.
         positions: (n,) measured displacement in [0, 1].
-        drives: (n,) drive in force when each was taken, in [0, 1].
+        drives: (n,) drive in force at each of these samples, in [0, 1].
         ridge: Penalty on the weights, see `ridge_penalty`.
         deadband: Width of the backlash before the memory, in units of the range.
 
     Raises:
-        ModelError: If there are not as many drives as positions, a number is not finite, or the
+        ModelError: If the numbers of drives and positions differ, a value is not finite, or the
             displacement does not move.
     """
     x, v = np.clip(checked_series(positions), 0.0, 1.0), checked_series(drives)
@@ -86,9 +86,9 @@ def identify_least_squares(
 
 
 def ridge_penalty(gram: FloatArray, ridge: float) -> float:
-    """Return what to add to the diagonal of a Gram matrix of stops, given relative to its mean.
+    """Return the number to add to the diagonal of a Gram matrix of stops, `ridge` times its mean.
 
-    Without one the condition number is above 1e6, and the weights follow the noise.
+    Without a penalty the condition number exceeds 1e6, and the weights fit the noise.
 
     Raises:
         ModelError: If the displacement of the record does not move.
@@ -102,13 +102,13 @@ def ridge_penalty(gram: FloatArray, ridge: float) -> float:
 def solve_constrained(
     gram: FloatArray, right_side: FloatArray, bank: FloatArray, *, nonnegative: tuple[int, ...] = ()
 ) -> FloatArray:
-    """Return the parameters p with the least ½ pᵀGp - gᵀp whose model can be inverted, shape (n,).
+    """Return the parameters p of an invertible model that minimise ½ pᵀGp - gᵀp, shape (n,).
 
     Args:
         gram: (n, n) G, positive definite; n ≥ 2 M.
         right_side: (n,) g.
         bank: Thresholds and gains of the stops; the first 2 M parameters are their weights.
-        nonnegative: Places of the parameters that must not be negative.
+        nonnegative: Indices of the parameters that must not be negative.
 
     Raises:
         ModelError: If G is not positive definite: the record does not determine the parameters.
@@ -122,16 +122,17 @@ def solve_constrained(
     parameters = np.linalg.solve(factor.T, nearest) / scale
 
     weights, signed = slice(bank.shape[1]), list(nonnegative)
-    parameters[weights] = projected(bank, parameters[weights])  # what is left is due to rounding
+    # The solver keeps the constraints up to rounding; the next two lines keep them exactly.
+    parameters[weights] = projected(bank, parameters[weights])
     parameters[signed] = np.maximum(parameters[signed], 0.0)
     return parameters
 
 
 def parameter_covariance(gram: FloatArray, residual_variance: float) -> FloatArray:
-    """Return the covariance of fitted parameters, shape (n, n), where no constraint binds.
+    """Return the covariance of fitted parameters, shape (n, n), if no constraint binds.
 
     Args:
-        gram: (n, n) G, with the penalties that the fit had: they count as knowledge.
+        gram: (n, n) G, with the penalties of the fit: they count as prior knowledge.
         residual_variance: Mean squared residual per independent sample.
 
     Raises:
@@ -143,7 +144,10 @@ def parameter_covariance(gram: FloatArray, residual_variance: float) -> FloatArr
 
 
 def _factor(gram: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return L and the diagonal of D with G = D L Lᵀ D, where D makes the diagonal of L Lᵀ one."""
+    """Return L and the diagonal of D with G = D L Lᵀ D, where the diagonal of L Lᵀ is one.
+
+    The scaling by D keeps the factorisation accurate if parameters have different units.
+    """
     scale = np.sqrt(np.maximum(np.diag(gram), np.finfo(np.float64).tiny))
     try:
         return np.linalg.cholesky(gram / np.outer(scale, scale)), scale
@@ -155,10 +159,9 @@ def _factor(gram: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _constraints(
     bank: FloatArray, nonnegative: tuple[int, ...], size: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return A, b such that A p ≥ b makes an invertible model, for parameters of shape (size,).
-
-    Slopes and chords are 1 where all weights are zero, and linear in the weights.
-    """
+    """Return A and b for which A p ≥ b makes an invertible model; p has shape (size,)."""
+    # Slopes and chords are linear in the weights and equal 1 if all weights are zero. The response
+    # to unit vectors therefore gives the rows of A.
     units = np.eye(bank.shape[1])
     slopes = np.array([to_slopes(bank, unit) for unit in units]) - 1.0
     chords = np.cumsum(slopes * cells(bank), axis=2)[:, :, :-1] / bank[THRESHOLDS].reshape(2, -1)
@@ -173,8 +176,8 @@ def _constraints(
 def _least_distance(rows: FloatArray, bounds: FloatArray) -> FloatArray:
     """Return the shortest z with A z ≥ b, which exists.
 
-    Nonnegative least squares finds which constraints bind. The shortest z on these is more exact
-    than the one that its residual gives.
+    Nonnegative least squares finds the binding constraints. The shortest z on these constraints is
+    more accurate than the z from the residual of that problem.
     """
     from scipy.optimize import nnls  # noqa: PLC0415 - half a second that few commands need
 

@@ -1,7 +1,7 @@
-"""Least mean squares on the stops of the measured displacement: the paper's identification.
+"""Least mean squares on the stops of the measured displacement: the identification of the paper.
 
-The paper calls it recursive least squares; eq 29 is LMS. It needs no model to start from and
-follows a stage that changes, but a constant gain forgets: what it leaves fits the last loops seen.
+The paper calls it recursive least squares, but paper eq. (29) is LMS. It needs no initial model and
+follows a stage that changes. Its constant gain forgets: the final weights fit the last loops.
 """
 
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from piezod.hysteresis.learner import (
     POSITION,
     SCALE,
     Learner,
+    advance_operators,
     is_finite,
     keep_weights_invertible,
-    observe,
+    limited_error,
     own_prediction,
-    taught,
 )
 from piezod.hysteresis.memory import DEFAULT_CAPACITY, FloatArray, IntArray, Memory
 from piezod.hysteresis.online import OnlineIdentifier
@@ -28,7 +28,7 @@ from piezod.jit import compiled
 
 @compiled
 def _power(memory: Memory, bank: FloatArray, position: float) -> float:
-    """Return ‖E - x‖²."""
+    """Return ‖E - x‖², the squared norm of the regressor."""
     power = 0.0
     for j in range(memory.now.size):
         power += (bank[GAINS, j] * (position - memory.now[j])) ** 2
@@ -41,29 +41,30 @@ def _adapt(
     learner: Learner,
     gain: float,
     floor: float,
-    reach: float,
+    sensitivity: float,
     deadband: float,
     position: float,
     drive: float,
     learn: bool,
 ) -> float:
-    """Update the weights with one pair: a ← a + 2γ e (E - x) (eq 29); return e (eq 30).
+    """Update the weights with one pair, paper eq. (29); return the error e, paper eq. (30).
 
-    With a floor above 0 it is normalised: a ← a + μ e (E - x) / (floor + ‖E - x‖²).
+    The update is a ← a + 2γ e (E - x) if the floor is 0. With a floor above 0 it is normalised:
+    a ← a + μ e (E - x) / (floor + ‖E - x‖²).
     """
     if not is_finite(position):
         return np.nan
     bank, weights, scalars = learner.bank, learner.weights, learner.scalars
-    seen = observe(memory, learner, deadband, position)
-    if floor == 0.0:  # in the paper, what lies outside the range does not count
+    seen = advance_operators(memory, learner, deadband, position)
+    if floor == 0.0:  # the paper clamps the displacement: its part outside the range has no effect
         scalars[POSITION] = (seen + scalars[OFFSET]) / (1.0 + scalars[SCALE])
     error = drive - own_prediction(memory, learner)
     if learn and is_finite(error):
         rate = 2.0 * gain if floor == 0.0 else gain / (floor + _power(memory, bank, seen))
-        stride = rate * taught(error)
+        stride = rate * limited_error(error)
         for j in range(weights.size):
             weights[j] += stride * (bank[GAINS, j] * (seen - memory.now[j]))
-        keep_weights_invertible(learner, reach * abs(stride))
+        keep_weights_invertible(learner, sensitivity * abs(stride))
     return error
 
 
@@ -81,7 +82,7 @@ def _step(
     cells: FloatArray,
     gain: float,
     floor: float,
-    reach: float,
+    sensitivity: float,
     deadband: float,
     position: float,
     drive: float,
@@ -89,7 +90,7 @@ def _step(
 ) -> float:
     memory = Memory(levels, values, now, last, counts)
     learner = Learner(bank, weights, scalars, slopes, cells)
-    return _adapt(memory, learner, gain, floor, reach, deadband, position, drive, learn)
+    return _adapt(memory, learner, gain, floor, sensitivity, deadband, position, drive, learn)
 
 
 @compiled
@@ -106,7 +107,7 @@ def _run(
     cells: FloatArray,
     gain: float,
     floor: float,
-    reach: float,
+    sensitivity: float,
     deadband: float,
     positions: FloatArray,
     drives: FloatArray,
@@ -116,15 +117,18 @@ def _run(
     learner = Learner(bank, weights, scalars, slopes, cells)
     for k in range(errors.size):
         position, drive = positions[k], drives[k]
-        errors[k] = _adapt(memory, learner, gain, floor, reach, deadband, position, drive, True)
+        errors[k] = _adapt(
+            memory, learner, gain, floor, sensitivity, deadband, position, drive, True
+        )
 
 
 def largest_stable_gain(bank: FloatArray) -> float:
-    """Return the gain γ below which LMS on a bank cannot diverge, whatever the displacement.
+    """Return the gain γ below which LMS on a bank cannot diverge, for any displacement.
 
     The update is stable while 2γ ‖E - x‖² < 2. A right play lies below x by at most x and by at
-    most (1 - x) r / (1 - r), a left play above it by the mirrored amounts; ‖E - x‖² is bounded by
-    the largest sum of their squares over x. For the paper's 19 thresholds a side that is 5.9.
+    most (1 - x) r / (1 - r). A left play lies above x by at most the mirrored amounts. ‖E - x‖² is
+    at most the largest sum of their squares over x. For the paper's 19 thresholds a side this bound
+    is 5.9.
     """
     left, right = np.split(bank, 2, axis=1)
     x = np.linspace(0.0, 1.0, 1001)[:, np.newaxis]
@@ -133,18 +137,18 @@ def largest_stable_gain(bank: FloatArray) -> float:
     return 1.0 / float(np.max(np.sum(below**2, axis=1) + np.sum(above**2, axis=1)))
 
 
-def _reach(bank: FloatArray, deadband: float) -> float:
-    """Return by how much adding E - x to the weights moves a slope of either side, at most.
+def _slope_sensitivity(bank: FloatArray, deadband: float) -> float:
+    """Return the largest change of the slopes of both sides if E - x is added to the weights.
 
-    A slope is 1 plus some weights times g less the others, and |E - x| is at most 1 - r, or g δ / 2
-    more behind a dead-band of width δ.
+    A slope is 1 plus some weights times g minus the other weights. |E - x| is at most 1 - r; a
+    dead-band of width δ adds at most g δ / 2.
     """
     largest = 1.0 - bank[THRESHOLDS] + 0.5 * deadband * bank[GAINS]
     return float(np.sum(np.maximum(bank[GAINS], 1.0) * largest))
 
 
 class GradientIdentifier(OnlineIdentifier):
-    """Moves the weights along the regressor of each pair; a floor above 0 makes it normalised."""
+    """Moves the weights along the regressor of each pair; a floor above 0 normalises the step."""
 
     def __init__(
         self, bank: FloatArray, gain: float, floor: float, deadband: float, capacity: int
@@ -155,12 +159,12 @@ class GradientIdentifier(OnlineIdentifier):
             *self._learner,
             gain,
             floor,
-            _reach(bank, deadband),
+            _slope_sensitivity(bank, deadband),
             self._deadband,
         )
 
     def step(self, position: float, drive: float, learn: bool = True) -> float:
-        """Adapt to one pair, as in `OnlineIdentifier`; may be called in the loop."""
+        """Adapt to one pair, as in `OnlineIdentifier`. Real-time safe."""
         return _step(*self._arguments, float(position), float(drive), learn)
 
     def _run(self, positions: FloatArray, drives: FloatArray, errors: FloatArray) -> None:
@@ -168,13 +172,14 @@ class GradientIdentifier(OnlineIdentifier):
 
 
 class LMSIdentifier(GradientIdentifier):
-    """The paper's identifier (eqs 29, 30): weights from zero on, a constant gain, no more.
+    """The identifier of the paper, eq. (29) and eq. (30): initial weights zero, constant gain.
 
     Args:
         bank: Thresholds and gains of the stops, from `new_bank`.
         gain: γ, from 0 to below `largest_stable_gain`.
-        deadband: Width of the backlash before the memory, in units of the range; above the noise.
-        capacity: Extrema remembered on each side.
+        deadband: Width of the backlash before the memory, in units of the range; larger than the
+            noise.
+        capacity: Extrema stored on each side.
 
     Raises:
         ModelError: If the gain is outside its range.
@@ -199,10 +204,10 @@ class LMSIdentifier(GradientIdentifier):
 
 @dataclass
 class Convergence:
-    """The paper's criterion, |e_k - e_{k-1}| below a tolerance, asked of a whole window.
+    """The paper's criterion of convergence, |e_k - e_{k-1}| below a tolerance, over a whole window.
 
-    One sample proves nothing: the difference is small by chance. Nor do samples that do not move:
-    leave them out.
+    One sample proves nothing, because one difference can be small by chance. Samples of a stage at
+    rest prove nothing either; the caller must leave them out.
     """
 
     tolerance: float
@@ -211,7 +216,7 @@ class Convergence:
     _previous: float = np.inf
 
     def update(self, error: float) -> bool:
-        """Take the next error; return whether the last `window` differences were all small."""
+        """Add the next error; return whether the last `window` differences were all small."""
         small = abs(error - self._previous) < self.tolerance
         self._quiet = self._quiet + 1 if small else 0
         self._previous = error

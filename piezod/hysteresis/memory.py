@@ -1,16 +1,16 @@
-"""Madelung's memory: which past extrema of an input still matter.
+"""Madelung memory: the past extrema of an input that still influence the output.
 
-All operators of a model see one input, so one memory serves them all (κ and λ of the paper's eq 3).
-It holds two stacks of dominant extrema, maxima and minima; the pair on top bounds the loop in which
-the input moves. Both the operators and the closed form keep what they need at each extremum as a
-row of numbers, so the same three kernels serve both:
+All operators of a model see the same input, so one memory serves them all. It replaces the κ and λ
+of paper eq. (3). The memory holds two stacks of dominant extrema, maxima and minima; the last entry
+of each stack bounds the loop in which the input moves. The operators and the closed form both store
+a row of numbers at each extremum, so the same steps serve both:
 
-* `locate` finds the loop in which a new input lies and what it wipes out, and changes nothing;
+* `locate` finds the loop of a new input and the extrema that this input deletes;
 * the caller evaluates its operators in that loop;
-* `commit` makes it so.
+* `commit` makes the new input the last one.
 
-The arrays have a fixed size. A full stack gives up the nested pair of extrema that matters least,
-and counts it.
+The arrays have a fixed size, so a step never allocates. If a stack is full, the memory removes the
+nested pair of extrema with the smallest effect, and counts it.
 """
 
 from typing import NamedTuple, TypeAlias
@@ -25,24 +25,26 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
 
 MAXIMUM, MINIMUM = 0, 1
-"""Rows of `Memory.levels` and `Memory.values`, and places of their depths in `Memory.counts`."""
+"""Rows of `Memory.levels` and `Memory.values`; indices of the stack sizes in `Memory.counts`."""
 RISING, MERGED = 2, 3
-"""Further places in `Memory.counts`: the direction of the last move (1 or 0), pairs given up."""
+"""Further indices in `Memory.counts`: 1 if the last move rose, else 0; number of removed pairs."""
 SEEN, RAW = 0, 1
-"""Places in `Memory.last`: the last input behind the dead-band, and before it."""
+"""Indices in `Memory.last`: the last input after the dead-band, and before the dead-band."""
 
+# Depths seen: 5 for noise, 10 for random inputs, 25 for a decaying one. What a smaller capacity
+# costs is measured in tests/hysteresis/test_capacity.py.
 DEFAULT_CAPACITY = 32
 
 
 class Memory(NamedTuple):
-    """The state of one memory: all that a step touches; nothing is allocated later.
+    """State of one memory; a step changes these arrays in place and allocates nothing.
 
     Attributes:
-        levels: (2, capacity + 1) inputs at the extrema, outermost first; the last place is spare.
-        values: (2, capacity + 1, width) what the operators held at each extremum.
-        now: (width,) what the operators hold at the last input.
-        last: (2,) the last input, behind the dead-band and before it.
-        counts: (4,) number of maxima, number of minima, rising, merged pairs.
+        levels: (2, capacity + 1) inputs at the extrema, outermost first; the last column is spare.
+        values: (2, capacity + 1, width) values that the operators had at each extremum.
+        now: (width,) values that the operators have at the last input.
+        last: (2,) the last input after the dead-band and before it.
+        counts: (4,) number of maxima, number of minima, direction, number of removed pairs.
     """
 
     levels: FloatArray
@@ -53,7 +55,7 @@ class Memory(NamedTuple):
 
 
 class MemoryLoop(NamedTuple):
-    """Where an input lies: direction of the move and the depth of both stacks then."""
+    """Loop in which an input lies: direction of the move, and the sizes of both stacks there."""
 
     rising: bool
     maxima: int
@@ -64,14 +66,15 @@ def new_memory(width: int, capacity: int = DEFAULT_CAPACITY) -> Memory:
     """Return a relaxed memory: minimum (0, 0), maximum (1, 1), input 0, rising.
 
     Args:
-        width: numbers kept at each extremum; 0 at the minimum, 1 at the maximum.
-        capacity: extrema kept on each side, the outermost included; at least 4.
+        width: Number of values stored at each extremum; they are 0 at the minimum, 1 at the
+            maximum.
+        capacity: Extrema stored on each side, the outermost included; at least 4.
 
     Raises:
-        ModelError: If the capacity is too small to give up a pair of extrema.
+        ModelError: If the capacity is below 4.
     """
     if capacity < 4:
-        message = f"a memory keeps at least 4 extrema on each side, got a capacity of {capacity}"
+        message = f"a memory needs a capacity of at least 4 extrema on each side, got {capacity}"
         raise ModelError(message)
     memory = Memory(
         levels=np.zeros((2, capacity + 1)),
@@ -85,7 +88,7 @@ def new_memory(width: int, capacity: int = DEFAULT_CAPACITY) -> Memory:
 
 
 def relax(memory: Memory) -> None:
-    """Put a memory back into its relaxed state and clear its count of merged pairs."""
+    """Return a memory to its relaxed state and clear its count of removed pairs."""
     for array in memory:
         array[...] = 0
     memory.levels[MAXIMUM, 0] = 1.0
@@ -103,49 +106,52 @@ def assign_memory(target: Memory, source: Memory) -> None:
     """Copy a state into another memory.
 
     Raises:
-        ModelError: If it is the state of a memory of another shape.
+        ModelError: If the two memories have different shapes.
     """
     if target.values.shape != source.values.shape:
-        message = "a state of another capacity, or of another kind of model, cannot be restored"
+        message = "cannot restore a state that a model of another kind or capacity saved"
         raise ModelError(message)
     for to, value in zip(target, source, strict=True):
         to[...] = value
 
 
 def depth(memory: Memory) -> int:
-    """Return the number of extrema remembered beside the two outermost."""
+    """Return the number of stored extrema, without the two outermost."""
     return int(memory.counts[MAXIMUM] + memory.counts[MINIMUM] - 2)
 
 
 @compiled
-def clamp(value: float, otherwise: float) -> float:
-    """Return a value within [0, 1]; what is not a number becomes `otherwise`."""
+def clamp(value: float, fallback: float) -> float:
+    """Return the value clamped to [0, 1], or the fallback if the value is NaN. Real-time safe."""
     if value >= 1.0:
         return 1.0
     if value >= 0.0:
         return value
     if value < 0.0:
         return 0.0
-    return otherwise
+    return fallback
 
 
 @compiled
-def take(memory: Memory, value: float) -> float:
-    """Return the next input within [0, 1]; what is not a number is no move."""
+def accept_input(memory: Memory, value: float) -> float:
+    """Store and return the next input, clamped to [0, 1]; NaN repeats the last input."""
     memory.last[RAW] = clamp(value, memory.last[RAW])
     return memory.last[RAW]
 
 
 @compiled
 def backlash(memory: Memory, value: float, width: float) -> float:
-    """Return the input that the memory sees behind a dead-band, so that noise makes no extrema."""
+    """Return the input after a dead-band of this width, so that noise makes no extrema.
+
+    The dead-band is a backlash: the result follows the input at a distance of half the width.
+    """
     half = 0.5 * width
     return min(max(memory.last[SEEN], value - half), value + half)
 
 
 @compiled
-def _remember(memory: Memory, side: int, place: int) -> None:
-    """Write the last input and what the operators hold there into a place of a stack."""
+def _write_extremum(memory: Memory, side: int, place: int) -> None:
+    """Write the last input and the operator values there into one place of a stack."""
     memory.levels[side, place] = memory.last[SEEN]
     for j in range(memory.now.size):
         memory.values[side, place, j] = memory.now[j]
@@ -153,10 +159,11 @@ def _remember(memory: Memory, side: int, place: int) -> None:
 
 @compiled
 def locate(memory: Memory, value: float) -> MemoryLoop:
-    """Return the loop in which a new input lies; what is remembered does not change.
+    """Return the loop of a new input; the stored extrema do not change. Real-time safe.
 
-    At a reversal the last input becomes an extremum: it is written into the first free place, which
-    counts only from `commit` on. Deletion comes before evaluation, and equality deletes.
+    At a reversal the last input becomes an extremum. It is written to the first free place, which
+    counts only after `commit`. Madelung's deletion comes before the evaluation, and an input equal
+    to an extremum deletes it.
     """
     levels, counts = memory.levels, memory.counts
     last = memory.last[SEEN]
@@ -164,15 +171,17 @@ def locate(memory: Memory, value: float) -> MemoryLoop:
     rising = counts[RISING] == 1
     if value > last:
         if not rising:
-            _remember(memory, MINIMUM, minima)
+            _write_extremum(memory, MINIMUM, minima)
             minima += 1
+        # Passing a maximum closes the loop inside it: that maximum and the minimum below it go
+        # together. The outermost pair (0, 0), (1, 1) always stays.
         while maxima > 1 and value >= levels[MAXIMUM, maxima - 1]:
             maxima -= 1
             minima -= 1
         rising = True
     elif value < last:
         if rising:
-            _remember(memory, MAXIMUM, maxima)
+            _write_extremum(memory, MAXIMUM, maxima)
             maxima += 1
         while minima > 1 and value <= levels[MINIMUM, minima - 1]:
             minima -= 1
@@ -183,29 +192,32 @@ def locate(memory: Memory, value: float) -> MemoryLoop:
 
 @compiled
 def commit(memory: Memory, loop: MemoryLoop, value: float) -> bool:
-    """Make an input that was located, and evaluated into `now`, the last one.
+    """Make the located input the last one, after the caller has evaluated it into `now`.
 
-    Return whether the stacks were full, so that a pair of extrema was given up.
+    Returns:
+        Whether a stack was full, so that a pair of extrema was removed.
     """
     counts = memory.counts
     counts[MAXIMUM] = loop.maxima
     counts[MINIMUM] = loop.minima
     counts[RISING] = 1 if loop.rising else 0
     memory.last[SEEN] = value
+    # The spare last column holds the extremum that overfilled the stack until the pair is removed.
     full = max(loop.maxima, loop.minima) == memory.levels.shape[1]
     if full:
-        _merge(memory)
+        _merge_pair(memory)
     return full
 
 
 @compiled
-def _merge(memory: Memory) -> None:
-    """Delete the pair of neighbouring extrema whose loss changes the memory least.
+def _merge_pair(memory: Memory) -> None:
+    """Remove the pair of neighbouring extrema whose loss changes the memory least.
 
-    From the outside in, the extrema are maximum 1, minimum 1, maximum 2, ... Without a pair of
-    neighbours the staircase of the Preisach plane loses a rectangle between these two and those
-    around them; the longer sides are compared, so that what is left stays evenly spaced.
-    The loop on top, in which the input moves, stays: the output does not jump now.
+    From the outside in, the extrema are maximum 1, minimum 1, maximum 2, and so on. Removing two
+    neighbours cuts a rectangle off the staircase in the Preisach plane, between these two and the
+    extrema around them. The pair with the smallest longer side goes, so that the remaining extrema
+    stay evenly spaced. The innermost loop, in which the input moves, stays: the output does not
+    jump.
     """
     levels, counts = memory.levels, memory.counts
     smallest, at_maximum, at_minimum = np.inf, 0, 0
@@ -217,14 +229,14 @@ def _merge(memory: Memory) -> None:
         side = max(drop, levels[MINIMUM, i + 1] - levels[MINIMUM, i])  # minimum i, maximum i + 1
         if side < smallest:
             smallest, at_maximum, at_minimum = side, i + 1, i
-    _drop(memory, MAXIMUM, at_maximum)
-    _drop(memory, MINIMUM, at_minimum)
+    _remove_extremum(memory, MAXIMUM, at_maximum)
+    _remove_extremum(memory, MINIMUM, at_minimum)
     counts[MERGED] += 1
 
 
 @compiled
-def _drop(memory: Memory, side: int, index: int) -> None:
-    """Remove one extremum, closing the gap."""
+def _remove_extremum(memory: Memory, side: int, index: int) -> None:
+    """Remove one extremum and close the gap in its stack."""
     count = memory.counts[side]
     for i in range(index, count - 1):
         memory.levels[side, i] = memory.levels[side, i + 1]

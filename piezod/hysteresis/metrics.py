@@ -1,6 +1,6 @@
-"""How good a tracked displacement is, and how bad a loop: shares of the displacement's range.
+"""Errors of a tracked displacement, and measures of a loop, as shares of the displacement range.
 
-The three errors are taken over the samples given; the caller leaves out the first period.
+The errors cover all samples given; the caller leaves out the first period of the waveform.
 """
 
 import numpy as np
@@ -22,9 +22,10 @@ def tracking_rms(command: npt.ArrayLike, position: npt.ArrayLike) -> float:
 
 
 def nonlinearity(command: npt.ArrayLike, position: npt.ArrayLike) -> float:
-    """Return the worst deviation from the least-squares line x = k x_r + c over the range of x.
+    """Return the worst deviation from the best line x = k x_r + c over the range of x.
 
-    This is the hysteresis error of the paper: scale, offset and slow common drift do not count.
+    This is the hysteresis error of the paper: scale, offset and a slow common drift do not count.
+    Arrays have shape (n,); the units may differ.
     """
     x, x_r = _pair(position, command)
     centred = x_r - np.mean(x_r)
@@ -33,10 +34,10 @@ def nonlinearity(command: npt.ArrayLike, position: npt.ArrayLike) -> float:
 
 
 def loop_width(drive: npt.ArrayLike, position: npt.ArrayLike) -> float:
-    """Return the widest gap between the branches of one loop, over its displacement range.
+    """Return the largest distance between the branches of one loop, over its displacement range.
 
     Args:
-        drive: (n,) one period from its lowest value up and down again.
+        drive: (n,) one period, from its lowest value up and down again.
         position: (n,) displacement, in any unit.
     """
     rising, falling = _branches(drive, position)
@@ -44,10 +45,10 @@ def loop_width(drive: npt.ArrayLike, position: npt.ArrayLike) -> float:
 
 
 def asymmetry(drive: npt.ArrayLike, position: npt.ArrayLike) -> float:
-    """Return the largest difference between the rising branch and the mirrored falling one.
+    """Return the largest difference between the rising branch and the mirrored falling branch.
 
-    Both are taken as deviations from the diagonal, over the displacement range; a classical
-    Prandtl-Ishlinskii model has none. Arguments as for `loop_width`.
+    Both are deviations from the diagonal, over the displacement range. For a classical
+    Prandtl-Ishlinskii model it is zero. Arguments as for `loop_width`.
     """
     rising, falling = _branches(drive, position)
     diagonal = np.linspace(0.0, 1.0, rising.size)
@@ -61,7 +62,7 @@ def _pair(position: npt.ArrayLike, command: npt.ArrayLike) -> tuple[FloatArray, 
 def _branches(
     drive: npt.ArrayLike, position: npt.ArrayLike, points: int = 401
 ) -> tuple[FloatArray, FloatArray]:
-    """Return both branches over an even grid of the normalised drive, normalised themselves."""
+    """Return both branches on an even grid of the normalised drive, themselves normalised."""
     v, x = np.asarray(drive, dtype=np.float64), np.asarray(position, dtype=np.float64)
     v = (v - np.min(v)) / np.ptp(v)
     top = int(np.argmax(v))

@@ -1,4 +1,4 @@
-"""The map between a physical range and the [0, 1] of the mathematics (eqs 27, 28, 31, 32)."""
+"""The map between a physical range and [0, 1]: paper eq. (27), eq. (28), eq. (31) and eq. (32)."""
 
 from typing import NamedTuple, overload
 
@@ -7,26 +7,29 @@ from piezod.hysteresis.memory import FloatArray
 
 
 class AffineRange(NamedTuple):
-    """A range whose lower end becomes 0 and whose upper end becomes 1; the unit is the caller's."""
+    """A physical range; its lower end maps to 0 and its upper end to 1. The unit is the caller's.
+
+    The ends are the minimum and maximum of paper eq. (28).
+    """
 
     low: float
     high: float
 
     @classmethod
     def checked(cls, low: float, high: float) -> "AffineRange":
-        """Return a range that can be divided by.
+        """Return a range of finite, positive width.
 
         Raises:
             ModelError: If the ends are not finite or do not increase.
         """
         if not 0.0 < high - low < float("inf"):
-            message = f"a range needs finite ends that increase, got {low} to {high}"
+            message = f"the ends of a range must be finite and increase, got {low} to {high}"
             raise ModelError(message)
         return cls(float(low), float(high))
 
     @property
     def width(self) -> float:
-        """Length of the range, in its unit."""
+        """Width of the range, in its unit."""
         return self.high - self.low
 
     @overload
@@ -34,7 +37,7 @@ class AffineRange(NamedTuple):
     @overload
     def to_unit(self, value: FloatArray) -> FloatArray: ...
     def to_unit(self, value: float | FloatArray) -> float | FloatArray:
-        """Return a physical value in units of the range; may be called in the loop."""
+        """Return a physical value in units of the range, paper eq. (27). Real-time safe."""
         return (value - self.low) / (self.high - self.low)
 
     @overload
@@ -42,5 +45,5 @@ class AffineRange(NamedTuple):
     @overload
     def from_unit(self, value: FloatArray) -> FloatArray: ...
     def from_unit(self, value: float | FloatArray) -> float | FloatArray:
-        """Return the physical value for one in units of the range; may be called in the loop."""
+        """Return the physical value, paper eq. (31) and eq. (32). Real-time safe."""
         return self.low + value * (self.high - self.low)

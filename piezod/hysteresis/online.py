@@ -1,4 +1,4 @@
-"""What all identifiers that learn pair by pair have in common."""
+"""Base class of all identifiers that learn pair by pair."""
 
 from abc import ABC, abstractmethod
 
@@ -12,7 +12,7 @@ from piezod.hysteresis.learner import (
     POSITION,
     SCALE,
     SCALE_LIMIT,
-    SPARE,
+    SLOPE_MARGIN,
     Learner,
     new_learner,
     prediction,
@@ -23,7 +23,7 @@ from piezod.jit import compiled
 
 
 def checked_pairs(positions: npt.ArrayLike, drives: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return a record of pairs as arrays of shape (n,) each.
+    """Return a record of pairs, paper eq. (26), as arrays of shape (n,) each.
 
     Raises:
         ModelError: If the shapes differ.
@@ -57,13 +57,14 @@ def _predict(
 
 
 class OnlineIdentifier(ABC):
-    """Weights that follow a stage, on a memory of their own.
+    """Adaptive weights of an inverse model, with a memory of their own.
 
     Args:
         bank: Thresholds and gains of the stops, from `new_bank`.
-        weights: (2 M,) weights [a^l, a^r] to start from.
-        deadband: Width of the backlash before the memory, in units of the range; above the noise.
-        capacity: Extrema remembered on each side.
+        weights: (2 M,) initial weights [a^l, a^r].
+        deadband: Width of the backlash before the memory, in units of the range; larger than the
+            noise.
+        capacity: Extrema stored on each side.
 
     Raises:
         ModelError: If the weights are not 2 M finite numbers, or another argument is out of range.
@@ -75,25 +76,26 @@ class OnlineIdentifier(ABC):
         self._learner = new_learner(bank)
         self._memory = new_bank_memory(bank, capacity)
         self._deadband = checked_deadband(deadband)
+        # Not self.adopt: a subclass extends it and its own attributes do not exist yet.
         OnlineIdentifier.adopt(self, weights)
 
     @abstractmethod
     def step(self, position: float, drive: float, learn: bool = True) -> float:
-        """Adapt to one pair, both normalised; return the error; may be called in the loop.
+        """Adapt to one pair, both values normalised; return the error. Real-time safe.
 
         Args:
-            position: Displacement; where it is not finite, the memory holds.
-            drive: What was in force when `position` was taken.
-            learn: Whether to learn from the pair; the memory goes on in any case.
+            position: Displacement; if it is not finite, the memory stays.
+            drive: Drive in force when `position` was sampled.
+            learn: Whether to learn from the pair; the memory advances in either case.
 
         Returns:
-            Drive less its prediction by what was known before; not finite where the pair is not,
-            and nothing is learned from it then.
+            Drive minus its prediction by the model before this step. It is not finite if the pair
+            is not; such a pair teaches nothing.
         """
 
     @abstractmethod
     def _run(self, positions: FloatArray, drives: FloatArray, errors: FloatArray) -> None:
-        """Adapt to pairs, shape (n,) each; write the errors."""
+        """Adapt to pairs, shape (n,) each; write the errors, shape (n,)."""
 
     def run(self, positions: npt.ArrayLike, drives: npt.ArrayLike) -> FloatArray:
         """Adapt to a record of pairs, shape (n,) each; return the errors, shape (n,).
@@ -107,7 +109,7 @@ class OnlineIdentifier(ABC):
         return errors
 
     def predict(self, weights: FloatArray, offset: float, scale: float) -> float:
-        """Return the drive that others predict for the last displacement; for use in the loop.
+        """Return the drive that another model predicts for the last displacement. Real-time safe.
 
         Args:
             weights: (2 M,) weights [a^l, a^r].
@@ -117,9 +119,9 @@ class OnlineIdentifier(ABC):
         return _predict(*self._memory, *self._learner, weights, float(offset), float(scale))
 
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
-        """Take over weights, an offset and a scale, and forget how well they were known.
+        """Replace weights, offset and scale, and restart their uncertainty.
 
-        Weights that no inverse belongs to are projected onto the nearest that have one.
+        Weights without an inverse are projected onto the nearest weights with an inverse.
 
         Raises:
             ModelError: If they are not 2 M finite weights, a finite offset and a scale within
@@ -130,14 +132,15 @@ class OnlineIdentifier(ABC):
             message = f"need {self.weights.size} finite weights and a finite offset, got {array}"
             raise ModelError(message)
         if not abs(scale) <= SCALE_LIMIT:
-            message = f"a scale is from {-SCALE_LIMIT:g} to {SCALE_LIMIT:g}, got {scale:g}"
+            message = f"a scale must be from {-SCALE_LIMIT:g} to {SCALE_LIMIT:g}, got {scale:g}"
             raise ModelError(message)
         self.weights[:] = projected(self._learner.bank, array)
         scalars = self._learner.scalars
-        scalars[OFFSET], scalars[SCALE], scalars[SPARE] = offset, scale, 0.0
+        # A margin of 0 makes the next step check the condition of existence again.
+        scalars[OFFSET], scalars[SCALE], scalars[SLOPE_MARGIN] = offset, scale, 0.0
 
     def reset(self) -> None:
-        """Forget the past displacement, not what was learned."""
+        """Clear the hysteresis memory; the learned model stays."""
         relax(self._memory)
         self._learner.scalars[POSITION] = self.offset / (1.0 + self.scale)
 
@@ -145,26 +148,26 @@ class OnlineIdentifier(ABC):
     def weights(self) -> FloatArray:
         """Weights [a^l, a^r], shape (2 M,); always the same array, which changes in place.
 
-        Set them by `adopt`.
+        Use `adopt` to set them.
         """
         return self._learner.weights
 
     @property
     def offset(self) -> float:
-        """What the operators do not see of the displacement, in units of the range."""
+        """Offset of the displacement against the operator input, in units of the range."""
         return float(self._learner.scalars[OFFSET])
 
     @property
     def scale(self) -> float:
-        """By how much more than the displacement the operators see, as a share of it."""
+        """Relative gain of the operator input over the displacement: y = (1 + scale) x - offset."""
         return float(self._learner.scalars[SCALE])
 
     @property
     def position(self) -> float:
-        """Displacement that the operators see, behind the dead-band; may be read in the loop."""
+        """Displacement at the input of the operators, after the dead-band. Real-time safe."""
         return float(self._memory.last[SEEN])
 
     @property
     def merged_pairs(self) -> int:
-        """Number of pairs of extrema that a full memory had to give up."""
+        """Number of pairs of extrema that a full memory has removed."""
         return int(self._memory.counts[MERGED])

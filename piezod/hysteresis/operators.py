@@ -1,6 +1,7 @@
-"""The paper's four operators one by one, to study them and to check models against.
+"""The paper's four operators one by one, for study and for checks of the models.
 
-Models evaluate many at once (`bank`), or none at all (`closed_form`).
+Models do not use these classes: they evaluate all operators together (`bank`), or replace them by a
+closed form (`closed_form`).
 """
 
 from abc import ABC, abstractmethod
@@ -27,7 +28,7 @@ def _step_plays(
 
 
 class _Operator(ABC):
-    """An operator with one threshold 0 < r < 1 and a memory of its own.
+    """One operator with a threshold 0 < r < 1 and its own memory, paper eq. (1) and eq. (4).
 
     Raises:
         ModelError: If the threshold is outside (0, 1).
@@ -35,6 +36,7 @@ class _Operator(ABC):
 
     def __init__(self, threshold: float) -> None:
         self.threshold = threshold
+        # A bank of one right and one left play: each operator class reads the one that it needs.
         self._bank = new_bank(threshold, threshold)
         self._memory = new_bank_memory(self._bank)
         self._value = 0.0
@@ -45,12 +47,12 @@ class _Operator(ABC):
         self._value = 0.0
 
     def step(self, value: float) -> float:
-        """Return the output for the next input in [0, 1]; inputs outside are clamped."""
+        """Return the output for the next input; inputs outside [0, 1] are clamped."""
         self._value = _step_plays(*self._memory, self._bank, value)
         return self._output()
 
     def run(self, values: npt.ArrayLike) -> FloatArray:
-        """Return the outputs, shape (n,), for inputs of shape (n,), going on from the state."""
+        """Return the outputs, shape (n,), for inputs of shape (n,), from the present state on."""
         return np.array([self.step(value) for value in np.asarray(values, dtype=np.float64)])
 
     @property
@@ -66,28 +68,34 @@ class _Operator(ABC):
 
 
 class RSPO(_Operator):
-    """Right-side play operator F^r (eq 2)."""
+    """Right-side play operator F^r, paper eq. (2)."""
 
     def _output(self) -> float:
         return self._right_play
 
 
 class LSPO(_Operator):
-    """Left-side play operator F^l (eq 5, with max and min put right)."""
+    """Left-side play operator F^l, paper eq. (5) with max and min exchanged (misprint)."""
 
     def _output(self) -> float:
         return self._left_play
 
 
 class RSSO(_Operator):
-    """Right-side stop operator E^r = (v - (1 - r) F^l) / r (eq 10)."""
+    """Right-side stop operator E^r = (v - (1 - r) F^l) / r.
+
+    This is paper eq. (10) and eq. (12), corrected.
+    """
 
     def _output(self) -> float:
         return (self._value - (1.0 - self.threshold) * self._left_play) / self.threshold
 
 
 class LSSO(_Operator):
-    """Left-side stop operator E^l = (v - (1 - r) F^r) / r (eq 11)."""
+    """Left-side stop operator E^l = (v - (1 - r) F^r) / r.
+
+    This is paper eq. (11) and eq. (13), corrected.
+    """
 
     def _output(self) -> float:
         return (self._value - (1.0 - self.threshold) * self._right_play) / self.threshold

@@ -1,18 +1,20 @@
-"""Recursive least squares on the slopes of the inverse model, with drift and a gain that changes.
+"""Recursive least squares on the slopes of the inverse model, with an offset and a scale.
 
-This is the Kalman filter of slopes that walk at random: each pair weighs as much as it tells anew,
-and the covariance P says what is not known. In slope coordinates the regressor u of a displacement
-y comes straight from the plays, u_J = r_J E_J - r_{J-1} E_{J-1} with r E^l = y - (1 - r) F^r, and
-is far better conditioned than that of the weights:
+This is the Kalman filter for slopes that change as random walks. Each pair counts by its
+information, and the covariance P holds the remaining uncertainty. In slope coordinates the
+regressor of an operator input y comes directly from the plays, u_J = r_J E_J - r_{J-1} E_{J-1} with
+r E^l = y - (1 - r) F^r (paper eq. (13), corrected). It is far better conditioned than the regressor
+of the weights:
 
     drive = Σ s_J u_J - y,   K = P u / (R + u' P u),   s ← s + K e,   P ← P - K u' P + Q.
 
-The slopes of a side keep Σ s c = 1, and so P and Q live on the plane across its cells c. That the
-whole range takes another displacement cannot be told by them: the operators see
-y = (1 + scale) x - offset. Offset and scale are two more states, with the regressors -1 and x: the
-slope is near one.
+The slopes of a side keep Σ s c = 1, so P and Q live in the plane normal to its cells c. Slopes
+cannot describe a drift or a change of gain of the whole stage: the operators see y = (1 + scale) x
+- offset. Offset and scale are two further states, with the regressors -1 and x, because the slope
+is near one.
 
-Where nothing moves nothing is learned at all, and `covariance` bounds P: it cannot wind up.
+A pair that does not move the operators teaches nothing, and `covariance` bounds P: it cannot wind
+up.
 
 Source: Ljung, System Identification, 2nd ed., section 11.2 (the Kalman filter interpretation).
 """
@@ -33,8 +35,8 @@ from piezod.hysteresis.covariance import (
     SLOPE_BOUND,
     SLOPE_VARIANCE,
     checked_walk,
+    constrained_covariance,
     fill_gain,
-    on_planes,
     update_covariance,
 )
 from piezod.hysteresis.learner import (
@@ -44,11 +46,11 @@ from piezod.hysteresis.learner import (
     SCALE,
     SCALE_LIMIT,
     Learner,
+    advance_operators,
     is_finite,
     limited,
-    observe,
+    limited_error,
     own_prediction,
-    taught,
 )
 from piezod.hysteresis.memory import (
     DEFAULT_CAPACITY,
@@ -67,7 +69,7 @@ from piezod.jit import compiled
 def _fill_regressor(
     memory: Memory, bank: FloatArray, measured: float, regressor: FloatArray
 ) -> None:
-    """Write u of both sides, then those of offset and scale."""
+    """Write u of both sides, then the regressors of offset and scale."""
     position, order = memory.last[RAW], memory.now.size // 2
     place = 0
     for side in range(2):
@@ -80,7 +82,7 @@ def _fill_regressor(
         regressor[place] = position - before
         place += 1
     regressor[place] = -1.0
-    regressor[place + 1] = limited(measured, 1.0)  # whatever a pair claims, as in `taught`
+    regressor[place + 1] = limited(measured, 1.0)  # bounds one wrong pair, as `limited_error`
 
 
 @compiled
@@ -93,10 +95,11 @@ def _learn(
     variance: float,
     error: float,
 ) -> None:
+    """Update slopes, offset, scale and covariance by one informative pair."""
     bank, slopes, scalars = learner.bank, learner.slopes, learner.scalars
     _fill_regressor(memory, bank, scalars[POSITION], vectors[REGRESSOR])
-    told = variance + fill_gain(covariance, vectors)
-    stride, gain = error / told, vectors[GAIN]
+    innovation_variance = variance + fill_gain(covariance, vectors)  # R + u' P u
+    stride, gain = error / innovation_variance, vectors[GAIN]
     fill_slopes(bank, learner.weights, slopes)
     cells_of_side = slopes.shape[1]
     for side in range(2):
@@ -107,7 +110,7 @@ def _learn(
     offset, scale = 2 * cells_of_side, 2 * cells_of_side + 1
     scalars[OFFSET] = limited(scalars[OFFSET] + stride * gain[offset], OFFSET_LIMIT)
     scalars[SCALE] = limited(scalars[SCALE] + stride * gain[scale], SCALE_LIMIT)
-    update_covariance(covariance, walk, vectors, told)
+    update_covariance(covariance, walk, vectors, innovation_variance)
 
 
 @compiled
@@ -123,14 +126,15 @@ def _adapt(
     drive: float,
     learn: bool,
 ) -> float:
-    """Update all states and their covariance with one pair; return the error before."""
+    """Update all states and their covariance with one pair; return the error before the update."""
     if not is_finite(position):
         return np.nan
     before = memory.last[SEEN]
-    observe(memory, learner, deadband, position)
+    advance_operators(memory, learner, deadband, position)
     error = drive - own_prediction(memory, learner)
+    # Without a move the pair repeats known information. Learning it would only let P grow.
     if learn and is_finite(error) and memory.last[SEEN] != before:
-        _learn(memory, learner, covariance, walk, vectors, variance, taught(error))
+        _learn(memory, learner, covariance, walk, vectors, variance, limited_error(error))
     return error
 
 
@@ -193,17 +197,19 @@ def _run(
 
 
 class RLSIdentifier(OnlineIdentifier):
-    """Follows slopes, an offset and a scale, each as fast as the pairs tell and its walk allows.
+    """Adapts slopes, offset and scale, each at the rate that its random walk and the pairs allow.
 
     Args:
         bank: Thresholds and gains of the stops, from `new_bank`.
-        weights: (2 M,) weights [a^l, a^r] to start from, of a model that was identified.
-        weight_walk: Variance that each slope gains in a learning step, in [0, `SLOPE_BOUND`).
-        offset_walk: The same of the offset, in [0, `OFFSET_BOUND`), in units of the range squared.
-        scale_walk: The same of the scale, in [0, `SCALE_BOUND`).
+        weights: (2 M,) initial weights [a^l, a^r], of an identified model.
+        weight_walk: Variance that each slope gains per learning step, in [0, `SLOPE_BOUND`).
+        offset_walk: Variance that the offset gains per learning step, in [0, `OFFSET_BOUND`), in
+            units of the range squared.
+        scale_walk: Variance that the scale gains per learning step, in [0, `SCALE_BOUND`).
         measurement_variance: R, variance of the error that no model explains, above 0.
-        deadband: Width of the backlash before the memory, in units of the range; above the noise.
-        capacity: Extrema remembered on each side.
+        deadband: Width of the backlash before the memory, in units of the range; larger than the
+            noise.
+        capacity: Extrema stored on each side.
 
     Raises:
         ModelError: If an argument is outside its range.
@@ -223,21 +229,23 @@ class RLSIdentifier(OnlineIdentifier):
     ) -> None:
         super().__init__(bank, weights, deadband, capacity)
         if not 0.0 < measurement_variance < np.inf:
-            message = f"a variance is finite and above 0, got {measurement_variance:g}"
+            message = (
+                f"a measurement variance must be finite and above 0, got {measurement_variance:g}"
+            )
             raise ModelError(message)
         self.measurement_variance = float(measurement_variance)
-        """R; may be set in the loop, above 0, for pairs that are worth less or more."""
+        """R, above 0; may be set before each step, to give a pair more or less weight."""
         checked_walk("weights", weight_walk, SLOPE_BOUND)
         checked_walk("the offset", offset_walk, OFFSET_BOUND)
         checked_walk("the scale", scale_walk, SCALE_BOUND)
         cells = self._learner.cells
-        self._start = on_planes(cells, SLOPE_VARIANCE, OFFSET_VARIANCE, SCALE_VARIANCE)
+        self._start = constrained_covariance(cells, SLOPE_VARIANCE, OFFSET_VARIANCE, SCALE_VARIANCE)
         self._covariance = self._start.copy()
         vectors = np.zeros((3, len(self._start)))
         vectors[DECAY] = np.sqrt(1.0 - weight_walk / SLOPE_BOUND)
         vectors[DECAY, -2] = np.sqrt(1.0 - offset_walk / OFFSET_BOUND)
         vectors[DECAY, -1] = np.sqrt(1.0 - scale_walk / SCALE_BOUND)
-        walk = on_planes(cells, weight_walk, offset_walk, scale_walk)
+        walk = constrained_covariance(cells, weight_walk, offset_walk, scale_walk)
         self._arguments = (
             *self._memory,
             *self._learner,
@@ -248,9 +256,10 @@ class RLSIdentifier(OnlineIdentifier):
         )
 
     def step(self, position: float, drive: float, learn: bool = True) -> float:
-        """Adapt to one pair, as in `OnlineIdentifier`; may be called in the loop.
+        """Adapt to one pair, as in `OnlineIdentifier`. Real-time safe.
 
-        A pair teaches only when it moves the operators; else it tells nothing of the slopes.
+        The identifier learns from a pair only if it moves the operators: otherwise the pair carries
+        no information about the slopes.
         """
         return _step(
             *self._arguments, self.measurement_variance, float(position), float(drive), learn
@@ -260,9 +269,9 @@ class RLSIdentifier(OnlineIdentifier):
         _run(*self._arguments, self.measurement_variance, positions, drives, errors)
 
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
-        """Take over weights, an offset and a scale, and trust them as little as at the start.
+        """Replace weights, offset and scale, and restart their covariance.
 
-        Weights that no inverse belongs to are projected onto the nearest that have one.
+        Weights without an inverse are projected onto the nearest weights with an inverse.
 
         Raises:
             ModelError: If they are not 2 M finite weights, a finite offset and a scale within

@@ -1,8 +1,8 @@
-"""Where the thresholds of a model lie: evenly, closer at both ends, or where data ask for them.
+"""Thresholds of a model: evenly spaced, denser at both ends, or placed by a fit.
 
-With M thresholds a side the major branch is a line of M + 1 straight pieces. Just after a reversal
-the response of a piezo bends most, and near full width it bends again: thresholds at both ends
-fit clearly better than as many even ones.
+With M thresholds a side, a major branch is a line of M + 1 straight pieces. The response of a piezo
+bends most just after a reversal, and again near the full width of a loop. Thresholds that are
+denser at both ends therefore fit clearly better than evenly spaced ones.
 """
 
 import numpy as np
@@ -13,48 +13,49 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.slopes import cells, to_slopes
 
 GRADE = 2.5
-"""How quickly graded thresholds close up towards both ends; 1 would be even."""
-_FLOOR = 0.25  # density where a branch is straight; it bends by 1 to 10 at the ends
+"""Exponent of the grading towards both ends; 1 gives evenly spaced thresholds."""
+_DENSITY_FLOOR = 0.25  # density if a branch is straight; √|ds/dr| is 1 to 10 at the ends
 
 
 def even_thresholds(order: int) -> FloatArray:
-    """Return the paper's thresholds r_j = j / (M + 1) for j = 1 … M, shape (order,).
+    """Return r_j = j / (M + 1) for j = 1 … M, shape (M,), as in section 3 of the paper.
 
     Raises:
-        ModelError: If the order M is not a whole number from 1 on.
+        ModelError: If the order M is not an integer of at least 1.
     """
     if order < 1 or order != int(order):
-        message = f"the number of operators is a whole one from 1 on, got {order}"
+        message = f"the number of operators must be an integer of at least 1, got {order}"
         raise ModelError(message)
     return np.arange(1, order + 1, dtype=np.float64) / (order + 1)
 
 
 def graded_thresholds(order: int) -> FloatArray:
-    """Return thresholds that are dense at both ends, symmetric about 1/2, shape (order,).
+    """Return thresholds that are dense at both ends, symmetric about 1/2, shape (M,).
 
     r_j = (2 t)^p / 2 for t = j / (M + 1) up to 1/2, and mirrored above; p is `GRADE`.
 
     Raises:
-        ModelError: If the order M is not a whole number from 1 on.
+        ModelError: If the order M is not an integer of at least 1.
     """
     even = even_thresholds(order)
-    from_the_end = 0.5 * (2.0 * np.minimum(even, 1.0 - even)) ** GRADE
-    return np.where(even < 0.5, from_the_end, 1.0 - from_the_end)
+    from_nearest_end = 0.5 * (2.0 * np.minimum(even, 1.0 - even)) ** GRADE
+    return np.where(even < 0.5, from_nearest_end, 1.0 - from_nearest_end)
 
 
 def placed_thresholds(bank: FloatArray, weights: FloatArray, order: int) -> FloatArray:
-    """Return a bank with thresholds where a fitted model has its bends, shape (2, 2 order).
+    """Return a bank whose thresholds are dense where a fitted model bends, shape (2, 2 order).
 
-    A straight piece of width h misses a branch φ by h² |φ''| / 8 at most, so pieces miss it alike
-    where their density is as √|φ''|. Each gets an equal share of ∫ (√|ds/dr| + floor) dr.
+    A straight piece of width h misses a branch φ by at most h² |φ''| / 8. All pieces miss it
+    equally if their density is proportional to √|φ''|. Each piece gets an equal share of ∫
+    (√|ds/dr| + floor) dr.
 
     Args:
-        bank: Thresholds and gains of the fit, from `new_bank`; more of them than are asked for.
+        bank: Thresholds and gains of the fit, from `new_bank`; more of them than `order`.
         weights: (2 M,) weights of the fit.
         order: Number of operators on each side of the new bank.
 
     Raises:
-        ModelError: If the order is not a whole number from 1 on.
+        ModelError: If the order is not an integer of at least 1.
     """
     shares = even_thresholds(order)
     left, right = (
@@ -65,12 +66,12 @@ def placed_thresholds(bank: FloatArray, weights: FloatArray, order: int) -> Floa
 
 
 def _placed(slopes: FloatArray, widths: FloatArray, shares: FloatArray) -> FloatArray:
-    """Return the points at which the integral of the density reaches given shares of the whole.
+    """Return the points at which the integral of the density reaches the given shares of the whole.
 
-    Slopes are taken to hold in the middles of their cells, and to change evenly in between.
+    Each slope holds in the middle of its cell; between the middles it changes linearly.
     """
     middles = np.cumsum(widths) - 0.5 * widths
-    density = np.sqrt(np.abs(np.diff(slopes) / np.diff(middles))) + _FLOOR
+    density = np.sqrt(np.abs(np.diff(slopes) / np.diff(middles))) + _DENSITY_FLOOR
     points = np.concatenate(([0.0], middles[1:-1], [1.0]))
     integral = np.concatenate(([0.0], np.cumsum(density * np.diff(points))))
     return np.interp(shares * integral[-1], integral, points)

@@ -1,4 +1,5 @@
-"""The physics of a simulated stage, its amplifier and its sensor.
+"""Physics of a simulated stage, its amplifier and its sensor.
 
-Knows nothing of control and of the models that compensate it; drivers and emulators use it.
+The package knows neither control nor the models that compensate the stage. Drivers and emulators
+use it.
 """

@@ -1,4 +1,4 @@
-"""Switching single effects off."""
+"""Switches for single effects of the plant."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -7,8 +7,8 @@ from typing import Any, Final
 
 from piezod.plant.parameters import PlantParameters
 
-# What an effect is replaced by when it is switched off: for each part of the plant, the values of
-# its parameters at which the effect is absent. Nothing downstream knows about switches.
+# Parameter values at which each effect is absent, by part of the plant. Switching an effect off
+# replaces parameters only, so the kernel needs no switches.
 _ABSENT: Final[Mapping[str, Mapping[str, Mapping[str, float]]]] = {
     "hysteresis": {"stage": {"irreversible_um": 0.0, "skew": 0.0}},
     "asymmetry": {"stage": {"skew": 0.0}},
@@ -32,21 +32,21 @@ _ABSENT: Final[Mapping[str, Mapping[str, Mapping[str, float]]]] = {
 }
 
 EFFECTS: Final = tuple(_ABSENT)
-"""Names of all effects; each is on unless switched off."""
+"""Names of all effects; each effect is on by default."""
 
 
 def without(parameters: PlantParameters, effects: Iterable[str]) -> PlantParameters:
-    """Give the same plant with some of its effects switched off.
+    """Return the same plant with some of its effects switched off.
 
-    Without hysteresis the stage keeps its travel and becomes linear; without the nonlinearity the
-    sensor's near side is a straight line that has no far side.
+    Without hysteresis the stage keeps its travel and becomes linear. Without nonlinearity the curve
+    of the sensor is a straight line without a far side.
 
     Args:
         parameters: The plant.
-        effects: Names out of `EFFECTS`.
+        effects: Names from `EFFECTS`.
 
     Raises:
-        KeyError: If a name is not one of `EFFECTS`.
+        KeyError: If a name is not in `EFFECTS`.
     """
     for effect in effects:
         changes: dict[str, Any] = {

@@ -1,9 +1,10 @@
-"""Where a fibre bundle's light has its maximum, from how crooked its curve is.
+"""The gap at which a fibre bundle receives most light, computed from the nonlinearity of its curve.
 
-The light that a bundle of fibres collects from a mirror grows with the gap, nearly in proportion,
-up to a maximum; beyond that it falls, in the end with the square of the gap. The curve used here is
-V(g) = light · slope · g / (1 + (g/g_peak)³/2), whose maximum 2/3 · light · slope · g_peak is at
-g_peak (`kernel.fibre_v`). On the near side its crookedness depends on g_peak alone.
+The light that a fibre bundle collects from a mirror grows with the gap, at first nearly in
+proportion, up to a maximum. Beyond it the light falls, finally with the square of the gap. The
+curve of this simulation is V(g) = light · slope · g / (1 + (g/g_peak)³/2); its maximum 2/3 · light
+· slope · g_peak is at g_peak (`kernel.fibre_v`). On the near side its nonlinearity depends on
+g_peak alone.
 """
 
 from math import inf, sqrt
@@ -11,17 +12,17 @@ from math import inf, sqrt
 import numpy as np
 
 BEST_GAP = 1 / 3
-"""Gap at rest of a well-placed probe, as a fraction of the travel."""
+"""Gap at rest of a correctly placed probe, as a fraction of the travel."""
 
 
 def line_residual(peak_gap: float) -> float:
-    """Give what the best straight line leaves of the curve over the travel.
+    """Return the worst deviation of the curve from its best straight line over the travel.
 
     Args:
         peak_gap: g_peak as a multiple of the travel, more than 4/3.
 
     Returns:
-        Greatest error of the displacement told by the line of least squares, as a fraction of the
+        Largest error of a displacement computed with the least-squares line, as a fraction of the
         travel.
     """
     position = np.linspace(0, 1, 401)
@@ -32,7 +33,7 @@ def line_residual(peak_gap: float) -> float:
 
 
 def peak_gap_um(nonlinearity: float, travel_um: float) -> float:
-    """Find the gap of greatest light at which `line_residual` is `nonlinearity`.
+    """Return the gap of maximum light for which `line_residual` equals `nonlinearity`, in µm.
 
     Args:
         nonlinearity: From 0 (a straight line: the maximum is infinitely far) to 0.05.
@@ -41,6 +42,7 @@ def peak_gap_um(nonlinearity: float, travel_um: float) -> float:
     if nonlinearity <= 0:
         return inf
     low, high = 1.5, 1e3
+    # Bisection on a logarithmic scale; the residual falls monotonically with the peak gap.
     while high / low > 1 + 1e-12:
         middle = sqrt(low * high)
         if line_residual(middle) > nonlinearity:

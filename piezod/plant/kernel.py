@@ -4,17 +4,17 @@
     drive ─► Preisach hysteresis ─► + creep + drift ─► first mode ─► displacement
     displacement ─► fibre curve ─► + noise ─► detector ─► anti-alias filter ─► delay ─► converter
 
-**Hysteresis.** The stage is a Preisach model, told by its Everett function: the change of
+**Hysteresis.** The stage is a Preisach model, given by its Everett function: the change of
 displacement while the drive u (in nominal drives) rises from a minimum β to α is
 
     E(α, β) = (r·D + i·D^p) · (1 + κ·(S − 1/2)),   D = α − β,   S = (α + β)/2
 
-and falls by the same amount on the way back from α to β. It is the exact integral of the density
-μ(α, β) = −∂²E/∂α∂β = i·p·(p − 1)·D^(p − 2) · (1 + κ·(S − 1/2)), besides a reversible part on the
-diagonal, and the density is nowhere negative as long as |κ·(S − 1/2)| ≤ 1. The state is the list of
-turning points that no later turn has wiped out, so there is no grid and no error of a grid. The
-width of a loop grows with its swing as measured on a real stage, and κ bends its two branches
-differently; `tests/plant/test_hysteresis.py` holds the comparison in numbers.
+On the way back from α to β the displacement falls by the same amount. E is the exact integral of
+the density μ(α, β) = −∂²E/∂α∂β = i·p·(p − 1)·D^(p − 2) · (1 + κ·(S − 1/2)) plus a reversible part
+on the diagonal. The density is nowhere negative if |κ·(S − 1/2)| ≤ 1. The state is the list of
+turning points that no later turning point has deleted; it needs no grid, so there is no
+discretisation error. The relative width of a loop grows with its swing as on a measured stage, and
+κ makes the two branches differ. `tests/plant/test_hysteresis.py` holds the comparison in numbers.
 """
 
 from math import exp
@@ -27,12 +27,12 @@ Record: TypeAlias = Any  # a (1,) array of `layout.CONSTANTS` or `layout.STATE`
 
 @compiled
 def everett(upper: float, lower: float, constants: Record) -> float:
-    """Give the displacement between two drives, in travels; see the top of this file.
+    """Return the change of displacement between two drives, in travels: E of the module docstring.
 
     Args:
         upper: α, in nominal drives, at least `lower`.
         lower: β, in nominal drives.
-        constants: Of the plant.
+        constants: Constants of the plant.
     """
     c = constants[0]
     swing = upper - lower
@@ -44,22 +44,22 @@ def everett(upper: float, lower: float, constants: Record) -> float:
 
 @compiled
 def hysteresis(unit: float, state: Record, constants: Record) -> float:
-    """Move the drive to `unit` on a monotonic path and give the displacement in travels.
+    """Move the drive monotonically to `unit` and return the displacement in travels.
 
-    Minima have even places in the list of turning points, maxima odd ones. The first two are the
-    ends of the range, are never reached from inside and never removed.
+    In the list of turning points, minima have even indices and maxima odd ones. The first two are
+    the ends of the range: the drive never passes them, and they are never deleted.
 
     Args:
-        unit: Drive in nominal drives, within `lowest` and `highest`.
-        state: Of the plant.
-        constants: Of the plant.
+        unit: Drive in nominal drives, from `lowest` to `highest`.
+        state: State of the plant.
+        constants: Constants of the plant.
     """
     s = state[0]
     at, value = s.turn_at, s.turn_value
     depth = s.depth
     rising = depth % 2 == 1
     if (rising and unit < s.unit) or (not rising and unit > s.unit):
-        if depth == len(at):
+        if depth == len(at):  # a full list loses its innermost pair
             depth -= 2
             s.dropped += 1
         at[depth] = s.unit
@@ -81,11 +81,11 @@ def hysteresis(unit: float, state: Record, constants: Record) -> float:
 
 @compiled
 def target_v(command_v: float, constants: Record) -> float:
-    """Give the voltage that the amplifier goes to: converted, amplified, limited.
+    """Return the voltage that the amplifier approaches: converted, amplified and limited, in V.
 
     Args:
         command_v: Commanded voltage across the actuator, in V.
-        constants: Of the plant.
+        constants: Constants of the plant.
     """
     c = constants[0]
     code_v = min(max(command_v / c.nominal_gain, -c.dac_limit_v), c.dac_limit_v)
@@ -96,17 +96,21 @@ def target_v(command_v: float, constants: Record) -> float:
 
 @compiled
 def output_v(now_v: float, goal_v: float, constants: Record) -> float:
-    """Give the amplifier's output half a sub-step on: a first-order lag with limited slew, exact.
+    """Return the output of the amplifier half a sub-step later, in V.
+
+    The output is a first-order lag with a limited slew rate, solved exactly.
 
     Args:
         now_v: Output now, in V.
-        goal_v: Where it goes, in V.
-        constants: Of the plant.
+        goal_v: Voltage that the output approaches, in V.
+        constants: Constants of the plant.
     """
     c = constants[0]
     distance = goal_v - now_v
     if abs(distance) <= c.slew_ends_v:
         return float(goal_v - distance * c.half_decay)
+    # Far from the goal the output slews at constant rate; the lag takes over at `slew_ends_v`,
+    # where the speed of the lag equals the slew rate.
     way_v = c.slew_v_per_s if distance > 0.0 else -c.slew_v_per_s
     slewing_s = (abs(distance) - c.slew_ends_v) / c.slew_v_per_s
     if slewing_s >= c.half_step_s:
@@ -118,11 +122,11 @@ def output_v(now_v: float, goal_v: float, constants: Record) -> float:
 
 @compiled
 def fibre_v(position_um: float, constants: Record) -> float:
-    """Give the light, in V, at a displacement; touching the probe leaves none.
+    """Return the light at a displacement, in V; it is zero if the mirror touches the probe.
 
     Args:
         position_um: Displacement from rest, away from the probe, in µm.
-        constants: Of the plant.
+        constants: Constants of the plant.
     """
     c = constants[0]
     gap_um = max(c.rest_gap_um + position_um, 0.0)
@@ -132,7 +136,7 @@ def fibre_v(position_um: float, constants: Record) -> float:
 
 @compiled
 def fibre_slope(position_um: float, constants: Record) -> float:
-    """Give the slope of `fibre_v` in V/µm."""
+    """Return the slope of `fibre_v`, in V/µm."""
     c = constants[0]
     gap_um = c.rest_gap_um + position_um
     if gap_um <= 0.0:
@@ -142,8 +146,8 @@ def fibre_slope(position_um: float, constants: Record) -> float:
 
 
 @compiled
-def row(matrix: Any, number: int, known: Any) -> float:
-    """Give one row of a matrix times a tuple as long as the row."""
+def row_product(matrix: Any, number: int, known: Any) -> float:
+    """Return the product of one matrix row and a tuple of the same length."""
     total = 0.0
     for i in range(len(known)):
         total += matrix[number, i] * known[i]
@@ -151,14 +155,14 @@ def row(matrix: Any, number: int, known: Any) -> float:
 
 
 @compiled
-def move(middle_v: float, end_v: float, state: Record, constants: Record) -> None:
-    """Move the stage by one sub-step.
+def advance_stage(middle_v: float, end_v: float, state: Record, constants: Record) -> None:
+    """Advance the stage by one sub-step.
 
     Args:
-        middle_v: Drive across the actuator half a sub-step on, in V.
+        middle_v: Drive across the actuator in the middle of the sub-step, in V.
         end_v: Drive at the end of the sub-step, in V.
-        state: Of the plant.
-        constants: Of the plant.
+        state: State of the plant.
+        constants: Constants of the plant.
     """
     s, c = state[0], constants[0]
     at_start = s.hysteretic
@@ -166,7 +170,7 @@ def move(middle_v: float, end_v: float, state: Record, constants: Record) -> Non
     at_end = hysteresis(min(max(end_v / c.drive_v, c.lowest), c.highest), state, constants)
     s.drive_v = end_v
 
-    mean = (at_start + 4.0 * in_middle + at_end) / 6.0
+    mean = (at_start + 4.0 * in_middle + at_end) / 6.0  # Simpson's rule
     crept = 0.0
     for i in range(len(s.lags)):
         s.lags[i] += c.creep_gains[i] * (mean - s.lags[i])
@@ -175,20 +179,21 @@ def move(middle_v: float, end_v: float, state: Record, constants: Record) -> Non
     s.drifted += c.drift_gain * (c.drift * s.swing - s.drifted)
     slow_before, s.slow = s.slow, crept + s.drifted
 
-    # Follow the static displacement by a parabola, and let the mode ring on top of it, exactly.
+    # The static displacement follows a parabola; the mode responds to it exactly. The lags of the
+    # creep reach `creep_at_reference` after 0.1 s, so the quick part is reduced by that amount.
     quick = 1.0 - c.creep_at_reference
     start_um = s.static_um
     middle_um = c.travel_um * (quick * in_middle + (slow_before + s.slow) / 2.0)
     end_um = s.static_um = c.travel_um * (quick * at_end + s.slow)
     known = (s.displacement_um, s.slope_um, start_um, middle_um, end_um)
-    s.displacement_um = row(c.mode, 0, known)
-    s.slope_um = row(c.mode, 1, known)
-    s.start_slope_um = row(c.mode, 2, known)
+    s.displacement_um = row_product(c.mode, 0, known)
+    s.slope_um = row_product(c.mode, 1, known)
+    s.start_slope_um = row_product(c.mode, 2, known)
 
 
 @compiled
-def jump(goal_v: float, state: Record, constants: Record) -> None:
-    """Let an amplifier that follows at once go to `goal_v` before the sub-step begins."""
+def step_output(goal_v: float, state: Record, constants: Record) -> None:
+    """Set the output of an instantaneous amplifier to `goal_v` before the sub-step begins."""
     s, c = state[0], constants[0]
     s.output_v = goal_v
     unit = min(max((goal_v + s.noise_v) / c.drive_v, c.lowest), c.highest)
@@ -197,14 +202,14 @@ def jump(goal_v: float, state: Record, constants: Record) -> None:
 
 
 @compiled
-def sense(before_um: float, noise_v: float, state: Record, constants: Record) -> None:
-    """Let the sensor watch the sub-step that `move` made.
+def advance_sensor(before_um: float, noise_v: float, state: Record, constants: Record) -> None:
+    """Advance detector and filter over the sub-step of the last `advance_stage`.
 
     Args:
-        before_um: Displacement at the start of the sub-step in µm.
-        noise_v: Noise of the light during the sub-step in V.
-        state: Of the plant.
-        constants: Of the plant.
+        before_um: Displacement at the start of the sub-step, in µm.
+        noise_v: Noise of the light during the sub-step, in V.
+        state: State of the plant.
+        constants: Constants of the plant.
     """
     s, c = state[0], constants[0]
     known = (
@@ -217,9 +222,9 @@ def sense(before_um: float, noise_v: float, state: Record, constants: Record) ->
         fibre_slope(s.displacement_um, constants) * s.slope_um,
         noise_v,
     )
-    s.detector_v = row(c.receiver, 0, known)
-    s.filter_v = row(c.receiver, 1, known)
-    s.filter_slope_v = row(c.receiver, 2, known)
+    s.detector_v = row_product(c.receiver, 0, known)
+    s.filter_v = row_product(c.receiver, 1, known)
+    s.filter_slope_v = row_product(c.receiver, 2, known)
     s.newest = (s.newest + 1) % len(s.past_v)
     s.past_v[s.newest] = s.filter_v
     s.past_slope_v[s.newest] = s.filter_slope_v
@@ -227,13 +232,13 @@ def sense(before_um: float, noise_v: float, state: Record, constants: Record) ->
 
 @compiled
 def reading_v(ago: float, state: Record, constants: Record) -> float:
-    """Give what the converter reports of the filtered light `ago` sub-steps before the newest."""
+    """Return the converter's reading `ago` sub-steps before the newest, in V."""
     s, c = state[0], constants[0]
     size = len(s.past_v)
     whole = int(ago)
     later = (s.newest - whole) % size
     earlier = (later - 1) % size
-    t = 1.0 - (ago - whole)  # from `earlier`, 0, to `later`, 1: a cubic with the known slopes
+    t = 1.0 - (ago - whole)  # 0 at `earlier`, 1 at `later`: cubic Hermite interpolation
     u = 1.0 - t
     light_v = u * u * (
         (1.0 + 2.0 * t) * s.past_v[earlier] + t * s.past_slope_v[earlier]
@@ -248,31 +253,32 @@ def reading_v(ago: float, state: Record, constants: Record) -> float:
 def advance(
     sub_steps: int, command_v: float, ago: float, state: Record, constants: Record
 ) -> float:
-    """Let time pass and give what the sensor's converter reports, in V.
+    """Advance the plant and return the reading of the sensor's converter, in V.
 
     Args:
-        sub_steps: How many, no more than noise has been drawn for.
-        command_v: The voltage commanded all this time, in V.
-        ago: How many sub-steps before the end the reported light left the filter.
-        state: Of the plant.
-        constants: Of the plant.
+        sub_steps: Number of sub-steps; the noise for them must have been drawn.
+        command_v: Commanded voltage during these sub-steps, in V.
+        ago: Age of the reported light at the end, in sub-steps: the delay of the sensor.
+        state: State of the plant.
+        constants: Constants of the plant.
     """
     s, c = state[0], constants[0]
     goal_v = target_v(command_v, constants)
-    if c.follows_at_once and sub_steps > 0:  # the step is no part of the parabola that follows
-        jump(goal_v, state, constants)
+    if c.instantaneous and sub_steps > 0:  # a step cannot be part of the following parabola
+        step_output(goal_v, state, constants)
     for _ in range(sub_steps):
         middle_v = output_v(s.output_v, goal_v, constants)
         s.output_v = output_v(middle_v, goal_v, constants)
         noise_before_v = s.noise_v
-        s.noise_v = c.noise_decay * noise_before_v + c.noise_kick_v * s.noise[s.taken, 0]
+        # First-order autoregression: white noise in the bandwidth of the amplifier.
+        s.noise_v = c.noise_decay * noise_before_v + c.noise_kick_v * s.noise[s.noise_used, 0]
         before_um = s.displacement_um
-        move(
+        advance_stage(
             middle_v + (noise_before_v + s.noise_v) / 2.0,
             s.output_v + s.noise_v,
             state,
             constants,
         )
-        sense(before_um, c.light_noise_v * s.noise[s.taken, 1], state, constants)
-        s.taken += 1
+        advance_sensor(before_um, c.light_noise_v * s.noise[s.noise_used, 1], state, constants)
+        s.noise_used += 1
     return reading_v(ago, state, constants)

@@ -1,7 +1,7 @@
-"""The two records that the compiled kernel works on: what is constant, and what changes.
+"""The two records of the compiled kernel: constants and state.
 
-One record costs one argument when the kernel is called, however many fields it has; its fields are
-reached by name inside.
+A record costs one argument per call of the kernel, for any number of fields. Inside the kernel its
+fields have names.
 """
 
 from math import exp, expm1, inf, pi, sqrt
@@ -14,27 +14,27 @@ from piezod.plant.fibre import BEST_GAP, peak_gap_um
 from piezod.plant.kernel import everett, fibre_v
 from piezod.plant.parameters import AmplifierParameters, PlantParameters, SensorParameters
 
-TURNS: Final = 512
-"""Turning points that the stage remembers; what goes beyond drops the innermost pair."""
-PAST: Final = 256
-"""Sub-steps of filtered light that are kept for the delay."""
-DRAWN: Final = 128
+MAX_TURNS: Final = 512
+"""Turning points that the stage stores; a full list loses its innermost pair."""
+DELAY_BUFFER: Final = 256
+"""Sub-steps of filtered light that are stored for the delay."""
+NOISE_BLOCK: Final = 128
 """Sub-steps for which noise is drawn at once."""
-BEYOND: Final = 0.2
-"""How far beyond the nominal drive, either way, the stage still moves, in nominal drives."""
+OVERDRIVE: Final = 0.2
+"""Range beyond 0 and the nominal drive in which the stage still moves, in nominal drives."""
 
 CONSTANTS: Final = np.dtype(
     [
-        ("dac_step_v", "f8"),  # 0: none
+        ("dac_step_v", "f8"),  # 0: no quantisation
         ("dac_limit_v", "f8"),
         ("nominal_gain", "f8"),
         ("gain", "f8"),
         ("output_min_v", "f8"),
         ("output_max_v", "f8"),
-        ("follows_at_once", "i8"),
+        ("instantaneous", "i8"),
         ("half_step_s", "f8"),
         ("slew_v_per_s", "f8"),
-        ("slew_ends_v", "f8"),  # distance to the target at which the slew limit lets go
+        ("slew_ends_v", "f8"),  # distance to the target below which the lag limits the speed
         ("lag_s", "f8"),
         ("half_decay", "f8"),
         ("noise_decay", "f8"),
@@ -59,44 +59,44 @@ CONSTANTS: Final = np.dtype(
         ("rest_gap_um", "f8"),
         ("light_noise_v", "f8"),
         ("receiver", "f8", (3, 8)),
-        ("adc_step_v", "f8"),  # 0: none
+        ("adc_step_v", "f8"),  # 0: no quantisation
         ("saturation_v", "f8"),
     ]
 )
 
 STATE: Final = np.dtype(
     [
-        ("output_v", "f8"),  # of the amplifier, without its noise
+        ("output_v", "f8"),  # output of the amplifier, without its noise
         ("noise_v", "f8"),
         ("drive_v", "f8"),  # across the actuator
-        ("unit", "f8"),  # the same, in nominal drives
+        ("unit", "f8"),  # drive across the actuator, in nominal drives
         ("hysteretic", "f8"),  # displacement of the Preisach model, in travels
         ("depth", "i8"),
         ("dropped", "i8"),
-        ("turn_at", "f8", (TURNS,)),
-        ("turn_value", "f8", (TURNS,)),
+        ("turn_at", "f8", (MAX_TURNS,)),
+        ("turn_value", "f8", (MAX_TURNS,)),
         ("lags", "f8", (13,)),
-        ("swing", "f8"),  # leaky peak of the drive
+        ("swing", "f8"),  # peak of the drive that decays with time
         ("drifted", "f8"),
         ("slow", "f8"),  # creep and drift together, in travels
         ("static_um", "f8"),
         ("displacement_um", "f8"),
-        ("slope_um", "f8"),  # per sub-step, as all slopes here
-        ("start_slope_um", "f8"),  # of the sub-step just made
+        ("slope_um", "f8"),  # per sub-step, like all slopes here
+        ("start_slope_um", "f8"),  # at the start of the last sub-step
         ("detector_v", "f8"),
         ("filter_v", "f8"),
         ("filter_slope_v", "f8"),
         ("newest", "i8"),
-        ("past_v", "f8", (PAST,)),
-        ("past_slope_v", "f8", (PAST,)),
-        ("taken", "i8"),  # sub-steps whose noise has been used
-        ("noise", "f8", (DRAWN, 2)),
+        ("past_v", "f8", (DELAY_BUFFER,)),
+        ("past_slope_v", "f8", (DELAY_BUFFER,)),
+        ("noise_used", "i8"),  # sub-steps of the block whose noise has been used
+        ("noise", "f8", (NOISE_BLOCK, 2)),
     ]
 )
 
 
 def constants(parameters: PlantParameters, step_s: float) -> Any:
-    """Work out all that does not change while the plant runs.
+    """Return the constants of a plant for its kernel.
 
     Args:
         parameters: The plant.
@@ -112,8 +112,8 @@ def constants(parameters: PlantParameters, step_s: float) -> Any:
         **_amplifier(parameters.amplifier, step_s),
         **_sensor(parameters.sensor, stage.travel_um, step_s),
         "drive_v": stage.drive_v,
-        "lowest": -BEYOND,
-        "highest": 1 + BEYOND,
+        "lowest": -OVERDRIVE,
+        "highest": 1 + OVERDRIVE,
         "reversible": stage.reversible_um / stage.travel_um,
         "irreversible": stage.irreversible_um / stage.travel_um,
         "exponent": stage.exponent,
@@ -134,6 +134,7 @@ def constants(parameters: PlantParameters, step_s: float) -> Any:
 
 def _amplifier(parameters: AmplifierParameters, step_s: float) -> dict[str, Any]:
     lag_s = 1 / (2 * pi * parameters.bandwidth_hz)
+    # A current limit into a capacitance is a slew limit: dV/dt = I / C.
     current_slew = parameters.current_limit_a / (parameters.capacitance_uf * 1e-6)
     slew = min(parameters.slew_v_per_s, current_slew)
     decay = exp(-step_s / lag_s) if lag_s else 0.0
@@ -145,7 +146,7 @@ def _amplifier(parameters: AmplifierParameters, step_s: float) -> dict[str, Any]
         "gain": parameters.gain * (1 + parameters.gain_error),
         "output_min_v": parameters.output_min_v,
         "output_max_v": parameters.output_max_v,
-        "follows_at_once": slew == inf and not lag_s,
+        "instantaneous": slew == inf and not lag_s,
         "half_step_s": step_s / 2,
         "slew_v_per_s": slew,
         "slew_ends_v": inf if slew == inf else slew * lag_s,
@@ -171,9 +172,9 @@ def _sensor(parameters: SensorParameters, travel_um: float, step_s: float) -> di
 
 
 def at_rest(record: Any) -> Any:
-    """Give the state of a stage that came down from its highest drive to 0 V long ago.
+    """Return the state of a stage that came down from its highest drive to 0 V long ago.
 
-    Its memory is thereby known: the next rise follows the outer branch of the loop.
+    Its hysteresis memory is therefore known: the next rise follows the outer branch of the loop.
 
     Args:
         record: (1,) record of `CONSTANTS`.

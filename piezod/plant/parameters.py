@@ -1,8 +1,8 @@
-"""What a simulated stage, its amplifier and its sensor are made of, in numbers.
+"""Parameters of a simulated stage, its amplifier and its sensor.
 
-The defaults are the `stack` variant: a 30 µm stack stage. Where they come from: measurements of
+The defaults are the `stack` variant: a 30 µm stack stage. The sources are measurements of
 third-party stages (loop width against swing, creep, first mode, delay) and manuals of amplifiers
-and sensors. Infinity is allowed inside and means that an effect is absent (see `effects.py`).
+and sensors. Infinity is allowed inside; it means that an effect is absent (see `effects.py`).
 """
 
 from dataclasses import dataclass, field, fields, replace
@@ -10,19 +10,19 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 
-# How far the seed moves a parameter from its nominal value, either way.
+# Largest relative deviation of a parameter from its nominal value, drawn with the seed.
 VARIATION = 0.1
 
 
 class ParameterRange(NamedTuple):
-    """What a type cannot say about a parameter; the driver's options are made from it.
+    """Range, unit and meaning of a parameter; the options of the driver are made from it.
 
     Attributes:
-        unit: Unit as it is printed; empty for a plain number.
-        low: Smallest value a configuration may give.
-        high: Greatest value a configuration may give.
-        about: What the parameter is.
-        varies: Whether it differs from specimen to specimen, that is: with the seed.
+        unit: Unit as printed; empty for a plain number.
+        low: Smallest value that a configuration may give.
+        high: Largest value that a configuration may give.
+        about: Meaning of the parameter.
+        varies: Whether it differs between specimens, that is with the seed.
     """
 
     unit: str
@@ -34,20 +34,20 @@ class ParameterRange(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StageParameters:
-    """The actuator and the mechanics that it moves."""
+    """The actuator and the mechanics."""
 
     drive_v: Annotated[
-        float, ParameterRange("V", 1, 1000, "drive that gives the full travel", varies=False)
+        float, ParameterRange("V", 1, 1000, "drive voltage of the full travel", varies=False)
     ] = 150.0
     reversible_um: Annotated[
-        float, ParameterRange("µm", 0, 1000, "part of the travel that is without memory")
+        float, ParameterRange("µm", 0, 1000, "reversible part of the travel")
     ] = 11.4
     irreversible_um: Annotated[
-        float, ParameterRange("µm", 0, 1000, "part of the travel that is hysteretic")
+        float, ParameterRange("µm", 0, 1000, "hysteretic part of the travel")
     ] = 18.6
     exponent: Annotated[
         float,
-        ParameterRange("", 1.05, 2, "growth of the hysteretic part with the swing", varies=False),
+        ParameterRange("", 1.05, 2, "exponent of the hysteretic part over the swing", varies=False),
     ] = 1.375
     skew: Annotated[
         float, ParameterRange("", -1.4, 1.4, "slope of the Preisach density along the drive")
@@ -60,10 +60,10 @@ class StageParameters:
         ParameterRange("", 0, 0.2, "drift of the return point at full swing, fraction of travel"),
     ] = 0.005
     drift_time_s: Annotated[
-        float, ParameterRange("s", 0.1, 1000, "time constant with which the return point drifts")
+        float, ParameterRange("s", 0.1, 1000, "time constant of the drift of the return point")
     ] = 2.5
     drift_memory_s: Annotated[
-        float, ParameterRange("s", 0.1, 1e5, "time constant with which a past swing is forgotten")
+        float, ParameterRange("s", 0.1, 1e5, "time constant of the decay of the drift at rest")
     ] = 60.0
     mode_hz: Annotated[float, ParameterRange("Hz", 10, 5000, "first mechanical mode")] = 734.0
     mode_damping: Annotated[float, ParameterRange("", 0.001, 0.9, "damping ratio of the mode")] = (
@@ -72,7 +72,7 @@ class StageParameters:
 
     @property
     def travel_um(self) -> float:
-        """Displacement that a step to `drive_v` has reached after 0.1 s, in µm."""
+        """Displacement 0.1 s after a step to `drive_v`, in µm."""
         return self.reversible_um + self.irreversible_um
 
 
@@ -88,7 +88,7 @@ class AmplifierParameters:
         float, ParameterRange("Hz", 10, 1e5, "-3 dB bandwidth into the actuator")
     ] = 3000.0
     slew_v_per_s: Annotated[float, ParameterRange("V/s", 10, 1e9, "slew rate of the output")] = 5e4
-    current_limit_a: Annotated[float, ParameterRange("A", 1e-4, 100, "greatest output current")] = (
+    current_limit_a: Annotated[float, ParameterRange("A", 1e-4, 100, "largest output current")] = (
         0.1
     )
     capacitance_uf: Annotated[
@@ -106,7 +106,7 @@ class AmplifierParameters:
     ] = 16
     dac_range_v: Annotated[
         float,
-        ParameterRange("V", 0.1, 100, "the converter gives plus and minus this", varies=False),
+        ParameterRange("V", 0.1, 100, "range of the converter, plus and minus", varies=False),
     ] = 10.0
 
 
@@ -121,15 +121,15 @@ class SensorParameters:
     nonlinearity: Annotated[
         float,
         ParameterRange(
-            "", 0, 0.04, "what the best straight line leaves over the travel, of the travel"
+            "", 0, 0.04, "deviation from the best line over the travel, as a fraction of it"
         ),
     ] = 0.01
     setback_um: Annotated[
         float,
-        ParameterRange("µm", 0, 1e4, "gap beyond the probe's best place, a third of the travel"),
+        ParameterRange("µm", 0, 1e4, "gap at rest beyond its best value, a third of the travel"),
     ] = 0.0
     noise_nm_per_rthz: Annotated[
-        float, ParameterRange("nm/√Hz", 0, 1000, "noise density at nominal light on the near side")
+        float, ParameterRange("nm/√Hz", 0, 1000, "noise density at nominal light, near side")
     ] = 0.745
     bandwidth_hz: Annotated[float, ParameterRange("Hz", 100, 1e6, "-3 dB bandwidth")] = 1e4
     antialias_hz: Annotated[
@@ -143,10 +143,10 @@ class SensorParameters:
     ] = 16
     adc_range_v: Annotated[
         float,
-        ParameterRange("V", 0.1, 100, "the converter resolves plus and minus this", varies=False),
+        ParameterRange("V", 0.1, 100, "range of the converter, plus and minus", varies=False),
     ] = 10.0
     saturation_v: Annotated[
-        float, ParameterRange("V", 0.1, 100, "no greater voltage is reported", varies=False)
+        float, ParameterRange("V", 0.1, 100, "largest reported voltage", varies=False)
     ] = 10.0
 
 
@@ -160,13 +160,13 @@ class PlantParameters:
 
 
 def quantities(part: type[Any]) -> dict[str, ParameterRange]:
-    """Give name and quantity of each parameter of a part, in the order of declaration."""
+    """Return name and range of each parameter of a part, in the order of declaration."""
     hints = get_type_hints(part, include_extras=True)
     return {item.name: hints[item.name].__metadata__[0] for item in fields(part)}
 
 
 def specimen(nominal: PlantParameters, seed: np.random.SeedSequence) -> PlantParameters:
-    """Draw one specimen: each parameter that varies is multiplied by 0.9 to 1.1, uniformly."""
+    """Draw one specimen: a uniform factor from 0.9 to 1.1 for each varying parameter."""
     rng = np.random.default_rng(seed)
 
     def varied(part: Any) -> Any:

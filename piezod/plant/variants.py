@@ -1,4 +1,4 @@
-"""The stages that ship, by name."""
+"""The simulated stages of the distribution, by name."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -16,10 +16,10 @@ class Variant(NamedTuple):
     """A named stage.
 
     Attributes:
-        summary: One line that tells it from the others.
+        summary: One line that distinguishes it from the others.
         parameters: Nominal parameters, before the seed varies them.
-        calibrated: Whether the sensor's curve was measured when the stage was commissioned. If not,
-            only a straight line is known for it.
+        calibrated: Whether the sensor's curve was measured at commissioning. If not, only a
+            straight line is known.
     """
 
     summary: str
@@ -56,10 +56,10 @@ _AFM = PlantParameters(
 VARIANTS: Final[Mapping[str, Variant]] = {
     "stack": Variant("30 µm stack stage, 0 to 150 V", _STACK),
     "stack-uncalibrated": Variant(
-        "the stack stage, of whose sensor only a straight line is known", _STACK, calibrated=False
+        "the stack stage with a sensor calibrated by a straight line only", _STACK, calibrated=False
     ),
     "flexure": Variant(
-        "34 µm flexure stage, 0 to 180 V, whose return point drifts by 3.7 % of travel", _FLEXURE
+        "34 µm flexure stage, 0 to 180 V, return point drifts by 3.7 % of travel", _FLEXURE
     ),
     "afm": Variant("90 µm AFM scanner, 0 to 150 V, with loops of 14 % asymmetry", _AFM),
 }

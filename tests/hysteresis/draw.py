@@ -1,4 +1,4 @@
-"""What Hypothesis draws: thresholds, models of many kinds, inputs with tiny loops and plateaus."""
+"""Hypothesis strategies: thresholds, models of many kinds, inputs with tiny loops and plateaus."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -41,7 +41,7 @@ def any_sides(draw: st.DrawFn) -> Sides:
 
 @st.composite
 def side_with_slopes(draw: st.DrawFn, least: float) -> tuple[list[float], list[float]]:
-    """Draw thresholds and weights of a side whose major branch is nowhere flatter than `least`."""
+    """Draw thresholds and weights of a side whose major branch has slopes of at least `least`."""
     r = draw(thresholds())
     cells = np.diff([0.0, *r, 1.0])
     parts = np.array(draw(st.lists(UNIT, min_size=cells.size, max_size=cells.size))) + 1e-3
@@ -51,14 +51,14 @@ def side_with_slopes(draw: st.DrawFn, least: float) -> tuple[list[float], list[f
 
 @st.composite
 def sides_with_slopes(draw: st.DrawFn, least: float) -> Sides:
-    """Draw both sides so that neither major branch is anywhere flatter than `least`."""
+    """Draw both sides with slopes of at least `least` on both major branches."""
     right, q_right = draw(side_with_slopes(least))
     left, q_left = draw(side_with_slopes(least))
     return right, left, q_right, q_left
 
 
 def inputs(*, least: int = 1, most: int = 40) -> st.SearchStrategy[NDArray[np.float64]]:
-    """Draw turning points in [0, 1], among them the ends, repeated values and loops of 1e-9."""
+    """Draw turning points in [0, 1], including the ends, repeated values and loops of 1e-9."""
     moves = st.tuples(st.sampled_from(["to", "end", "stay", "back", "tremble"]), UNIT)
     return st.lists(moves, min_size=least, max_size=most).map(_path)
 
@@ -78,7 +78,7 @@ def _path(moves: list[tuple[str, float]]) -> NDArray[np.float64]:
 
 
 def model(sides: Sides, *, deadband: float = 0.0, capacity: int = 64) -> MPIModel:
-    """Return a model that forgets nothing of what is drawn here."""
+    """Return the model of these sides, with a memory that is large enough for all drawn inputs."""
     right, left, q_right, q_left = sides
     return MPIModel(
         right, q_right, q_left, left_thresholds=left, deadband=deadband, capacity=capacity
@@ -86,7 +86,7 @@ def model(sides: Sides, *, deadband: float = 0.0, capacity: int = 64) -> MPIMode
 
 
 def slow_model(sides: Sides) -> oracle.Model:
-    """Return the same model as the oracle has it."""
+    """Return the same model, made of the oracle's operators."""
     return oracle.Model(*sides)
 
 

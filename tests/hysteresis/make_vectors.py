@@ -1,4 +1,4 @@
-"""Records what the oracle says, once: `python -m tests.hysteresis.make_vectors`."""
+"""Writes the outputs of the oracle to a file: `python -m tests.hysteresis.make_vectors`."""
 
 import json
 from pathlib import Path
@@ -45,7 +45,7 @@ def paths() -> dict[str, list[float]]:
 
 
 def vectors() -> dict[str, Any]:
-    """Return inputs, and what two models and one inverse make of them."""
+    """Return inputs, and the outputs of two models and one inverse for them."""
     content: dict[str, Any] = {"inputs": {}, "models": [], "stops": {**STOPS, "z": {}}}
     for name, path in paths().items():
         content["inputs"][name] = [float(v) for v in path]

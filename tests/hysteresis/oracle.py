@@ -1,8 +1,8 @@
-"""The paper's operators written down once more: slow, plain, and sharing nothing with piezod.
+"""An independent implementation of the paper's operators: slow, plain, without piezod.
 
-Each operator keeps two explicit lists of extrema of its own, as (input, output), and follows eqs 2
-and 5 (the latter with max and min put right) word for word. Models are sums over such operators.
-Tests compare piezod with this, and `make_vectors` records what it says.
+Each operator keeps its own two lists of extrema, as (input, output), and follows paper eq. (2) and
+eq. (5) literally (the latter with max and min exchanged). Models are sums over such operators.
+Tests compare piezod with this module, and `make_vectors` records its outputs.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -17,7 +17,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass
 class Play:
-    """A right (F^r) or left (F^l) play operator with threshold r and the memory of its own."""
+    """A right (F^r) or left (F^l) play operator with threshold r and its own memory."""
 
     r: float
     right: bool
@@ -54,13 +54,13 @@ class Play:
 
     @property
     def depth(self) -> int:
-        """Number of extrema remembered beside the two outermost."""
+        """Number of stored extrema, without the two outermost."""
         return len(self.maxima) + len(self.minima) - 2
 
 
 @dataclass
 class Model:
-    """x = v + Σ q^r (F^r - v) + Σ q^l (F^l - v), eq 9."""
+    """x = v + Σ q^r (F^r - v) + Σ q^l (F^l - v), paper eq. (9)."""
 
     thresholds_right: Sequence[float]
     thresholds_left: Sequence[float]
@@ -86,14 +86,17 @@ class Model:
 
     @property
     def depth(self) -> int:
-        """Number of extrema remembered beside the two outermost."""
+        """Number of stored extrema, without the two outermost."""
         return self.right[0].depth
 
 
 def stops(
     thresholds_left: Sequence[float], thresholds_right: Sequence[float]
 ) -> Callable[[float], Array]:
-    """Return a function from the next x to [E^l, E^r], by r E^r + (1 - r) F^l = x and its like."""
+    """Return a function from the next x to [E^l, E^r].
+
+    It uses r E^r + (1 - r) F^l = x and r E^l + (1 - r) F^r = x.
+    """
     right_plays = [Play(r, right=True) for r in thresholds_left]
     left_plays = [Play(r, right=False) for r in thresholds_right]
     plays = right_plays + left_plays
@@ -111,17 +114,17 @@ def inverse(
     a_right: Sequence[float],
     positions: Iterable[float],
 ) -> Array:
-    """Return z = x + Σ a^l (E^l - x) + Σ a^r (E^r - x) for displacements in [0, 1], eq 16."""
+    """Return z = x + Σ a^l (E^l - x) + Σ a^r (E^r - x), paper eq. (16), for x in [0, 1]."""
     step = stops(thresholds_left, thresholds_right)
     weights = np.concatenate((a_left, a_right))
     return np.array([x + weights @ (step(float(x)) - x) for x in positions])
 
 
 def smallest_slope(model: Model) -> float:
-    """Return the smallest slope of x(v) found on first loops, where the condition says it lies.
+    """Return the smallest slope of x(v) on first loops, where the condition of existence has it.
 
-    Rising again after 1 → 1 - r, and falling again after 0 → r, for every threshold r and for the
-    whole range; between the knots x is linear, so that differences between them are slopes.
+    First loops are a rise after 1 → 1 - r and a fall after 0 → r, for every threshold r and for the
+    whole range. Between the knots x is linear, so differences between them are slopes.
     """
     slopes: list[float] = []
     for r in [*model.thresholds_right, *model.thresholds_left, 1.0]:

@@ -1,4 +1,4 @@
-"""What every identifier promises, whatever it is fed, and the shadow that undoes bad learning."""
+"""The contract of every identifier for any input, and the shadow that undoes bad learning."""
 
 import math
 from collections.abc import Callable
@@ -45,7 +45,7 @@ every = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS.keys())
 
 
 def command(seconds: float, amplitude: float = 0.5) -> Array:
-    """Return a sine of 0.5 Hz at 1 kHz whose swing grows and shrinks."""
+    """Return a sine of 0.5 Hz at 1 kHz with a varying amplitude."""
     t = np.arange(0, seconds, 1e-3)
     return 0.5 - amplitude * np.cos(np.pi * t) * np.cos(0.07 * np.pi * t)
 
@@ -56,12 +56,12 @@ def drives_for(positions: Array) -> Array:
 
 
 def learned_by(identifier: AdaptiveIdentifier) -> list[float]:
-    """Return all that was learned: weights, offset and scale."""
+    """Return the learned model: weights, offset and scale."""
     return [*identifier.weights.tolist(), identifier.offset, identifier.scale]
 
 
 def assert_sound(identifier: AdaptiveIdentifier, bank: Array) -> None:
-    """Assert that the weights have an inverse, and that a covariance is one."""
+    """Assert that the weights have an inverse, and that a covariance is valid and bounded."""
     assert np.all(np.isfinite(identifier.weights))
     assert abs(identifier.offset) <= OFFSET_LIMIT
     assert abs(identifier.scale) <= SCALE_LIMIT
@@ -81,10 +81,10 @@ def assert_sound(identifier: AdaptiveIdentifier, bank: Array) -> None:
     noise=st.sampled_from([1e-3, 0.3, 10.0]),
     spoiled=st.sets(st.integers(0, 59)),
 )
-def test_whatever_the_pairs_an_inverse_exists_after_every_step(
+def test_an_inverse_exists_after_every_step_for_any_pairs(
     make: Maker, positions: Array, seed: int, noise: float, spoiled: set[int]
 ) -> None:
-    """Jumps, tiny loops, unrelated drives and numbers that are none leave the model sound."""
+    """Jumps, tiny loops, unrelated drives and values that are not finite leave the model sound."""
     random = np.random.default_rng(seed)
     identifier = make(SMALL)
     for k, position in enumerate(positions):
@@ -99,7 +99,7 @@ def test_whatever_the_pairs_an_inverse_exists_after_every_step(
 
 @every
 def test_tiny_amplitude_and_then_full_swing_do_not_diverge(make: Maker) -> None:
-    """100 s at 1 % amplitude, then the whole range: errors stay below those of no model."""
+    """After 100 s at 1 % amplitude, errors over the full range stay below those without a model."""
     dwell, swing = command(100.0, 0.005), command(8.0)
     positions = np.concatenate((dwell, swing))
     drives = drives_for(positions)
@@ -115,7 +115,7 @@ def test_tiny_amplitude_and_then_full_swing_do_not_diverge(make: Maker) -> None:
 @every
 @pytest.mark.parametrize("spoiled", [math.nan, math.inf, -math.inf])
 def test_a_pair_that_is_not_finite_teaches_nothing(make: Maker, spoiled: float) -> None:
-    """What was learned stays to the bit; without a displacement the memory holds too."""
+    """The learned model stays to the bit; without a displacement the memory stays too."""
     identifier = make(BANK)
     identifier.run(command(1.0), drives_for(command(1.0)))
     before = [*learned_by(identifier), identifier.position]
@@ -131,8 +131,8 @@ def test_a_pair_that_is_not_finite_teaches_nothing(make: Maker, spoiled: float) 
 
 
 @every
-def test_without_learning_only_the_memory_goes_on(make: Maker) -> None:
-    """The rest stays to the bit, and afterwards the operators are where they should be."""
+def test_without_learning_only_the_memory_advances(make: Maker) -> None:
+    """The learned model stays to the bit, and the operators follow the displacement."""
     identifier, twin = make(BANK), make(BANK)
     for one in (identifier, twin):
         one.run(command(1.0), drives_for(command(1.0)))
@@ -148,7 +148,7 @@ def test_without_learning_only_the_memory_goes_on(make: Maker) -> None:
 
 @every
 def test_steps_are_a_run_to_the_bit(make: Maker) -> None:
-    """Pair by pair or over a record is the same arithmetic."""
+    """Steps pair by pair and a run over the record give the same numbers."""
     positions, drives = command(2.0), drives_for(command(2.0))
     stepped, run = make(BANK), make(BANK)
 
@@ -159,8 +159,8 @@ def test_steps_are_a_run_to_the_bit(make: Maker) -> None:
 
 
 @every
-def test_prediction_by_its_own_model_is_what_a_step_compares_with(make: Maker) -> None:
-    """Without learning, the error is the drive less that prediction; outside the range too."""
+def test_error_of_a_step_is_the_drive_minus_the_own_prediction(make: Maker) -> None:
+    """This holds without learning, and outside the range too."""
     identifier = make(BANK)
     identifier.run(command(2.0), drives_for(command(2.0)))
     for position in (0.2, 0.8, 1.01, -0.01, 0.4):
@@ -171,8 +171,8 @@ def test_prediction_by_its_own_model_is_what_a_step_compares_with(make: Maker) -
 
 
 @every
-def test_others_are_judged_on_the_same_memory(make: Maker) -> None:
-    """What a known model predicts is its drive; offset and scale change it by what they add."""
+def test_other_models_predict_with_the_same_memory(make: Maker) -> None:
+    """A known model predicts its own drive; offset and scale shift that prediction."""
     positions = command(2.0)
     identifier = make(BANK)
     for position in positions:
@@ -185,7 +185,7 @@ def test_others_are_judged_on_the_same_memory(make: Maker) -> None:
 
 
 @every
-def test_reset_forgets_the_displacement_and_keeps_what_was_learned(make: Maker) -> None:
+def test_reset_clears_the_memory_and_keeps_the_learned_model(make: Maker) -> None:
     """A new record starts from rest, with the same weights, offset and scale."""
     identifier = make(BANK)
     identifier.run(command(3.0), drives_for(command(3.0)))
@@ -200,7 +200,7 @@ def test_reset_forgets_the_displacement_and_keeps_what_was_learned(make: Maker) 
 
 @every
 def test_adopted_models_are_taken_over_in_place(make: Maker) -> None:
-    """The array stays the same, so that who follows the weights need not look again."""
+    """The weights stay the same array, so that a reference to it stays valid."""
     identifier = make(BANK)
     weights = identifier.weights
 
@@ -212,7 +212,7 @@ def test_adopted_models_are_taken_over_in_place(make: Maker) -> None:
 
 @every
 def test_adopted_models_without_an_inverse_are_projected(make: Maker) -> None:
-    """Existence is never lost."""
+    """An adopted model has a smallest slope of at least `LEAST_SLOPE`."""
     identifier = make(BANK)
 
     identifier.adopt(np.full(38, 5.0))
@@ -221,23 +221,23 @@ def test_adopted_models_without_an_inverse_are_projected(make: Maker) -> None:
 
 
 @every
-def test_models_that_are_none_are_not_adopted(make: Maker) -> None:
-    """What is not finite, of another size or out of bounds is refused and nothing changes."""
+def test_invalid_models_are_not_adopted(make: Maker) -> None:
+    """Values that are not finite, out of bounds or too few are refused, and nothing changes."""
     identifier = make(BANK)
     for weights, offset in ((KNOWN[1:], 0.0), (np.full(38, np.nan), 0.0), (KNOWN, math.nan)):
         with pytest.raises(ModelError, match="need 38 finite weights and a finite offset"):
             identifier.adopt(weights, offset)
     for scale in (0.31, -0.31, math.nan):
-        with pytest.raises(ModelError, match=r"a scale is from -0\.3 to 0\.3"):
+        with pytest.raises(ModelError, match=r"a scale must be from -0\.3 to 0\.3"):
             identifier.adopt(KNOWN, 0.0, scale)
 
     assert learned_by(identifier) == [0.0] * 40
 
 
 def test_learning_that_made_it_worse_is_undone() -> None:
-    """What a disturbance at the end of a window taught is found out in the next.
+    """A disturbance that was learned at the end of one window is detected in the next.
 
-    A slow learner would keep it for long, while its shadow predicts what follows.
+    A slow learner alone would keep its effect for long; the shadow still predicts well.
     """
     positions, drives = command(3.0), drives_for(command(3.0))
     drives[1700:2000] += 0.1
@@ -254,7 +254,7 @@ def test_learning_that_made_it_worse_is_undone() -> None:
 
 
 def test_a_learner_too_wild_for_the_noise_is_held() -> None:
-    """A gain that amplifies noise never predicts better than the model it began with."""
+    """A gain that amplifies noise never predicts better than the initial model."""
     positions = command(3.0)
     noise = 1e-2 * np.random.default_rng(1).standard_normal(positions.size)
     shadowed = Shadowed(NLMSIdentifier(BANK, gain=1.9), window=500)
@@ -267,7 +267,7 @@ def test_a_learner_too_wild_for_the_noise_is_held() -> None:
 
 
 def test_offset_and_scale_are_restored_with_the_weights() -> None:
-    """Noise that a wild learner takes for drift and for a change of gain leaves nothing behind."""
+    """Noise that was learned as drift and as a change of gain is undone completely."""
     positions = command(3.0)
     noise = 1e-2 * np.random.default_rng(1).standard_normal(positions.size)
     shadowed = Shadowed(RLSIdentifier(BANK, KNOWN, weight_walk=1e-4), window=500, tolerance=1.0)
@@ -285,7 +285,7 @@ def test_offset_and_scale_are_restored_with_the_weights() -> None:
 
 
 def test_learning_that_made_it_better_is_kept() -> None:
-    """A shadow costs a good learner nothing: it ends where it would have ended alone."""
+    """A shadow does not change the result of a good learner."""
     positions, drives = command(10.0), drives_for(command(10.0))
     alone = RLSIdentifier(BANK, np.zeros(38))
     shadowed = Shadowed(RLSIdentifier(BANK, np.zeros(38)), window=500)
@@ -297,7 +297,7 @@ def test_learning_that_made_it_better_is_kept() -> None:
 
 
 def test_windows_count_pairs_that_were_learned_from() -> None:
-    """Others pass no judgement, and a reset begins a window anew."""
+    """Pairs without learning do not count, and a reset starts a new window."""
     shadowed = Shadowed(NLMSIdentifier(BANK, gain=1.9), window=3)
     for learn, drive in ((True, 0.9), (False, 0.1), (True, math.nan), (True, 0.1)):
         shadowed.step(0.5, drive, learn)
@@ -313,14 +313,14 @@ def test_windows_count_pairs_that_were_learned_from() -> None:
 @pytest.mark.parametrize(
     ("window", "tolerance"), [(0, 2.0), (-1, 2.0), (10, 0.9), (10, math.inf), (10, math.nan)]
 )
-def test_shadow_that_could_not_judge_is_refused(window: int, tolerance: float) -> None:
-    """It needs a pair at least, and must not call equal models worse."""
+def test_invalid_windows_and_tolerances_are_refused(window: int, tolerance: float) -> None:
+    """A window has at least one pair, and the tolerance must not call equal models worse."""
     with pytest.raises(ModelError, match="window of 1 pair or more and a tolerance of 1 or more"):
         Shadowed(LMSIdentifier(BANK), window=window, tolerance=tolerance)
 
 
 def test_a_shadow_counts_the_pairs_its_identifier_gave_up() -> None:
-    """It shows the memory of what it guards."""
+    """It reports the count of removed pairs of its identifier."""
     lms = LMSIdentifier(BANK, capacity=4)
     decaying = 0.5 + 0.4 * 0.9 ** np.arange(30) * (-1.0) ** np.arange(30)
 

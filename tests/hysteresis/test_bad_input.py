@@ -1,4 +1,4 @@
-"""What the library refuses: every refusal says what was given and what is allowed."""
+"""Invalid arguments: every refusal states the given value and the allowed range."""
 
 import math
 from collections.abc import Callable
@@ -30,7 +30,7 @@ RAMP = np.linspace(0.0, 1.0, 50)
             r"one dimension, got shape \(2, 2\)",
         ),
         (lambda: LMSIdentifier(BANK).run(RAMP, RAMP[1:]), "as many drives as positions"),
-        (lambda: even_thresholds(0), "whole one from 1 on, got 0"),
+        (lambda: even_thresholds(0), "an integer of at least 1, got 0"),
         (lambda: LMSIdentifier(BANK, gain=-0.1), "gain of -0.1 is out of range"),
         (lambda: LMSIdentifier(BANK, gain=math.nan), "gain of nan is out of range"),
         (lambda: identify_least_squares(BANK, RAMP, RAMP[1:]), "finite drives as positions"),
@@ -38,15 +38,15 @@ RAMP = np.linspace(0.0, 1.0, 50)
         (lambda: identify_least_squares(BANK, 0.0 * RAMP, RAMP), "does not move"),
     ],
 )
-def test_it_is_refused(call: Callable[[], object], text: str) -> None:
-    """The error names the rule."""
+def test_invalid_arguments_are_refused(call: Callable[[], object], text: str) -> None:
+    """The message states the rule."""
     with pytest.raises(ModelError, match=text):
         call()
 
 
 @pytest.mark.parametrize(("order", "largest"), [(5, 1.645), (19, 5.904), (39, 12.03)])
 def test_the_largest_stable_gain_is_that_of_the_bound(order: int, largest: float) -> None:
-    """For the paper's 19 thresholds ‖E - x‖² stays below 5.9, which its gain of 0.1 allows."""
+    """For the paper's 19 thresholds ‖E - x‖² stays below 5.9, which allows its gain of 0.1."""
     bank = new_bank(even_thresholds(order), even_thresholds(order))
 
     assert 1.0 / largest_stable_gain(bank) == pytest.approx(largest, rel=1e-3)
@@ -54,7 +54,7 @@ def test_the_largest_stable_gain_is_that_of_the_bound(order: int, largest: float
 
 @pytest.mark.parametrize("drive", [math.nan, math.inf, -math.inf])
 def test_a_drive_that_is_not_finite_teaches_nothing(drive: float) -> None:
-    """The weights stay as they are, and go on adapting afterwards."""
+    """The weights stay, and later pairs are learned again."""
     lms = LMSIdentifier(BANK)
     lms.run(RAMP, RAMP**2)
     before = lms.weights.copy()
@@ -66,7 +66,7 @@ def test_a_drive_that_is_not_finite_teaches_nothing(drive: float) -> None:
 
 
 def test_whole_numbers_are_numbers() -> None:
-    """A step with an int is that with the float."""
+    """A step with an integer gives the same output as a step with the float."""
     model = MPIModel([0.5], [0.1], [0.1])
 
     assert model.step(1) == model.copy().step(1.0) == 1.0

@@ -1,4 +1,4 @@
-"""A memory that is full: what it gives up, what that costs, and that it is counted."""
+"""A full memory: it removes pairs of extrema, the error is small, and the pairs are counted."""
 
 from collections.abc import Callable, Iterable
 
@@ -14,8 +14,8 @@ from tests.hysteresis.draw import Sides, any_sides, inputs, model
 Inputs = NDArray[np.floating]
 ENOUGH = 400
 
-# Errors seen over geometric, linear and uneven decays, in units of the range; operators on the same
-# memory come to the same within a third.
+# Errors measured over geometric, linear and uneven decays, in units of the range. Operators on the
+# same memory give the same values within a third.
 #
 #   capacity        4       8        16       32
 #   worst      2.4e-2   3.9e-3   7.4e-4   2.5e-4
@@ -24,7 +24,7 @@ BOUNDS = {4: 4e-2, 8: 8e-3, 16: 1.5e-3, 32: 5e-4}
 
 
 def stage(capacity: int) -> MPIModel:
-    """Return a model with loops of 13 % and all thresholds of the paper."""
+    """Return a model with loops of 13 % and the 19 thresholds of the paper."""
     weights = 0.043 * np.exp(-0.12 * np.arange(19))
     return MPIModel(even_thresholds(19), weights, 0.6 * weights, capacity=capacity)
 
@@ -51,7 +51,7 @@ def and_back(decay: Inputs) -> list[Inputs]:
 
 
 def operators(capacity: int) -> Callable[[Inputs], Inputs]:
-    """Return a function from inputs to what the operators of that model, summed, make of them."""
+    """Return a function from inputs to the sum of the operators of that model."""
     mpi = stage(capacity)
     bank = new_bank(mpi.right_thresholds, mpi.left_thresholds)
     lms = LMSIdentifier(bank, gain=0.0, capacity=capacity)
@@ -60,7 +60,7 @@ def operators(capacity: int) -> Callable[[Inputs], Inputs]:
 
 
 def worst(run: Callable[[int], Callable[[Inputs], Inputs]], capacity: int) -> Iterable[float]:
-    """Yield the worst error of a memory of some capacity over each decaying input."""
+    """Yield the worst error of a memory of this capacity, for each decaying input."""
     for decay in decays():
         for path in and_back(decay):
             yield float(np.max(np.abs(run(capacity)(path) - run(ENOUGH)(path))))
@@ -71,7 +71,7 @@ def worst(run: Callable[[int], Callable[[Inputs], Inputs]], capacity: int) -> It
 def test_error_of_a_full_memory_is_small_on_decaying_inputs(
     kind: str, capacity: int, record_property: Callable[[str, object], None]
 ) -> None:
-    """About 1e-3 of the range at a capacity of 8 and 1e-4 at 16, whatever comes afterwards."""
+    """The error is about 1e-3 of the range at a capacity of 8 and 1e-4 at 16."""
     run = operators if kind == "operators" else lambda size: stage(size).run
 
     errors = list(worst(run, capacity))
@@ -82,8 +82,8 @@ def test_error_of_a_full_memory_is_small_on_decaying_inputs(
 
 
 @pytest.mark.parametrize("decay", decays()[::7])
-def test_every_pair_given_up_is_counted(decay: Inputs) -> None:
-    """What a full memory lacks beside one that is large enough is twice its count."""
+def test_every_removed_pair_is_counted(decay: Inputs) -> None:
+    """A full memory holds fewer extrema than a large one, by twice the count of removed pairs."""
     full, enough = stage(8), stage(ENOUGH)
 
     full.run(decay)
@@ -95,7 +95,7 @@ def test_every_pair_given_up_is_counted(decay: Inputs) -> None:
 
 
 def test_error_of_a_full_memory_is_forgotten_with_its_loops() -> None:
-    """Once the input has been at both ends, a model that had to merge is exact again."""
+    """After the input has been at both ends, a model that removed pairs is exact again."""
     full, enough = stage(4), stage(ENOUGH)
     for model_ in (full, enough):
         model_.run([*swings(0.9 ** np.arange(80)), 1.0, 0.0])
@@ -121,7 +121,7 @@ def test_extrema_stay_nested_when_the_memory_is_full(sides: Sides, values: Input
 
 
 def test_random_inputs_do_not_fill_the_memory() -> None:
-    """The depth of a random walk through the range grows with its logarithm only."""
+    """For random inputs the depth grows only with the logarithm of their number."""
     random = stage(32)
 
     random.run(np.random.default_rng(3).random(200_000))

@@ -1,4 +1,4 @@
-"""The closed form against the operators it replaces, and what holds for any hysteresis model."""
+"""The closed form against the operators that it replaces, and general properties of hysteresis."""
 
 import numpy as np
 import pytest
@@ -30,13 +30,13 @@ Inputs = NDArray[np.float64]
 
 @given(sides=any_sides(), values=inputs())
 def test_closed_form_is_the_sum_of_the_operators(sides: Sides, values: Inputs) -> None:
-    """One scalar per loop gives what all operators give, for weights of either sign."""
+    """One scalar per loop gives the sum of all operators, for weights of either sign."""
     np.testing.assert_allclose(model(sides).run(values), slow_model(sides).run(values), atol=1e-11)
 
 
 @given(sides=any_sides(), values=inputs())
 def test_depth_is_the_number_of_extrema_that_still_matter(sides: Sides, values: Inputs) -> None:
-    """The memory holds what two plain lists hold, after every sample."""
+    """After every sample the memory has the same depth as two plain lists."""
     fast, slow = model(sides), slow_model(sides)
     for value in values:
         fast.step(value)
@@ -49,11 +49,11 @@ def test_depth_is_the_number_of_extrema_that_still_matter(sides: Sides, values: 
 def test_inverse_in_closed_form_is_the_sum_of_stops(
     left: list[float], right: list[float], data: st.DataObject
 ) -> None:
-    """The kernel of the forward model serves eq 16, right stops going with left plays."""
+    """The kernel of the forward model computes paper eq. (16); right stops belong to left plays."""
     a_left = data.draw(weights(len(left)))
     a_right = data.draw(weights(len(right)))
     values = data.draw(inputs())
-    # a bank has as many stops on either side, of whom some may weigh nothing
+    # A bank has as many left as right stops: the shorter side gets stops of weight 0.
     size = max(len(left), len(right))
     spare = [0.995 + 1e-4 * j for j in range(size)]
     bank = new_bank([*left, *spare][:size], [*right, *spare][:size])
@@ -81,7 +81,7 @@ def test_model_does_not_depend_on_the_rate(sides: Sides, points: Inputs) -> None
 def test_closed_minor_loop_is_forgotten(
     sides: Sides, history: Inputs, inside: Inputs, ends: tuple[float, float]
 ) -> None:
-    """Wiping-out: output and future are those of a model that never saw the loop."""
+    """Wiping-out: output and future are those of a model that never went through the loop."""
     low, high = sorted(ends)
     spared, disturbed = model(sides), model(sides)
     spared.run([*history, low, high])
@@ -119,7 +119,7 @@ def test_loops_between_the_same_inputs_are_not_congruent(
 
 @given(sides=any_sides(), values=inputs(), repeats=st.integers(1, 4))
 def test_equal_samples_change_nothing(sides: Sides, values: Inputs, repeats: int) -> None:
-    """A plateau of the input is a plateau of the output, to the bit."""
+    """A plateau of the input gives a plateau of the output, to the bit."""
     once, repeated = model(sides).run(values), model(sides).run(np.repeat(values, repeats))
 
     assert repeated.tolist() == np.repeat(once, repeats).tolist()
@@ -130,7 +130,7 @@ def test_equal_samples_change_nothing(sides: Sides, values: Inputs, repeats: int
 def test_input_that_is_not_a_number_is_no_move(
     deadband: float, sides: Sides, values: Inputs
 ) -> None:
-    """NaN gives the last output again, and the model goes on as if it had not been there."""
+    """NaN repeats the last output, and has no effect on later outputs."""
     with_nan = np.insert(values, np.arange(1, values.size + 1), np.nan)
 
     outputs = model(sides, deadband=deadband).run(with_nan)
@@ -141,7 +141,7 @@ def test_input_that_is_not_a_number_is_no_move(
 
 @given(sides=any_sides(), values=st.lists(st.floats(), max_size=30).map(np.array))
 def test_any_input_is_clamped_to_the_range(sides: Sides, values: Inputs) -> None:
-    """Whatever comes in, infinities included, counts as the nearest end of [0, 1]."""
+    """Any input, infinities included, counts as the nearest end of [0, 1]."""
     clean = np.clip(np.where(np.isnan(values), 0.0, values), 0.0, 1.0)
     for k in np.flatnonzero(np.isnan(values)):
         clean[k] = clean[k - 1] if k else 0.0

@@ -1,4 +1,4 @@
-"""Creep on top of hysteresis: its law, its exact removal, and what cannot spoil it."""
+"""Creep on top of hysteresis: its law, its exact removal, and its bounds."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def creeps(draw: st.DrawFn) -> Creep:
 
 @given(creep=creeps(), y=inputs(), start=st.floats(0, 1))
 def test_removing_creep_undoes_adding_it(creep: Creep, y: Array, start: float) -> None:
-    """From the same state of the lags, to rounding."""
+    """From the same state of the lags, the displacement comes back up to rounding."""
     there, back = (np.full(creep.gains.size, start) for _ in range(2))
 
     x = add_creep(creep, y, there, start)
@@ -43,7 +43,7 @@ def test_removing_creep_undoes_adding_it(creep: Creep, y: Array, start: float) -
 
 @given(creep=creeps(), y=inputs(least=2), cut=st.integers(1, 39))
 def test_records_can_be_cut_anywhere(creep: Creep, y: Array, cut: int) -> None:
-    """Lags and the last displacement carry over all that the rest needs, to the bit."""
+    """Lags and the last displacement hold the whole state, to the bit."""
     lags, whole = np.zeros(creep.gains.size), np.zeros(creep.gains.size)
 
     first = remove_creep(creep, y[:cut], lags)
@@ -54,7 +54,7 @@ def test_records_can_be_cut_anywhere(creep: Creep, y: Array, cut: int) -> None:
 
 
 def test_step_creeps_by_the_same_in_each_decade() -> None:
-    """Two lags a decade of one weight each add twice that weight, to a tenth."""
+    """Two lags a decade of equal weight add twice that weight per decade, to 10 %."""
     y = np.ones(20_000)
     y[0] = 0.0
 
@@ -65,7 +65,7 @@ def test_step_creeps_by_the_same_in_each_decade() -> None:
 
 
 def test_rest_settles_at_the_sum_of_all_weights() -> None:
-    """After many times the longest constant, x = (1 + Σ w) y, and removing it gives y."""
+    """Long after the longest time constant x = (1 + Σ w) y, and removing the creep gives y."""
     slow = creep(0.01, dt=10.0)
 
     x = add_creep(slow, np.full(1000, 0.5), np.zeros(8))
@@ -75,7 +75,7 @@ def test_rest_settles_at_the_sum_of_all_weights() -> None:
 
 
 def test_lags_follow_the_displacement_of_the_sample_before() -> None:
-    """A step shows its first creep one sample later, by the first gain of each lag."""
+    """A step creeps first one sample later, by the first gain of each lag."""
     one = Creep(np.array([0.1]), np.array([0.25]))
 
     x = add_creep(one, [1.0, 1.0, 1.0], np.zeros(1))
@@ -93,7 +93,7 @@ def test_without_lags_there_is_no_creep() -> None:
 
 @pytest.mark.parametrize("failed", [float("nan"), float("inf"), -float("inf")])
 def test_displacement_that_is_not_finite_moves_no_lag(failed: float) -> None:
-    """One measurement that failed costs that sample, not the state."""
+    """A failed measurement leaves the state of the lags as it is."""
     lags = np.array([0.2])
 
     crept = advance_creep(lags, np.array([0.5]), np.array([0.1]), failed)
@@ -103,6 +103,6 @@ def test_displacement_that_is_not_finite_moves_no_lag(failed: float) -> None:
 
 
 def test_positions_have_one_dimension() -> None:
-    """A table of positions is refused."""
+    """A two-dimensional array of positions is refused."""
     with pytest.raises(ModelError, match="one dimension"):
         remove_creep(NO_CREEP, [[0.0]], np.zeros(0))

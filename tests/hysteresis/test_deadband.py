@@ -1,4 +1,4 @@
-"""The backlash before the memory: noise makes no extrema, at an error that is bounded."""
+"""The backlash before the memory: noise makes no extrema, and the error is bounded."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ HOUR = 3_600_000  # samples at 1 kHz
 
 
 def stage(deadband: float) -> MPIModel:
-    """Return a model with loops of 13 % whose smallest slope is 0.45, and its largest 1.4."""
+    """Return a model with loops of 13 % and slopes from 0.45 to 1.4."""
     weights = 0.043 * np.exp(-0.12 * np.arange(19))
     return MPIModel(even_thresholds(19), weights, 0.6 * weights, deadband=deadband, capacity=64)
 
@@ -23,7 +23,7 @@ def stage(deadband: float) -> MPIModel:
 def test_error_of_a_deadband_is_about_half_of_it(
     points: NDArray[np.float64], deadband: float
 ) -> None:
-    """On any input the output is off by at most 0.5 δ (typically 0.43 δ), whatever the depth."""
+    """On any input the output error is at most 0.5 δ (typically 0.43 δ), for any depth."""
     path = dense(points, 50)
 
     off = np.max(np.abs(stage(deadband).run(path) - stage(0.0).run(path)))
@@ -32,7 +32,7 @@ def test_error_of_a_deadband_is_about_half_of_it(
 
 
 def test_swings_inside_the_deadband_are_no_reversals() -> None:
-    """They move the output along one straight line and leave no trace."""
+    """They move the output along one straight line and leave no extrema."""
     mpi = stage(DEADBAND)
     mpi.run(np.linspace(0, 0.5, 100))
     inside = 0.5 - DEADBAND * np.array([0.0, 0.5, 0.99, 0.2, 0.7, 0.0])
@@ -45,7 +45,7 @@ def test_swings_inside_the_deadband_are_no_reversals() -> None:
 
 
 def test_exact_inverse_behind_a_deadband_has_the_inverse_slope() -> None:
-    """Small swings of the displacement are undone as the model would make them."""
+    """Within the dead-band the inverse has the reciprocal of the model's slope."""
     inverse = stage(DEADBAND).exact_inverse()
     inverse.run(np.linspace(0, 0.5, 100))
     inside = 0.5 - DEADBAND * np.array([0.0, 0.5, 0.99, 0.2, 0.7, 0.0])
@@ -60,7 +60,7 @@ def test_exact_inverse_behind_a_deadband_has_the_inverse_slope() -> None:
     "hours", [1, pytest.param(24, marks=pytest.mark.stress)], ids=["an hour", "a day"]
 )
 def test_dither_does_not_ratchet(hours: int, share: float) -> None:
-    """However long it lasts, below or above the dead-band, dither leaves the output in place."""
+    """Dither below or above the dead-band leaves the mean output in place for any duration."""
     mpi = stage(DEADBAND)
     mpi.run(np.linspace(0, 0.5, 100))
     amplitude = 0.5 * share * DEADBAND
@@ -77,7 +77,7 @@ def test_dither_does_not_ratchet(hours: int, share: float) -> None:
 
 
 def test_noise_below_the_deadband_pushes_no_extrema() -> None:
-    """A noisy way up and down has one turning point, and many without a dead-band."""
+    """A noisy rise and fall has one turning point with the dead-band, and many without it."""
     clean = np.concatenate((np.linspace(0.1, 0.9, 5000), np.linspace(0.9, 0.1, 5000)))
     noisy = clean + 0.49 * DEADBAND * np.random.default_rng(2).uniform(-1, 1, clean.size)
 

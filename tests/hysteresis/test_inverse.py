@@ -1,4 +1,4 @@
-"""When an inverse exists, and that it is one."""
+"""The inverses: when they exist, and that they invert the model."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_smallest_slope_is_where_the_condition_says(sides: Sides) -> None:
 
 @given(sides=any_sides(), points=inputs(least=2))
 def test_no_slope_is_smaller_than_the_smallest(sides: Sides, points: Inputs) -> None:
-    """Whatever the input did before, x rises with v at least that much: monotone if positive."""
+    """For any history x rises with v by at least that slope, so a positive slope means monotone."""
     path = dense(points, 5)
     mpi = model(sides)
 
@@ -57,10 +57,10 @@ def test_no_slope_is_smaller_than_the_smallest(sides: Sides, points: Inputs) -> 
 
 
 @given(sides=any_sides())
-def test_output_falls_while_the_input_rises_where_the_smallest_slope_is_negative(
+def test_output_falls_while_the_input_rises_if_the_smallest_slope_is_negative(
     sides: Sides,
 ) -> None:
-    """Only if the condition holds is the output monotone: one of the first loops is a witness."""
+    """The condition is necessary: one of the first loops is not monotone."""
     assume(model(sides).smallest_slope < -1e-3)
     found = []
     for path in first_loops(sides):
@@ -72,7 +72,7 @@ def test_output_falls_while_the_input_rises_where_the_smallest_slope_is_negative
 
 
 def test_positive_slopes_of_both_branches_are_not_enough() -> None:
-    """With r = 1/2, q = 0.6 φ' is (0.4, 1.6), yet falling from 0.4 to 0.3 raises x."""
+    """With r = 1/2 and q = 0.6, φ' is (0.4, 1.6), yet a fall from 0.4 to 0.3 raises x."""
     mpi = MPIModel([0.5], [0.6], [0.6])
 
     assert mpi.run([0.4, 0.3]) == pytest.approx([0.16, 0.18], abs=1e-15)
@@ -81,13 +81,13 @@ def test_positive_slopes_of_both_branches_are_not_enough() -> None:
 
 @given(sides=sides_with_slopes(0.525))
 def test_branch_slopes_above_one_half_guarantee_an_inverse(sides: Sides) -> None:
-    """Where both sides have s ≥ (1 + ε) / 2, every slope on every loop is at least ε."""
+    """If both sides have s ≥ (1 + ε) / 2, every slope on every loop is at least ε."""
     assert model(sides).smallest_slope >= 0.05 - 1e-9
 
 
 @given(sides=sides_with_slopes(0.05))
 def test_analytic_inverse_undoes_the_major_loop(sides: Sides) -> None:
-    """Its composition with the model is the identity where no branch is flatter than 0.05."""
+    """Its composition with the model is the identity if no branch is flatter than 0.05."""
     mpi = model(sides)
 
     z = mpi.inverse().run(mpi.run(MAJOR_LOOP))
@@ -96,7 +96,7 @@ def test_analytic_inverse_undoes_the_major_loop(sides: Sides) -> None:
 
 
 def test_analytic_inverse_is_approximate_inside_the_major_loop() -> None:
-    """The breakpoints of a partial loop do not map onto each other; the exact inverse's do."""
+    """The breakpoints of a partial loop do not coincide there; with the exact inverse they do."""
     path = dense([0.0, 0.8, 0.3, 0.6, 0.4, 0.9, 0.1], 20)
     mpi = MPIModel([0.25, 0.5, 0.75], [0.1, 0.08, 0.06], [0.05, 0.05, 0.1])
     x = mpi.run(path)
@@ -119,7 +119,7 @@ def test_exact_inverse_undoes_the_model(sides: Sides, values: Inputs) -> None:
 
 @given(sides=invertible_sides(), values=inputs())
 def test_model_undoes_the_exact_inverse(sides: Sides, values: Inputs) -> None:
-    """The other way round the composition is the identity too."""
+    """The composition in the other order is the identity too."""
     mpi = model(sides)
 
     x = mpi.run(mpi.exact_inverse().run(values))
@@ -128,7 +128,7 @@ def test_model_undoes_the_exact_inverse(sides: Sides, values: Inputs) -> None:
 
 
 def test_inverses_take_over_deadband_and_capacity() -> None:
-    """What bounds the memory of a model bounds those of its inverses."""
+    """Both inverses have the dead-band and the capacity of their model."""
     mpi = MPIModel([0.5], [0.1], [0.1], deadband=0.1, capacity=4)
     decaying = 0.5 + 0.5 * np.linspace(1, 0.2, 40) * (-1.0) ** np.arange(40)
 
@@ -140,10 +140,10 @@ def test_inverses_take_over_deadband_and_capacity() -> None:
 
 
 def test_model_with_a_falling_branch_has_no_analytic_inverse() -> None:
-    """The message says which branch falls, how much, and where."""
+    """The message states the branch, its slope, and the cell."""
     rising = (
         r"no inverse exists: the rising branch has a slope of -0\.2 between thresholds 0 and 1, "
-        "every slope must be positive"
+        "but every slope must be positive"
     )
     with pytest.raises(ModelError, match=rising):
         MPIModel([0.3, 0.6], [0.9, 0.3], [0.0, 0.0]).inverse()
@@ -152,10 +152,10 @@ def test_model_with_a_falling_branch_has_no_analytic_inverse() -> None:
 
 
 def test_model_that_is_not_invertible_everywhere_has_no_exact_inverse() -> None:
-    """The message says what would help; the analytic inverse exists nevertheless."""
+    """The message states the remedy; the analytic inverse exists nevertheless."""
     mpi = MPIModel([0.5], [0.6], [0.6])
 
-    remedy = r"model is -0\.2, it must be positive on every loop; weights 0\.792 times as large"
+    remedy = r"model is -0\.2, it must be positive on every loop; scale the weights by 0\.792"
     with pytest.raises(ModelError, match=remedy):
         mpi.exact_inverse()
     scaled = 0.6 * 0.95 / 1.2

@@ -34,7 +34,7 @@ KNOWN = np.array([0.03, -0.01, 0.02, 0.01, 0.04, 0.02, 0.01, 0.02, -0.02, 0.03, 
 
 
 def record(noise: float = 0.0) -> tuple[Array, Array]:
-    """Return nested loops of displacement, and the drives that known weights make of them."""
+    """Return nested loops of displacement, and the drives of a model with known weights."""
     t = np.arange(0, 40, 2e-3)
     positions = 0.5 - 0.5 * np.cos(np.pi * t) * np.cos(0.07 * np.pi * t)
     drives = positions + stop_regressors(BANK, positions) @ KNOWN
@@ -42,14 +42,14 @@ def record(noise: float = 0.0) -> tuple[Array, Array]:
 
 
 def test_known_weights_are_recovered() -> None:
-    """Without noise, and next to no ridge, the fit finds the weights that made the record."""
+    """Without noise and with hardly any ridge, the fit finds the weights of the record."""
     weights = identify_least_squares(BANK, *record(), ridge=1e-14)
 
     np.testing.assert_allclose(weights, KNOWN, rtol=0, atol=1e-8)
 
 
 def test_ridge_of_the_default_costs_little() -> None:
-    """The prediction stays good to a ten-thousandth of the range."""
+    """The prediction stays accurate to a ten-thousandth of the range."""
     positions, drives = record()
     weights = identify_least_squares(BANK, positions, drives)
 
@@ -80,7 +80,7 @@ def test_noise_is_averaged_out() -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_ridge_keeps_weights_in_bounds_where_the_record_says_little(seed: int) -> None:
-    """One partial loop with noise does not determine 38 weights; none of them grows large."""
+    """One noisy partial loop does not determine 38 weights, but none of them grows large."""
     bank = new_bank(even_thresholds(19), even_thresholds(19))
     random = np.random.default_rng(seed)
     t = np.arange(0, 4, 1e-3)
@@ -92,7 +92,7 @@ def test_ridge_keeps_weights_in_bounds_where_the_record_says_little(seed: int) -
 
 
 def test_positions_outside_the_range_are_clamped() -> None:
-    """Overshoot and noise at the ends do not disturb the fit."""
+    """Overshoot and noise at the ends do not change the fit."""
     positions, drives = record()
     beyond = np.where(positions > 0.999, 1.2, np.where(positions < 0.001, -0.3, positions))
     clamped = np.clip(beyond, 0, 1)
@@ -104,7 +104,7 @@ def test_positions_outside_the_range_are_clamped() -> None:
 
 @st.composite
 def problems(draw: st.DrawFn, *, extras: int, most: int = 20) -> Problem:
-    """Draw programmes whose unconstrained solution may be far from any model that exists."""
+    """Draw programmes whose unconstrained solution may be far from any invertible model."""
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     order = draw(st.integers(1, most))
     place = draw(st.sampled_from([even_thresholds, graded_thresholds]))
@@ -119,7 +119,7 @@ def problems(draw: st.DrawFn, *, extras: int, most: int = 20) -> Problem:
 
 
 def feasible_weights(bank: Array, random: np.random.Generator) -> Array:
-    """Return weights of a model with the least slopes and chords that the fit allows, or more."""
+    """Return weights of a model whose slopes and chords are at or above the limits of the fit."""
     widths = cells(bank)
     flattest = 1 + LEAST_SLOPE - LEAST_CHORD
     parts = random.random(widths.shape) ** random.choice([1, 20])
@@ -137,7 +137,7 @@ def slopes_and_chords(bank: Array, weights: Array) -> tuple[Array, Array]:
 
 
 def equality_solution(gram: Array, right_side: Array, rows: Array, bounds: Array) -> list[Array]:
-    """Return the best point on some constraints, none if they contradict each other."""
+    """Return the best point on some constraints, or none if they contradict each other."""
     count = len(rows)
     system = np.block([[gram, rows.T], [rows, np.zeros((count, count))]])
     if np.linalg.matrix_rank(rows) < count:
@@ -150,7 +150,7 @@ def equality_solution(gram: Array, right_side: Array, rows: Array, bounds: Array
 def test_no_feasible_point_is_better_than_the_constrained_solution(
     problem: Problem, seed: int
 ) -> None:
-    """The objective falls towards no point with slopes, chords and signs as asked: it is least."""
+    """The objective does not fall towards any feasible point, so the solution is the minimum."""
     bank, gram, right_side = problem
     random = np.random.default_rng(seed)
     size = len(right_side)
@@ -172,7 +172,7 @@ def test_no_feasible_point_is_better_than_the_constrained_solution(
 @given(problem=problems(extras=1, most=1))
 @settings(deadline=None)
 def test_solution_is_the_best_of_all_that_bind_some_constraints(problem: Problem) -> None:
-    """With one operator a side, all sets of up to three binding constraints can be tried."""
+    """With one operator a side, a search over all sets of binding constraints gives the same."""
     bank, gram, right_side = problem
     slope, chord = 1 + LEAST_SLOPE - LEAST_CHORD, LEAST_CHORD
     _, (gain_left, gain_right) = bank  # s_1 = 1 + a g, s_2 = 1 - a; s_1 is a chord too
@@ -210,7 +210,7 @@ def test_constrained_solution_fulfils_every_constraint(problem: Problem) -> None
 @given(problem=problems(extras=2), push=st.floats(1e-3, 1e3))
 @settings(deadline=None)
 def test_parameter_pushed_below_zero_ends_at_zero(problem: Problem, push: float) -> None:
-    """Where a sign binds, the others are what they are without that parameter."""
+    """If its sign binds, the other parameters are those of the problem without it."""
     bank, gram, right_side = problem
     last = len(right_side) - 1
     gram[last, :last] = gram[:last, last] = 0.0
@@ -224,7 +224,7 @@ def test_parameter_pushed_below_zero_ends_at_zero(problem: Problem, push: float)
 
 
 def test_signs_bind_one_by_one() -> None:
-    """Of four parameters that want to be negative, the two that must not be are zero."""
+    """Of four parameters with a negative optimum, the two with a sign constraint are zero."""
     wanted = np.concatenate((KNOWN, [-1.0, -2.0, -3.0, -4.0]))
 
     solution = solve_constrained(np.eye(16), wanted, BANK, nonnegative=(12, 14))
@@ -243,7 +243,7 @@ def test_solution_is_the_unconstrained_one_where_that_is_feasible() -> None:
 
 
 def test_record_of_a_stage_without_an_inverse_gives_a_model_with_one() -> None:
-    """A drive that falls while the displacement rises is fitted as well as a model can."""
+    """A drive that falls while the displacement rises is fitted by an invertible model."""
     positions, _ = record()
     impossible = np.where(KNOWN > 0, 30 * KNOWN, -KNOWN)
     drives = positions + stop_regressors(BANK, positions) @ impossible
@@ -255,7 +255,7 @@ def test_record_of_a_stage_without_an_inverse_gives_a_model_with_one() -> None:
 
 
 def test_parameters_that_the_record_does_not_determine_are_refused() -> None:
-    """A singular Gram matrix is named as such."""
+    """The message reports a singular Gram matrix."""
     with pytest.raises(ModelError, match="the record does not determine the parameters"):
         solve_constrained(np.ones((12, 12)), np.ones(12), BANK)
     with pytest.raises(ModelError, match="the record does not determine the parameters"):
@@ -263,7 +263,7 @@ def test_parameters_that_the_record_does_not_determine_are_refused() -> None:
 
 
 def test_covariance_is_that_of_the_fitted_parameters() -> None:
-    """Fits of records with noise scatter as it says."""
+    """Fits of noisy records scatter with this covariance."""
     random = np.random.default_rng(7)
     rows = random.standard_normal((60, 12))
     gram, noise = rows.T @ rows, 1e-3

@@ -27,7 +27,7 @@ PAPER_BANK = new_bank(even_thresholds(19), even_thresholds(19))
 def transcription(
     thresholds: NDArray[np.float64], gain: float, positions: Inputs, drives: Inputs
 ) -> Iterator[tuple[float, NDArray[np.float64]]]:
-    """Yield each error and the weights after it, by eqs 29 and 30 as they are printed."""
+    """Yield each error and the weights after it, by paper eq. (29) and eq. (30) as printed."""
     stops = oracle.stops(list(thresholds), list(thresholds))
     weights = np.zeros(2 * thresholds.size)
     for x, v in zip(positions, drives, strict=True):
@@ -38,7 +38,7 @@ def transcription(
 
 
 def record(seed: int, seconds: float = 40.0) -> tuple[Inputs, Inputs, NDArray[np.float64]]:
-    """Return displacements, the drives that known weights make of them, and these weights."""
+    """Return displacements, the drives of a model with known weights, and these weights."""
     random = np.random.default_rng(seed)
     known = random.uniform(0.0, 0.04, 38)
     t = np.arange(0, seconds, 1e-3)
@@ -56,7 +56,7 @@ def record(seed: int, seconds: float = 40.0) -> tuple[Inputs, Inputs, NDArray[np
 def test_identifier_follows_the_printed_equations(
     positions: Inputs, order: int, gain: float, seed: int
 ) -> None:
-    """Errors are those of eq 30 and weights those of eq 29, as long as these have an inverse."""
+    """Errors are those of paper eq. (30) and weights those of eq. (29), while an inverse exists."""
     drives = np.clip(positions + np.random.default_rng(seed).normal(0, 0.1, positions.size), 0, 1)
     bank = new_bank(even_thresholds(order), even_thresholds(order))
     lms = LMSIdentifier(bank, gain=gain)
@@ -70,7 +70,7 @@ def test_identifier_follows_the_printed_equations(
 
 
 def test_steps_are_a_run_to_the_bit() -> None:
-    """Pair by pair or over a record is the same arithmetic."""
+    """Steps pair by pair and a run over the record give the same numbers."""
     positions, drives, _ = record(1, seconds=2)
     stepped, run = (LMSIdentifier(PAPER_BANK, deadband=1e-3) for _ in range(2))
 
@@ -110,8 +110,8 @@ def test_dwell_does_not_wind_up() -> None:
     assert np.max(np.abs(lms.weights)) < 1
 
 
-def test_reset_forgets_the_displacement_and_keeps_the_weights() -> None:
-    """A new record starts from rest with what was learnt."""
+def test_reset_clears_the_memory_and_keeps_the_weights() -> None:
+    """A new record starts from rest with the learned weights."""
     positions, drives, _ = record(3, seconds=4)
     lms = LMSIdentifier(PAPER_BANK)
     lms.run(positions, drives)
@@ -125,7 +125,7 @@ def test_reset_forgets_the_displacement_and_keeps_the_weights() -> None:
 
 @pytest.mark.parametrize("failed", [float("nan"), float("inf"), -float("inf")])
 def test_position_that_is_not_finite_is_no_pair(failed: float) -> None:
-    """A measurement that failed moves no operator and teaches nothing."""
+    """A failed measurement moves no operator and teaches nothing."""
     lms, spared = LMSIdentifier(PAPER_BANK), LMSIdentifier(PAPER_BANK)
     for position in (0.2, 0.4, failed, 0.3):
         error = lms.step(position, 0.3)
@@ -137,7 +137,7 @@ def test_position_that_is_not_finite_is_no_pair(failed: float) -> None:
 
 
 def test_positions_outside_the_range_are_clamped() -> None:
-    """As in the paper, so that noise at an end is none to it."""
+    """Displacements outside [0, 1] count as its ends, as in the paper."""
     lms, clamped = LMSIdentifier(PAPER_BANK), LMSIdentifier(PAPER_BANK)
 
     errors = lms.run([0.2, -0.1, 0.7, 1.2, 0.9], np.full(5, 0.5))
@@ -145,8 +145,8 @@ def test_positions_outside_the_range_are_clamped() -> None:
     assert errors.tolist() == clamped.run([0.2, 0.0, 0.7, 1.0, 0.9], np.full(5, 0.5)).tolist()
 
 
-def test_position_is_what_the_operators_see() -> None:
-    """Behind a dead-band small moves do not show."""
+def test_position_is_the_input_of_the_operators() -> None:
+    """After a dead-band small moves do not change it."""
     lms = LMSIdentifier(PAPER_BANK, deadband=0.02)
     seen = []
     for position in (0.5, 0.505, 0.495, 0.52):
@@ -156,8 +156,8 @@ def test_position_is_what_the_operators_see() -> None:
     assert seen == pytest.approx([0.49, 0.495, 0.495, 0.51])
 
 
-def test_pairs_given_up_are_counted() -> None:
-    """The identifier's memory is bounded too."""
+def test_removed_pairs_are_counted() -> None:
+    """The memory of an identifier has a bounded capacity and counts the pairs that it removes."""
     lms = LMSIdentifier(PAPER_BANK, capacity=4)
     decaying = 0.5 + 0.4 * 0.9 ** np.arange(30) * (-1.0) ** np.arange(30)
 
@@ -167,7 +167,7 @@ def test_pairs_given_up_are_counted() -> None:
 
 
 def test_identifier_has_converged_after_a_window_of_small_differences() -> None:
-    """Three successive differences below the tolerance, and not one fewer."""
+    """It takes three successive differences below the tolerance, and not one fewer."""
     convergence = Convergence(tolerance=0.1, window=3)
     errors = [0.5, 0.45, 0.40, 0.35, 0.36]
 
@@ -188,7 +188,7 @@ def test_one_large_difference_starts_the_window_anew(disturbance: float) -> None
 
 
 def test_a_difference_of_the_tolerance_itself_is_not_small() -> None:
-    """The criterion is strict, and the first error has nothing to differ from."""
+    """The criterion is strict, and the first error gives no difference."""
     convergence = Convergence(tolerance=0.25, window=1)
 
     assert [convergence.update(e) for e in (0.0, 0.25, 0.25)] == [False, False, True]

@@ -1,4 +1,4 @@
-"""What the forward model and both inverses have in common: steps, runs, states and refusals."""
+"""Common behaviour of the forward model and both inverses: steps, runs, states and refusals."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -30,22 +30,22 @@ def forward(deadband: float = 0.0, capacity: int = 32) -> MPIModel:
 
 
 def analytic() -> InverseMPI:
-    """Return its analytic inverse."""
+    """Return the analytic inverse of that model."""
     return forward().inverse()
 
 
 def exact() -> ExactInverse:
-    """Return its exact inverse."""
+    """Return the exact inverse of that model."""
     return forward().exact_inverse()
 
 
 def behind_a_deadband() -> MPIModel:
-    """Return it with a dead-band."""
+    """Return that model with a dead-band."""
     return forward(deadband=0.01)
 
 
 def of_small_capacity() -> MPIModel:
-    """Return it with a memory that is soon full."""
+    """Return that model with a memory that is soon full."""
     return forward(capacity=4)
 
 
@@ -64,7 +64,7 @@ few = settings(max_examples=25)  # of each model
 @few
 @given(values=inputs())
 def test_steps_are_a_run_to_the_bit(make: Callable[[], AnyModel], values: Inputs) -> None:
-    """Sample by sample or over an array is the same arithmetic."""
+    """Steps sample by sample and a run over the array give the same numbers."""
     one = make()
 
     assert [one.step(float(v)) for v in values] == make().run(values).tolist()
@@ -73,8 +73,10 @@ def test_steps_are_a_run_to_the_bit(make: Callable[[], AnyModel], values: Inputs
 @every_model
 @few
 @given(values=inputs(), cut=st.integers(0, 40))
-def test_run_goes_on_from_the_state(make: Callable[[], AnyModel], values: Inputs, cut: int) -> None:
-    """A record cut in two gives the same to the bit."""
+def test_run_continues_from_the_state(
+    make: Callable[[], AnyModel], values: Inputs, cut: int
+) -> None:
+    """A record cut in two gives the same outputs to the bit."""
     one = make()
 
     parts = [*one.run(values[:cut]), *one.run(values[cut:])]
@@ -85,10 +87,10 @@ def test_run_goes_on_from_the_state(make: Callable[[], AnyModel], values: Inputs
 @every_model
 @few
 @given(past=inputs(), other=inputs(), future=inputs())
-def test_restored_state_is_as_running_on(
+def test_restored_state_continues_as_before(
     make: Callable[[], AnyModel], past: Inputs, other: Inputs, future: Inputs
 ) -> None:
-    """A state survives whatever the model does after it was saved, and is not changed by it."""
+    """A saved state does not change with later steps of the model."""
     one = make()
     one.run(past)
     saved = one.state()
@@ -107,7 +109,7 @@ def test_restored_state_is_as_running_on(
 def test_copy_is_independent(
     make: Callable[[], AnyModel], past: Inputs, other: Inputs, future: Inputs
 ) -> None:
-    """A copy goes on from the same state, and neither disturbs the other."""
+    """A copy continues from the same state, and neither disturbs the other."""
     one = make()
     one.run(past)
     twin = one.copy()
@@ -129,7 +131,7 @@ def test_copy_is_independent(
 def test_reset_model_is_a_new_one(
     make: Callable[[], AnyModel], past: Inputs, future: Inputs
 ) -> None:
-    """After `reset` nothing of the past is left, counters included."""
+    """After `reset` nothing of the past remains, counters included."""
     one = make()
     one.run(past)
 
@@ -141,7 +143,7 @@ def test_reset_model_is_a_new_one(
 
 @pytest.mark.parametrize("make", [forward, analytic, exact, of_small_capacity])
 def test_ends_of_the_range_are_kept(make: Callable[[], AnyModel]) -> None:
-    """0 stays 0 and 1 becomes 1, from rest."""
+    """From rest, 0 gives 0 and 1 gives 1."""
     one = make()
 
     assert one.step(0.0) == 0.0
@@ -149,14 +151,14 @@ def test_ends_of_the_range_are_kept(make: Callable[[], AnyModel]) -> None:
 
 
 def test_start_above_zero_is_a_step_from_zero() -> None:
-    """A first input of 0.35 leaves what 0 followed by 0.35 leaves."""
+    """A first input of 0.35 leaves the same state as 0 followed by 0.35."""
     path = [0.35, 0.2, 0.6, 0.5, 0.9]
 
     assert forward().run(path).tolist() == forward().run([0.0, *path])[1:].tolist()
 
 
 def test_run_takes_any_sequence_of_numbers() -> None:
-    """Lists, integers and strided arrays are taken as they come."""
+    """Lists, integers and strided arrays are accepted."""
     values = np.linspace(0, 1, 9)
     expected = forward().run(values[::2]).tolist()
 
@@ -171,7 +173,7 @@ def test_run_takes_any_sequence_of_numbers() -> None:
 def test_thresholds_that_do_not_increase_inside_the_range_are_refused(
     thresholds: list[float],
 ) -> None:
-    """The message names the rule and shows what was given, on either side of either model."""
+    """The message states the rule and the given values, for either side of either model."""
     message = r"thresholds must increase strictly inside \(0, 1\), got \["
     weights = np.zeros(np.shape(thresholds))
     with pytest.raises(ModelError, match=message):
@@ -184,8 +186,8 @@ def test_thresholds_that_do_not_increase_inside_the_range_are_refused(
 
 @pytest.mark.parametrize("weights", [[], [0.1], [0.1, 0.1, 0.1], [0.1, np.inf], [np.nan, 0.1]])
 def test_weights_that_do_not_fit_the_thresholds_are_refused(weights: list[float]) -> None:
-    """The message says how many there must be."""
-    message = "need 2 finite weights, one for each threshold, got"
+    """The message states the required number of weights."""
+    message = "need 2 finite weights, one per threshold, got"
     with pytest.raises(ModelError, match=message):
         MPIModel([0.3, 0.6], weights, [0.1, 0.1])
     with pytest.raises(ModelError, match=message):
@@ -195,12 +197,12 @@ def test_weights_that_do_not_fit_the_thresholds_are_refused(weights: list[float]
 
 
 def test_capacity_too_small_to_merge_is_refused() -> None:
-    """The message says how many extrema there must be place for."""
-    with pytest.raises(ModelError, match="at least 4 extrema on each side, got a capacity of 3"):
+    """The message states the smallest capacity."""
+    with pytest.raises(ModelError, match="capacity of at least 4 extrema on each side, got 3"):
         forward(capacity=3)
 
 
 def test_state_of_another_capacity_is_refused() -> None:
-    """A state does not fit into a model that remembers less, and nothing is cut off in silence."""
-    with pytest.raises(ModelError, match="state of another capacity"):
+    """A state of a larger memory is refused and not truncated."""
+    with pytest.raises(ModelError, match="model of another kind or capacity"):
         forward(capacity=8).restore(forward(capacity=16).state())

@@ -1,4 +1,4 @@
-"""Normalised LMS: its equation, and what its normalisation is for."""
+"""Normalised LMS: its equation, and the effect of the normalisation."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ BANK = new_bank(THRESHOLDS, THRESHOLDS)
 
 
 def command(seconds: float, amplitude: float = 0.5) -> Array:
-    """Return a sine of 0.5 Hz at 1 kHz whose swing grows and shrinks."""
+    """Return a sine of 0.5 Hz at 1 kHz with a varying amplitude."""
     t = np.arange(0, seconds, 1e-3)
     return 0.5 - amplitude * np.cos(np.pi * t) * np.cos(0.07 * np.pi * t)
 
@@ -47,7 +47,7 @@ def test_a_step_is_that_of_the_normalised_equation(
 
 
 def test_known_drives_are_learned() -> None:
-    """After some periods the drive is predicted to two thousandths of the range."""
+    """After some periods it predicts the drive to two thousandths of the range."""
     positions = command(40.0)
     nlms = NLMSIdentifier(BANK)
 
@@ -71,20 +71,20 @@ def test_largest_gain_is_stable_for_any_number_of_operators(order: int) -> None:
 
 @pytest.mark.parametrize("gain", [0.0, 2.0, -0.1, float("nan")])
 def test_gain_outside_its_range_is_refused(gain: float) -> None:
-    """The bounds themselves do not converge."""
+    """The bounds themselves are excluded, because they do not converge."""
     with pytest.raises(ModelError, match="above 0 and below 2"):
         NLMSIdentifier(BANK, gain=gain)
 
 
 @pytest.mark.parametrize("floor", [0.0, -1.0, float("inf"), float("nan")])
 def test_floor_outside_its_range_is_refused(floor: float) -> None:
-    """Without a floor a pair that moves no stop would divide by zero."""
+    """Without a floor, a pair that moves no stop would cause a division by zero."""
     with pytest.raises(ModelError, match="finite and above 0"):
         NLMSIdentifier(BANK, floor=floor)
 
 
-def test_what_lies_outside_the_range_counts_with_the_slope_one() -> None:
-    """The operators see the end of the range, the error sees all: noise there has no side."""
+def test_the_part_outside_the_range_counts_with_slope_one() -> None:
+    """The operators get the end of the range, but the error includes the part outside."""
     nlms = NLMSIdentifier(BANK)
 
     errors = [nlms.step(-0.002, 0.0), nlms.step(0.0, 0.0), nlms.step(1.2, 1.0)]

@@ -12,7 +12,7 @@ ENDS = st.floats(-1e6, 1e6)
 
 
 def test_ends_of_a_range_become_zero_and_one() -> None:
-    """Minus 10 V to 150 V is 160 V wide, and 70 V is its middle."""
+    """The range from -10 V to 150 V is 160 V wide, and 70 V is its middle."""
     drive_v = AffineRange.checked(-10, 150)
 
     assert drive_v.width == 160
@@ -26,7 +26,7 @@ def test_ends_of_a_range_become_zero_and_one() -> None:
 
 @given(low=ENDS, width=st.floats(1e-3, 1e6), value=ENDS)
 def test_there_and_back_is_the_identity(low: float, width: float, value: float) -> None:
-    """Values outside the range too come back."""
+    """This holds for values outside the range too."""
     affine = AffineRange.checked(low, low + width)
 
     back = affine.from_unit(affine.to_unit(value))
@@ -35,7 +35,7 @@ def test_there_and_back_is_the_identity(low: float, width: float, value: float) 
 
 
 def test_arrays_are_mapped_element_by_element() -> None:
-    """Records are normalised in one go."""
+    """Arrays of records are normalised in one call."""
     affine = AffineRange.checked(1.0, 3.0)
 
     assert affine.to_unit(np.array([1.0, 2.0, 4.0])).tolist() == [0.0, 0.5, 1.5]
@@ -46,6 +46,6 @@ def test_arrays_are_mapped_element_by_element() -> None:
     ("low", "high"), [(1, 1), (2, 1), (0, float("inf")), (float("nan"), 1), (-1e308, 1e308)]
 )
 def test_range_that_cannot_be_divided_by_is_refused(low: float, high: float) -> None:
-    """The message shows both ends."""
-    with pytest.raises(ModelError, match=r"finite ends that increase, got .* to "):
+    """The message states both ends."""
+    with pytest.raises(ModelError, match=r"must be finite and increase, got .* to "):
         AffineRange.checked(low, high)

@@ -20,7 +20,7 @@ Inputs = NDArray[np.float64]
 
 @given(r=THRESHOLD, values=inputs())
 def test_right_play_follows_the_printed_equation(r: float, values: Inputs) -> None:
-    """F^r is eq 2 with the memory of eq 3, on any input."""
+    """F^r is paper eq. (2) with the memory of eq. (3), on any input."""
     play = oracle.Play(r, right=True)
 
     np.testing.assert_allclose(RSPO(r).run(values), [play.step(v) for v in values], atol=1e-12)
@@ -28,7 +28,7 @@ def test_right_play_follows_the_printed_equation(r: float, values: Inputs) -> No
 
 @given(r=THRESHOLD, values=inputs())
 def test_left_play_follows_the_corrected_equation(r: float, values: Inputs) -> None:
-    """F^l is eq 5 with max and min put right, on any input."""
+    """F^l is paper eq. (5) with max and min exchanged, on any input."""
     play = oracle.Play(r, right=False)
 
     np.testing.assert_allclose(LSPO(r).run(values), [play.step(v) for v in values], atol=1e-12)
@@ -48,7 +48,7 @@ def test_plays_deviate_from_the_input_on_one_major_branch_only(r: float) -> None
 
 @given(r=THRESHOLD, values=inputs())
 def test_left_play_is_the_right_one_upside_down(r: float, values: Inputs) -> None:
-    """From the top, F^l makes of 1 - v what is 1 - F^r of v from the bottom."""
+    """F^l of 1 - v, started at the top, is 1 - F^r of v, started at the bottom."""
     left = LSPO(r)
     left.step(1.0)
 
@@ -56,8 +56,8 @@ def test_left_play_is_the_right_one_upside_down(r: float, values: Inputs) -> Non
 
 
 @given(r=THRESHOLD, values=inputs())
-def test_each_stop_goes_with_the_play_of_the_other_side(r: float, values: Inputs) -> None:
-    """Eqs 12 and 13, corrected: r E^r + (1 - r) F^l = v, and r E^l + (1 - r) F^r = v."""
+def test_each_stop_belongs_to_the_play_of_the_other_side(r: float, values: Inputs) -> None:
+    """Paper eq. (12) and (13), corrected: r E^r + (1 - r) F^l = v and r E^l + (1 - r) F^r = v."""
     right = r * RSSO(r).run(values) + (1 - r) * LSPO(r).run(values)
     left = r * LSSO(r).run(values) + (1 - r) * RSPO(r).run(values)
 
@@ -83,7 +83,7 @@ def test_bank_gives_every_stop_at_once(left: list[float], data: st.DataObject) -
 def test_closed_minor_loop_returns_every_operator_to_its_value(
     operator: Any, r: float, history: Inputs, inside: Inputs, ends: tuple[float, float]
 ) -> None:
-    """Wiping-out: what happened inside a loop is forgotten once the loop is closed."""
+    """Wiping-out: a closed loop leaves no trace in the output."""
     low, high = sorted(ends)
     one = operator(r)
     one.run([*history, low, high])
@@ -97,7 +97,7 @@ def test_closed_minor_loop_returns_every_operator_to_its_value(
 @pytest.mark.parametrize("operator", OPERATORS)
 @given(r=THRESHOLD, points=inputs(least=2, most=12))
 def test_operators_do_not_depend_on_the_rate(operator: Any, r: float, points: Inputs) -> None:
-    """A path sampled densely ends where the path of its turning points alone ends."""
+    """A densely sampled path ends at the same output as its turning points alone."""
     assert operator(r).run(dense(points, 7))[-1] == pytest.approx(
         operator(r).run(points)[-1], abs=1e-9 / r
     )
@@ -105,7 +105,7 @@ def test_operators_do_not_depend_on_the_rate(operator: Any, r: float, points: In
 
 @pytest.mark.parametrize("operator", OPERATORS)
 def test_reset_operator_starts_anew(operator: Any) -> None:
-    """After `reset` an operator gives to the bit what a new one gives."""
+    """After `reset` an operator gives the outputs of a new one, to the bit."""
     values = np.random.default_rng(1).random(50)
     used = operator(0.3)
     used.run(values)
@@ -118,6 +118,6 @@ def test_reset_operator_starts_anew(operator: Any) -> None:
 @pytest.mark.parametrize("operator", OPERATORS)
 @pytest.mark.parametrize("r", [0.0, 1.0, -0.1, float("nan")])
 def test_threshold_outside_the_open_unit_interval_is_refused(operator: Any, r: float) -> None:
-    """A threshold of 0 or 1 would divide by nothing."""
+    """A threshold of 0 or 1 would cause a division by zero."""
     with pytest.raises(ModelError, match=r"increase strictly inside \(0, 1\)"):
         operator(r)

@@ -1,4 +1,4 @@
-"""Recursive least squares: its recursion, what it converges to, and that it cannot wind up."""
+"""Recursive least squares: its recursion, its convergence, and its bounded covariance."""
 
 import math
 from collections.abc import Callable
@@ -33,7 +33,7 @@ SPOILED = [math.nan, math.inf, -math.inf]
 
 
 def command(seconds: float, amplitude: float = 0.5, seed: float = 0.07) -> Array:
-    """Return a sine of 0.5 Hz at 1 kHz whose swing grows and shrinks."""
+    """Return a sine of 0.5 Hz at 1 kHz with a varying amplitude."""
     t = np.arange(0, seconds, 1e-3)
     return 0.5 - amplitude * np.cos(np.pi * t) * np.cos(seed * np.pi * t)
 
@@ -44,17 +44,17 @@ def drives_for(positions: Array, weights: Array = KNOWN) -> Array:
 
 
 def everything(rls: RLSIdentifier) -> list[object]:
-    """Return what was learned, and how well it is known."""
+    """Return the learned model and its covariance."""
     return [rls.weights.tolist(), rls.offset, rls.scale, rls.covariance.tolist()]
 
 
 def diagonal(bank: Array, slope: float, offset: float, scale: float) -> Array:
-    """Return a number for each state, shape (N,)."""
+    """Return one number for each state, shape (N,)."""
     return np.array([slope] * (bank.shape[1] + 2) + [offset, scale])
 
 
 def planes(bank: Array) -> Array:
-    """Return the projection onto what slopes, offset and scale can be, shape (N, N)."""
+    """Return the projection onto the constraint Σ s c = const of both sides, shape (N, N)."""
     widths = cells(bank)
     count = widths.shape[1]
     onto = np.eye(2 * count + 2)
@@ -65,7 +65,7 @@ def planes(bank: Array) -> Array:
 
 
 class SlowRLS:
-    """The Kalman filter as books have it, on the plain operators of `oracle`."""
+    """The textbook Kalman filter, with plain matrices and the operators of `oracle`."""
 
     def __init__(self, bank: Array, walk: float, variance: float) -> None:
         order = bank.shape[1] // 2
@@ -81,12 +81,12 @@ class SlowRLS:
         self.seen = 0.0
 
     def step(self, position: float, drive: float) -> float:
-        """Take one pair; return the error before."""
-        shown = (1.0 + self.state[-1]) * position - self.state[-2]
-        y = min(max(shown, 0.0), 1.0)
+        """Process one pair; return the error before the update."""
+        operator_input = (1.0 + self.state[-1]) * position - self.state[-2]
+        y = min(max(operator_input, 0.0), 1.0)
         heights = self.stops(y).reshape(2, -1) * self.r
         u = np.append(np.diff(heights, prepend=0.0, append=y).ravel(), [-1.0, position])
-        error = float(drive - (self.state[:-2] @ u[:-2] - y + (shown - y)))
+        error = float(drive - (self.state[:-2] @ u[:-2] - y + (operator_input - y)))
         if y != self.seen:
             gain = self.p @ u / (self.variance + u @ self.p @ u)
             self.state = self.state + gain * error
@@ -107,7 +107,8 @@ def test_identifier_is_the_kalman_filter(
 ) -> None:
     """Errors, states and covariance are those of plain matrices, while an inverse exists.
 
-    Tiny differences of the offset decide whether a move of 1e-9 turns: those are left out.
+    Inputs are rounded, because tiny differences of the offset decide whether a move of 1e-9
+    reverses.
     """
     positions = np.round(positions, 6)
     drives = positions + 1e-3 * np.random.default_rng(seed).standard_normal(positions.size)
@@ -132,7 +133,7 @@ def test_identifier_is_the_kalman_filter(
 
 
 def test_without_walk_it_is_the_batch_solution() -> None:
-    """Every pair ever seen counts alike: the weights are those of least squares with a prior."""
+    """All pairs count equally: the weights are those of least squares with a prior."""
     positions = command(20.0)
     drives = drives_for(positions)
     rls = RLSIdentifier(BANK, np.zeros(38), weight_walk=0.0, offset_walk=0.0, scale_walk=0.0)
@@ -150,7 +151,7 @@ def test_without_walk_it_is_the_batch_solution() -> None:
 
 
 def test_known_model_is_learned() -> None:
-    """From no weights at all drives are predicted to 2e-3, an offset to 2e-3, within 40 s."""
+    """From zero weights, drives are predicted to 2e-3 and an offset found to 2e-3 in 40 s."""
     positions = command(40.0)
     rls = RLSIdentifier(BANK, np.zeros(38))
 
@@ -161,7 +162,7 @@ def test_known_model_is_learned() -> None:
 
 
 def test_drift_is_followed() -> None:
-    """An offset that runs away by 5 % of the range in a minute costs 2e-3 at most."""
+    """An offset that drifts by 5 % of the range in a minute causes an error of at most 2e-3."""
     positions = command(60.0)
     rls = RLSIdentifier(BANK, KNOWN)
 
@@ -175,7 +176,7 @@ def test_drift_is_followed() -> None:
 def test_change_of_gain_and_hysteresis_is_learned(low: float, high: float) -> None:
     """One cycle after a gain of +10 % and a hysteresis of +20 % drives are predicted to 4e-3.
 
-    In a part of the range the scale is not known apart from the slopes there; in all of it, it is.
+    In a part of the range the scale cannot be distinguished from the slopes there.
     """
     seen = low + (high - low) * command(14.0, seed=0.0)
     drives = np.where(np.arange(seen.size) < 4000, drives_for(seen), drives_for(seen, 1.2 * KNOWN))
@@ -193,7 +194,7 @@ def test_change_of_gain_and_hysteresis_is_learned(low: float, high: float) -> No
 
 @pytest.mark.parametrize(("gain", "scale"), [(0.5, SCALE_LIMIT), (2.0, -SCALE_LIMIT)])
 def test_scale_is_bounded(gain: float, scale: float) -> None:
-    """A gain that no stage has leaves it at its limit, and slopes and offset do what they can."""
+    """An impossible gain leaves the scale at its limit and a model that has an inverse."""
     positions = command(20.0)
     rls = RLSIdentifier(BANK, KNOWN)
 
@@ -205,10 +206,10 @@ def test_scale_is_bounded(gain: float, scale: float) -> None:
     assert smallest_slope_of(BANK, rls.weights) >= LEAST_SLOPE - 1e-12
 
 
-def test_offset_and_scale_do_not_run_away_where_they_cannot_be_told_apart() -> None:
-    """Ten minutes around one displacement that drifted: together they make up for it, no more.
+def test_offset_and_scale_do_not_run_away_if_they_are_indistinguishable() -> None:
+    """Ten minutes around one drifted displacement leave offset and scale small.
 
-    The first full swing after it, back where the stage was before, shows no error above 3 %.
+    The first full swing afterwards, without the drift, shows no error above 3 %.
     """
     swing = command(4.0)
     held = 0.7 + np.random.default_rng(1).normal(0.0, 1e-3, 600_000)
@@ -238,7 +239,7 @@ def test_tiny_amplitude_does_not_wind_up() -> None:
 
 
 def test_no_variance_exceeds_its_bound() -> None:
-    """Not even where a bound was nearly the walk of one step, and pairs tell next to nothing."""
+    """The bounds hold even for walks close to the bound and pairs with hardly any information."""
     rls = RLSIdentifier(
         BANK,
         KNOWN,
@@ -258,7 +259,7 @@ def test_no_variance_exceeds_its_bound() -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 2e-4])
 def test_an_hour_at_rest_teaches_nothing(noise: float) -> None:
-    """What was learned and how well stays to the bit, with noise inside the dead-band too."""
+    """Model and covariance stay to the bit, with noise inside the dead-band too."""
     rls = RLSIdentifier(BANK, KNOWN, deadband=1e-2)
     rls.run(np.linspace(0.0, 0.3, 100), np.linspace(0.0, 0.4, 100))
     rls.run([0.302, 0.298], [0.4, 0.4])
@@ -271,7 +272,7 @@ def test_an_hour_at_rest_teaches_nothing(noise: float) -> None:
 
 
 def test_pairs_of_larger_variance_teach_less() -> None:
-    """It is set in the loop, pair by pair."""
+    """The measurement variance can be set before each pair."""
     sure, doubtful = RLSIdentifier(BANK, KNOWN), RLSIdentifier(BANK, KNOWN)
     doubtful.measurement_variance = 1e-2
 
@@ -284,7 +285,7 @@ def test_pairs_of_larger_variance_teach_less() -> None:
 
 @pytest.mark.parametrize("absurd", [1e300, -1e300, 5.0])
 def test_absurd_pairs_leave_the_model_in_bounds(absurd: float) -> None:
-    """However large a displacement or a drive claims to be, again and again."""
+    """Repeated displacements or drives of any size leave the model invertible and bounded."""
     rls = RLSIdentifier(BANK, KNOWN)
     for k in range(2000):
         rls.step(absurd if k % 2 else 0.5, 0.5)
@@ -297,7 +298,7 @@ def test_absurd_pairs_leave_the_model_in_bounds(absurd: float) -> None:
 
 
 def test_adopting_a_model_restarts_its_confidence() -> None:
-    """The covariance is that of the start again."""
+    """The covariance is the initial one again."""
     rls = RLSIdentifier(BANK, KNOWN)
     start = rls.covariance.copy()
     rls.run(command(2.0), command(2.0))
@@ -313,16 +314,22 @@ def test_adopting_a_model_restarts_its_confidence() -> None:
     [
         (lambda: RLSIdentifier(BANK, KNOWN[1:]), "need 38 finite weights"),
         (lambda: RLSIdentifier(BANK, np.full(38, np.nan)), "need 38 finite weights"),
-        (lambda: RLSIdentifier(BANK, KNOWN, weight_walk=-1e-9), "walk of weights is from 0"),
-        (lambda: RLSIdentifier(BANK, KNOWN, weight_walk=SLOPE_BOUND), "below its bound of 0.001"),
-        (lambda: RLSIdentifier(BANK, KNOWN, offset_walk=math.nan), "walk of the offset is from 0"),
-        (lambda: RLSIdentifier(BANK, KNOWN, scale_walk=SCALE_BOUND), "walk of the scale is from 0"),
+        (lambda: RLSIdentifier(BANK, KNOWN, weight_walk=-1e-9), "walk of weights must be from 0"),
+        (lambda: RLSIdentifier(BANK, KNOWN, weight_walk=SLOPE_BOUND), "below its bound 0.001"),
+        (
+            lambda: RLSIdentifier(BANK, KNOWN, offset_walk=math.nan),
+            "walk of the offset must be from 0",
+        ),
+        (
+            lambda: RLSIdentifier(BANK, KNOWN, scale_walk=SCALE_BOUND),
+            "walk of the scale must be from 0",
+        ),
         (lambda: RLSIdentifier(BANK, KNOWN, measurement_variance=0.0), "finite and above 0"),
         (lambda: RLSIdentifier(BANK, KNOWN, measurement_variance=math.inf), "finite and above 0"),
         (lambda: RLSIdentifier(BANK, KNOWN, deadband=1.0), "dead-band is from 0 to below 1"),
     ],
 )
 def test_arguments_outside_their_range_are_refused(call: Callable[[], object], text: str) -> None:
-    """The error names the rule."""
+    """The message states the rule."""
     with pytest.raises(ModelError, match=text):
         call()

@@ -28,7 +28,7 @@ Model = tuple[Array, Array]
 
 @st.composite
 def models(draw: st.DrawFn, most: float = 3.0) -> Model:
-    """Draw a bank with thresholds of its own on each side, and weights of either sign."""
+    """Draw a bank with different thresholds on the two sides, and weights of either sign."""
     left = draw(thresholds(most=8))
     count = len(left)
     right = draw(thresholds(most=8).filter(lambda drawn: len(drawn) >= count))[:count]
@@ -44,14 +44,14 @@ def branches(bank: Array, weights: Array) -> tuple[Array, Array]:
 
 
 def inverse_of(bank: Array, weights: Array) -> InverseMPI:
-    """Return the inverse model that weights make of a bank."""
+    """Return the inverse model of a bank and its weights."""
     (left, right), (a_left, a_right) = np.split(bank[0], 2), np.split(weights, 2)
     return InverseMPI(right, left, a_right, a_left, capacity=64)
 
 
 @given(model=models())
 def test_slopes_are_those_of_the_closed_form(model: Model) -> None:
-    """Row 0 is the rising branch, row 1 the falling one from the top."""
+    """Row 0 is the rising branch, row 1 the falling branch from the top."""
     up, down = branches(*model)
 
     expected = [up[SLOPES, :-1], down[SLOPES, :-1]]
@@ -61,7 +61,7 @@ def test_slopes_are_those_of_the_closed_form(model: Model) -> None:
 
 @given(model=models())
 def test_slopes_sum_to_one_over_their_cells(model: Model) -> None:
-    """Whatever the weights are, a major branch goes from 0 to 1."""
+    """For all weights, a major branch goes from 0 to 1."""
     heights = np.sum(to_slopes(*model) * cells(model[0]), axis=1)
 
     np.testing.assert_allclose(heights, 1, rtol=0, atol=1e-10)
@@ -69,7 +69,7 @@ def test_slopes_sum_to_one_over_their_cells(model: Model) -> None:
 
 @given(model=models())
 def test_weights_come_back_from_their_slopes(model: Model) -> None:
-    """The two coordinates say the same."""
+    """Slopes and weights are equivalent coordinates."""
     bank, weights = model
 
     np.testing.assert_allclose(
@@ -79,7 +79,7 @@ def test_weights_come_back_from_their_slopes(model: Model) -> None:
 
 @given(model=models())
 def test_smallest_slope_is_that_of_the_closed_form(model: Model) -> None:
-    """The condition of existence is the same in either coordinates."""
+    """The condition of existence is the same in both coordinates."""
     expected = smallest_slope(*branches(*model))
 
     assert smallest_slope_of(*model) == pytest.approx(expected, rel=1e-12, abs=1e-10)
@@ -87,7 +87,7 @@ def test_smallest_slope_is_that_of_the_closed_form(model: Model) -> None:
 
 @given(model=models(most=100.0))
 def test_projected_weights_fulfil_the_condition_to_the_last_bit(model: Model) -> None:
-    """No weights, however far out, leave a model that cannot be inverted."""
+    """For weights of any size the projected model can be inverted."""
     bank, weights = model
 
     assert smallest_slope_of(bank, projected(bank, weights)) >= LEAST_SLOPE
@@ -95,7 +95,7 @@ def test_projected_weights_fulfil_the_condition_to_the_last_bit(model: Model) ->
 
 @given(model=models())
 def test_projection_leaves_its_own_result_alone(model: Model) -> None:
-    """To project twice is to project once, bit for bit."""
+    """A second projection changes nothing, to the bit."""
     bank, weights = model
     once = projected(bank, weights)
 
@@ -104,7 +104,7 @@ def test_projection_leaves_its_own_result_alone(model: Model) -> None:
 
 @given(model=models(most=0.1))
 def test_weights_of_an_invertible_model_stay(model: Model) -> None:
-    """Projection acts where it must only."""
+    """The projection changes only models that violate the condition."""
     bank, weights = model
     assume(smallest_slope_of(bank, weights) >= LEAST_SLOPE)
 
@@ -114,7 +114,7 @@ def test_weights_of_an_invertible_model_stay(model: Model) -> None:
 
 @given(model=models())
 def test_projection_keeps_the_ends(model: Model) -> None:
-    """Slopes go on to sum to one over their cells, and the kernel says that it acted."""
+    """Slopes still sum to one over their cells, and the kernel reports the change."""
     bank, weights = model
     assume(smallest_slope_of(bank, weights) < LEAST_SLOPE)
     slopes = to_slopes(bank, weights)
@@ -125,7 +125,7 @@ def test_projection_keeps_the_ends(model: Model) -> None:
 
 @given(model=models(), part=UNIT)
 def test_a_model_at_the_edge_is_moved_little(model: Model, part: float) -> None:
-    """Slopes move in proportion to what is missing, so that adapting along the edge is smooth."""
+    """Slopes move in proportion to the violation, so that adapting along the edge is smooth."""
     bank, weights = model
     slope = smallest_slope_of(bank, weights)
     assume(slope < LEAST_SLOPE)
@@ -141,7 +141,7 @@ def test_a_model_at_the_edge_is_moved_little(model: Model, part: float) -> None:
 
 
 def test_flat_cells_are_raised_and_the_others_lowered_alike() -> None:
-    """Within the slopes, the nearest model is found."""
+    """The projection of the slopes is the nearest feasible model."""
     widths = np.full((2, 4), 0.25)
     slopes = np.array([[3.0, 2.0, -0.5, -0.5], [1.0, 1.0, 1.0, 1.0]])
 
@@ -159,7 +159,7 @@ def test_flat_cells_are_raised_and_the_others_lowered_alike() -> None:
 def test_lifting_heights_onto_a_line_keeps_slopes_above_the_smaller_of_the_two(
     parts: list[float], widths: list[float], least: float
 ) -> None:
-    """Max(φ(r_K), κ r_K) has no slope below min(σ, κ): what the projection rests on."""
+    """Max(φ(r_K), κ r_K) has no slope below min(σ, κ); the projection relies on this."""
     width = np.array(widths[: len(parts)])
     knots = np.cumsum(width) / np.sum(width)
     slopes = np.array(parts) + 0.01
@@ -174,7 +174,7 @@ def test_lifting_heights_onto_a_line_keeps_slopes_above_the_smaller_of_the_two(
 
 @given(model=models(), points=inputs(least=2))
 def test_projected_model_rises_with_its_input_everywhere(model: Model, points: Array) -> None:
-    """On whatever loop, the drive moves with the displacement by `LEAST_SLOPE` of it or more."""
+    """On every loop, the drive rises with a slope of at least `LEAST_SLOPE`."""
     bank, weights = model
     path = dense(points, 5)
 
@@ -186,7 +186,7 @@ def test_projected_model_rises_with_its_input_everywhere(model: Model, points: A
 
 @given(model=models(), values=inputs())
 def test_projected_model_has_a_forward_model_that_it_undoes(model: Model, values: Array) -> None:
-    """Either way round the composition is the identity on any input, minor loops included."""
+    """In both orders the composition is the identity on any input, minor loops included."""
     bank, weights = model
     inverse = inverse_of(bank, projected(bank, weights))
     forward = inverse.exact_inverse()
@@ -199,7 +199,7 @@ def test_projected_model_has_a_forward_model_that_it_undoes(model: Model, values
 
 @given(model=models())
 def test_inverse_model_that_breaks_the_condition_has_no_forward_model(model: Model) -> None:
-    """The error says how large the weights may be."""
+    """The message states the smallest slope."""
     bank, weights = model
     assume(smallest_slope_of(bank, weights) < -1e-6)
 

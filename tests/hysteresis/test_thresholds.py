@@ -1,4 +1,4 @@
-"""Where thresholds lie."""
+"""The three ways to place thresholds."""
 
 from collections.abc import Callable
 
@@ -24,13 +24,13 @@ FINE = new_bank(graded_thresholds(60), graded_thresholds(60))
 
 
 def weights_of_branch(heights: Array) -> Array:
-    """Return weights on the fine bank of a model with these heights of both branches at 0 … 1."""
+    """Return weights on the fine bank for given heights of both branches at 0 … 1."""
     widths = cells(FINE)
     return to_weights(FINE, np.diff(heights) / widths)
 
 
 def rounded(knots: Array) -> Array:
-    """Return heights, over knots from 0 to 1, that bend near zero and hardly from there on."""
+    """Return heights, over knots from 0 to 1, of a branch that bends mainly near zero."""
     bent: Array = knots + 0.3 * (1 - np.exp(-30 * knots))
     return np.asarray(bent / np.max(bent))
 
@@ -53,7 +53,7 @@ def test_thresholds_increase_and_mirror_each_other(place: Place, order: int) -> 
 
 
 def test_graded_thresholds_are_dense_at_both_ends() -> None:
-    """Cells grow up to the middle, and the first is a fortieth of an even one."""
+    """Cells grow up to the middle, and the first is less than 1/40 of an even cell."""
     widths = np.diff([0, *graded_thresholds(31), 1])
 
     assert np.all(np.diff(widths[:16]) > 0)
@@ -62,29 +62,27 @@ def test_graded_thresholds_are_dense_at_both_ends() -> None:
 
 @pytest.mark.parametrize("place", [even_thresholds, graded_thresholds])
 def test_an_order_below_one_is_refused(place: Place) -> None:
-    """The message says what was given."""
-    with pytest.raises(ModelError, match="a whole one from 1 on, got 0"):
+    """The message states the given order."""
+    with pytest.raises(ModelError, match="an integer of at least 1, got 0"):
         place(0)
 
 
 @given(values=st.lists(st.floats(-10, 10), min_size=120, max_size=120), order=st.integers(1, 40))
-def test_placed_thresholds_make_a_bank_whatever_the_weights_are(
-    values: list[float], order: int
-) -> None:
-    """They increase strictly inside (0, 1) on each side: `new_bank` takes them."""
+def test_placed_thresholds_make_a_bank_for_any_weights(values: list[float], order: int) -> None:
+    """They increase strictly inside (0, 1) on each side, so `new_bank` accepts them."""
     assert placed_thresholds(FINE, np.array(values), order).shape == (2, 2 * order)
 
 
 @pytest.mark.parametrize("order", [1, 7])
 def test_a_model_without_hysteresis_gets_even_thresholds(order: int) -> None:
-    """Where nothing bends no place is better than another."""
+    """If nothing bends, no place is better than another."""
     bank = placed_thresholds(FINE, np.zeros(120), order)
 
     np.testing.assert_allclose(bank[0].reshape(2, -1), [even_thresholds(order)] * 2, atol=1e-14)
 
 
 def test_each_side_has_thresholds_where_it_bends() -> None:
-    """Half of them lie in the tenth of the range in which the branch bends."""
+    """Half of the thresholds lie in the tenth of the range in which the branch bends."""
     knots = np.concatenate(([0.0], graded_thresholds(60), [1.0]))
     early, late = rounded(knots), 1 - rounded(1 - knots)
 
@@ -98,7 +96,7 @@ def test_each_side_has_thresholds_where_it_bends() -> None:
 
 
 def test_placed_thresholds_fit_a_branch_better_than_any_others() -> None:
-    """Straight pieces between them miss the branch by half as much as with those of others."""
+    """The interpolation error is less than half that of even and graded thresholds."""
     knots = np.concatenate(([0.0], graded_thresholds(60), [1.0]))
     weights = weights_of_branch(np.array([rounded(knots)] * 2))
 

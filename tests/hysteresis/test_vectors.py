@@ -1,4 +1,4 @@
-"""Recorded numbers: those of this repository, and the reference vectors where they are at hand."""
+"""Recorded numbers of this repository, and external reference vectors if they are available."""
 
 import json
 from pathlib import Path
@@ -48,14 +48,14 @@ def numbers(tree: Any) -> list[float]:
 
 
 def test_vectors_are_what_the_oracle_says() -> None:
-    """Nobody edited the recorded numbers, and the oracle has not changed since."""
+    """The recorded numbers are the present outputs of the oracle."""
     assert_close(numbers(RECORDED), numbers(vectors()))
 
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("recorded", RECORDED["models"], ids=["symmetric", "both_signs"])
 def test_model_gives_the_recorded_numbers(recorded: dict[str, Any], name: str) -> None:
-    """Output and depth of the memory are the oracle's at every sample."""
+    """Output and depth of the memory equal those of the oracle at every sample."""
     values = RECORDED["inputs"][name]
 
     assert_close(recorded["x"][name], model_of(recorded).run(values))
@@ -65,7 +65,7 @@ def test_model_gives_the_recorded_numbers(recorded: dict[str, Any], name: str) -
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("recorded", RECORDED["models"], ids=["symmetric", "both_signs"])
 def test_play_operators_give_the_recorded_numbers(recorded: dict[str, Any], name: str) -> None:
-    """A right and a left play are the oracle's at every sample."""
+    """A right and a left play equal those of the oracle at every sample."""
     values = RECORDED["inputs"][name]
 
     right, left = RSPO(recorded["thresholds_right"][1]), LSPO(recorded["thresholds_left"][1])
@@ -76,7 +76,7 @@ def test_play_operators_give_the_recorded_numbers(recorded: dict[str, Any], name
 
 @pytest.mark.parametrize("name", NAMES)
 def test_inverse_of_stops_gives_the_recorded_numbers(name: str) -> None:
-    """A sum of stops with weights of its own is the oracle's at every sample."""
+    """A sum of stops with given weights equals that of the oracle at every sample."""
     stops = RECORDED["stops"]
     inverse = InverseMPI(
         stops["thresholds_right"], stops["thresholds_left"], stops["a_right"], stops["a_left"]
@@ -87,7 +87,7 @@ def test_inverse_of_stops_gives_the_recorded_numbers(name: str) -> None:
 
 @pytest.mark.parametrize("recorded", RECORDED["models"], ids=["symmetric", "both_signs"])
 def test_smallest_slope_is_the_recorded_number(recorded: dict[str, Any]) -> None:
-    """The smallest slope is the one that the oracle found by going there."""
+    """The formula gives the smallest slope that the oracle found by trial."""
     assert_close(recorded["smallest_slope"], model_of(recorded).smallest_slope)
 
 
@@ -119,13 +119,13 @@ def paper_model(paper: dict[str, Any]) -> MPIModel:
 
 
 def test_forward_model_agrees_with_the_reference(paper: dict[str, Any]) -> None:
-    """On every input x is the reference's to 1e-12."""
+    """On every input x equals the reference to 1e-12."""
     for name, values in paper["inputs"].items():
         assert_close(paper["expected"][name]["x"], paper_model(paper).run(values))
 
 
 def test_single_operators_agree_with_the_reference(paper: dict[str, Any]) -> None:
-    """On every input the plays are the reference's to 1e-12."""
+    """On every input the plays equal the reference to 1e-12."""
     for name, values in paper["inputs"].items():
         for row, index in enumerate(paper["operators"]):
             r = paper["thresholds"][index]
@@ -135,7 +135,7 @@ def test_single_operators_agree_with_the_reference(paper: dict[str, Any]) -> Non
 
 
 def test_analytic_inverse_agrees_with_the_reference(paper: dict[str, Any]) -> None:
-    """Thresholds and weights of the stops, and what they make of x, are the reference's."""
+    """Thresholds, weights and output of the stops equal those of the reference."""
     inverse, expected = paper_model(paper).inverse(), paper["analytic_inverse"]
 
     assert_close(expected["r_left_stop"], inverse.left_stop_thresholds)
@@ -147,7 +147,7 @@ def test_analytic_inverse_agrees_with_the_reference(paper: dict[str, Any]) -> No
 
 
 def test_models_with_two_sides_agree_with_the_reference(exact: list[dict[str, Any]]) -> None:
-    """Output, depth, smallest slope and the exact inverse are the reference's."""
+    """Output, depth, smallest slope and exact inverse equal those of the reference."""
     for recorded in exact:
         values = recorded["inputs"]
         assert_close(recorded["x"], model_of(recorded).run(values))
@@ -159,7 +159,7 @@ def test_models_with_two_sides_agree_with_the_reference(exact: list[dict[str, An
 def test_oracle_agrees_with_the_reference(
     paper: dict[str, Any], exact: list[dict[str, Any]]
 ) -> None:
-    """What stands for the reference where it is not at hand agrees with it."""
+    """The oracle, which replaces the reference if that is not available, agrees with it."""
     r, inverse = paper["thresholds"], paper["analytic_inverse"]
     for name, values in paper["inputs"].items():
         expected = paper["expected"][name]

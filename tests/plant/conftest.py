@@ -1,4 +1,4 @@
-"""Plants with chosen effects, and a way to drive them."""
+"""Fixtures: plants with chosen effects, and a way to drive them."""
 
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypeAlias
@@ -16,7 +16,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 class Trace(NamedTuple):
-    """What a plant did: displacement of the mechanics and sensor voltage, one value per command."""
+    """Record of a run: displacement of the mechanics and sensor voltage, one value per command."""
 
     position_um: Array
     sensor_v: Array
@@ -43,7 +43,7 @@ def _run(plant: Plant, drive_v: Iterable[float], period_ns: int = 1_000_000) -> 
 
 @pytest.fixture(scope="session")
 def nominal() -> Callable[..., PlantParameters]:
-    """Return a function (variant, only=, off=) that gives nominal parameters with some effects."""
+    """Return a function (variant, only=, off=) for nominal parameters with some effects."""
     return _parameters
 
 
@@ -67,5 +67,5 @@ def make_plant() -> Callable[..., Plant]:
 
 @pytest.fixture(scope="session")
 def run() -> Callable[..., Trace]:
-    """Return a function (plant, drive_v, period_ns=1 ms) that drives a plant and watches it."""
+    """Return a function (plant, drive_v, period_ns=1 ms) that drives a plant and records it."""
     return _run

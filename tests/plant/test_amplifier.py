@@ -1,4 +1,4 @@
-"""The simulated amplifier: each of its limits, alone."""
+"""The simulated amplifier: each of its limits alone."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,7 +19,7 @@ GRID_NS = 50_000
 
 
 def outputs(plant: Plant, drive_v: float, steps: int) -> Any:
-    """Command one voltage and give the output after each sub-step, in V."""
+    """Command one voltage and return the output after each sub-step, in V."""
     plant.command(drive_v)
     values = []
     for _ in range(steps):
@@ -29,12 +29,12 @@ def outputs(plant: Plant, drive_v: float, steps: int) -> Any:
 
 
 def test_without_effects_the_output_is_the_command(make_plant: Callable[..., Plant]) -> None:
-    """An amplifier without any effect follows at once and exactly."""
+    """An amplifier without any effect is instantaneous and exact."""
     assert list(outputs(make_plant(only=()), 123.456, 2)) == pytest.approx(2 * [123.456], rel=1e-15)
 
 
 def test_bandwidth_is_a_low_pass_of_first_order(make_plant: Callable[..., Plant]) -> None:
-    """A step comes as 1 - exp(-2π · 3 kHz · t)."""
+    """The response to a step is 1 - exp(-2π · 3 kHz · t)."""
     actual = outputs(make_plant(only=("amplifier_bandwidth",)), 100, 20)
 
     expected = 100 * (1 - np.exp(-2 * np.pi * 3000 * np.arange(1, 21) * 50e-6))
@@ -45,7 +45,7 @@ def test_bandwidth_is_a_low_pass_of_first_order(make_plant: Callable[..., Plant]
 def test_output_is_no_faster_than_its_limit(
     make_plant: Callable[..., Plant], effect: str, v_per_s: float
 ) -> None:
-    """Slew rate, and current into the capacitance, make a ramp of every step, both ways."""
+    """Slew rate, and current into the capacitance, turn every step into a ramp, both ways."""
     plant = make_plant(only=(effect,))
     up, down = outputs(plant, 100, 80), outputs(plant, 0, 80)
     ramp = np.minimum(v_per_s * np.arange(1, 81) * 50e-6, 100)
@@ -58,7 +58,7 @@ def test_output_is_no_faster_than_its_limit(
 def test_output_does_not_depend_on_the_sub_step(
     nominal: Callable[..., PlantParameters], start_v: float, goal_v: float
 ) -> None:
-    """With bandwidth and slew limit one long step is the same as many short ones."""
+    """With bandwidth and slew limit, one long step equals many short ones."""
     parameters = nominal(only=("amplifier_bandwidth", "slew", "current_limit"))
     long, short = constants(parameters, 1e-3), constants(parameters, 1e-5)
     at_once, bit_by_bit = output_v(start_v, goal_v, long), start_v
@@ -85,14 +85,14 @@ def test_output_stays_within_the_voltage_limits(
 def test_converter_ends_at_its_range(
     make_plant: Callable[..., Plant], command_v: float, expected_v: float
 ) -> None:
-    """A converter of ±10 V and a gain of 20 give ±200 V at most."""
+    """A converter of ±10 V and a gain of 20 give at most ±200 V."""
     actual_v = outputs(make_plant(only=("dac",)), command_v, 1)[0]
 
     assert actual_v == pytest.approx(expected_v, abs=0.01)
 
 
 def test_output_has_the_steps_of_the_converter(make_plant: Callable[..., Plant]) -> None:
-    """16 bits over ±10 V, times 20: every output is a multiple of 6.1 mV, and none is left out."""
+    """With 16 bits over ±10 V, times 20, every output is a multiple of 6.1 mV, and all occur."""
     plant = make_plant(only=("dac",))
     step_v = 20 * 20 / 2**16
     actual = np.array([outputs(plant, 70 + v, 1)[0] for v in np.arange(0, 0.1, step_v / 10)])
@@ -102,14 +102,14 @@ def test_output_has_the_steps_of_the_converter(make_plant: Callable[..., Plant])
 
 
 def test_gain_error_scales_the_output(make_plant: Callable[..., Plant]) -> None:
-    """A gain 0.2 % too high gives 100.2 V for 100 V."""
+    """A gain that is 0.2 % too high gives 100.2 V for 100 V."""
     assert outputs(make_plant(only=("gain_error",)), 100, 1)[0] == pytest.approx(100.2, rel=1e-12)
 
 
 def test_noise_of_the_output_is_0_8_mv_rms_in_its_bandwidth(
     make_plant: Callable[..., Plant],
 ) -> None:
-    """The noise has the rms value of the parameters and is as fast as the amplifier."""
+    """The noise has the rms value of the parameters and the bandwidth of the amplifier."""
     plant = make_plant(only=("amplifier_noise", "amplifier_bandwidth"))
     noise_v = outputs(plant, 0, 100_000)
 
@@ -121,7 +121,7 @@ def test_noise_of_the_output_is_0_8_mv_rms_in_its_bandwidth(
 def test_infinitely_fast_lag_with_a_slew_limit_ends_on_the_goal(
     nominal: Callable[..., PlantParameters],
 ) -> None:
-    """A slew limit without a lag stops exactly where it shall."""
+    """A slew limit without a lag stops exactly at the target."""
     parameters = nominal(only=("slew",))
     amplifier = replace(parameters.amplifier, bandwidth_hz=inf, slew_v_per_s=1e6)
     record = constants(replace(parameters, amplifier=amplifier), 50e-6)

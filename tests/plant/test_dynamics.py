@@ -1,4 +1,4 @@
-"""Mode, delay and filters against their formulas, and how little the sub-step matters."""
+"""Mode, delay and filters against their formulas, and the effect of the sub-step."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,7 +21,7 @@ NOISE = ("amplifier_noise", "sensor_noise")
 
 
 def mode_step(t_s: Any, frequency_hz: float, damping: float) -> Any:
-    """Give the step response of a second-order mode."""
+    """Return the step response of a second-order mode."""
     omega = 2 * np.pi * frequency_hz
     damped = omega * np.sqrt(1 - damping**2)
     envelope = np.exp(-damping * omega * t_s)
@@ -30,10 +30,10 @@ def mode_step(t_s: Any, frequency_hz: float, damping: float) -> Any:
 
 
 @pytest.mark.parametrize("variant", ["stack", "flexure", "afm"])
-def test_step_makes_the_mode_ring_as_its_formula_says(
+def test_step_response_of_the_mode_is_its_formula(
     make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str
 ) -> None:
-    """The response to a step is the textbook's to 1e-9 of the step, over twenty periods."""
+    """The response equals the textbook formula to 1e-9 of the step, over twenty periods."""
     plant = make_plant(variant, only=("mode",))
     stage = plant.parameters.stage
     position_um = run(plant, np.full(1000, stage.drive_v), GRID_NS).position_um
@@ -47,7 +47,7 @@ def test_step_makes_the_mode_ring_as_its_formula_says(
 def test_ring_down_has_frequency_and_damping_of_the_variant(
     make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str, damping: float
 ) -> None:
-    """Zero crossings of the free ringing tell 734 Hz, its decrement the damping ratio."""
+    """Zero crossings of the ring-down give 734 Hz, its decrement gives the damping ratio."""
     plant = make_plant(variant, only=("mode",))
     ringing = run(plant, np.full(1000, 10.0), GRID_NS).position_um
     ringing = ringing / (plant.parameters.stage.travel_um * 10 / plant.parameters.stage.drive_v) - 1
@@ -64,7 +64,7 @@ def test_ring_down_has_frequency_and_damping_of_the_variant(
 def test_sample_is_late_by_the_delay(
     make_plant: Callable[..., Plant], run: Callable[..., Any]
 ) -> None:
-    """The sensor shows the ringing of 0.11 ms ago, also at instants between sub-steps."""
+    """A sample shows the ringing of 0.11 ms before, also at instants between sub-steps."""
     plant = make_plant(only=("mode", "delay"))
     stage, sensor = plant.parameters.stage, plant.parameters.sensor
     period_ns = 70_001
@@ -79,7 +79,7 @@ def test_sample_is_late_by_the_delay(
 def test_longest_delay_that_can_be_configured_is_kept(
     nominal: Callable[..., PlantParameters],
 ) -> None:
-    """A delay of 2.2 ms fits into the memory of sub-steps, one of 20 ms is refused."""
+    """A delay of 2.2 ms fits into the buffer of sub-steps; a delay of 20 ms is refused."""
     parameters = nominal()
     seed = np.random.SeedSequence(1)
     longest = replace(parameters, sensor=replace(parameters.sensor, delay_s=2.2e-3))
@@ -94,7 +94,7 @@ def test_longest_delay_that_can_be_configured_is_kept(
 def test_antialias_filter_is_a_butterworth_of_second_order(
     make_plant: Callable[..., Plant], run: Callable[..., Any], frequency_hz: float, gain_db: float
 ) -> None:
-    """It takes 3 dB off at 500 Hz and 12 dB an octave above."""
+    """It attenuates by 3 dB at 500 Hz and by 12 dB per octave above."""
     plant = make_plant(only=("antialias",))
     phase = 2 * np.pi * frequency_hz * np.arange(4000) * 50e-6
     trace = run(plant, 75 + 60 * np.sin(phase), GRID_NS)
@@ -109,12 +109,12 @@ def test_antialias_filter_is_a_butterworth_of_second_order(
 def test_detector_is_a_low_pass_of_first_order(
     make_plant: Callable[..., Plant], run: Callable[..., Any]
 ) -> None:
-    """After a step the sensor's voltage comes as 1 - exp(-t / 15.9 µs), exactly."""
+    """The response to a step is exactly 1 - exp(-t / 15.9 µs)."""
     plant = make_plant(only=("sensor_bandwidth",))
     trace = run(plant, np.full(4, 150.0), GRID_NS)
     slope_v_per_um, t_s = plant.parameters.sensor.slope_v_per_um, np.arange(1, 5) * 50e-6
 
-    # The step falls into the first sub-step, which the detector sees as a parabola that ends there.
+    # The step lies in the first sub-step, which the detector gets as a parabola that ends there.
     shown = 1 - (trace.sensor_v[1:] / slope_v_per_um - 10) / 30
     assert shown[1:] / shown[:-1] == pytest.approx(np.exp(-2 * np.pi * 1e4 * 50e-6), rel=1e-6)
     assert np.all(shown < np.exp(-2 * np.pi * 1e4 * (t_s[1:] - 50e-6)))
@@ -138,7 +138,7 @@ def test_halving_the_sub_step_changes_nothing_that_matters(
     drive_v: NDArray[np.float64],
     name: str,
 ) -> None:
-    """Displacement and its measured value move by less than 1e-4 of the range."""
+    """Displacement and reading change by less than 1e-4 of the range."""
     off = (*NOISE, "adc")
     coarse = make_plant(variant, off=off, sub_step_ns=50_000)
     fine = make_plant(variant, off=off, sub_step_ns=25_000)
@@ -154,7 +154,7 @@ def test_halving_the_sub_step_changes_nothing_that_matters(
 def test_resting_mode_rests_and_parabola_is_followed(
     frequency_hz: float, damping: float, x: float
 ) -> None:
-    """A mode at its static displacement stays there, whatever its frequency."""
+    """A mode at its static displacement stays there, for any frequency."""
     rows = mode(frequency_hz, damping, 50e-6)
 
     assert rows @ [x, 0, x, x, x] == pytest.approx([x, 0, 0], abs=1e-12)
@@ -163,14 +163,14 @@ def test_resting_mode_rests_and_parabola_is_followed(
 @pytest.mark.parametrize("bandwidth_hz", [1e4, inf])
 @pytest.mark.parametrize("antialias_hz", [500, inf])
 def test_receiver_passes_steady_light_unchanged(bandwidth_hz: float, antialias_hz: float) -> None:
-    """Detector and filter have no gain and no offset, each of them present or not."""
+    """Detector and filter, each present or absent, have gain 1 and no offset."""
     rows = receiver(bandwidth_hz, antialias_hz, 50e-6)
 
     assert rows @ [2, 2, 0, 2, 0, 2, 0, 0] == pytest.approx([2, 2, 0], abs=1e-12)
 
 
 def test_exponential_of_a_rotation_is_a_rotation() -> None:
-    """The exponential of its generator turns by its angle, also by a great one."""
+    """The exponential of the generator rotates by its angle, also by a large one."""
     angle = 40.0
     turned = exponential(np.array([[0, -angle], [angle, 0]]))
 

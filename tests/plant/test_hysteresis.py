@@ -1,4 +1,4 @@
-"""The static truth of the simulated stage, against measurements and against Preisach's theory."""
+"""The static hysteresis of the simulated stage, against measurements and Preisach's theory."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod.plant.kernel import everett
-from piezod.plant.layout import TURNS, constants
+from piezod.plant.layout import MAX_TURNS, constants
 from piezod.plant.parameters import PlantParameters, specimen
 from piezod.plant.plant import Plant
 from piezod.plant.variants import VARIANTS
 
-# Swing in V of about 180 V, and loop width in % of that swing's displacement: a flexure stage as
-# measured, and the simulated stage about the middle of its drive.
+# Swing in V out of about 180 V, and loop width in % of the displacement of that swing: a measured
+# flexure stage, and the simulated stage around the middle of its drive range.
 #
 #   swing      11    22    40    58    76   112   176
 #   measured   8.3   9.0  10.9  12.3  13.3  14.2  14.1
@@ -29,7 +29,7 @@ UNIT = st.floats(0, 1)
 
 
 def record(parameters: PlantParameters) -> Any:
-    """Give the constants of a plant as its kernel takes them."""
+    """Return the constants of a plant for its kernel."""
     return constants(parameters, 50e-6)
 
 
@@ -37,7 +37,7 @@ STACK = record(VARIANTS["stack"].parameters)
 
 
 def loop_width_pct(low: float, high: float, plant: Any) -> float:
-    """Give the width of the loop between two drives, in % of its displacement."""
+    """Return the width of the loop between two drives, in % of its displacement."""
     between = np.linspace(low, high, 101)
     rising = [everett(u, low, plant) for u in between]
     falling = [everett(high, low, plant) - everett(high, u, plant) for u in between]
@@ -45,7 +45,7 @@ def loop_width_pct(low: float, high: float, plant: Any) -> float:
 
 
 def asymmetry_pct(plant: Any) -> float:
-    """Give the greatest difference between the rising branch and the mirrored falling one."""
+    """Return the largest difference between the rising branch and the mirrored falling branch."""
     u = np.linspace(0, 1, 101)
     full = everett(1.0, 0.0, plant)
     rising = np.array([everett(x, 0.0, plant) for x in u]) / full
@@ -60,7 +60,7 @@ def asymmetry_pct(plant: Any) -> float:
 def test_loop_width_grows_with_the_swing_as_measured(
     swing_v: float, measured_pct: float, simulated_pct: float
 ) -> None:
-    """Widths are those of the table above, each within one point of the measured one."""
+    """The widths are those of the table above, each within one point of the measured width."""
     swing = swing_v / 180
     width_pct = loop_width_pct(0.5 - swing / 2, 0.5 + swing / 2, STACK)
 
@@ -69,10 +69,10 @@ def test_loop_width_grows_with_the_swing_as_measured(
 
 
 def test_gain_grows_with_the_swing() -> None:
-    """The gain of a 6 % swing is 0.60 of the gain of the full one.
+    """The gain of a 6 % swing is 0.60 of the gain of the full swing.
 
-    The measured ratio is 0.69. In a Preisach model halving the swing takes as much off the gain as
-    the loop is wide, so the measured widths alone lead to 0.59, and widths come first here.
+    The measured ratio is 0.69. In a Preisach model halving the swing reduces the gain by the width
+    of the loop, so the measured widths alone lead to 0.59. The model gives priority to the widths.
     """
     ratio = everett(0.53, 0.47, STACK) / 0.06 / everett(1.0, 0.0, STACK)
 
@@ -84,7 +84,7 @@ def test_gain_grows_with_the_swing() -> None:
     [("stack", 4.1), ("stack-uncalibrated", 4.1), ("flexure", 4.5), ("afm", 14.3)],
 )
 def test_asymmetry_is_that_of_the_variant(variant: str, expected_pct: float) -> None:
-    """The two branches of the full loop differ as measured on a stage of that kind."""
+    """The two branches of the full loop differ as on a measured stage of that type."""
     plant = record(VARIANTS[variant].parameters)
 
     assert asymmetry_pct(plant) == pytest.approx(expected_pct, abs=0.06)
@@ -92,7 +92,7 @@ def test_asymmetry_is_that_of_the_variant(variant: str, expected_pct: float) -> 
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_full_loop_is_13_to_16_pct_wide_for_every_seed(variant: str) -> None:
-    """Of 200 specimens none has a full loop outside that range."""
+    """This holds for 200 specimens."""
     nominal = VARIANTS[variant].parameters
     widths_pct = [
         loop_width_pct(0.0, 1.0, record(specimen(nominal, np.random.SeedSequence(seed))))
@@ -107,9 +107,9 @@ def test_full_loop_is_13_to_16_pct_wide_for_every_seed(variant: str) -> None:
 def test_full_loop_stays_13_to_16_pct_wide_with_every_effect(
     run: Callable[..., Any], variant: str
 ) -> None:
-    """At 0.5 Hz creep and lag widen the loop of no specimen beyond that range.
+    """At 0.5 Hz creep and lag widen no specimen's loop beyond that range.
 
-    (The flexure stage is left out: while its return point drifts, its loop does not close.)
+    The flexure stage is left out: while its return point drifts, its loop does not close.
     """
     drive_v = 75 - 75 * np.cos(2 * np.pi * 0.5 * np.arange(1, 4001) * 1e-3)
     for seed in range(100):
@@ -148,7 +148,7 @@ def test_everett_is_the_integral_of_the_density(ends: tuple[float, float]) -> No
 @pytest.mark.parametrize("variant", VARIANTS)
 @given(corners=st.tuples(*4 * (st.floats(-0.2, 1.2),)))
 def test_density_is_nowhere_negative(variant: str, corners: tuple[float, ...]) -> None:
-    """Every rectangle of the Preisach plane holds a share of relays that is not negative."""
+    """The share of relays in every rectangle of the Preisach plane is not negative."""
     plant = record(VARIANTS[variant].parameters)
     b1, b2, a1, a2 = sorted(corners)
     share = (
@@ -168,7 +168,7 @@ def test_closed_minor_loop_leaves_no_trace(
     levels: list[float],
     inner: tuple[float, float],
 ) -> None:
-    """After any history a loop within the last swing returns to its value, and wipes itself out."""
+    """After any history, a loop within the last swing returns to its value and deletes itself."""
     before, last = levels[-2:]
     one, other = (before + (last - before) * share for share in inner)
     history = [150 * level for level in levels]
@@ -187,9 +187,9 @@ def test_minor_loops_are_congruent(
     levels: list[float],
     ends: tuple[float, float],
 ) -> None:
-    """Loops between the same drives have the same shape whatever went before.
+    """Loops between the same drives have the same shape for any history.
 
-    That is what tells a Preisach model, and a modified Prandtl-Ishlinskii model does not have it.
+    This property characterises a Preisach model; a modified Prandtl-Ishlinskii model lacks it.
     """
     low, high = (150 * end for end in sorted(ends))
     path = [low, high, *np.linspace(high, low, 7), *np.linspace(low, high, 7)]
@@ -203,7 +203,7 @@ def test_minor_loops_are_congruent(
 def test_stage_starts_on_the_outer_branch(
     make_plant: Callable[..., Plant], run: Callable[..., Any]
 ) -> None:
-    """The first rise is the same as every later one: the memory is known."""
+    """The first rise equals every later one, because the initial memory is known."""
     rise = np.linspace(0, 150, 30)
     trace = run(make_plant(only=STATIC), [*rise, *rise[::-1], *rise]).position_um
 
@@ -213,7 +213,7 @@ def test_stage_starts_on_the_outer_branch(
 def test_full_drive_gives_the_travel(
     make_plant: Callable[..., Plant], run: Callable[..., Any]
 ) -> None:
-    """The full drive moves the stage by its travel, and no drive brings it back to zero."""
+    """The full drive moves the stage by its travel, and at 0 V a remainder is left."""
     trace = run(make_plant(only=STATIC), [150, 0])
 
     assert trace.position_um == pytest.approx([30, 0], abs=1e-12)
@@ -222,7 +222,7 @@ def test_full_drive_gives_the_travel(
 def test_drive_beyond_the_nominal_range_is_part_of_the_model(
     make_plant: Callable[..., Plant], run: Callable[..., Any]
 ) -> None:
-    """From -10 V to 160 V the stage moves on, and comes back on the same loop each time."""
+    """From -10 V to 160 V the stage moves, and returns on the same loop each time."""
     cycle = [160, 80, -10, 80]
     trace = run(make_plant(only=STATIC), 3 * cycle).position_um
 
@@ -234,7 +234,7 @@ def test_drive_beyond_the_nominal_range_is_part_of_the_model(
 def test_drive_far_beyond_the_range_stops_the_stage_at_its_ends(
     make_plant: Callable[..., Plant], run: Callable[..., Any]
 ) -> None:
-    """A fifth beyond the nominal range the stage stops, and its outermost turns stay known."""
+    """A fifth beyond the nominal range the stage stops; its outermost turning points stay known."""
     plant = make_plant(only=STATIC)
     trace = run(plant, [180, 200, -30, -200, 180, -30, 75]).position_um
 
@@ -245,8 +245,8 @@ def test_drive_far_beyond_the_range_stops_the_stage_at_its_ends(
 def test_memory_that_overflows_forgets_its_innermost_loops(
     make_plant: Callable[..., Plant], run: Callable[..., Any]
 ) -> None:
-    """Turns beyond the capacity are dropped and counted; the outer loop stays exact."""
-    nested = 75 + 74 * (1 - np.arange(TURNS + 100) / 1000) * np.resize([1, -1], TURNS + 100)
+    """Turning points beyond the capacity are dropped and counted; the outer loop stays exact."""
+    nested = 75 + 74 * (1 - np.arange(MAX_TURNS + 100) / 1000) * np.resize([1, -1], MAX_TURNS + 100)
     plant = make_plant(only=STATIC)
     trace = run(plant, [150, 0, *nested, 150, 0]).position_um
 

@@ -1,4 +1,4 @@
-"""The plant as a whole: time, seeds, and every effect's switch."""
+"""The whole plant: time, seeds, and the switch of every effect."""
 
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -17,20 +17,20 @@ from piezod.plant.plant import Plant
 from piezod.plant.variants import VARIANTS
 
 SWEEP_V = 75 - 75 * np.cos(2 * np.pi * 5 * np.arange(400) * 1e-3)
-# Steps beyond every limit, holds for what is slow, and returns for what remembers.
+# Steps beyond every limit, holds for the slow effects, and returns for the memory.
 STIMULUS_V = np.concatenate([[175.0, -25.0, 0.0], np.full(300, 90.0), [20.0, 90.0], SWEEP_V])
-# One command per sub-step, for what is over within a millisecond.
+# One command per sub-step, for effects that are over within a millisecond.
 FAST_STIMULUS_V = np.array([90.0, 90.0, 10.0, 90.0])
 PARTS = ("stage", "amplifier", "sensor")
 
 
 def bright(parameters: PlantParameters) -> PlantParameters:
-    """Give the plant so much light that its sensor could saturate."""
+    """Return the plant with enough light to saturate its sensor."""
     return replace(parameters, sensor=replace(parameters.sensor, light_level=3.0))
 
 
 def readings(run: Callable[..., Any], parameters: PlantParameters) -> Any:
-    """Give what the sensor of a plant reports during the stimulus."""
+    """Return the sensor readings of a plant during the stimulus."""
     plant = Plant(bright(parameters), np.random.SeedSequence(1))
     slow, fast = run(plant, STIMULUS_V), run(plant, FAST_STIMULUS_V, 50_000)
     return np.concatenate([slow.sensor_v, fast.sensor_v])
@@ -39,7 +39,7 @@ def readings(run: Callable[..., Any], parameters: PlantParameters) -> Any:
 def test_plant_without_effects_is_a_straight_line(
     nominal: Callable[..., PlantParameters], run: Callable[..., Any]
 ) -> None:
-    """With every effect off the reading is the drive, scaled and offset, at once."""
+    """With every effect off the reading is the drive times a gain plus an offset, without delay."""
     drive_v = np.concatenate([STIMULUS_V, FAST_STIMULUS_V])
     expected_v = 3 * 0.11 * (10 + 30 * drive_v / 150)
 
@@ -50,7 +50,7 @@ def test_plant_without_effects_is_a_straight_line(
 def test_switch_of_an_effect_works_both_ways(
     nominal: Callable[..., PlantParameters], run: Callable[..., Any], effect: str
 ) -> None:
-    """An effect alone shows in the reading, and nothing else is left when it is off as well."""
+    """A single effect changes the reading; switched off too, it leaves the plain plant."""
     ideal, alone = readings(run, nominal(only=())), readings(run, nominal(only=(effect,)))
     off_again = readings(run, without(nominal(only=(effect,)), [effect]))
 
@@ -61,7 +61,7 @@ def test_switch_of_an_effect_works_both_ways(
 def test_switch_of_the_asymmetry_works(
     make_plant: Callable[..., Plant], run: Callable[..., Any]
 ) -> None:
-    """Without asymmetry the falling branch is the rising one, turned round."""
+    """Without asymmetry the falling branch is the point reflection of the rising branch."""
     drive_v = np.concatenate([np.arange(0, 151), np.arange(149, -1, -1)])
     even, skewed = (
         run(make_plant(only=only), drive_v).position_um
@@ -73,12 +73,12 @@ def test_switch_of_the_asymmetry_works(
 
 
 def test_effect_that_does_not_exist_is_refused() -> None:
-    """A misspelt effect is an error, not silence."""
+    """A misspelt effect raises an error."""
     with pytest.raises(KeyError, match="gravity"):
         without(PlantParameters(), ["gravity"])
 
 
-def test_same_seed_does_the_same_to_the_bit(
+def test_same_seed_gives_the_same_result_to_the_bit(
     make_plant: Callable[..., Plant], run: Callable[..., Any]
 ) -> None:
     """Two plants of one seed agree in every value; another seed has other noise."""
@@ -91,7 +91,7 @@ def test_same_seed_does_the_same_to_the_bit(
 def test_dividing_the_time_differently_changes_nothing(
     make_plant: Callable[..., Plant], run: Callable[..., Any]
 ) -> None:
-    """Whether a millisecond passes in one call or in five, the plant does the same to the bit."""
+    """A millisecond in one call or in five gives the same result to the bit."""
     one = run(make_plant(), SWEEP_V)
     five = run(make_plant(), np.repeat(SWEEP_V, 5), 200_000)
 
@@ -112,7 +112,7 @@ def test_long_wait_is_the_same_as_many_short_ones(make_plant: Callable[..., Plan
 
 
 def test_time_does_not_go_back(make_plant: Callable[..., Plant]) -> None:
-    """Going back is an error and changes nothing; staying is none."""
+    """A call for an earlier time is refused and changes nothing; the same time is allowed."""
     plant = make_plant()
     plant.advance_to(1_000_000)
     with pytest.raises(DeviceError, match="time went back from 1000000 ns to 999999 ns"):
@@ -123,7 +123,7 @@ def test_time_does_not_go_back(make_plant: Callable[..., Plant]) -> None:
 
 
 def test_command_acts_from_the_next_sub_step_on(make_plant: Callable[..., Plant]) -> None:
-    """A command between two sub-steps waits for the next, so that nothing comes too early."""
+    """A command between two sub-steps acts from the next one, so that nothing happens too early."""
     plant = make_plant(only=())
     plant.advance_to(60_000)
     plant.command(100.0)
@@ -135,7 +135,7 @@ def test_command_acts_from_the_next_sub_step_on(make_plant: Callable[..., Plant]
 
 
 def test_plant_begins_at_rest(make_plant: Callable[..., Plant]) -> None:
-    """Before the first command displacement and output are zero, and the sensor sees its gap."""
+    """Before the first command displacement and output are zero, and the sensor reads its gap."""
     plant = make_plant(off=("sensor_noise", "amplifier_noise"))
     plant.advance_to(10_000_000)
 
@@ -145,7 +145,7 @@ def test_plant_begins_at_rest(make_plant: Callable[..., Plant]) -> None:
 
 @pytest.mark.parametrize("part", PARTS)
 def test_specimens_vary_by_ten_percent(part: str) -> None:
-    """Over 300 seeds each parameter that varies fills 0.9 to 1.1 of its value; others stay."""
+    """Over 300 seeds each varying parameter covers 0.9 to 1.1 of its value; others stay."""
     nominal = getattr(VARIANTS["stack"].parameters, part)
     drawn = [
         getattr(specimen(VARIANTS["stack"].parameters, np.random.SeedSequence(seed)), part)
@@ -162,7 +162,7 @@ def test_specimens_vary_by_ten_percent(part: str) -> None:
 
 
 def test_specimen_is_determined_by_its_seed() -> None:
-    """The same seed draws the same specimen."""
+    """Equal seeds draw equal specimens."""
     one, same, other = (
         specimen(PlantParameters(), np.random.SeedSequence(seed)) for seed in (7, 7, 8)
     )
@@ -174,7 +174,7 @@ def test_specimen_is_determined_by_its_seed() -> None:
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("part", PARTS)
 def test_parameters_of_variants_are_within_their_bounds(variant: str, part: str) -> None:
-    """What a configuration may not say, no variant says."""
+    """The parameters of the variants obey the limits for configurations."""
     nominal = getattr(VARIANTS[variant].parameters, part)
     for name, quantity in quantities(type(nominal)).items():
         assert quantity.low <= getattr(nominal, name) <= quantity.high, name
@@ -182,7 +182,7 @@ def test_parameters_of_variants_are_within_their_bounds(variant: str, part: str)
 
 
 def test_every_parameter_is_described() -> None:
-    """Each field of each part has a quantity."""
+    """Each field of each part has a range and a meaning."""
     for part in PARTS:
         kind = type(getattr(PlantParameters(), part))
         assert list(quantities(kind)) == [item.name for item in fields(kind)]
@@ -195,7 +195,7 @@ def test_every_parameter_is_described() -> None:
 def test_no_drive_breaks_the_plant(
     make_plant: Callable[..., Plant], drive_v: list[float], variant: str
 ) -> None:
-    """Whatever is commanded, displacement, output and reading stay finite."""
+    """For any command, displacement, output and reading stay finite."""
     plant = make_plant(variant)
     for k, command_v in enumerate(drive_v):
         plant.command(command_v)

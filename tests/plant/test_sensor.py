@@ -18,18 +18,18 @@ SEED = np.random.SeedSequence(1)
 
 
 def with_sensor(parameters: PlantParameters, **changes: float) -> Plant:
-    """Make a plant whose sensor differs in some parameters."""
+    """Make a plant with some parameters of the sensor changed."""
     return Plant(replace(parameters, sensor=replace(parameters.sensor, **changes)), SEED)
 
 
 def readings_v(plant: Plant, positions_um: Any) -> Any:
-    """Give the sensor's voltage at displacements held still."""
+    """Return the sensor's voltage at constant displacements."""
     return np.array([plant.ideal_reading_v(float(x)) for x in positions_um])
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_straight_line_leaves_one_percent(variant: str) -> None:
-    """Over the travel the best line misses the curve of every variant by 1 % of travel."""
+def test_straight_line_deviates_by_one_percent(variant: str) -> None:
+    """Over the travel the curve of every variant deviates from its best line by 1 % of travel."""
     plant = Plant(VARIANTS[variant].parameters, SEED)
     position_um = np.linspace(0, plant.parameters.stage.travel_um, 501)
     sensor_v = readings_v(plant, position_um)
@@ -40,7 +40,7 @@ def test_straight_line_leaves_one_percent(variant: str) -> None:
 
 
 def test_nonlinearity_of_specimens_is_within_ten_percent_of_nominal() -> None:
-    """The curve is told by its crookedness, so travel and light do not add to its variation."""
+    """The curve is defined by its nonlinearity, so travel and light do not add to its variation."""
     for seed in range(50):
         drawn = specimen(VARIANTS["stack"].parameters, np.random.SeedSequence(seed))
         record = constants(drawn, 50e-6)
@@ -79,7 +79,7 @@ def test_probe_set_back_beyond_the_maximum_sees_the_opposite_slope(
 def test_near_side_begins_with_the_slope_of_the_parameters(
     nominal: Callable[..., PlantParameters],
 ) -> None:
-    """Close to the probe the voltage is slope times gap; touching it leaves none."""
+    """Close to the probe the voltage is slope times gap; at the probe it is zero."""
     plant = with_sensor(nominal())
 
     assert plant.ideal_reading_v(-9.9) == pytest.approx(0.11 * 0.1, rel=1e-6)
@@ -104,9 +104,9 @@ def test_linear_sensor_has_no_far_side() -> None:
 def test_noise_in_the_band_of_the_loop_is_0_06_pct_of_range(
     make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str
 ) -> None:
-    """At rest in the middle of the travel a 1 kHz loop sees 0.06 % rms, and hardly its neighbour.
+    """At rest in mid-travel, samples at 1 kHz have 0.06 % rms noise, hardly correlated.
 
-    The anti-alias filter has taken out what lies above; what is left is a little correlated.
+    The anti-alias filter removes the noise above its band, which leaves a small correlation.
     """
     plant = make_plant(variant, only=("sensor_noise", "sensor_bandwidth", "antialias", "adc"))
     stage = plant.parameters.stage
@@ -135,7 +135,7 @@ def test_noise_density_is_flat_up_to_the_filter(
 def test_reading_has_the_steps_of_the_converter(
     make_plant: Callable[..., Plant], run: Callable[..., Any]
 ) -> None:
-    """16 bits over ±10 V: every reading is a multiple of 0.3 mV, and none is left out."""
+    """With 16 bits over ±10 V, every reading is a multiple of 0.3 mV, and all occur."""
     steps = run(make_plant(only=("adc",)), np.arange(0, 0.2, 0.001)).sensor_v / (20 / 2**16)
 
     assert steps == pytest.approx(np.round(steps), abs=1e-9)
@@ -145,7 +145,7 @@ def test_reading_has_the_steps_of_the_converter(
 def test_reading_saturates(
     nominal: Callable[..., PlantParameters], run: Callable[..., Any]
 ) -> None:
-    """With too much light the reading stops at 10 V, and comes back."""
+    """With too much light the reading stops at 10 V, and recovers."""
     plant = with_sensor(nominal(only=("saturation", "nonlinearity")), light_level=3.0)
     sensor_v = run(plant, [0, 150, 100, 0]).sensor_v
 

@@ -30,7 +30,7 @@ def test_creep_is_one_percent_per_decade_over_four_decades(
 def test_creep_leaves_the_travel_as_it_is_after_a_tenth_of_a_second(
     make_plant: Callable[..., Plant],
 ) -> None:
-    """The static displacement is the one that a step has reached after 0.1 s."""
+    """The static displacement is the displacement 0.1 s after a step."""
     static, creeping = make_plant(only=STATIC), make_plant(only=(*STATIC, "creep"))
     for plant in (static, creeping):
         plant.command(100.0)
@@ -43,7 +43,7 @@ def test_creep_leaves_the_travel_as_it_is_after_a_tenth_of_a_second(
 def test_bottom_turning_point_drifts_while_the_swing_grows(
     make_plant: Callable[..., Plant], run: Callable[..., Any], variant: str, drift_pct: float
 ) -> None:
-    """Swings that all return to 0 V, and grow for 2.5 s, return to a place that creeps away."""
+    """Swings that grow for 2.5 s and all return to 0 V end at a drifting displacement."""
     plant = make_plant(variant, only=(*STATIC, "drift"))
     stage = plant.parameters.stage
     t_s = np.arange(1, 15_001) * 1e-3
@@ -59,7 +59,7 @@ def test_bottom_turning_point_drifts_while_the_swing_grows(
 def test_drift_breaks_return_point_memory(
     make_plant: Callable[..., Plant], run: Callable[..., Any]
 ) -> None:
-    """After a closed minor loop the flexure stage is not where it was, unlike without drift."""
+    """After a closed minor loop the flexure stage has moved; without drift it has not."""
     path = [90, *np.full(1000, 170), 90]
     still = run(make_plant("flexure", only=STATIC), [170, 90, *path]).position_um
     drifting = run(make_plant("flexure", only=(*STATIC, "drift")), [170, 90, *path]).position_um
