@@ -11,7 +11,7 @@ model on one memory), `closed_form` (the model with fixed weights as two table l
 and the adaptive identifiers `lms`, `nlms` and `rls`. `metrics` computes the errors of a record.
 """
 
-from piezod.hysteresis.adaptation import AdaptiveIdentifier, Shadowed
+from piezod.hysteresis.adaptation import AdaptiveIdentifier
 from piezod.hysteresis.bank import new_bank
 from piezod.hysteresis.creep import NO_CREEP, Creep, add_creep, remove_creep
 from piezod.hysteresis.least_squares import (
@@ -32,6 +32,7 @@ from piezod.hysteresis.metrics import (
 from piezod.hysteresis.model import ExactInverse, InverseMPI, MPIModel
 from piezod.hysteresis.nlms import NLMSIdentifier
 from piezod.hysteresis.normalisation import AffineRange
+from piezod.hysteresis.online import Shadowed
 from piezod.hysteresis.operators import LSPO, LSSO, RSPO, RSSO
 from piezod.hysteresis.rls import RLSIdentifier
 from piezod.hysteresis.slopes import (

@@ -13,8 +13,9 @@ from piezod.control.faults.register import Detection
 from piezod.control.law.model import StageModel
 from piezod.control.signals import RecentRange
 from piezod.control.watch.drift import ModelDrift
-from piezod.hysteresis.adaptation import AdaptiveIdentifier, Shadowed
+from piezod.hysteresis.adaptation import AdaptiveIdentifier
 from piezod.hysteresis.normalisation import AffineRange
+from piezod.hysteresis.online import Shadowed
 from piezod.units import NS_PER_S
 
 LEAST_AMPLITUDE: Final = 0.01
