@@ -62,6 +62,19 @@ def checked_series(values: npt.ArrayLike) -> FloatArray:
     return array
 
 
+def checked_pairs(positions: npt.ArrayLike, drives: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return a record of pairs, paper eq. (26), as arrays of shape (n,) each.
+
+    Raises:
+        ModelError: If the shapes differ.
+    """
+    x, v = checked_series(positions), checked_series(drives)
+    if x.shape != v.shape:
+        message = f"need as many drives as positions, got shapes {v.shape} and {x.shape}"
+        raise ModelError(message)
+    return x, v
+
+
 def checked_deadband(width: float) -> float:
     """Return the width of a dead-band, in units of the range.
 

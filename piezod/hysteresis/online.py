@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from piezod.errors import ModelError
 from piezod.hysteresis.adaptation import AdaptiveIdentifier
-from piezod.hysteresis.bank import checked_deadband, checked_series, new_bank_memory
+from piezod.hysteresis.bank import checked_deadband, checked_pairs, new_bank_memory
 from piezod.hysteresis.learner import (
     OFFSET,
     POSITION,
@@ -23,19 +23,6 @@ from piezod.hysteresis.learner import (
 from piezod.hysteresis.memory import MERGED, SEEN, FloatArray, IntArray, Memory, relax
 from piezod.hysteresis.slopes import projected
 from piezod.jit import compiled
-
-
-def checked_pairs(positions: npt.ArrayLike, drives: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return a record of pairs, paper eq. (26), as arrays of shape (n,) each.
-
-    Raises:
-        ModelError: If the shapes differ.
-    """
-    x, v = checked_series(positions), checked_series(drives)
-    if x.shape != v.shape:
-        message = f"need as many drives as positions, got shapes {v.shape} and {x.shape}"
-        raise ModelError(message)
-    return x, v
 
 
 @compiled
