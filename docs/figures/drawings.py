@@ -14,7 +14,7 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.records.figures.overview import MODE_MARKS, Mark
 from piezod.records.figures.style import (
     BLACK,
-    WISHED,
+    COMMAND,
     house_style,
     legend_above,
     new_figure,
@@ -43,7 +43,7 @@ def tracking_figure(recordings: Sequence[Recording]) -> Figure:
     for recording, width in ((first, 1.5), (compensated[-1], 3.0)):
         style = {"color": _colour(recording.mode), "linewidth": width, "label": recording.mode}
         draw_trace(rows[0], recording.t_s, recording.true_um, **style)
-    draw_trace(rows[0], first.t_s, first.command_um, label="command", **WISHED)
+    draw_trace(rows[0], first.t_s, first.command_um, label="command", **COMMAND)
     rows[0].set(title="Displacement", ylabel="µm")
     legend_above(rows[0])
     largest = max(_largest_pct(recording) for recording in compensated)

@@ -1,4 +1,5 @@
-"""What a device is, and how a driver for one is found.
+"""The device interface, and the lookup of drivers by name.
 
-Knows nothing of which drivers exist: they are other distributions' modules, found by entry point.
+The package does not know which drivers exist. They are modules of other distributions, found by
+entry point.
 """

@@ -1,4 +1,4 @@
-"""From what a channel reads or is set to, to µm or V at the actuator, and back."""
+"""Calibrations from the value of a channel to µm or V at the actuator, and back."""
 
 from bisect import bisect_right
 from collections.abc import Iterable
@@ -16,27 +16,27 @@ from piezod.config.polynomial import derivative, evaluate
 
 _KNOTS: Final = 64
 _STEPS: Final = 60
-"""Halving alone needs no more to reach the last bit between two knots."""
+"""Largest number of steps: bisection alone reaches the last bit between two knots in fewer."""
 
 
 class Curve(Protocol):
-    """A calibration; strictly rising or falling. Every method may be called in the loop."""
+    """A calibration; it rises or falls strictly. All methods are real-time safe."""
 
     def physical(self, value: float) -> float:
-        """Return µm, or V at the actuator, at a channel's value; NaN where it does not hold."""
+        """Return µm, or V at the actuator, at a channel's value; NaN outside its range."""
         ...
 
     def beyond(self, value: float) -> float:
-        """Return the same, continued in a straight line where it does not hold."""
+        """Return the same, extended along a straight line outside the range."""
         ...
 
     def value(self, physical: float) -> float:
-        """Return the channel's value at µm or V at the actuator; NaN where there is none."""
+        """Return the channel's value at µm or V at the actuator; NaN if there is none."""
         ...
 
 
 def curve_of(calibration: Calibration) -> Curve | None:
-    """Make the curve of a calibration; None where the channel's values are physical already."""
+    """Return the curve of a calibration; None if the channel's values are physical already."""
     match calibration:
         case LineCalibration():
             if calibration.gain == 1.0 and calibration.offset == 0.0:
@@ -53,7 +53,7 @@ class StraightLine:
 
     Args:
         gain: Physical units per unit of the channel; not 0.
-        offset: Physical value where the channel's is 0.
+        offset: Physical value at the channel's value 0.
     """
 
     def __init__(self, gain: float, offset: float) -> None:
@@ -82,28 +82,28 @@ class TableCurve:
         self._back = _Segments((physical, value) for value, physical in self._forth.points)
 
     def physical(self, value: float) -> float:
-        """Return the physical value at a channel's value; NaN beyond the points."""
+        """Return the physical value at a channel's value; NaN outside the points."""
         return self._forth.at(value) if self._forth.holds(value) else nan
 
     def beyond(self, value: float) -> float:
-        """Return it beyond the points too."""
+        """Return the physical value at a channel's value, also outside the points."""
         return self._forth.at(value)
 
     def value(self, physical: float) -> float:
-        """Return the channel's value at a physical value; NaN beyond the points."""
+        """Return the channel's value at a physical value; NaN outside the points."""
         if not self._back.holds(physical):
             return nan
-        # Rounding must not lead out of what the channel can be set to.
+        # Rounding must not give a value that the channel cannot be set to.
         return min(max(self._back.at(physical), self._forth.first), self._forth.last)
 
 
 class _Segments:
-    """Straight lines through points, from left to right, and on beyond them."""
+    """Straight lines through points, sorted by x, and extended beyond both ends."""
 
     def __init__(self, points: Iterable[tuple[float, float]]) -> None:
         self.points = sorted((float(x), float(y)) for x, y in points)
         self._x, self._y = [x for x, _ in self.points], [y for _, y in self.points]
-        self._inner = self._x[1:-1]  # the segment of an x: how many of these it is not below
+        self._inner = self._x[1:-1]  # the number of these up to x is the segment of x
         self._slope = [(y1 - y0) / (x1 - x0) for (x0, y0), (x1, y1) in pairwise(self.points)]
         self.first, self.last = self._x[0], self._x[-1]
 
@@ -120,8 +120,8 @@ class PolynomialCurve:
 
     Args:
         coefficients: c0, c1, c2, …
-        low: Lowest value for which it holds.
-        high: Highest value for which it holds; between the two it is strictly monotonic.
+        low: Lowest value of its range.
+        high: Highest value of its range; the polynomial is strictly monotonic between the two.
     """
 
     def __init__(self, coefficients: Iterable[float], low: float, high: float) -> None:
@@ -134,19 +134,20 @@ class PolynomialCurve:
         self._reached = [self._sign * self._at(value) for value in self._values]
 
     def physical(self, value: float) -> float:
-        """Return the physical value at a channel's value; NaN where that does not hold."""
+        """Return the physical value at a channel's value; NaN outside the range."""
         return self._at(value) if self._low <= value <= self._high else nan
 
     def beyond(self, value: float) -> float:
-        """Return it beyond that too, along the tangent."""
+        """Return the physical value at a channel's value, along the tangent outside the range."""
         end = min(max(value, self._low), self._high)
         return self._at(end) + evaluate(self._slope, end) * (value - end)
 
     def value(self, physical: float) -> float:
-        """Return the channel's value at a physical value; NaN where there is none.
+        """Return the channel's value at a physical value; NaN if there is none.
 
-        Newton's steps, halving instead where one leads out of what is known to hold the value.
+        The method is Newton's; a step that leaves the bracket is replaced by a bisection.
         """
+        # The sign turns a falling curve into a rising one, so that one search serves both.
         wanted, reached = self._sign * physical, self._reached
         if not reached[0] <= wanted <= reached[-1]:
             return nan

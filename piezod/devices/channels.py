@@ -1,4 +1,4 @@
-"""The channels of all axes as one sensor and one amplifier, a transaction per device and cycle."""
+"""The channels of all axes as one sensor and one amplifier, with one transaction per device."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -22,14 +22,14 @@ from piezod.devices.wiring import ChannelPair, wiring_of
 from piezod.errors import DeviceError
 
 
-class _Measuring(NamedTuple):
+class _SensorRole(NamedTuple):
     """A device that is read.
 
     Attributes:
         sensor: The device.
-        plain: Input and axis of each displacement that it gives in µm.
-        calibrated: Likewise of each that has to be made µm.
-        commanding: Likewise of each that commands.
+        plain: Input and axis of each displacement that is in µm already.
+        calibrated: Input and axis of each displacement that must be calibrated.
+        commanding: Input and axis of each command input.
     """
 
     sensor: Sensor
@@ -38,13 +38,13 @@ class _Measuring(NamedTuple):
     commanding: list[tuple[CalibratedInput, int]]
 
 
-class _Driving(NamedTuple):
+class _AmplifierRole(NamedTuple):
     """A device that is driven.
 
     Attributes:
         amplifier: The device.
-        axes: The axis of each of its outputs.
-        outputs: Each of them, in that order.
+        axes: Axis of each of its outputs.
+        outputs: Calibrated outputs, in that order.
     """
 
     amplifier: Amplifier
@@ -57,10 +57,10 @@ class Channels:
 
     Args:
         devices: Constructed devices by name, each for its `wiring_of`.
-        axes: The channels of each axis; their order is that of every sequence.
+        axes: Channels of each axis; their order is that of every sequence.
 
     Raises:
-        DeviceError: If a device cannot play a role that an axis gives it.
+        DeviceError: If a device cannot play the role that an axis gives it.
     """
 
     def __init__(self, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair]) -> None:
@@ -68,7 +68,7 @@ class Channels:
         self._outputs = [CalibratedOutput(pair.to_v) for pair in axes.values()]
         self._commands = [Sample(0, nan, False)] * len(axes)
         self.identities: dict[str, Identity] = {}
-        """Who each device said it is, when it was opened last."""
+        """Identity of each device, from its last opening."""
         self._zero_um = [0.0] * len(axes)
         self._true_zero_um = [0.0] * len(axes)
         self._no_flags = [NO_FLAGS] * (2 * len(axes))
@@ -76,34 +76,35 @@ class Channels:
 
     @property
     def devices(self) -> Mapping[str, Device]:
-        """The devices by name."""
+        """Devices by name."""
         return self._devices
 
     def use(self, devices: Mapping[str, Device]) -> None:
-        """Use these objects for the devices from now on, as what is put around each of them.
+        """Use these objects for the devices from now on, for example their wrappers.
 
         Raises:
-            DeviceError: If a device cannot play a role that an axis gives it.
+            DeviceError: If a device cannot play the role that an axis gives it.
         """
         self._devices = devices
-        self._sensors: list[_Measuring] = []
-        self._amplifiers: list[_Driving] = []
+        self._sensors: list[_SensorRole] = []
+        self._amplifiers: list[_AmplifierRole] = []
         self._truths: list[tuple[KnowsTruth, list[tuple[int, int]]]] = []
-        self._tellers: list[tuple[TellsStatus, list[tuple[int, int]]]] = []
+        self._status_sources: list[tuple[TellsStatus, list[tuple[int, int]]]] = []
         for name, device in devices.items():
-            self._give_roles(name, device)
-        self._dim = [
+            self._assign_roles(name, device)
+        self._light_dependent = [
             (one, axis) for of in self._sensors for one, axis in of.calibrated if one.needs_light
         ]
 
-    def _give_roles(self, name: str, device: Device) -> None:
+    def _assign_roles(self, name: str, device: Device) -> None:
+        """Find the roles of a device: which of its channels serve which axes."""
         axes = self._pairs
         wiring = wiring_of(name, axes)
         measured, driven = _places(name, wiring, axes)
         if wiring.inputs:
             if not isinstance(device, Sensor):
                 raise _wrong_role(name, "sensor")
-            self._sensors.append(_measuring(name, device, wiring, axes))
+            self._sensors.append(_sensor_role(name, device, wiring, axes))
             if measured and isinstance(device, KnowsTruth):
                 self._truths.append((device, measured))
         if driven:
@@ -111,20 +112,21 @@ class Channels:
                 raise _wrong_role(name, "amplifier")
             driven_axes = [axis for _, axis in driven]
             outputs = [self._outputs[axis] for axis in driven_axes]
-            self._amplifiers.append(_Driving(device, driven_axes, outputs))
+            self._amplifiers.append(_AmplifierRole(device, driven_axes, outputs))
         if isinstance(device, TellsStatus):
+            # A status lists inputs, then outputs: of the device's channels, and of our axes.
             after_inputs = len(wiring.inputs)
-            told = [(after_inputs + channel, len(axes) + axis) for channel, axis in driven]
-            self._tellers.append((device, measured + told))
+            outputs_at = [(after_inputs + channel, len(axes) + axis) for channel, axis in driven]
+            self._status_sources.append((device, measured + outputs_at))
 
     def open(self) -> Identity:
-        """Open every device; if one cannot be, whatever it raises, all are closed again."""
+        """Open every device; if one fails with any error, close all again."""
         try:
             for name, device in self._devices.items():
                 self.identities[name] = device.open()
             self._ask_for_ranges()
         except BaseException:
-            with suppress(Exception):  # what matters is why they could not be opened
+            with suppress(Exception):  # report the cause of the failed opening, not this one
                 self.close()
             raise
         return Identity(
@@ -132,7 +134,7 @@ class Channels:
         )
 
     def capabilities(self) -> Capabilities:
-        """Tell what all devices can do together."""
+        """Return the common capabilities of all devices."""
         each = [device.capabilities() for device in self._devices.values()]
         driving = [one for one in each if one.outputs]
         return Capabilities(
@@ -151,7 +153,7 @@ class Channels:
         )
 
     def beyond_reach(self, limits_v: Sequence[tuple[float, float]]) -> str:
-        """Say which axis has limits that its amplifier cannot reach; nothing where none has.
+        """Return a message on an axis whose limits exceed its amplifier's range, or "".
 
         Args:
             limits_v: Lowest and highest voltage of each axis, in V.
@@ -160,38 +162,37 @@ class Channels:
             if not (output.reaches(low_v) and output.reaches(high_v)):
                 ends_v = output.reach_v()
                 return (
-                    f"axis {axis} may be driven from {low_v:g} to {high_v:g} V, "
-                    f"its amplifier goes from {ends_v[0]:g} to {ends_v[1]:g} V: change the "
-                    "limits of the axis, or what the amplifier is said or set to give"
+                    f"the limits of axis {axis} are {low_v:g} to {high_v:g} V, but its amplifier "
+                    f"gives {ends_v[0]:g} to {ends_v[1]:g} V: change the limits of the axis, or "
+                    "the range of the amplifier in the configuration or on the device"
                 )
         return ""
 
     def activate(self, now_ns: int) -> None:
-        """Make every device ready for cyclic calls."""
+        """Prepare every device for cyclic calls."""
         for device in self._devices.values():
             device.activate(now_ns)
 
     def deactivate(self, now_ns: int) -> None:
-        """Bring the outputs of every device to rest, though one driver fails."""
-        self._each(lambda device: device.deactivate(now_ns))
+        """Bring the outputs of every device to rest, even if one driver fails."""
+        self._for_each_device(lambda device: device.deactivate(now_ns))
 
     def close(self) -> None:
-        """Make the outputs of every device safe and let go of it, though one driver fails."""
-        self._each(lambda device: device.close())
+        """Make the outputs of every device safe and release it, even if one driver fails."""
+        self._for_each_device(lambda device: device.close())
 
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
-        """Call these displacements zero from now on.
+        """Use these displacements as zero from now on.
 
         Args:
             zero_um: Measured displacement of each axis, in µm as the devices give it.
-            true_zero_um: True displacement of each axis, likewise; without effect where it is not
-                known.
+            true_zero_um: True displacement of each axis, in µm; ignored if it is not known.
         """
         self._zero_um = list(zero_um)
         self._true_zero_um = list(true_zero_um)
 
     def read(self, now_ns: int) -> list[Sample]:
-        """Take one sample of each axis, from its zero on; may be called in the loop."""
+        """Return one sample of each axis, relative to its zero. Real-time safe."""
         samples = [Sample(now_ns, 0.0, False)] * len(self._axes)
         for sensor, plain, calibrated, commanding in self._sensors:
             taken = sensor.read(now_ns)
@@ -206,18 +207,18 @@ class Channels:
         return samples
 
     def commands(self) -> Sequence[Sample]:
-        """Tell what commanded each axis when it was read last; may be called in the loop.
+        """Return the command of each axis from the last `read`. Real-time safe.
 
         Returns:
-            Positions in µm; not valid where nothing commands the axis.
+            Positions in µm; not valid if no input commands the axis.
         """
         return self._commands
 
     def true_position_um(self, now_ns: int) -> list[float]:
-        """Tell the true displacement of each axis, from its zero on; may be called in the loop.
+        """Return the true displacement of each axis, relative to its zero. Real-time safe.
 
         Returns:
-            Displacements in µm; NaN where the sensor of an axis does not know it.
+            Displacements in µm; NaN if the sensor of an axis does not know it.
         """
         position_um = [nan] * len(self._axes)
         for device, measured in self._truths:
@@ -227,10 +228,10 @@ class Channels:
         return position_um
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Set the voltage of every axis, in V; may be called in the loop.
+        """Set the voltage of every axis, in V. Real-time safe.
 
         Returns:
-            Whether every device took its values.
+            Whether every device accepted its values.
         """
         taken = True
         for amplifier, axes, outputs in self._amplifiers:
@@ -239,27 +240,27 @@ class Channels:
         return taken
 
     def read_back(self, now_ns: int) -> list[float]:
-        """Tell the voltage now in force, in V, per axis; may be called in the loop."""
+        """Return the read-back voltage of each axis, in V. Real-time safe."""
         drive_v = [nan] * len(self._axes)
         for amplifier, axes, outputs in self._amplifiers:
-            told = amplifier.read_back(now_ns)
-            for axis, one, value in zip(axes, outputs, told, strict=True):
+            values = amplifier.read_back(now_ns)
+            for axis, one, value in zip(axes, outputs, values, strict=True):
                 drive_v[axis] = one.voltage(value)
         return drive_v
 
     def status(self, now_ns: int) -> list[Flags]:
-        """Tell what is the matter with the sensor of each axis, then with the amplifier of each.
+        """Return the flags of the sensor of each axis, then of each amplifier. Real-time safe.
 
-        May be called in the loop. Nothing is where a device does not tell its status.
+        A device without status contributes no flags.
         """
-        if not self._tellers and not self._dim:
+        if not self._status_sources and not self._light_dependent:
             return self._no_flags
         flags = self._no_flags.copy()
-        for device, served in self._tellers:
-            told = device.status(now_ns)
+        for device, served in self._status_sources:
+            reported = device.status(now_ns)
             for channel, place in served:
-                flags[place] = told[channel]
-        for one, axis in self._dim:
+                flags[place] = reported[channel]
+        for one, axis in self._light_dependent:
             if one.low_light:
                 flags[axis] |= {DeviceFlag.LOW_LIGHT}
         return flags
@@ -270,8 +271,8 @@ class Channels:
             for output, range_ in zip(outputs, ranges, strict=True):
                 output.range = range_
 
-    def _each(self, do: Callable[[Device], None]) -> None:
-        """Do something to every device; the first failure is raised when all had their turn."""
+    def _for_each_device(self, do: Callable[[Device], None]) -> None:
+        """Call a function for every device; raise the first failure after all calls."""
         failures = []
         for device in self._devices.values():
             try:
@@ -285,7 +286,7 @@ class Channels:
 def _places(
     device: str, wiring: Wiring, axes: Mapping[str, ChannelPair]
 ) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Return the channel and the axis of each input, and of each output of a device."""
+    """Return (channel, axis) of each input, and of each output, of a device."""
     measured, driven = [], []
     for place, (axis, pair) in enumerate(axes.items()):
         if pair.sensor == device:
@@ -295,11 +296,11 @@ def _places(
     return measured, driven
 
 
-def _measuring(
+def _sensor_role(
     name: str, sensor: Sensor, wiring: Wiring, axes: Mapping[str, ChannelPair]
-) -> _Measuring:
-    """Sort the inputs of a device: what need not be calibrated costs nothing in the loop."""
-    role = _Measuring(sensor, [], [], [])
+) -> _SensorRole:
+    """Sort the inputs of a device: an input without calibration costs nothing in the loop."""
+    role = _SensorRole(sensor, [], [], [])
     for place, (axis, pair) in enumerate(axes.items()):
         if pair.sensor == name:
             one = CalibratedInput(wiring, pair.input or axis, pair.to_um, pair.light)
@@ -316,4 +317,4 @@ def _measuring(
 
 
 def _wrong_role(name: str, role: str) -> DeviceError:
-    return DeviceError(f"device {name} is no {role}; name another for this axis")
+    return DeviceError(f"device {name} is no {role}: name another device for this axis")

@@ -1,6 +1,6 @@
-"""Finds emulated devices by the name of their profile, and serves several on one bench.
+"""Lookup of emulated devices by the name of their profile, and their service on one rig.
 
-An emulator is an entry point of the group `piezod.emulators` that leads to an `EmulatorPlugin`.
+An emulator is an entry point of the group `piezod.emulators` that refers to an `EmulatorPlugin`.
 """
 
 import threading
@@ -23,30 +23,30 @@ GROUP: Final = "piezod.emulators"
 
 
 def names() -> tuple[str, ...]:
-    """Tell the names of all profiles that can be emulated, sorted, without importing any."""
+    """Return the names of all profiles with an emulator, sorted, without importing them."""
     return plugins.names(GROUP)
 
 
 def load(name: str) -> EmulatorPlugin:
-    """Import the emulator of one profile.
+    """Import and return the emulator of one profile.
 
     Args:
         name: Name of the profile, one of `names()`.
 
     Raises:
-        RegistryError: If no emulator or several have this name, or if what carries the name cannot
-            be imported or is not an emulator of that name.
+        RegistryError: If no emulator or several have this name, or if it cannot be imported or is
+            not an emulator of that name.
     """
     return plugins.load(GROUP, "emulator", EmulatorPlugin, name)
 
 
 class EmulationRequest(NamedTuple):
-    """A device to be served.
+    """A device to emulate.
 
     Attributes:
-        plugin: Which one.
-        where: Where; "" for the usual place.
-        faults: What goes wrong on its wire.
+        plugin: Its emulator.
+        where: Place of the service; "" for the default.
+        faults: Wire faults.
     """
 
     plugin: EmulatorPlugin
@@ -55,12 +55,12 @@ class EmulationRequest(NamedTuple):
 
 
 class Emulation:
-    """Devices on one bench, each served by a thread of its own; also a context manager.
+    """Emulated devices on one rig, each in its own thread; also a context manager.
 
     Args:
         posts: The devices.
-        bench: What all of them are connected to, axis by axis.
-        serial_number: Of each, "" for its usual one.
+        bench: The rig that all of them are connected to, axis by axis.
+        serial_number: Serial number of each device, "" for its default.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Emulation:
         ]
 
     def start(self) -> list[str]:
-        """Serve all of them; return where each can be found, as soon as that is so.
+        """Serve all devices; return their places as soon as all can be reached.
 
         Raises:
             DeviceError: If one of them cannot be served; then none is.
@@ -91,14 +91,14 @@ class Emulation:
         return [self._places[number] for number in range(len(self._threads))]
 
     def running(self) -> bool:
-        """Tell whether all of them are still served."""
+        """Return whether all devices are still served."""
         return self._failure is None
 
     def stop(self) -> None:
-        """Serve no longer; to be called in the end.
+        """Stop serving; must be called at the end.
 
         Raises:
-            Exception: What made one of them fail.
+            Exception: The error that ended one of the devices.
         """
         self._stop.set()
         for thread in self._threads:
@@ -126,7 +126,7 @@ class Emulation:
         if plugin.serve is not None:
             plugin.serve(bench, post.where, post.faults, self._serial_number, ready, stopping)
         elif plugin.create is None:
-            raise RegistryError(f"the emulator {plugin.name!r} can neither be made nor served")
+            raise RegistryError(f"the emulator {plugin.name!r} has neither `create` nor `serve`")
         else:
             create, end = plugin.create, _far_end(plugin, post.where)
             host = WireHost(

@@ -1,4 +1,4 @@
-"""An input of a device: its sample made µm, by its calibration and by the light it has."""
+"""An input of a device: its sample converted to µm, by its calibration and its light."""
 
 from collections.abc import Sequence
 from math import isfinite
@@ -9,13 +9,13 @@ from piezod.devices.interface import Sample, Wiring
 
 
 class CalibratedInput:
-    """Makes µm of what a device reads.
+    """Converts the value of an input to µm.
 
     Args:
-        wiring: The channels of the device.
+        wiring: Channels of the device.
         channel: Name of the input.
-        calibration: From its value to µm.
-        light: Where its light is told; None where it is not.
+        calibration: Calibration from its value to µm.
+        light: Channel of its light; None if there is none.
     """
 
     def __init__(
@@ -26,22 +26,22 @@ class CalibratedInput:
         self._light = light
         self._light_place = -1 if light is None else wiring.inputs.index(light.channel)
         self.low_light = False
-        """Whether there was not enough light for the last sample."""
+        """Whether the light of the last sample was too low."""
 
     @property
     def plain_place(self) -> int | None:
-        """Where its sample stands among those of the device, if that need not be changed."""
+        """Index of its sample among those of the device if no conversion is needed, else None."""
         return self._place if self._curve is None and self._light is None else None
 
     @property
     def needs_light(self) -> bool:
-        """Whether it has to have light."""
+        """Whether a sample needs enough light to be valid."""
         return self._light is not None
 
     def sample(self, taken: Sequence[Sample]) -> Sample:
-        """Return its sample in µm; may be called in the loop.
+        """Return its sample in µm. Real-time safe.
 
-        It is not valid where the calibration does not hold, or the light is not enough.
+        It is invalid outside the range of the calibration, or if the light is too low.
 
         Args:
             taken: One sample of each input of the device.
@@ -52,11 +52,12 @@ class CalibratedInput:
         position_um = value if self._curve is None else self._curve.physical(value)
         return Sample(t_ns, position_um, valid and not self.low_light and isfinite(position_um))
 
-    def _per_light(self, light: LightConfig, told: Sample) -> float:
-        level = told.position_um
-        enough = told.valid and level > 0.0 and level >= light.least
-        # A light that is not told is not said to be low: the device says what is the matter.
-        self.low_light = told.valid and not enough
+    def _per_light(self, light: LightConfig, light_sample: Sample) -> float:
+        """Return the factor by which the value is corrected for its light; NaN if it is too low."""
+        level = light_sample.position_um
+        enough = light_sample.valid and level > 0.0 and level >= light.least
+        # An invalid light sample is not reported as low light: the device reports its own fault.
+        self.low_light = light_sample.valid and not enough
         if not enough:
             return float("nan")
         return light.nominal / level if light.divides else 1.0

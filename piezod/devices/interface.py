@@ -1,31 +1,31 @@
 """The interface that every driver implements.
 
-A device lives through these steps, in this order::
+A device goes through these steps, in this order::
 
     construct ──► open ──► activate ──► read, write, read_back … ──► deactivate ──► close
     no I/O                              once per cycle, in the loop
 
-- Constructing a device only stores its options. The first byte on a wire is sent by `open`.
-- Between `open` and `activate`, and after `deactivate`, the outputs rest, or stay as they are where
-  `Capabilities.holds`: `write` is refused and changes nothing. As long as the device is open,
-  `capabilities` and `read_back` answer.
-- `deactivate` and `close` may be called at any time, any number of times, and always leave the
-  outputs safe; `close` deactivates first. If they cannot be graceful, they are safe nevertheless.
-- Nothing here reads a clock. `now_ns` is an instant on the caller's monotonic clock; from call to
-  call it never goes back.
-- Only `read`, `write` and `read_back` are called in the loop. They do not allocate more than their
-  answer, do not wait longer than one exchange with the device takes, and report a fault as a value:
-  an invalid sample or a refused write. They raise `DeviceError` only where the caller broke the
-  order above, which is a mistake in the program and not a fault of the device.
-- A device is used by one thread at a time.
+- Constructing a device only stores its options. `open` sends the first byte.
+- Between `open` and `activate`, and after `deactivate`, the outputs are at rest, or they hold their
+  voltage if `Capabilities.holds`. `write` is refused then and changes nothing. While the device is
+  open, `capabilities` and `read_back` answer.
+- `deactivate` and `close` may be called at any time and any number of times. They always leave the
+  outputs safe, even after a failure. `close` deactivates first.
+- No method reads a clock. `now_ns` is an instant on the caller's monotonic clock; it never
+  decreases from call to call.
+- Only `read`, `write`, `read_back` and the optional methods marked real-time safe are called in the
+  loop. They allocate nothing but their result. They wait no longer than one exchange with the
+  device. They report a fault as a value: an invalid sample or a refused write. They raise
+  `DeviceError` only if the caller broke the order above, which is an error in the program and not a
+  fault of the device.
+- One thread at a time uses a device.
+- A device serves the channels of its `Wiring`: inputs are read, outputs are driven. A device
+  without inputs is no sensor, a device without outputs is no amplifier; many devices are both.
+- A device that is both may offer one exchange for both, `Exchanges`.
 
-- A device is asked for some of its channels, its `Wiring`: inputs are read, outputs are driven. One
-  that has no inputs is no sensor, one that has no outputs no amplifier; many are both.
-- An amplifier and sensor in one may offer one exchange for both, `Exchanges`.
-
-What a channel reads or drives is in its own unit, as its driver says; calibration to µm and V is
-the channel's, in the configuration (`devices.calibration`). A simulated device may offer one call
-more, `KnowsTruth`: a real one cannot know what it measures.
+A channel reads or drives values in its own unit, which the driver reports. The configuration of the
+channel calibrates them to µm and V (`devices.calibration`). A simulated device may also implement
+`KnowsTruth`; a real device cannot know the true displacement.
 """
 
 from __future__ import annotations
@@ -48,13 +48,14 @@ if TYPE_CHECKING:
 
 OptionsT = TypeVar("OptionsT", bound="BaseModel")
 
-_NOT_TOLD: Final = frozenset({"unknown", "not told"})
+_NOT_REPORTED: Final = frozenset({"unknown", "not told"})
 
 
 class Identity(NamedTuple):
-    """Who a device says it is; texts as the device gives them, none of them empty.
+    """Identity that a device reports; texts as the device gives them, none of them empty.
 
-    What it does not tell, or not when only its outputs are asked for, is "unknown" or "not told".
+    A part is "unknown" or "not told" if the device does not report it, or does not report it while
+    only its outputs are used.
     """
 
     maker: str
@@ -64,19 +65,23 @@ class Identity(NamedTuple):
 
 
 def is_same(found: Identity, known: Identity) -> bool:
-    """Tell whether nothing speaks against two being one, by maker, model and serial number."""
+    """Return whether maker, model and serial number of two identities agree.
+
+    A part that one of them does not report counts as equal. The firmware is not compared, because
+    it can be updated.
+    """
     return all(
-        a == b or not _NOT_TOLD.isdisjoint({a, b})
+        a == b or not _NOT_REPORTED.isdisjoint({a, b})
         for a, b in zip(found[:3], known[:3], strict=True)
     )
 
 
 class Wiring(NamedTuple):
-    """The channels of a device that a configuration uses; no name twice among either.
+    """Channels of a device that a configuration uses; each name is unique on its side.
 
     Attributes:
-        inputs: Names of the channels that are read, in the order of every sequence of samples.
-        outputs: Names of the channels that are driven, in the order of every sequence of values.
+        inputs: Names of the channels to read, in the order of every sequence of samples.
+        outputs: Names of the channels to drive, in the order of every sequence of values.
     """
 
     inputs: tuple[str, ...]
@@ -84,23 +89,23 @@ class Wiring(NamedTuple):
 
     @classmethod
     def both(cls, channels: Iterable[str]) -> Self:
-        """Return the wiring in which every channel is read and driven."""
+        """Return the wiring that reads and drives every channel."""
         names = tuple(channels)
         return cls(names, names)
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Every channel once: the inputs, then the outputs that are no inputs."""
+        """Every channel once: the inputs, then the outputs that are not inputs."""
         return tuple(dict.fromkeys((*self.inputs, *self.outputs)))
 
 
 class ChannelUnits(NamedTuple):
-    """The channels that a device has, each with the unit of its values.
+    """Channels of a device, each with the unit of its values.
 
     Attributes:
-        inputs: Unit of each input by its name: "µm" where a sample is a displacement, else as what
-            has to be calibrated is called ("V", "%").
-        outputs: Unit of each output by its name: "V" for the voltage of the actuator or of a
+        inputs: Unit of each input by its name: "µm" if a sample is a displacement; otherwise the
+            unit of the value to calibrate ("V", "%").
+        outputs: Unit of each output by its name: "V" for the voltage at the actuator or of a
             converter.
     """
 
@@ -109,31 +114,29 @@ class ChannelUnits(NamedTuple):
 
 
 class Capabilities(NamedTuple):
-    """What an open device can do.
+    """Capabilities of an open device.
 
     Attributes:
-        inputs: Names of the channels that it reads, in the order of every sequence of samples.
-        outputs: Names of the channels that it drives, in the order of every sequence of values.
-        read_back: Whether `read_back` asks the device. Where it does not, `read_back` gives the
-            value written last.
-        max_rate_hz: The fastest loop that the device can follow.
-        holds: Whether the outputs stay as they are when the device is deactivated or closed, and do
-            not go to rest. They must be brought to a safe voltage before; after the death of the
-            process that drove them it is `piezod safe` that does it.
-        opens_relaxed: Whether the stage is at rest, with nothing to remember, whenever the device
-            is opened: one that exists in this process only.
-        enables: Whether outputs are enabled by `activate` and disabled by `deactivate`.
-        soft_disable: Whether an output that is disabled comes down gently.
-        watchdog: Whether the device itself makes its outputs safe when its host falls silent.
-        quality: Whether samples come with a quality, so that a bad one is known to be bad.
-        lag_ns: How much later than it was written a value comes into force and is read back, where
-            the loop does not wait for it.
-        ranges: Lowest and highest value that each output can be set to; empty where the device does
-            not tell.
-        tells_restart: Whether the device tells that it was switched off and on again, or has fallen
-            back to its own safe state, before it takes another write; also where the connection was
-            lost and the device opened again. What was written last to any other one is not known to
-            be in force after it has been away, unless it is read back.
+        inputs: Names of the channels to read, in the order of every sequence of samples.
+        outputs: Names of the channels to drive, in the order of every sequence of values.
+        read_back: Whether `read_back` asks the device. If not, it returns the last written value.
+        max_rate_hz: Highest loop rate that the device supports, in Hz.
+        holds: Whether the outputs hold their value when the device is deactivated or closed, and do
+            not go to rest. They must be brought to a safe voltage first; after the death of the
+            loop process `piezod safe` does that.
+        opens_relaxed: Whether the stage is at rest, with an empty hysteresis memory, whenever the
+            device is opened. True only for devices that exist in this process alone.
+        enables: Whether `activate` enables the outputs and `deactivate` disables them.
+        soft_disable: Whether a disabled output ramps down slowly.
+        watchdog: Whether the device itself makes its outputs safe if its host falls silent.
+        quality: Whether samples carry a quality, so that a bad sample is marked as bad.
+        lag_ns: Delay between the write of a value and its effect and read-back, in ns, if the loop
+            does not wait for it.
+        ranges: Lowest and highest value of each output; empty if the device does not report them.
+        tells_restart: Whether the device reports, before it accepts another write, that it was
+            switched off and on again or has fallen back to its own safe state. This also covers a
+            lost connection and a device that was opened again. For any other device the last
+            written value may no longer be in force after an absence, unless it is read back.
     """
 
     inputs: tuple[str, ...]
@@ -155,10 +158,10 @@ class Sample(NamedTuple):
     """One measured displacement.
 
     Attributes:
-        t_ns: The instant the sample was taken, never later than the call that read it.
-        position_um: Displacement in µm, or what the channel reads in its own unit before it is
-            calibrated; not to be used unless `valid`.
-        valid: False where the device reports a fault, saturation, or nothing at all.
+        t_ns: Instant of the sample, never later than the call that read it.
+        position_um: Displacement in µm, or the channel's value in its own unit before calibration;
+            must not be used unless `valid`.
+        valid: False if the device reports a fault, saturation, or nothing at all.
     """
 
     t_ns: int
@@ -168,19 +171,19 @@ class Sample(NamedTuple):
 
 @runtime_checkable
 class Device(Protocol):
-    """What sensors and amplifiers have in common: the life-cycle at the top of this file."""
+    """Common part of sensors and amplifiers: the life cycle described in the module docstring."""
 
     def open(self) -> Identity:
-        """Connect to the device and ask who it is; its outputs stay as they are or become safe.
+        """Connect to the device and return its identity; outputs stay as they are or become safe.
 
         Raises:
-            DeviceUnavailableError: If it is absent, held by somebody else, or does not answer.
-            DeviceError: If it is already open, or answers something its protocol does not allow.
+            DeviceUnavailableError: If it is absent, held by another program, or does not answer.
+            DeviceError: If it is already open, or its answer violates its protocol.
         """
         ...
 
     def capabilities(self) -> Capabilities:
-        """Tell what the device can do; the answer stays the same until it is closed.
+        """Return the capabilities; they stay the same until the device is closed.
 
         Raises:
             DeviceError: If the device is not open.
@@ -188,7 +191,7 @@ class Device(Protocol):
         ...
 
     def activate(self, now_ns: int) -> None:
-        """Make the device ready for cyclic calls, its outputs at rest.
+        """Prepare the device for cyclic calls, with its outputs at rest.
 
         Raises:
             DeviceError: If the device is not open.
@@ -200,7 +203,7 @@ class Device(Protocol):
         ...
 
     def close(self) -> None:
-        """Make the outputs safe and let go of the device. Never raises."""
+        """Make the outputs safe and release the device. Never raises."""
         ...
 
 
@@ -209,9 +212,7 @@ class Sensor(Device, Protocol):
     """A device that measures displacement."""
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take one sample of each input, in the order of `Capabilities.inputs`.
-
-        May be called in the loop.
+        """Return one sample of each input, in the order of `Capabilities.inputs`. Real-time safe.
 
         Raises:
             DeviceError: If the device is not active.
@@ -224,21 +225,21 @@ class Amplifier(Device, Protocol):
     """A device that drives the actuators."""
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Set the value of every output, in its unit and in the order of `Capabilities.outputs`.
+        """Set every output, in the order of `Capabilities.outputs`. Real-time safe.
 
-        May be called in the loop. A value that is not finite or beyond what the device can drive, a
-        wrong number of values, or a device that is not active: the write is refused as a whole and
-        the outputs stay as they are.
+        Values are in the unit of each output. The write is refused as a whole, and the outputs
+        stay, if a value is not finite or out of range, if the number of values is wrong, or if the
+        device is not active.
 
         Returns:
-            True if the device took the values, False if they were refused.
+            True if the device accepted the values, False if it refused them.
         """
         ...
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Tell what is now in force on each output, in the order of `Capabilities.outputs`.
+        """Return the read-back value of each output. Real-time safe.
 
-        May be called in the loop.
+        The order is that of `Capabilities.outputs`; a value is NaN if it is unknown.
 
         Raises:
             DeviceError: If the device is not open.
@@ -248,29 +249,28 @@ class Amplifier(Device, Protocol):
 
 @runtime_checkable
 class Exchanges(Protocol):
-    """A device that takes values and gives samples in one exchange, which halves the bus time."""
+    """A device that writes values and reads samples in one exchange, which halves the bus time."""
 
     def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
-        """Write as `Amplifier.write` does and read as `Sensor.read` does, in one exchange.
-
-        May be called in the loop.
+        """Do `Amplifier.write` and `Sensor.read` in one exchange. Real-time safe.
 
         Returns:
-            Whether the values were taken, and a sample of each input.
+            Whether the values were accepted, and a sample of each input.
         """
         ...
 
 
 @runtime_checkable
 class KnowsTruth(Protocol):
-    """A simulated sensor that also knows what it measures, so that its own errors can be told."""
+    """A simulated sensor that knows the true displacement, from which its error can be computed."""
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:
-        """Tell how far each axis really is from rest, in µm, in the order of `Capabilities.inputs`.
+        """Return the true displacement of each axis from rest, in µm. Real-time safe.
 
-        This is the displacement of the mechanics: before the sensor with its noise, calibration,
-        filter and delay. May be called in the loop, after the `read` of the same instant, and
-        disturbs nothing: samples are the same to the bit whether anybody asks or not.
+        The order is that of `Capabilities.inputs`. This is the displacement of the mechanics,
+        before the sensor with its noise, calibration, filter and delay. Call it after the `read` of
+        the same instant. It does not change the simulation: samples are the same to the bit with
+        and without it.
 
         Raises:
             DeviceError: If the device is not active.
@@ -279,23 +279,23 @@ class KnowsTruth(Protocol):
 
 
 def any_channel(_options: object) -> None:
-    """Say that channels may be called as one likes."""
+    """Return None: the driver accepts any channel name."""
 
 
 @dataclass(frozen=True, slots=True)
 class DriverPlugin(Generic[OptionsT]):
-    """What a driver's module exports as `PLUGIN` to be found by `piezod.devices.registry`.
+    """Description of a driver, exported by its module as `PLUGIN` for `piezod.devices.registry`.
 
     Attributes:
-        name: The name under which configurations ask for it; the same as its entry point's.
-        summary: One line for lists: which devices it drives.
-        options_model: The model that validates `options:` of a device in a configuration. Options
-            left out have defaults wherever a default makes sense.
-        create: Constructs a device, without I/O, from its options, the channels that are used, and
-            a seed for whatever is random in it.
-        confirmed_on_hardware: Whether somebody has seen it drive the real device.
-        channels: Tells which channels a device with these options has; None where any name will do.
-        sees: Ids of the faults of bus, amplifier and sensor (`docs/faults.md`) that it can see.
+        name: Name that configurations use; the same as the name of its entry point.
+        summary: One line for lists: the devices that it drives.
+        options_model: Model that validates `options:` of a device in a configuration. Options have
+            defaults wherever a default makes sense.
+        create: Constructs a device, without I/O, from its options, the used channels, and a seed
+            for its random numbers.
+        confirmed_on_hardware: Whether it has been confirmed on the real device.
+        channels: Returns the channels of a device with these options; None if any name is accepted.
+        sees: Ids of the faults of bus, amplifier and sensor (`docs/faults.md`) that it can detect.
     """
 
     name: str

@@ -1,7 +1,7 @@
-"""Finds plug-ins by name, among all installed distributions.
+"""Lookup of plug-ins by name, among all installed distributions.
 
-A plug-in is an entry point. Looking at names imports nothing. One is imported when it is asked for,
-so a broken one harms no other.
+A plug-in is an entry point. Listing names imports nothing. A plug-in is imported on request only,
+so a broken one does no harm to the others.
 """
 
 from importlib.metadata import EntryPoint, entry_points
@@ -11,11 +11,11 @@ from piezod.errors import RegistryError
 
 
 class Named(Protocol):
-    """A plug-in, which knows its name."""
+    """A plug-in with a name."""
 
     @property
     def name(self) -> str:
-        """The same as that of its entry point."""
+        """Name of the plug-in, equal to that of its entry point."""
         ...
 
 
@@ -23,26 +23,26 @@ PluginT = TypeVar("PluginT", bound=Named)
 
 
 def names(group: str) -> tuple[str, ...]:
-    """Tell the names of all installed plug-ins, sorted, without importing any of them.
+    """Return the names of all installed plug-ins, sorted, without importing them.
 
     Args:
-        group: Their entry points' group.
+        group: Group of their entry points.
     """
     return tuple(sorted({point.name for point in entry_points(group=group)}))
 
 
 def load(group: str, kind: str, plugin_type: type[PluginT], name: str) -> PluginT:
-    """Import one plug-in. Not to be called in the loop.
+    """Import and return one plug-in. Not for use in the loop.
 
     Args:
-        group: The group of its entry point.
-        kind: What it is, for people.
+        group: Group of its entry point.
+        kind: Kind of plug-in, for messages.
         plugin_type: Its class.
         name: Its name, one of `names(group)`.
 
     Raises:
-        RegistryError: If none or several have this name, or if what carries the name cannot be
-            imported or is not a plug-in of that name.
+        RegistryError: If no plug-in or several have this name, or if it cannot be imported or is
+            not a plug-in of that name.
     """
     point = _only(group, kind, name)
     origin = f"{kind} {name!r} ({point.value} of {_distribution(point)})"

@@ -1,4 +1,4 @@
-"""A device that is opened again by a thread where it is lost; the loop goes on without it."""
+"""A device that a thread opens again after its loss; the loop runs on without it."""
 
 import threading
 from collections.abc import Sequence
@@ -14,27 +14,27 @@ from piezod.errors import DeviceError
 
 @runtime_checkable
 class CanBeLost(Protocol):
-    """A device that may be lost, and then is so until it is closed and opened again.
+    """A device that may be lost, until it is closed and opened again.
 
     Attributes:
-        lost: Why nothing is tried any more, for people; empty where the device is there.
+        lost: Reason of the loss, for people; empty if the device is connected.
     """
 
     lost: str
 
 
 class ReconnectingDevice(DeviceWrapper):
-    """Passes calls on to a device as long as it is there, and opens it again where it is lost.
+    """Forwards calls to a device while it is connected, and opens it again after a loss.
 
-    While it is away samples are not valid, writes are refused, and what is in force is not known;
-    nobody waits. What comes back is used only if it is who it was. If it is to be active, its
-    outputs are taken over as they are; else it is deactivated.
+    While the device is lost, samples are invalid, writes are refused and read-back values are NaN;
+    no call waits. The opened device is used only if its identity is the same as before. If it is to
+    be active, its outputs are taken over as they are; otherwise it is deactivated.
 
     Args:
         device: The device, open and active; it implements `CanBeLost`.
-        identity: Who it is.
-        first_wait_s: How long to leave it alone after it was lost.
-        longest_wait_s: How long at most between two tries.
+        identity: Its identity.
+        first_wait_s: Wait before the first attempt to open it again, in s.
+        longest_wait_s: Longest wait between two attempts, in s.
     """
 
     def __init__(
@@ -47,46 +47,46 @@ class ReconnectingDevice(DeviceWrapper):
     ) -> None:
         super().__init__(device)
         if not isinstance(device, CanBeLost):
-            raise DeviceError(f"{identity.model} cannot be lost: it need not be tended")
+            raise DeviceError(f"{identity.model} cannot be lost: it needs no reconnection")
         self._link: CanBeLost = device
         self._identity = identity
         self._waits_s = first_wait_s, longest_wait_s
-        # The device belongs to the loop while it is there, and to the thread while it is not.
+        # Ownership: the loop uses the device while it is connected, the thread while it is lost.
         self._there = True
-        # What it is to be, which is the loop's to say, and what it was made last by its owner.
+        # The mode that the loop requests, and the mode that the present owner set last.
         self._wanted, self._active = True, True
         self._now_ns = 0
-        self._untold: Sequence[Flags] | None = None
-        self._gone = self._while_away = self._no_flags
+        self._flags_at_loss: Sequence[Flags] | None = None
+        self._lost_flags = self._flags_while_lost = self._no_flags
         self._lost, self._ended = threading.Event(), threading.Event()
-        self.thread = threading.Thread(target=self._tend, name="tending", daemon=True)
-        """What opens the device again; to be started by whoever made this."""
+        self.thread = threading.Thread(target=self._reconnect, name="reconnect", daemon=True)
+        """Thread that opens the device again; the creator of this object starts it."""
         self.absent = ""
-        """Why the last attempt to open it again failed; empty where none has, or it is there."""
+        """Why the last attempt to open it failed; empty if none failed, or it is connected."""
 
     @property
     def there(self) -> bool:
-        """Whether the device is there."""
+        """Whether the device is connected."""
         return self._there
 
     def activate(self, now_ns: int) -> None:
-        """Activate the device, now or when it comes back.
+        """Activate the device, now or after it is opened again.
 
         Raises:
-            DeviceError: If it is there and refuses.
+            DeviceError: If it is connected and refuses.
         """
         self._wanted = True
         if self._there:
-            self._settle_here(now_ns)
+            self._apply_wanted(now_ns)
 
     def deactivate(self, now_ns: int) -> None:
-        """Deactivate the device, now or when it comes back. Never raises."""
+        """Deactivate the device, now or after it is opened again. Never raises."""
         self._wanted = False
         if self._there:
-            self._settle_here(now_ns)
+            self._apply_wanted(now_ns)
 
     def close(self) -> None:
-        """Close the device, and end the thread. Never raises."""
+        """Close the device and end the thread. Never raises."""
         self._ended.set()
         self._lost.set()
         if self.thread.is_alive():
@@ -94,67 +94,68 @@ class ReconnectingDevice(DeviceWrapper):
         super().close()
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take a sample of each input; may be called in the loop."""
+        """Return a sample of each input. Real-time safe."""
         if not self._is_there(now_ns):
             return self._no_samples(now_ns)
         samples = super().read(now_ns)
-        self._look(now_ns)
+        self._check_lost(now_ns)
         return samples
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Set every output; may be called in the loop."""
+        """Set every output. Real-time safe."""
         if not self._is_there(now_ns):
             return False
-        taken = super().write(drive_v, now_ns)
-        self._look(now_ns)
-        return taken
+        accepted = super().write(drive_v, now_ns)
+        self._check_lost(now_ns)
+        return accepted
 
     def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
-        """Set every output and read every input at once; may be called in the loop."""
+        """Set every output and read every input in one exchange. Real-time safe."""
         if not self._is_there(now_ns):
             return False, self._no_samples(now_ns)
         answer = super().exchange(drive_v, now_ns)
-        self._look(now_ns)
+        self._check_lost(now_ns)
         return answer
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Tell what is in force on each output; may be called in the loop."""
+        """Return the read-back value of each output. Real-time safe."""
         if not self._is_there(now_ns):
             return self._unknown
-        told_v = super().read_back(now_ns)
-        self._look(now_ns)
-        return told_v
+        values = super().read_back(now_ns)
+        self._check_lost(now_ns)
+        return values
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell what is the matter with each channel; may be called in the loop."""
-        if self._untold is not None:  # what was said when it was lost, once
-            untold, self._untold = self._untold, None
-            return untold
-        return super().status(now_ns) if self._is_there(now_ns) else self._while_away
+        """Return the flags of each channel. Real-time safe."""
+        if self._flags_at_loss is not None:  # reported once, then only the lasting ones
+            flags, self._flags_at_loss = self._flags_at_loss, None
+            return flags
+        return super().status(now_ns) if self._is_there(now_ns) else self._flags_while_lost
 
     def _is_there(self, now_ns: int) -> bool:
         self._now_ns = now_ns
-        if self._there and self._wanted is not self._active:  # said while the thread was at it
-            self._settle_here(now_ns)
+        # The request may have changed while the thread was opening the device.
+        if self._there and self._wanted is not self._active:
+            self._apply_wanted(now_ns)
         return self._there
 
-    def _settle_here(self, now_ns: int) -> None:
-        """Have the device be what it is to be; where it is lost over that, the thread does it.
+    def _apply_wanted(self, now_ns: int) -> None:
+        """Bring the device into the requested mode; if it gets lost, the thread does it later.
 
         Raises:
-            DeviceError: If it refuses; then it is to be what it is.
+            DeviceError: If it refuses; the requested mode is then the present one.
         """
         try:
-            self._settle(now_ns)
+            self._set_mode(now_ns)
         except Exception:
-            self._look(now_ns)
+            self._check_lost(now_ns)
             if self._there:
                 self._wanted = self._active
                 raise
         else:
-            self._look(now_ns)
+            self._check_lost(now_ns)
 
-    def _settle(self, now_ns: int) -> None:
+    def _set_mode(self, now_ns: int) -> None:
         wanted = self._wanted
         if wanted:
             self._device.activate(now_ns)
@@ -162,53 +163,54 @@ class ReconnectingDevice(DeviceWrapper):
             self._device.deactivate(now_ns)
         self._active = wanted
 
-    def _look(self, now_ns: int) -> None:
-        """Leave the device to the thread where it has just been lost."""
+    def _check_lost(self, now_ns: int) -> None:
+        """Hand the device over to the thread if it has just been lost."""
         if not self._link.lost:
             return
-        told = super().status(now_ns)
-        self._gone = [each & LOSING or frozenset({DeviceFlag.DISCONNECTED}) for each in told]
-        self._untold, self._while_away = told, self._gone
+        flags = super().status(now_ns)
+        self._lost_flags = [each & LOSING or frozenset({DeviceFlag.DISCONNECTED}) for each in flags]
+        self._flags_at_loss, self._flags_while_lost = flags, self._lost_flags
+        # The order matters: from here on the loop must not touch the device.
         self._there = False
         self._lost.set()
 
-    def _tend(self) -> None:
+    def _reconnect(self) -> None:
         while not self._ended.is_set():
             self._lost.wait()
             if not self._there:
                 self._open_again()
 
     def _open_again(self) -> None:
-        self._let_go()
+        self._release()
         for wait_s in waits_s(*self._waits_s):
             if self._ended.wait(wait_s):
                 return
-            if self._came_back():
+            if self._try_to_open():
                 self._lost.clear()
                 self._there = True
                 return
 
-    def _came_back(self) -> bool:
-        """Open the device; return whether that went well and it is who it was."""
-        self._while_away = self._gone
+    def _try_to_open(self) -> bool:
+        """Open the device; return whether that succeeded and its identity is the same."""
+        self._flags_while_lost = self._lost_flags
         try:
             found = self._device.open()
             if is_same(found, self._identity):
-                self._settle(self._now_ns)
+                self._set_mode(self._now_ns)
                 self.absent = ""
                 return True
-        except Exception as error:  # noqa: BLE001 - a driver may fail in any way; it is tried again
+        except Exception as error:  # noqa: BLE001 - any failure of a driver leads to the next attempt
             self.absent = str(error)
         else:
             who, wanted = (" ".join(one) for one in (found, self._identity))
-            self.absent = f"another device came back: {who}, expected: {wanted}"
-            self._while_away = [each | {DeviceFlag.OTHER_DEVICE} for each in self._gone]
-        self._let_go()
+            self.absent = f"another device was found: {who}, expected: {wanted}"
+            self._flags_while_lost = [each | {DeviceFlag.OTHER_DEVICE} for each in self._lost_flags]
+        self._release()
         return False
 
-    def _let_go(self) -> None:
-        """Close the device; if its driver fails at that, it is opened again all the same."""
+    def _release(self) -> None:
+        """Close the device; a failure of its driver does not prevent the next opening."""
         try:
             super().close()
-        except Exception as error:  # noqa: BLE001 - it must not end the thread
+        except Exception as error:  # noqa: BLE001 - a failure must not end the thread
             self.absent = self.absent or str(error)

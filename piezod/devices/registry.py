@@ -1,6 +1,6 @@
-"""Finds drivers by name.
+"""Lookup of drivers by name.
 
-A driver is an entry point of the group `piezod.drivers` that leads to a `DriverPlugin`.
+A driver is an entry point of the group `piezod.drivers` that refers to a `DriverPlugin`.
 """
 
 from typing import Any, Final
@@ -12,18 +12,18 @@ GROUP: Final = "piezod.drivers"
 
 
 def names() -> tuple[str, ...]:
-    """Tell the names of all installed drivers, sorted, without importing any of them."""
+    """Return the names of all installed drivers, sorted, without importing them."""
     return plugins.names(GROUP)
 
 
 def load(name: str) -> DriverPlugin[Any]:
-    """Import the plug-in of one driver. Not to be called in the loop.
+    """Import and return the plug-in of one driver. Not for use in the loop.
 
     Args:
         name: Name of the driver, one of `names()`.
 
     Raises:
-        RegistryError: If no driver or several have this name, or if what carries the name cannot be
-            imported or is not a plug-in of that name.
+        RegistryError: If no driver or several have this name, or if it cannot be imported or is not
+            a plug-in of that name.
     """
     return plugins.load(GROUP, "driver", DriverPlugin, name)

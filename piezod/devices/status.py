@@ -1,4 +1,4 @@
-"""What a device tells of its own health, beside its samples and its acknowledgements."""
+"""Status that a device reports about its own health, besides samples and acknowledgements."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -6,62 +6,62 @@ from typing import Final, Protocol, TypeAlias, runtime_checkable
 
 
 class DeviceFlag(StrEnum):
-    """Something that a device says is the matter with a channel."""
+    """A problem that a device reports for a channel."""
 
     OVERLOAD = "overload"
-    """The amplifier gives less than it should, its current being limited."""
+    """The amplifier limits its current and gives less than requested."""
     OVER_TEMPERATURE = "over-temperature"
     """The amplifier is too hot."""
     LOCAL_MODE = "local mode"
-    """The amplifier does not obey: somebody else does, or it is disabled."""
+    """The amplifier does not follow writes: another control source is active, or it is disabled."""
     WATCHDOG_TRIPPED = "watchdog tripped"
-    """The amplifier has waited too long for the host, and went to its own safe state."""
+    """The amplifier has waited too long for the host and has gone to its own safe state."""
     SHORT_OR_OPEN = "short or open"
-    """The actuator is shorted, or is not there."""
+    """The actuator is shorted or not connected."""
     RESTARTED = "restarted"
-    """The amplifier was switched off and on again; never said of a sensor."""
+    """The amplifier was switched off and on again; never reported for a sensor."""
     LOW_LIGHT = "low light"
-    """The sensor has not enough light: what it shows is not to be trusted."""
+    """The sensor has too little light: its value is not reliable."""
     SATURATED = "saturated"
     """The sensor is at the end of its converter's range."""
     OTHER_DEVICE = "other device"
-    """What came back is another device than the one that was opened first."""
+    """The device that was opened is not the one that was opened first."""
     PARTIAL_WRITE = "partial write"
-    """Only a part of a request went out."""
+    """Only a part of a request was sent."""
     DISCONNECTED = "disconnected"
-    """The connection is gone: every call fails until the device is opened again."""
+    """The connection is lost: every call fails until the device is opened again."""
     OTHER_PATH = "other path"
-    """The device came back under another path."""
+    """The device was opened again under another path."""
     GARBAGE = "garbage"
-    """Bytes came that are no frame."""
+    """Received bytes are not a frame."""
     BAD_CHECKSUM = "bad checksum"
-    """A frame came whose checksum is wrong."""
+    """A received frame has a wrong checksum."""
     LATE_REPLY = "late reply"
-    """No reply came in time, or one that belongs to an earlier request."""
+    """No reply came in time, or the reply of an earlier request came."""
     OUT_OF_ORDER = "out of order"
     """A frame came twice, or in the wrong order."""
     SLOW_REPLY = "slow reply"
-    """A reply took more than most of the time there is for it."""
+    """A reply took most of its time-out."""
     BUS_OFF = "bus off"
     """The CAN controller has left the bus."""
     NOT_SENT = "not sent"
     """A frame could not be sent: the transmit queue is full."""
     WRONG_REQUEST = "wrong request"
-    """The device says that it has no such register or command: the configuration is wrong."""
+    """The device reports an unknown register or command: the configuration is wrong."""
     DEVICE_FAILURE = "device failure"
-    """The device says that it has failed."""
+    """The device reports an internal failure."""
     BUSY = "busy"
-    """The device, or a gateway before it, says that it is busy or cannot be reached."""
+    """The device, or a gateway in front of it, reports that it is busy or unreachable."""
     BUS_OVERLOADED = "bus overloaded"
-    """More comes than can be read in time."""
+    """More frames arrive than can be read in time."""
     FOREIGN_FRAME = "foreign frame"
-    """Somebody else sends under our name, or answers in the device's place."""
+    """Another node sends with our identifier, or answers in place of the device."""
     HALF_OPEN = "half open"
-    """The connection stands, and nothing is acknowledged."""
+    """The connection exists, but the peer acknowledges nothing."""
     PORT_SHARED = "port shared"
     """Another program uses the port."""
     STUCK = "stuck"
-    """The thread that does the device's input and output does not answer."""
+    """The thread that does the device's I/O does not answer."""
 
 
 PASSING: Final = frozenset(
@@ -78,28 +78,28 @@ PASSING: Final = frozenset(
         DeviceFlag.RESTARTED,
     }
 )
-"""What happens in an exchange, and is over with it; all else lasts until it is told to be gone."""
+"""Flags of a single exchange; every other flag lasts until the device reports its end."""
 
 Flags: TypeAlias = frozenset[DeviceFlag]
-"""All that is the matter with a channel at an instant."""
+"""All problems of a channel at an instant."""
 
 NO_FLAGS: Final[Flags] = frozenset()
-"""Nothing is."""
+"""No problem."""
 
 
 @runtime_checkable
 class TellsStatus(Protocol):
-    """A device that tells its status; one that does not simply has no such method."""
+    """A device that reports its status; a device without status lacks this method."""
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell what is the matter with each channel: the inputs, then the outputs.
+        """Return the flags of each channel: the inputs, then the outputs. Real-time safe.
 
         The order is that of `Capabilities.inputs` and `Capabilities.outputs`; a channel that is
-        both is told twice. What happened in exchanges since the last call is told once, what lasts
-        as long as it does.
+        both appears twice. A flag of an exchange is reported once, by the next call; a lasting flag
+        is reported while it lasts.
 
-        May be called in the loop, after the `read` or `write` of the same instant; a device that
-        has to ask for its status answers with what it knew last.
+        Call it after the `read` or `write` of the same instant. A device that must be polled for
+        its status returns the last known status.
 
         Raises:
             DeviceError: If the device is not open.

@@ -1,4 +1,4 @@
-"""How long a device that is away is left alone before it is tried again."""
+"""Back-off before the next attempt to open a device that is absent."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -8,11 +8,11 @@ LONGEST_WAIT_S: Final = 2.0
 
 
 def waits_s(first_s: float = FIRST_WAIT_S, longest_s: float = LONGEST_WAIT_S) -> Iterator[float]:
-    """Give the wait before each further try, without end: twice as long each time.
+    """Yield the wait before each further attempt, in s, endlessly; each is twice the one before.
 
     Args:
-        first_s: The first, in s.
-        longest_s: The longest, in s.
+        first_s: First wait, in s.
+        longest_s: Longest wait, in s.
     """
     wait_s = first_s
     while True:

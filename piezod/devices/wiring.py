@@ -1,4 +1,4 @@
-"""Which channels serve an axis, and what each device is asked for."""
+"""The channels of each axis, and the resulting wiring of each device."""
 
 from collections.abc import Iterator, Mapping
 from itertools import chain
@@ -12,17 +12,17 @@ from piezod.devices.interface import Device, Wiring
 
 
 class ChannelPair(NamedTuple):
-    """Which channels serve an axis.
+    """Channels that serve an axis.
 
     Attributes:
         sensor: Name of the device that measures it.
         amplifier: Name of the device that drives it.
-        input: Name of the sensor's channel, None for the name of the axis.
-        output: Name of the amplifier's channel, None for the name of the axis.
+        input: Name of the sensor's channel; None for the name of the axis.
+        output: Name of the amplifier's channel; None for the name of the axis.
         to_um: Calibration of the input.
         to_v: Calibration of the output.
-        light: Where the light of the input is told, None where it is not.
-        command: The input that commands the axis, None where none does.
+        light: Channel of the input's light; None if there is none.
+        command: Input that commands the axis; None if there is none.
     """
 
     sensor: str
@@ -35,7 +35,7 @@ class ChannelPair(NamedTuple):
     command: InputConfig | None = None
 
     def inputs_of(self, device: str, axis: str) -> Iterator[str]:
-        """Give the inputs of a device that the axis of this name uses."""
+        """Yield the inputs of a device that the axis of this name uses."""
         if self.sensor == device:
             yield self.input or axis
             if self.light is not None:
@@ -64,7 +64,7 @@ def pairs_of(axes: Mapping[str, AxisConfig]) -> dict[str, ChannelPair]:
 
 
 def wiring_of(device: str, axes: Mapping[str, ChannelPair]) -> Wiring:
-    """Return the channels of a device that axes use, in the order of the axes."""
+    """Return the channels of a device that are used by axes, in the order of the axes."""
     inputs = chain.from_iterable(pair.inputs_of(device, axis) for axis, pair in axes.items())
     outputs = (pair.output or axis for axis, pair in axes.items() if pair.amplifier == device)
     return Wiring(tuple(dict.fromkeys(inputs)), tuple(dict.fromkeys(outputs)))

@@ -1,4 +1,4 @@
-"""What is put around a device: every call goes through to it, but for those that differ."""
+"""Wrappers of a device: every call is forwarded, except those that a subclass changes."""
 
 from collections.abc import Sequence
 from math import nan
@@ -17,11 +17,11 @@ from piezod.devices.status import NO_FLAGS, Flags, TellsStatus
 
 
 class AnyDevice(Sensor, Amplifier, Exchanges, TellsStatus, Protocol):
-    """A device in every role; whoever asks for one of them has made sure that it plays it."""
+    """A device in every role; the caller of a method has checked that the device has that role."""
 
 
 class DeviceWrapper:
-    """Implements the roles of a device over it.
+    """Implements the roles of a device by forwarding every call.
 
     Args:
         device: The device, open.
@@ -32,14 +32,14 @@ class DeviceWrapper:
         self._able = able = device.capabilities()
         self._unknown = [nan] * len(able.outputs)
         self._no_flags = [NO_FLAGS] * (len(able.inputs) + len(able.outputs))
-        self._tells = isinstance(device, TellsStatus)
+        self._has_status = isinstance(device, TellsStatus)
 
     def open(self) -> Identity:
-        """Open the device; it refuses, being open."""
+        """Open the device; it refuses, because it is open already."""
         return self._device.open()
 
     def capabilities(self) -> Capabilities:
-        """Tell what the device can do."""
+        """Return the capabilities of the device."""
         return self._able
 
     def activate(self, now_ns: int) -> None:
@@ -55,34 +55,34 @@ class DeviceWrapper:
         self._device.close()
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take a sample of each input; may be called in the loop."""
+        """Return a sample of each input. Real-time safe."""
         return self._device.read(now_ns)
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Set every output; may be called in the loop."""
+        """Set every output. Real-time safe."""
         return self._device.write(drive_v, now_ns)
 
     def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
-        """Set every output and read every input at once; may be called in the loop."""
+        """Set every output and read every input in one exchange. Real-time safe."""
         return self._device.exchange(drive_v, now_ns)
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Tell what is in force on each output; may be called in the loop."""
+        """Return the read-back value of each output. Real-time safe."""
         return self._device.read_back(now_ns)
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell what is the matter with each channel; may be called in the loop."""
-        return self._device.status(now_ns) if self._tells else self._no_flags
+        """Return the flags of each channel. Real-time safe."""
+        return self._device.status(now_ns) if self._has_status else self._no_flags
 
     def _no_samples(self, now_ns: int) -> Sequence[Sample]:
         return [Sample(now_ns, nan, False)] * len(self._able.inputs)
 
 
 class CombinedExchange(DeviceWrapper):
-    """Has a cycle cost one exchange with the device: reading rides on the write before it.
+    """Uses one exchange with the device per cycle: the write of a cycle also reads.
 
-    The samples of a cycle are those that came with the write of the cycle before, and so is what is
-    in force. Where nothing was written since, they are asked for.
+    The samples and read-back values of a cycle are those of the exchange of the cycle before. If
+    nothing was written since the last read, the device is asked.
 
     Args:
         device: The device, open; it implements `Exchanges`.
@@ -90,26 +90,26 @@ class CombinedExchange(DeviceWrapper):
 
     def __init__(self, device: Device) -> None:
         super().__init__(device)
-        self._came: Sequence[Sample] | None = None
-        self._in_force: Sequence[float] | None = None
+        self._samples: Sequence[Sample] | None = None
+        self._values: Sequence[float] | None = None
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Give what came with the last write, or take a sample; may be called in the loop."""
-        came, self._came = self._came, None
-        return self._device.read(now_ns) if came is None else came
+        """Return the samples of the last exchange once, or ask the device. Real-time safe."""
+        samples, self._samples = self._samples, None
+        return self._device.read(now_ns) if samples is None else samples
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Set every output, and keep what comes with it; may be called in the loop."""
-        taken, self._came = self._device.exchange(drive_v, now_ns)
-        self._in_force = self._device.read_back(now_ns)  # what the exchange told is not asked for
-        return taken
+        """Set every output, and store the samples of the same exchange. Real-time safe."""
+        accepted, self._samples = self._device.exchange(drive_v, now_ns)
+        self._values = self._device.read_back(now_ns)  # from the exchange, without a further one
+        return accepted
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Tell what was in force after the last write, or ask; may be called in the loop."""
-        told, self._in_force = self._in_force, None
-        return self._device.read_back(now_ns) if told is None else told
+        """Return the read-back values of the last exchange once, or ask. Real-time safe."""
+        values, self._values = self._values, None
+        return self._device.read_back(now_ns) if values is None else values
 
     def deactivate(self, now_ns: int) -> None:
-        """Deactivate the device, and forget what came. Never raises."""
-        self._came = self._in_force = None
+        """Deactivate the device, and drop the stored values, which get old. Never raises."""
+        self._samples = self._values = None
         super().deactivate(now_ns)

@@ -1,5 +1,5 @@
-"""Records of runs: CSV and HDF5 in and out, figures, and the HTML report.
+"""Records of runs: CSV and HDF5 input and output, figures, and the HTML report.
 
-Nothing here knows how the data came about. Import the module you need: `csv_file` stays light,
-`hdf5_file` brings h5py, `figures` and `report` bring matplotlib.
+The package does not know how the data were measured. Import the module that you need: `csv_file` is
+light, `hdf5_file` imports h5py, `figures` and `report` import matplotlib.
 """

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Files that are written completely or not at all."""
 
 import os
 from collections.abc import Iterator
@@ -10,11 +10,11 @@ from pathlib import Path
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the same folder; rename it to `path` when the block succeeds.
 
-    A reader never sees half a file, and a failed write leaves an older file as it was. The
-    temporary name carries the process's id, so that two programs do not write into one file.
+    A reader never sees an incomplete file, and a failed write leaves an older file unchanged. The
+    temporary name contains the process id, so that two programs do not write to one file.
 
     Args:
-        path: Where the file shall be; its folder is created where absent.
+        path: Path of the file; its folder is created if it is absent.
 
     Raises:
         OSError: If the folder or the file cannot be written.
@@ -26,7 +26,7 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.replace(path)
     except OSError as error:
         if error.filename == str(temporary):
-            error.filename = str(path)  # the name that the caller knows
+            error.filename = str(path)  # the caller knows this name, not the temporary one
         raise
     finally:
         temporary.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""What recorded columns must be like to be worked with, and the words when they are not."""
+"""Checks of recorded columns, and their messages."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,17 +10,17 @@ from piezod.errors import DataError
 from piezod.records.frozen import FloatArray
 
 MAX_STEP_PERIODS: Final = 1.5
-"""Longest step of time in median steps; a longer one is a gap, a shorter one is jitter."""
+"""Longest allowed time step in median steps: a longer one is a gap, a shorter one is jitter."""
 
 FIRST_DATA_LINE: Final = 2
 """Line of the first sample, counted from 1; the header is above it."""
 
 
 def check_finite(path: Path, table: FloatArray, names: Sequence[str]) -> None:
-    """Refuse NaN and infinities.
+    """Raise an error for NaN and infinities.
 
     Args:
-        path: The file, for the message.
+        path: Path of the file, for the message.
         table: Values, shape (n_samples, n_columns).
         names: Names of the columns.
 
@@ -30,16 +30,16 @@ def check_finite(path: Path, table: FloatArray, names: Sequence[str]) -> None:
     bad_rows, bad_columns = np.nonzero(~np.isfinite(table))
     if bad_rows.size:
         what = f"{names[bad_columns[0]]} is {table[bad_rows[0], bad_columns[0]]}"
-        remedy = "cut the record there, or fill in what was measured"
+        remedy = "cut the record there, or fill in the measured value"
         line = int(bad_rows[0]) + FIRST_DATA_LINE
         fail(path, line, what, "allowed is any finite number", remedy)
 
 
 def check_time(path: Path, t_s: FloatArray) -> None:
-    """Refuse time that does not rise, or that leaves gaps.
+    """Raise an error for time that does not rise, or that has gaps.
 
     Args:
-        path: The file, for the message.
+        path: Path of the file, for the message.
         t_s: Time in s, shape (n_samples,).
 
     Raises:
@@ -54,7 +54,7 @@ def check_time(path: Path, t_s: FloatArray) -> None:
         index = int(backward[0]) + 1
         verb = "repeats" if t_s[index] == t_s[index - 1] else "comes after"
         what = f"t_s {t_s[index]} {verb} {t_s[index - 1]}"
-        remedy = "sort the rows by time, delete double ones, write t_s with more digits"
+        remedy = "sort the rows by time, delete double rows, or write t_s with more digits"
         fail(path, index + FIRST_DATA_LINE, what, "allowed is time that rises", remedy)
     gaps = np.flatnonzero(steps_s > longest_s)
     if gaps.size:
@@ -68,10 +68,10 @@ def check_time(path: Path, t_s: FloatArray) -> None:
 
 
 def check_varies(path: Path, name: str, values: FloatArray) -> None:
-    """Refuse a column that is the same number throughout.
+    """Raise an error for a column that is constant.
 
     Args:
-        path: The file, for the message.
+        path: Path of the file, for the message.
         name: Name of the column.
         values: Its values, shape (n_samples,), at least one.
 
@@ -85,23 +85,23 @@ def check_varies(path: Path, name: str, values: FloatArray) -> None:
 
 
 def counted(number: int, one: str) -> str:
-    """Return a number with what is counted, in the plural where there is not one of it.
+    """Return a number with its noun, in the plural unless the number is 1.
 
     Args:
-        number: How many there are.
-        one: What a single one is called.
+        number: The number.
+        one: The noun in the singular.
     """
     return f"{number} {one}" if number == 1 else f"{number} {one}s"
 
 
 def fail(path: Path, line: int, what: str, allowed: str, remedy: str) -> NoReturn:
-    """Raise what is wrong in a file, as one line that an editor can jump to.
+    """Raise an error about a file, as one line that an editor can jump to.
 
     Args:
-        path: The file.
+        path: Path of the file.
         line: Line, counted from 1.
-        what: What is wrong and what was found.
-        allowed: What is allowed.
+        what: The problem and the value found.
+        allowed: The allowed values.
         remedy: What to do about it.
 
     Raises:

@@ -1,4 +1,4 @@
-"""CSV in and out: named columns of numbers over time, `t_s, drive_v, position_um, command_um`."""
+"""CSV input and output: named columns of numbers over time, `t_s, drive_v, position_um, …`."""
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
@@ -20,7 +20,7 @@ from piezod.records.csv_checks import (
 from piezod.records.frozen import FloatArray
 
 MIN_SAMPLES: Final = 100
-"""Fewest samples of a useful record; a model with 38 parameters needs several times as many."""
+"""Smallest number of samples of a useful record; a model with 38 parameters needs far more."""
 
 _MUST_VARY: Final = ("drive_v", "position_um")
 _HEADER_LINE: Final = 1
@@ -31,22 +31,22 @@ def read_csv(
     required: Sequence[str] = ("t_s", "drive_v", "position_um"),
     min_samples: int = MIN_SAMPLES,
 ) -> dict[str, FloatArray]:
-    """Read recorded columns and refuse what could not be worked with.
+    """Return recorded columns, after checking that they can be used.
 
-    The file is UTF-8 text, comma separated, a header of column names and then one row for each
-    sample, evenly in time but for jitter. A byte order mark and any line ends are accepted; columns
-    that are not required are neither read nor checked.
+    The file is UTF-8 text, comma separated: a header of column names, then one row per sample,
+    evenly spaced in time except for jitter. A byte order mark and all line ends are accepted.
+    Columns that are not required are neither read nor checked.
 
     Args:
-        path: The file.
+        path: Path of the file.
         required: Names of the columns to read.
-        min_samples: Fewest samples that will do.
+        min_samples: Smallest number of samples.
 
     Returns:
         The required columns by name, each of shape (n_samples,), exactly as written.
 
     Raises:
-        DataError: If the file breaks a rule; the text says `file:line: what, allowed, remedy`.
+        DataError: If the file breaks a rule; the text is `file:line: what, allowed, remedy`.
         OSError: If the file cannot be read.
     """
     lines = _lines(path)
@@ -73,10 +73,10 @@ def read_csv(
 
 
 def write_csv(path: Path, columns: Mapping[str, npt.ArrayLike]) -> None:
-    """Write columns so that reading them gives the same numbers to the last bit.
+    """Write columns such that reading them returns the same numbers to the last bit.
 
     Args:
-        path: The file; it appears whole or not at all.
+        path: Path of the file; it is written completely or not at all.
         columns: Columns by name, each of shape (n_samples,).
 
     Raises:
@@ -99,7 +99,7 @@ def _lines(path: Path) -> list[str]:
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
         fail(path, line, "this is not UTF-8 text", "allowed is CSV in UTF-8", "save it as such")
-    # splitlines would also split at form feeds and the like, and count other lines than an editor.
+    # splitlines also splits at form feeds and other characters; an editor counts lines otherwise.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     while lines and not lines[-1].strip():
         lines.pop()
@@ -156,7 +156,7 @@ def _numbers(rows: list[str], indices: list[int]) -> FloatArray:
 
 
 def _first_not_numeric(rows: list[str], indices: list[int]) -> int:
-    # Halving asks the very parser that refused, and costs no more than reading the file again.
+    # Bisection with the parser itself finds the row that it refuses, at the cost of one more read.
     low, high = 0, len(rows)
     while high - low > 1:
         middle = (low + high) // 2

@@ -1,4 +1,4 @@
-"""The table of errors: which are best, and which miss their reference."""
+"""The table of errors: the best mode of each case, and errors above their reference."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,9 +10,9 @@ from piezod.records.recording import ExperimentResult, Recording
 from piezod.records.reference import Reference, is_missed
 
 _MEANINGS: Final = {
-    "measured": "Measured: as the sensor shows it.",
-    "true": "True: as the simulated stage knows it.",
-    "noise": "Noise: what the sensor adds, but for its lag and calibration.",
+    "measured": "Measured: from the sensor.",
+    "true": "True: from the simulated stage.",
+    "noise": "Noise: sensor error without its lag and calibration error.",
 }
 
 
@@ -21,10 +21,11 @@ class ErrorCell(NamedTuple):
 
     Attributes:
         metric: Name of the metric.
-        value: The error in the unit of the name; NaN where the recording has no such metric.
-        limit: What it should not exceed, None where nothing is said.
-        best: Whether no other mode of the case does better; noise is no merit of a mode.
-        missed: Whether it exceeds its limit, or is no number where it has one.
+        value: The error in the unit of the name; NaN if the recording lacks this metric.
+        limit: Reference that it must not exceed; None if there is none.
+        best: Whether no other mode of the case has a smaller error; False for noise, which does not
+            depend on the mode.
+        missed: Whether it exceeds its limit, or is NaN although it has one.
     """
 
     metric: str
@@ -40,7 +41,7 @@ class ErrorRow(NamedTuple):
     Attributes:
         mode: Name of the mode.
         cells: One for each metric of the experiment.
-        reference: The reference's error for this case and mode, None where there is none.
+        reference: Error of the reference for this case and mode; None if there is none.
     """
 
     mode: str
@@ -51,11 +52,11 @@ class ErrorRow(NamedTuple):
 def error_table(
     result: ExperimentResult, reference: Reference | None = None
 ) -> dict[tuple[str, str], tuple[ErrorRow, ...]]:
-    """Return the errors of an experiment, rows of modes by (axis, case).
+    """Return the errors of an experiment: rows of modes by (axis, case).
 
     Args:
         result: The experiment.
-        reference: Errors to compare with, where there are any.
+        reference: Errors to compare with, if any.
     """
     return {
         key: tuple(_row(each, recordings, result.metric_names, reference) for each in recordings)
@@ -64,7 +65,7 @@ def error_table(
 
 
 def groups(metrics: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
-    """Return metrics side by side that are errors of the same, with what that is.
+    """Return neighbouring metrics of the same group, with the name of the group.
 
     Args:
         metrics: Names of metrics, in the order of the table.
@@ -73,7 +74,7 @@ def groups(metrics: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
 
 
 def meaning(metrics: Sequence[str]) -> str:
-    """Say in a sentence for each group what the metrics are errors of.
+    """Return a sentence on each group of metrics.
 
     Args:
         metrics: Names of metrics, in the order of the table.
@@ -85,11 +86,11 @@ def meaning(metrics: Sequence[str]) -> str:
 def verdict(
     table: Mapping[tuple[str, str], Sequence[ErrorRow]], reference: Reference | None = None
 ) -> str:
-    """Say in one sentence how the errors compare with the reference; empty without one.
+    """Return a sentence that compares the errors with the reference; empty without one.
 
     Args:
         table: From `error_table`, with the same reference.
-        reference: What the errors are compared with.
+        reference: Errors to compare with.
     """
     rows = chain.from_iterable(table.values())
     compared = [cell for row in rows for cell in row.cells if cell.limit is not None]

@@ -1,4 +1,4 @@
-"""Parts of which frozen records with arrays inside are made: read-only fields, and equality."""
+"""Parts of frozen records with arrays: read-only fields, and equality."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 
 class Comparable:
-    """Equality field by field; arrays are equal where their values are, NaN equal to NaN."""
+    """Equality field by field; arrays are equal if their values are, and NaN equals NaN."""
 
     __hash__ = None  # type: ignore[assignment]  # arrays inside: not hashable
 
@@ -36,7 +36,7 @@ def frozen_array(values: npt.ArrayLike) -> FloatArray:
         TypeError: If they are not numbers.
         ValueError: If they are not numbers, or ragged.
     """
-    # A copy: setting the caller's own array read-only would freeze it for the caller too.
+    # A copy, because a read-only flag on the caller's array would affect the caller too.
     frozen = np.array(values, dtype=np.float64)
     frozen.setflags(write=False)
     return frozen
@@ -46,13 +46,13 @@ def freeze(record: object, name: str, dimensions: int, where: str) -> None:
     """Replace an array of a frozen dataclass by a read-only copy.
 
     Args:
-        record: The dataclass, from within its `__post_init__`.
+        record: The dataclass, from its `__post_init__`.
         name: Name of the field.
-        dimensions: Dimensions that the array must have.
-        where: What the record is, for the message.
+        dimensions: Required number of dimensions.
+        where: Name of the record, for the message.
 
     Raises:
-        DataError: If the field is not an array of numbers of that many dimensions.
+        DataError: If the field is not an array of numbers with that many dimensions.
     """
     try:
         frozen = frozen_array(getattr(record, name))
@@ -67,9 +67,9 @@ def freeze_columns(record: object, names: Sequence[str], where: str) -> None:
     """Replace columns of a frozen dataclass by read-only copies.
 
     Args:
-        record: The dataclass, from within its `__post_init__`.
+        record: The dataclass, from its `__post_init__`.
         names: Names of the fields.
-        where: What the record is, for the message.
+        where: Name of the record, for the message.
 
     Raises:
         DataError: If a column is not one-dimensional, or the columns differ in length.
@@ -86,7 +86,7 @@ def freeze_mapping(record: object, name: str) -> None:
     """Replace a mapping of a frozen dataclass by a read-only copy.
 
     Args:
-        record: The dataclass, from within its `__post_init__`.
+        record: The dataclass, from its `__post_init__`.
         name: Name of the field.
     """
     object.__setattr__(record, name, MappingProxyType(dict(getattr(record, name))))

@@ -1,11 +1,11 @@
-"""HDF5 out and in, laid out after NeXus, so that its viewers open a useful plot by themselves.
+"""HDF5 output and input in the layout of NeXus, so that its viewers open a useful plot.
 
 ::
 
     /                             NXroot   @default
       experiment/                 NXentry  @default
         title, seed, rate_hz, warnings
-        configuration/data        NXnote: the text as it was read
+        configuration/data        NXnote: the text of the file
         versions/                 NXcollection of attributes
         identification_<axis>/    NXdata   @signal=drive_v @axes=t_s @axis @method
           t_s, drive_v, position_um, predicted_v     each with @units and @long_name
@@ -52,10 +52,10 @@ _LONG_NAMES: Final = {
 
 
 def write_hdf5(path: Path, result: ExperimentResult) -> None:
-    """Write everything that an experiment left behind.
+    """Write all data of an experiment.
 
     Args:
-        path: The file; it appears whole or not at all.
+        path: Path of the file; it is written completely or not at all.
         result: The experiment.
 
     Raises:
@@ -82,16 +82,16 @@ def write_hdf5(path: Path, result: ExperimentResult) -> None:
 
 
 def read_hdf5(path: Path) -> ExperimentResult:
-    """Read back what `write_hdf5` wrote.
+    """Return the experiment that `write_hdf5` wrote.
 
     Args:
-        path: The file.
+        path: Path of the file.
 
     Returns:
-        An experiment equal to the one written.
+        An experiment equal to the written one.
 
     Raises:
-        DataError: If the file is not one of ours.
+        DataError: If the file has another layout.
         OSError: If the file cannot be opened, or is not HDF5.
     """
     with h5py.File(path, "r") as file:
@@ -100,7 +100,7 @@ def read_hdf5(path: Path) -> ExperimentResult:
         except KeyError as error:
             raise DataError(
                 f"{path}: this is not the record of an experiment: {error.args[0]}; allowed are "
-                "files written by write_hdf5; look at others with any HDF5 viewer"
+                "files written by write_hdf5; open other files with an HDF5 viewer"
             ) from error
 
 
@@ -133,7 +133,7 @@ def _write_recording(entry: h5py.Group, recording: Recording) -> str:
 
 
 def _auxiliary(recording: Recording) -> list[str]:
-    """Return what a viewer draws beside the measured displacement."""
+    """Return the columns that a viewer draws beside the measured displacement."""
     known = ["true_um"] if recording.knows_truth else []
     return ["command_um", *known, "drive_v", "uncompensated_v"]
 
@@ -150,7 +150,7 @@ def _data_group(
 
 
 def _free_name(entry: h5py.Group, name: str) -> str:
-    """Return a name of the letters that NeXus allows, which is not taken yet."""
+    """Return an unused name of the characters that NeXus allows."""
     plain = re.sub(r"[^A-Za-z0-9_]+", "_", name)
     number = 1
     while (free := plain if number == 1 else f"{plain}_{number}") in entry:
@@ -159,7 +159,7 @@ def _free_name(entry: h5py.Group, name: str) -> str:
 
 
 def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
-    # Order is part of what we keep: recordings and metrics come back as they were given.
+    # track_order keeps recordings and metrics in their original order.
     group = parent.create_group(name, track_order=True)
     group.attrs["NX_class"] = nexus_class
     return group

@@ -1,4 +1,4 @@
-"""Words for people in place of the names that data carries."""
+"""Labels for people, from the names in the data."""
 
 import math
 from typing import Final
@@ -23,27 +23,27 @@ _UNITS: Final = {"pct": "%", "um": "µm", "v": "V", "s": "s", "hz": "Hz"}
 
 
 def metric_label(name: str) -> str:
-    """Return what a metric is called, without its unit.
+    """Return the label of a metric, without its unit.
 
     Args:
-        name: Name of the metric; an unknown one is read out without its unit.
+        name: Name of the metric; an unknown name is spelt out without its unit.
     """
     stem, _, suffix = name.rpartition("_")
     return _METRICS.get(name, (stem if suffix in _UNITS else name).replace("_", " "))
 
 
 def metric_group(name: str) -> str:
-    """Return what a metric is an error of: "measured" or "true" displacement, or "noise".
+    """Return the group of a metric: "measured" or "true" displacement, or "noise".
 
     Args:
-        name: Name of the metric; an unknown one is of the measured displacement.
+        name: Name of the metric; an unknown one belongs to the measured displacement.
     """
     first = name.partition("_")[0]
     return first if first in {"true", "noise"} else "measured"
 
 
 def metric_heading(name: str) -> str:
-    """Return what a metric is called below the heading of its group, without its unit.
+    """Return the label of a metric below the heading of its group, without its unit.
 
     Args:
         name: Name of the metric.
@@ -53,7 +53,7 @@ def metric_heading(name: str) -> str:
 
 
 def metric_unit(name: str) -> str:
-    """Return the unit at the end of a metric's name, empty where there is none.
+    """Return the unit at the end of a metric's name; empty if there is none.
 
     Args:
         name: Name of the metric.
@@ -62,9 +62,9 @@ def metric_unit(name: str) -> str:
 
 
 def metric_number(name: str, value: float) -> str:
-    """Return the value of a metric as it is shown everywhere: percent with two decimals.
+    """Return the value of a metric as displayed everywhere: percent with two decimals.
 
-    A metric that has no value, as the nonlinearity along a constant command, is a dash.
+    A metric without a value, for example the nonlinearity of a constant command, is a dash.
 
     Args:
         name: Name of the metric.
@@ -76,7 +76,7 @@ def metric_number(name: str, value: float) -> str:
 
 
 def metric_text(name: str, value: float) -> str:
-    """Return a metric in words with value and unit, as in "nonlinearity 1.52 %".
+    """Return a metric as text with value and unit, as in "nonlinearity 1.52 %".
 
     Args:
         name: Name of the metric.

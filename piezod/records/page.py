@@ -1,4 +1,4 @@
-"""Pages in HTML from templates of this folder; each needs nothing beside it."""
+"""Self-contained HTML pages from the templates of this package."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -11,8 +11,8 @@ def render(template: str, filters: Mapping[str, Callable[..., Any]], /, **contex
 
     Args:
         template: Name of its template.
-        filters: Filters of the template, beside jinja's own.
-        **context: What the template names.
+        filters: Filters of the template, in addition to jinja's own.
+        **context: Variables of the template.
     """
     environment = Environment(
         loader=PackageLoader("piezod.records"),

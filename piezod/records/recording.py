@@ -1,4 +1,4 @@
-"""What runs leave behind, as plain frozen data: columns, parameters, metrics, and where from."""
+"""Data of runs as frozen dataclasses: columns, parameters, metrics, and their origin."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -36,19 +36,19 @@ class Recording(Comparable):
         axis: Name of the axis.
         case: Name of the case.
         mode: Name of the control mode.
-        title: What the case is, for people.
+        title: Description of the case, for people.
         t_s: Time in s, shape (n_samples,).
-        drive_v: Voltage applied, in V, same shape.
-        position_um: Measured displacement in µm, same shape; NaN where a sample was invalid.
+        drive_v: Applied voltage in V, same shape.
+        position_um: Measured displacement in µm, same shape; NaN for an invalid sample.
         command_um: Commanded displacement in µm, same shape.
         uncompensated_v: Voltage without compensation, proportional to the command, in V.
         true_um: True displacement in µm, same shape, before the sensor and without its noise; NaN
-            where it is not known, which is everywhere but on a simulated stage.
-        weights: Parameters of the compensator, shape (n_snapshots, 2M), the M of the right
-            operators first; (0, 0) where there is none.
+            if it is not known, that is for every stage except a simulated one.
+        weights: Parameters of the compensator, shape (n_snapshots, 2M), the M right operators
+            first; (0, 0) if there is no compensator.
         weights_t_s: Instants of the snapshots in s, shape (n_snapshots,).
-        metrics: Error figures by name; the name ends in the unit.
-        first_metric_index: Samples before this one are left out of the metrics.
+        metrics: Errors by name; the name ends in the unit.
+        first_metric_index: Samples before this index are left out of the metrics.
     """
 
     axis: str
@@ -70,7 +70,7 @@ class Recording(Comparable):
         """Freeze the arrays and check their shapes.
 
         Raises:
-            DataError: If it is empty, shapes do not go together, or the first index is outside.
+            DataError: If it is empty, the shapes do not match, or the first index is out of range.
         """
         where = f"recording {self.axis}/{self.case}/{self.mode}"
         freeze_columns(self, COLUMN_NAMES, where)
@@ -93,7 +93,7 @@ class Recording(Comparable):
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """Axis, case and mode, which together name a recording within an experiment."""
+        """Axis, case and mode, which together identify a recording within an experiment."""
         return self.axis, self.case, self.mode
 
     @property
@@ -103,7 +103,7 @@ class Recording(Comparable):
 
     @property
     def true_error_um(self) -> FloatArray:
-        """True minus commanded displacement in µm, shape (n_samples,); NaN where not known."""
+        """True minus commanded displacement in µm, shape (n_samples,); NaN if not known."""
         return self.true_um - self.command_um
 
     @property
@@ -113,7 +113,7 @@ class Recording(Comparable):
 
     @property
     def position_range_um(self) -> float:
-        """Displacement range, max - min in µm, of the samples that count for the metrics."""
+        """Displacement range, max - min in µm, of the samples of the metrics."""
         return _range(self.position_um[self.first_metric_index :])
 
     def columns(self) -> dict[str, FloatArray]:
@@ -123,21 +123,21 @@ class Recording(Comparable):
 
 @dataclass(frozen=True, eq=False)
 class Identification(Comparable):
-    """How the model of one axis was made, and how well it predicts the drive voltage.
+    """The model of one axis, its origin, and its prediction of the drive voltage.
 
     Attributes:
         axis: Name of the axis.
-        title: What the record is, or which file the model was read from, for people.
-        method: The method that made the model.
-        t_s: Time in s, shape (n_samples,); empty where the model was not fitted to a record.
-        drive_v: Voltage applied, in V, same shape.
+        title: Description of the record, or of the file from which the model was read, for people.
+        method: Method that made the model.
+        t_s: Time in s, shape (n_samples,); empty if the model was not fitted to a record.
+        drive_v: Applied voltage in V, same shape.
         position_um: Displacement measured at the same time, in µm, same shape; it lags behind the
             voltage by the model's delay.
-        predicted_v: Voltage that the model predicts, in V, same shape; at each time from the
-            displacement a delay later, so that it stands beside the voltage applied. NaN in the
-            run-in, and at the end, where no later displacement was recorded.
+        predicted_v: Voltage that the model predicts, in V, same shape. Each value is computed from
+            the displacement one delay later, so that it corresponds to the applied voltage. NaN in
+            the run-in, and at the end, where no later displacement was recorded.
         fit_errors: Errors of the prediction by name; the name ends in the unit.
-        parameters: The model's parameters by name, each of any shape.
+        parameters: Parameters of the model by name, each of any shape.
     """
 
     axis: str
@@ -154,7 +154,7 @@ class Identification(Comparable):
         """Freeze the arrays and check their shapes.
 
         Raises:
-            DataError: If the columns are not of one length.
+            DataError: If the columns differ in length.
         """
         freeze_columns(self, FIT_COLUMN_NAMES, f"identification of {self.axis}")
         freeze_mapping(self, "fit_errors")
@@ -178,17 +178,17 @@ class Identification(Comparable):
 
 @dataclass(frozen=True, eq=False)
 class ExperimentResult(Comparable):
-    """Everything that one experiment left behind.
+    """All results of one experiment.
 
     Attributes:
-        title: What the experiment is, for people.
-        recordings: One per axis, case and mode, in the order they were run.
+        title: Description of the experiment, for people.
+        recordings: One per axis, case and mode, in the order of the runs.
         identifications: One per axis, in the order of the axes.
-        configuration: Text of the configuration as it was read.
+        configuration: Text of the configuration file.
         versions: Versions of the programs by name.
-        seed: Seed of everything random in the run.
+        seed: Seed of all random numbers of the run.
         rate_hz: Rate of the loop in Hz, above 0.
-        warnings: What a person should know before believing the result, with the remedy each.
+        warnings: Reservations about the result, each with its remedy.
     """
 
     title: str
@@ -201,10 +201,10 @@ class ExperimentResult(Comparable):
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check that no recording is there twice.
+        """Check that each recording is there once.
 
         Raises:
-            DataError: If two recordings have axis, case and mode in common.
+            DataError: If two recordings have the same axis, case and mode.
         """
         freeze_mapping(self, "versions")
         keys = [recording.key for recording in self.recordings]

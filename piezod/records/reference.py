@@ -1,4 +1,4 @@
-"""Figures from elsewhere that errors are compared with."""
+"""Published errors to compare with."""
 
 import math
 from collections.abc import Mapping
@@ -9,12 +9,12 @@ from piezod.records.recording import Recording
 
 @dataclass(frozen=True)
 class Reference:
-    """Errors that somebody else reached, and that ours should not exceed.
+    """Published errors that ours should not exceed.
 
     Attributes:
-        label: Whose they are, for people, as in "paper".
+        label: Their source, for people, as in "paper".
         values: Error by (case, mode), in the unit of the metrics.
-        metrics: Names of the metrics that are compared with them.
+        metrics: Names of the metrics to compare with them.
     """
 
     label: str
@@ -22,7 +22,7 @@ class Reference:
     metrics: tuple[str, ...]
 
     def value(self, recording: Recording) -> float | None:
-        """Return the error to compare a recording with, None where there is none.
+        """Return the error to compare a recording with; None if there is none.
 
         Args:
             recording: The recording.
@@ -30,7 +30,7 @@ class Reference:
         return self.values.get((recording.case, recording.mode))
 
     def limit(self, recording: Recording, metric: str) -> float | None:
-        """Return what a metric of a recording should not exceed, None where nothing is said.
+        """Return the limit of a metric of a recording; None if there is none.
 
         Args:
             recording: The recording.
@@ -40,11 +40,11 @@ class Reference:
 
 
 def is_missed(value: float, limit: float | None) -> bool:
-    """Return whether an error exceeds its limit, or is no number where it has one, or is infinite.
+    """Return whether an error exceeds its limit, is infinite, or is NaN although it has a limit.
 
     Args:
         value: The error.
-        limit: What it should not exceed, None where nothing is said.
+        limit: Its limit; None if there is none.
     """
     if math.isnan(value):
         return limit is not None

@@ -1,4 +1,4 @@
-"""The report of an experiment: one HTML page that needs nothing else, and its figures as PNG."""
+"""The report of an experiment: one self-contained HTML page, and its figures as PNG."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,17 +25,17 @@ _FILTERS: Final[dict[str, Callable[..., str]]] = {
 def write_report(
     folder: Path, result: ExperimentResult, reference: Reference | None = None
 ) -> Path:
-    """Write the page, and beside it each of its figures.
+    """Write the page, and each of its figures beside it.
 
-    Figures that an earlier report in the folder shows, and this one does not, are removed.
+    Figures of an earlier report in the folder that this report lacks are removed.
 
     Args:
-        folder: Where to write; created where absent.
+        folder: Folder of the report; created if it is absent.
         result: The experiment.
-        reference: Errors to compare with, where there are any.
+        reference: Errors to compare with, if any.
 
     Returns:
-        The path of the page.
+        Path of the page.
 
     Raises:
         OSError: If the files cannot be written.
@@ -66,7 +66,7 @@ def write_report(
 
 
 def _figures_beside(path: Path) -> set[str]:
-    """Return the names of the figures of a report; none where there is no report."""
+    """Return the names of the figures of a report; empty if there is no report."""
     if not path.exists():
         return set()
     return set(figures_in(path.read_text(encoding="utf-8", errors="replace")))

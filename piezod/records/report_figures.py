@@ -1,4 +1,4 @@
-"""The figures of a report, drawn, named and described."""
+"""The figures of a report: drawing, file names and descriptions."""
 
 import re
 import struct
@@ -23,10 +23,10 @@ class ReportFigure:
     """A drawn figure.
 
     Attributes:
-        name: Name of its file, without the suffix; also its anchor in the page.
-        title: What to write above it.
-        alt: What it shows, for those who cannot see it.
-        png: The picture.
+        name: Name of its file without suffix; also its anchor in the page.
+        title: Heading above it.
+        alt: Description for readers who cannot see it.
+        png: The image.
     """
 
     name: str
@@ -36,12 +36,12 @@ class ReportFigure:
 
     @property
     def base64(self) -> str:
-        """The picture as text for a data address."""
+        """The image as text for a data address."""
         return b64encode(self.png).decode("ascii")
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Width and height in pixels, as the picture's own header says."""
+        """Width and height in pixels, from the header of the image."""
         width, height = struct.unpack(">II", self.png[16:24])
         return width, height
 
@@ -50,8 +50,8 @@ class Gallery(NamedTuple):
     """All figures of a report.
 
     Attributes:
-        overview: The comparison of all modes; None where there is no metric to compare.
-        models: Models beside the records they were fitted to; those read from files have none.
+        overview: Comparison of all modes; None if there is no metric to compare.
+        models: Models and the records that they were fitted to; models from files have no figure.
         runs: Figures of the modes by (axis, case).
     """
 
@@ -70,7 +70,7 @@ def draw_gallery(result: ExperimentResult, reference: Reference | None = None) -
 
     Args:
         result: The experiment.
-        reference: Errors to compare with, where there are any.
+        reference: Errors to compare with, if any.
     """
     number = count(1)
     fitted = [each for each in result.identifications if each.t_s.size]
@@ -107,16 +107,16 @@ def _run(number: int, recording: Recording) -> ReportFigure:
 
 
 def figures_in(page: str) -> list[str]:
-    """Return the names of the figures that a page shows, if it is a report of ours.
+    """Return the names of the figures of a page; empty if it is not a report of piezod.
 
     Args:
-        page: The text of the page.
+        page: Text of the page.
     """
     return re.findall(r'^<figure id="((?:overview|model_\d|run_\d\d)[A-Za-z0-9_-]*)">$', page, re.M)
 
 
 def _file_name(*parts: str) -> str:
-    # The number in front keeps apart what is spelt alike once odd signs are gone.
+    # The number in front keeps names apart that are equal after the replacement.
     return re.sub(r"[^A-Za-z0-9_-]+", "_", "_".join(parts))
 
 

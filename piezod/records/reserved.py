@@ -1,8 +1,8 @@
-"""Room on the disk, taken before it is needed.
+"""Reservation of disk space before HDF5 needs it.
 
-HDF5 does not survive a disk that is full: after a write that fails it cannot close the file, and
-crashes the process at the latest when that ends. So room is reserved before each write, and where
-there is none that is an error before HDF5 knows of it.
+HDF5 cannot handle a full disk: after a failed write it cannot close the file, and it crashes the
+process at its exit at the latest. The writer therefore reserves space before each write. If the
+disk is full, that is an error before HDF5 is involved.
 """
 
 import os
@@ -11,17 +11,17 @@ from typing import Final
 
 _HDF5_MAGIC: Final = b"\x89HDF\r\n\x1a\n"
 _END_OF_FILE: Final = slice(28, 36)
-"""Where the superblock, version 2 or 3, tells how long the file is."""
+"""Bytes of the superblock, version 2 or 3, with the end-of-file address."""
 
 
 class Reserved:
-    """A new file, and room behind what is in it.
+    """A new file with reserved space behind its content.
 
     Args:
-        path: The file; owner may write it, group may read it.
+        path: Path of the file; the owner may write it, the group may read it.
 
     Raises:
-        OSError: If it exists already, be it as a link, or cannot be made.
+        OSError: If it exists already, also as a link, or cannot be made.
     """
 
     def __init__(self, path: Path) -> None:
@@ -29,19 +29,19 @@ class Reserved:
         self._descriptor = os.open(path, flags, 0o640)
 
     def reserve(self, size_bytes: int) -> None:
-        """Make sure that the file can grow to a size.
+        """Reserve space up to a file size, in bytes.
 
         Raises:
-            OSError: If the disk has no room for that, or the size is not allowed.
+            OSError: If the disk is full, or the size is not allowed.
         """
         present = os.fstat(self._descriptor).st_size
         if size_bytes > present:
             os.posix_fallocate(self._descriptor, present, size_bytes - present)
 
     def release(self) -> None:
-        """Give back the room behind an HDF5 file that has been closed, and have it reach the disk.
+        """Release the space behind a closed HDF5 file, and write the file to the disk.
 
-        No calls after this.
+        Do not call any method after this one.
         """
         try:
             superblock = os.pread(self._descriptor, _END_OF_FILE.stop, 0)

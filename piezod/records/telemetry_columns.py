@@ -1,4 +1,4 @@
-"""The datasets of a recording of a running stage, all of which grow."""
+"""The growing datasets of a recording of a running stage."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
@@ -14,17 +14,17 @@ from piezod.units import NS_PER_S
 ENTRY: Final = "recording"
 _UNITS: Final = {"ns": "ns", "um": "um", "v": "V", "s": "s"}
 _SIDE_CHUNK: Final = 64
-"""Rows that are stored together of what comes more rarely than records."""
+"""Rows per chunk of data that are rarer than records."""
 
 
 class TelemetryColumns:
-    """Lays out an empty file and adds rows to its datasets.
+    """Creates the datasets of an empty file and adds rows to them.
 
     Args:
         file: An empty file.
-        header: What is said of the recording.
+        header: Header of the recording.
         dtype: Description of a record, see `TelemetryWriter`.
-        chunk: Records that are stored together.
+        chunk: Records per chunk.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class TelemetryColumns:
         self._t_s = _growing(cycles, "t_s", np.dtype("f8"), chunk)
         self._columns = {
             (-1, name): self._column(cycles, name, dtype[name])
-            for name in _shown(dtype)
+            for name in _public_names(dtype)
             if name not in ("axes", "end_seq")
         }
         self._weights: dict[str, tuple[h5py.Dataset, h5py.Dataset]] = {}
@@ -47,10 +47,10 @@ class TelemetryColumns:
             self._lay_out_axis(index, axis, dtype["axes"].base)
 
     def write(self, portion: NDArray[Any], gaps: Sequence[tuple[int, int]]) -> None:
-        """Add records, and where records before or between them were lost."""
+        """Add records, and the gaps before or between them."""
         for (axis, name), dataset in self._columns.items():
             _grow(dataset, portion[name] if axis < 0 else portion["axes"][:, axis][name])
-        # Time comes last: what has a time has everything.
+        # Time is written last: a reader that sees a time also finds all other columns.
         _grow(self._t_s, self._seconds(portion["t_ns"]))
         _grow(self._gaps, np.array(gaps, "i8").reshape(-1, 2))
         lost = sum(number for _, number in gaps)
@@ -70,7 +70,7 @@ class TelemetryColumns:
         group.attrs["axis"] = axis
         group.attrs["auxiliary_signals"] = ["command_um", "drive_v"]
         group["t_s"] = self._t_s
-        for name in _shown(fields):
+        for name in _public_names(fields):
             self._columns[index, name] = self._column(group, name, fields[name])
         if width := self._header.weights.get(axis):
             weights = self._data_group(f"weights_{axis}", "weights", "weights_t_s")
@@ -125,7 +125,7 @@ def _grow(dataset: h5py.Dataset, values: NDArray[Any]) -> None:
     dataset[before:] = values
 
 
-def _shown(dtype: np.dtype[np.void]) -> Iterator[str]:
+def _public_names(dtype: np.dtype[np.void]) -> Iterator[str]:
     return (name for name in dtype.names or () if not name.startswith("_"))
 
 

@@ -1,4 +1,4 @@
-"""Every cycle of a running stage in an HDF5 file that grows, laid out after NeXus.
+"""Every cycle of a running stage in a growing HDF5 file, in the layout of NeXus.
 
 ::
 
@@ -6,7 +6,7 @@
       recording/               NXentry  @default @rate_hz @start_ns @lost @axes
         title, start_time
         gaps                   rows of (index of the first record after it, records lost)
-        NAME/data              NXnote, one for each text that belongs to the recording
+        NAME/data              NXnote, one for each text of the recording
         cycles/                NXdata   @signal=late_ns @axes=t_s
           t_s, seq, t_ns, state, …
         axis_<axis>/           NXdata   @signal=position_um @axes=t_s @axis
@@ -14,8 +14,8 @@
         weights_<axis>/        NXdata   @signal=weights @axes=weights_t_s
           weights_t_s, weights
 
-The file is in HDF5's SWMR mode: it can be read while it is written, and up to the last second or so
-after the writer was killed or the disk was full. Viewers then want that mode too, in Python
+The file is in HDF5's SWMR mode. It can be read while it is written, and up to the last second or so
+after the writer was killed or the disk was full. Viewers then need that mode too, in Python
 `h5py.File(path, "r", swmr=True)`.
 """
 
@@ -32,22 +32,22 @@ from piezod.records.telemetry_columns import TelemetryColumns
 from piezod.records.telemetry_header import TelemetryHeader
 
 _CHUNK_RANGE: Final = (10, 8192)
-"""Records that are written at once; about a second's, so that this is what a crash costs."""
+"""Records per write; about one second of records, which a crash loses at most."""
 _SPARE_BYTES: Final = 64 * 1024
-"""Room for what HDF5 keeps beside the values of a column."""
+"""Space for the administrative data of HDF5, per column."""
 
 
 class TelemetryWriter:
     """Writes records to a new file, in portions of about a second.
 
-    For one thread at a time; every call may block on the disk. After an error of `append` the file
-    ends with what was written before; `close` it.
+    Use it from one thread; every call may block on the disk. After an error of `append` the file
+    ends with the records written before; call `close`.
 
     Args:
-        path: The file; it must not exist, its folder must.
-        header: What is said of it.
-        dtype: Description of a record: fields of the cycle, and `axes`, an array with the fields
-            of each axis. Fields that begin with an underscore are left out.
+        path: Path of the file; it must not exist, but its folder must.
+        header: Header of the recording.
+        dtype: Description of a record: fields of the cycle, and `axes`, an array with the fields of
+            each axis. Fields that begin with an underscore are left out.
 
     Raises:
         OSError: If the file exists already or cannot be made.
@@ -55,9 +55,9 @@ class TelemetryWriter:
 
     def __init__(self, path: Path, header: TelemetryHeader, dtype: np.dtype[np.void]) -> None:
         self.records = 0
-        """Records that `append` took."""
+        """Number of appended records."""
         self.lost = 0
-        """Records that were lost before or between them."""
+        """Number of records lost before or between them."""
         self._chunk = int(np.clip(round(header.rate_hz), *_CHUNK_RANGE))
         self._pending = np.empty(0, dtype)
         self._gaps: list[tuple[int, int]] = []
@@ -69,7 +69,7 @@ class TelemetryWriter:
         try:
             self._reserved.reserve(self._spare_bytes)
             self._file = h5py.File(path, "w", libver="v110", track_order=True)
-            self._reserved.reserve(self._spare_bytes)  # again: h5py has emptied the file
+            self._reserved.reserve(self._spare_bytes)  # again, because h5py has truncated the file
             self._columns = TelemetryColumns(self._file, header, dtype, self._chunk)
             self._file.swmr_mode = True
         except BaseException:
@@ -87,11 +87,11 @@ class TelemetryWriter:
         """Add records.
 
         Args:
-            records: Shape (n,), of the description given to the constructor; copied.
-            lost: How many were lost before them.
+            records: Shape (n,), with the dtype of the constructor; copied.
+            lost: Number of records lost before them.
 
         Raises:
-            OSError: If the disk does not take them.
+            OSError: If the disk refuses them.
         """
         if lost:
             self._gaps.append((self.records, lost))
@@ -103,10 +103,10 @@ class TelemetryWriter:
             self._write(whole)
 
     def append_weights(self, axis: str, t_ns: int, weights: npt.ArrayLike) -> None:
-        """Add the weights that an axis has at an instant; written with the next records.
+        """Add the weights of an axis at an instant; they are written with the next records.
 
-        Left out are weights that are as those before, and those of another number than the header
-        says for the axis, as after another model has been adopted.
+        Weights that equal the last ones are left out. So are weights whose number differs from the
+        header, as after the adoption of another model.
 
         Args:
             axis: Name of the axis.
@@ -120,10 +120,10 @@ class TelemetryWriter:
         self._weights.setdefault(axis, []).append((t_ns, row))
 
     def close(self) -> None:
-        """Write what is left and close the file; a second time this does nothing.
+        """Write the remaining records and close the file; a second call does nothing.
 
         Raises:
-            OSError: If the disk does not take it; the file is closed nevertheless.
+            OSError: If the disk refuses them; the file is closed nevertheless.
         """
         if not self._file:
             return
@@ -138,17 +138,17 @@ class TelemetryWriter:
     def _write(self, count: int) -> None:
         portion, rest = self._pending[:count], self._pending[count:].copy()
         gaps, weights = self._gaps, self._weights
-        # Where this fails nothing more is to be written.
+        # Cleared before the write: if it fails, `close` must not write these records again.
         self._pending, self._gaps, self._weights = self._pending[:0], [], {}
         size = portion.nbytes + sum(len(rows) * rows[0][1].nbytes for rows in weights.values())
-        # Values that cannot be compressed become a little larger.
+        # Twice the size, because incompressible values get a little larger.
         self._reserved.reserve(self._file.id.get_filesize() + 2 * size + self._spare_bytes)
         try:
             for axis, rows in weights.items():
                 self._columns.write_weights(axis, [t for t, _ in rows], [row for _, row in rows])
             self._columns.write(portion, gaps)
             self._file.flush()
-        except RuntimeError as error:  # what h5py makes of some errors of the disk
+        except RuntimeError as error:  # h5py raises this for some disk errors
             raise OSError(f"{self._file.filename}: {error}") from error
         self._pending = rest
 

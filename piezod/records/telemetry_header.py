@@ -1,4 +1,4 @@
-"""What is said of the recording of a running stage as a whole."""
+"""Header of the recording of a running stage."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class TelemetryHeader:
-    """What is said of a recording as a whole.
+    """Header of a recording.
 
     Attributes:
-        title: What it is, for people.
+        title: Description, for people.
         axes: Names of the axes, in the order of the records.
         rate_hz: Cycles per second, above 0.
         started_at: Time of day of `start_ns`, ISO 8601 with the offset from UTC.
-        start_ns: Instant that is 0 s in the file, on the clock of the records.
+        start_ns: Instant of 0 s in the file, on the clock of the records.
         names: Names of the numbers of a field, as in `{"state": ("BOOT", "SAFE")}`.
-        notes: Texts that belong to it by name, as in `{"configuration": "rate_hz: 1000"}`.
-        weights: How many weights are recorded of each axis, 2M; of those left out, none.
+        notes: Texts of the recording by name, as in `{"configuration": "rate_hz: 1000"}`.
+        weights: Number of recorded weights of each axis, 2M; an axis without an entry has none.
     """
 
     title: str

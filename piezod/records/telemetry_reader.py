@@ -1,4 +1,4 @@
-"""Read back what `telemetry_file` wrote, whole or in part."""
+"""Reading of a recording that `telemetry_file` wrote, as a whole or in part."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,13 +21,15 @@ class RecordedTelemetry:
     """A recording of a running stage, or a part of one.
 
     Attributes:
-        header: What is said of it as a whole.
-        lost: Records that were lost in all of it.
-        gaps: Rows of (index of the first record after it, records lost) in all of it, shape (n, 2).
-        cycles: Columns by name, each of shape (n_records,); numbers where the header has names.
-        axes: The same for each axis, by its name.
+        header: Header of the whole recording.
+        lost: Number of lost records in the whole recording.
+        gaps: Rows of (index of the first record after it, records lost) of the whole recording,
+            shape (n, 2).
+        cycles: Columns by name, each of shape (n_records,); numbers for fields with names in the
+            header.
+        axes: Columns of each axis, by its name.
         weights: `weights`, shape (n_snapshots, 2M), and `weights_t_s`, shape (n_snapshots,), of
-            each axis; (0, 0) where they were not recorded.
+            each axis; (0, 0) if they were not recorded.
     """
 
     header: TelemetryHeader
@@ -38,7 +40,7 @@ class RecordedTelemetry:
     weights: dict[str, dict[str, NDArray[Any]]]
 
     def recordings(self) -> tuple[Recording, ...]:
-        """Return the axes as those of an experiment; nothing is known of true displacement.
+        """Return the axes as recordings of an experiment, without true displacement.
 
         Raises:
             DataError: If there is no record.
@@ -70,15 +72,15 @@ class RecordedTelemetry:
 
 
 def read_telemetry(path: Path, begin_s: float = -inf, end_s: float = inf) -> RecordedTelemetry:
-    """Read a recording; it may be one that is still being written, or was cut off.
+    """Return a recording; it may still be in progress, or incomplete.
 
     Args:
-        path: The file.
-        begin_s: Leave out what is before, in s.
-        end_s: Leave out what is at this instant and after, in s.
+        path: Path of the file.
+        begin_s: Start of the part to read, in s.
+        end_s: End of the part to read, exclusive, in s.
 
     Raises:
-        DataError: If the file is no recording of a stage.
+        DataError: If the file is not a recording of a stage.
         OSError: If the file cannot be opened, or is not HDF5.
     """
     with h5py.File(path, "r", swmr=True, libver="v110") as file:
@@ -87,7 +89,7 @@ def read_telemetry(path: Path, begin_s: float = -inf, end_s: float = inf) -> Rec
         except KeyError as error:
             raise DataError(
                 f"{path}: this is not the recording of a stage: {error.args[0]}; allowed are "
-                "files of `piezod record`; look at others with any HDF5 viewer"
+                "files of `piezod record`; open other files with an HDF5 viewer"
             ) from error
 
 
@@ -113,7 +115,7 @@ def _weights(entry: h5py.Group, axis: str, begin_s: float, end_s: float) -> dict
 
 
 def _part(time: str, groups: Sequence[h5py.Group], begin_s: float, end_s: float) -> slice:
-    # A write that was cut off may have got further in one column than in another.
+    # An interrupted write may have left columns of different lengths.
     size = min(len(dataset) for group in groups for dataset in group.values())
     begin, end = np.searchsorted(groups[0][time][:size], [begin_s, end_s])
     return slice(int(begin), int(end))

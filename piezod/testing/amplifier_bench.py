@@ -1,4 +1,4 @@
-"""An amplifier under test: what it may be driven to, and what is then in force."""
+"""An amplifier under test: allowed drive voltages, and checks of the voltage in force."""
 
 import math
 import time
@@ -12,10 +12,9 @@ from piezod.testing.check_support import T0_NS, opened
 AmplifierT = TypeVar("AmplifierT", bound=Amplifier)
 
 PATIENCE_S: Final = 2.0
-"""A device that does not live on the made-up clock of the checks may take so long, in s, until what
-was written is in force."""
-_LOOK_EACH_S: Final = 0.01
-_SETTLED_NS: Final = 1_000_000_000  # longer than any amplifier takes for one volt
+"""Longest time, in s, until a written value must be in force on a device in real time."""
+_POLL_S: Final = 0.01
+_SETTLED_NS: Final = 1_000_000_000  # longer than any amplifier needs for one volt
 _STEP_V: Final = 1.0
 _BEYOND_V: Final = 1e6  # more than any amplifier gives
 _TOLERANCE_V: Final = 0.1  # converter steps, offset and noise of a read-back
@@ -25,10 +24,10 @@ class Bench(Generic[AmplifierT]):
     """An open amplifier on a clock that advances only while the output settles.
 
     Attributes:
-        rest_v: The voltages found after opening, one per output; NaN where the device does not
-            tell.
-        driven_v: Other voltages that the amplifier can surely give.
-        now_ns: The instant.
+        rest_v: Voltages found after opening, one per output; NaN if the device does not report
+            them.
+        driven_v: Other voltages that the amplifier can certainly give.
+        now_ns: Present instant.
     """
 
     def __init__(self, amplifier: AmplifierT) -> None:
@@ -39,9 +38,9 @@ class Bench(Generic[AmplifierT]):
         self.driven_v = [axis_v + _STEP_V for axis_v in known_v]
 
     def leave(self) -> None:
-        """Bring an amplifier that holds its output back to where it was, so that no check climbs.
+        """Return a holding amplifier to its initial voltage, so that checks do not add up.
 
-        One that does not tell where it was stays where it is.
+        An amplifier that does not report its voltage stays where it is.
         """
         if not self.amplifier.capabilities().holds or any(map(math.isnan, self.rest_v)):
             return
@@ -49,19 +48,19 @@ class Bench(Generic[AmplifierT]):
         self.amplifier.write(self.rest_v, self.now_ns)
 
     def assert_taken(self, drive_v: Sequence[float]) -> None:
-        """Assert that a write is taken and in force once the output has settled."""
+        """Assert that a write is accepted, and in force once the output has settled."""
         assert self.amplifier.write(drive_v, self.now_ns) is True, f"refused {drive_v} V"
         self.assert_in_force(drive_v)
 
     def assert_ignored(self, drive_v: Sequence[float], in_force_v: Sequence[float]) -> None:
-        """Assert that a write is refused and what was in force stays in force."""
+        """Assert that a write is refused and the voltage in force stays."""
         assert self.amplifier.write(drive_v, self.now_ns) is False, f"took {drive_v} V"
         self.assert_in_force(in_force_v)
 
     def assert_in_force(self, expected_v: Sequence[float]) -> None:
         """Assert that the output settles at these voltages.
 
-        A device on the made-up clock is there at once. A real one is asked again and again.
+        A device on the simulated clock settles at once. A real device is polled.
         """
         end_s = time.monotonic() + PATIENCE_S
         while True:
@@ -72,7 +71,7 @@ class Bench(Generic[AmplifierT]):
                 return
             what = f"{actual_v} V are in force, expected {expected_v} V"
             assert time.monotonic() < end_s, what
-            time.sleep(_LOOK_EACH_S)
+            time.sleep(_POLL_S)
 
 
 def _near(expected_v: float, actual_v: float) -> bool:
@@ -83,7 +82,7 @@ def _near(expected_v: float, actual_v: float) -> bool:
 
 @contextmanager
 def bench_of(factory: Callable[[], AmplifierT]) -> Iterator[Bench[AmplifierT]]:
-    """Construct and open an amplifier; leave it where it was, and close it whatever happens."""
+    """Construct and open an amplifier; restore its initial voltage and close it in any case."""
     with opened(factory) as amplifier:
         bench = Bench(amplifier)
         try:
@@ -93,7 +92,7 @@ def bench_of(factory: Callable[[], AmplifierT]) -> Iterator[Bench[AmplifierT]]:
 
 
 def bad_writes(rest_v: Sequence[float]) -> Iterator[list[float]]:
-    """Give values that no amplifier takes: not finite, beyond any range, too few, too many."""
+    """Yield values that no amplifier accepts: not finite, beyond any range, too few, too many."""
     for bad_v in (math.nan, math.inf, -math.inf, _BEYOND_V, -_BEYOND_V):
         for axis in range(len(rest_v)):
             yield [*rest_v[:axis], bad_v, *rest_v[axis + 1 :]]

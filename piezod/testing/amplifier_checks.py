@@ -1,4 +1,4 @@
-"""The part of the driver contract that amplifiers keep."""
+"""Driver contract: the checks of amplifiers."""
 
 from collections.abc import Callable
 from typing import Final, TypeAlias
@@ -20,9 +20,9 @@ def writing_needs_an_active_amplifier(factory: AmplifierFactory) -> None:
 
 
 def reading_back_needs_an_open_amplifier(factory: AmplifierFactory) -> None:
-    """While it is closed an amplifier takes no write, and the voltage in force is unknown."""
+    """A closed amplifier refuses writes and read-back."""
     amplifier = factory()
-    for _ in range(2):  # before it was opened, and after it was closed
+    for _ in range(2):  # before opening, and after closing
         assert_refused("read_back while closed", lambda: amplifier.read_back(T0_NS))
         assert amplifier.write([0.0], T0_NS) is False, "a closed amplifier took a write"
         with opened(lambda: amplifier):
@@ -30,7 +30,7 @@ def reading_back_needs_an_open_amplifier(factory: AmplifierFactory) -> None:
 
 
 def activating_leaves_the_output_at_rest(factory: AmplifierFactory) -> None:
-    """Activation by itself drives nothing."""
+    """Activation alone drives nothing."""
     with bench_of(factory) as bench:
         bench.amplifier.activate(bench.now_ns)
 
@@ -38,7 +38,7 @@ def activating_leaves_the_output_at_rest(factory: AmplifierFactory) -> None:
 
 
 def a_write_comes_into_force(factory: AmplifierFactory) -> None:
-    """What was written is read back once the output has settled."""
+    """The written value is read back once the output has settled."""
     with bench_of(factory) as bench:
         bench.amplifier.activate(bench.now_ns)
 
@@ -46,7 +46,7 @@ def a_write_comes_into_force(factory: AmplifierFactory) -> None:
 
 
 def a_bad_write_is_refused_as_a_whole(factory: AmplifierFactory) -> None:
-    """One value that is not finite or beyond range, or a wrong number of them, changes no axis."""
+    """One bad value, or a wrong number of values, changes no output."""
     with bench_of(factory) as bench:
         bench.amplifier.activate(bench.now_ns)
         bench.assert_taken(bench.driven_v)
@@ -55,7 +55,7 @@ def a_bad_write_is_refused_as_a_whole(factory: AmplifierFactory) -> None:
 
 
 def deactivating_brings_the_output_to_rest(factory: AmplifierFactory) -> None:
-    """After deactivation the output is as before activation, or as it was if the device holds."""
+    """After deactivation the output is as before activation, or unchanged if the device holds."""
     with bench_of(factory) as bench:
         bench.amplifier.activate(bench.now_ns)
         bench.assert_taken(bench.driven_v)

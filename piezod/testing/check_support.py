@@ -1,4 +1,4 @@
-"""What the checks of the driver contract share."""
+"""Common parts of the checks of the driver contract."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,12 +11,12 @@ DeviceT = TypeVar("DeviceT", bound=Device)
 DeviceFactory: TypeAlias = Callable[[], Device]
 Check: TypeAlias = Callable[[DeviceFactory], None]
 
-T0_NS: Final = 1_000_000_000  # where the made-up clock of every check starts
+T0_NS: Final = 1_000_000_000  # start of the simulated clock of every check
 
 
 @contextmanager
 def opened(factory: Callable[[], DeviceT]) -> Iterator[DeviceT]:
-    """Construct and open a device, and close it whatever happens."""
+    """Construct and open a device, and close it in any case."""
     device = factory()
     try:
         device.open()
@@ -27,7 +27,7 @@ def opened(factory: Callable[[], DeviceT]) -> Iterator[DeviceT]:
 
 @contextmanager
 def active(factory: Callable[[], DeviceT]) -> Iterator[DeviceT]:
-    """Construct, open and activate a device at `T0_NS`, and close it whatever happens."""
+    """Construct, open and activate a device at `T0_NS`, and close it in any case."""
     with opened(factory) as device:
         device.activate(T0_NS)
         yield device

@@ -1,4 +1,4 @@
-"""The part of the driver contract that every device keeps."""
+"""Driver contract: the checks of every device."""
 
 from typing import Final
 
@@ -9,7 +9,7 @@ from piezod.testing.no_io import watch_io
 
 def constructing_does_no_io(factory: DeviceFactory) -> None:
     """Constructing a device opens no file, no port and no process."""
-    factory()  # the first one imports what it needs, which reads files
+    factory()  # the first construction imports modules, which reads files
     with watch_io() as events:
         factory()
 
@@ -17,7 +17,7 @@ def constructing_does_no_io(factory: DeviceFactory) -> None:
 
 
 def opening_tells_the_identity(factory: DeviceFactory) -> None:
-    """Every part of the identity is a text that says something."""
+    """Every part of the identity is a text that is not blank."""
     device = factory()
     try:
         identity = device.open()
@@ -28,7 +28,7 @@ def opening_tells_the_identity(factory: DeviceFactory) -> None:
 
 
 def capabilities_make_sense(factory: DeviceFactory) -> None:
-    """An open device has axes, each named once, and a rate."""
+    """An open device has channels, each named once per side, and a rate above 0."""
     with opened(factory) as device:
         able = device.capabilities()
 
@@ -40,7 +40,7 @@ def capabilities_make_sense(factory: DeviceFactory) -> None:
 
 
 def order_of_calls_is_enforced(factory: DeviceFactory) -> None:
-    """A device is asked and activated only while it is open, and opened only while it is not."""
+    """A device answers and is activated only while it is open, and is opened only while closed."""
     device = factory()
     assert_refused("capabilities before open", device.capabilities)
     assert_refused("activate before open", lambda: device.activate(T0_NS))

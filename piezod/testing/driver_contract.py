@@ -1,19 +1,19 @@
-"""The contract of `piezod.devices.interface`, as checks that any driver can be put through.
+"""The contract of `piezod.devices.interface`, as checks for any driver.
 
 A check is a function that takes a factory, constructs its own devices with it, and raises
-AssertionError where a device breaks the contract. To test a driver of your own::
+AssertionError if a device breaks the contract. To test your own driver::
 
     @pytest.mark.parametrize("check", checks_for(make_device), ids=lambda check: check.__name__)
     def test_driver_keeps_the_contract(check):
         check(make_device)
 
-The factory constructs a device for the channels, the `Wiring`, that are to be checked. It need not
-have both inputs and outputs: what is said of every input or output is said of those that there are.
+The factory constructs a device for the channels (the `Wiring`) to be checked. A device may lack
+inputs or outputs; the checks then cover the channels that it has.
 
-The devices live on a made-up clock. An amplifier is driven to one volt above its rest voltage, or
-one unit of its outputs where these are no volts, and to nothing else, so the checks may also be run
-on a real one, and on an emulated one in another process: these are given two seconds until what was
-written is in force.
+The devices run on a simulated clock. An amplifier is driven only to one volt above its rest
+voltage, or one unit of its outputs if the unit is not V. The checks may therefore also run on a
+real device, and on an emulated device in another process: these get two seconds until a written
+value must be in force.
 """
 
 from typing import TypeAlias, cast
@@ -32,10 +32,10 @@ _Checks: TypeAlias = tuple[Check, ...]
 
 
 def checks_for(factory: DeviceFactory) -> list[Check]:
-    """List the checks that apply to the roles that the devices of this factory play.
+    """Return the checks for the roles of the devices of this factory.
 
-    A role is played by whoever has its methods: `Sensor`, `Amplifier`, `Exchanges`, `TellsStatus`,
-    `KnowsTruth`. Every device keeps the checks of `Device`. Listing them opens nothing.
+    A device has a role if it has its methods: `Sensor`, `Amplifier`, `Exchanges`, `TellsStatus`,
+    `KnowsTruth`. The checks of `Device` apply to all. Listing the checks opens nothing.
 
     Args:
         factory: Constructs a new device at each call, without I/O.
@@ -47,7 +47,7 @@ def checks_for(factory: DeviceFactory) -> list[Check]:
     if not isinstance(device, Sensor | Amplifier):
         raise TypeError(f"{type(device).__name__} is neither a Sensor nor an Amplifier")
     checks = list(DEVICE_CHECKS)
-    # The checks of a role take a factory of that role, which this factory has just shown to be.
+    # The checks of a role take a factory of that role; isinstance has just shown that it is one.
     checks += cast("_Checks", SENSOR_CHECKS) if isinstance(device, Sensor) else ()
     checks += cast("_Checks", AMPLIFIER_CHECKS) if isinstance(device, Amplifier) else ()
     checks += cast("_Checks", EXCHANGE_CHECKS) if isinstance(device, Exchanges) else ()

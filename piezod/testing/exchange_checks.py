@@ -1,4 +1,4 @@
-"""The part of the driver contract that devices keep which read and write in one exchange."""
+"""Driver contract: the checks of devices that read and write in one exchange."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ ExchangingFactory: TypeAlias = Callable[[], ExchangingDevice]
 
 
 def an_exchange_needs_an_active_device(factory: ExchangingFactory) -> None:
-    """Before activation and after deactivation it is refused, as reading is."""
+    """Before activation and after deactivation an exchange is refused, like a read."""
     with bench_of(factory) as bench:
         device, drive_v = bench.amplifier, bench.driven_v
         assert_refused("exchange before activate", lambda: device.exchange(drive_v, bench.now_ns))
@@ -28,7 +28,7 @@ def an_exchange_needs_an_active_device(factory: ExchangingFactory) -> None:
 
 
 def an_exchange_writes_and_reads(factory: ExchangingFactory) -> None:
-    """What was given comes into force, and each input gives a sample, no later than the call."""
+    """The written value comes into force, and each input has a sample no later than the call."""
     with bench_of(factory) as bench:
         bench.amplifier.activate(bench.now_ns)
         taken, samples = bench.amplifier.exchange(bench.driven_v, bench.now_ns)
@@ -39,7 +39,7 @@ def an_exchange_writes_and_reads(factory: ExchangingFactory) -> None:
 
 
 def a_bad_exchange_is_refused_and_reads(factory: ExchangingFactory) -> None:
-    """Values that no write takes change no output; the samples come nevertheless."""
+    """Values that a write refuses change no output, and the samples still come."""
     with bench_of(factory) as bench:
         bench.amplifier.activate(bench.now_ns)
         bench.assert_taken(bench.driven_v)

@@ -1,7 +1,7 @@
-"""A device that fails on schedule, around one that does not: for tests of what is done about it.
+"""A wrapper that makes a device fail on a schedule, to test the reactions to faults.
 
-It is built by tests alone: no driver and no configuration can ask for it. Time is the `now_ns` of
-the calls, so that a fault comes in the same cycle each time.
+Only tests construct it: no driver and no configuration can request it. Its time is the `now_ns` of
+the calls, so a fault occurs in the same cycle in every run.
 """
 
 from collections import deque
@@ -14,18 +14,18 @@ from piezod.devices.interface import Amplifier, Capabilities, Identity, KnowsTru
 from piezod.devices.status import NO_FLAGS, Flags, TellsStatus
 from piezod.testing.injections import Injection, InjectionKind
 
-_REMEMBERED: Final = 4096  # samples, for late ones
+_STORED_SAMPLES: Final = 4096  # for late samples
 _FLAGGED: Final = frozenset(
     {InjectionKind.FLAGGED, InjectionKind.SENSOR_FLAGGED, InjectionKind.LOST}
 )
 
 
 class FaultyError(Exception):
-    """What a faulty driver raises; it is none of piezod's own errors, as that of a bad driver."""
+    """Error of a faulty driver; not one of piezod's own errors, as from a bad driver."""
 
 
 class SensorAmplifier(Sensor, Amplifier, Protocol):
-    """A device that is both."""
+    """A device that is both sensor and amplifier."""
 
 
 class FaultyDevice:
@@ -33,8 +33,8 @@ class FaultyDevice:
 
     Args:
         inner: The device that works.
-        schedule: When it does not; more may be added at any time.
-        seed: Of noise and garbage.
+        schedule: Its failures; more may be added at any time.
+        seed: Seed of noise and garbage.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class FaultyDevice:
         self._inner = inner
         self.schedule = list(schedule)
         self._random = Random(seed)  # noqa: S311 - noise, no secret
-        self._past: deque[Sequence[Sample]] = deque(maxlen=_REMEMBERED)
+        self._past: deque[Sequence[Sample]] = deque(maxlen=_STORED_SAMPLES)
         self._frozen: dict[int, Sample] = {}
         self._drive_v: Sequence[float] = ()
 
@@ -52,7 +52,7 @@ class FaultyDevice:
         return self._inner.open()
 
     def capabilities(self) -> Capabilities:
-        """Tell what the device can do."""
+        """Return the capabilities of the device."""
         return self._inner.capabilities()
 
     def activate(self, now_ns: int) -> None:
@@ -68,7 +68,7 @@ class FaultyDevice:
         self._inner.close()
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take samples, and spoil them.
+        """Return samples, changed by the faults.
 
         Raises:
             FaultyError: If that is the fault.
@@ -84,13 +84,13 @@ class FaultyDevice:
         return taken
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:
-        """Tell what the device knows, NaN where it knows nothing."""
+        """Return the true displacement, NaN if the device does not know it."""
         if isinstance(self._inner, KnowsTruth):
             return self._inner.true_position_um(now_ns)
         return [nan] * len(self.capabilities().inputs)
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Set the voltages, unless the fault is that this fails.
+        """Set the voltages, unless a fault prevents it.
 
         Raises:
             FaultyError: If that is the fault.
@@ -109,29 +109,29 @@ class FaultyDevice:
         return taken
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Tell the voltages in force, and spoil them."""
-        told_v = list(self._inner.read_back(now_ns))
+        """Return the voltages in force, changed by the faults."""
+        values_v = list(self._inner.read_back(now_ns))
         for one in self._now(now_ns):
             if one.kind is InjectionKind.READ_BACK_OFFSET:
-                told_v[one.axis] += one.value
+                values_v[one.axis] += one.value
             elif one.kind is InjectionKind.LOST:
-                told_v[one.axis] = nan
-        return told_v
+                values_v[one.axis] = nan
+        return values_v
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell what the device does, and the faults that show."""
+        """Return the flags of the device, plus those of the faults."""
         able = self.capabilities()
         n_inputs = len(able.inputs)
         if isinstance(self._inner, TellsStatus):
-            told = list(self._inner.status(now_ns))
+            flags = list(self._inner.status(now_ns))
         else:
-            told = [NO_FLAGS] * (n_inputs + len(able.outputs))
+            flags = [NO_FLAGS] * (n_inputs + len(able.outputs))
         for one in self._now(now_ns):
             if one.kind in _FLAGGED:
-                told[one.axis] |= {one.flag}
+                flags[one.axis] |= {one.flag}
             if one.kind in _FLAGGED - {InjectionKind.SENSOR_FLAGGED}:
-                told[n_inputs + one.axis] |= {one.flag}
-        return told
+                flags[n_inputs + one.axis] |= {one.flag}
+        return flags
 
     def _now(self, now_ns: int) -> list[Injection]:
         return [one for one in self.schedule if one.start_ns <= now_ns < one.end_ns]
@@ -163,7 +163,7 @@ class FaultyDevice:
         return Sample(t_ns, position_um, valid)
 
     def _at(self, axis: int, t_ns: int) -> Sample:
-        """Return the last sample up to an instant, or the oldest that is remembered."""
+        """Return the last sample up to an instant, or the oldest one stored."""
         for samples in reversed(self._past):
             if samples[axis].t_ns <= t_ns:
                 return samples[axis]

@@ -1,4 +1,4 @@
-"""What can be wrong with a device, and when: the schedule of a `FaultyDevice`."""
+"""Kinds of device failures, and the schedule entries of a `FaultyDevice`."""
 
 from enum import StrEnum
 from math import inf, nan
@@ -8,12 +8,12 @@ from piezod.devices.status import DeviceFlag
 
 
 class InjectionKind(StrEnum):
-    """How a device fails, and what the value of an injection means for it."""
+    """Kind of failure, and the meaning of the value of an injection."""
 
     STUCK = "stuck"
-    """The displacement stays at what it was when the fault began."""
+    """The displacement stays at its value from the start of the fault."""
     REPLACED = "replaced"
-    """The displacement is the value, in µm; NaN and infinite ones too."""
+    """The displacement is the value, in µm; NaN and infinities are allowed."""
     OFFSET = "offset"
     """The value is added to the displacement, in µm."""
     GAIN = "gain"
@@ -25,21 +25,21 @@ class InjectionKind(StrEnum):
     DROPPED = "dropped"
     """Samples are invalid."""
     LATE = "late"
-    """Samples are those of so many ns before, time stamps and all."""
+    """Samples are those of `value` ns before, with their time stamps."""
     DUPLICATE = "duplicate"
-    """The last sample before the fault is told again and again, time stamp and all."""
+    """The last sample before the fault is repeated, with its time stamp."""
     REFUSED = "refused"
     """Writes are refused as a whole."""
     STUCK_OUTPUT = "stuck output"
-    """Writes are acknowledged, and the voltage stays."""
+    """Writes are acknowledged, but the voltage stays."""
     READ_BACK_OFFSET = "read-back offset"
-    """The value is added to the voltage that is read back, in V."""
+    """The value is added to the read-back voltage, in V."""
     FLAGGED = "flagged"
-    """The status of input and output says so."""
+    """The status of input and output has the flag."""
     SENSOR_FLAGGED = "sensor flagged"
-    """The status of the input alone says so."""
+    """The status of the input alone has the flag."""
     LOST = "lost"
-    """Samples are invalid, writes are refused, the voltage is not known, and the status says so."""
+    """Samples are invalid, writes are refused, read-back is NaN, and the status has the flag."""
     READ_RAISES = "read raises"
     """The driver raises while it reads a sample."""
     WRITE_RAISES = "write raises"
@@ -50,12 +50,12 @@ class Injection(NamedTuple):
     """One fault.
 
     Attributes:
-        kind: What fails.
-        start_ns: From this instant on,
-        end_ns: and before this one.
+        kind: Kind of failure.
+        start_ns: First instant of the fault.
+        end_ns: End of the fault, exclusive.
         axis: Index of the axis.
-        value: How much, see `InjectionKind`.
-        flag: What the status says, where it says something.
+        value: Size of the fault, see `InjectionKind`.
+        flag: Flag in the status, for kinds that set one.
     """
 
     kind: InjectionKind

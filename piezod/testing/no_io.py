@@ -1,4 +1,4 @@
-"""Watches that a piece of code opens no file, no socket and no process."""
+"""Detects files, sockets and processes that a piece of code opens."""
 
 import sys
 import threading
@@ -14,12 +14,12 @@ _seen_by_thread: dict[int, list[str]] = {}
 
 @contextmanager
 def watch_io() -> Iterator[list[str]]:
-    """Collect the input and output that this thread does, as names of Python's audit events.
+    """Collect the input and output of this thread, as names of Python's audit events.
 
     Import modules and compile kernels before: both read files. Watches cannot be nested.
 
     Yields:
-        The names of the events seen so far; empty as long as there was no input or output.
+        Names of the events so far; empty without input and output.
     """
     _install_hook()
     seen = _seen_by_thread[threading.get_ident()] = []

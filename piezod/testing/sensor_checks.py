@@ -1,4 +1,4 @@
-"""The part of the driver contract that sensors keep."""
+"""Driver contract: the checks of sensors."""
 
 import math
 from collections.abc import Callable
@@ -29,7 +29,7 @@ def reading_needs_an_active_sensor(factory: SensorFactory) -> None:
 
 
 def every_axis_gives_one_sample(factory: SensorFactory) -> None:
-    """Reading gives one sample for each axis, and a valid sample is a number."""
+    """A read returns one sample per axis, and a valid sample is finite."""
     with active(factory) as sensor:
         n_axes = len(sensor.capabilities().inputs)
         for cycle in range(1, _CYCLES):
@@ -41,7 +41,7 @@ def every_axis_gives_one_sample(factory: SensorFactory) -> None:
 
 
 def samples_carry_their_time(factory: SensorFactory) -> None:
-    """A sample is no later than the call that read it, and no earlier than the one before it."""
+    """A sample is no later than the call that read it, and no earlier than the sample before."""
     with active(factory) as sensor:
         previous_ns = [0] * len(sensor.capabilities().inputs)
         for cycle in range(1, _CYCLES):

@@ -1,4 +1,4 @@
-"""The part of the driver contract that devices keep which tell their status."""
+"""Driver contract: the checks of devices that report their status."""
 
 from collections.abc import Callable
 from typing import Final, Protocol, TypeAlias
@@ -9,7 +9,7 @@ from piezod.testing.check_support import T0_NS, active, assert_refused, opened
 
 
 class TellingDevice(Device, TellsStatus, Protocol):
-    """A device that tells its status."""
+    """A device that reports its status."""
 
 
 TellingFactory: TypeAlias = Callable[[], TellingDevice]
@@ -19,7 +19,7 @@ _PERIOD_NS: Final = 1_000_000
 
 
 def status_needs_an_open_device(factory: TellingFactory) -> None:
-    """While it is closed nothing is known of it."""
+    """A closed device refuses the request for its status."""
     device = factory()
     assert_refused("status before open", lambda: device.status(T0_NS))
     with opened(lambda: device):
@@ -28,7 +28,7 @@ def status_needs_an_open_device(factory: TellingFactory) -> None:
 
 
 def every_channel_has_its_flags(factory: TellingFactory) -> None:
-    """Those of the inputs come first, then those of the outputs, whether it is active or not."""
+    """The status has the inputs first, then the outputs, in the active and the inactive state."""
     with opened(factory) as device:
         _assert_flags(device, T0_NS)
     with active(factory) as device:
@@ -37,10 +37,10 @@ def every_channel_has_its_flags(factory: TellingFactory) -> None:
 
 
 def _assert_flags(device: TellingDevice, now_ns: int) -> None:
-    able, told = device.capabilities(), device.status(now_ns)
+    able, status = device.capabilities(), device.status(now_ns)
     n_channels = len(able.inputs) + len(able.outputs)
-    assert len(told) == n_channels, f"flags of {len(told)} channels, there are {n_channels}"
-    for flags in told:
+    assert len(status) == n_channels, f"flags of {len(status)} channels, expected {n_channels}"
+    for flags in status:
         assert all(isinstance(flag, DeviceFlag) for flag in flags), f"not only flags: {flags}"
 
 

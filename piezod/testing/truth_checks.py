@@ -1,4 +1,4 @@
-"""The part of the driver contract that sensors keep which know what they measure."""
+"""Driver contract: the checks of sensors that know the true displacement."""
 
 import math
 from collections.abc import Callable
@@ -12,14 +12,14 @@ _CYCLES: Final = 20
 
 
 class KnowingSensor(Sensor, KnowsTruth, Protocol):
-    """A sensor that knows what it measures."""
+    """A sensor that knows the true displacement."""
 
 
 KnowingSensorFactory: TypeAlias = Callable[[], KnowingSensor]
 
 
 def truth_needs_an_active_sensor(factory: KnowingSensorFactory) -> None:
-    """The true displacement is told while the device is active, and not before or after."""
+    """The true displacement is available only while the device is active."""
     sensor = factory()
     assert_refused("true_position_um before open", lambda: sensor.true_position_um(T0_NS))
     with active(lambda: sensor):
@@ -30,7 +30,7 @@ def truth_needs_an_active_sensor(factory: KnowingSensorFactory) -> None:
 
 
 def every_axis_has_one_truth(factory: KnowingSensorFactory) -> None:
-    """There is one number for each axis."""
+    """There is one finite number per axis."""
     with active(factory) as sensor:
         n_axes = len(sensor.capabilities().inputs)
         for cycle in range(1, _CYCLES):
@@ -42,7 +42,7 @@ def every_axis_has_one_truth(factory: KnowingSensorFactory) -> None:
 
 
 def asking_for_the_truth_changes_nothing(factory: KnowingSensorFactory) -> None:
-    """Two devices made alike give the same samples, though only one is asked for the truth."""
+    """Two equal devices give the same samples if only one is asked for the truth."""
     asked, left_alone = _samples(factory, asking=True), _samples(factory, asking=False)
 
     assert asked == left_alone, f"asked {asked}, left alone {left_alone}"

@@ -111,7 +111,7 @@ def test_folder_of_somebody_else_is_not_used(
     code, _, err = piezod("emulate", "simulated")
 
     assert code == 69
-    assert "belongs to somebody else" in err
+    assert "belongs to another user" in err
 
 
 def test_second_rig_at_a_socket_is_refused(piezod: Command, folder: Path) -> None:
@@ -153,7 +153,7 @@ def test_profile_that_nothing_emulates(piezod: Command) -> None:
     [
         (("simulated", "other", "--port", "x.tty"), "PROFILE=WHERE for each"),
         (("simulated=a.sock", "--port", "b.sock"), "is for a single PROFILE"),
-        (("pi-e816", "--fault", "slow"), "no fault 'slow'"),
+        (("pi-e816", "--fault", "slow"), "unknown fault 'slow'"),
         (("simulated", "--fault", "lost"), "has no wire"),
         (("pi-e816", "--fault", "bus-off:now"), "bus-off:now needs a CAN bus"),
         (("canopen-401", "pi-e816", "--fault", "foreign"), "foreign needs a CAN bus"),
@@ -189,6 +189,6 @@ def test_several_devices_share_a_stage() -> None:
         devices.faults()
         devices.process.stdin.write("nonsense\n")
         devices.process.stdin.flush()
-        assert "unchanged, no fault 'nonsense'" in devices.process.stdout.readline()
+        assert "unchanged, unknown fault 'nonsense'" in devices.process.stdout.readline()
         one.close()
         other.close()

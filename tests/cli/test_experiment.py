@@ -63,7 +63,7 @@ def test_text(piezod: Command, experiment_file: Path, folder: Path) -> None:
     assert (code, err) == (0, "")
     rows = [line.split() for line in out.splitlines()]
     assert [row[0] for row in rows if row and row[0] in MODES[1:]] == MODES[1:]
-    assert "Measured: as the sensor shows it." in out
+    assert "Measured: from the sensor." in out
     (feedforward,) = [line for line in out.splitlines() if line.split()[:1] == ["feedforward"]]
     assert feedforward.count("▲") == 2
     assert feedforward.endswith(" 0.01")

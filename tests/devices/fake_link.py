@@ -1,4 +1,4 @@
-"""A sensor and amplifier on a wire that can be pulled, without a wire."""
+"""A fake sensor and amplifier on a wire that tests can pull."""
 
 from collections.abc import Sequence
 from math import nan
@@ -15,11 +15,11 @@ class FakeLink:
     """Implements all roles and `CanBeLost`; one input, one output.
 
     Attributes:
-        who: Who answers.
+        who: Identity of the device that answers.
         pulled: Whether the wire is pulled.
-        done: What was called, but for reading.
-        drive_v: What is in force.
-        reads: How often it was read.
+        done: Calls, without reads.
+        drive_v: Voltage in force.
+        reads: Number of reads.
     """
 
     def __init__(self) -> None:
@@ -74,7 +74,7 @@ class FakeLink:
         return [events, events] if events else [NO_FLAGS, NO_FLAGS]
 
     def noticed(self, flag: DeviceFlag) -> None:
-        """Tell this once."""
+        """Report this flag once."""
         self._events.add(flag)
 
     def _fails(self) -> bool:

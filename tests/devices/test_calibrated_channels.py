@@ -1,4 +1,4 @@
-"""Channels whose devices give something else than µm, and take something else than V."""
+"""Channels of devices with values other than µm and V."""
 
 from collections.abc import Mapping, Sequence
 from math import isnan, nan
@@ -17,11 +17,11 @@ TENFOLD = TableCalibration(values=(0.0, 10.0), physical=(0.0, 150.0))
 
 
 class Converter:
-    """An ADC and DAC whose readings are as a test wants them.
+    """An ADC and DAC whose readings a test sets.
 
     Attributes:
-        reads: What each input reads, by its name; NaN: nothing.
-        values: What the outputs were set to.
+        reads: Reading of each input, by its name; NaN for an invalid one.
+        values: Values of the outputs.
     """
 
     def __init__(self, reads: Mapping[str, float], wiring: Wiring) -> None:
@@ -35,13 +35,13 @@ class Converter:
         return Capabilities(*self._wiring, read_back=True, max_rate_hz=1000.0)
 
     def activate(self, now_ns: int) -> None:
-        """Be ready."""
+        """Do nothing."""
 
     def deactivate(self, now_ns: int) -> None:
-        """Rest."""
+        """Do nothing."""
 
     def close(self) -> None:
-        """Let go."""
+        """Do nothing."""
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         read = (self.reads[name] for name in self._wiring.inputs)
@@ -65,7 +65,7 @@ def converted(pair: ChannelPair, **reads: float) -> tuple[Channels, Converter]:
 
 
 def test_an_input_is_made_micrometres_and_counts_from_its_zero() -> None:
-    """The calibration comes first, the zero of the sensor after it."""
+    """The calibration is applied first, then the zero of the sensor."""
     channels, _ = converted(ChannelPair("daq", "daq", to_um=LINE), x=2.5)
     channels.zero([3.0], [0.0])
 
@@ -73,7 +73,7 @@ def test_an_input_is_made_micrometres_and_counts_from_its_zero() -> None:
 
 
 def test_an_output_is_given_what_makes_the_voltage() -> None:
-    """What is read back is in V again."""
+    """The output gets the calibrated value, and the read-back is in V again."""
     channels, device = converted(ChannelPair("daq", "daq", to_v=TENFOLD), x=0.0)
 
     assert channels.write([75.0], 0)
@@ -82,7 +82,7 @@ def test_an_output_is_given_what_makes_the_voltage() -> None:
 
 
 def test_a_voltage_that_the_output_cannot_give_is_refused() -> None:
-    """The device keeps what it has; what is read back beyond the table is told nevertheless."""
+    """The device keeps its value; a read-back beyond the table is still reported."""
     channels, device = converted(ChannelPair("daq", "daq", to_v=TENFOLD), x=0.0)
     channels.write([75.0], 0)
 
@@ -93,7 +93,7 @@ def test_a_voltage_that_the_output_cannot_give_is_refused() -> None:
 
 
 def test_one_output_may_be_calibrated_and_another_not() -> None:
-    """Each goes its own way within one write."""
+    """One write sets a calibrated and an uncalibrated output."""
     axes = {"x": ChannelPair("daq", "daq", to_v=TENFOLD), "y": ChannelPair("daq", "daq")}
     device = Converter({"x": 0.0, "y": 0.0}, wiring_of("daq", axes))
     channels = Channels({"daq": device}, axes)
@@ -104,7 +104,7 @@ def test_one_output_may_be_calibrated_and_another_not() -> None:
 
 
 def test_a_sensor_is_divided_by_its_light() -> None:
-    """Half the light of the calibration, half the reading: the same displacement."""
+    """With half the light and half the reading, the displacement is the same."""
     pair = ChannelPair("daq", "daq", to_um=LINE, light=LIGHT)
     channels, device = converted(pair, x=2.5, lamp=2.0)
 
@@ -115,7 +115,7 @@ def test_a_sensor_is_divided_by_its_light() -> None:
 
 
 def test_light_may_only_be_watched() -> None:
-    """Where the device divides by itself."""
+    """If the device divides by the light itself, only the limit is checked."""
     light = LIGHT.model_copy(update={"divides": False})
     channels, _ = converted(ChannelPair("daq", "daq", to_um=LINE, light=light), x=2.5, lamp=1.5)
 
@@ -124,7 +124,7 @@ def test_light_may_only_be_watched() -> None:
 
 @pytest.mark.parametrize(("level", "flags"), [(0.99, {DeviceFlag.LOW_LIGHT}), (nan, NO_FLAGS)])
 def test_without_light_a_sample_is_not_valid(level: float, flags: set[DeviceFlag]) -> None:
-    """Too little is said to be low; one that is not told is only not valid. It may come again."""
+    """Too little light sets the flag; a missing light value only makes the sample invalid."""
     pair = ChannelPair("daq", "daq", to_um=LINE, light=LIGHT)
     channels, device = converted(pair, x=2.5, lamp=level)
 
@@ -136,7 +136,7 @@ def test_without_light_a_sample_is_not_valid(level: float, flags: set[DeviceFlag
 
 
 def test_no_light_at_all_is_too_little_whatever_is_enough() -> None:
-    """There is nothing to divide by."""
+    """A light of zero is too low, even if the limit is zero."""
     light = LIGHT.model_copy(update={"least": 0.0})
     channels, _ = converted(ChannelPair("daq", "daq", light=light), x=2.5, lamp=0.0)
 
@@ -145,7 +145,7 @@ def test_no_light_at_all_is_too_little_whatever_is_enough() -> None:
 
 
 def test_beyond_its_table_a_sample_is_not_valid() -> None:
-    """There is no displacement to tell."""
+    """A reading beyond the table gives an invalid sample."""
     channels, device = converted(ChannelPair("daq", "daq", to_um=TENFOLD), x=10.1)
 
     assert [sample.valid for sample in channels.read(7)] == [False]
@@ -154,7 +154,7 @@ def test_beyond_its_table_a_sample_is_not_valid() -> None:
 
 
 def test_a_command_is_an_input_like_any_other() -> None:
-    """It is read with the sensor, in one exchange, and has no zero."""
+    """It is read together with the sensor, and has no zero."""
     command = InputConfig(device="daq", channel="knob", calibration=LINE)
     channels, device = converted(ChannelPair("daq", "daq", command=command), x=0.0, knob=2.0)
     channels.zero([3.0], [0.0])
@@ -168,7 +168,7 @@ def test_a_command_is_an_input_like_any_other() -> None:
 
 
 def test_a_device_may_do_nothing_but_command() -> None:
-    """It is read for that alone; an axis without a command has none."""
+    """A device may have only a command input; an axis without a command has none."""
     command = InputConfig(device="knob")
     axes = {"x": ChannelPair("daq", "daq"), "y": ChannelPair("daq", "daq", command=command)}
     devices = {
@@ -184,7 +184,7 @@ def test_a_device_may_do_nothing_but_command() -> None:
 
 
 def test_two_axes_may_share_their_light() -> None:
-    """It is read once."""
+    """Their common light is read once."""
     axes = {name: ChannelPair("daq", "daq", light=LIGHT) for name in ("x", "y")}
 
     assert wiring_of("daq", axes) == Wiring(("x", "lamp", "y"), ("x", "y"))

@@ -1,4 +1,4 @@
-"""Calibrations: from a channel's value to µm or V, and back."""
+"""Calibrations from a channel's value to µm or V, and back."""
 
 from itertools import pairwise
 from math import isnan
@@ -22,7 +22,7 @@ NUMBERS = st.floats(-1e3, 1e3)
 
 @st.composite
 def tables(draw: st.DrawFn) -> list[tuple[float, float]]:
-    """Points of a curve that rises, or falls."""
+    """Draw points of a rising or a falling curve."""
     steps = draw(st.lists(st.tuples(*[st.floats(0.01, 10.0)] * 2), min_size=2, max_size=30))
     sign, value, physical = draw(st.sampled_from((1.0, -1.0))), draw(NUMBERS), draw(NUMBERS)
     points = []
@@ -34,7 +34,7 @@ def tables(draw: st.DrawFn) -> list[tuple[float, float]]:
 
 @st.composite
 def cubics(draw: st.DrawFn) -> tuple[tuple[float, ...], float, float]:
-    """A polynomial whose slope is nowhere less than 0.1, and where it is used."""
+    """Draw a polynomial whose slope is at least 0.1 everywhere, and its range."""
     square, sign = draw(st.floats(0.0, 5.0)), draw(st.sampled_from((1.0, -1.0)))
     centre, low = draw(st.floats(-5.0, 5.0)), draw(st.floats(-5.0, 5.0))
     # The derivative is 0.1 + square · (value - centre)².
@@ -48,7 +48,7 @@ def cubics(draw: st.DrawFn) -> tuple[tuple[float, ...], float, float]:
 
 
 def assert_round_trip(curve: Curve, low: float, high: float, part: float) -> None:
-    """Go from a value between two to the physical one and back."""
+    """Assert that a value comes back from its physical value."""
     value = low + part * (high - low)
     physical = curve.physical(value)
 
@@ -58,13 +58,13 @@ def assert_round_trip(curve: Curve, low: float, high: float, part: float) -> Non
 
 @given(st.floats(0.001, 1e3), NUMBERS, st.floats(0.0, 1.0))
 def test_a_line_goes_there_and_back(gain: float, offset: float, part: float) -> None:
-    """The inverse gives the value again."""
+    """The inverse returns the value."""
     assert_round_trip(StraightLine(gain, offset), -10.0, 10.0, part)
 
 
 @given(tables(), st.floats(0.0, 1.0))
 def test_a_table_goes_there_and_back(points: list[tuple[float, float]], part: float) -> None:
-    """The inverse gives the value again, wherever between the first and the last point."""
+    """The inverse returns every value between the first and the last point."""
     assert_round_trip(TableCurve(points), points[0][0], points[-1][0], part)
 
 
@@ -72,7 +72,7 @@ def test_a_table_goes_there_and_back(points: list[tuple[float, float]], part: fl
 def test_a_polynomial_goes_there_and_back(
     cubic: tuple[tuple[float, ...], float, float], part: float
 ) -> None:
-    """The inverse gives the value again, rising or falling."""
+    """The inverse returns the value, for rising and falling polynomials."""
     coefficients, low, high = cubic
     curve = PolynomialCurve(coefficients, low, high)
     value = low + part * (high - low)
@@ -84,7 +84,7 @@ def test_a_polynomial_goes_there_and_back(
 def test_a_table_meets_its_points_and_gives_nothing_that_the_channel_cannot_be_set_to(
     points: list[tuple[float, float]],
 ) -> None:
-    """Rounding leads nowhere beyond the first and the last value."""
+    """Rounding gives no value beyond the first and the last point."""
     curve = TableCurve(points)
     for value, physical in points:
         assert curve.physical(value) == pytest.approx(physical, abs=1e-9)
@@ -95,7 +95,7 @@ def test_a_table_meets_its_points_and_gives_nothing_that_the_channel_cannot_be_s
     "curve", [TableCurve([(1.0, 10.0), (2.0, 30.0)]), PolynomialCurve((-10.0, 20.0), 1.0, 2.0)]
 )
 def test_beyond_its_ends_a_curve_does_not_hold(curve: Curve) -> None:
-    """A sample there is not valid, and no value gives more; a read-back goes on straight."""
+    """Outside its range, a sample is invalid and no value exists; a read-back is extrapolated."""
     assert isnan(curve.physical(0.99))
     assert isnan(curve.physical(2.01))
     assert isnan(curve.value(9.9))
@@ -105,8 +105,8 @@ def test_beyond_its_ends_a_curve_does_not_hold(curve: Curve) -> None:
     assert curve.beyond(2.5) == pytest.approx(40.0)
 
 
-def test_what_is_physical_already_costs_nothing() -> None:
-    """There is no curve to go through."""
+def test_physical_values_need_no_curve() -> None:
+    """The curve of a gain of 1 and an offset of 0 is None."""
     assert curve_of(LineCalibration()) is None
     assert curve_of(LineCalibration(gain=2.0)) is not None
     assert curve_of(LineCalibration(offset=2.0)) is not None
@@ -118,7 +118,7 @@ PEAK = TableCalibration(
 
 
 def test_the_near_side_is_what_comes_before_the_greatest_value() -> None:
-    """What only the far side gives, or more than the greatest, is no displacement."""
+    """A value that only the far side reaches, or above the maximum, gives no displacement."""
     curve = curve_of(PEAK)
 
     assert curve is not None
@@ -129,7 +129,7 @@ def test_the_near_side_is_what_comes_before_the_greatest_value() -> None:
 
 
 def test_the_far_side_has_the_opposite_slope() -> None:
-    """The same value is another displacement there; one that only the near side gives is none."""
+    """The same value is another displacement there; a value of the near side alone gives none."""
     far = PEAK.model_copy(update={"side": "far"})
     curve = curve_of(far)
 
@@ -141,7 +141,7 @@ def test_the_far_side_has_the_opposite_slope() -> None:
 
 
 def test_the_gap_may_grow_while_what_is_physical_falls() -> None:
-    """The order of the points says what the gap does: near is where it begins."""
+    """The order of the points gives the direction of the gap: the near side comes first."""
     towards = TableCalibration(
         values=PEAK.values, physical=tuple(-physical for physical in PEAK.physical), side="near"
     )
@@ -155,7 +155,7 @@ def test_the_gap_may_grow_while_what_is_physical_falls() -> None:
 def test_a_polynomial_is_monotonic_where_no_sample_of_it_turns(
     coefficients: list[float], low: float
 ) -> None:
-    """What is called monotonic never goes back, as far as a fine grid can see."""
+    """A polynomial accepted as monotonic never reverses on a fine grid."""
     high = low + 3.0
     grid = [evaluate(coefficients, low + 3.0 * i / 300) for i in range(301)]
     steps = [later - earlier for earlier, later in pairwise(grid)]
@@ -169,7 +169,7 @@ def test_a_polynomial_is_monotonic_where_no_sample_of_it_turns(
 
 
 def test_a_polynomial_that_turns_back_between_its_ends_is_found() -> None:
-    """However narrow the turn is, and though both ends are in order; a level point is no turn."""
+    """Even a narrow reversal between monotonic ends is found; a level point is no reversal."""
     narrow = (0.0, 0.02999, -0.3, 1.0)  # turns where the derivative is below 0, by 1e-5
 
     assert not is_monotonic(narrow, -10.0, 10.0)
@@ -181,7 +181,7 @@ def test_a_polynomial_that_turns_back_between_its_ends_is_found() -> None:
 
 
 def test_a_level_point_has_an_inverse_too() -> None:
-    """Newton's steps have no slope to go by there, and halving goes on."""
+    """At a level point bisection replaces Newton's steps."""
     curve = PolynomialCurve((0.0, 0.0, 0.0, 1.0), -1.0, 1.0)
 
     assert curve.value(0.0) == pytest.approx(0.0, abs=1e-9)

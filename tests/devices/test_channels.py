@@ -1,4 +1,4 @@
-"""Tests of the channels that make one sensor and one amplifier of all devices."""
+"""The channels that combine all devices into one sensor and one amplifier."""
 
 from collections.abc import Sequence
 from math import isnan
@@ -19,7 +19,7 @@ from piezod.errors import DeviceError, DeviceUnavailableError
 
 
 class FakeDevice:
-    """What the fakes have in common; it notes what is done to it."""
+    """Base of the fakes; it records its calls."""
 
     def __init__(self, axes: tuple[str, ...], *, absent: bool = False) -> None:
         self.axes, self.absent = axes, absent
@@ -47,14 +47,14 @@ class FakeDevice:
 
 
 class FakeSensor(FakeDevice):
-    """Measures 1 µm on its first axis, 2 µm on its second."""
+    """Measures 1 µm on its first axis and 2 µm on its second."""
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         return [Sample(now_ns - 5, 1.0 + i, valid=True) for i in range(len(self.axes))]
 
 
 class FakeAmplifier(FakeDevice):
-    """Takes what it is given, unless told not to."""
+    """Accepts every write unless a test sets it to refuse."""
 
     def __init__(self, axes: tuple[str, ...], *, refusing: bool = False) -> None:
         super().__init__(axes)
@@ -75,7 +75,7 @@ class FakeBoth(FakeSensor, FakeAmplifier):
 
 
 class FakeSimulation(FakeBoth):
-    """A sensor and amplifier in one, whose axes are really at 10 µm and 20 µm."""
+    """A combined sensor and amplifier; its true displacements are 10 µm and 20 µm."""
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - protocol
         return [10.0 * (1 + i) for i in range(len(self.axes))]
@@ -85,7 +85,7 @@ TWO_AXES = {"x": ChannelPair("fibre", "left"), "y": ChannelPair("fibre", "right"
 
 
 def two_axes(*, refusing: bool = False) -> tuple[Channels, dict[str, FakeDevice]]:
-    """Two axes on one sensor and two amplifiers."""
+    """Return two axes on one sensor and two amplifiers."""
     devices: dict[str, FakeDevice] = {
         "fibre": FakeSensor(("x", "y")),
         "left": FakeAmplifier(("x",)),
@@ -95,7 +95,7 @@ def two_axes(*, refusing: bool = False) -> tuple[Channels, dict[str, FakeDevice]
 
 
 def test_a_device_is_asked_for_the_channels_that_axes_name() -> None:
-    """The order is that of the axes, not of the devices; a channel is called as its axis."""
+    """The order is that of the axes; by default a channel has the name of its axis."""
     wirings = [wiring_of(name, TWO_AXES) for name in ("fibre", "left", "right", "other")]
 
     assert wirings == [
@@ -107,7 +107,7 @@ def test_a_device_is_asked_for_the_channels_that_axes_name() -> None:
 
 
 def test_a_channel_may_be_called_otherwise_than_its_axis() -> None:
-    """Each axis finds its own among those of the device."""
+    """Each axis finds its own channel among those of the device."""
     axes = {
         "x": ChannelPair("rig", "rig", "AIN1", "DAC0"),
         "y": ChannelPair("rig", "rig", "AIN0", "DAC1"),
@@ -120,7 +120,7 @@ def test_a_channel_may_be_called_otherwise_than_its_axis() -> None:
 
 
 def test_samples_come_in_the_order_of_the_axes_from_their_zero_on() -> None:
-    """Zeroing shifts the displacement of its axis, and not the instant."""
+    """Zeroing shifts the displacement of its axis, but not the instant."""
     channels, _ = two_axes()
     channels.zero([0.25, 0.5], [0.0, 0.0])
 
@@ -128,7 +128,7 @@ def test_samples_come_in_the_order_of_the_axes_from_their_zero_on() -> None:
 
 
 def test_the_truth_has_a_zero_of_its_own() -> None:
-    """It comes in the order of the axes, and is not shifted by what the sensor calls zero."""
+    """True displacements are in the order of the axes and independent of the sensor's zero."""
     axes = {"x": ChannelPair("rig", "rig"), "y": ChannelPair("rig", "rig")}
     channels = Channels({"rig": FakeSimulation(("x", "y"))}, axes)
     channels.zero([0.25, 0.5], [1.0, 2.0])
@@ -139,7 +139,7 @@ def test_the_truth_has_a_zero_of_its_own() -> None:
 
 
 def test_the_truth_of_an_axis_is_nan_where_its_sensor_does_not_know_it() -> None:
-    """An amplifier that would know another stage says nothing of it."""
+    """A simulated amplifier of another stage contributes no true displacement."""
     axes = {"x": ChannelPair("fibre", "rig"), "y": ChannelPair("rig", "rig")}
     devices = {"fibre": FakeSensor(("x",)), "rig": FakeSimulation(("y",))}
     x_um, y_um = Channels(devices, axes).true_position_um(100)
@@ -149,7 +149,7 @@ def test_the_truth_of_an_axis_is_nan_where_its_sensor_does_not_know_it() -> None
 
 
 def test_voltages_go_to_the_amplifier_of_their_axis() -> None:
-    """Each device gets the values of its own axes only, and reads them back."""
+    """Each device gets and reads back the values of its own axes only."""
     channels, devices = two_axes()
 
     assert channels.write([3.0, 4.0], 100)
@@ -158,14 +158,14 @@ def test_voltages_go_to_the_amplifier_of_their_axis() -> None:
 
 
 def test_a_write_that_one_device_refuses_is_refused() -> None:
-    """The caller learns of it whichever device it was."""
+    """A refusal by any device makes the write fail."""
     channels, _ = two_axes(refusing=True)
 
     assert not channels.write([3.0, 4.0], 100)
 
 
 def test_one_device_may_play_both_roles() -> None:
-    """Its two channels are one axis each."""
+    """Its two channels serve one axis each."""
     axes = {"x": ChannelPair("rig", "rig"), "y": ChannelPair("rig", "rig")}
     channels = Channels({"rig": FakeBoth(("x", "y"))}, axes)
     channels.write([1.0, 2.0], 0)
@@ -176,7 +176,7 @@ def test_one_device_may_play_both_roles() -> None:
 
 @pytest.mark.parametrize("role", ["sensor", "amplifier"])
 def test_a_device_that_cannot_play_its_role_is_refused(role: str) -> None:
-    """The error names the device and the role."""
+    """The message names the device and the role."""
     pair = ChannelPair("both", "plain") if role == "amplifier" else ChannelPair("plain", "both")
     with pytest.raises(DeviceError, match=f"device plain is no {role}"):
         Channels(
@@ -186,7 +186,7 @@ def test_a_device_that_cannot_play_its_role_is_refused(role: str) -> None:
 
 
 def test_the_life_cycle_reaches_every_device() -> None:
-    """In the order of the devices."""
+    """Each call reaches the devices in their order."""
     channels, devices = two_axes()
     identity = channels.open()
     channels.activate(1)
@@ -202,7 +202,7 @@ def test_the_life_cycle_reaches_every_device() -> None:
 
 
 def test_a_device_that_is_absent_leaves_none_open() -> None:
-    """Those opened before it are closed again."""
+    """Devices opened before it are closed again."""
     fibre, absent = FakeSensor(("x",)), FakeBoth(("x",))
     absent.absent = True
     channels = Channels({"fibre": fibre, "rig": absent}, {"x": ChannelPair("fibre", "rig")})
@@ -216,7 +216,7 @@ def test_a_device_that_is_absent_leaves_none_open() -> None:
 def test_a_driver_that_fails_to_open_leaves_none_open(
     monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
-    """Whatever it raises, and not only what it may."""
+    """This holds for any exception, not only for the documented ones."""
 
     def wrong(_device: FakeDevice) -> Identity:
         raise error
@@ -231,7 +231,7 @@ def test_a_driver_that_fails_to_open_leaves_none_open(
 
 
 def failing(devices: dict[str, FakeDevice], *names: str) -> None:
-    """Have the drivers of these devices fail where they never may."""
+    """Make the drivers of these devices raise in calls that must never raise."""
 
     def fail(name: str) -> None:
         raise OSError(f"{name} failed")
@@ -242,7 +242,7 @@ def failing(devices: dict[str, FakeDevice], *names: str) -> None:
 
 
 def test_one_driver_that_fails_leaves_no_other_amplifier_as_it_is() -> None:
-    """All are deactivated, and closed; what the first one raised is told in the end."""
+    """All devices are deactivated and closed; the first error is raised at the end."""
     channels, devices = two_axes()
     failing(devices, "fibre", "left")
 
@@ -253,8 +253,8 @@ def test_one_driver_that_fails_leaves_no_other_amplifier_as_it_is() -> None:
     assert devices["right"].done == ["deactivate 2", "close"]
 
 
-def test_why_a_device_cannot_be_opened_is_told_though_another_cannot_be_closed() -> None:
-    """The first of the two is what somebody can do something about."""
+def test_error_of_opening_is_raised_even_if_another_device_cannot_be_closed() -> None:
+    """The error of opening comes first, because the user can act on it."""
     channels, devices = two_axes()
     failing(devices, "fibre")
     devices["right"].absent = True
@@ -265,21 +265,21 @@ def test_why_a_device_cannot_be_opened_is_told_though_another_cannot_be_closed()
 
 
 class FakeTeller(FakeAmplifier):
-    """Says that its first axis is overloaded."""
+    """Reports an overload of its first axis."""
 
     def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - protocol
         return [frozenset({DeviceFlag.OVERLOAD})] + [NO_FLAGS] * (len(self.axes) - 1)
 
 
 class FakeDimSensor(FakeSensor):
-    """Says that it has too little light."""
+    """Reports too little light."""
 
     def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - protocol
         return [frozenset({DeviceFlag.LOW_LIGHT})] * len(self.axes)
 
 
 def test_the_status_is_that_of_the_sensor_of_each_axis_then_of_its_amplifier() -> None:
-    """A device that tells none adds nothing; one that serves several axes tells each its own."""
+    """A device without status contributes nothing; a shared device reports for each axis."""
     axes = {"x": ChannelPair("dim", "teller"), "y": ChannelPair("silent", "teller")}
     devices = {
         "dim": FakeDimSensor(("x",)),
@@ -291,8 +291,8 @@ def test_the_status_is_that_of_the_sensor_of_each_axis_then_of_its_amplifier() -
     assert told == [{DeviceFlag.LOW_LIGHT}, NO_FLAGS, {DeviceFlag.OVERLOAD}, NO_FLAGS]
 
 
-def test_channels_whose_devices_tell_nothing_have_nothing_to_tell() -> None:
-    """There is nothing the matter with any axis."""
+def test_channels_of_devices_without_status_have_no_flags() -> None:
+    """Every axis has empty flags."""
     axes = {"x": ChannelPair("sensor", "amplifier")}
     devices = {"sensor": FakeSensor(("x",)), "amplifier": FakeAmplifier(("x",))}
 
@@ -300,7 +300,7 @@ def test_channels_whose_devices_tell_nothing_have_nothing_to_tell() -> None:
 
 
 def ranged(low: float, high: float, to_v: Calibration) -> Channels:
-    """Return one axis, x, whose amplifier can be set to no more, open."""
+    """Return an open axis, x, whose amplifier has this range."""
 
     class Ranged(FakeAmplifier):
         def capabilities(self) -> Capabilities:
@@ -315,15 +315,15 @@ def ranged(low: float, high: float, to_v: Calibration) -> Channels:
 @pytest.mark.parametrize(
     ("limits_v", "beyond"), [((-20.0, 120.0), False), ((0.0, 120.1), True), ((-20.1, 0.0), True)]
 )
-def test_limits_that_an_amplifier_cannot_reach_are_told(
+def test_limits_that_an_amplifier_cannot_reach_are_reported(
     limits_v: tuple[float, float], *, beyond: bool
 ) -> None:
-    """The axis is named, and how far its amplifier goes."""
+    """The message names the axis and the range of its amplifier."""
     text = ranged(-20.0, 120.0, LineCalibration()).beyond_reach([limits_v])
 
     assert bool(text) is beyond
     assert not beyond or "axis x" in text
-    assert not beyond or "goes from -20 to 120 V" in text
+    assert not beyond or "gives -20 to 120 V" in text
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -331,7 +331,7 @@ def test_limits_that_an_amplifier_cannot_reach_are_told(
 def test_a_calibration_may_hold_for_less_than_the_device_can_give(
     sign: float, *, whole: bool
 ) -> None:
-    """Rising or falling, what it holds for can be reached; what only the limits ask for cannot."""
+    """The range of the calibration is reachable; limits beyond it are not."""
     high_v = 150.0 if whole else 120.0
     for curve in (
         TableCalibration(values=(0.0, 10.0), physical=(0.0, 150.0 * sign)),
@@ -346,7 +346,7 @@ def test_a_calibration_may_hold_for_less_than_the_device_can_give(
 
 
 def test_the_end_of_what_an_amplifier_can_give_can_be_written() -> None:
-    """Without a bit too much, which it would refuse in each cycle."""
+    """At the end of the range, rounding gives no value that the device would refuse."""
     channels = ranged(0.0, 10.0, LineCalibration(gain=1.5, offset=12.1))
     channels.write([27.1], 0)
 

@@ -1,4 +1,4 @@
-"""Drivers that need nothing on the other end keep the driver contract, with default options."""
+"""Drivers without a device on the other end keep the driver contract, with default options."""
 
 from collections.abc import Callable
 from functools import partial
@@ -10,23 +10,23 @@ from piezod.devices.interface import Device, Wiring
 from piezod.testing.check_support import opened
 from piezod.testing.driver_contract import checks_for
 
-# All others are put through the contract in tests/drivers, against an emulator.
+# The contract of all other drivers is checked in tests/drivers, against an emulator.
 DRIVERS = ["simulated"]
 
 
 def factory_of(driver: str, axes: tuple[str, ...]) -> Callable[[], Device]:
-    """Return what constructs devices of this driver with default options."""
+    """Return a function that constructs devices of this driver with default options."""
     plugin = registry.load(driver)
     return partial(plugin.create, plugin.options_model(), Wiring.both(axes), 1)
 
 
-# The driver is loaded inside the tests: one that cannot be loaded fails here, and only here.
+# The driver is loaded inside the tests, so that a broken one fails only here.
 @pytest.mark.parametrize("axes", [("x",), ("x", "y")])
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_driver_keeps_the_contract(
     driver: str, axes: tuple[str, ...], subtests: pytest.Subtests
 ) -> None:
-    """The driver passes every check of the roles it plays."""
+    """The driver passes every check of its roles."""
     factory = factory_of(driver, axes)
     for check in checks_for(factory):
         with subtests.test(check.__name__):
@@ -35,7 +35,7 @@ def test_driver_keeps_the_contract(
 
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_driver_serves_the_channels_it_was_given(driver: str) -> None:
-    """Capabilities list the channels asked for, in that order."""
+    """Capabilities list the requested channels in that order."""
     with opened(factory_of(driver, ("y", "x"))) as device:
         able = device.capabilities()
 

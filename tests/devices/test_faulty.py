@@ -1,4 +1,4 @@
-"""Tests of the device that fails on schedule."""
+"""The device that fails on a schedule."""
 
 import math
 import subprocess
@@ -19,7 +19,7 @@ PIEZOD = Path(registry.__file__).parents[1]
 
 
 class Rig:
-    """Shows its time in µm, on both axes, and the voltages that it was given."""
+    """Reads its time as µm, on both axes, and records the voltages."""
 
     def __init__(self) -> None:
         self.drive_v: Sequence[float] = (0.0, 0.0)
@@ -63,7 +63,7 @@ def shown(device: FaultyDevice) -> list[Sample]:
 
 
 def test_a_device_without_faults_is_the_device() -> None:
-    """It plays all roles, and passes everything on."""
+    """It has all roles and forwards every call."""
     rig = Rig()
     device = FaultyDevice(rig)
     device.open()
@@ -97,7 +97,7 @@ def test_a_device_without_faults_is_the_device() -> None:
 def test_a_faulty_displacement_is_so_from_start_to_end(
     kind: InjectionKind, value: float, expected: list[float]
 ) -> None:
-    """And on its own axis alone."""
+    """The fault affects its own axis only, from its start to its end."""
     device = failing(kind, value)
     samples = shown(device)
 
@@ -109,7 +109,7 @@ def test_a_faulty_displacement_is_so_from_start_to_end(
 
 @pytest.mark.parametrize("kind", [InjectionKind.NOISE, InjectionKind.GARBAGE])
 def test_random_faults_are_the_same_each_time(kind: InjectionKind) -> None:
-    """The seed decides."""
+    """The seed determines them."""
     first, second = shown(failing(kind, 3.0)), shown(failing(kind, 3.0))
 
     assert first == second
@@ -117,13 +117,13 @@ def test_random_faults_are_the_same_each_time(kind: InjectionKind) -> None:
 
 
 def test_late_samples_are_old_by_their_time_stamps_too() -> None:
-    """As those of a device that buffers; a duplicate likewise."""
+    """Late and duplicate samples keep their time stamps, as those of a buffering device."""
     assert [one.t_ns for one in shown(failing(InjectionKind.LATE, 2.0))[2:5]] == [8, 9, 10]
     assert [one.t_ns for one in shown(failing(InjectionKind.DUPLICATE))[2:5]] == [9, 9, 9]
 
 
 def test_writes_are_refused_or_swallowed() -> None:
-    """Refused for all axes, swallowed on one; from the end on they count again."""
+    """A refusal affects all axes, a stuck output one; afterwards writes work again."""
     refusing, stuck = failing(InjectionKind.REFUSED), failing(InjectionKind.STUCK_OUTPUT)
     answers = [
         [device.write([float(t_ns)] * 2, t_ns) for t_ns in (9, 10, 20)]
@@ -135,8 +135,8 @@ def test_writes_are_refused_or_swallowed() -> None:
     assert stuck.read_back(21) == [21.0, 20.0]
 
 
-def test_status_and_read_back_lie_when_told_to() -> None:
-    """On one axis."""
+def test_status_and_read_back_can_be_wrong() -> None:
+    """The faults affect one axis."""
     flagged = FaultyDevice(Rig(), [Injection(InjectionKind.FLAGGED, 0, flag=DeviceFlag.LOCAL_MODE)])
 
     assert flagged.status(5) == [{DeviceFlag.LOCAL_MODE}, NO_FLAGS] * 2
@@ -145,16 +145,16 @@ def test_status_and_read_back_lie_when_told_to() -> None:
     assert failing(InjectionKind.READ_BACK_OFFSET, 7.0).read_back(12) == [0.0, 7.0]
 
 
-def test_drivers_raise_when_told_to() -> None:
-    """What no driver may."""
+def test_drivers_can_raise() -> None:
+    """Reading and writing raise, which the contract forbids."""
     with pytest.raises(FaultyError, match="read"):
         failing(InjectionKind.READ_RAISES).read(12)
     with pytest.raises(FaultyError, match="wrote"):
         failing(InjectionKind.WRITE_RAISES).write([0.0, 0.0], 12)
 
 
-def test_nobody_but_a_test_can_ask_for_it() -> None:
-    """No driver is made of it, and nothing that runs imports it."""
+def test_only_tests_can_use_it() -> None:
+    """No driver uses it, and no module of the running program imports it."""
     plugins = [point.value for point in entry_points(group=registry.GROUP)]
     code = "import sys, piezod.cli.main; print(any('faulty' in name for name in sys.modules))"
     imported = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)

@@ -21,7 +21,7 @@ VOLTAGES: Final = (0.0, 40.0, 110.0, 140.0, 70.0, 10.0)
 
 
 def travelled(channels: Channels) -> list[tuple[float, float]]:
-    """Return measured and true displacements, in µm, as the drive goes up and down."""
+    """Return measured and true displacements, in µm, while the drive rises and falls."""
     channels.open()
     channels.activate(0)
     now_ns, pairs = 0, []
@@ -47,7 +47,7 @@ PLAIN: Final = {"x": ChannelPair("rig", "rig")}
 
 
 def test_shipped_table_measures_the_shipped_rig() -> None:
-    """Within 0.3 % of the travel, which is noise and the amplifier's steps."""
+    """The error is below 0.3 % of the travel: noise and the amplifier's steps."""
     config = load_daemon(SHIPPED, registry)
     pairs = pairs_of(config.axes)
     channels = Channels(construct(config.devices, pairs, config.seed), pairs)
@@ -58,7 +58,7 @@ def test_shipped_table_measures_the_shipped_rig() -> None:
 
 @pytest.mark.parametrize("side", ["near", "far"])
 def test_either_side_of_the_curve_can_be_used(side: Literal["near", "far"]) -> None:
-    """The light falls with the gap on the far side; the displacement is the same."""
+    """On the far side the light falls with the gap; the displacement is the same."""
     options: dict[str, Any] = {"sensor": {"setback_um": 200.0 if side == "far" else 0.0}}
     plant = specimen(**options)
     gap_um = plant.parameters.sensor.setback_um
@@ -77,8 +77,8 @@ def test_either_side_of_the_curve_can_be_used(side: Literal["near", "far"]) -> N
     assert rises == (side == "near")
 
 
-def test_a_lamp_that_fades_is_told_and_measured_through_as_long_as_it_can() -> None:
-    """With less light than is needed every sample is invalid, and the flag says why."""
+def test_a_fading_lamp_is_corrected_until_it_is_reported() -> None:
+    """Below the limit of the light every sample is invalid, and the flag states the reason."""
     config = load_daemon(SHIPPED, registry)
     pairs = pairs_of(config.axes)
     for level, valid in ((0.6, True), (0.4, False)):

@@ -1,4 +1,4 @@
-"""Who is taken for whom."""
+"""Comparison of identities."""
 
 import pytest
 
@@ -18,8 +18,8 @@ WHO = Identity("maker", "stage µ", "1", "1.0")
         ({"maker": "other", "serial": "unknown"}, False),
     ],
 )
-def test_who_is_taken_for_whom(change: dict[str, str], *, same: bool) -> None:
-    """What a device does not tell speaks neither for nor against it; firmware is changed."""
+def test_identities_are_compared(change: dict[str, str], *, same: bool) -> None:
+    """Parts that are not reported, and the firmware, do not count."""
     other = WHO._replace(**change)
 
     assert is_same(WHO, other) is same

@@ -1,4 +1,4 @@
-"""What an output is set to for a voltage, where its range ends."""
+"""The value of an output for a voltage, near the ends of its range."""
 
 from math import inf, isnan, nan
 
@@ -19,7 +19,7 @@ TWO_ENDS = st.tuples(st.floats(-10.0, 0.0), st.floats(0.1, 10.0))
 
 
 def output(calibration: Calibration, low: float, high: float) -> CalibratedOutput:
-    """Return one whose device takes no other values."""
+    """Return an output whose device has this range."""
     made = CalibratedOutput(calibration)
     made.range = low, high
     return made
@@ -27,7 +27,7 @@ def output(calibration: Calibration, low: float, high: float) -> CalibratedOutpu
 
 @st.composite
 def calibrations(draw: st.DrawFn) -> Calibration:
-    """Lines, and curves that hold farther than any range goes."""
+    """Draw lines, and curves with a range wider than any device range."""
     slope, offset = draw(SLOPES), draw(st.floats(-100.0, 100.0))
     bent = slope * draw(st.floats(0.0, 0.01))
     low_v, middle_v, high_v = (offset + (slope + bent * x) * x for x in (-15.0, 0.3, 15.0))
@@ -43,7 +43,7 @@ def calibrations(draw: st.DrawFn) -> Calibration:
 def test_every_voltage_that_is_in_reach_is_taken(
     calibration: Calibration, ends: tuple[float, float]
 ) -> None:
-    """The ends too, and what is as good as they are; never is anything beyond the range sent."""
+    """Every voltage in range, within the tolerance, gives a value in range."""
     low, high = ends
     one = output(calibration, low, high)
     for end_v in one.reach_v():
@@ -53,7 +53,7 @@ def test_every_voltage_that_is_in_reach_is_taken(
 
 
 def test_the_end_of_a_range_is_not_missed_by_rounding() -> None:
-    """(1.5 · 10 + 12.1 - 12.1) / 1.5 is more than 10, by one bit."""
+    """(1.5 · 10 + 12.1 - 12.1) / 1.5 exceeds 10 by one bit."""
     one = output(LineCalibration(gain=1.5, offset=12.1), 0.0, 10.0)
 
     assert (27.1 - 12.1) / 1.5 > 10.0
@@ -62,7 +62,7 @@ def test_the_end_of_a_range_is_not_missed_by_rounding() -> None:
 
 @pytest.mark.parametrize("calibration", [LineCalibration(), LineCalibration(gain=-15.0)])
 def test_what_is_beyond_the_range_stays_so(calibration: LineCalibration) -> None:
-    """Whoever takes it must refuse it: nothing is clamped."""
+    """A voltage out of range gives a value out of range: nothing is clamped."""
     one = output(calibration, 0.0, 10.0)
     for end_v, beyond in zip(one.reach_v(), (-1.0, 1.0), strict=True):
         too_far_v = end_v + beyond * 3.0 * SLACK_V
@@ -78,8 +78,8 @@ def test_what_is_beyond_the_range_stays_so(calibration: LineCalibration) -> None
         TableCalibration(values=(0.0, 10.0), physical=(0.0, 150.0)),
     ],
 )
-def test_what_is_no_voltage_makes_no_value(calibration: Calibration) -> None:
-    """It must be refused as well."""
+def test_a_voltage_that_is_not_finite_gives_no_value(calibration: Calibration) -> None:
+    """The device must refuse it."""
     one = output(calibration, 0.0, 10.0)
 
     assert isnan(one.value(nan))
@@ -88,7 +88,7 @@ def test_what_is_no_voltage_makes_no_value(calibration: Calibration) -> None:
 
 
 def test_a_device_that_tells_no_range_reaches_everything() -> None:
-    """It says itself what it does not take."""
+    """Such a device refuses values itself."""
     one = CalibratedOutput(LineCalibration(gain=2.0))
 
     assert one.reaches(1e6)

@@ -1,4 +1,4 @@
-"""Plug-ins of both kinds: found by entry point, imported on demand, ambiguous never."""
+"""Plug-ins of both kinds: found by entry point, imported on demand, never ambiguous."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,11 +16,11 @@ class Kind(NamedTuple):
     """A kind of plug-in.
 
     Attributes:
-        called: What it is called.
+        called: Its name in messages.
         lookup: The module that finds it.
-        known: One that is installed.
+        known: Name of an installed one.
         type_name: Its class.
-        good: Source of one, after its `NAME`.
+        good: Source of a valid one, after its `NAME`.
     """
 
     called: str
@@ -62,7 +62,7 @@ def kind(request: pytest.FixtureRequest) -> Kind:
 
 @pytest.fixture
 def install(kind: Kind, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
-    """Return a function that puts a distribution with one plug-in where Python finds it."""
+    """Return a function that installs a distribution with one plug-in."""
 
     def put(distribution: str, name: str, module: str, source: str) -> None:
         module = f"{kind.called}_{module}"
@@ -78,12 +78,12 @@ def install(kind: Kind, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Inst
 
 
 def test_what_is_installed_is_listed(kind: Kind) -> None:
-    """What ships with piezod is."""
+    """The plug-ins of piezod itself are listed."""
     assert kind.known in kind.lookup.names()
 
 
 def test_names_are_sorted_and_nothing_is_imported(kind: Kind, install: Install) -> None:
-    """Listing names tells of a broken plug-in too, since it imports none."""
+    """A broken plug-in is listed too, because listing imports nothing."""
     install("a-maker", "a_broken_stage", "that_raises", "raise OSError('no such bus')")
 
     names = kind.lookup.names()
@@ -93,14 +93,14 @@ def test_names_are_sorted_and_nothing_is_imported(kind: Kind, install: Install) 
 
 
 def test_plugin_of_another_distribution_is_loaded(kind: Kind, install: Install) -> None:
-    """Any installed distribution can bring one."""
+    """Any installed distribution can provide a plug-in."""
     install("a-maker", "stage", "good", f"NAME = 'stage'{kind.good}")
 
     assert kind.lookup.load("stage").summary == "for tests"
 
 
 def test_unknown_name_lists_the_known_ones(kind: Kind) -> None:
-    """A misspelt name is answered with the names there are."""
+    """The message for a misspelt name lists the known names."""
     with pytest.raises(
         RegistryError,
         match=rf"unknown {kind.called} 'simulatde', known {kind.called}s: .*{kind.known}",
@@ -111,7 +111,7 @@ def test_unknown_name_lists_the_known_ones(kind: Kind) -> None:
 def test_unknown_name_when_nothing_is_installed(
     kind: Kind, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where none is installed the error says so."""
+    """The message states that none is installed."""
     monkeypatch.setattr(kind.lookup, "GROUP", "a.group.that.nobody.uses")
 
     with pytest.raises(RegistryError, match=f"known {kind.called}s: none is installed"):
@@ -119,7 +119,7 @@ def test_unknown_name_when_nothing_is_installed(
 
 
 def test_duplicate_name_is_refused(kind: Kind, install: Install) -> None:
-    """Of two with one name neither is chosen in silence."""
+    """If two plug-ins have the same name, neither is chosen."""
     install("b-maker", "stage", "b", f"NAME = 'stage'{kind.good}")
     install("a-maker", "stage", "a", f"NAME = 'stage'{kind.good}")
 
@@ -134,7 +134,7 @@ def test_duplicate_name_is_refused(kind: Kind, install: Install) -> None:
 def test_plugin_that_cannot_be_imported_names_its_distribution(
     kind: Kind, install: Install, source: str
 ) -> None:
-    """Whatever goes wrong during an import, the error tells whose plug-in it is."""
+    """For any error during the import, the message names the distribution."""
     install("a-maker", "stage", f"stage_{len(source)}", source)
 
     with pytest.raises(RegistryError, match=r"of a-maker 1\.0\) cannot be imported: "):
@@ -142,7 +142,7 @@ def test_plugin_that_cannot_be_imported_names_its_distribution(
 
 
 def test_plugin_of_another_type_is_refused(kind: Kind, install: Install) -> None:
-    """The entry point must lead to a plug-in of its kind."""
+    """The entry point must refer to a plug-in of its kind."""
     install("a-maker", "stage", "text", "PLUGIN = 'a text'")
 
     with pytest.raises(RegistryError, match=f"is of type str, not {kind.type_name}"):
@@ -150,7 +150,7 @@ def test_plugin_of_another_type_is_refused(kind: Kind, install: Install) -> None
 
 
 def test_plugin_of_another_name_is_refused(kind: Kind, install: Install) -> None:
-    """It has one name."""
+    """The plug-in must have the name of its entry point."""
     install("a-maker", "stage", "by_alias", f"NAME = 'alias'{kind.good}")
 
     with pytest.raises(RegistryError, match="calls itself 'alias': the two names must agree"):

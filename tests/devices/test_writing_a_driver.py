@@ -1,4 +1,4 @@
-"""The page about drivers: its driver is one, and passes the tests that the page shows."""
+"""The page about drivers: its code is a driver that passes the tests of the page."""
 
 import re
 import subprocess
@@ -13,7 +13,7 @@ def _blocks(kind: str) -> str:
 
 
 def test_page_can_be_copied(tmp_path: Path) -> None:
-    """The code of the page, put into two files, is a driver and the tests that it passes."""
+    """The code of the page, copied into two files, is a driver and its passing tests."""
     (tmp_path / "acme_e1.py").write_text(_blocks("python"), encoding="utf-8")
     (tmp_path / "test_acme_e1.py").write_text(_blocks("python test"), encoding="utf-8")
     run = subprocess.run(

@@ -1,4 +1,4 @@
-"""Made-up records: loops that look like a piezo's, without any model of one."""
+"""Synthetic records: loops similar to those of a piezo, without a model."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -45,19 +45,19 @@ def _recording(axis: str, case: str, mode: str, n_samples: int = 400) -> Recordi
 
 @pytest.fixture(scope="session")
 def make_recording() -> Callable[..., Recording]:
-    """Return a function (axis, case, mode, n_samples=400) that makes up a recording."""
+    """Return a function (axis, case, mode, n_samples=400) that makes a synthetic recording."""
     return _recording
 
 
 @pytest.fixture(scope="session")
 def recording() -> Recording:
-    """Return a made-up adaptive recording of 400 samples."""
+    """Return a synthetic adaptive recording of 400 samples."""
     return _recording("x", "case 1", "adaptive")
 
 
 @pytest.fixture(scope="session")
 def identification() -> Identification:
-    """Return a made-up identification of 400 samples."""
+    """Return a synthetic identification of 400 samples."""
     shape = _recording("x", "record", "uncompensated")
     return Identification(
         axis="x",
@@ -74,7 +74,7 @@ def identification() -> Identification:
 
 @pytest.fixture(scope="session")
 def result(identification: Identification) -> ExperimentResult:
-    """Return a made-up experiment of two cases in three modes on one axis."""
+    """Return a synthetic experiment of two cases in three modes on one axis."""
     return ExperimentResult(
         title="Made-up experiment <with> & signs",
         recordings=tuple(_recording("x", case, mode) for case in ("case 1", "b") for mode in MODES),
@@ -88,13 +88,13 @@ def result(identification: Identification) -> ExperimentResult:
 
 @pytest.fixture(scope="session")
 def two_axes(result: ExperimentResult) -> ExperimentResult:
-    """Return the made-up experiment with a second axis."""
+    """Return the synthetic experiment with a second axis."""
     others = tuple(replace(each, axis="y") for each in result.recordings)
     return replace(result, recordings=result.recordings + others)
 
 
 def _simulated(recording: Recording) -> Recording:
-    """Return a recording whose stage is simulated: a quarter of its error is noise."""
+    """Return a recording of a simulated stage: a quarter of its error is noise."""
     true_um = recording.command_um + 0.75 * recording.error_um
     noise_um = 0.02 * np.sin(97.0 * np.arange(true_um.size))
     measured = recording.metrics
@@ -110,18 +110,18 @@ def _simulated(recording: Recording) -> Recording:
 
 @pytest.fixture(scope="session")
 def simulated(result: ExperimentResult) -> ExperimentResult:
-    """Return the made-up experiment on a simulated stage, whose true displacement is known."""
+    """Return the synthetic experiment on a simulated stage with known true displacement."""
     return replace(result, recordings=tuple(map(_simulated, result.recordings)))
 
 
 @pytest.fixture(scope="session")
 def true_reference(reference: Reference) -> Reference:
-    """Return the same figures, to compare true errors with: none is missed any more."""
+    """Return the same reference for the true errors: none of them is missed."""
     return replace(reference, metrics=("true_tracking_max_pct", "true_nonlinearity_pct"))
 
 
 @pytest.fixture(scope="session")
 def reference() -> Reference:
-    """Return figures to compare with: case 1 feedforward is missed, case 1 adaptive is not."""
+    """Return a reference that case 1 feedforward misses and case 1 adaptive does not."""
     values = {("case 1", "feedforward"): 0.7, ("case 1", "adaptive"): 0.4}
     return Reference("paper", values, ("tracking_max_pct", "nonlinearity_pct"))

@@ -1,4 +1,4 @@
-"""Made-up records of a running stage, and the header of a recording of them."""
+"""Synthetic records of a running stage, and a header for them."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -28,13 +28,13 @@ AXIS: Final = np.dtype(
 
 
 def record_dtype(axes: int = 1) -> np.dtype[np.void]:
-    """Describe a record as the telemetry does, with fewer fields."""
+    """Return a dtype like that of the telemetry, with fewer fields."""
     cycle = [("seq", "<i8"), ("t_ns", "<i8"), ("late_ns", "<i8"), ("state", "u1"), ("_gap", "V7")]
     return np.dtype([*cycle, ("axes", AXIS, (axes,)), ("end_seq", "<i8")])
 
 
 def records(begin: int, end: int, axes: int = 1, mode: int = 1) -> NDArray[Any]:
-    """Return the records of some cycles, each told from the others by its position."""
+    """Return the records of some cycles, each with its own position."""
     made = np.zeros(end - begin, record_dtype(axes))
     number = np.arange(begin, end)
     made["seq"] = made["end_seq"] = number
@@ -51,7 +51,7 @@ def records(begin: int, end: int, axes: int = 1, mode: int = 1) -> NDArray[Any]:
 def header(
     axes: tuple[str, ...] = ("x",), notes: Mapping[str, str] | None = None
 ) -> TelemetryHeader:
-    """Return what is said of such a recording."""
+    """Return the header of such a recording."""
     return TelemetryHeader(
         title="made up, µm",
         axes=axes,

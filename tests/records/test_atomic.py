@@ -6,7 +6,7 @@ from piezod.records.atomic import replacing
 
 
 def test_file_appears_when_the_block_ends(tmp_path: Path) -> None:
-    """Within the block the file is not there yet; after it, whole and alone."""
+    """Within the block the file does not exist; after it, the file is complete and alone."""
     path = tmp_path / "new folder" / "file.txt"
 
     with replacing(path) as temporary:
@@ -19,7 +19,7 @@ def test_file_appears_when_the_block_ends(tmp_path: Path) -> None:
 
 
 def test_older_file_survives_a_failure(tmp_path: Path) -> None:
-    """A failure within the block leaves the older file as it was, and nothing beside it."""
+    """A failure within the block leaves the older file unchanged and no other file."""
     path = tmp_path / "file.txt"
     path.write_text("old", encoding="utf-8")
 
@@ -32,7 +32,7 @@ def test_older_file_survives_a_failure(tmp_path: Path) -> None:
 
 
 def test_failure_names_the_file_that_was_asked_for(tmp_path: Path) -> None:
-    """A person who reads the error knows the file's own name, not the temporary one."""
+    """The error contains the name of the file, not the temporary one."""
     path = tmp_path / "file.txt"
 
     with pytest.raises(IsADirectoryError) as caught, replacing(path) as temporary:

@@ -36,7 +36,7 @@ def _refusal(path: Path) -> str:
 
 
 def test_columns_come_back_by_name(file: Path) -> None:
-    """A sound file gives its required columns, float64, in the order asked for."""
+    """A valid file gives its required columns as float64, in the requested order."""
     columns = read_csv(_write(file, _rows()), required=("t_s", "position_um"))
 
     assert list(columns) == ["t_s", "position_um"]
@@ -48,7 +48,7 @@ def test_columns_come_back_by_name(file: Path) -> None:
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("mark", ["", "\ufeff"])
 def test_line_ends_and_byte_order_mark_do_not_matter(file: Path, end: str, mark: str) -> None:
-    """Files of Windows and old Macs, with or without a byte order mark, read alike."""
+    """Files from Windows and old Macs, with or without a byte order mark, give the same data."""
     columns = read_csv(_write(file, _rows(), mark + HEADER, end))
 
     assert columns["drive_v"].size == 120
@@ -65,7 +65,7 @@ def test_spaces_and_trailing_blank_lines_do_not_matter(file: Path) -> None:
 
 
 def test_columns_that_are_not_required_are_not_read(file: Path) -> None:
-    """A column of remarks is left alone, whatever it holds."""
+    """A column of remarks is ignored, whatever its content."""
     rows = [f"{row},µ-remark" for row in _rows()]
 
     assert list(read_csv(_write(file, rows, HEADER + ",remark"))) == HEADER.split(",")
@@ -119,17 +119,17 @@ def test_wrong_columns_are_listed(file: Path, header: str, said: str) -> None:
         (
             "nan",
             "drive_v is nan; allowed is any finite number; "
-            "cut the record there, or fill in what was measured",
+            "cut the record there, or fill in the measured value",
         ),
         (
             "-inf",
             "drive_v is -inf; allowed is any finite number; "
-            "cut the record there, or fill in what was measured",
+            "cut the record there, or fill in the measured value",
         ),
         (
             "1e999",
             "drive_v is inf; allowed is any finite number; "
-            "cut the record there, or fill in what was measured",
+            "cut the record there, or fill in the measured value",
         ),
     ],
 )
@@ -137,7 +137,7 @@ def test_wrong_columns_are_listed(file: Path, header: str, said: str) -> None:
 def test_first_bad_value_is_named_with_its_line(
     file: Path, index: int, field: str, said: str
 ) -> None:
-    """What is not a finite number is refused with the line where it first appears."""
+    """A value that is not finite is refused with the line of its first appearance."""
     rows = _rows()
     rows[index] = f"{index / 1000},{field},0"
     rows[-1] = f"0.119,{field},0"
@@ -146,7 +146,7 @@ def test_first_bad_value_is_named_with_its_line(
 
 
 def test_nan_before_a_word_is_named_first(file: Path) -> None:
-    """The first bad line is named, whatever kind of bad comes later."""
+    """The message names the first bad line, whatever errors follow."""
     rows = _rows()
     rows[10] = "0.01,nan,0"
     rows[20] = "0.02,word,0"
@@ -155,7 +155,7 @@ def test_nan_before_a_word_is_named_first(file: Path) -> None:
 
 
 def test_bad_first_sample_of_a_word_file(file: Path) -> None:
-    """A file in which every row is bad names the first."""
+    """If every row is bad, the message names the first."""
     assert _refusal(_write(file, ["a,b,c"] * 120)).startswith("2: t_s is 'a';")
 
 
@@ -191,7 +191,7 @@ def test_text_in_another_encoding_is_refused(file: Path) -> None:
 
 @pytest.mark.parametrize("n_rows", [0, 1, MIN_SAMPLES - 1])
 def test_too_short_is_refused(file: Path, n_rows: int) -> None:
-    """A record of fewer than the least number of samples is refused."""
+    """A record with too few samples is refused."""
     assert _refusal(_write(file, _rows(n_rows))) == (
         f"{n_rows + 1}: the file ends after {n_rows} sample{'s' * (n_rows != 1)}; "
         "allowed are 100 or more; "
@@ -200,7 +200,7 @@ def test_too_short_is_refused(file: Path, n_rows: int) -> None:
 
 
 def test_least_number_of_samples_is_enough(file: Path) -> None:
-    """A record of the least number of samples is read, and the caller may ask for fewer."""
+    """A record with the smallest number of samples is read, and the caller may allow fewer."""
     assert read_csv(_write(file, _rows(MIN_SAMPLES)))["t_s"].size == MIN_SAMPLES
     assert read_csv(_write(file, _rows(2)), min_samples=2)["t_s"].size == 2
     assert read_csv(_write(file, _rows(1)), required=("t_s",), min_samples=1)["t_s"].size == 1
@@ -228,12 +228,12 @@ def test_time_going_back_is_refused(file: Path) -> None:
 
     assert _refusal(_write(file, rows)) == (
         "33: t_s 0.03 comes after 0.031; allowed is time that rises; "
-        "sort the rows by time, delete double ones, write t_s with more digits"
+        "sort the rows by time, delete double rows, or write t_s with more digits"
     )
 
 
 def test_time_standing_still_is_refused(file: Path) -> None:
-    """A time that is there twice is refused."""
+    """A repeated time is refused."""
     rows = _rows()
     rows.insert(31, rows[30])
 
@@ -241,7 +241,7 @@ def test_time_standing_still_is_refused(file: Path) -> None:
 
 
 def test_gap_is_refused(file: Path) -> None:
-    """A missing row is refused with the line after the gap, its length, and how many there are."""
+    """A missing row is refused with the line after the gap, its length, and the number of gaps."""
     rows = _rows()
     del rows[80], rows[40]
 
@@ -255,7 +255,7 @@ def test_gap_is_refused(file: Path) -> None:
     ("step", "accepted"), [(0.5, True), (1.0, True), (1.499, True), (1.501, False), (3.0, False)]
 )
 def test_jitter_is_accepted_up_to_the_gap(file: Path, step: float, accepted: bool) -> None:
-    """A step of time is jitter below 1.5 median steps and a gap above."""
+    """A time step below 1.5 median steps is jitter; a longer one is a gap."""
     t_s = np.arange(200.0)
     t_s[100:] += step - 1
     columns = {"t_s": t_s, "drive_v": t_s, "position_um": t_s}
@@ -269,7 +269,7 @@ def test_jitter_is_accepted_up_to_the_gap(file: Path, step: float, accepted: boo
 
 
 def test_missing_file_is_an_os_error(tmp_path: Path) -> None:
-    """A file that is not there raises what opening it raises."""
+    """A missing file raises the error of opening it."""
     with pytest.raises(FileNotFoundError):
         read_csv(tmp_path / "absent.csv")
 
@@ -278,7 +278,7 @@ def test_missing_file_is_an_os_error(tmp_path: Path) -> None:
 def test_numbers_come_back_to_the_last_bit(
     tmp_path_factory: pytest.TempPathFactory, values: list[float]
 ) -> None:
-    """Any finite double survives writing and reading, the sign of zero included."""
+    """Any finite double survives writing and reading, including the sign of zero."""
     file = tmp_path_factory.mktemp("round_trip") / "run.csv"
     command_um = np.array(values)
 
@@ -292,7 +292,7 @@ def test_numbers_come_back_to_the_last_bit(
 def test_any_single_damage_is_refused_with_its_line(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
-    """Wherever one field of a sound file is replaced by junk, the message names that line."""
+    """If any field of a valid file is replaced by junk, the message names its line."""
     file = tmp_path_factory.mktemp("damage") / "run.csv"
     rows = _rows()
     index = data.draw(st.integers(0, len(rows) - 1))
@@ -331,7 +331,7 @@ def test_recorded_data_of_a_lab_is_read(shared_data: Path) -> None:
 
 
 def test_reading_csv_brings_neither_matplotlib_nor_h5py() -> None:
-    """Importing the CSV module stays light."""
+    """Importing the CSV module imports neither of them."""
     code = (
         "import sys, piezod.records.csv_file\n"
         "print(sorted({'matplotlib', 'h5py', 'jinja2'} & set(sys.modules)))"

@@ -22,7 +22,7 @@ from piezod.records.reference import Reference, is_missed
 def test_missed_is_above_the_limit_or_no_number(
     value: float, limit: float | None, missed: bool
 ) -> None:
-    """Reaching the limit is enough, exceeding it is not, and NaN never is."""
+    """An error equal to the limit is allowed; a larger one and NaN are not."""
     assert is_missed(value, limit) == missed
 
 
@@ -39,7 +39,7 @@ def test_reference_holds_for_its_metrics_only(
 
 
 def test_rows_follow_the_recordings(result: ExperimentResult, reference: Reference) -> None:
-    """There is a row for each mode of each case, with every metric as it was recorded."""
+    """There is a row for each mode of each case, with every recorded metric."""
     table = error_table(result, reference)
 
     assert list(table) == [("x", "case 1"), ("x", "b")]
@@ -62,7 +62,7 @@ def test_best_is_the_smallest_of_its_case(result: ExperimentResult) -> None:
 
 
 def test_a_mode_without_rivals_is_not_called_best(result: ExperimentResult) -> None:
-    """Where a case ran in one mode only there is nothing to be best of."""
+    """A case with only one mode has no best mode."""
     table = error_table(replace(result, recordings=result.recordings[:1]))
 
     assert not any(cell.best for cell in table["x", "case 1"][0].cells)
@@ -82,7 +82,7 @@ def test_a_metric_that_one_recording_lacks_has_no_value_there(result: Experiment
 
 
 def test_noise_is_no_merit_of_a_mode(simulated: ExperimentResult) -> None:
-    """True errors have a best mode as measured ones have, the noise of the sensor has none."""
+    """True and measured errors have a best mode; the noise of the sensor has none."""
     (_, _, adaptive), *_ = error_table(simulated).values()
 
     assert {cell.metric for cell in adaptive.cells if not cell.best} == {"noise_rms_pct"}
@@ -91,7 +91,7 @@ def test_noise_is_no_merit_of_a_mode(simulated: ExperimentResult) -> None:
 def test_true_errors_are_compared_where_the_reference_says_so(
     simulated: ExperimentResult, reference: Reference, true_reference: Reference
 ) -> None:
-    """The sentence about them says which errors it means."""
+    """The sentence states which errors are compared."""
     measured, true = (
         verdict(error_table(simulated, compared), compared)
         for compared in (reference, true_reference)
@@ -102,7 +102,7 @@ def test_true_errors_are_compared_where_the_reference_says_so(
 
 
 def test_metrics_are_grouped_by_what_they_are_errors_of(simulated: ExperimentResult) -> None:
-    """Measured, true and noise, each with its meaning in words."""
+    """The groups are measured, true and noise, each with a sentence about it."""
     found = groups(simulated.metric_names)
 
     assert [(group, len(names)) for group, names in found] == [
@@ -111,8 +111,8 @@ def test_metrics_are_grouped_by_what_they_are_errors_of(simulated: ExperimentRes
         ("noise", 1),
     ]
     assert meaning(simulated.metric_names) == (
-        "Errors are in % of the displacement's range. Measured: as the sensor shows it. "
-        "True: as the simulated stage knows it. "
-        "Noise: what the sensor adds, but for its lag and calibration."
+        "Errors are in % of the displacement's range. Measured: from the sensor. "
+        "True: from the simulated stage. "
+        "Noise: sensor error without its lag and calibration error."
     )
-    assert meaning(["nonlinearity_pct"]).endswith("range. Measured: as the sensor shows it.")
+    assert meaning(["nonlinearity_pct"]).endswith("range. Measured: from the sensor.")

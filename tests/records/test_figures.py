@@ -37,7 +37,7 @@ def _xy(line: Line2D) -> tuple[list[float], list[float]]:
 
 
 def test_run_has_the_panels_of_the_paper_and_two_more(recording: Recording) -> None:
-    """Panels (a) to (e) are there, with what they show and its unit on every labelled axis."""
+    """Panels (a) to (e) have titles, and units on every labelled axis."""
     figure = mode_figure(recording)
 
     assert {
@@ -53,12 +53,12 @@ def test_run_has_the_panels_of_the_paper_and_two_more(recording: Recording) -> N
 
 @pytest.fixture(scope="module")
 def run_png(recording: Recording) -> bytes:
-    """Return the made-up run as PNG."""
+    """Return the synthetic run as PNG."""
     return png_bytes(mode_figure(recording))
 
 
 def test_run_names_itself_and_its_errors(recording: Recording) -> None:
-    """The headline says case, mode, axis, waveform, and the metrics with their unit."""
+    """The headline contains case, mode, axis, waveform, and the metrics with their unit."""
     assert mode_figure(recording).get_suptitle() == (
         "case 1 · adaptive · axis x: case 1, made up\n"
         "worst tracking error 0.28 %, rms tracking error 0.17 %, nonlinearity 0.25 %"
@@ -78,10 +78,10 @@ def test_run_shows_the_recorded_columns(recording: Recording) -> None:
     assert _xy(_panel(figure, "(d)").lines[0]) == (t_s, recording.error_um.tolist())
 
 
-def test_true_error_is_drawn_upon_the_measured_one(
+def test_true_error_is_drawn_on_top_of_the_measured_one(
     simulated: ExperimentResult, recording: Recording
 ) -> None:
-    """Where it is known; elsewhere there is neither a line nor a word of it."""
+    """If it is not known, there is neither a line nor a legend entry for it."""
     known = simulated.recordings[2]
     panel = _panel(mode_figure(known), "(d)")
     lines = _lines(panel)
@@ -94,7 +94,7 @@ def test_true_error_is_drawn_upon_the_measured_one(
 
 
 def test_true_error_is_explained_where_every_sample_counts(simulated: ExperimentResult) -> None:
-    """The legend does not depend on there being an excluded part."""
+    """The legend does not need an excluded part."""
     panel = _panel(mode_figure(replace(simulated.recordings[2], first_metric_index=0)), "(d)")
     legend = panel.get_legend()
 
@@ -103,7 +103,7 @@ def test_true_error_is_explained_where_every_sample_counts(simulated: Experiment
 
 
 def test_true_errors_have_a_line_of_their_own_in_the_headline(simulated: ExperimentResult) -> None:
-    """All six in one line would be cut off at the right."""
+    """All six errors in one line would not fit."""
     figure = mode_figure(simulated.recordings[2])
     headline = figure.get_suptitle()
 
@@ -117,7 +117,7 @@ def test_true_errors_have_a_line_of_their_own_in_the_headline(simulated: Experim
 
 
 def test_loop_is_measured_displacement_over_uncompensated_voltage(recording: Recording) -> None:
-    """The loop parts at the first sample of the metrics, and the command is a straight line."""
+    """The loop is split at the first sample of the metrics, and the command is a straight line."""
     loop = _lines(_panel(mode_figure(recording), "(c)"))
     drive_v, position_um = recording.uncompensated_v.tolist(), recording.position_um.tolist()
 
@@ -128,7 +128,7 @@ def test_loop_is_measured_displacement_over_uncompensated_voltage(recording: Rec
 
 
 def test_a_run_that_counts_from_its_first_sample_excludes_nothing(recording: Recording) -> None:
-    """Where every sample counts there is no grey part and no word of it."""
+    """If every sample counts, there is no grey part and no legend entry for it."""
     figure = mode_figure(replace(recording, first_metric_index=0))
 
     assert list(_lines(_panel(figure, "(c)"))) == ["measured", "command"]
@@ -136,7 +136,7 @@ def test_a_run_that_counts_from_its_first_sample_excludes_nothing(recording: Rec
 
 
 def test_each_parameter_is_a_line_to_the_end(recording: Recording) -> None:
-    """There is a line for each weight; its last value holds until the end of the record."""
+    """The last value of each weight holds until the end of the record."""
     lines = _panel(mode_figure(recording), "(e)").lines
 
     assert len(lines) == 38
@@ -147,7 +147,7 @@ def test_each_parameter_is_a_line_to_the_end(recording: Recording) -> None:
 
 
 def test_fixed_parameters_are_level_lines(make_recording: Callable[..., Recording]) -> None:
-    """One snapshot of the weights gives lines over the whole time."""
+    """One snapshot of the weights gives horizontal lines over the whole time."""
     recording = make_recording("x", "case 1", "feedforward")
 
     line = _panel(mode_figure(recording), "(e)").lines[0]
@@ -158,7 +158,7 @@ def test_fixed_parameters_are_level_lines(make_recording: Callable[..., Recordin
 def test_without_compensator_there_are_no_parameters(
     make_recording: Callable[..., Recording],
 ) -> None:
-    """An uncompensated run has the panels (a) to (d) only."""
+    """An uncompensated run has only the panels (a) to (d)."""
     titles = [
         axes.get_title(loc="left")[:3]
         for axes in mode_figure(make_recording("x", "case 1", "uncompensated")).axes
@@ -168,7 +168,7 @@ def test_without_compensator_there_are_no_parameters(
 
 
 def test_error_is_shown_in_percent_of_range_too(recording: Recording) -> None:
-    """The right-hand scale of the error is its share of the displacement range that counts."""
+    """The right-hand scale is the share of the displacement range of the metrics."""
     figure = mode_figure(recording)
     figure.draw_without_rendering()
     panel = _panel(figure, "(d)")
@@ -181,7 +181,7 @@ def test_error_is_shown_in_percent_of_range_too(recording: Recording) -> None:
 
 
 def test_a_stage_that_stood_still_is_drawn(recording: Recording) -> None:
-    """A run without motion has no percent scale, and is drawn all the same."""
+    """A run without motion has no percent scale."""
     still = replace(recording, position_um=np.zeros(400))
 
     figure = mode_figure(still)
@@ -191,7 +191,7 @@ def test_a_stage_that_stood_still_is_drawn(recording: Recording) -> None:
 
 
 def test_a_constant_command_has_no_percent_scale(recording: Recording) -> None:
-    """Where only noise moves the stage, its range is no measure of the error."""
+    """If only noise moves the displacement, its range is no measure of the error."""
     noise_um = 0.01 * np.sin(np.arange(400.0))
     held = replace(
         recording,
@@ -221,7 +221,7 @@ def test_invalid_samples_leave_gaps(recording: Recording) -> None:
 def test_legends_cover_no_data(
     recording: Recording, simulated: ExperimentResult, identification: Identification
 ) -> None:
-    """Every legend stands above the frame of its panel, clear of the panel's title."""
+    """Every legend is above the frame of its panel and beside the panel's title."""
     figures = [mode_figure(recording), mode_figure(simulated.recordings[2])]
     for figure in (*figures, identification_figure(identification)):
         figure.draw_without_rendering()
@@ -238,7 +238,7 @@ def _texts(axes: Axes, words: str) -> list[Text]:
 
 
 def test_model_and_data_are_shown(identification: Identification) -> None:
-    """Measured and predicted voltage are there over time and over displacement, and residuals."""
+    """Measured and predicted voltage appear over time and over displacement, with residuals."""
     figure = identification_figure(identification)
     over_time, loop = _lines(_panel(figure, "(a)")), _lines(_panel(figure, "(b)"))
     t_s, position_um = identification.t_s.tolist(), identification.position_um.tolist()
@@ -259,7 +259,7 @@ def test_model_and_data_are_shown(identification: Identification) -> None:
 
 
 def test_png_is_the_same_each_time(tmp_path: Path, recording: Recording, run_png: bytes) -> None:
-    """The same record gives the same bytes, of the size that the figure has, without a version."""
+    """The same record gives the same bytes, in the size of the figure, without a version."""
     path = tmp_path / "run.png"
     save_png(path, mode_figure(recording))
     first = path.read_bytes()
@@ -270,7 +270,7 @@ def test_png_is_the_same_each_time(tmp_path: Path, recording: Recording, run_png
 
 
 def test_settings_of_the_user_do_not_matter_and_stay(recording: Recording, run_png: bytes) -> None:
-    """A matplotlibrc of the user's changes no figure, and drawing changes none of its settings."""
+    """A user's matplotlibrc changes no figure, and drawing does not change its settings."""
     with mpl.rc_context({"font.size": 30.0, "lines.linewidth": 9.0, "axes.facecolor": "red"}):
         before = dict(mpl.rcParams)
         assert png_bytes(mode_figure(recording)) == run_png
@@ -285,7 +285,7 @@ def test_signs_of_mathematics_are_plain_text(
     reference: Reference,
     text: str,
 ) -> None:
-    """Names and titles with dollars and backslashes are written as they are."""
+    """Dollars and backslashes in names and titles appear unchanged."""
     odd = replace(recording, axis=text, case=text, mode=text, title=text)
     figures = [
         mode_figure(odd),
@@ -295,12 +295,12 @@ def test_signs_of_mathematics_are_plain_text(
 
     with house_style():
         for figure in figures:
-            figure.draw_without_rendering()  # lays out every text, for which mathematics is parsed
+            figure.draw_without_rendering()  # the layout of a text parses its mathematics
     assert not any(each.get_parse_math() for figure in figures for each in figure.findobj(Text))
 
 
 def test_a_run_without_a_title_ends_its_headline_at_the_axis(recording: Recording) -> None:
-    """No colon stands before nothing."""
+    """The headline has no trailing colon."""
     headline = mode_figure(replace(recording, title="")).get_suptitle().splitlines()[0]
 
     assert headline == "case 1 · adaptive · axis x"

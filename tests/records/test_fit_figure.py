@@ -15,7 +15,11 @@ from piezod.records.recording import Identification
 
 def loop(figure: Figure) -> Axes:
     """Return the panel with the residuals over the displacement."""
-    (panel,) = [axes for axes in figure.axes if axes.get_title(loc="left") == "(d) In the loop"]
+    (panel,) = [
+        axes
+        for axes in figure.axes
+        if axes.get_title(loc="left") == "(d) Residual over displacement"
+    ]
     return panel
 
 
@@ -26,7 +30,7 @@ def drawn(panel: Axes, label: str) -> FloatArray:
 
 
 def test_ways_up_and_down_are_told_apart(identification: Identification) -> None:
-    """Each residual is there once, in the colour of the direction that its drive takes."""
+    """Each residual appears once, in the colour of the direction of its drive."""
     panel = loop(identification_figure(identification))
 
     up, down = drawn(panel, "rising"), drawn(panel, "falling")
@@ -41,7 +45,7 @@ def test_ways_up_and_down_are_told_apart(identification: Identification) -> None
 
 
 def test_what_noise_leaves_open_is_shaded(identification: Identification) -> None:
-    """The band is as wide as told, about zero; samples without one are left out of it."""
+    """The band has the given width around zero; samples without a width are left out."""
     band_v = np.full(identification.t_s.size, 0.25)
     band_v[:100] = np.nan
 
@@ -57,7 +61,7 @@ def test_what_noise_leaves_open_is_shaded(identification: Identification) -> Non
 def test_a_fit_of_which_part_does_not_count_is_drawn(
     identification: Identification, banded: bool
 ) -> None:
-    """What is not predicted is a gap."""
+    """Samples without a prediction are a gap."""
     predicted_v = identification.predicted_v.copy()
     predicted_v[:50] = np.nan
     band_v = np.where(np.isfinite(predicted_v), 0.1, np.nan) if banded else None

@@ -22,14 +22,14 @@ def _written(path: Path, result: ExperimentResult) -> ExperimentResult:
 
 
 def test_experiment_comes_back_equal(file: Path, result: ExperimentResult) -> None:
-    """What is read is what was written, to the last bit and in the same order."""
+    """The read experiment equals the written one, to the last bit and in the same order."""
     assert _written(file, result) == result
 
 
 def test_true_displacement_comes_back(
     file: Path, result: ExperimentResult, simulated: ExperimentResult
 ) -> None:
-    """It survives where it is known; a viewer is shown it there, and a gap nowhere."""
+    """If it is known, it survives, and the file offers it to viewers."""
     assert _written(file, simulated) == simulated
     with h5py.File(file) as root:
         beside = list(root["experiment/x_b_adaptive"].attrs["auxiliary_signals"])
@@ -74,7 +74,7 @@ def test_model_without_a_record_comes_back(file: Path, result: ExperimentResult)
 
 
 def test_experiment_without_any_data_comes_back(file: Path, result: ExperimentResult) -> None:
-    """An experiment that left no data behind survives, too."""
+    """An experiment without any data survives too."""
     bare = replace(result, recordings=(), identifications=())
 
     assert _written(file, bare) == bare
@@ -83,7 +83,7 @@ def test_experiment_without_any_data_comes_back(file: Path, result: ExperimentRe
 def test_names_that_differ_in_signs_only_are_kept_apart(
     file: Path, result: ExperimentResult, recording: Recording
 ) -> None:
-    """Cases whose names NeXus would spell alike get groups of their own."""
+    """Cases whose names are equal in NeXus's characters get different groups."""
     alike = tuple(replace(recording, case=case) for case in ("b c", "b-c", "b_c"))
 
     read = _written(file, replace(result, recordings=alike))
@@ -113,7 +113,7 @@ def test_defaults_lead_to_a_plot(file: Path, result: ExperimentResult) -> None:
 def test_every_group_has_a_class_and_every_column_a_unit_and_a_name(
     file: Path, result: ExperimentResult
 ) -> None:
-    """Each group says its NeXus class, each dataset of a data group its unit and what it is."""
+    """Each group has its NeXus class, each dataset its unit and its long name."""
     write_hdf5(file, result)
     without: list[str] = []
 
@@ -137,7 +137,7 @@ def test_every_group_has_a_class_and_every_column_a_unit_and_a_name(
 
 
 def test_metrics_are_attributes(file: Path, result: ExperimentResult) -> None:
-    """The error figures are readable as attributes beside the columns they were taken from."""
+    """The errors are attributes beside the columns that they were computed from."""
     write_hdf5(file, result)
 
     with h5py.File(file) as root:
@@ -148,7 +148,7 @@ def test_metrics_are_attributes(file: Path, result: ExperimentResult) -> None:
 
 
 def test_same_experiment_gives_the_same_bytes(tmp_path: Path, result: ExperimentResult) -> None:
-    """Writing twice gives the same file: nothing in it depends on when it was written."""
+    """Two writes give the same file: it contains no time of writing."""
     one, two = tmp_path / "one.h5", tmp_path / "two.h5"
     write_hdf5(one, result)
     write_hdf5(two, result)
@@ -167,7 +167,7 @@ def test_file_of_somebody_else_is_refused(file: Path) -> None:
 
 
 def test_incomplete_file_is_refused(file: Path, result: ExperimentResult) -> None:
-    """A file of ours that lost a column is refused, naming the column."""
+    """A file that lacks a column is refused with the name of the column."""
     write_hdf5(file, result)
     with h5py.File(file, "a") as root:
         del root["experiment/x_b_adaptive/drive_v"]
@@ -177,7 +177,7 @@ def test_incomplete_file_is_refused(file: Path, result: ExperimentResult) -> Non
 
 
 def test_file_that_is_not_hdf5_is_an_os_error(file: Path) -> None:
-    """A text file raises what opening it raises."""
+    """A text file raises the error of opening it."""
     file.write_text("text", encoding="utf-8")
 
     with pytest.raises(OSError, match="signature"):
@@ -185,7 +185,7 @@ def test_file_that_is_not_hdf5_is_an_os_error(file: Path) -> None:
 
 
 def test_warnings_come_back(file: Path, result: ExperimentResult) -> None:
-    """Sentences survive with their signs and in their order."""
+    """Warnings survive with all their characters and in their order."""
     warned = replace(result, warnings=("1 % of x; zürück.", "", "0 µm"))
 
     assert _written(file, warned) == warned

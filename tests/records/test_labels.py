@@ -25,7 +25,7 @@ from piezod.records.labels import (
     ],
 )
 def test_names_become_words_and_units(name: str, label: str, unit: str) -> None:
-    """Known metrics have a phrase of their own, others are read out; the unit is the suffix."""
+    """Known metrics have their own label, others are spelt out; the unit is the suffix."""
     assert metric_label(name) == label
     assert metric_unit(name) == unit
 
@@ -45,13 +45,13 @@ def test_numbers_are_shown_by_unit(name: str, value: float, text: str) -> None:
 
 
 def test_metric_in_words() -> None:
-    """A metric in words has its unit behind, and no blank where there is none."""
+    """A metric as text ends with its unit, and has no trailing blank if it has no unit."""
     assert metric_text("nonlinearity_pct", 1.519) == "nonlinearity 1.52 %"
     assert metric_text("n_merged", 3.0) == "n merged 3"
 
 
 def test_metric_without_a_value_is_a_dash_without_a_unit() -> None:
-    """Nobody reads of a percentage of nan."""
+    """NaN does not appear as a percentage."""
     assert metric_text("nonlinearity_pct", float("nan")) == "nonlinearity –"
 
 

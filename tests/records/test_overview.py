@@ -19,7 +19,7 @@ def _xy(line: Line2D) -> tuple[list[float], list[float]]:
 
 
 def test_overview_has_a_dot_for_each_error(result: ExperimentResult, reference: Reference) -> None:
-    """Each panel of the overview is a metric, with a dot for each run and a bar for each limit."""
+    """Each panel is a metric, with a dot for each run and a bar for each limit."""
     figure = overview_figure(result, reference)
 
     assert [axes.get_title(loc="left") for axes in figure.axes] == [
@@ -40,7 +40,7 @@ def test_overview_has_a_dot_for_each_error(result: ExperimentResult, reference: 
 def test_overview_rows_are_cases_and_modes(
     result: ExperimentResult, two_axes: ExperimentResult
 ) -> None:
-    """Rows are named by case and mode, and by axis where there are several."""
+    """Rows have the names of case and mode, and of the axis if there are several."""
 
     def rows(figure: Figure) -> list[str]:
         return [label.get_text() for label in figure.axes[0].get_yticklabels()]
@@ -55,10 +55,10 @@ def test_overview_rows_are_cases_and_modes(
     ]
 
 
-def test_overview_says_what_exceeds_its_limit(
+def test_overview_marks_errors_above_their_limit(
     result: ExperimentResult, reference: Reference
 ) -> None:
-    """Beside each dot stands its value, with the limit and the relation in signs."""
+    """Beside each dot is its value, with the limit and the relation sign."""
     texts = [text.get_text() for text in overview_figure(result, reference).axes[2].texts]
 
     assert texts == ["6.00", "0.75 > 0.70", "0.25 ≤ 0.40", "6.00", "0.75", "0.25"]
@@ -67,7 +67,7 @@ def test_overview_says_what_exceeds_its_limit(
 def test_overview_shows_true_errors_as_open_dots(
     simulated: ExperimentResult, true_reference: Reference
 ) -> None:
-    """They share the panel of the measured ones, which are filled; noise has its own."""
+    """They share the panel of the measured errors, which are filled; noise has its own panel."""
     figure = overview_figure(simulated, true_reference)
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     nonlinearity = figure.axes[2]
@@ -90,7 +90,7 @@ def test_overview_shows_true_errors_as_open_dots(
 
 
 def test_overview_of_true_errors_alone(simulated: ExperimentResult) -> None:
-    """Without a measured counterpart the panel bears the name of the true error."""
+    """Without measured errors the panel has the name of the true error."""
     only = [
         replace(each, metrics={"true_nonlinearity_pct": each.metrics["true_nonlinearity_pct"]})
         for each in simulated.recordings
@@ -103,7 +103,7 @@ def test_overview_of_true_errors_alone(simulated: ExperimentResult) -> None:
 def test_numbers_in_the_overview_cover_no_dot(
     simulated: ExperimentResult, true_reference: Reference
 ) -> None:
-    """They stand to the right of all that is drawn in their panel."""
+    """They are to the right of all dots of their panel."""
     figure = overview_figure(simulated, true_reference)
     figure.draw_without_rendering()
     for axes in figure.axes:
@@ -115,7 +115,7 @@ def test_numbers_in_the_overview_cover_no_dot(
 def test_labels_of_an_axis_stand_clear_of_each_other(
     simulated: ExperimentResult, true_reference: Reference
 ) -> None:
-    """However many decades the errors span."""
+    """This holds for any number of decades."""
     tiny = replace(simulated.recordings[2], metrics=dict.fromkeys(simulated.metric_names, 0.02))
     recordings = (*simulated.recordings[:2], tiny, *simulated.recordings[3:])
     figure = overview_figure(replace(simulated, recordings=recordings), true_reference)
@@ -128,7 +128,7 @@ def test_labels_of_an_axis_stand_clear_of_each_other(
 
 
 def test_modes_differ_in_shape_as_well_as_in_colour(result: ExperimentResult) -> None:
-    """The legend shows a shape and a colour of its own for every mode."""
+    """The legend shows a different shape and colour for every mode."""
     (legend,) = overview_figure(result).legends
     handles = [each for each in legend.legend_handles if isinstance(each, Line2D)]
 
@@ -138,7 +138,7 @@ def test_modes_differ_in_shape_as_well_as_in_colour(result: ExperimentResult) ->
 
 
 def test_a_mode_looks_the_same_in_every_figure(result: ExperimentResult) -> None:
-    """Colour and shape belong to the mode's name, whatever other modes there are."""
+    """Colour and shape depend on the mode's name only."""
 
     def looks(*modes: str) -> dict[str, tuple[str, str]]:
         recordings = tuple(replace(result.recordings[0], mode=mode) for mode in modes)
@@ -161,7 +161,7 @@ def test_a_mode_looks_the_same_in_every_figure(result: ExperimentResult) -> None
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
 def test_overview_of_odd_errors(result: ExperimentResult, value: float) -> None:
-    """Errors without a logarithm, or that are no numbers, are drawn or at least written."""
+    """Errors without a logarithm, or NaN, are drawn or at least written."""
     odd = [replace(each, metrics={"nonlinearity_pct": value}) for each in result.recordings]
 
     figure = overview_figure(replace(result, recordings=tuple(odd)))

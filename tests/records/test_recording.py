@@ -23,7 +23,7 @@ def test_fields_are_frozen(recording: Recording) -> None:
 
 
 def test_caller_keeps_a_writable_array(recording: Recording) -> None:
-    """A recording copies its arrays: the caller's stay writable and separate."""
+    """A recording copies its arrays: the caller's arrays stay writable and separate."""
     mine = np.zeros(recording.t_s.size)
 
     other = replace(recording, drive_v=mine)
@@ -69,7 +69,7 @@ def test_integers_become_doubles(recording: Recording) -> None:
 def test_shapes_that_do_not_go_together_are_refused(
     recording: Recording, changes: dict[str, Any], said: str
 ) -> None:
-    """Wrong shapes raise a DataError that names the recording and what is wrong."""
+    """Wrong shapes raise a DataError that names the recording and the problem."""
     with pytest.raises(DataError, match=f"^recording x/case 1/adaptive: .*{said}"):
         replace(recording, **changes)
 
@@ -95,7 +95,7 @@ def test_parameters_are_read_only(identification: Identification) -> None:
 
 
 def test_range_counts_the_samples_of_the_metrics_only(recording: Recording) -> None:
-    """The displacement range leaves out what the metrics leave out, and invalid samples."""
+    """The displacement range leaves out excluded and invalid samples."""
     position_um = np.full(400, 2.0)
     position_um[:200] = -50.0
     position_um[300] = np.nan
@@ -105,7 +105,7 @@ def test_range_counts_the_samples_of_the_metrics_only(recording: Recording) -> N
 
 
 def test_truth_is_known_or_not(recording: Recording, simulated: ExperimentResult) -> None:
-    """Its error is true minus commanded; one known sample is enough to know it."""
+    """The true error is true minus commanded; one known sample suffices."""
     known = simulated.recordings[2]
     assert np.array_equal(known.true_error_um, known.true_um - known.command_um)
 
@@ -125,7 +125,7 @@ def test_derived_columns(recording: Recording, identification: Identification) -
 
 
 def test_equality_is_by_value(make_recording: Callable[..., Recording]) -> None:
-    """Recordings made alike are equal, NaN included; one different sample makes them differ."""
+    """Recordings of equal data are equal, NaN included; one different sample makes them differ."""
     one, two = (make_recording("x", "case 1", "adaptive") for _ in range(2))
     gap_um = one.position_um.copy()
     gap_um[3] = np.nan
@@ -139,7 +139,7 @@ def test_equality_is_by_value(make_recording: Callable[..., Recording]) -> None:
 
 
 def test_names_come_in_the_order_of_their_first_appearance(two_axes: ExperimentResult) -> None:
-    """Axes, cases, modes and metrics keep the order in which they were run."""
+    """Axes, cases, modes and metrics keep the order of the runs."""
     assert two_axes.axes == ("x", "y")
     assert two_axes.cases == ("case 1", "b")
     assert two_axes.modes == ("uncompensated", "feedforward", "adaptive")
@@ -147,6 +147,6 @@ def test_names_come_in_the_order_of_their_first_appearance(two_axes: ExperimentR
 
 
 def test_one_recording_twice_is_refused(result: ExperimentResult, recording: Recording) -> None:
-    """Axis, case and mode name a recording, so two of a name are refused."""
+    """Axis, case and mode identify a recording, so a duplicate is refused."""
     with pytest.raises(DataError, match="recording x/case 1/adaptive is there 2 times"):
         replace(result, recordings=(*result.recordings, recording))

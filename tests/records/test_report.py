@@ -14,7 +14,7 @@ _VOID = {"meta", "img", "link", "br", "hr", "input"}
 
 
 class _Page(HTMLParser):
-    """What a report holds: attributes of all elements, its tables, and text by element."""
+    """Content of a report: attributes of all elements, tables, and text by element."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -62,7 +62,7 @@ class _Page(HTMLParser):
 def folder(
     tmp_path_factory: pytest.TempPathFactory, result: ExperimentResult, reference: Reference
 ) -> Path:
-    """Return the folder with the report of the made-up experiment."""
+    """Return the folder with the report of the synthetic experiment."""
     folder = tmp_path_factory.mktemp("report") / "new"
     write_report(folder, result, reference)
     return folder
@@ -70,12 +70,12 @@ def folder(
 
 @pytest.fixture(scope="module")
 def page(folder: Path) -> _Page:
-    """Return the parsed page of the made-up experiment."""
+    """Return the parsed page of the synthetic experiment."""
     return _Page((folder / "report.html").read_text(encoding="utf-8"))
 
 
 def test_page_needs_nothing_else(folder: Path, page: _Page) -> None:
-    """No element fetches anything: pictures are inside, links stay within the page."""
+    """No element loads another file: images are embedded, links stay within the page."""
     anchors = {attributes["id"] for _, attributes in page.elements if "id" in attributes}
     tags = {tag for tag, _ in page.elements}
 
@@ -86,7 +86,7 @@ def test_page_needs_nothing_else(folder: Path, page: _Page) -> None:
 
 
 def test_header_says_what_ran(page: _Page, result: ExperimentResult) -> None:
-    """Title, rate, seed and versions are at the top, with signs of HTML as plain text."""
+    """Title, rate, seed and versions are at the top; characters of HTML appear as plain text."""
     assert page.text["h1"] == [result.title]
     assert page.text["title"] == [result.title]
     assert dict(zip(page.text["dt"], page.text["dd"], strict=True)) == {
@@ -98,14 +98,14 @@ def test_header_says_what_ran(page: _Page, result: ExperimentResult) -> None:
 
 
 def test_table_holds_the_metrics(page: _Page, result: ExperimentResult) -> None:
-    """The table has every metric of every run, exactly, in the order of the runs."""
+    """The table has the exact value of every metric of every run, in the order of the runs."""
     assert page.values["error-table"] == [
         value for each in result.recordings for value in each.metrics.values()
     ]
 
 
 def test_table_is_read_without_colours(page: _Page) -> None:
-    """Best and missed errors are marked by a sign and a word, the reference has a column."""
+    """Best and missed errors have a sign and a word, and the reference has a column."""
     head, *rows = page.rows["error-table"]
 
     assert head == [
@@ -126,7 +126,7 @@ def test_table_is_read_without_colours(page: _Page) -> None:
 
 
 def test_every_picture_says_what_it_shows(page: _Page) -> None:
-    """Pictures have their size and a description of their own, with the errors in it."""
+    """Images have their size and a description with the errors."""
     alts = page.given("img", "alt")
 
     assert len(alts) == len(set(alts)) == 8
@@ -138,7 +138,7 @@ def test_every_picture_says_what_it_shows(page: _Page) -> None:
 
 
 def test_figures_are_grouped_by_case(page: _Page) -> None:
-    """Sections follow in order: errors, model, each case with its modes, configuration."""
+    """The order of sections is: errors, model, each case with its modes, configuration."""
     assert page.text["h2"] == [
         "Errors",
         "Model",
@@ -160,12 +160,12 @@ def test_model_says_how_it_was_made(page: _Page) -> None:
 
 
 def test_configuration_is_word_for_word(page: _Page, result: ExperimentResult) -> None:
-    """The configuration stands at the end as it was read."""
+    """The text of the configuration file is at the end, unchanged."""
     assert page.text["pre"] == [result.configuration]
 
 
 def test_light_dark_and_print_are_provided_for(folder: Path) -> None:
-    """The page has rules for dark screens and for paper."""
+    """The page has rules for dark screens and for print."""
     text = (folder / "report.html").read_text(encoding="utf-8")
 
     assert "@media (prefers-color-scheme: dark)" in text
@@ -173,7 +173,7 @@ def test_light_dark_and_print_are_provided_for(folder: Path) -> None:
 
 
 def test_pictures_lie_beside_the_page(folder: Path) -> None:
-    """Every figure is a PNG beside the page, named by the run."""
+    """Every figure is a PNG beside the page, with the name of the run."""
     assert sorted(each.name for each in folder.iterdir()) == [
         "model_1_x.png",
         "overview.png",
@@ -190,7 +190,7 @@ def test_pictures_lie_beside_the_page(folder: Path) -> None:
 def test_same_experiment_gives_the_same_page(
     tmp_path: Path, result: ExperimentResult, reference: Reference
 ) -> None:
-    """Writing again gives the same bytes: nothing in it depends on when it was written."""
+    """Two writes give the same bytes: the page contains no time of writing."""
     one = replace(result, recordings=result.recordings[1:2])
 
     first = write_report(tmp_path / "a", one, reference)
@@ -202,7 +202,7 @@ def test_same_experiment_gives_the_same_page(
 
 @pytest.mark.usefixtures("blank_figures")
 def test_axes_are_named_where_there_are_several(tmp_path: Path, two_axes: ExperimentResult) -> None:
-    """With two axes the table has a column for them, and the headings name them."""
+    """With two axes the table has a column for them, and headings contain their names."""
     few = replace(two_axes, recordings=(two_axes.recordings[2], two_axes.recordings[8]))
 
     page = _Page(write_report(tmp_path, few).read_text(encoding="utf-8"))
@@ -222,7 +222,7 @@ def test_axes_are_named_where_there_are_several(tmp_path: Path, two_axes: Experi
 def test_reached_references_are_said_so(
     tmp_path: Path, result: ExperimentResult, reference: Reference
 ) -> None:
-    """Where all errors are within the reference, the page says it in a sentence."""
+    """If all errors are within the reference, a sentence states it."""
     best = replace(result, recordings=result.recordings[2:3])
 
     page = _Page(write_report(tmp_path, best, reference).read_text(encoding="utf-8"))
@@ -236,7 +236,7 @@ def test_reached_references_are_said_so(
 def test_true_errors_have_a_heading_of_their_own(
     tmp_path: Path, simulated: ExperimentResult, true_reference: Reference
 ) -> None:
-    """Measured, true and noise stand side by side, and the page says what is compared."""
+    """Measured, true and noise are side by side, and the page states what is compared."""
     few = replace(simulated, recordings=simulated.recordings[1:3])
 
     page = _Page(write_report(tmp_path, few, true_reference).read_text(encoding="utf-8"))
@@ -252,13 +252,16 @@ def test_true_errors_have_a_heading_of_their_own(
     spans = [int(each["colspan"]) for tag, each in page.elements if "colspan" in each]
     assert spans == [3, 2, 1]
     assert page.text["strong"] == ["All 4 true errors are at or below the figures of the paper."]
-    assert "compared with: worst true tracking error, true nonlinearity." in page.text["caption"][0]
-    assert "True: as the simulated stage knows it." in page.text["caption"][0]
+    assert (
+        "Compared with the paper: worst true tracking error, true nonlinearity."
+        in page.text["caption"][0]
+    )
+    assert "True: from the simulated stage." in page.text["caption"][0]
 
 
 @pytest.mark.usefixtures("blank_figures")
 def test_without_reference_nothing_is_compared(tmp_path: Path, result: ExperimentResult) -> None:
-    """Without a reference there is no such column and no such sentence."""
+    """Without a reference there is no column and no sentence about it."""
     one = replace(result, recordings=result.recordings[:1])
 
     page = _Page(write_report(tmp_path, one).read_text(encoding="utf-8"))
@@ -269,7 +272,7 @@ def test_without_reference_nothing_is_compared(tmp_path: Path, result: Experimen
 
 @pytest.mark.usefixtures("blank_figures")
 def test_error_without_a_value_is_a_dash(tmp_path: Path, result: ExperimentResult) -> None:
-    """An error that there is none of is a dash, marked only where a figure was to be reached."""
+    """A missing error is a dash, marked only if it has a limit."""
     failed = replace(result.recordings[0], metrics={"nonlinearity_pct": float("nan")})
     limits = Reference("paper", {("case 1", "uncompensated"): 0.7}, ("nonlinearity_pct",))
 
@@ -296,7 +299,7 @@ def test_model_from_a_file_has_no_figure(tmp_path: Path, result: ExperimentResul
 
 @pytest.mark.usefixtures("blank_figures")
 def test_warnings_stand_before_the_errors(tmp_path: Path, result: ExperimentResult) -> None:
-    """What a person should know comes first, word for word, and can be jumped to."""
+    """Warnings come first, unchanged, with a link to them."""
     warned = replace(result, recordings=result.recordings[:1], warnings=("a < b", "c & d"))
 
     page = _Page(write_report(tmp_path, warned).read_text(encoding="utf-8"))
@@ -307,7 +310,7 @@ def test_warnings_stand_before_the_errors(tmp_path: Path, result: ExperimentResu
 
 
 def test_without_warnings_there_is_no_word_of_them(folder: Path) -> None:
-    """Neither a heading nor a link."""
+    """There is neither a heading nor a link."""
     assert "Warnings" not in (folder / "report.html").read_text(encoding="utf-8")
 
 
@@ -325,7 +328,7 @@ def test_a_case_without_a_title_has_no_colon(tmp_path: Path, result: ExperimentR
 def test_figures_of_an_earlier_report_are_removed_and_nothing_else(
     tmp_path: Path, result: ExperimentResult
 ) -> None:
-    """A shorter run leaves no figures of a longer one; what others put there stays."""
+    """A shorter run leaves no figures of a longer one; foreign files stay."""
     foreign = {"run_09_mine.png", "overview_2.png", "notes.txt"}
     for name in foreign:
         (tmp_path / name).write_bytes(b"mine")
@@ -340,7 +343,7 @@ def test_figures_of_an_earlier_report_are_removed_and_nothing_else(
 
 @pytest.mark.usefixtures("blank_figures")
 def test_a_page_of_somebody_else_removes_nothing(tmp_path: Path, result: ExperimentResult) -> None:
-    """Figures that such a page shows are not ours, and its text need not be UTF-8."""
+    """Figures of a foreign page stay, and its text need not be UTF-8."""
     (tmp_path / "report.html").write_bytes(b'\xff\n<figure id="holiday">\n<figure id="../run_01">')
     (tmp_path / "holiday.png").write_bytes(b"mine")
 

@@ -1,4 +1,4 @@
-"""Recordings of every cycle: complete, readable at any time, and after any end."""
+"""Recordings of every cycle: complete, readable at any time, and after any interruption."""
 
 import errno
 import os
@@ -26,14 +26,14 @@ def file(tmp_path: Path) -> Path:
 
 
 def write(path: Path, *portions: tuple[int, int], axes: tuple[str, ...] = ("x",)) -> None:
-    """Write portions of made-up records."""
+    """Write portions of synthetic records."""
     with TelemetryWriter(path, header(axes), record_dtype(len(axes))) as writer:
         for begin, end in portions:
             writer.append(records(begin, end, len(axes)))
 
 
 def test_every_record_comes_back(file: Path) -> None:
-    """Whatever the portions, all columns of all axes are there to the last bit."""
+    """For any portions, all columns of all axes are in the file to the last bit."""
     write(file, (0, 1), (1, 2500), (2500, 2500), (2500, 3001), axes=("x", "cycles"))
     expected = records(0, 3001, 2)
     read = read_telemetry(file)
@@ -48,7 +48,7 @@ def test_every_record_comes_back(file: Path) -> None:
 
 
 def test_header_comes_back(file: Path) -> None:
-    """Title, axes, instants, names of numbers and notes are what was written."""
+    """Title, axes, instants, names of numbers and notes survive."""
     written = header(("x", "y"), {"configuration": "rate_hz: 1000  # µ", "events": ""})
     TelemetryWriter(file, written, record_dtype(2)).close()
 
@@ -68,7 +68,7 @@ def test_recording_of_a_part(file: Path) -> None:
 
 
 def test_weights_come_back(file: Path) -> None:
-    """Those of a part of the time, for the axes of which they were recorded."""
+    """A slice contains its weights, for the axes with recorded weights."""
     said = replace(header(("x", "y", "z")), weights={"x": 2, "z": 4})
     with TelemetryWriter(file, said, record_dtype(3)) as writer:
         for cycle in range(0, 2000, 100):
@@ -87,7 +87,7 @@ def test_weights_come_back(file: Path) -> None:
 
 
 def test_recording_of_several_modes(file: Path) -> None:
-    """Where the mode changed it is called mixed."""
+    """If the mode changed, it is called mixed."""
     with TelemetryWriter(file, header(), record_dtype()) as writer:
         writer.append(records(0, 10, mode=1))
         writer.append(records(10, 20, mode=2))
@@ -97,7 +97,7 @@ def test_recording_of_several_modes(file: Path) -> None:
 
 
 def test_recording_of_no_time_is_refused(file: Path) -> None:
-    """A slice without a sample is no recording."""
+    """A slice without a sample is refused."""
     write(file, (0, 10))
 
     assert read_telemetry(file, 5.0).cycles["seq"].size == 0
@@ -106,7 +106,7 @@ def test_recording_of_no_time_is_refused(file: Path) -> None:
 
 
 def test_lost_records_are_told(file: Path) -> None:
-    """How many were lost, and before which record, stands in the file."""
+    """The file contains their number and the record before which they were lost."""
     with TelemetryWriter(file, header(), record_dtype()) as writer:
         writer.append(records(0, 1500))
         writer.append(records(1507, 1600), 7)
@@ -134,7 +134,7 @@ def test_viewers_find_a_plot(file: Path) -> None:
 
 
 def test_file_can_be_read_while_it_is_written(file: Path) -> None:
-    """What was written more than about a second ago is there for others."""
+    """Records older than about a second are available to readers."""
     with TelemetryWriter(file, header(), record_dtype()) as writer:
         writer.append(records(0, 2500))
         meanwhile = read_telemetry(file).cycles["seq"]
@@ -144,7 +144,7 @@ def test_file_can_be_read_while_it_is_written(file: Path) -> None:
 
 
 def test_existing_file_is_never_touched(file: Path, tmp_path: Path) -> None:
-    """Neither a file nor what a link points at is overwritten."""
+    """Neither a file nor the target of a link is overwritten."""
     target = tmp_path / "target"
     target.write_text("mine", encoding="utf-8")
     file.symlink_to(target)
@@ -156,7 +156,7 @@ def test_existing_file_is_never_touched(file: Path, tmp_path: Path) -> None:
 
 @pytest.mark.fault("P6")
 def test_disk_without_room_for_a_file(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It fails with the disk's own words, and leaves no file behind."""
+    """The error of the disk is raised, and no file is left."""
 
     def fail(*_arguments: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -172,7 +172,7 @@ def test_disk_without_room_for_a_file(file: Path, monkeypatch: pytest.MonkeyPatc
 def test_failure_within_hdf5_is_an_error_of_the_disk(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever h5py makes of it, callers get an OSError, once; the file is closed in the end."""
+    """Any error of h5py becomes one OSError; the file is closed at the end."""
 
     def fail(_file: h5py.File) -> None:
         raise RuntimeError("Unable to flush")
@@ -195,7 +195,7 @@ def test_file_is_not_for_everybody(file: Path) -> None:
 
 
 def test_foreign_file_is_refused(file: Path, tmp_path: Path) -> None:
-    """What is no recording says so; what is not HDF5 fails to open."""
+    """An HDF5 file of another layout is refused; a file of another format fails to open."""
     with h5py.File(file, "w") as root:
         root["a"] = 1
     other = tmp_path / "text.h5"
@@ -252,7 +252,7 @@ def run(script: str, path: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.fault("P8")
 def test_recording_survives_a_kill(file: Path) -> None:
-    """After kill -9 all but about the last second is there."""
+    """After kill -9 the file lacks about the last second only."""
     done = run(KILLED, file)
 
     assert done.returncode == -signal.SIGKILL, done.stderr
@@ -261,7 +261,7 @@ def test_recording_survives_a_kill(file: Path) -> None:
 
 @pytest.mark.fault("P6")
 def test_recording_survives_a_full_disk(file: Path) -> None:
-    """The writer says so, the process goes on and ends well, what was written can be read."""
+    """The writer raises an error, the process ends normally, and the written part is readable."""
     done = run(FULL, file)
     seqs = read_telemetry(file).cycles["seq"]
 

@@ -8,7 +8,7 @@ from piezod.records.figures.traces import MAX_BINS, draw_trace, kept_indices
 
 
 def test_short_traces_are_kept_whole() -> None:
-    """Up to two samples a bin nothing is left out."""
+    """Traces of up to two samples per bin are not decimated."""
     values = np.arange(200.0)
 
     assert np.array_equal(kept_indices(values, n_bins=100), np.arange(200))
@@ -54,7 +54,7 @@ def test_trace_without_a_valid_sample() -> None:
 
 @pytest.mark.parametrize("n_samples", [2 * MAX_BINS, 2 * MAX_BINS + 1, 300_000])
 def test_lines_stay_small(n_samples: int) -> None:
-    """However long the record, a line has at most four points a bin, two for either column."""
+    """For any record length, a line has at most four points per bin, two for each column."""
     t_s = np.arange(n_samples) / 1000
     line = draw_trace(Figure().add_subplot(), t_s, np.sin(t_s), color="red", label="wave")
 

@@ -1,4 +1,4 @@
-"""The driver contract: a device that keeps it passes, and each breach is found by its check."""
+"""The driver contract: a correct device passes, and each breach is found by its check."""
 
 import math
 import os
@@ -29,12 +29,12 @@ class PlainRig:
         return Identity("piezod", "plain rig", "1", "none")
 
     def capabilities(self) -> Capabilities:
-        """Tell the two axes."""
+        """Return the two axes."""
         self.require(self.is_open, "not open")
         return Capabilities(("x", "y"), ("x", "y"), read_back=True, max_rate_hz=1000.0)
 
     def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface gives the time
-        """Take writes from now on."""
+        """Accept writes from now on."""
         self.require(self.is_open, "not open")
         self.is_active = True
 
@@ -61,12 +61,12 @@ class PlainRig:
         return True
 
     def read_back(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - as above
-        """Tell the drive of both axes."""
+        """Return the drive of both axes."""
         self.require(self.is_open, "not open")
         return self.drive_v
 
     def in_range(self, axis_v: float) -> bool:
-        """Tell whether one axis can be driven so."""
+        """Return whether one axis can be driven to this value."""
         return math.isfinite(axis_v) and 0 <= axis_v <= 150
 
     def require(self, condition: bool, text: str) -> None:
@@ -76,7 +76,7 @@ class PlainRig:
 
 
 class ReadsFileWhenConstructed(PlainRig):
-    """Does input before it is opened."""
+    """Reads a file before it is opened."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -87,36 +87,36 @@ class Nameless(PlainRig):
     """Has a blank serial number."""
 
     def open(self) -> Identity:
-        """Leave the serial number out."""
+        """Return a blank serial number."""
         return super().open()._replace(serial=" ")
 
 
 class WithoutAxes(PlainRig):
-    """Serves nothing."""
+    """Has no axes."""
 
     def capabilities(self) -> Capabilities:
-        """Tell no axes."""
+        """Return no axes."""
         return super().capabilities()._replace(inputs=(), outputs=())
 
 
 class WithTwinAxes(PlainRig):
-    """Names its axes alike."""
+    """Has two axes of the same name."""
 
     def capabilities(self) -> Capabilities:
-        """Tell the same axis twice."""
+        """Return the same axis twice."""
         return super().capabilities()._replace(inputs=("x", "x"))
 
 
 class WithoutRate(PlainRig):
-    """Can follow no loop."""
+    """Supports no loop rate."""
 
     def capabilities(self) -> Capabilities:
-        """Tell a rate of zero."""
+        """Return a rate of zero."""
         return super().capabilities()._replace(max_rate_hz=0.0)
 
 
 class NeverRefuses(PlainRig):
-    """Does not mind in which order it is called."""
+    """Ignores the order of calls."""
 
     def require(self, condition: bool, text: str) -> None:
         """Accept everything."""
@@ -132,7 +132,7 @@ class ClosesOnce(PlainRig):
 
 
 class OneSampleShort(PlainRig):
-    """Forgets its last axis."""
+    """Returns no sample of its last axis."""
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         """Measure the first axis only."""
@@ -140,62 +140,62 @@ class OneSampleShort(PlainRig):
 
 
 class ValidNan(PlainRig):
-    """Passes off as valid what is no number."""
+    """Returns NaN as a valid sample."""
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Measure NaN."""
+        """Return NaN."""
         return [sample._replace(position_um=math.nan) for sample in super().read(now_ns)]
 
 
 class FromTheFuture(PlainRig):
-    """Dates its samples after the call."""
+    """Returns samples dated after the call."""
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Measure a nanosecond from now."""
+        """Return samples of a nanosecond from now."""
         return super().read(now_ns + 1)
 
 
 class BackInTime(PlainRig):
-    """Gives ever older samples."""
+    """Returns ever older samples."""
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Measure the sooner the later it is asked."""
+        """Return samples that get older with each call."""
         return super().read(2_000_000_000 - now_ns)
 
 
 class WritesWhileInactive(PlainRig):
-    """Drives whenever it is asked to."""
+    """Accepts every write."""
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Drive without having been activated."""
+        """Drive without activation."""
         self.is_active = True
         return super().write(drive_v, now_ns)
 
 
 class JumpsWhenActivated(PlainRig):
-    """Drives before it was told to."""
+    """Drives without a write."""
 
     def activate(self, now_ns: int) -> None:
-        """Drive a volt."""
+        """Drive one volt."""
         super().activate(now_ns)
         self.drive_v = [1.0, 1.0]
 
 
 class IgnoresWrites(PlainRig):
-    """Says that it took a write that it did not take."""
+    """Reports success of a write that it ignores."""
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Forget the write at once."""
+        """Ignore the write."""
         taken = super().write(drive_v, now_ns)
         self.drive_v = [0.0, 0.0]
         return taken
 
 
 class WritesGoodHalf(PlainRig):
-    """Drives the axes whose values are good, and refuses the others only."""
+    """Drives the axes with valid values and refuses only the others."""
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Take the first axis before looking at the second."""
+        """Accept the first axis before checking the second."""
         taken = super().write(drive_v, now_ns)
         if self.is_active and drive_v and self.in_range(drive_v[0]):
             self.drive_v[0] = drive_v[0]
@@ -203,56 +203,56 @@ class WritesGoodHalf(PlainRig):
 
 
 class AcceptsNan(PlainRig):
-    """Drives what is no number."""
+    """Accepts NaN as a drive voltage."""
 
     def in_range(self, axis_v: float) -> bool:
-        """Accept all that is not out of range."""
+        """Accept every value that is not out of range."""
         return not (axis_v < 0 or axis_v > 150)
 
 
 class HoldsWhenDeactivated(PlainRig):
-    """Stays where it was driven."""
+    """Keeps its drive after deactivation."""
 
     def deactivate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface gives the time
-        """Refuse writes from now on, and do nothing else."""
+        """Refuse writes from now on, without going to rest."""
         self.is_active = False
 
 
 class KnowingRig(PlainRig):
-    """Knows what it measures."""
+    """Knows the true displacement."""
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - as above
-        """Tell both axes."""
+        """Return both axes."""
         self.require(self.is_active, "not active")
         return self.drive_v
 
 
 class AlwaysKnows(KnowingRig):
-    """Tells the truth whether it is active or not."""
+    """Returns the true displacement while inactive too."""
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - as above
-        """Tell both axes at any time."""
+        """Return both axes at any time."""
         return self.drive_v
 
 
 class OneTruthShort(KnowingRig):
-    """Forgets the truth of its last axis."""
+    """Returns no true displacement of its last axis."""
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:
-        """Tell the first axis only."""
+        """Return the first axis only."""
         return super().true_position_um(now_ns)[:-1]
 
 
 class DoesNotKnowAfterAll(KnowingRig):
-    """Says that the truth is no number."""
+    """Returns NaN as the true displacement."""
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:
-        """Tell NaN."""
+        """Return NaN."""
         return [math.nan for _ in super().true_position_um(now_ns)]
 
 
 class DisturbedByQuestions(KnowingRig):
-    """Moves when it is asked where it is."""
+    """Moves when its true displacement is requested."""
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:
         """Move by a nanometre."""
@@ -288,7 +288,7 @@ BREACHES = [
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Give up at once: what is checked here lives on the made-up clock."""
+    """Do not wait: these devices run on the simulated clock."""
     monkeypatch.setattr("piezod.testing.amplifier_bench.PATIENCE_S", 0.0)
 
 
@@ -298,8 +298,8 @@ def test_device_that_keeps_the_contract_passes(check: Check) -> None:
     check(KnowingRig)
 
 
-def test_what_is_true_is_asked_of_those_only_who_know_it() -> None:
-    """A real device has no truth to tell, and passes without."""
+def test_devices_without_true_displacement_skip_its_checks() -> None:
+    """A device without true displacement passes all other checks."""
     without, knowing = checks_for(PlainRig), checks_for(KnowingRig)
 
     assert [check for check in knowing if check not in without] == list(truth_checks.TRUTH_CHECKS)
@@ -315,13 +315,13 @@ def test_breach_is_found(breach: type[PlainRig], check: Check) -> None:
 
 
 def test_error_while_ending_is_a_breach() -> None:
-    """A device that cannot be closed twice lets its error out of the check."""
+    """The error of a device that cannot be closed twice leaves the check."""
     with pytest.raises(DeviceError, match="not open"):
         device_checks.ending_succeeds_at_any_time(ClosesOnce)
 
 
 def test_device_without_a_role_has_no_contract() -> None:
-    """What neither measures nor drives is not a device of ours."""
+    """A device that is neither sensor nor amplifier is refused."""
 
     def factory() -> Device:
         return object()  # type: ignore[return-value]  # the mistake under test

@@ -1,4 +1,4 @@
-"""The driver contract of devices with one exchange, with a status, or with one role only."""
+"""The driver contract of devices with an exchange, with a status, or with one role only."""
 
 import math
 from collections.abc import Sequence
@@ -14,28 +14,28 @@ from tests.testing.test_driver_contract import PlainRig
 
 
 class ExchangingRig(PlainRig):
-    """Reads and writes in one exchange, and tells its status."""
+    """Reads and writes in one exchange, and reports its status."""
 
     def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
-        """Write, and read."""
+        """Write and read."""
         return self.write(drive_v, now_ns), self.read(now_ns)
 
     def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - the interface gives the time
-        """Tell that the first input is saturated."""
+        """Report that the first input is saturated."""
         self.require(self.is_open, "not open")
         return [frozenset({DeviceFlag.SATURATED}), NO_FLAGS, NO_FLAGS, NO_FLAGS]
 
 
 class AlwaysExchanges(ExchangingRig):
-    """Gives samples whether it is active or not."""
+    """Returns samples while inactive too."""
 
     def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
-        """Write, and read without asking whether that may be."""
+        """Write and read without checking the state."""
         return self.write(drive_v, now_ns), [Sample(now_ns, 0.0, True)] * 2
 
 
 class ForgetsToWrite(ExchangingRig):
-    """Says that it took what it did not."""
+    """Reports success of a write that it ignores."""
 
     def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
         """Read only."""
@@ -43,117 +43,117 @@ class ForgetsToWrite(ExchangingRig):
 
 
 class GivesOneSample(ExchangingRig):
-    """Forgets its last input."""
+    """Returns no sample of its last input."""
 
     def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
-        """Measure the first input only."""
+        """Return a sample of the first input only."""
         taken, samples = super().exchange(drive_v, now_ns)
         return taken, samples[:1]
 
 
 class AheadOfTime(ExchangingRig):
-    """Dates its samples after the call."""
+    """Returns samples dated after the call."""
 
     def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
-        """Measure a nanosecond from now."""
+        """Return samples of a nanosecond from now."""
         return self.write(drive_v, now_ns), self.read(now_ns + 1)
 
 
 class NothingWhenBad(ExchangingRig):
-    """Gives no samples with values that it refuses."""
+    """Returns no samples if it refuses the values."""
 
     def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
-        """Refuse altogether."""
+        """Refuse the write and the read."""
         samples = self.read(now_ns)
         taken = self.write(drive_v, now_ns)
         return taken, samples if taken else ()
 
 
 class TakesAnything(ExchangingRig):
-    """Drives what is no number."""
+    """Accepts NaN as a drive voltage in an exchange."""
 
     def in_range(self, axis_v: float) -> bool:
-        """Accept all that is not out of range."""
+        """Accept every value that is not out of range."""
         return not (axis_v < 0 or axis_v > 150)
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Refuse it in a write of its own, though."""
+        """Refuse it in a plain write."""
         return all(map(math.isfinite, drive_v)) and super().write(drive_v, now_ns)
 
     def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
-        """Write as it is."""
+        """Write without a check."""
         return super().write([*drive_v][:2], now_ns), self.read(now_ns)
 
 
 class TellsTheOutputsOnly(ExchangingRig):
-    """Forgets its inputs."""
+    """Reports no flags of its inputs."""
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell of two channels."""
+        """Return the flags of two channels."""
         return super().status(now_ns)[2:]
 
 
 class TellsWhileClosed(ExchangingRig):
-    """Knows what cannot be known."""
+    """Reports a status while it is closed."""
 
     def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - as above
-        """Tell at any time."""
+        """Return a status at any time."""
         return [NO_FLAGS] * 4
 
 
 class TellsWords(ExchangingRig):
-    """Has flags of its own."""
+    """Reports flags that are not in `DeviceFlag`."""
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell what nobody knows."""
+        """Return unknown flags."""
         return [frozenset({"tired"}) for _ in super().status(now_ns)]  # type: ignore[arg-type] # the breach
 
 
 class SensorOnly(ExchangingRig):
-    """Measures both axes and drives nothing, though it has the methods."""
+    """Measures both axes and has no outputs, although it has the methods."""
 
     def capabilities(self) -> Capabilities:
-        """Tell no outputs."""
+        """Return no outputs."""
         return super().capabilities()._replace(outputs=())
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - as above
-        """Take no value, where there is none to take."""
+        """Accept an empty list of values."""
         return self.is_active and not drive_v
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Tell nothing."""
+        """Return nothing."""
         return super().read_back(now_ns)[:0]
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell of the inputs."""
+        """Return the flags of the inputs."""
         return super().status(now_ns)[:2]
 
 
 class AmplifierOnly(ExchangingRig):
-    """Drives both axes and measures nothing, though it has the methods."""
+    """Drives both axes and has no inputs, although it has the methods."""
 
     def capabilities(self) -> Capabilities:
-        """Tell no inputs."""
+        """Return no inputs."""
         return super().capabilities()._replace(inputs=())
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Measure nothing."""
+        """Return nothing."""
         return super().read(now_ns)[:0]
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell of the outputs."""
+        """Return the flags of the outputs."""
         return super().status(now_ns)[2:]
 
 
 class Slow(PlainRig):
-    """Comes to its voltage when it has been asked a few times."""
+    """Reaches its voltage after a few read-backs."""
 
     def __init__(self) -> None:
         super().__init__()
         self.asked = 0
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Tell what was in force before, three times."""
+        """Return the former value three times."""
         self.asked += 1
         return [0.0, 0.0] if self.asked % 4 else super().read_back(now_ns)
 
@@ -174,7 +174,7 @@ BREACHES = [
 
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Give up at once: what is checked here lives on the made-up clock."""
+    """Do not wait: these devices run on the simulated clock."""
     monkeypatch.setattr("piezod.testing.amplifier_bench.PATIENCE_S", 0.0)
 
 
@@ -183,7 +183,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_device_that_keeps_the_contract_passes(
     rig: type[ExchangingRig], subtests: pytest.Subtests
 ) -> None:
-    """With both roles, or with one and no channels of the other."""
+    """This holds with both roles, and with one role and no channels of the other."""
     for check in checks_for(rig):
         with subtests.test(check.__name__):
             check(rig)
@@ -201,7 +201,7 @@ def test_breach_is_found(breach: type[PlainRig], check: Check) -> None:
 
 
 class Holding(ExchangingRig):
-    """Stays where it was driven, when it is closed too; it gives 3 V at most."""
+    """Keeps its drive, also when it is closed; its maximum is 3 V."""
 
     left_v: Sequence[float] = (0.0, 0.0)
 
@@ -210,22 +210,22 @@ class Holding(ExchangingRig):
         self.drive_v = list(self.left_v)
 
     def capabilities(self) -> Capabilities:
-        """Tell that it holds."""
+        """Return that it holds."""
         return super().capabilities()._replace(holds=True)
 
     def deactivate(self, now_ns: int) -> None:  # noqa: ARG002 - as above
-        """Stay."""
+        """Keep the drive."""
         self.is_active = False
         type(self).left_v = tuple(self.drive_v)
 
     def in_range(self, axis_v: float) -> bool:
-        """Tell whether one axis can be driven so."""
+        """Return whether one axis can be driven to this value."""
         return super().in_range(axis_v) and axis_v <= 3.0
 
 
 @pytest.mark.usefixtures("impatient")
 def test_a_device_that_holds_is_left_where_it_was() -> None:
-    """However many checks there are, none begins where another ended."""
+    """Each check starts from the initial voltage, for any number of checks."""
     for check in checks_for(Holding):
         check(Holding)
 
@@ -233,5 +233,5 @@ def test_a_device_that_holds_is_left_where_it_was() -> None:
 
 
 def test_a_device_in_real_time_is_waited_for() -> None:
-    """It is asked until it is there; what it lives on is not the clock of the checks."""
+    """Its read-back is polled until it settles, because it does not follow the simulated clock."""
     amplifier_checks.a_write_comes_into_force(Slow)

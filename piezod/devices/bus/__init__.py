@@ -1,5 +1,5 @@
-"""What drivers of devices on a wire share: lines, conversations, and the device made of them.
+"""Common parts of drivers for devices on a wire: lines, conversations, and the device itself.
 
-A driver writes a `Dialogue`, which says what goes over the wire; `BusDevice` makes a device of it,
-keeps the order of calls and turns every fault of the line into a value.
+A driver implements a `Dialogue`, the exchanges of its protocol. `BusDevice` makes a device of it,
+enforces the order of calls and turns every fault of the line into a value.
 """

@@ -1,4 +1,4 @@
-"""A device on a wire: the order of calls is kept, and every fault of the wire becomes a value."""
+"""A device on a wire: it enforces the order of calls and turns every wire fault into a value."""
 
 from collections.abc import Callable, Sequence
 from math import isfinite, nan
@@ -18,22 +18,23 @@ LOSING = frozenset(
         DeviceFlag.DISCONNECTED,
         DeviceFlag.HALF_OPEN,
         DeviceFlag.BUS_OFF,
-        DeviceFlag.PARTIAL_WRITE,  # the next request would be read as the end of the broken one
+        DeviceFlag.PARTIAL_WRITE,  # the device would read the next request as the end of this one
     }
 )
-"""After one of these nothing is tried until the device is opened again."""
+"""After one of these no exchange is tried until the device is opened again."""
 
 
 class BusDevice:
     """Implements `Sensor`, `Amplifier` and `TellsStatus` over a dialogue.
 
-    A device that is lost stays lost, with invalid samples, refused writes and an unknown voltage,
-    until somebody closes it and opens it again: that waits, and is not done in the loop. If it is
-    another one then, by maker, model and serial number, its status says so as long as it is open.
+    A lost device stays lost until it is closed and opened again: samples are invalid, writes are
+    refused and read-back values are NaN. Opening takes time, so it is not done in the loop. If
+    maker, model or serial number differ after opening it again, the status reports `OTHER_DEVICE`
+    while the device is open.
 
     Args:
-        name: What it is called in errors, as "E-816".
-        dialogue: What goes over the wire.
+        name: Name in messages, for example "E-816".
+        dialogue: Exchanges of the protocol.
     """
 
     def __init__(self, name: str, dialogue: Dialogue) -> None:
@@ -47,14 +48,14 @@ class BusDevice:
         self._first: Identity | None = None
         self._lasting = NO_FLAGS
         self.lost = ""
-        """Why nothing is tried any more; empty where the device is there."""
+        """Reason of the loss, for people; empty if the device is connected."""
 
     def open(self) -> Identity:
-        """Connect and ask who is there; outputs stay as they are.
+        """Connect and return the identity; outputs stay as they are.
 
         Raises:
-            DeviceUnavailableError: If it is absent, held by somebody else, or does not answer.
-            DeviceError: If it is already open, or answers what its protocol does not allow.
+            DeviceUnavailableError: If it is absent, held by another program, or does not answer.
+            DeviceError: If it is already open, or its answer violates its protocol.
         """
         if self._able is not None:
             raise DeviceError(f"{self._name} is already open")
@@ -78,7 +79,7 @@ class BusDevice:
         return identity
 
     def capabilities(self) -> Capabilities:
-        """Tell what the device can do.
+        """Return the capabilities of the device.
 
         Raises:
             DeviceError: If it is not open.
@@ -86,10 +87,10 @@ class BusDevice:
         return self._require_open()
 
     def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's
-        """Take control of the outputs, where they are.
+        """Take control of the outputs, at their present values.
 
         Raises:
-            DeviceError: If it is not open, or does not give control.
+            DeviceError: If it is not open, or refuses control.
         """
         self._require_open()
         if self._active:
@@ -104,14 +105,14 @@ class BusDevice:
         self._active = True
 
     def deactivate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's
-        """Give control back, and what does not hold to rest even without it. Never raises."""
+        """Release control; outputs that do not hold go to rest in any case. Never raises."""
         able = self._able
         rests = able is not None and bool(able.outputs) and not able.holds
-        if self._active or (rests and not self._lasting):  # another device is left alone
+        if self._active or (rests and not self._lasting):  # nothing is sent to another device
             self._give_back()
 
     def close(self) -> None:
-        """Give control back, if it was taken, and let go. Never raises."""
+        """Release control, if it was taken, and disconnect. Never raises."""
         if self._active:
             self._give_back()
         if self._able is not None:
@@ -119,7 +120,7 @@ class BusDevice:
             self._dialogue.close()
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take a sample of each input; invalid ones where that fails; may be called in the loop.
+        """Return a sample of each input, invalid ones after a fault. Real-time safe.
 
         Raises:
             DeviceError: If it is not active.
@@ -129,13 +130,13 @@ class BusDevice:
         return self._samples(self._try(self._dialogue.sample, now_ns), now_ns)
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:  # noqa: ARG002 - the interface's
-        """Set every output; all are taken or none; may be called in the loop."""
-        if not self._takes(drive_v):
+        """Set every output; all values are accepted or none. Real-time safe."""
+        if not self._accepts(drive_v):
             return False
         return self._note_set(drive_v, self._try(self._set, drive_v))
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Tell what is in force on each output, NaN where that fails; may be called in the loop.
+        """Return the read-back value of each output, NaN after a fault. Real-time safe.
 
         Raises:
             DeviceError: If it is not open.
@@ -143,28 +144,28 @@ class BusDevice:
         able = self._require_open()
         if not able.read_back:
             return [nan] * len(able.outputs) if self.lost else self._written
-        told = self._try(self._dialogue.in_force, now_ns)
-        return [nan] * len(able.outputs) if told is None else told
+        values = self._try(self._dialogue.in_force, now_ns)
+        return [nan] * len(able.outputs) if values is None else values
 
     def status(self, now_ns: int) -> Sequence[Flags]:  # noqa: ARG002 - the interface's
-        """Tell what is the matter with each channel; may be called in the loop.
+        """Return the flags of each channel. Real-time safe.
 
-        What happened in exchanges since the last call is told once; what lasts, as long as it does.
+        A flag of an exchange is reported once, by the next call; a lasting flag while it lasts.
 
         Raises:
             DeviceError: If it is not open.
         """
         self._require_open()
         self._events |= self._dialogue.take_noticed()
-        told = self._dialogue.flags() if self._active and not self.lost else self._no_flags
+        flags = self._dialogue.flags() if self._active and not self.lost else self._no_flags
         if not self._events and not self._lasting:
-            return told
+            return flags
         events = self._lasting.union(self._events)
         if self.lost:
-            self._events &= LOSING
+            self._events &= LOSING  # these last until the device is opened again
         else:
             self._events.clear()
-        return [flags | events for flags in told]
+        return [channel | events for channel in flags]
 
     def _give_back(self) -> None:
         self._active = False
@@ -175,9 +176,10 @@ class BusDevice:
             n_inputs = len(self._require_open().inputs)
             return [Sample(now_ns, nan, False)] * n_inputs
         t_ns, values = reading
+        # value - value is 0 only for finite values: one test for NaN and infinities.
         return [Sample(t_ns, value, value - value == 0.0) for value in values]
 
-    def _takes(self, values: Sequence[float]) -> bool:
+    def _accepts(self, values: Sequence[float]) -> bool:
         ranges = self._ranges
         if not self._active or len(values) != len(ranges):
             return False
@@ -197,7 +199,7 @@ class BusDevice:
         return True
 
     def _try(self, exchange: Callable[[*Given], AnswerT], *given: *Given) -> AnswerT | None:
-        """Return what an exchange of this gives, None where it fails or the device is lost."""
+        """Return the result of an exchange; None if it fails or the device is lost."""
         if self.lost:
             return None
         try:
@@ -218,11 +220,11 @@ class BusDevice:
 
 
 class ExchangingBusDevice(BusDevice):
-    """Implements `Exchanges` too.
+    """A `BusDevice` that also implements `Exchanges`.
 
     Args:
-        name: What it is called in errors.
-        dialogue: What goes over the wire.
+        name: Name in messages.
+        dialogue: Exchanges of the protocol.
     """
 
     def __init__(self, name: str, dialogue: ExchangingDialogue) -> None:
@@ -230,12 +232,12 @@ class ExchangingBusDevice(BusDevice):
         self._exchanging = dialogue
 
     def exchange(self, drive_v: Sequence[float], now_ns: int) -> tuple[bool, Sequence[Sample]]:
-        """Set every output and take a sample of each input; may be called in the loop.
+        """Set every output and return a sample of each input. Real-time safe.
 
         Raises:
             DeviceError: If it is not active.
         """
-        if not self._takes(drive_v):
+        if not self._accepts(drive_v):
             return False, self.read(now_ns)
         reading = self._try(self._exchanging.exchange, drive_v, now_ns)
         return self._note_set(drive_v, reading), self._samples(reading, now_ns)

@@ -8,61 +8,62 @@ from piezod.devices.bus.line import Line, LineFault, NoticingLine
 from piezod.devices.status import DeviceFlag
 
 LengthOf: TypeAlias = Callable[[bytes], int]
-"""Tells how many of the bytes that have come, from the first on, make a frame; 0 as long as more
-has to come; -n where the first n are garbage."""
+"""Returns the length of the frame at the start of the received bytes: 0 if more bytes are needed,
+-n if the first n bytes are garbage."""
 Fits: TypeAlias = Callable[[bytes], bool]
-"""Tells of a frame whether it can be the reply."""
+"""Returns whether a frame can be the reply."""
 
 PATIENCE: Final = 10
-"""A reply is taken for lost when it has been late for so many time-outs."""
+"""Number of time-outs after which a late reply counts as lost."""
 SLOW: Final = 0.8
-"""A reply that takes more than this part of its time is slow."""
+"""Share of the time-out above which a reply counts as slow."""
 MOST_BYTES: Final = 65_536
-"""More than this without a frame is garbage, however it goes on."""
+"""Number of bytes without a frame above which they count as garbage."""
 
 
 class _StillOwedError(LineFault):
-    """Raised where nothing may be asked, because a late reply may still come."""
+    """Raised if no request may be sent, because a late reply may still come."""
 
 
 class Conversation:
-    """Asks and waits, with a deadline.
+    """Sends requests and waits for replies, with a deadline.
 
-    Where replies carry a tag of their request, `is_reply` tells them apart, and a reply that comes
-    too late is dropped when it comes. Where they do not, nothing is asked after a time-out until
-    the late reply has come, or can no longer come: `PATIENCE` time-outs later. A frame that cannot
-    be that reply, as a warning that the device sends by itself, ends no waiting.
+    If replies carry a tag of their request, `is_reply` identifies them, and a late reply is dropped
+    on arrival. If they do not, no request is sent after a time-out until the late reply has come,
+    or can no longer come: `PATIENCE` time-outs later. A frame that cannot be that reply, for
+    example an unsolicited warning of the device, does not end this waiting.
 
     Args:
-        line: The line, opened and closed by whoever owns it.
-        timeout_s: How long to wait for a reply, in s.
+        line: The line; its owner opens and closes it.
+        timeout_s: Time-out of a reply, in s.
     """
 
     def __init__(self, line: Line, timeout_s: float) -> None:
         self._line, self._timeout_ns = line, round(timeout_s * 1e9)
         self._notices = line if isinstance(line, NoticingLine) else None
-        self._rest = b""
+        self._rest = b""  # received after the last frame
+        # State after a time-out: how to recognise the owed reply, and when it counts as lost.
         self._owed: LengthOf | None = None
         self._owed_fits: Fits | None = None
         self._owed_until_ns = 0
         self._noticed: set[DeviceFlag] = set()
 
     def restart(self) -> None:
-        """Begin anew; to be called whenever the line was opened.
+        """Start anew; call it whenever the line was opened.
 
-        A late reply that may still come is not forgotten: a device on a serial port does not know
-        that the port was opened again.
+        A late reply stays owed: a device on a serial port does not notice that the port was opened
+        again, and may still answer.
         """
         self._rest = b""
         self._noticed.clear()
 
     def wait_out(self) -> None:
-        """Wait for a late reply until it comes or can no longer come; not to be called in the loop.
+        """Wait until a late reply comes or can no longer come. Not for use in the loop.
 
-        For opening: a device that does not know a request may leave it unanswered.
+        This is for opening: a device may leave a request unanswered that it does not know.
 
         Raises:
-            LineFault: Whatever the line raises.
+            LineFault: As raised by the line.
         """
         while self._owed is not None:
             left_ns = self._owed_until_ns - self._line.now_ns()
@@ -72,21 +73,21 @@ class Conversation:
                 self._settle()
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail, since the last call."""
+        """Return and clear the faults that did not make an exchange fail."""
         noticed, self._noticed = self._noticed, set()
         if self._notices is not None:
             noticed |= self._notices.take_noticed()
         return noticed
 
     def forget_noticed(self) -> None:
-        """Forget what came before the device was asked for the first time; that is no fault."""
+        """Clear the faults noticed before the first request to the device; they do not count."""
         self._noticed.clear()
 
     def tell(self, message: bytes) -> None:
-        """Send what has no reply; may be called in the loop.
+        """Send a message that has no reply. Real-time safe.
 
         Raises:
-            LineFault: If it did not go out, or a reply is still owed.
+            LineFault: If it was not sent, or a reply is still owed.
         """
         self._settle()
         self._line.send(message)
@@ -99,20 +100,20 @@ class Conversation:
         timeout_ns: int | None = None,
         fits: Fits | None = None,
     ) -> bytes:
-        """Send a request and return the frame that answers it; may be called in the loop.
+        """Send a request and return the frame that answers it. Real-time safe.
 
         Args:
-            request: What is sent.
+            request: Bytes to send.
             length_of: Finds frames.
-            is_reply: Tells whether a frame answers this very request, and no earlier one; None
-                where frames do not tell.
-            timeout_ns: How long to wait, if not as long as usual.
-            fits: Where frames carry no tag, and `length_of` finds those of other kinds too: tells
-                whether a frame is of the kind of this reply, an error among them. Others are
-                garbage, and the reply is still owed.
+            is_reply: Returns whether a frame answers this very request and no earlier one; None if
+                frames carry no tag.
+            timeout_ns: Time-out in ns, if it differs from the default.
+            fits: For frames without a tag, if `length_of` also finds frames of other types: returns
+                whether a frame has the type of this reply or is an error reply. Other frames are
+                garbage, and the reply stays owed.
 
         Raises:
-            LineFault: `LATE_REPLY` if none came in time, or whatever the line raises.
+            LineFault: `LATE_REPLY` if no reply came in time, or as raised by the line.
         """
         if self._owed is not None or self._rest:
             self._settle()
@@ -120,7 +121,7 @@ class Conversation:
         if stale := line.receive(0):
             self._drop(stale)
         line.send(request)
-        belongs = is_reply or fits
+        belongs = is_reply or fits  # None: every frame is the reply
         begin_ns = line.now_ns()
         wait_ns = self._timeout_ns if timeout_ns is None else timeout_ns
         end_ns = begin_ns + wait_ns
@@ -152,7 +153,7 @@ class Conversation:
         raise LineFault(DeviceFlag.LATE_REPLY, f"no reply within {wait_ns / 1e6:g} ms")
 
     def _settle(self) -> None:
-        """Get rid of what belongs to earlier requests.
+        """Drop the bytes that belong to earlier requests.
 
         Raises:
             LineFault: If a reply may still come that would be taken for another.
@@ -161,17 +162,19 @@ class Conversation:
             self._drop(self._rest)
             self._rest = b""
             return
-        now_ns = self._line.now_ns()  # before what it is compared with: a reply may come any time
+        # Read the clock before the line: a reply that comes in between is then still received.
+        now_ns = self._line.now_ns()
         got = self._rest + self._line.receive(0)
         self._rest = got[-MOST_BYTES:]
-        while (length := self._owed(self._rest)) and not self._pays(length):
+        while (length := self._owed(self._rest)) and not self._is_owed_reply(length):
             self._rest = self._rest[abs(length) :]
         if length == 0 and now_ns < self._owed_until_ns:
             raise _StillOwedError(DeviceFlag.LATE_REPLY, "a late reply may still come")
         self._noticed.add(DeviceFlag.LATE_REPLY)
         self._rest, self._owed = b"", None
 
-    def _pays(self, length: int) -> bool:
+    def _is_owed_reply(self, length: int) -> bool:
+        """Return whether the first frame is the owed reply; note any other frame as garbage."""
         fits = self._owed_fits
         if length > 0 and (fits is None or fits(self._rest[:length])):
             return True

@@ -1,4 +1,4 @@
-"""What a driver of a device on a wire says to it."""
+"""The protocol of one device on a wire, as a driver implements it."""
 
 from collections.abc import Sequence
 from typing import Protocol, TypeAlias
@@ -7,84 +7,85 @@ from piezod.devices.interface import Capabilities, Identity
 from piezod.devices.status import DeviceFlag, Flags
 
 Reading: TypeAlias = tuple[int, Sequence[float]]
-"""An instant, and what each input read then in its unit; NaN where it may not be used."""
+"""Instant and value of each input, in its unit; NaN for a value that must not be used."""
 
 
 class Dialogue(Protocol):
     """The exchanges with one device; a `BusDevice` calls them in the right order, one at a time.
 
     `open`, `activate`, `deactivate`, `sample`, `put`, `in_force` and `exchange` raise `LineFault`
-    where an exchange fails, and leave it to the bus device what becomes of that; the others
-    exchange nothing. None checks what the bus device checks: order, numbers, ranges.
+    if an exchange fails; the bus device handles it. The other methods exchange nothing. No method
+    needs to check the order of calls, the number of values or their ranges: the bus device does.
     """
 
     def open(self) -> Identity:
-        """Connect, ask who is there, and ask for what `capabilities` and `ranges` tell.
+        """Connect, ask for the identity, and for the data of `capabilities` and `ranges`.
 
         Outputs stay as they are.
 
         Raises:
-            DeviceUnavailableError: If nobody is there, or nobody answers.
-            DeviceError: If it answers something that its protocol does not allow.
+            DeviceUnavailableError: If the device is absent or does not answer.
+            DeviceError: If its answer violates its protocol.
             LineFault: If an exchange fails.
         """
         ...
 
     def close(self) -> None:
-        """Let go of the line; outputs stay as they are. Never raises."""
+        """Release the line; outputs stay as they are. Never raises."""
         ...
 
     def capabilities(self) -> Capabilities:
-        """Tell what the device can do; after `open`."""
+        """Return the capabilities of the device; called after `open`."""
         ...
 
     def ranges(self) -> Sequence[tuple[float, float]]:
-        """Tell the lowest and the highest value that each output can be set to; after `open`."""
+        """Return the lowest and the highest value of each output; called after `open`."""
         ...
 
     def activate(self) -> None:
-        """Take control of the outputs, where they are: remote control, open loop, watchdog."""
+        """Take control of the outputs at their values: remote control, open loop, watchdog."""
         ...
 
     def deactivate(self) -> None:
-        """Give control back; outputs come to rest, or hold where `Capabilities.holds`.
+        """Release control; outputs go to rest, or hold if `Capabilities.holds`.
 
-        Those that come to rest are to do so without an `activate` before, too.
+        Outputs that go to rest must do so without an `activate` before, too.
         """
         ...
 
     def sample(self, now_ns: int) -> Reading:
-        """Read every input; may be called in the loop.
+        """Read every input. Real-time safe.
 
         Returns:
-            `now_ns`, or an earlier instant where the device sends samples by itself.
+            The values with `now_ns`, or with an earlier instant if the device sends samples by
+            itself.
         """
         ...
 
     def put(self, values: Sequence[float]) -> None:
-        """Set every output; returns when the device has taken it; may be called in the loop."""
+        """Set every output; return when the device has accepted the values. Real-time safe."""
         ...
 
     def in_force(self, now_ns: int) -> Sequence[float]:
-        """Tell what is in force on each output; may be called in the loop.
+        """Return the value in force of each output. Real-time safe.
 
-        What was told in an exchange of this very instant need not be asked for again. Where
-        `Capabilities.read_back` is false, it is never called.
+        A value that an exchange at this very instant reported need not be requested again. Never
+        called if `Capabilities.read_back` is false.
         """
         ...
 
     def flags(self) -> Sequence[Flags]:
-        """Tell what the device has said of each channel, inputs first; call it in the loop."""
+        """Return the reported flags of each channel, inputs first. Real-time safe."""
         ...
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong on the line without making an exchange fail; and forget it."""
+        """Return and clear the faults of the line that did not make an exchange fail."""
         ...
 
 
 class ExchangingDialogue(Dialogue, Protocol):
-    """One that can set and read in one exchange."""
+    """A dialogue that can set and read in one exchange."""
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
-        """Set every output and read every input, in one exchange; may be called in the loop."""
+        """Set every output and read every input in one exchange. Real-time safe."""
         ...

@@ -1,4 +1,4 @@
-"""A stream of bytes to a device, and what can go wrong on it."""
+"""A byte stream to a device, and its faults."""
 
 from typing import Protocol, runtime_checkable
 
@@ -6,11 +6,11 @@ from piezod.devices.status import DeviceFlag
 
 
 class LineFault(Exception):  # noqa: N818 - a fault of the line, which a bus device turns into a value
-    """Raised within a driver, and never beyond it, where an exchange has failed.
+    """Raised inside a driver if an exchange has failed; it never leaves the driver.
 
     Args:
-        flag: What is told of it.
-        what: What happened, for people.
+        flag: Flag to report for it.
+        what: Description for people.
     """
 
     def __init__(self, flag: DeviceFlag, what: str) -> None:
@@ -19,61 +19,61 @@ class LineFault(Exception):  # noqa: N818 - a fault of the line, which a bus dev
 
 
 class Line(Protocol):
-    """A connection that carries bytes both ways; used by one thread at a time.
+    """A connection that carries bytes in both directions; used by one thread at a time.
 
-    It is the only thing in a driver that waits, and so the only one that looks at a clock.
+    It is the only part of a driver that waits, and so the only part that reads a clock.
     """
 
     @property
     def where(self) -> str:
-        """Where it leads to, for people: a port or an address."""
+        """Port or address, for people."""
         ...
 
     def open(self) -> None:
         """Connect.
 
         Raises:
-            DeviceUnavailableError: If it is absent, held by somebody else, or cannot be reached.
+            DeviceUnavailableError: If it is absent, held by another program, or cannot be reached.
         """
         ...
 
     def close(self) -> None:
-        """Let go. Never raises; may be called at any time, any number of times."""
+        """Disconnect. Never raises; may be called at any time, any number of times."""
         ...
 
     def send(self, data: bytes) -> None:
-        """Send all of this; may be called in the loop.
+        """Send all bytes. Real-time safe.
 
         Raises:
-            LineFault: `PARTIAL_WRITE` if only a part went out in time: then nothing more may go
-                out before it was opened again, and the dialogue's `open` has to end that part so
-                that nobody obeys it. `DISCONNECTED` if it is gone.
+            LineFault: `PARTIAL_WRITE` if only a part was sent in time. Nothing more may be sent
+                before the line is opened again, and `open` of the dialogue must end that part so
+                that no device acts on it. `DISCONNECTED` if the line is lost.
         """
         ...
 
     def receive(self, within_ns: int) -> bytes:
-        """Return what has come, as soon as something has; may be called in the loop.
+        """Return the received bytes, as soon as there are any. Real-time safe.
 
         Args:
-            within_ns: How long to wait for the first byte; 0: not at all.
+            within_ns: How long to wait for the first byte, in ns; 0 for no wait.
 
         Returns:
-            At least one byte, or nothing where none came in time.
+            At least one byte, or nothing if none came in time.
 
         Raises:
-            LineFault: `DISCONNECTED` if it is gone.
+            LineFault: `DISCONNECTED` if the line is lost.
         """
         ...
 
     def now_ns(self) -> int:
-        """Tell the instant on the line's own monotonic clock; may be called in the loop."""
+        """Return the time of the line's monotonic clock, in ns. Real-time safe."""
         ...
 
 
 @runtime_checkable
 class NoticingLine(Protocol):
-    """A line that also tells what is the matter with it where no exchange fails."""
+    """A line that also reports faults that did not make an exchange fail."""
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what was noticed since the last call, and forget it; may be called in the loop."""
+        """Return and clear the faults since the last call. Real-time safe."""
         ...

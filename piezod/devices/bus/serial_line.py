@@ -1,4 +1,4 @@
-"""A serial port as a line."""
+"""A serial port as a `Line`."""
 
 from __future__ import annotations
 
@@ -23,23 +23,25 @@ Parity: TypeAlias = Literal["N", "E", "O"]
 
 _MOST_BYTES: Final = 65_536
 _SEND_NS: Final = 50_000_000
-"""How long a request may take to go into the kernel's buffer, of 4096 bytes: only a device that
-holds up the flow lets it fill."""
+"""Longest time to put a request into the kernel's buffer of 4096 bytes. Only a device with flow
+control can let this buffer fill."""
 _PTY_MAJORS: Final = range(136, 144)
+"""Major device numbers of ptys on Linux."""
 
 
 class SerialLine:
-    """Implements `Line` and `Notices` over a serial port, which it holds alone.
+    """Implements `Line` and `NoticingLine` over a serial port, with exclusive access.
 
-    Nobody else is let in while it is open: programs that lock ports are refused by the lock, others
-    by the kernel. The kernel passes bytes on at once where it can (low-latency mode). What has not
-    gone out when a reply is overdue never goes: an old setpoint does not leave later.
+    Other programs cannot open the port while it is open: a lock refuses those that lock ports, the
+    kernel refuses the others. The kernel delivers bytes without delay if the port supports it
+    (low-latency mode). Bytes that are still unsent when a reply is overdue are dropped: an old
+    setpoint must not leave later.
 
     Args:
-        port: Path of the port, best one in /dev/serial/by-id.
+        port: Path of the port, preferably from /dev/serial/by-id.
         baud: Bits per second; 8 data bits.
-        rtscts: Whether the device holds up the flow by RTS/CTS.
-        xonxoff: Whether it does by characters.
+        rtscts: Whether the device uses RTS/CTS flow control.
+        xonxoff: Whether the device uses XON/XOFF flow control.
         parity: None, even or odd.
         stop_bits: 1 or 2.
     """
@@ -64,16 +66,16 @@ class SerialLine:
 
     @property
     def where(self) -> str:
-        """The port."""
+        """Path of the port."""
         return self._port
 
     def open(self) -> None:
-        """Open the port, with nothing in its buffers; one that is open is closed first.
+        """Open the port with empty buffers; an open port is closed first.
 
         Raises:
-            DeviceUnavailableError: If it is absent, held by somebody else, or no serial port.
+            DeviceUnavailableError: If it is absent, held by another program, or no serial port.
         """
-        from serial import Serial  # noqa: PLC0415 - only who opens a port needs the library
+        from serial import Serial  # noqa: PLC0415 - only an opened port needs the library
 
         self.close()
         try:
@@ -85,7 +87,7 @@ class SerialLine:
                 rtscts=self._rtscts,
                 xonxoff=self._xonxoff,
                 exclusive=True,
-                inter_byte_timeout=0,  # sets VMIN to 1, so that nothing read means a lost port
+                inter_byte_timeout=0,  # sets VMIN to 1: reading 0 bytes then means a lost port
             )
             self._fd = self._serial.fileno()
             self._hold()
@@ -93,7 +95,7 @@ class SerialLine:
         except (OSError, termios.error, ValueError, OverflowError) as error:
             self.close()
             raise DeviceUnavailableError(_refusal(self._port, error)) from error
-        with suppress(ValueError):  # a pty and some adapters have no such mode
+        with suppress(ValueError):  # a pty and some adapters lack this mode
             self._serial.set_low_latency_mode(True)
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(self._fd, select.POLLIN)
@@ -103,21 +105,23 @@ class SerialLine:
         self._path = path
 
     def close(self) -> None:
-        """Let go of the port; what has not gone out never goes. Never raises."""
+        """Close the port; unsent bytes are dropped. Never raises."""
         if self._serial is not None:
             with suppress(OSError, termios.error):
-                termios.tcflush(self._fd, termios.TCOFLUSH)  # or closing waits until it has gone
+                termios.tcflush(
+                    self._fd, termios.TCOFLUSH
+                )  # otherwise close waits until all bytes are sent
             with suppress(OSError, termios.error):
                 self._serial.close()
             self._serial, self._fd = None, -1
             self._readable, self._writable = select.poll(), select.poll()
 
     def send(self, data: bytes) -> None:
-        """Send all of this; may be called in the loop.
+        """Send all bytes. Real-time safe.
 
         Raises:
-            LineFault: `PARTIAL_WRITE` if only a part went out in time, `DISCONNECTED` if it is gone
-                or not open.
+            LineFault: `PARTIAL_WRITE` if only a part was sent in time, `DISCONNECTED` if the port
+                is lost or not open.
         """
         try:
             sent = os.write(self._fd, data)
@@ -129,22 +133,22 @@ class SerialLine:
             raise self._gone(error) from error
 
     def receive(self, within_ns: int) -> bytes:
-        """Return what has come, as soon as something has; may be called in the loop.
+        """Return the received bytes, as soon as there are any. Real-time safe.
 
         Args:
-            within_ns: How long to wait for the first byte; 0: not at all.
+            within_ns: How long to wait for the first byte, in ns; 0 for no wait.
 
         Returns:
-            At least one byte, or nothing where none came in time.
+            At least one byte, or nothing if none came in time.
 
         Raises:
-            LineFault: `DISCONNECTED` if it is gone or not open.
+            LineFault: `DISCONNECTED` if the port is lost or not open.
         """
         if self._fd < 0:
             raise self._gone("it is not open")
         try:
             if not self._readable.poll(within_ns / 1e6):
-                if within_ns:
+                if within_ns:  # the reply is overdue: an unsent rest of the request is stale
                     termios.tcflush(self._fd, termios.TCOFLUSH)
                 return b""
             data = os.read(self._fd, _MOST_BYTES)
@@ -157,16 +161,16 @@ class SerialLine:
         return data
 
     def now_ns(self) -> int:
-        """Tell the instant on the machine's monotonic clock; may be called in the loop."""
+        """Return the time of the machine's monotonic clock, in ns. Real-time safe."""
         return time.monotonic_ns()
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return `OTHER_PATH` once after the port was opened again at another device path."""
+        """Return `OTHER_PATH` once after the port was opened again under another device path."""
         noticed, self._noticed = self._noticed, set()
         return noticed
 
     def _hold(self) -> None:
-        """Have the kernel refuse others, which a pty would go on doing after our death."""
+        """Make the kernel refuse other programs; a pty would keep that after our exit."""
         if os.major(os.fstat(self._fd).st_rdev) not in _PTY_MAJORS:
             ioctl(self._fd, termios.TIOCEXCL)
 
@@ -193,6 +197,6 @@ def _refusal(port: str, error: Exception) -> str:
     if number == errno.EACCES:
         return f"no access to {port}: the user has to be in the group that it belongs to"
     locked = isinstance(error.__cause__ or error.__context__, BlockingIOError)
-    if number == errno.EBUSY or locked or "lock" in str(error):  # busy: by the kernel, not for root
+    if number == errno.EBUSY or locked or "lock" in str(error):  # EBUSY: refused by the kernel
         return f"{port} is held by another program: end it, or name another port"
     return f"{port} cannot be opened: {error}"

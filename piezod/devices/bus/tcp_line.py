@@ -1,4 +1,4 @@
-"""A TCP connection as a line."""
+"""A TCP connection as a `Line`."""
 
 import select
 import socket
@@ -13,7 +13,7 @@ from piezod.errors import DeviceUnavailableError
 
 _MOST_BYTES: Final = 65_536
 _SEND_NS: Final = 50_000_000
-"""How long a request may take to go into the kernel's buffer: only a dead device lets it fill."""
+"""Longest time to put a request into the kernel's buffer; only a dead device lets it fill."""
 _CONNECT_S: Final = 2.0
 _UNACKNOWLEDGED_S: Final = 1.0
 
@@ -21,14 +21,14 @@ _UNACKNOWLEDGED_S: Final = 1.0
 class TcpLine:
     """Implements `Line` over a TCP connection.
 
-    A request goes out at once. If the device's host does not even acknowledge what is sent, the
-    connection is given up.
+    Requests are sent without delay. The connection is closed if the peer does not acknowledge sent
+    bytes in time.
 
     Args:
         host: Name or address.
-        port: Number of the port.
-        connect_s: How long `open` waits, in s.
-        unacknowledged_s: How long what was sent may remain unacknowledged, in s.
+        port: Port number.
+        connect_s: Time-out of `open`, in s.
+        unacknowledged_s: Longest time without acknowledgement of sent bytes, in s.
     """
 
     def __init__(
@@ -50,10 +50,10 @@ class TcpLine:
         return f"{self._host}:{self._port}"
 
     def open(self) -> None:
-        """Connect; a connection that is open is closed first.
+        """Connect; an open connection is closed first.
 
         Raises:
-            DeviceUnavailableError: If nobody listens there, or nobody answers in time.
+            DeviceUnavailableError: If no peer listens or answers in time.
         """
         self.close()
         try:
@@ -63,7 +63,7 @@ class TcpLine:
             raise DeviceUnavailableError(what) from error
         self._socket = link
         link.setblocking(False)
-        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # no delay for small requests
         given_up_ms = round(self._unacknowledged_s * 1000)
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, given_up_ms)
         self._readable, self._writable = select.poll(), select.poll()
@@ -71,18 +71,18 @@ class TcpLine:
         self._writable.register(link, select.POLLOUT)
 
     def close(self) -> None:
-        """Let go of the connection. Never raises."""
+        """Close the connection. Never raises."""
         if self._socket is not None:
             with suppress(OSError):
                 self._socket.close()
             self._socket = None
 
     def send(self, data: bytes) -> None:
-        """Send all of this; may be called in the loop.
+        """Send all bytes. Real-time safe.
 
         Raises:
-            LineFault: `PARTIAL_WRITE` if only a part went out in time, `DISCONNECTED` if the
-                connection is gone, `HALF_OPEN` if nothing is acknowledged.
+            LineFault: `PARTIAL_WRITE` if only a part was sent in time, `DISCONNECTED` if the
+                connection is lost, `HALF_OPEN` if nothing is acknowledged.
         """
         link = self._require_open()
         try:
@@ -95,16 +95,16 @@ class TcpLine:
             raise self._gone(error) from error
 
     def receive(self, within_ns: int) -> bytes:
-        """Return what has come, as soon as something has; may be called in the loop.
+        """Return the received bytes, as soon as there are any. Real-time safe.
 
         Args:
-            within_ns: How long to wait for the first byte; 0: not at all.
+            within_ns: How long to wait for the first byte, in ns; 0 for no wait.
 
         Returns:
-            At least one byte, or nothing where none came in time.
+            At least one byte, or nothing if none came in time.
 
         Raises:
-            LineFault: `DISCONNECTED` if the connection is gone, `HALF_OPEN` if nothing is
+            LineFault: `DISCONNECTED` if the connection is lost, `HALF_OPEN` if nothing is
                 acknowledged.
         """
         link = self._require_open()
@@ -121,7 +121,7 @@ class TcpLine:
         return data
 
     def now_ns(self) -> int:
-        """Tell the instant on the machine's monotonic clock; may be called in the loop."""
+        """Return the time of the machine's monotonic clock, in ns. Real-time safe."""
         return time.monotonic_ns()
 
     def _send_rest(self, link: socket.socket, data: bytes, sent: int) -> None:
@@ -136,7 +136,7 @@ class TcpLine:
                     raise self._gone(error) from error
             if sent == len(data):
                 return
-        # The rest of a request cannot be taken back, nor may it be followed by another one.
+        # The sent part cannot be taken back, and another request must not follow it.
         self.close()
         what = f"{self.where}: {sent} of {len(data)} bytes went out, the connection is given up"
         raise LineFault(DeviceFlag.PARTIAL_WRITE, what)

@@ -1,1 +1,1 @@
-"""What emulators of devices share: the physics behind the connector, and the far end of a wire."""
+"""Common parts of device emulators: the physics behind the connector, the device end of a wire."""

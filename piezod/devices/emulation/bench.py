@@ -1,4 +1,4 @@
-"""The physics behind emulated devices' connectors: stages, amplifiers, sensors, in real time."""
+"""The rig behind the connectors of emulated devices: stages, amplifiers, sensors, in real time."""
 
 from collections.abc import Callable, Sequence
 from math import nan
@@ -9,23 +9,23 @@ from piezod.devices.emulation.trace import Trace
 from piezod.devices.interface import Amplifier, Identity, Sensor
 
 UM_PER_V: Final = 5.0
-"""Scale of a conditioned sensor output: 30 µm are 6 V."""
-_NOBODY: Final = Identity("piezod", "bench", "0", "0")
+"""Scale of a conditioned sensor output: 30 µm correspond to 6 V."""
+_UNNAMED: Final = Identity("piezod", "bench", "0", "0")
 
 
 class Rig(Sensor, Amplifier, Protocol):
-    """A sensor and amplifier in one, with the inputs `a` and `a_v` for each output `a`."""
+    """A combined sensor and amplifier with the inputs `a` and `a_v` for each output `a`."""
 
 
 class SharedRig:
-    """What emulators can do with their connectors; they may be in several threads.
+    """The connectors of a rig, shared by emulators; thread-safe.
 
     Args:
-        rig: The rig, open and active; its inputs are a displacement and a sensor voltage for each
+        rig: The rig, open and active; its inputs are a displacement and a sensor voltage per
             output: x, x_v, y, y_v, …
         now_ns: The clock.
-        trace: Told every voltage that is taken; None for nobody.
-        identity: Of the rig, as its `open` told.
+        trace: Records every accepted voltage; None for no record.
+        identity: Identity of the rig, as returned by its `open`.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class SharedRig:
         rig: Rig,
         now_ns: Callable[[], int],
         trace: Trace | None = None,
-        identity: Identity = _NOBODY,
+        identity: Identity = _UNNAMED,
     ) -> None:
         self._rig, self.now_ns, self._trace, self.identity = rig, now_ns, trace, identity
         able = rig.capabilities()
@@ -43,37 +43,38 @@ class SharedRig:
         self._lock = RLock()
 
     def position_um(self, axis: int) -> float:
-        """Give the measured displacement of an axis, in µm; NaN where its sensor is saturated."""
+        """Return the measured displacement of an axis, in µm; NaN if its sensor is saturated."""
         return self.positions_um()[axis]
 
     def positions_um(self) -> list[float]:
-        """Give the measured displacement of each axis at one instant, in µm, as `position_um`."""
+        """Return the measured displacement of each axis at one instant, in µm, as `position_um`."""
         with self._lock:
             samples = self._rig.read(self.now_ns())
+        # Even inputs are displacements, odd ones sensor voltages.
         return [sample.position_um if sample.valid else nan for sample in samples[::2]]
 
     def sensor_v(self, axis: int) -> float:
-        """Give what the fibre sensor of an axis gives, in V, not linearised."""
+        """Return the output of the fibre sensor of an axis, in V, not linearised."""
         with self._lock:
             return self._rig.read(self.now_ns())[2 * axis + 1].position_um
 
     def conditioned_v(self, axis: int) -> float:
-        """Give the linear output of a sensor's conditioner, in V: `UM_PER_V` µm each."""
+        """Return the linear output of a sensor's conditioner, in V: `UM_PER_V` µm per volt."""
         return self.position_um(axis) / UM_PER_V
 
     def drive(self, axis: int, drive_v: float) -> bool:
-        """Command the amplifier of an axis to a voltage at the actuator, in V; tell if it can."""
+        """Set the voltage at the actuator of an axis, in V; return whether that is possible."""
         with self._lock:
             wanted_v = [drive_v if i == axis else v for i, v in enumerate(self._drive_v)]
             return self.drive_all(wanted_v)
 
     def drive_all(self, drive_v: Sequence[float], asked_ns: int = 0, pid: int = 0) -> bool:
-        """Command every amplifier, in V; tell if all can.
+        """Set the voltage at every actuator, in V; return whether that is possible.
 
         Args:
             drive_v: A voltage for each axis.
-            asked_ns: The instant of the caller, 0 where it is not known.
-            pid: The caller's process, 0 where it is not known.
+            asked_ns: Instant of the caller, in ns; 0 if unknown.
+            pid: Process id of the caller; 0 if unknown.
         """
         with self._lock:
             t_ns = self.now_ns()
@@ -85,14 +86,14 @@ class SharedRig:
             return True
 
     def drive_v(self, axis: int) -> float:
-        """Measure the voltage at the actuator of an axis, in V."""
+        """Return the measured voltage at the actuator of an axis, in V."""
         return self.drives_v()[axis]
 
     def drives_v(self) -> Sequence[float]:
-        """Measure the voltage at the actuator of each axis at one instant, in V."""
+        """Return the measured voltage at the actuator of each axis at one instant, in V."""
         with self._lock:
             return self._rig.read_back(self.now_ns())
 
     def tick(self) -> None:
-        """Let the physics go on to now, so that it need not catch up when somebody asks."""
+        """Advance the physics to now, so that a later request need not catch up."""
         self.drives_v()

@@ -1,4 +1,4 @@
-"""The far end of a wire: a device that exists in a process of its own, with physics behind it."""
+"""Interface of an emulated device, which runs in its own process with a simulated rig behind it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,56 +9,55 @@ from piezod.devices.emulation.faults import WireFaults
 
 
 class Emulator(Protocol):
-    """A device's end of a stream of bytes; never blocks, looks at no clock but its bench's."""
+    """The device end of a byte stream; never blocks, reads no clock but that of its rig."""
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Take what has come from the host; return what is answered, each reply on its own.
+        """Process bytes from the host; return the replies one by one.
 
-        Bytes that are no request are answered as the device does, or not at all; they raise
+        Bytes that are no request are answered as the real device does, or not at all; they raise
         nothing.
         """
         ...
 
     def due(self) -> list[bytes]:
-        """Return what the device sends unasked by now; called every few milliseconds."""
+        """Return the unsolicited messages that are due; called every few milliseconds."""
         ...
 
 
 @runtime_checkable
 class HearsConnections(Protocol):
-    """An emulator that wants to know when somebody connects over TCP."""
+    """An emulator that must know when a client connects over TCP."""
 
     def connected(self) -> None:
-        """Begin anew: what came before belongs to a connection that is gone."""
+        """Start anew: earlier bytes belong to a closed connection."""
         ...
 
 
 Serve: TypeAlias = Callable[
     [SharedRig, str, WireFaults, str, Callable[[str], None], Callable[[], bool]], None
 ]
-"""Serves a device at a place until told to stop; runs in a thread of its own.
+"""Serves a device at a place until it has to stop; runs in its own thread.
 
-Called with the bench; the place, "" for the usual one; what goes wrong on the wire; the serial
-number, "" for the usual one; what is told the place as soon as somebody can connect there; and
-what tells, asked at least every 0.1 s, that it is time to stop. Calls `SharedRig.tick` every few
-milliseconds where nothing else is asked of the bench. Raises `DeviceUnavailableError` where the
+Arguments: the rig; the place, "" for the default; the wire faults; the serial number, "" for the
+default; a function to call with the place as soon as clients can connect; and a function, to be
+called at least every 0.1 s, that returns whether to stop. Calls `SharedRig.tick` every few
+milliseconds while there is no other request to the rig. Raises `DeviceUnavailableError` if the
 place is taken or cannot be made.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class EmulatorPlugin:
-    """What leads from the name of a profile to its emulator, by the group `piezod.emulators`.
+    """An emulator with the name of its profile, found by the group `piezod.emulators`.
 
     Attributes:
-        name: Of the profile, as `piezod emulate` takes it.
-        summary: One line for lists: which device it is.
-        wire: What it is connected by; serial ones are served at a pty, tcp ones at a port.
-        create: Makes the device: its bench, with an axis for each of its channels in order, and the
-            serial number that it tells, "" for its usual one. None where the wire carries no stream
-            of bytes.
-        channels: How many axes the bench has unless told otherwise.
-        serve: Serves it where the wire carries no stream of bytes.
+        name: Name of the profile, as `piezod emulate` accepts it.
+        summary: One line for lists: the device.
+        wire: Kind of connection; serial devices are served at a pty, TCP devices at a port.
+        create: Makes the device from its rig, with one axis per channel in order, and its serial
+            number, "" for the default. None if the wire carries no byte stream.
+        channels: Default number of axes of the rig.
+        serve: Serves the device if the wire carries no byte stream.
     """
 
     name: str

@@ -1,17 +1,17 @@
-"""Where an emulated device's wire ends: what a host of one does with a pty or a TCP port."""
+"""The device end of an emulated wire: a pty or a TCP port."""
 
 from typing import Protocol
 
 
 class End(Protocol):
-    """The device's end of a wire or a bus, which can be pulled out."""
+    """The device end of a wire or a bus, which can be unplugged."""
 
     def place(self) -> str:
-        """Tell where a driver connects."""
+        """Return the place at which a driver connects."""
         ...
 
     def appear(self) -> None:
-        """Be there for drivers to connect, at the same place as before.
+        """Let drivers connect, at the same place as before.
 
         Raises:
             DeviceUnavailableError: If the place is taken, or cannot be made.
@@ -19,24 +19,24 @@ class End(Protocol):
         ...
 
     def vanish(self) -> None:
-        """Be pulled out: whoever is connected is no longer, nobody can connect. Never raises.
+        """Disconnect every client and accept none. Never raises.
 
-        May be called where it is out already.
+        May be called if it is unplugged already.
         """
         ...
 
 
 class FarEnd(End, Protocol):
-    """The device's end of a wire."""
+    """The device end of a wire."""
 
     def receive(self, within_ns: int) -> bytes:
-        """Return what has come, as soon as something has; nothing where nobody is connected."""
+        """Return the received bytes, as soon as there are any; nothing without a client."""
         ...
 
     def send(self, data: bytes) -> None:
-        """Send as much of this as the other end takes; nothing where nobody is connected."""
+        """Send as many bytes as the client accepts; none without a client."""
         ...
 
     def take_connected(self) -> bool:
-        """Tell once that somebody new has connected, where that can be told."""
+        """Return once whether a new client has connected, if the end can detect that."""
         ...

@@ -1,12 +1,12 @@
-"""What goes wrong on the wire of an emulated device, on purpose.
+"""Wire faults: errors that an emulated device makes on purpose.
 
 A fault is written `KIND[:WHICH][:VALUE]`.
 
-WHICH replies it befalls, which are counted from 1: `7`, `7-9`, `7-` (that one and all after it),
-`every 7` (the 7th, the 14th, …); left out: every one. `now` is at once, whether there is a reply or
-not, for the kinds that befall the device rather than a reply: those that have it be away.
+WHICH selects replies, counted from 1: `7`, `7-9`, `7-` (this one and all later ones), `every 7`
+(the 7th, the 14th, …); without it, every reply. `now` means at once, without a reply; it is for the
+kinds that affect the device, not a reply: those that make it absent.
 
-VALUE is a number, or a range like `0.01-0.2` from which one is drawn each time.
+VALUE is a number, or a range like `0.01-0.2` from which a number is drawn each time.
 """
 
 import random
@@ -18,33 +18,33 @@ from typing import Final, NamedTuple
 
 
 class WireFaultKind(StrEnum):
-    """What goes wrong."""
+    """Kind of a wire fault."""
 
     LATE = "late"
-    """The reply comes VALUE seconds late, and those after it not before it."""
+    """The reply comes VALUE seconds late; later replies do not overtake it."""
     LOST = "lost"
     """The reply never comes."""
     GARBLED = "garbled"
-    """Bit VALUE of the reply is flipped, counted from 0; left out: any."""
+    """Bit VALUE of the reply, counted from 0, is flipped; default: a random bit."""
     PARTIAL = "partial"
-    """Only the first VALUE bytes of the reply come; left out: half of it."""
+    """Only the first VALUE bytes of the reply come; default: half of it."""
     DUPLICATED = "duplicated"
     """The reply comes twice."""
     NOISE = "noise"
-    """VALUE random bytes come before the reply; left out: 8."""
+    """VALUE random bytes come before the reply; default: 8."""
     DISCONNECT = "disconnect"
-    """The connection goes, and comes back VALUE seconds later; left out: 0.5."""
+    """The connection is lost for VALUE seconds; default: 0.5."""
     IMPOSTOR = "wrong-identity"
-    """Likewise, and what comes back is a device with another serial number."""
+    """Like `disconnect`, but then a device with another serial number is connected."""
     RESTART = "restart"
-    """The device is off for VALUE seconds, then as after power-up, at 0 V; left out: 0.5."""
+    """The device is off for VALUE seconds, then as after power-up, at 0 V; default: 0.5."""
     FOREIGN = "foreign"
-    """On a CAN bus: somebody else sends a frame of the host's before this one."""
+    """On a CAN bus: another node sends a frame with the host's identifier before this one."""
     BUS_OFF = "bus-off"
-    """On a CAN bus: for VALUE seconds no frame goes either way; left out: 0.5."""
+    """On a CAN bus: for VALUE seconds no frame passes in either direction; default: 0.5."""
 
 
-BEFALL_DEVICE: Final = frozenset(
+DEVICE_KINDS: Final = frozenset(
     {
         WireFaultKind.DISCONNECT,
         WireFaultKind.IMPOSTOR,
@@ -52,11 +52,11 @@ BEFALL_DEVICE: Final = frozenset(
         WireFaultKind.BUS_OFF,
     },
 )
-"""What can happen at once, and not only in place of a reply."""
+"""Kinds that affect the device; they can also happen at once, without a reply."""
 ON_A_BUS: Final = frozenset({WireFaultKind.FOREIGN, WireFaultKind.BUS_OFF})
-"""What cannot happen on a wire with nobody else on it."""
+"""Kinds that need a bus; on a wire there is no other node."""
 
-_USUAL: Final = {
+_DEFAULT_VALUES: Final = {
     WireFaultKind.NOISE: 8.0,
     WireFaultKind.DISCONNECT: 0.5,
     WireFaultKind.IMPOSTOR: 0.5,
@@ -71,14 +71,14 @@ _VALUE: Final = re.compile(r"(\d{1,6}(?:\.\d{1,9})?)(?:-(\d{1,6}(?:\.\d{1,9})?))
 
 
 class WireFault(NamedTuple):
-    """One thing that goes wrong.
+    """One wire fault.
 
     Attributes:
-        kind: What.
-        first: The first reply that it befalls, counted from 1; 0 for at once.
-        last: The last one, None for no end.
-        every: It befalls only those whose number can be divided by this.
-        value: Range of its value; None for the usual.
+        kind: Kind of the fault.
+        first: First affected reply, counted from 1; 0 for at once.
+        last: Last affected reply; None for no end.
+        every: Only replies whose number is a multiple of this are affected.
+        value: Range of its value; None for the default.
     """
 
     kind: WireFaultKind
@@ -87,8 +87,8 @@ class WireFault(NamedTuple):
     every: int = 1
     value: tuple[float, float] | None = None
 
-    def befalls(self, number: int) -> bool:
-        """Tell whether it befalls a reply."""
+    def affects(self, number: int) -> bool:
+        """Return whether it affects the reply of this number."""
         in_range = 0 < self.first <= number and (self.last is None or number <= self.last)
         return in_range and number % self.every == 0
 
@@ -97,8 +97,8 @@ class ActiveFault(NamedTuple):
     """A fault that happens now.
 
     Attributes:
-        kind: What.
-        value: Its value; None where it is any.
+        kind: Kind of the fault.
+        value: Its value; None for a random one.
     """
 
     kind: WireFaultKind
@@ -106,12 +106,12 @@ class ActiveFault(NamedTuple):
 
 
 class ReplyFate(NamedTuple):
-    """What becomes of a reply.
+    """Effect of wire faults on one reply.
 
     Attributes:
-        late_ns: How late it comes.
-        noise: Bytes that come before it, as late.
-        copies: Its bytes, as often as it comes.
+        late_ns: Delay of the reply, in ns.
+        noise: Bytes before it, with the same delay.
+        copies: Bytes of the reply, once per copy.
     """
 
     late_ns: int
@@ -120,15 +120,15 @@ class ReplyFate(NamedTuple):
 
 
 def parse(text: str) -> WireFault:
-    """Return the fault that a text stands for; the syntax is at the top of this file.
+    """Return the fault that a text describes; the module docstring gives the syntax.
 
     Raises:
-        ValueError: If it stands for none; the text says why.
+        ValueError: If the text describes none; the message states the reason.
     """
     kind_text, *parts = text.split(":")
     if kind_text not in list(WireFaultKind):
         raise ValueError(
-            f"no fault {kind_text!r} (got {text!r}), known: {', '.join(WireFaultKind)}"
+            f"unknown fault {kind_text!r} in {text!r}, known: {', '.join(WireFaultKind)}"
         )
     kind = WireFaultKind(kind_text)
     if len(parts) > 2:
@@ -137,7 +137,7 @@ def parse(text: str) -> WireFault:
     if len(parts) == 2:
         fault = fault._replace(value=_value(parts[1], text))
     if kind == WireFaultKind.LATE and fault.value is None:
-        raise ValueError(f"how late, in s? as in late:1-10:0.05 (got {text!r})")
+        raise ValueError(f"{text!r} needs a delay in s, as in late:1-10:0.05")
     return fault
 
 
@@ -145,20 +145,20 @@ def _with_which(fault: WireFault, which: str, text: str) -> WireFault:
     found = _WHICH.fullmatch(which)
     if found is None:
         what = "7, 7-9, 7-, every 7, or now"
-        raise ValueError(f"no reply is called {which!r} in {text!r}, expected {what}")
+        raise ValueError(f"{which!r} selects no reply in {text!r}, expected {what}")
     if found["now"]:
-        if fault.kind not in BEFALL_DEVICE:
-            raise ValueError(f"{fault.kind} befalls a reply, not a device at once (got {text!r})")
+        if fault.kind not in DEVICE_KINDS:
+            raise ValueError(f"{fault.kind} affects replies, it cannot happen now (got {text!r})")
         return fault._replace(first=0, last=0)
     if found["every"]:
         every = int(found["every"])
         if not every:
-            raise ValueError(f"every 0th reply is none (got {text!r})")
+            raise ValueError(f"every needs a number of at least 1 (got {text!r})")
         return fault._replace(every=every)
     first = int(found["a"])
     last = int(found["b"]) if found["b"] else None if found["to"] else first
     if first < 1 or (last is not None and last < first):
-        raise ValueError(f"replies are counted from 1, and upwards (got {text!r})")
+        raise ValueError(f"replies are counted from 1, in rising order (got {text!r})")
     return fault._replace(first=first, last=last)
 
 
@@ -167,42 +167,42 @@ def _value(value: str, text: str) -> tuple[float, float]:
     low, high = (float(found[1]), float(found[2] or found[1])) if found else (1.0, 0.0)
     if not low <= high <= _MOST_VALUE:
         what = f"a number or a range, 0 to {_MOST_VALUE:g}, as in 0.05 or 0.01-0.2"
-        raise ValueError(f"no value {value!r} in {text!r}, expected {what}")
+        raise ValueError(f"invalid value {value!r} in {text!r}, expected {what}")
     return low, high
 
 
 class WireFaults:
-    """What goes wrong on one wire; may be changed by another thread.
+    """Faults of one wire; thread-safe.
 
     Args:
-        faults: What goes wrong.
+        faults: The faults.
     """
 
     def __init__(self, faults: Iterable[WireFault] = ()) -> None:
-        self._random = random.Random(1)  # noqa: S311 - faults that can be repeated
+        self._random = random.Random(1)  # noqa: S311 - the faults must be reproducible
         self._lock = Lock()
         self.set(faults)
 
     def set(self, faults: Iterable[WireFault]) -> None:
-        """Have this go wrong from now on, and nothing else; the next reply is number 1."""
+        """Replace all faults; the next reply is number 1."""
         with self._lock:
             self._faults, self._number = list(faults), 0
             self._at_once = [fault for fault in self._faults if not fault.first]
 
     def next_reply(self) -> list[ActiveFault]:
-        """Count a reply, or a frame, and tell what befalls it."""
+        """Count a reply, or a frame, and return the faults that affect it."""
         with self._lock:
             self._number += 1
-            return [self._hit(fault) for fault in self._faults if fault.befalls(self._number)]
+            return [self._activated(fault) for fault in self._faults if fault.affects(self._number)]
 
     def at_once(self) -> list[ActiveFault]:
-        """Tell once what happens now."""
+        """Return the faults that happen now, once."""
         with self._lock:
-            hits, self._at_once = [self._hit(fault) for fault in self._at_once], []
+            hits, self._at_once = [self._activated(fault) for fault in self._at_once], []
             return hits
 
     def fate(self, data: bytes, hits: Iterable[ActiveFault]) -> ReplyFate:
-        """Tell what becomes of a reply, or of the data of a frame, that this befalls."""
+        """Return the effect of these faults on a reply, or on the data of a frame."""
         late_s, noise, copies = 0.0, b"", 1
         for kind, value in hits:
             match kind:
@@ -219,7 +219,7 @@ class WireFaults:
                 case WireFaultKind.NOISE:
                     noise += self._random.randbytes(int(value or 0))
                 case _:
-                    pass  # befalls the device, or the bus
+                    pass  # affects the device or the bus, not this reply
         return ReplyFate(round(late_s * 1e9), noise, [data] * copies)
 
     def _garbled(self, data: bytes, bit: float | None) -> bytes:
@@ -231,7 +231,7 @@ class WireFaults:
         flipped[place // 8] ^= 1 << place % 8
         return bytes(flipped)
 
-    def _hit(self, fault: WireFault) -> ActiveFault:
+    def _activated(self, fault: WireFault) -> ActiveFault:
         if fault.value is None:
-            return ActiveFault(fault.kind, _USUAL.get(fault.kind))
+            return ActiveFault(fault.kind, _DEFAULT_VALUES.get(fault.kind))
         return ActiveFault(fault.kind, self._random.uniform(*fault.value))

@@ -1,4 +1,4 @@
-"""Serves an emulated device until told to stop; has it go away, and come back."""
+"""Service of an emulated device, with faults that make it absent for a while."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -7,31 +7,31 @@ from typing import ClassVar, Final, Generic, TypeVar
 
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.far_end import End
-from piezod.devices.emulation.faults import BEFALL_DEVICE, ActiveFault, WireFaultKind, WireFaults
+from piezod.devices.emulation.faults import DEVICE_KINDS, ActiveFault, WireFaultKind, WireFaults
 
 EndT = TypeVar("EndT", bound=End)
 DeviceT = TypeVar("DeviceT")
 
 _IMPOSTOR: Final = "99000099"
-"""Serial number of the device that comes instead of another one."""
+"""Serial number of the device that replaces the first one."""
 _UNPLUGGED: Final = frozenset({WireFaultKind.DISCONNECT, WireFaultKind.IMPOSTOR})
 
 
 class Host(ABC, Generic[EndT, DeviceT]):
-    """A device at its end of a wire or a bus, until told to stop.
+    """Serves a device at its end of a wire or a bus until it has to stop.
 
-    It can be away for several reasons at a time: each ends by itself.
+    The device can be absent for several reasons at the same time; each reason ends by itself.
 
     Args:
-        end: What connects it; not there yet.
-        make: Makes the device, with this serial number.
-        bench: What it is connected to; its clock is that of the faults.
-        faults: What goes wrong.
-        serial_number: Of the device, "" for its usual one.
+        end: Its connection, not yet established.
+        make: Makes the device, with a serial number.
+        bench: The rig that it is connected to; its clock is that of the faults.
+        faults: The wire faults.
+        serial_number: Serial number of the device, "" for its default.
     """
 
     tick_ns: ClassVar[int]
-    """How long nothing is done where nobody asks, at most."""
+    """Longest time between two steps without a request, in ns."""
 
     def __init__(
         self,
@@ -44,14 +44,14 @@ class Host(ABC, Generic[EndT, DeviceT]):
         self._end, self._make, self._bench, self._faults = end, make, bench, faults
         self._serial_number = serial_number
         self._device = make(serial_number)
-        self._away: dict[WireFaultKind, int] = {}  # why, and until which instant
+        self._away: dict[WireFaultKind, int] = {}  # reason of each absence, and its end in ns
 
     def serve(self, ready: Callable[[str], None], stopping: Callable[[], bool]) -> None:
-        """Serve.
+        """Serve the device.
 
         Args:
-            ready: Told where, as soon as a driver can connect.
-            stopping: Asked every `tick_ns` or more often.
+            ready: Called with the place as soon as a driver can connect.
+            stopping: Returns whether to stop; called every `tick_ns` or more often.
 
         Raises:
             DeviceUnavailableError: If the end cannot be made.
@@ -65,7 +65,7 @@ class Host(ABC, Generic[EndT, DeviceT]):
             self._end.vanish()
 
     def go_on(self, within_ns: int) -> None:
-        """Do what is due, and what comes within a time; wait no longer."""
+        """Do all due work and handle requests for up to this time, in ns."""
         for hit in self._faults.at_once():
             self._befall(hit)
         if self._is_unplugged:
@@ -78,14 +78,14 @@ class Host(ABC, Generic[EndT, DeviceT]):
 
     @abstractmethod
     def _answer(self, within_ns: int) -> None:
-        """Take what comes within a time, and send what is due; a device that is off does not."""
+        """Handle requests for up to this time and send due messages; nothing if it is off."""
 
     @abstractmethod
     def _forget(self) -> None:
-        """Drop what is still to be sent."""
+        """Drop all unsent messages."""
 
     def _leave(self, away: bool) -> None:
-        """Be off the bus, or on it again, where there is one."""
+        """Go bus-off, or return to the bus, if there is one."""
 
     @property
     def _is_off(self) -> bool:
@@ -96,14 +96,14 @@ class Host(ABC, Generic[EndT, DeviceT]):
         return not _UNPLUGGED.isdisjoint(self._away)
 
     def _next_hits(self) -> list[ActiveFault]:
-        """Count a reply, have befall the device what does, and return what befalls the reply."""
+        """Count a reply, apply the faults of the device, and return all faults of this reply."""
         hits = self._faults.next_reply()
         for hit in hits:
             self._befall(hit)
         return hits
 
     def _befall(self, hit: ActiveFault) -> None:
-        if hit.kind not in BEFALL_DEVICE:
+        if hit.kind not in DEVICE_KINDS:
             return
         self._forget()
         self._away[hit.kind] = self._bench.now_ns() + round((hit.value or 0.0) * 1e9)

@@ -1,4 +1,4 @@
-"""What an emulated device has answered and what is still on its way, faults included."""
+"""Replies of an emulated device that are still to be sent, with their faults."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -7,14 +7,14 @@ from typing import Final
 from piezod.devices.emulation.faults import ActiveFault, WireFaults
 
 MOST_REPLIES: Final = 4096
-"""More than this on their way is a fault that nobody meant; the oldest are dropped."""
+"""Largest number of unsent replies, reached only by a mistake; the oldest are dropped."""
 
 
 class Outbox:
     """Replies in their order, each with the instant from which it can be sent.
 
     Args:
-        faults: Tells what becomes of them.
+        faults: Determines their fate.
     """
 
     def __init__(self, faults: WireFaults) -> None:
@@ -22,19 +22,19 @@ class Outbox:
         self._waiting: deque[tuple[int, bytes]] = deque(maxlen=MOST_REPLIES)
 
     def put(self, reply: bytes, hits: Sequence[ActiveFault], now_ns: int) -> None:
-        """Add a reply, with what befalls it."""
+        """Add a reply with the faults that affect it."""
         late_ns, noise, copies = self._faults.fate(reply, hits)
         self._waiting.extend((now_ns + late_ns, part) for part in (noise, *copies) if part)
 
     def take(self, now_ns: int) -> bytes:
-        """Return what is to be sent by now."""
+        """Return the bytes that are due."""
         data = b""
         while self._waiting and self._waiting[0][0] <= now_ns:
             data += self._waiting.popleft()[1]
         return data
 
     def wait_ns(self, now_ns: int, at_most_ns: int) -> int:
-        """Tell how long nothing is to be sent."""
+        """Return the time until the next bytes are due, in ns, up to a limit."""
         if not self._waiting:
             return at_most_ns
         return min(max(self._waiting[0][0] - now_ns, 0), at_most_ns)

@@ -1,4 +1,4 @@
-"""Where emulated devices are served."""
+"""Places at which emulated devices are served."""
 
 import fcntl
 import os
@@ -11,7 +11,7 @@ from piezod.errors import DeviceUnavailableError
 def own_folder() -> Path:
     """Return the user's folder for sockets and ports: $XDG_RUNTIME_DIR/piezod or /tmp/piezod-UID.
 
-    It may not be there.
+    It may not exist.
     """
     users = os.environ.get("XDG_RUNTIME_DIR")
     return (
@@ -20,29 +20,30 @@ def own_folder() -> Path:
 
 
 def make_own_folder() -> Path:
-    """Return `own_folder`, which is there and belongs to this user.
+    """Return `own_folder`, which then exists and belongs to this user.
 
     Raises:
-        DeviceUnavailableError: If it belongs to somebody else.
+        DeviceUnavailableError: If it belongs to another user.
     """
     folder = own_folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.stat().st_uid != os.getuid():
-        raise DeviceUnavailableError(f"{folder} belongs to somebody else, name another place")
+        raise DeviceUnavailableError(f"{folder} belongs to another user, name another place")
     return folder
 
 
 def hold(path: Path) -> int | None:
-    """Hold a place in the user's own folder, as long as this process lives and keeps it open.
+    """Lock a place in the user's own folder, for the life of this process.
 
-    What is left there by a process that was killed is known by that: nobody holds it.
+    The lock ends when the descriptor is closed. A place that a killed process left behind can be
+    recognised: it is not locked.
 
     Returns:
-        The descriptor to be closed in the end; None for a place elsewhere, which nobody can hold.
+        The descriptor to close at the end; None for a place elsewhere, which cannot be locked.
 
     Raises:
-        DeviceUnavailableError: If somebody else holds it.
-        OSError: If it cannot be held.
+        DeviceUnavailableError: If another process holds the lock.
+        OSError: If it cannot be locked.
     """
     if path.parent != own_folder():
         return None
@@ -57,12 +58,13 @@ def hold(path: Path) -> int | None:
 
 
 def address(where: str) -> tuple[str, int]:
-    """Return the host and the port of "HOST:PORT", "PORT" or "", which is any port of this machine.
+    """Return host and port of "HOST:PORT", "PORT" or "" (any port of this machine).
 
     Raises:
-        DeviceUnavailableError: If it is nothing of them.
+        DeviceUnavailableError: If the text is none of these.
     """
     host, _, port = where.rpartition(":")
     if port and not (port.isdecimal() and int(port) < 65_536):
-        raise DeviceUnavailableError(f"no address {where!r}, expected HOST:PORT or PORT, 0 for any")
+        what = f"invalid address {where!r}, expected HOST:PORT or PORT, 0 for any port"
+        raise DeviceUnavailableError(what)
     return host.strip("[]") or "127.0.0.1", int(port or 0)

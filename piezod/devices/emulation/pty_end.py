@@ -1,4 +1,4 @@
-"""A pty as the far end of a serial line."""
+"""A pty as the device end of a serial line."""
 
 import os
 import pty
@@ -13,17 +13,17 @@ from piezod.errors import DeviceUnavailableError
 
 _MOST_BYTES = 65_536
 _UNPLUGGED = threading.Event()
-"""Never set: waits where there is nothing to wait for."""
+"""Never set: used as a plain wait."""
 
 
 class PtyEnd:
-    """Implements `FarEnd`: a driver opens what is at a path, a link to the pty.
+    """Implements `FarEnd` over a pty; a driver opens a link to it.
 
-    It may be opened and closed again and again; what is sent while nobody has it open is lost, as
-    it would be on a cable.
+    The link may be opened and closed any number of times. Bytes that are sent while no client has
+    it open are lost, as on a cable.
 
     Args:
-        path: Where the link is made.
+        path: Path of the link.
     """
 
     def __init__(self, path: Path) -> None:
@@ -32,17 +32,17 @@ class PtyEnd:
         self._poll = select.poll()
 
     def place(self) -> str:
-        """The path of the link."""
+        """Path of the link."""
         return str(self._path)
 
     def appear(self) -> None:
-        """Make the pty and the link to it; one that is there and that nobody serves is replaced.
+        """Make the pty and the link to it; an existing link that is not served is replaced.
 
-        That is a link that leads nowhere, and in the user's own folder any that nobody holds: the
-        number of its pty may have become somebody else's.
+        That is a link to a path that does not exist, and in the user's own folder every link that
+        is not locked: the number of its pty may belong to another program by now.
 
         Raises:
-            DeviceUnavailableError: If there is something else at the path, or it cannot be made.
+            DeviceUnavailableError: If the path is taken, or the link cannot be made.
         """
         self._fd, slave = pty.openpty()
         try:
@@ -54,43 +54,44 @@ class PtyEnd:
             self._path.symlink_to(os.ttyname(slave))
         except FileExistsError as error:
             self._close()
-            what = f"{self._path} is there already: remove it if nobody serves it, or name another"
+            what = f"{self._path} exists already: remove it if it is unused, or name another path"
             raise DeviceUnavailableError(what) from error
         except DeviceUnavailableError:
             self._close()
             raise
         except OSError as error:
             self._close()
-            raise DeviceUnavailableError(f"no port can be made at {self._path}: {error}") from error
+            what = f"cannot make a port at {self._path}: {error}"
+            raise DeviceUnavailableError(what) from error
         finally:
             os.close(slave)
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
 
     def vanish(self) -> None:
-        """Remove the link and close the pty: whoever has it open reads its end."""
+        """Remove the link and close the pty; a client reads end of file."""
         if self._fd >= 0:
             with suppress(OSError):
                 self._path.unlink()
             self._close()
 
     def receive(self, within_ns: int) -> bytes:
-        """Return what has come, as soon as something has; nothing where nobody has it open."""
+        """Return the received bytes, as soon as there are any; nothing if no client has it open."""
         for _, events in self._poll.poll(within_ns / 1e6):
             if events & select.POLLIN:
-                with suppress(OSError):  # who wrote may have closed it meanwhile
+                with suppress(OSError):  # the writer may have closed it meanwhile
                     return os.read(self._fd, _MOST_BYTES)
-            _UNPLUGGED.wait(within_ns * 1e-9)  # nobody has it open, which ends every poll at once
+            _UNPLUGGED.wait(within_ns * 1e-9)  # without a client every poll returns at once
         return b""
 
     def send(self, data: bytes) -> None:
-        """Send this, or as much of it as there is room for; nothing where nobody has it open."""
+        """Send these bytes, as far as there is room; none if no client has it open."""
         if not any(events & select.POLLHUP for _, events in self._poll.poll(0)):
             with suppress(OSError):
                 os.write(self._fd, data)
 
     def take_connected(self) -> bool:
-        """Never tell: a device on a serial line does not know."""
+        """Return False: a device on a serial line cannot detect a client."""
         return False
 
     def _close(self) -> None:

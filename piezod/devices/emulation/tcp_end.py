@@ -1,4 +1,4 @@
-"""A TCP port as the far end of a connection."""
+"""A TCP port as the device end of a connection."""
 
 import select
 import socket
@@ -11,11 +11,11 @@ _MOST_BYTES: Final = 65_536
 
 
 class TcpEnd:
-    """Implements `FarEnd`: serves one client at a time, others are turned away.
+    """Implements `FarEnd` over TCP: serves one client at a time and refuses others.
 
     Args:
-        host: Address at which it listens.
-        port: Number of the port; 0 for any.
+        host: Address to listen at.
+        port: Port number; 0 for any.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -30,22 +30,22 @@ class TcpEnd:
         return f"{self._host}:{self._port}"
 
     def appear(self) -> None:
-        """Listen; at the same port as before, if it was any.
+        """Listen; after the first time always at the same port.
 
         Raises:
-            DeviceUnavailableError: If the port is taken, or there is no such address.
+            DeviceUnavailableError: If the port is taken, or the address does not exist.
         """
         try:
             self._listener = socket.create_server((self._host, self._port))
         except (OSError, OverflowError) as error:
-            raise DeviceUnavailableError(f"nobody can listen at {self.place()}: {error}") from error
+            raise DeviceUnavailableError(f"cannot listen at {self.place()}: {error}") from error
         self._listener.setblocking(False)
         self._port = self._listener.getsockname()[1]
         self._poll = select.poll()
         self._poll.register(self._listener, select.POLLIN)
 
     def vanish(self) -> None:
-        """Close the connection and listen no longer."""
+        """Close the connection and stop listening."""
         if self._listener is not None:
             self._poll.unregister(self._listener)
             self._listener.close()
@@ -53,7 +53,7 @@ class TcpEnd:
         self._drop()
 
     def receive(self, within_ns: int) -> bytes:
-        """Return what has come, as soon as something has; let clients in meanwhile."""
+        """Return the received bytes, as soon as there are any; accept clients meanwhile."""
         data = b""
         for fd, _ in self._poll.poll(within_ns / 1e6):
             if self._client is not None and fd == self._client.fileno():
@@ -63,7 +63,7 @@ class TcpEnd:
         return data
 
     def send(self, data: bytes) -> None:
-        """Send as much of this as there is room for; nothing where nobody is connected."""
+        """Send as many bytes as there is room for; none if no client is connected."""
         if self._client is not None:
             with suppress(BlockingIOError):
                 try:
@@ -72,7 +72,7 @@ class TcpEnd:
                     self._drop()
 
     def take_connected(self) -> bool:
-        """Tell once that somebody new has connected."""
+        """Return once whether a new client has connected."""
         connected, self._connected = self._connected, False
         return connected
 
@@ -81,7 +81,7 @@ class TcpEnd:
             return
         try:
             client, _ = self._listener.accept()
-        except OSError:  # has gone again
+        except OSError:  # the client has disconnected already
             return
         if self._client is not None and not _has_gone(self._client):
             client.close()
@@ -111,7 +111,7 @@ class TcpEnd:
 
 
 def _has_gone(client: socket.socket) -> bool:
-    """Tell whether a client has closed its end, with nothing left to be read."""
+    """Return whether a client has closed its end and left no unread bytes."""
     try:
         return client.recv(1, socket.MSG_PEEK) == b""
     except BlockingIOError:

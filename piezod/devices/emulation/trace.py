@@ -1,4 +1,4 @@
-"""A file that tells of every voltage that was written to a bench, when and by whom."""
+"""A file with every voltage that was written to a rig, with time and process."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,14 +7,14 @@ from typing import Self
 
 
 class Trace:
-    """A CSV file with a row for each write that was taken; also a context manager.
+    """A CSV file with a row for each accepted write; also a context manager.
 
-    Columns: `t_ns`, the rig's clock; `asked_ns`, the instant that the caller gave; `pid`, the
-    caller's process; then a voltage for each axis, `x_v` for axis x. A row is in the file as soon
-    as its write is answered.
+    Columns: `t_ns`, the clock of the rig; `asked_ns`, the instant that the caller gave; `pid`, the
+    process of the caller; then a voltage for each axis, `x_v` for axis x. A row is in the file
+    before its write is answered.
 
     Args:
-        path: The file; one that is there is overwritten.
+        path: Path of the file; an existing file is overwritten.
         axes: Names of the axes.
     """
 
@@ -31,7 +31,7 @@ class Trace:
         self._file.close()
 
     def __enter__(self) -> Self:
-        """Give the trace itself."""
+        """Return the trace itself."""
         return self
 
     def __exit__(

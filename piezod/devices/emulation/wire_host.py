@@ -1,4 +1,4 @@
-"""Serves an emulated device at the far end of a wire, faults included."""
+"""Service of an emulated device at the device end of a wire, with faults."""
 
 from collections.abc import Callable
 
@@ -11,9 +11,9 @@ from piezod.devices.emulation.outbox import Outbox
 
 
 class WireHost(Host[FarEnd, Emulator]):
-    """A device at the far end of a wire, until told to stop; takes the arguments of `Host`.
+    """Serves a device at the device end of a wire; takes the arguments of `Host`.
 
-    What can only go wrong on a bus does not.
+    Faults that need a bus are ignored.
     """
 
     tick_ns = 5_000_000
@@ -43,7 +43,7 @@ class WireHost(Host[FarEnd, Emulator]):
         for reply in replies:
             hits = self._next_hits()
             if self._away:
-                break  # it has gone with all that it had to say
+                break  # an absent device sends none of its further replies
             self._outbox.put(reply, hits, now_ns)
         if sent := self._outbox.take(now_ns):
             self._end.send(sent)

@@ -1,4 +1,4 @@
-"""Figures of records, drawn on canvases of their own: no window, no global plot."""
+"""Figures of records, each drawn on its own canvas: no window, no global plot."""
 
 from piezod.records.figures.fit import identification_figure
 from piezod.records.figures.overview import overview_figure

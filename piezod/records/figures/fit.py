@@ -1,4 +1,4 @@
-"""The figure of a model beside the record that it was fitted to, or is tested on."""
+"""The figure of a model and the record that it was fitted to or is tested on."""
 
 from typing import Final
 
@@ -24,7 +24,7 @@ from piezod.records.frozen import FloatArray
 from piezod.records.labels import metric_text
 from piezod.records.recording import Identification
 
-_STEPS: Final = 200  # of displacement, for the band
+_BAND_STEPS: Final = 200  # steps of displacement of the band
 
 
 @house_style()
@@ -34,9 +34,9 @@ def identification_figure(
     """Draw data and model: (a) over time, (b) as a loop, (c) and (d) their difference.
 
     Args:
-        identification: What to draw, with at least one sample.
-        band_v: Half width of what noise leaves open of the prediction, in V, shape (n_samples,),
-            NaN where it is not known.
+        identification: The identification to draw, with at least one sample.
+        band_v: Half width of the uncertainty of the prediction due to noise, in V, shape
+            (n_samples,); NaN if it is not known.
     """
     title = f"Model by {identification.method} · axis {identification.axis}: {identification.title}"
     errors = ", ".join(metric_text(*item) for item in identification.fit_errors.items())
@@ -56,7 +56,7 @@ def identification_figure(
     loop.set_title("(b) Loop")
     residual.set_title("(c) Residual: predicted minus measured")
     round_time_ticks(residual)
-    residual_loop.set(title="(d) In the loop", xlabel="measured displacement (µm)")
+    residual_loop.set(title="(d) Residual over displacement", xlabel="measured displacement (µm)")
     add_percent_axis(residual_loop, identification.drive_range_v, "% of voltage range")
     for axes in (over_time, loop):
         axes.tick_params(labelbottom=False)
@@ -77,8 +77,8 @@ def _draw_residual(axes: Axes, identification: Identification) -> None:
 
 
 def _draw_residual_loop(axes: Axes, identification: Identification) -> None:
-    """Draw the residual over displacement, apart for the ways up and down; holds go with either."""
-    rises = np.gradient(identification.drive_v) >= 0.0
+    """Draw the residual over displacement, separately for rising and falling drive."""
+    rises = np.gradient(identification.drive_v) >= 0.0  # a constant drive counts as rising
     for label, here, colour in (("rising", rises, BLUE), ("falling", ~rises, VERMILLION)):
         residual_v = np.where(here, identification.residual_v, np.nan)
         style = {**ERROR_DOTS, "color": colour}
@@ -89,11 +89,11 @@ def _draw_residual_loop(axes: Axes, identification: Identification) -> None:
 
 
 def _draw_band(axes: Axes, position_um: FloatArray, band_v: FloatArray) -> None:
-    """Shade what noise leaves open, the worst of each small step of displacement."""
+    """Shade the uncertainty due to noise: its largest value in each small step of displacement."""
     known = np.isfinite(band_v)
-    edges = np.linspace(position_um[known].min(), position_um[known].max(), _STEPS + 1)
-    places = np.clip(np.digitize(position_um[known], edges) - 1, 0, _STEPS - 1)
-    widest = np.zeros(_STEPS)
+    edges = np.linspace(position_um[known].min(), position_um[known].max(), _BAND_STEPS + 1)
+    places = np.clip(np.digitize(position_um[known], edges) - 1, 0, _BAND_STEPS - 1)
+    widest = np.zeros(_BAND_STEPS)
     np.maximum.at(widest, places, band_v[known])
     axes.fill_between(
         edges[:-1], -widest, widest, step="post", color="#DDDDDD", label="noise, 95 %"

@@ -26,17 +26,17 @@ from piezod.records.recording import ExperimentResult, Recording
 from piezod.records.reference import Reference, is_missed
 
 _ROW_IN: Final = 0.27
-_MANY: Final = 30.0
-"""Over a wider ratio than this, numbers along an axis stand further apart."""
+_WIDE_RATIO: Final = 30.0
+"""Ratio of the largest to the smallest error above which an axis has fewer tick labels."""
 
 
 class Mark(NamedTuple):
-    """How a dot looks.
+    """Appearance of a dot.
 
     Attributes:
-        shape: As matplotlib names markers.
-        colour: Of edge and filling.
-        size: In points.
+        shape: Name of the matplotlib marker.
+        colour: Colour of edge and filling.
+        size: Size in points.
         edge: Width of the edge, in points.
     """
 
@@ -78,19 +78,19 @@ _REFERENCE_MARK: Final = Mark("|", BLACK, size=14.0, edge=1.8)
 
 @house_style()
 def overview_figure(result: ExperimentResult, reference: Reference | None = None) -> Figure:
-    """Draw every metric of every recording as a dot, beside the figures of the reference.
+    """Draw every metric of every recording as a dot, beside the values of the reference.
 
-    A metric of the true displacement shares the panel of the measured one, as an open dot.
+    A metric of the true displacement is an open dot in the panel of the measured one.
 
     Args:
         result: The experiment, with at least one recording that has metrics.
-        reference: Errors to compare with, where there are any.
+        reference: Errors to compare with, if any.
     """
     headlines, rows = _layout(result)
     height_in = 1.4 + _ROW_IN * (len(headlines) + len(rows))
     panels = _panels(result.metric_names)
     figure = new_figure(13.0, height_in, _headline(result.metric_names), "")
-    # A panel with two numbers in a row is wider.
+    # A panel with two numbers per row is wider.
     widths = {"width_ratios": [3 + len(names) for names in panels]}
     all_axes = figure.subplots(1, len(panels), sharey=True, squeeze=False, gridspec_kw=widths)[0]
     marks = _marks(result.modes)
@@ -121,13 +121,13 @@ def _panels(metrics: Iterable[str]) -> list[tuple[str, ...]]:
 
 
 def _marks(modes: Iterable[str]) -> dict[str, Mark]:
-    """Return the mark of each mode: that of its name, or the next one that is free."""
+    """Return the mark of each mode: that of its name, or the next free one."""
     others = cycle(_OTHER_MARKS)
     return {mode: MODE_MARKS.get(mode) or next(others) for mode in modes}
 
 
 def _layout(result: ExperimentResult) -> tuple[dict[int, str], dict[int, Recording]]:
-    """Return what stands at which height, counted downwards: headlines, and recordings."""
+    """Return headlines and recordings by their row, counted from the top."""
     headlines: dict[int, str] = {}
     rows: dict[int, Recording] = {}
     for (axis, case), recordings in result.by_case().items():
@@ -197,12 +197,12 @@ def _write_at_right(axes: Axes, y: int, text: str, *, bold: bool) -> None:
 
 
 def _set_scale(axes: Axes, values: Iterable[float], room: int) -> None:
-    """Show ratios, from under one percent to many, wherever all values have a logarithm.
+    """Use a logarithmic scale if all values are positive.
 
     Args:
         axes: The panel.
-        values: What is drawn.
-        room: How many numbers stand at the right, where nothing is drawn.
+        values: The drawn values.
+        room: Number of texts at the right, where no dot is drawn.
     """
     finite = [value for value in values if math.isfinite(value)]
     low, high = min(finite, default=0.0), max(finite, default=1.0)
@@ -210,9 +210,9 @@ def _set_scale(axes: Axes, values: Iterable[float], room: int) -> None:
         axes.set_xlim(min(low, 0.0) - 0.05 * (high - low), high + 0.5 * room * (high - low) + 1e-9)
         return
     axes.set_xscale("log")
-    # A third of the panel stays free at the right for a number, half of it for two.
+    # A third of the panel stays free at the right for one number, half of it for two.
     axes.set_xlim(low / 1.5, high * (high / low) ** (0.5 * room) * 1.5)
-    steps = (1.0, 2.0, 5.0) if high < _MANY * low else (1.0, 3.0)
+    steps = (1.0, 2.0, 5.0) if high < _WIDE_RATIO * low else (1.0, 3.0)
     low, high = low / 1.5, high * 1.5
     ticks = LogLocator(subs=steps).tick_values(low, high)
     axes.set_xticks([tick for tick in ticks if low <= tick <= high])

@@ -1,4 +1,4 @@
-"""The figure of one case in one mode, laid out as figures 6 to 11 of the paper."""
+"""The figure of one case in one mode, laid out like figures 6 to 11 of the paper."""
 
 from typing import Final
 
@@ -11,6 +11,7 @@ from matplotlib.patches import Rectangle
 
 from piezod.records.figures.style import (
     BLUE,
+    COMMAND,
     DRIVE,
     ERROR,
     EXCLUDED,
@@ -18,7 +19,6 @@ from piezod.records.figures.style import (
     POSITION,
     TRUE_ERROR,
     VERMILLION,
-    WISHED,
     add_percent_axis,
     house_style,
     legend_above,
@@ -39,11 +39,11 @@ def mode_figure(recording: Recording) -> Figure:
     """Draw one case in one mode.
 
     Panels: (a) uncompensated and applied voltage, (b) commanded and measured displacement, (c)
-    measured displacement over uncompensated voltage, (d) error, also the true one where it is
-    known, (e) parameters where there are any.
+    measured displacement over uncompensated voltage, (d) error, also the true error if it is known,
+    (e) parameters, if there are any.
 
     Args:
-        recording: What to draw.
+        recording: The recording to draw.
     """
     title = f"{recording.case} · {recording.mode} · axis {recording.axis}"
     if recording.title:
@@ -69,7 +69,7 @@ def mode_figure(recording: Recording) -> Figure:
 
 
 def _metrics_text(recording: Recording) -> str:
-    """Return the errors in words: the measured ones, and in a line below those beside them."""
+    """Return the errors as text: the measured ones, and the others in a second line."""
     lines: dict[bool, list[str]] = {}
     for name, value in recording.metrics.items():
         lines.setdefault(metric_group(name) == "measured", []).append(metric_text(name, value))
@@ -78,7 +78,7 @@ def _metrics_text(recording: Recording) -> str:
 
 def _draw_voltage(axes: Axes, recording: Recording) -> None:
     draw_trace(axes, recording.t_s, recording.drive_v, label="applied to the stage", **DRIVE)
-    draw_trace(axes, recording.t_s, recording.uncompensated_v, label="uncompensated", **WISHED)
+    draw_trace(axes, recording.t_s, recording.uncompensated_v, label="uncompensated", **COMMAND)
     _shade_excluded(axes, recording)
     axes.set(title="(a) Voltage", ylabel="voltage (V)")
     legend_above(axes)
@@ -86,7 +86,7 @@ def _draw_voltage(axes: Axes, recording: Recording) -> None:
 
 def _draw_position(axes: Axes, recording: Recording) -> None:
     draw_trace(axes, recording.t_s, recording.position_um, label="measured", **POSITION)
-    draw_trace(axes, recording.t_s, recording.command_um, label="command", **WISHED)
+    draw_trace(axes, recording.t_s, recording.command_um, label="command", **COMMAND)
     _shade_excluded(axes, recording)
     axes.set(title="(b) Displacement", ylabel="displacement (µm)")
     legend_above(axes)
@@ -99,9 +99,10 @@ def _draw_loop(axes: Axes, recording: Recording) -> None:
         start = slice(first + 1)
         draw_trace(axes, drive_v[start], position_um[start], label="excluded", **EXCLUDED)
     draw_trace(axes, drive_v[first:], position_um[first:], label="measured", **LOOP)
-    # Command and uncompensated voltage are proportional: two points, and the dashes stay dashes.
+    # Command and uncompensated voltage are proportional. Two points suffice, and a dashed line
+    # through every sample would look solid.
     ends = [drive_v.argmin(), drive_v.argmax()]
-    axes.plot(drive_v[ends], recording.command_um[ends], label="command", **WISHED)
+    axes.plot(drive_v[ends], recording.command_um[ends], label="command", **COMMAND)
     axes.set(
         title="(c) Loop",
         xlabel="uncompensated voltage (V)",
@@ -121,7 +122,7 @@ def _draw_error(axes: Axes, recording: Recording) -> None:
     axes.set(title=title, ylabel="error (µm)")
     round_time_ticks(axes)
     if np.ptp(recording.command_um[recording.first_metric_index :]) > 0.0:
-        # At rest the range of the displacement is that of its noise, and no measure of anything.
+        # With a constant command the range is that of the noise: percent would mean nothing.
         add_percent_axis(axes, recording.position_range_um, "% of range")
     if recording.first_metric_index:
         _shade_excluded(axes, recording).set_label("excluded from the metrics")
@@ -151,7 +152,7 @@ def _draw_weights(axes: Axes, recording: Recording) -> None:
 def _draw_side(
     axes: Axes, t_s: FloatArray, weights: FloatArray, shades: LinearSegmentedColormap
 ) -> tuple[Line2D, ...]:
-    """Draw the weights of one side and return a few of the lines, from the first to the last."""
+    """Draw the weights of one side; return four of the lines, from the first to the last."""
     colours = shades(np.linspace(0, 1, weights.shape[1]))
     lines = [
         draw_trace(axes, t_s, column, color=colour, drawstyle="steps-post", linewidth=1.0)

@@ -1,4 +1,4 @@
-"""How all figures look: colours, sizes, and the bytes of a PNG."""
+"""Common appearance of all figures: colours, sizes, and PNG output."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from piezod.records.atomic import replacing
 
-# The colours of Okabe and Ito, which most colour-blind people tell apart.
+# The palette of Okabe and Ito, which most colour-blind people can distinguish.
 BLACK: Final = "#000000"
 BLUE: Final = "#0072B2"
 GREEN: Final = "#009E73"
@@ -25,25 +25,25 @@ PURPLE: Final = "#CC79A7"
 ORANGE: Final = "#E69F00"
 GREY: Final = "#767676"
 
-# What is wished is black and dashed; what is measured or applied is solid, in its own colour.
-WISHED: Final[dict[str, Any]] = {"color": BLACK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
+# A command is black and dashed; a measured or applied quantity is solid, in its own colour.
+COMMAND: Final[dict[str, Any]] = {"color": BLACK, "linewidth": 0.9, "linestyle": (0, (4, 2))}
 DRIVE: Final[dict[str, Any]] = {"color": VERMILLION, "linewidth": 1.5}
 POSITION: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.5}
 LOOP: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.0}
 ERROR: Final[dict[str, Any]] = {"color": PURPLE, "linewidth": 0.7}
-# What is true lies within the noise of what is measured: darker, and upon it.
+# The true error lies within the noise of the measured one: darker, and drawn on top.
 TRUE_ERROR: Final[dict[str, Any]] = {"color": "#6B2149", "linewidth": 0.9}
 ERROR_DOTS: Final[dict[str, Any]] = {
     "color": PURPLE, "linestyle": "", "marker": ".", "markersize": 3.0, "markeredgewidth": 0.0,
 }  # fmt: skip
 EXCLUDED: Final[dict[str, Any]] = {"color": "#B0B0B0", "linewidth": 0.9}
-# A thin line upon a broad one: both stay visible where they agree.
+# A thin line on top of a broad one: both stay visible if they coincide.
 BROAD_DRIVE: Final[dict[str, Any]] = {"color": ORANGE, "linewidth": 2.6}
 PREDICTED: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 0.7}
 
 _DOTS_PER_INCH: Final = 125
 _SETTINGS: Final[dict[Any, Any]] = {
-    "text.parse_math": False,  # a $ in a title or a file name is a $
+    "text.parse_math": False,  # a $ in a title or a file name is a plain character
     "font.size": 10.0,
     "axes.titlesize": 10.5,
     "axes.titleweight": "bold",
@@ -69,7 +69,7 @@ _SETTINGS: Final[dict[Any, Any]] = {
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw with our settings on top of matplotlib's own, whatever the user's matplotlibrc says."""
+    """Draw with these settings on top of matplotlib's defaults, without the user's matplotlibrc."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(_SETTINGS)
@@ -93,7 +93,7 @@ def new_figure(width_in: float, height_in: float, title: str, subtitle: str) -> 
 
 
 def round_time_ticks(axes: Axes) -> None:
-    """Label the abscissa, a time in s, at round values.
+    """Label the abscissa, time in s, with ticks at round values.
 
     Args:
         axes: The panel.
@@ -106,8 +106,8 @@ def legend_above(axes: Axes, entries: Mapping[str, tuple[Artist, ...]] | None = 
     """Put the legend beside the panel's title, where it covers no data.
 
     Args:
-        axes: A panel whose title stands at the left and leaves room.
-        entries: What to explain, artists side by side; by default whatever has a label.
+        axes: A panel whose title is at the left and leaves room.
+        entries: Entries of the legend, artists side by side; by default all artists with a label.
     """
     if entries is None:
         handles, labels = axes.get_legend_handles_labels()
@@ -125,12 +125,12 @@ def legend_above(axes: Axes, entries: Mapping[str, tuple[Artist, ...]] | None = 
 
 
 def add_percent_axis(axes: Axes, full_range: float, label: str) -> None:
-    """Show at the right what the ordinate is in percent of a range; nothing for a range of 0.
+    """Add a right-hand axis in percent of a range; no axis for a range of 0.
 
     Args:
         axes: The panel.
-        full_range: What is 100 %, in the unit of the ordinate.
-        label: What to write beside it.
+        full_range: Value of 100 %, in the unit of the ordinate.
+        label: Label of the axis.
     """
     if full_range <= 0:
         return
@@ -146,7 +146,7 @@ def add_percent_axis(axes: Axes, full_range: float, label: str) -> None:
 
 @house_style()
 def png_bytes(figure: Figure) -> bytes:
-    """Return a figure as PNG, the same bytes for the same figure.
+    """Return a figure as PNG; the bytes are reproducible.
 
     Args:
         figure: The figure.
@@ -161,7 +161,7 @@ def save_png(path: Path, figure: Figure) -> None:
     """Write a figure as PNG.
 
     Args:
-        path: The file; it appears whole or not at all.
+        path: Path of the file; it is written completely or not at all.
         figure: The figure.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Long traces drawn with few points, none of their spikes lost."""
+"""Long traces drawn with few points and without losing a spike."""
 
 from typing import Any, Final
 
@@ -10,18 +10,18 @@ from matplotlib.lines import Line2D
 from piezod.records.frozen import FloatArray
 
 MAX_BINS: Final = 10_000
-"""Bins of a decimated trace: several to a pixel, so that loops, too, look as they are."""
+"""Bins of a decimated trace: several per pixel, so that loops keep their shape too."""
 
 
 def kept_indices(*columns: FloatArray, n_bins: int = MAX_BINS) -> npt.NDArray[np.intp]:
-    """Return the indices that a trace keeps: per bin each column's extremes and first gap.
+    """Return the indices that a trace keeps: extremes and first gap of each column in each bin.
 
     Args:
-        *columns: What is drawn along one line, each of shape (n_samples,), at least one sample.
-        n_bins: Bins to divide the samples into; beyond twice as many samples, they are decimated.
+        *columns: Coordinates of one line, each of shape (n_samples,), at least one sample.
+        n_bins: Number of bins; traces of up to two samples per bin are not decimated.
 
     Returns:
-        Rising indices, shape (n_kept,), the first and the last sample among them.
+        Rising indices, shape (n_kept,), including the first and the last sample.
     """
     n_samples = columns[0].size
     if n_samples <= 2 * n_bins:
@@ -40,13 +40,13 @@ def kept_indices(*columns: FloatArray, n_bins: int = MAX_BINS) -> npt.NDArray[np
 
 
 def draw_trace(axes: Axes, x: FloatArray, y: FloatArray, **style: Any) -> Line2D:
-    """Draw a line over time, or along a loop, decimated where it is long.
+    """Draw a line over time, or along a loop, decimated if it is long.
 
     Args:
-        axes: Where to draw.
+        axes: The panel.
         x: Abscissa, shape (n_samples,).
         y: Ordinate, same shape; NaN leaves a gap.
-        **style: Passed on to `Axes.plot`.
+        **style: Arguments for `Axes.plot`.
     """
     kept = kept_indices(x, y)
     (line,) = axes.plot(x[kept], y[kept], **style)

@@ -1,4 +1,4 @@
-"""A line in a time of its own, whose other end is a function of the test."""
+"""A line with its own clock, whose other end is a function of the test."""
 
 from collections.abc import Callable
 from typing import Final, TypeAlias
@@ -10,11 +10,11 @@ from piezod.errors import DeviceUnavailableError
 MS: Final = 1_000_000
 
 Answer: TypeAlias = Callable[[bytes], list[tuple[int, bytes]]]
-"""Gives what comes back for a request: after how long, in ns, and what."""
+"""Returns the replies to a request: the delay in ns, and the bytes, of each."""
 
 
 class PlayedLine:
-    """Implements `Line` and `Notices`.
+    """Implements `Line` and `NoticingLine`.
 
     Args:
         answer: The other end.
@@ -53,7 +53,7 @@ class PlayedLine:
             self.comes(reply, after_ns)
 
     def comes(self, data: bytes, after_ns: int = 0) -> None:
-        """Let bytes come."""
+        """Let bytes arrive."""
         self._coming.append((self.t_ns + after_ns, data))
         self._coming.sort(key=lambda coming: coming[0])
 

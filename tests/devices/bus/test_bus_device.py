@@ -1,4 +1,4 @@
-"""A device made of a dialogue: order of calls, faults as values, events that are told once."""
+"""A device made of a dialogue: order of calls, faults as values, events reported once."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -16,11 +16,11 @@ from piezod.testing.driver_contract import checks_for
 IDENTITY = Identity("Acme", "E1", "7", "1.0")
 
 
-class Spoken:
+class FakeDialogue:
     """Implements `ExchangingDialogue`: a device with two outputs and an input for each.
 
     Attributes:
-        fault: Raised by every exchange as long as it is not None.
+        fault: Raised by every exchange while it is not None.
     """
 
     def __init__(self, *, read_back: bool = True, holds: bool = True) -> None:
@@ -28,7 +28,7 @@ class Spoken:
         self.identity = IDENTITY
         self.in_force_v: Sequence[float] = [0.0, 0.0]
         self.sampled: Sequence[float] = [1.0, 2.0]
-        self.told: Sequence[Flags] = [NO_FLAGS] * 4
+        self.reported: Sequence[Flags] = [NO_FLAGS] * 4
         self.noticed: set[DeviceFlag] = set()
         self.mistake: Exception | None = None
         self.calls: list[str] = []
@@ -73,7 +73,7 @@ class Spoken:
         return now_ns, self.sampled
 
     def flags(self) -> Sequence[Flags]:
-        return self.told
+        return self.reported
 
     def take_noticed(self) -> set[DeviceFlag]:
         noticed, self.noticed = self.noticed, set()
@@ -85,27 +85,27 @@ class Spoken:
             raise LineFault(self.fault, "it failed")
 
 
-def active(dialogue: Spoken) -> ExchangingBusDevice:
-    """Return a device that is open and active."""
+def active(dialogue: FakeDialogue) -> ExchangingBusDevice:
+    """Return an open, active device."""
     device = ExchangingBusDevice("E1", dialogue)
     device.open()
     device.activate(0)
     return device
 
 
-def told(*flags: DeviceFlag) -> list[Flags]:
-    """Return the status in which these flags are told of every channel."""
+def flags_of_all(*flags: DeviceFlag) -> list[Flags]:
+    """Return a status with these flags for every channel."""
     return [frozenset(flags)] * 4
 
 
 @pytest.mark.parametrize("kind", [BusDevice, ExchangingBusDevice])
 def test_device_keeps_the_contract(
-    kind: Callable[[str, Spoken], BusDevice], subtests: pytest.Subtests
+    kind: Callable[[str, FakeDialogue], BusDevice], subtests: pytest.Subtests
 ) -> None:
-    """A bus device passes every check of the roles it plays."""
+    """A bus device passes every check of its roles."""
 
     def factory() -> BusDevice:
-        return kind("E1", Spoken())
+        return kind("E1", FakeDialogue())
 
     for check in checks_for(factory):
         with subtests.test(check.__name__):
@@ -113,14 +113,14 @@ def test_device_keeps_the_contract(
 
 
 def test_device_plays_all_roles() -> None:
-    """Sensor, amplifier, with a status; the exchange is for one that has it."""
-    device = active(Spoken())
+    """It is sensor and amplifier, with a status; only an exchanging one has the exchange."""
+    device = active(FakeDialogue())
 
     assert isinstance(device, Sensor)
     assert isinstance(device, Amplifier)
     assert isinstance(device, TellsStatus)
     assert isinstance(device, Exchanges)
-    assert not isinstance(BusDevice("E1", Spoken()), Exchanges)
+    assert not isinstance(BusDevice("E1", FakeDialogue()), Exchanges)
 
 
 @pytest.mark.parametrize(
@@ -132,8 +132,8 @@ def test_device_plays_all_roles() -> None:
     ],
 )
 def test_opening_that_fails_lets_go(mistake: Exception, raised: type[Exception]) -> None:
-    """Whatever goes wrong, the line is closed, and the device can be opened later."""
-    dialogue = Spoken()
+    """After any error the line is closed, and the device can be opened later."""
+    dialogue = FakeDialogue()
     device = BusDevice("E1", dialogue)
     dialogue.mistake = mistake
     with pytest.raises(raised):
@@ -144,8 +144,8 @@ def test_opening_that_fails_lets_go(mistake: Exception, raised: type[Exception])
 
 
 def test_activation_that_fails() -> None:
-    """The text names device and reason, and the device takes no writes."""
-    dialogue = Spoken()
+    """The message states device and reason, and the device refuses writes."""
+    dialogue = FakeDialogue()
     device = BusDevice("E1", dialogue)
     device.open()
     dialogue.fault = DeviceFlag.LATE_REPLY
@@ -154,7 +154,7 @@ def test_activation_that_fails() -> None:
     dialogue.fault = None
 
     assert not device.write([1.0, 1.0], 0)
-    assert device.status(0) == told(DeviceFlag.LATE_REPLY)
+    assert device.status(0) == flags_of_all(DeviceFlag.LATE_REPLY)
 
 
 CALLS: list[Callable[[ExchangingBusDevice], object]] = [
@@ -167,11 +167,11 @@ CALLS: list[Callable[[ExchangingBusDevice], object]] = [
 
 @pytest.mark.parametrize("flag", list(DeviceFlag))
 @pytest.mark.parametrize("call", CALLS)
-def test_fault_is_a_value_and_told_once(
+def test_fault_is_a_value_and_reported_once(
     flag: DeviceFlag, call: Callable[[ExchangingBusDevice], object]
 ) -> None:
-    """The call fails as a value and the status says why: once, or until the device is reopened."""
-    dialogue = Spoken()
+    """The status has the flag once, or until the device is opened again."""
+    dialogue = FakeDialogue()
     device = active(dialogue)
     assert call(device)
     dialogue.fault = flag
@@ -181,14 +181,14 @@ def test_fault_is_a_value_and_told_once(
     second = device.status(6)
     works_again = bool(call(device))
 
-    assert first == told(flag)
-    assert second == told(*{flag} & LOSING)
+    assert first == flags_of_all(flag)
+    assert second == flags_of_all(*{flag} & LOSING)
     assert works_again == (flag not in LOSING)
 
 
-def test_lost_device_is_left_alone_until_it_is_opened_again() -> None:
-    """No exchange is tried, to close it asks nothing, and it can be opened and used again."""
-    dialogue = Spoken()
+def test_lost_device_has_no_exchange_until_it_is_opened_again() -> None:
+    """Closing it sends nothing, and it can be opened and used again."""
+    dialogue = FakeDialogue()
     device = active(dialogue)
     dialogue.fault = DeviceFlag.DISCONNECTED
     device.read(0)
@@ -206,13 +206,13 @@ def test_lost_device_is_left_alone_until_it_is_opened_again() -> None:
 
     assert tried == ["close"]
     assert device.write([1.0, 1.0], 2)
-    assert device.status(2) == told()
+    assert device.status(2) == flags_of_all()
 
 
 @pytest.mark.parametrize("holds", [True, False])
-def test_outputs_that_do_not_hold_come_to_rest_though_nobody_activated_them(*, holds: bool) -> None:
-    """Whoever left them as they are: to be deactivated leaves them safe."""
-    dialogue = Spoken(holds=holds)
+def test_outputs_that_do_not_hold_go_to_rest_without_activation(*, holds: bool) -> None:
+    """Deactivation leaves the outputs safe, in whatever state they were found."""
+    dialogue = FakeDialogue(holds=holds)
     device = ExchangingBusDevice("E1", dialogue)
     device.open()
     device.deactivate(0)
@@ -223,9 +223,9 @@ def test_outputs_that_do_not_hold_come_to_rest_though_nobody_activated_them(*, h
     assert dialogue.calls == ["open", *rests, "close"]
 
 
-def test_a_device_that_nobody_meant_is_not_brought_to_rest() -> None:
-    """Nothing is sent to another device than the first, whatever it would do to its outputs."""
-    dialogue = Spoken(holds=False)
+def test_another_device_is_not_brought_to_rest() -> None:
+    """Nothing is sent to a device other than the first one."""
+    dialogue = FakeDialogue(holds=False)
     device = ExchangingBusDevice("E1", dialogue)
     device.open()
     device.close()
@@ -239,8 +239,8 @@ def test_a_device_that_nobody_meant_is_not_brought_to_rest() -> None:
 
 @pytest.mark.parametrize("read_back", [True, False])
 def test_voltage_of_a_lost_device_is_unknown(read_back: bool) -> None:
-    """Whether it can be asked or not."""
-    dialogue = Spoken(read_back=read_back)
+    """This holds for devices with and without read-back."""
+    dialogue = FakeDialogue(read_back=read_back)
     device = active(dialogue)
     assert device.write([1.0, 1.0], 0)
     dialogue.fault = DeviceFlag.DISCONNECTED
@@ -249,24 +249,24 @@ def test_voltage_of_a_lost_device_is_unknown(read_back: bool) -> None:
     assert all(map(math.isnan, device.read_back(1)))
 
 
-def test_events_and_lasting_flags_are_told_together() -> None:
-    """What the line noticed is told once for all channels, what the device says as long as so."""
-    dialogue = Spoken()
+def test_events_and_lasting_flags_are_reported_together() -> None:
+    """Events of the line appear once for all channels, flags of the device while they last."""
+    dialogue = FakeDialogue()
     device = active(dialogue)
     hot = frozenset({DeviceFlag.OVER_TEMPERATURE})
-    dialogue.told = [NO_FLAGS, NO_FLAGS, hot, NO_FLAGS]
+    dialogue.reported = [NO_FLAGS, NO_FLAGS, hot, NO_FLAGS]
     dialogue.noticed = {DeviceFlag.GARBAGE}
     garbage = frozenset({DeviceFlag.GARBAGE})
 
     assert device.status(0) == [garbage, garbage, garbage | hot, garbage]
-    assert device.status(1) == dialogue.told
+    assert device.status(1) == dialogue.reported
     device.deactivate(2)
-    assert device.status(2) == told()
+    assert device.status(2) == flags_of_all()
 
 
-def test_events_survive_until_somebody_asks() -> None:
-    """Of several failures between two questions none is forgotten."""
-    dialogue = Spoken()
+def test_events_are_kept_until_the_status_is_read() -> None:
+    """All failures between two reads of the status are reported."""
+    dialogue = FakeDialogue()
     device = active(dialogue)
     for flag in (DeviceFlag.GARBAGE, DeviceFlag.BUSY):
         dialogue.fault = flag
@@ -274,13 +274,13 @@ def test_events_survive_until_somebody_asks() -> None:
     dialogue.fault = None
     device.read(0)
 
-    assert device.status(0) == told(DeviceFlag.GARBAGE, DeviceFlag.BUSY)
+    assert device.status(0) == flags_of_all(DeviceFlag.GARBAGE, DeviceFlag.BUSY)
 
 
 @pytest.mark.parametrize("changed", ["maker", "model", "serial"])
-def test_another_device_is_told_as_long_as_it_is_there(changed: str) -> None:
-    """What comes back must be what was there first, but for its firmware and what is not told."""
-    dialogue = Spoken()
+def test_another_device_is_reported_while_it_is_open(changed: str) -> None:
+    """The identity must be that of the first device, without firmware and missing parts."""
+    dialogue = FakeDialogue()
     device = active(dialogue)
     device.close()
     dialogue.identity = IDENTITY._replace(**{changed: "other"})
@@ -290,18 +290,18 @@ def test_another_device_is_told_as_long_as_it_is_there(changed: str) -> None:
     dialogue.identity = IDENTITY._replace(firmware="2.0")
     device.open()
 
-    assert others == [told(DeviceFlag.OTHER_DEVICE)] * 2
-    assert device.status(2) == told()
+    assert others == [flags_of_all(DeviceFlag.OTHER_DEVICE)] * 2
+    assert device.status(2) == flags_of_all()
     device.close()
     dialogue.identity = IDENTITY._replace(**{changed: "not told"})
     device.open()
-    assert device.status(3) == told()
+    assert device.status(3) == flags_of_all()
 
 
 @pytest.mark.parametrize("values", [[1.0], [1.0] * 3, [math.nan, 1.0], [1.0, 100.1], [-10.1, 0.0]])
-def test_values_that_cannot_be_are_not_sent(values: list[float]) -> None:
-    """Refused as a whole, by write and exchange, which then reads all the same."""
-    dialogue = Spoken()
+def test_invalid_values_are_not_sent(values: list[float]) -> None:
+    """Write and exchange refuse them as a whole; the exchange still reads."""
+    dialogue = FakeDialogue()
     device = active(dialogue)
     dialogue.calls.clear()
     taken, samples = device.exchange(values, 3)
@@ -312,17 +312,17 @@ def test_values_that_cannot_be_are_not_sent(values: list[float]) -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_sample_that_is_no_number_is_invalid(bad: float) -> None:
-    """The other inputs are not concerned."""
-    dialogue = Spoken()
+def test_sample_that_is_not_finite_is_invalid(bad: float) -> None:
+    """The other inputs are not affected."""
+    dialogue = FakeDialogue()
     dialogue.sampled = [bad, 2.0]
 
     assert [sample.valid for sample in active(dialogue).read(0)] == [False, True]
 
 
-def test_without_read_back_the_last_value_is_told() -> None:
-    """A device that cannot be asked is not; nothing is known before the first write."""
-    dialogue = Spoken(read_back=False)
+def test_without_read_back_the_last_value_is_returned() -> None:
+    """Before the first write the value is NaN."""
+    dialogue = FakeDialogue(read_back=False)
     device = active(dialogue)
     before = device.read_back(0)
     device.write([1.0, 2.0], 0)

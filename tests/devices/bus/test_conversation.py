@@ -1,4 +1,4 @@
-"""Requests and replies: what is a reply, and that a late one is never taken for the next."""
+"""Requests and replies; a late reply is never taken for the next one."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -17,7 +17,7 @@ TIMEOUT_MS = 20
 
 
 def lines(got: bytes) -> int:
-    """Find lines; one that does not begin with a digit or `>` is garbage."""
+    """Find lines; bytes that do not begin with a digit or `>` are garbage."""
     if got and not (got[:1].isdigit() or got[:1] == b">"):
         return -1
     return got.find(b"\n") + 1
@@ -29,14 +29,14 @@ def talk(line: PlayedLine) -> Conversation:
 
 
 def flag_of(conversation: Conversation, request: bytes = b"1") -> DeviceFlag:
-    """Return the flag with which a request fails."""
+    """Return the flag of a failing request."""
     with pytest.raises(LineFault) as fault:
         conversation.ask(request, lines)
     return fault.value.flag
 
 
 def test_reply_is_the_first_frame() -> None:
-    """However it is cut, and whatever is before it."""
+    """The reply may arrive in pieces and after garbage."""
     line = PlayedLine(lambda _: [(MS, b"#!1"), (2 * MS, b"2"), (3 * MS, b"3\n")])
     conversation = talk(line)
 
@@ -46,7 +46,7 @@ def test_reply_is_the_first_frame() -> None:
 
 
 def test_slow_reply_is_noticed() -> None:
-    """One that takes more than most of its time."""
+    """A reply that takes most of its time-out sets the flag."""
     line = PlayedLine(lambda _: [(17 * MS, b"1\n")])
     conversation = talk(line)
     conversation.ask(b"?", lines)
@@ -55,7 +55,7 @@ def test_slow_reply_is_noticed() -> None:
 
 
 def test_line_notices_too() -> None:
-    """What the line noticed is told with the rest."""
+    """Faults of the line are reported with the others."""
     line = PlayedLine()
     line.noticed.add(DeviceFlag.OTHER_PATH)
 
@@ -63,7 +63,7 @@ def test_line_notices_too() -> None:
 
 
 def test_second_frame_is_dropped() -> None:
-    """A reply that came twice is out of order, and no reply to what is asked next."""
+    """A repeated reply is out of order, and not the reply to the next request."""
     line = PlayedLine(lambda request: [(MS, request + b"\n" + request + b"\n")])
     conversation = talk(line)
 
@@ -72,7 +72,7 @@ def test_second_frame_is_dropped() -> None:
 
 
 def test_what_comes_unasked_is_dropped() -> None:
-    """Even just before the request goes out."""
+    """Bytes that arrive just before the request is sent are dropped."""
     line = PlayedLine(lambda _: [(MS, b"2\n")])
     conversation = talk(line)
     line.comes(b"1\n")
@@ -82,7 +82,7 @@ def test_what_comes_unasked_is_dropped() -> None:
 
 
 def test_endless_garbage_is_bounded() -> None:
-    """A device that babbles for a whole time-out without a frame costs no more memory."""
+    """A device that sends garbage for a whole time-out uses bounded memory."""
     line = PlayedLine(lambda _: [(k * MS, b"1" * MOST_BYTES) for k in range(1, TIMEOUT_MS)])
     conversation = talk(line)
 
@@ -91,7 +91,7 @@ def test_endless_garbage_is_bounded() -> None:
 
 
 def test_nothing_is_asked_while_a_late_reply_may_come() -> None:
-    """Until the end of patience nothing goes out; then the next request does."""
+    """Until the end of `PATIENCE` nothing is sent; then the next request is."""
     line = PlayedLine()
     conversation = talk(line)
     flag_of(conversation)
@@ -111,7 +111,7 @@ def test_nothing_is_asked_while_a_late_reply_may_come() -> None:
 
 @pytest.mark.parametrize("early_ns", [0, 1])
 def test_reply_at_the_end_of_patience(early_ns: int) -> None:
-    """One that comes at the last instant, or just before, is still known to be late."""
+    """A reply at the last instant, or just before, is still recognised as late."""
     late_ns = (1 + PATIENCE) * TIMEOUT_MS * MS - early_ns
     line = PlayedLine(
         lambda request: [(late_ns if request == b"1" else MS, request + b"\n")],
@@ -125,7 +125,7 @@ def test_reply_at_the_end_of_patience(early_ns: int) -> None:
 
 
 def test_opening_again_does_not_forget_a_late_reply() -> None:
-    """A device does not know that its port was opened again, and answers the old request."""
+    """A device does not notice that its port was opened again, and answers the old request."""
     line = PlayedLine()
     conversation = talk(line)
     flag_of(conversation)
@@ -137,7 +137,7 @@ def test_opening_again_does_not_forget_a_late_reply() -> None:
 
 @pytest.mark.parametrize("comes_ms", [30, 220, None])
 def test_late_reply_can_be_waited_for(comes_ms: int | None) -> None:
-    """Until it comes or can no longer come; then the next request goes out at once."""
+    """The wait ends when the reply comes or can no longer come; then a request is sent at once."""
     coming = [] if comes_ms is None else [(comes_ms * MS, b"1\n")]
     line = PlayedLine(lambda request: coming if request == b"1" else [(MS, b"2\n")])
     conversation = talk(line)
@@ -151,7 +151,7 @@ def test_late_reply_can_be_waited_for(comes_ms: int | None) -> None:
 
 
 def test_half_a_reply_is_no_beginning_of_the_next() -> None:
-    """What came of a reply that broke off is gone after the time of patience."""
+    """After `PATIENCE` the bytes of an incomplete reply are dropped."""
     line = PlayedLine(lambda request: [(MS, b"12" if request == b"1" else b"3\n")])
     conversation = talk(line)
     flag_of(conversation)
@@ -161,7 +161,7 @@ def test_half_a_reply_is_no_beginning_of_the_next() -> None:
 
 
 def test_tagged_replies_need_no_patience() -> None:
-    """Where a frame tells its request the next one is asked at once, and a late one dropped."""
+    """If frames carry a tag, the next request is sent at once, and a late reply is dropped."""
     line = PlayedLine(
         lambda request: [((25 if request == b"1" else 2) * MS, b">" + request + b"\n")]
     )
@@ -178,7 +178,7 @@ def test_tagged_replies_need_no_patience() -> None:
 
 
 def test_late_tagged_reply_within_the_time_of_the_next() -> None:
-    """It comes while the next one is awaited, and is not taken for that."""
+    """A late reply that comes during the next request is not taken for its reply."""
     line = PlayedLine(
         lambda request: [((25 if request == b"1" else 15) * MS, b">" + request + b"\n")]
     )
@@ -190,12 +190,12 @@ def test_late_tagged_reply_within_the_time_of_the_next() -> None:
 
 
 def starts_with_digit(frame: bytes) -> bool:
-    """Tell a reply from what the device says by itself."""
+    """Return whether a frame is a reply and not an unsolicited message."""
     return frame[:1].isdigit()
 
 
 def test_foreign_frame_is_no_reply() -> None:
-    """It is garbage, and the reply is found behind it."""
+    """It counts as garbage, and the reply after it is found."""
     line = PlayedLine(lambda _: [(MS, b">warning\n"), (2 * MS, b"1\n")])
     conversation = talk(line)
 
@@ -205,7 +205,7 @@ def test_foreign_frame_is_no_reply() -> None:
 
 @pytest.mark.parametrize("foreign_ms", [1, 25])
 def test_foreign_frame_ends_no_waiting(foreign_ms: int) -> None:
-    """The reply is owed still, whether it came in time or afterwards; then the late one comes."""
+    """The reply stays owed, whether the frame came in time or later."""
     line = PlayedLine(
         lambda request: (
             [(foreign_ms * MS, b">warning\n"), (90 * MS, b"1\n")]
@@ -226,7 +226,7 @@ def test_foreign_frame_ends_no_waiting(foreign_ms: int) -> None:
 
 
 def test_foreign_frames_end_with_patience() -> None:
-    """A device that goes on saying something else is asked again when its reply is lost."""
+    """After a lost reply, unsolicited frames do not block the next request for longer."""
     line = PlayedLine(lambda request: [(MS, b"2\n")] if request == b"2" else [])
     conversation = talk(line)
     with pytest.raises(LineFault):
@@ -239,15 +239,15 @@ def test_foreign_frames_end_with_patience() -> None:
 
 
 class Fate(NamedTuple):
-    """What becomes of a reply.
+    """Fate of a reply.
 
     Attributes:
-        late_ms: How late it comes, beyond its time; less than 0: in time.
+        late_ms: Delay beyond the time-out; below 0 for in time.
         lost: Whether it is lost.
         twice: Whether it comes twice.
-        cut: How many of its bytes are kept.
-        noise: What comes before it.
-        foreign_ms: When frames come that are no replies, after the request.
+        cut: Number of its bytes that arrive.
+        noise: Bytes before it.
+        foreign_ms: Times after the request at which unsolicited frames come.
     """
 
     late_ms: int
@@ -274,9 +274,9 @@ FATES = st.builds(
     pauses_ms=st.lists(st.integers(0, 3 * PATIENCE * TIMEOUT_MS), min_size=30, max_size=30),
 )
 def test_no_fate_makes_a_reply_another_ones(fates: list[Fate], pauses_ms: list[int]) -> None:
-    """Whatever happens, a reply of full length that is accepted is that of this very request.
+    """For any fate, an accepted reply of full length belongs to this very request.
 
-    Frames that are no replies come at any time, also while a late one is waited for.
+    Unsolicited frames come at any time, also while a late reply is owed.
     """
     line = PlayedLine()
     conversation = talk(line)
@@ -307,7 +307,7 @@ STEPS = st.tuples(
 def test_foreign_frames_never_make_a_late_reply_another_ones(
     steps: list[tuple[int, list[int], int]],
 ) -> None:
-    """Late replies, frames that are none, and requests in close succession, in any order."""
+    """This holds for late replies, unsolicited frames and quick requests in any order."""
     line = PlayedLine()
     conversation = talk(line)
     for number, (after_ms, foreign_ms, pause_ms) in enumerate(steps):

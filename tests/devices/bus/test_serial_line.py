@@ -1,4 +1,4 @@
-"""A serial port as a line, with a pty for the port."""
+"""A serial port as a line, with a pty in place of the port."""
 
 import errno
 import os
@@ -29,7 +29,7 @@ class Cable:
         self.plug()
 
     def plug(self) -> None:
-        """Be there, at another device path than any before."""
+        """Plug it in, under a new device path."""
         self.device, slave = pty.openpty()
         tty.setraw(slave)
         self.path.unlink(missing_ok=True)
@@ -41,13 +41,13 @@ class Cable:
         self._kept.append(os.open(self.path, os.O_RDWR | os.O_NOCTTY))
 
     def pull(self) -> None:
-        """Be gone."""
+        """Pull it out."""
         with suppress(OSError):
             os.close(self.device)
         self.path.unlink(missing_ok=True)
 
     def heard(self, n: int) -> bytes:
-        """Wait until so many bytes have come to the device."""
+        """Wait until the device has received this many bytes."""
         got = b""
         while len(got) < n:
             got += os.read(self.device, n)
@@ -61,7 +61,7 @@ class Cable:
 
 @pytest.fixture
 def cable(tmp_path: Path) -> Iterator[Cable]:
-    """Give a cable that is plugged in."""
+    """Yield a cable that is plugged in."""
     found = Cable(tmp_path / "port")
     yield found
     found.end()
@@ -69,7 +69,7 @@ def cable(tmp_path: Path) -> Iterator[Cable]:
 
 @pytest.fixture
 def line(cable: Cable) -> Iterator[SerialLine]:
-    """Give an open line over the cable."""
+    """Yield an open line over the cable."""
     found = SerialLine(str(cable.path), 115_200)
     found.open()
     yield found
@@ -77,14 +77,14 @@ def line(cable: Cable) -> Iterator[SerialLine]:
 
 
 def test_line_is_one(line: SerialLine, cable: Cable) -> None:
-    """It is a line that notices things, and tells where it leads."""
+    """It implements `Line` and `NoticingLine`, and reports its port."""
     assert isinstance(line, NoticingLine)
     as_line: Line = line
     assert as_line.where == str(cable.path)
 
 
 def test_bytes_go_both_ways_as_they_are(line: SerialLine, cable: Cable) -> None:
-    """All 256 of them, control characters included."""
+    """All 256 byte values pass unchanged, control characters included."""
     every = bytes(range(256))
     line.send(every)
     sent = cable.heard(256)
@@ -98,12 +98,12 @@ def test_bytes_go_both_ways_as_they_are(line: SerialLine, cable: Cable) -> None:
 
 @pytest.mark.parametrize("within_ns", [0, SHORT_NS])
 def test_nothing_came(line: SerialLine, within_ns: int) -> None:
-    """That is no fault, waited for or not."""
+    """It returns no bytes, with or without a wait, and raises no fault."""
     assert line.receive(within_ns) == b""
 
 
 def test_what_came_before_opening_is_dropped(cable: Cable) -> None:
-    """A line begins with nothing in its buffers."""
+    """A line starts with empty buffers."""
     line = SerialLine(str(cable.path), 9600)
     line.open()
     os.write(cable.device, b"old")
@@ -116,7 +116,7 @@ def test_what_came_before_opening_is_dropped(cable: Cable) -> None:
 
 @pytest.fixture
 def flushed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Give the list of all flushes of buffers; a pty has none that could hold anything back."""
+    """Record all flushes of buffers; a pty has no buffer to hold bytes back."""
     found: list[int] = []
     monkeypatch.setattr("termios.tcflush", lambda _fd, queue: found.append(queue))
     return found
@@ -125,7 +125,7 @@ def flushed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_request_that_was_not_answered_never_goes_later(
     line: SerialLine, flushed: list[int]
 ) -> None:
-    """What has not gone out when its reply is overdue is dropped: it is an old setpoint."""
+    """Bytes that are unsent when the reply is overdue are dropped."""
     line.send(b"SVA 100\n")
     line.receive(0)
     looked = flushed.copy()
@@ -152,7 +152,7 @@ def _send(line: SerialLine) -> object:
 def test_line_that_is_gone_is_a_fault(
     cable: Cable, call: Callable[[SerialLine], object], state: str
 ) -> None:
-    """Every call says `DISCONNECTED`, again and again, and none of them waits."""
+    """Every call raises `DISCONNECTED` without waiting."""
     line = SerialLine(str(cable.path), 115_200)
     if state != "never opened":
         line.open()
@@ -167,7 +167,7 @@ def test_line_that_is_gone_is_a_fault(
 
 
 def test_partial_write(line: SerialLine, flushed: list[int]) -> None:
-    """If the device holds up the flow only a part goes out, and none of the rest later."""
+    """If flow control stops the device, only a part is sent, and the rest never."""
     with pytest.raises(LineFault, match="of 1000000 bytes went out") as fault:
         line.send(bytes(1_000_000))
 
@@ -178,7 +178,7 @@ def test_partial_write(line: SerialLine, flushed: list[int]) -> None:
 def test_short_writes_are_gone_on_with(
     line: SerialLine, cable: Cable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A kernel that takes a byte at a time, and none in between, gets all of them."""
+    """All bytes are sent even if the kernel accepts one at a time, or none for a while."""
     write, calls = os.write, iter(range(100))
 
     def byte_by_byte(fd: int, data: bytes) -> int:
@@ -194,7 +194,7 @@ def test_short_writes_are_gone_on_with(
 
 
 def test_port_is_held_alone(line: SerialLine) -> None:
-    """A second one is refused, until the first has closed."""
+    """A second opening is refused until the first is closed."""
     second = SerialLine(line.where, 115_200)
     with pytest.raises(DeviceUnavailableError, match="held by another program"):
         second.open()
@@ -208,13 +208,13 @@ def test_port_is_held_alone(line: SerialLine) -> None:
     [("/dev/serial/by-id/none", "no port"), ("/dev/null", "cannot be opened")],
 )
 def test_port_that_is_none(port: str, why: str) -> None:
-    """The text names the path."""
+    """The message states the path."""
     with pytest.raises(DeviceUnavailableError, match=f"{why}.*{port}|{port} {why}"):
         SerialLine(port, 115_200).open()
 
 
 def test_no_access(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The text says who may use the port."""
+    """The message states who may use the port."""
 
     def refuse(*_: object) -> int:
         raise PermissionError(13, "Permission denied")
@@ -227,7 +227,7 @@ def test_no_access(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_kernel_that_refuses_is_told_as_a_lock(
     cable: Cable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A port that the kernel keeps for another program is held, as one that this has locked."""
+    """A port that the kernel keeps for another program is reported like a locked one."""
 
     def refuse(*_: object) -> int:
         raise OSError(errno.EBUSY, "Device or resource busy")
@@ -240,7 +240,7 @@ def test_kernel_that_refuses_is_told_as_a_lock(
 def test_port_that_goes_while_it_is_opened(
     line: SerialLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A link may vanish between any two steps; the port is let go of, and opens again."""
+    """If the port vanishes during opening, it is released and can be opened again."""
 
     def gone(path: Path) -> Path:
         raise FileNotFoundError(errno.ENOENT, "gone", str(path))
@@ -254,7 +254,7 @@ def test_port_that_goes_while_it_is_opened(
 
 
 def test_other_path_is_noticed_once(line: SerialLine, cable: Cable) -> None:
-    """A port that comes back as another device is noticed, one that comes back as itself is not."""
+    """A port that returns under another device path is reported once; the same path is not."""
     line.open()
     same = line.take_noticed()
     cable.keep()

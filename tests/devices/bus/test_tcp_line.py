@@ -17,14 +17,14 @@ SHORT_NS = 1_000_000
 
 @pytest.fixture
 def listener() -> Iterator[socket.socket]:
-    """Give a socket that listens at a port of this machine."""
+    """Yield a socket that listens at a port of this machine."""
     with socket.create_server(("127.0.0.1", 0)) as found:
         yield found
 
 
 @pytest.fixture
 def line(listener: socket.socket) -> Iterator[TcpLine]:
-    """Give an open line to the listener."""
+    """Yield an open line to the listener."""
     found = TcpLine(*listener.getsockname(), unacknowledged_s=0.2)
     found.open()
     yield found
@@ -33,7 +33,7 @@ def line(listener: socket.socket) -> Iterator[TcpLine]:
 
 @pytest.fixture
 def device(listener: socket.socket, line: TcpLine) -> Iterator[socket.socket]:
-    """Give the device's end of the line."""
+    """Yield the device end of the line."""
     assert line.where
     end, _ = listener.accept()
     with end:
@@ -41,7 +41,7 @@ def device(listener: socket.socket, line: TcpLine) -> Iterator[socket.socket]:
 
 
 def test_bytes_go_both_ways(line: TcpLine, device: socket.socket) -> None:
-    """What is sent comes, and what comes is received."""
+    """Bytes are sent and received."""
     line.send(b"ask")
     asked = device.recv(100)
     device.send(b"answer")
@@ -51,7 +51,7 @@ def test_bytes_go_both_ways(line: TcpLine, device: socket.socket) -> None:
 
 @pytest.mark.parametrize("within_ns", [0, SHORT_NS])
 def test_nothing_came(line: TcpLine, within_ns: int) -> None:
-    """That is no fault, waited for or not."""
+    """It returns no bytes, with or without a wait, and raises no fault."""
     assert line.receive(within_ns) == b""
 
 
@@ -61,7 +61,7 @@ def _receive(line: TcpLine) -> object:
 
 def _send(line: TcpLine) -> object:
     line.send(b"x")
-    return line.receive(LONG_NS)  # the first send after the end is not refused yet
+    return line.receive(LONG_NS)  # the kernel does not refuse the first send after the end yet
 
 
 @pytest.mark.parametrize("call", [_receive, _send])
@@ -69,7 +69,7 @@ def _send(line: TcpLine) -> object:
 def test_connection_that_is_gone_is_a_fault(
     line: TcpLine, device: socket.socket, call: Callable[[TcpLine], object], state: str
 ) -> None:
-    """Every call says `DISCONNECTED`, again and again."""
+    """Every call raises `DISCONNECTED`."""
     if state == "closed":
         line.close()
     if state == "reset":
@@ -83,7 +83,7 @@ def test_connection_that_is_gone_is_a_fault(
 
 @pytest.mark.usefixtures("device")
 def test_partial_write_ends_the_connection(line: TcpLine) -> None:
-    """What went out cannot be taken back, so nothing follows it: the next call is refused."""
+    """The sent part cannot be taken back, so the next call is refused."""
     with pytest.raises(LineFault, match="bytes went out") as fault:
         line.send(bytes(100_000_000))
     with pytest.raises(LineFault) as next_fault:
@@ -95,7 +95,7 @@ def test_partial_write_ends_the_connection(line: TcpLine) -> None:
 
 @pytest.mark.usefixtures("device")
 def test_nothing_acknowledged_is_half_open(line: TcpLine) -> None:
-    """A device that takes no bytes for too long is given up, and the fault says why."""
+    """A device that accepts no bytes for too long is disconnected; the fault says so."""
     flags = []
 
     def given_up() -> bool:
@@ -114,7 +114,7 @@ def test_nothing_acknowledged_is_half_open(line: TcpLine) -> None:
 
 
 def test_nobody_listens(listener: socket.socket) -> None:
-    """The text names the address."""
+    """The message states the address."""
     host, port = listener.getsockname()
     listener.close()
     with pytest.raises(DeviceUnavailableError, match=f"no connection to {host}:{port}"):
@@ -122,7 +122,7 @@ def test_nobody_listens(listener: socket.socket) -> None:
 
 
 def test_opening_again_connects_anew(listener: socket.socket, line: TcpLine) -> None:
-    """The connection before is closed."""
+    """The earlier connection is closed."""
     first, _ = listener.accept()
     line.open()
     second, _ = listener.accept()

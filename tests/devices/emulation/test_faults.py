@@ -1,4 +1,4 @@
-"""What goes wrong on a wire: how it is written, when it happens, what becomes of replies."""
+"""Wire faults: their syntax, when they happen, and their effect on replies."""
 
 from contextlib import suppress
 
@@ -26,43 +26,43 @@ MS = 1_000_000
     ],
 )
 def test_fault_is_what_was_written(text: str, fault: WireFault) -> None:
-    """Kind, which, value."""
+    """Kind, replies and value are parsed."""
     assert parse(text) == fault
 
 
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("", "no fault ''"),
+        ("", "unknown fault '' in ''"),
         ("slow", "known: late, lost"),
-        ("late", "how late, in s?"),
-        ("late:3", "how late, in s?"),
-        ("lost:now", "befalls a reply, not a device at once"),
+        ("late", "needs a delay in s"),
+        ("late:3", "needs a delay in s"),
+        ("lost:now", "affects replies, it cannot happen now"),
         ("lost:0", "counted from 1"),
-        ("lost:5-3", "counted from 1, and upwards"),
-        ("lost:every 0", "every 0th"),
-        ("lost:often", "no reply is called 'often'"),
-        ("late:1:soon", "no value 'soon'"),
-        ("late:1:2-1", "no value '2-1'"),
-        ("late:1:9999", "no value '9999'"),
+        ("lost:5-3", "counted from 1, in rising order"),
+        ("lost:every 0", "a number of at least 1"),
+        ("lost:often", "'often' selects no reply"),
+        ("late:1:soon", "invalid value 'soon'"),
+        ("late:1:2-1", "invalid value '2-1'"),
+        ("late:1:9999", "invalid value '9999'"),
         ("late:1:0.1:x", "too many parts"),
     ],
 )
-def test_what_is_no_fault_is_told(text: str, why: str) -> None:
-    """The text says what was expected."""
+def test_invalid_faults_are_refused(text: str, why: str) -> None:
+    """The message states what was expected."""
     with pytest.raises(ValueError, match=why):
         parse(text)
 
 
 @given(st.text(alphabet="latenowevery:-. 0123456789", max_size=30) | st.text(max_size=20))
 def test_any_text_is_a_fault_or_refused(text: str) -> None:
-    """Nothing but `ValueError` is raised."""
+    """No other error than `ValueError` is raised."""
     with suppress(ValueError):
         parse(text)
 
 
 def test_replies_are_counted_from_the_last_change() -> None:
-    """Each fault befalls those that it says, several may befall one; a change counts anew."""
+    """Several faults may affect one reply; new faults start a new count."""
     faults = WireFaults([parse("lost:2"), parse("garbled:every 2:3")])
     first = [faults.next_reply() for _ in range(4)]
     faults.set([parse("lost:2-3")])
@@ -74,7 +74,7 @@ def test_replies_are_counted_from_the_last_change() -> None:
 
 
 def test_at_once_is_once() -> None:
-    """What happens now befalls no reply, and is not told again."""
+    """An immediate fault affects no reply and is reported once."""
     faults = WireFaults([parse("disconnect:now")])
 
     assert faults.at_once() == [ActiveFault(WireFaultKind.DISCONNECT, 0.5)]
@@ -82,7 +82,7 @@ def test_at_once_is_once() -> None:
 
 
 def sent(reply: bytes, *hits: ActiveFault, wait_ns: int = 0) -> bytes:
-    """Return what comes of a reply some time after it was given."""
+    """Return the bytes of a reply that are sent within some time."""
     outbox = Outbox(WireFaults())
     outbox.put(reply, hits, 0)
     return outbox.take(wait_ns)
@@ -104,12 +104,12 @@ def sent(reply: bytes, *hits: ActiveFault, wait_ns: int = 0) -> bytes:
     ],
 )
 def test_what_becomes_of_a_reply(hits: list[ActiveFault], comes: bytes) -> None:
-    """As the fault says, one after the other."""
+    """The faults apply one after the other."""
     assert sent(b"abcd", *hits) == comes
 
 
 def test_one_bit_is_flipped() -> None:
-    """Any, where none is named; there is none in an empty reply."""
+    """Without a value it is a random bit; an empty reply stays empty."""
     (flipped,) = [sent(b"abcd", ActiveFault(WireFaultKind.GARBLED, None))]
     bits = int.from_bytes(flipped) ^ int.from_bytes(b"abcd")
 
@@ -118,14 +118,14 @@ def test_one_bit_is_flipped() -> None:
 
 
 def test_noise_comes_before_the_reply() -> None:
-    """So many bytes."""
+    """The noise has the given number of bytes."""
     noisy = sent(b"abcd", ActiveFault(WireFaultKind.NOISE, 5.0))
 
     assert (len(noisy), noisy[-4:]) == (9, b"abcd")
 
 
 def test_late_reply_holds_up_those_behind_it() -> None:
-    """A device answers in order; the outbox tells how long nothing is to be sent."""
+    """A device answers in order; the outbox reports the wait until the next reply."""
     outbox = Outbox(WireFaults())
     outbox.put(b"1", [ActiveFault(WireFaultKind.LATE, 0.05)], 0)
     outbox.put(b"2", [], MS)

@@ -27,7 +27,7 @@ HOUR_NS = 3600 * 1_000_000_000
 
 
 class Parrot:
-    """An emulator that says its serial number and what it has heard, since when it is connected."""
+    """An emulator that repeats its serial number and all bytes since the last connection."""
 
     def __init__(self, bench: SharedRig, serial: str) -> None:
         self._bench, self._serial, self._heard, self._unasked = bench, serial, b"", b""
@@ -53,7 +53,7 @@ TCP = EmulatorPlugin("parrot", "a parrot", "tcp", Parrot)
 
 
 class Clock:
-    """The machine's, or so far ahead of it as a test says."""
+    """The clock of the machine, plus an offset that a test sets."""
 
     def __init__(self) -> None:
         self.ahead_ns = 0
@@ -70,7 +70,7 @@ def serving(
     rig: StillRig,
     clock: Clock | None = None,
 ) -> Iterator[str]:
-    """Serve a parrot; give where."""
+    """Serve a parrot; yield its place."""
     bench = SharedRig(rig, (clock or Clock()).now_ns)
     emulation = Emulation([EmulationRequest(plugin, where, faults)], bench, "7")
     (place,) = emulation.start()
@@ -81,26 +81,26 @@ def serving(
 
 @pytest.fixture(params=["serial", "tcp"])
 def wire(request: pytest.FixtureRequest) -> str:
-    """Give the kind of wire."""
+    """Return the kind of wire."""
     kind: str = request.param
     return kind
 
 
 @pytest.fixture
 def faults() -> WireFaults:
-    """Give the wire's faults."""
+    """Return the faults of the wire."""
     return WireFaults()
 
 
 @pytest.fixture
 def rig() -> StillRig:
-    """Give the rig."""
+    """Return the rig."""
     return StillRig(2)
 
 
 @pytest.fixture
 def clock() -> Clock:
-    """Give the clock of the faults."""
+    """Return the clock of the faults."""
     return Clock()
 
 
@@ -108,7 +108,7 @@ def clock() -> Clock:
 def line(
     wire: str, faults: WireFaults, rig: StillRig, clock: Clock, tmp_path: Path
 ) -> Iterator[Line]:
-    """Give an open line to a parrot."""
+    """Yield an open line to a parrot."""
     plugin, where = (SERIAL, str(tmp_path / "port")) if wire == "serial" else (TCP, "")
     with serving(plugin, where, faults, rig, clock) as place:
         found: Line = SerialLine(place, 9600) if wire == "serial" else TcpLine(*address(place))
@@ -118,13 +118,13 @@ def line(
 
 
 def ask(line: Line, request: bytes = b"x", within_ns: int = LONG_NS) -> bytes:
-    """Send and receive."""
+    """Send bytes and return the reply."""
     line.send(request)
     return line.receive(within_ns)
 
 
 def reopens(line: Line) -> bool:
-    """Tell whether a line can be opened."""
+    """Return whether a line can be opened."""
     try:
         line.open()
     except DeviceUnavailableError:
@@ -133,7 +133,7 @@ def reopens(line: Line) -> bool:
 
 
 def gone(line: Line) -> bool:
-    """Tell whether a line is lost."""
+    """Return whether a line is lost."""
     try:
         line.receive(1_000_000)
     except LineFault:
@@ -142,7 +142,7 @@ def gone(line: Line) -> bool:
 
 
 def test_device_answers_and_speaks_unasked(line: Line) -> None:
-    """What it answers and what it sends by itself comes."""
+    """Its replies and its unsolicited messages arrive."""
     assert ask(line) == b"7:x"
     got = ask(line, b"later")
     while len(got) < len(b"7:xlaterunasked"):
@@ -151,7 +151,7 @@ def test_device_answers_and_speaks_unasked(line: Line) -> None:
 
 
 def test_device_goes_on_when_its_client_comes_back(line: Line, wire: str) -> None:
-    """It is the same device; only over TCP does it know that somebody else has connected."""
+    """The device stays the same; only over TCP does it notice a new client."""
     ask(line)
     for _ in range(3):
         line.close()
@@ -162,13 +162,13 @@ def test_device_goes_on_when_its_client_comes_back(line: Line, wire: str) -> Non
 
 
 def test_connection_goes_and_comes_back(line: Line, faults: WireFaults, clock: Clock) -> None:
-    """In place of a reply; meanwhile nobody can connect."""
+    """The reply is lost, and meanwhile no client can connect."""
     faults.set([parse("disconnect:2:3600")])
     assert ask(line) == b"7:x"
 
     def is_pulled() -> bool:
         with suppress(LineFault):
-            line.send(b"x")  # each time: what the device has not taken in time never goes
+            line.send(b"x")  # in each attempt: unsent bytes are dropped
         return gone(line)
 
     eventually(is_pulled)
@@ -181,7 +181,7 @@ def test_connection_goes_and_comes_back(line: Line, faults: WireFaults, clock: C
 def test_unplugged_device_may_be_restarted(
     line: Line, faults: WireFaults, rig: StillRig, clock: Clock
 ) -> None:
-    """It is back when both are over."""
+    """It is connected again when both absences are over."""
     assert ask(line, b"drive") == b"7:drive"
     faults.set([parse("disconnect:now:3600")])
     eventually(lambda: gone(line))
@@ -193,14 +193,14 @@ def test_unplugged_device_may_be_restarted(
 
 
 def test_wire_is_no_bus(line: Line, faults: WireFaults) -> None:
-    """What can only go wrong on one does not on a wire."""
+    """Faults that need a bus have no effect on a wire."""
     faults.set([parse("bus-off"), parse("bus-off:now:3600"), parse("foreign")])
 
     assert [ask(line), ask(line)] == [b"7:x", b"7:xx"]
 
 
 def test_another_device_comes_back(line: Line, faults: WireFaults) -> None:
-    """At once, with another serial number."""
+    """It has another serial number."""
     faults.set([parse("wrong-identity:now:0.05")])
     eventually(lambda: gone(line))
     eventually(lambda: reopens(line))
@@ -211,7 +211,7 @@ def test_another_device_comes_back(line: Line, faults: WireFaults) -> None:
 def test_restarted_device_is_silent_and_then_new(
     line: Line, faults: WireFaults, rig: StillRig
 ) -> None:
-    """The connection stays, nothing is heard, and the amplifier falls to 0 V."""
+    """The connection stays, the device is silent, and the amplifier goes to 0 V."""
     assert ask(line, b"drive") == b"7:drive"
     driven_v = list(rig.drive_v)
     faults.set([parse("restart:now:0.1")])
@@ -223,7 +223,7 @@ def test_restarted_device_is_silent_and_then_new(
 
 
 def test_late_and_lost_replies(line: Line, faults: WireFaults) -> None:
-    """The second reply is lost, and what is sent unasked after it is late."""
+    """The second reply is lost, and the unsolicited message after it is late."""
     faults.set([parse("lost:2"), parse("late:3:0.03")])
     first = ask(line, b"a")
     begin_ns = line.now_ns()
@@ -234,9 +234,9 @@ def test_late_and_lost_replies(line: Line, faults: WireFaults) -> None:
 
 
 def test_what_nobody_reads_is_dropped(line: Line) -> None:
-    """A client that sends and never reads does not stop the device."""
+    """A client that sends and never reads does not block the device."""
     for _ in range(100):
-        with suppress(LineFault):  # the device may be slower than we are
+        with suppress(LineFault):  # the device may be slower than this test
             line.send(bytes(1000))
     eventually(lambda: line.receive(0) != b"")
 
@@ -244,15 +244,15 @@ def test_what_nobody_reads_is_dropped(line: Line) -> None:
 @pytest.mark.parametrize(
     ("plugin", "where", "why"),
     [
-        (SERIAL, "/nowhere/port", "no port can be made"),
-        (SERIAL, "/dev/null", "is there already"),
-        (TCP, "nowhere", "no address 'nowhere'"),
-        (TCP, "localhost:99999", "no address"),
-        (TCP, "192.0.2.1:1", "nobody can listen"),
+        (SERIAL, "/nowhere/port", "cannot make a port at"),
+        (SERIAL, "/dev/null", "exists already"),
+        (TCP, "nowhere", "invalid address 'nowhere'"),
+        (TCP, "localhost:99999", "invalid address"),
+        (TCP, "192.0.2.1:1", "cannot listen at"),
     ],
 )
 def test_place_that_cannot_be(plugin: EmulatorPlugin, where: str, why: str, rig: StillRig) -> None:
-    """The text names it."""
+    """The message states the place."""
     with (
         pytest.raises(DeviceUnavailableError, match=why),
         serving(plugin, where, WireFaults(), rig),
@@ -261,7 +261,7 @@ def test_place_that_cannot_be(plugin: EmulatorPlugin, where: str, why: str, rig:
 
 
 def test_link_that_leads_nowhere_is_replaced(tmp_path: Path, rig: StillRig) -> None:
-    """An emulator that was killed leaves one."""
+    """A killed emulator leaves such a link."""
     path = tmp_path / "port"
     path.symlink_to("/dev/pts/none")
     with serving(SERIAL, str(path), WireFaults(), rig):
@@ -272,7 +272,7 @@ def test_link_that_leads_nowhere_is_replaced(tmp_path: Path, rig: StillRig) -> N
 def test_link_that_nobody_serves_is_replaced(
     tmp_path: Path, rig: StillRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In our own folder, even if its pty is somebody else's by now; one that is served is not."""
+    """In the user's own folder an unlocked link is replaced; a locked one is not."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     master, slave = os.openpty()
     left = os.ttyname(slave)
@@ -292,7 +292,7 @@ def test_link_that_nobody_serves_is_replaced(
     elsewhere = tmp_path / "port"
     elsewhere.symlink_to(left)
     with (
-        pytest.raises(DeviceUnavailableError, match="is there already"),
+        pytest.raises(DeviceUnavailableError, match="exists already"),
         serving(SERIAL, str(elsewhere), WireFaults(), rig),
     ):
         pass
@@ -301,7 +301,7 @@ def test_link_that_nobody_serves_is_replaced(
 
 
 def test_second_client_is_turned_away(rig: StillRig) -> None:
-    """A TCP device serves one; the first one goes on."""
+    """A TCP device serves one client; the first one stays connected."""
     with serving(TCP, "", WireFaults(), rig) as place:
         first, second = TcpLine(*address(place)), TcpLine(*address(place))
         first.open()
@@ -314,7 +314,7 @@ def test_second_client_is_turned_away(rig: StillRig) -> None:
 
 
 def test_one_that_fails_ends_all(rig: StillRig, tmp_path: Path) -> None:
-    """The others are not left alone on a bench."""
+    """The other devices on the rig are stopped too."""
     posts = [
         EmulationRequest(SERIAL, str(tmp_path / "port"), WireFaults()),
         EmulationRequest(TCP, "nowhere", WireFaults()),
@@ -325,16 +325,16 @@ def test_one_that_fails_ends_all(rig: StillRig, tmp_path: Path) -> None:
 
 
 def test_plugin_without_either_way(rig: StillRig) -> None:
-    """It can neither be made nor served."""
+    """A plug-in without `create` and `serve` is refused."""
     with (
-        pytest.raises(RegistryError, match="neither be made nor served"),
+        pytest.raises(RegistryError, match="neither `create` nor `serve`"),
         serving(EmulatorPlugin("none", "none", "can"), "", WireFaults(), rig),
     ):
         pass
 
 
 def test_plugin_may_serve_itself(rig: StillRig) -> None:
-    """Called with everything that it needs."""
+    """It is called with all its arguments."""
 
     def serve(
         bench: SharedRig,
@@ -354,7 +354,7 @@ def test_plugin_may_serve_itself(rig: StillRig) -> None:
 
 @pytest.mark.parametrize("name", emulators.names())
 def test_every_installed_emulator_is_one(name: str) -> None:
-    """It can be loaded, and be made or served."""
+    """It can be loaded, and has `create` or `serve`."""
     plugin = emulators.load(name)
 
     assert (plugin.create is None) != (plugin.serve is None)
@@ -362,7 +362,7 @@ def test_every_installed_emulator_is_one(name: str) -> None:
 
 
 def test_address_may_be_short() -> None:
-    """A port alone is one of this machine; nothing at all is any port."""
+    """A port alone is one of this machine; an empty text is any port."""
     assert (address("[::1]:502"), address("502"), address("")) == (
         ("::1", 502),
         ("127.0.0.1", 502),
@@ -372,6 +372,6 @@ def test_address_may_be_short() -> None:
 
 
 def test_error_is_a_device_error() -> None:
-    """So that commands know its exit code."""
+    """Commands derive the exit code from it."""
     with pytest.raises(DeviceError):
         address("x:y")
