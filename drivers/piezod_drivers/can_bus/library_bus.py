@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus import link
+from piezod_drivers.can_bus import interface_control
 from piezod_drivers.can_bus.frame import Frame
 
 if TYPE_CHECKING:
@@ -55,10 +55,10 @@ class LibraryBus:
         interface: str,
         channel: str,
         settings: Mapping[str, Any],
-        network: link.Network | None = None,
+        network: interface_control.Network | None = None,
     ) -> None:
         self._interface, self._channel, self._settings = interface, channel, dict(settings)
-        self._network = network or link.Kernel()
+        self._network = network or interface_control.Kernel()
         self._bus: can.BusABC | None = None
         self._messages: dict[tuple[int, bool], can.Message] = {}
         self._echoes: deque[tuple[int, bytes]] | None = None

@@ -10,8 +10,8 @@ from piezod.devices.bus.serial_line import SerialLine
 from piezod_drivers.can_bus.frame import most_bits
 from piezod_drivers.can_bus.frame_bus import FrameBus
 from piezod_drivers.can_bus.library_bus import SOCKETCAN, LibraryBus
-from piezod_drivers.can_bus.slcan import BIT_RATES
 from piezod_drivers.can_bus.slcan_bus import SlcanBus
+from piezod_drivers.can_bus.slcan_codec import BIT_RATES
 
 SLCAN: Final = "slcan"
 UDP_MULTICAST: Final = "udp_multicast"

@@ -10,9 +10,17 @@ from typing import Final
 from piezod.devices.bus.line import Line, LineFault, NoticingLine
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus.cycle import STALLED_AFTER
+from piezod_drivers.can_bus.conversation import STALLED_AFTER
 from piezod_drivers.can_bus.frame import Frame
-from piezod_drivers.can_bus.slcan import BEL, BIT_RATES, CLOSE, OPEN, SlcanLines, decode, encode
+from piezod_drivers.can_bus.slcan_codec import (
+    BEL,
+    BIT_RATES,
+    CLOSE,
+    OPEN,
+    SlcanLines,
+    decode,
+    encode,
+)
 
 _ANSWER_NS: Final = 500_000_000
 """How long an adapter may take to acknowledge a command."""

@@ -12,7 +12,7 @@ from typing import Any
 import canopen
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable, datatypes
 
-from piezod_drivers.can_bus.cia401.dictionary import Entry, dictionary
+from piezod_drivers.can_bus.cia401.emulation.dictionary import Entry, dictionary
 
 NODE = 5
 TYPES = {

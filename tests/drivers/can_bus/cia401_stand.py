@@ -7,9 +7,9 @@ from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.cia401.dialogue import Cia401Dialogue
-from piezod_drivers.can_bus.cia401.node import Cia401Node
+from piezod_drivers.can_bus.cia401.emulation.sdo_server import AbortCode, AbortError
+from piezod_drivers.can_bus.cia401.emulator import Cia401Node
 from piezod_drivers.can_bus.cia401.options import Cia401Options
-from piezod_drivers.can_bus.cia401.sdo_server import AbortCode, AbortError
 from tests.drivers.can_bus.fake_bus import FakeBus
 from tests.drivers.can_bus.profiles import CODES, canopen
 from tests.drivers.serial_line.linear_rig import bench

@@ -5,7 +5,7 @@ import pytest
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.cia401 import objects as o
-from piezod_drivers.can_bus.cia401.node import CODES_PER_V, NODE
+from piezod_drivers.can_bus.cia401.emulator import CODES_PER_V, NODE
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.cia401_stand import Stand, read, without
 from tests.drivers.can_bus.profiles import CODES

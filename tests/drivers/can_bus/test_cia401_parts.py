@@ -13,11 +13,11 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.cia401 import objects as o
+from piezod_drivers.can_bus.cia401.codec import Scale, pack, unpack
 from piezod_drivers.can_bus.cia401.driver import PLUGIN
+from piezod_drivers.can_bus.cia401.emulator import NODE, Cia401Node
 from piezod_drivers.can_bus.cia401.health import NodeHealth, meaning_of
-from piezod_drivers.can_bus.cia401.node import NODE, Cia401Node
 from piezod_drivers.can_bus.cia401.options import Cia401Options, channels
-from piezod_drivers.can_bus.cia401.pdo import Scale, pack, unpack
 from piezod_drivers.can_bus.frame import Frame, most_bits
 from piezod_drivers.can_bus.options import BusOptions, highest_rate_hz, make_bus
 from piezod_drivers.can_bus.slcan_bus import SlcanBus

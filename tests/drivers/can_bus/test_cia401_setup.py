@@ -8,8 +8,8 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.can_bus.cia401 import objects as o
-from piezod_drivers.can_bus.cia401.node import NODE
-from piezod_drivers.can_bus.cia401.sdo_server import AbortCode, AbortError
+from piezod_drivers.can_bus.cia401.emulation.sdo_server import AbortCode, AbortError
+from piezod_drivers.can_bus.cia401.emulator import NODE
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.cia401_stand import Stand, read
 from tests.drivers.can_bus.profiles import CODES
@@ -53,8 +53,8 @@ def test_absent_node_is_told_with_what_to_check() -> None:
 
 def test_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without canopen opening fails, and says how to install it."""
-    monkeypatch.setitem(__import__("sys").modules, "piezod_drivers.can_bus.cia401.sdo", None)
-    monkeypatch.delattr("piezod_drivers.can_bus.cia401.sdo", raising=False)
+    monkeypatch.setitem(__import__("sys").modules, "piezod_drivers.can_bus.cia401.sdo_client", None)
+    monkeypatch.delattr("piezod_drivers.can_bus.cia401.sdo_client", raising=False)
 
     with pytest.raises(DeviceUnavailableError, match=r'pip install "piezod\[can\]"'):
         Stand().device.open()

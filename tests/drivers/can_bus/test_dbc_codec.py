@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.dbc.checksum import ALGORITHMS, crc8_j1850
+from piezod_drivers.can_bus.dbc.codec import DbcMessage, DbcSignal, SignalReader, SignalWriter
 from piezod_drivers.can_bus.dbc.database import DatabaseError, load
-from piezod_drivers.can_bus.dbc.demo import COMMAND, POLL, REPORT, STATUS
-from piezod_drivers.can_bus.dbc.frames import Checksum, Received, Sent
-from piezod_drivers.can_bus.dbc.layout import DbcMessage, DbcSignal, SignalReader, SignalWriter
+from piezod_drivers.can_bus.dbc.emulator import COMMAND, POLL, REPORT, STATUS
+from piezod_drivers.can_bus.dbc.messages import Checksum, Received, Sent
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.profiles import DBC
 

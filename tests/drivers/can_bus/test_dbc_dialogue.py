@@ -10,9 +10,9 @@ from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus.dbc.demo import COMMAND, POLL, STATUS, DemoNode
 from piezod_drivers.can_bus.dbc.dialogue import DbcDialogue
 from piezod_drivers.can_bus.dbc.driver import PLUGIN, create
+from piezod_drivers.can_bus.dbc.emulator import COMMAND, POLL, STATUS, DemoNode
 from piezod_drivers.can_bus.dbc.options import DbcOptions, channels
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.fake_bus import FakeBus

@@ -7,11 +7,11 @@ import pytest
 
 from piezod.devices.emulation.faults import WireFaults, parse
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus.cia401.node import Cia401Node
+from piezod_drivers.can_bus.cia401.emulator import Cia401Node
 from piezod_drivers.can_bus.emulation.ends import AdapterEnd, GroupEnd, end_at
 from piezod_drivers.can_bus.emulation.host import NodeHost
 from piezod_drivers.can_bus.frame import Frame
-from piezod_drivers.can_bus.slcan import encode
+from piezod_drivers.can_bus.slcan_codec import encode
 from tests.drivers.can_bus.ports import free_port
 from tests.drivers.can_bus.profiles import GROUP
 from tests.drivers.serial_line.linear_rig import bench

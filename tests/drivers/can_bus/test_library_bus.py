@@ -16,8 +16,8 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.frame import Frame
+from piezod_drivers.can_bus.interface_control import Kernel
 from piezod_drivers.can_bus.library_bus import LibraryBus
-from piezod_drivers.can_bus.link import Kernel
 from tests.drivers.can_bus.ports import free_port
 
 A, B = Frame(0x305, b"\x01\x02"), Frame(0x80)
@@ -337,7 +337,7 @@ def test_who_takes_an_interface_down_is_noticed(monkeypatch: pytest.MonkeyPatch)
         assert look.poll(20_000), "the error has come"
         return told
 
-    monkeypatch.setattr("piezod_drivers.can_bus.link._witness", refused)
+    monkeypatch.setattr("piezod_drivers.can_bus.interface_control._witness", refused)
     kernel = Kernel()
     assert [kernel.times_down("no-such-can") for _ in range(4)] == [0, 1, 1, 2]
 

@@ -13,8 +13,8 @@ from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.emulation.ends import Adapter
 from piezod_drivers.can_bus.frame import EXTENDED_IDS, STANDARD_IDS, Frame
-from piezod_drivers.can_bus.slcan import BEL, SlcanLines, decode, encode
 from piezod_drivers.can_bus.slcan_bus import SlcanBus
+from piezod_drivers.can_bus.slcan_codec import BEL, SlcanLines, decode, encode
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, TestTime
 
 DATA = st.binary(max_size=8)

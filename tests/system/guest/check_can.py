@@ -18,7 +18,7 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus.cycle import STALLED_AFTER, CanCycle
+from piezod_drivers.can_bus.conversation import STALLED_AFTER, CanCycle
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.library_bus import LibraryBus
 from tests.daemon.waiting import eventually

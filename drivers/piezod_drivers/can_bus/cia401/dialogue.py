@@ -11,17 +11,17 @@ from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.can_bus.cia401 import objects
+from piezod_drivers.can_bus.cia401.codec import Scale, pack, unpack
 from piezod_drivers.can_bus.cia401.health import NodeHealth
 from piezod_drivers.can_bus.cia401.options import Cia401Options
-from piezod_drivers.can_bus.cia401.pdo import Scale, pack, unpack
-from piezod_drivers.can_bus.cia401.words import SDO_BYTES, read_words, requests_for
-from piezod_drivers.can_bus.cycle import CanCycle
+from piezod_drivers.can_bus.cia401.sdo_words import SDO_BYTES, read_words, requests_for
+from piezod_drivers.can_bus.conversation import CanCycle
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.frame_bus import FrameBus
 from piezod_drivers.can_bus.options import highest_rate_hz
 
 if TYPE_CHECKING:
-    from piezod_drivers.can_bus.cia401.sdo import SdoAccess
+    from piezod_drivers.can_bus.cia401.sdo_client import SdoAccess
     from piezod_drivers.can_bus.cia401.setup import PdoLayout
 
 MS: Final = 1_000_000
@@ -92,7 +92,10 @@ class Cia401Dialogue:
             LineFault: If the bus fails.
         """
         try:
-            from piezod_drivers.can_bus.cia401 import sdo, setup  # noqa: PLC0415 - optional
+            from piezod_drivers.can_bus.cia401 import (  # noqa: PLC0415 - optional
+                sdo_client,
+                setup,
+            )
         except ImportError as error:
             what = f'the canopen library is needed ({error}): pip install "piezod[can]"'
             raise DeviceUnavailableError(what) from error
@@ -100,7 +103,7 @@ class Cia401Dialogue:
         self._health.clear()
         self._cycle, self._tell = self._make_cycle(()), None
         self._bus.open(self._accepted())
-        access = self._access = sdo.SdoAccess(node, self._bus, self._take)
+        access = self._access = sdo_client.SdoAccess(node, self._bus, self._take)
         try:
             identity = setup.identify(access)
         except LineFault as fault:

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 from piezod.devices.interface import Identity
 from piezod.errors import DeviceError
 from piezod_drivers.can_bus.cia401 import objects
-from piezod_drivers.can_bus.cia401.sdo import SdoAccess, SdoRefusedError
+from piezod_drivers.can_bus.cia401.sdo_client import SdoAccess, SdoRefusedError
 
 _ID_MASK: Final = 0x7FF
 _WORD_MASK: Final = 0xFFFF

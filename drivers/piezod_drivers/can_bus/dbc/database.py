@@ -5,7 +5,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
-from piezod_drivers.can_bus.dbc.layout import DbcMessage, DbcSignal
+from piezod_drivers.can_bus.dbc.codec import DbcMessage, DbcSignal
 from piezod_drivers.can_bus.frame import LONGEST
 
 _UNITS: Final = {"um": "µm", "\u03bcm": "µm", "\u00c2\u00b5m": "µm"}

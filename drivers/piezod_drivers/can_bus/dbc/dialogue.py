@@ -9,8 +9,8 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus.cycle import CanCycle
-from piezod_drivers.can_bus.dbc.layout import SignalReader
+from piezod_drivers.can_bus.conversation import CanCycle
+from piezod_drivers.can_bus.dbc.codec import SignalReader
 from piezod_drivers.can_bus.dbc.options import DbcOptions
 from piezod_drivers.can_bus.dbc.used_signals import UsedSignals
 from piezod_drivers.can_bus.frame import Frame

@@ -12,8 +12,8 @@ from piezod.config.messages import suggest
 from piezod.devices.interface import ChannelUnits
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.dbc.checksum import Algorithm
+from piezod_drivers.can_bus.dbc.codec import DbcMessage, DbcSignal
 from piezod_drivers.can_bus.dbc.database import DatabaseError, load
-from piezod_drivers.can_bus.dbc.layout import DbcMessage, DbcSignal
 from piezod_drivers.can_bus.frame import EXTENDED_IDS, STANDARD_IDS
 from piezod_drivers.can_bus.options import BusOptions, TimeoutMs
 

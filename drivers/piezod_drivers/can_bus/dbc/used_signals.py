@@ -5,8 +5,8 @@ from typing import Final, NamedTuple
 
 from piezod.devices.interface import Wiring
 from piezod.errors import DeviceError
-from piezod_drivers.can_bus.dbc.frames import Checksum, Received, Sent
-from piezod_drivers.can_bus.dbc.layout import DbcMessage, SignalReader
+from piezod_drivers.can_bus.dbc.codec import DbcMessage, SignalReader
+from piezod_drivers.can_bus.dbc.messages import Checksum, Received, Sent
 from piezod_drivers.can_bus.dbc.options import DbcOptions, SignalPlace, flag_of, messages_of
 
 _SLACK: Final = 0.01

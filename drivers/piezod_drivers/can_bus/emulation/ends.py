@@ -11,7 +11,16 @@ from piezod.devices.emulation.pty_end import PtyEnd
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.library_bus import LibraryBus
-from piezod_drivers.can_bus.slcan import BEL, BIT_RATES, CLOSE, CR, OPEN, SlcanLines, decode, encode
+from piezod_drivers.can_bus.slcan_codec import (
+    BEL,
+    BIT_RATES,
+    CLOSE,
+    CR,
+    OPEN,
+    SlcanLines,
+    decode,
+    encode,
+)
 
 UDP: Final = "udp:"
 DEFAULT_GROUP: Final = "239.74.163.2"

@@ -5,8 +5,7 @@ from itertools import pairwise
 from math import inf, nan
 from typing import Final, NamedTuple, TypeAlias
 
-from piezod_drivers.modbus.register import Register, Table, packer, unpacker
-from piezod_drivers.modbus.requests import (
+from piezod_drivers.modbus.codec import (
     MOST_READ,
     MOST_WRITTEN,
     ModbusRequest,
@@ -14,6 +13,7 @@ from piezod_drivers.modbus.requests import (
     read,
     write_one,
 )
+from piezod_drivers.modbus.register import Register, Table, packer, unpacker
 
 FORMS: Final = 3
 """In so many lengths a block is read by turns, where its device has the registers."""

@@ -3,7 +3,7 @@
 import pytest
 
 from piezod.errors import DeviceError, DeviceUnavailableError
-from piezod_drivers.serial_line.psj.models import MODELS, Profile, Reads
+from piezod_drivers.serial_line.psj.profiles import MODELS, Profile, Reads
 from tests.drivers.serial_line.psj_rig import ALL, Rig
 
 

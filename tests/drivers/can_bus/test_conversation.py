@@ -6,7 +6,7 @@ import pytest
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.can_bus.cycle import MOST_FRAMES, PATIENCE, CanCycle
+from piezod_drivers.can_bus.conversation import MOST_FRAMES, PATIENCE, CanCycle
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.fake_bus import FakeBus
 from tests.drivers.serial_line.scripted_line import MS

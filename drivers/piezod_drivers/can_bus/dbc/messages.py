@@ -6,7 +6,7 @@ from typing import Final
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.dbc.checksum import ALGORITHMS, Algorithm
-from piezod_drivers.can_bus.dbc.layout import DbcMessage, SignalReader, SignalWriter
+from piezod_drivers.can_bus.dbc.codec import DbcMessage, SignalReader, SignalWriter
 from piezod_drivers.can_bus.frame import Frame
 
 _BEGUN_ANEW: Final = 3

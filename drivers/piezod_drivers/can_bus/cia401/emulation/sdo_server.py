@@ -3,7 +3,7 @@
 from enum import IntEnum
 from typing import Final, Protocol
 
-from piezod_drivers.can_bus.cia401.dictionary import Entry
+from piezod_drivers.can_bus.cia401.emulation.dictionary import Entry
 
 _BYTES: Final = 8
 _EXPEDITED: Final = 4

@@ -10,8 +10,8 @@ from typing import Final
 from piezod.devices.bus.line import LineFault
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
-from piezod_drivers.can_bus.dbc.frames import Checksum, Received, Sent
-from piezod_drivers.can_bus.dbc.layout import DbcMessage, DbcSignal, SignalReader
+from piezod_drivers.can_bus.dbc.codec import DbcMessage, DbcSignal, SignalReader
+from piezod_drivers.can_bus.dbc.messages import Checksum, Received, Sent
 from piezod_drivers.can_bus.emulation.host import serving
 from piezod_drivers.can_bus.frame import Frame
 

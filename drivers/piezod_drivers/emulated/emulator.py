@@ -11,8 +11,8 @@ from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.devices.emulation.faults import WireFaults
 from piezod.devices.emulation.places import make_own_folder
 from piezod.errors import DeviceUnavailableError
+from piezod_drivers.emulated.emulation.server import RigServer
 from piezod_drivers.emulated.options import DEFAULT_SOCKET
-from piezod_drivers.emulated.server import RigServer
 
 
 def serve(

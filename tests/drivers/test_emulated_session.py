@@ -11,9 +11,7 @@ import pytest
 
 from piezod.devices.interface import Identity
 from piezod.errors import DeviceError, DeviceUnavailableError
-from piezod_drivers.emulated.host import listening
-from piezod_drivers.emulated.link import Link
-from piezod_drivers.emulated.wire import (
+from piezod_drivers.emulated.codec import (
     Greeting,
     Op,
     RigReply,
@@ -22,6 +20,8 @@ from piezod_drivers.emulated.wire import (
     pack_greeting,
     pack_refusal,
 )
+from piezod_drivers.emulated.emulator import listening
+from piezod_drivers.emulated.session import Link
 from tests.drivers.emulated_bench import serving
 
 GREETING = Greeting(Identity("piezod", "scripted", "1", "1"), ("x",), 1e3, "first")
@@ -196,7 +196,7 @@ def test_strange_greeting_is_refused(
 
 def test_rig_without_a_greeting_is_unavailable(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A rig that accepts nobody is not waited for longer than its time."""
-    monkeypatch.setattr("piezod_drivers.emulated.link._GREETING_S", 0.01)
+    monkeypatch.setattr("piezod_drivers.emulated.session._GREETING_S", 0.01)
     with listening(path), pytest.raises(DeviceUnavailableError, match="timed out"):
         Link(path, 1.0).connect()
 

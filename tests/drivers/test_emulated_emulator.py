@@ -7,7 +7,7 @@ import pytest
 
 from piezod.errors import DeviceError
 from piezod_drivers.emulated.driver import EmulatedRig
-from piezod_drivers.emulated.host import listening
+from piezod_drivers.emulated.emulator import listening
 from piezod_drivers.emulated.options import EmulatedOptions
 
 

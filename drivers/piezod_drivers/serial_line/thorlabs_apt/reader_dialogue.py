@@ -11,8 +11,8 @@ from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import FULL_SCALE, Id
-from piezod_drivers.serial_line.thorlabs_apt.cube import CHANNEL, Cube
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
+from piezod_drivers.serial_line.thorlabs_apt.session import CHANNEL, Cube
 
 _BYTES_PER_CYCLE: Final = 6 + 12
 _UM_PER_TRAVEL: Final = 0.1

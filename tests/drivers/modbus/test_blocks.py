@@ -5,10 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod.devices.interface import Wiring
+from piezod_drivers.modbus.blocks import FORMS, read_blocks, write_blocks
 from piezod_drivers.modbus.driver import channels_of
 from piezod_drivers.modbus.layout import lay_out
 from piezod_drivers.modbus.options import ModbusOptions
-from piezod_drivers.modbus.plan import FORMS, read_blocks, write_blocks
 from piezod_drivers.modbus.profiles import PROFILES
 from piezod_drivers.modbus.register import Register
 

@@ -11,7 +11,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.cia401.objects import SDO_ANSWER, SDO_REQUEST
-from piezod_drivers.can_bus.cycle import MOST_FRAMES
+from piezod_drivers.can_bus.conversation import MOST_FRAMES
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.frame_bus import FrameBus
 

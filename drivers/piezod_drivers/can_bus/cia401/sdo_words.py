@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.cia401 import objects
-from piezod_drivers.can_bus.cycle import CanCycle
+from piezod_drivers.can_bus.conversation import CanCycle
 from piezod_drivers.can_bus.frame import Frame
 
 SDO_BYTES: Final = 8

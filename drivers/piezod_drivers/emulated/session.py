@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from piezod.errors import DeviceError, DeviceUnavailableError
-from piezod_drivers.emulated.wire import (
+from piezod_drivers.emulated.codec import (
     MAX_PACKET,
     Greeting,
     RigReply,

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod_drivers.serial_line.micro_epsilon import stream
+from piezod_drivers.serial_line.micro_epsilon import codec
 from piezod_drivers.serial_line.micro_epsilon.emulator import SensorEmulator
-from piezod_drivers.serial_line.micro_epsilon.info import info_of
+from piezod_drivers.serial_line.micro_epsilon.identity import info_of
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES
 from tests.drivers.serial_line.linear_rig import bench
 from tests.drivers.serial_line.scripted_line import MS, T0_NS
@@ -47,10 +47,10 @@ def test_any_count_is_read_within_range_or_refused(model: str, number: float) ->
 @given(st.binary(max_size=400), st.sampled_from([2, 3]))
 def test_arbitrary_bytes_are_a_stream(garbage: bytes, word_bytes: int) -> None:
     """Whatever comes, it is read without an error, and less than a word is kept."""
-    value, rest, _ = stream.newest(garbage, word_bytes)
+    value, rest, _ = codec.newest(garbage, word_bytes)
     assert len(rest) < word_bytes
     assert value is None or 0 <= value < 1 << 6 * word_bytes + (2 if word_bytes == 2 else 0)
-    info_of(stream.text_of(garbage, word_bytes))
+    info_of(codec.text_of(garbage, word_bytes))
 
 
 @given(
@@ -59,12 +59,12 @@ def test_arbitrary_bytes_are_a_stream(garbage: bytes, word_bytes: int) -> None:
 )
 def test_parts_of_a_stream_give_what_the_whole_gives(counts: list[int], cuts: list[int]) -> None:
     """However a stream is cut, its last value is found and nothing is said to be broken."""
-    whole, place, rest = b"".join(stream.pack(count, 3) for count in counts), 0, b""
+    whole, place, rest = b"".join(codec.pack(count, 3) for count in counts), 0, b""
     last = None
     for cut in cuts * len(whole):
         part = whole[place : place + cut]
         place += cut
-        value, rest, broken = stream.newest(rest + part, 3)
+        value, rest, broken = codec.newest(rest + part, 3)
         assert not broken
         last = last if value is None else value
         if place >= len(whole):
@@ -74,8 +74,8 @@ def test_parts_of_a_stream_give_what_the_whole_gives(counts: list[int], cuts: li
 
 def test_additional_values_are_passed_over() -> None:
     """Values that are sent beside the distance are not taken for it."""
-    both = stream.pack(5, 3) + stream.pack(9, 3, additional=True)
-    assert stream.newest(both * 3, 3) == (5, b"", False)
+    both = codec.pack(5, 3) + codec.pack(9, 3, additional=True)
+    assert codec.newest(both * 3, 3) == (5, b"", False)
 
 
 def test_unknown_command_is_refused() -> None:

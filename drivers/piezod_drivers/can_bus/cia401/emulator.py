@@ -6,8 +6,8 @@ from typing import Final
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.can_bus.cia401 import objects as o
-from piezod_drivers.can_bus.cia401.dictionary import N_CHANNELS, SERIAL, Entry, dictionary
-from piezod_drivers.can_bus.cia401.sdo_server import AbortCode, AbortError, SdoServer
+from piezod_drivers.can_bus.cia401.emulation.dictionary import N_CHANNELS, SERIAL, Entry, dictionary
+from piezod_drivers.can_bus.cia401.emulation.sdo_server import AbortCode, AbortError, SdoServer
 from piezod_drivers.can_bus.emulation.host import serving
 from piezod_drivers.can_bus.frame import Frame
 

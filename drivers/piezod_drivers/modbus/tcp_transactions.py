@@ -6,7 +6,7 @@ from typing import Final
 
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.modbus.requests import ModbusRequest, judge
+from piezod_drivers.modbus.codec import ModbusRequest, judge
 from piezod_drivers.modbus.transactions import OneLine
 
 _HEADER: Final = Struct(">HHHB")

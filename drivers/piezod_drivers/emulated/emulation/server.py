@@ -10,7 +10,7 @@ from typing import Final
 
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.interface import Identity
-from piezod_drivers.emulated.wire import (
+from piezod_drivers.emulated.codec import (
     MAX_PACKET,
     Greeting,
     Op,

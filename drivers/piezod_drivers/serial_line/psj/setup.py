@@ -7,7 +7,7 @@ from piezod.devices.interface import Identity
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.psj import codec
-from piezod_drivers.serial_line.psj.models import PsjModel
+from piezod_drivers.serial_line.psj.profiles import PsjModel
 from piezod_drivers.serial_line.psj.session import PsjSession
 
 UNKNOWN = "unknown"

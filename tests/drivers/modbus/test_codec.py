@@ -11,8 +11,7 @@ from pymodbus.pdu.register_message import ReadWriteMultipleRegistersRequest
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.modbus.checksum import checksum, is_whole
-from piezod_drivers.modbus.register import Register, packer, unpacker
-from piezod_drivers.modbus.requests import (
+from piezod_drivers.modbus.codec import (
     ModbusRequest,
     WriteAndRead,
     WriteMany,
@@ -20,6 +19,7 @@ from piezod_drivers.modbus.requests import (
     read,
     write_one,
 )
+from piezod_drivers.modbus.register import Register, packer, unpacker
 
 SERVER = DecodePDU(is_server=True)
 

@@ -7,7 +7,7 @@ from piezod.devices.bus.conversation import PATIENCE
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.modbus.checksum import checksum, framed, is_whole
-from piezod_drivers.modbus.requests import FAILED, ModbusRequest, judge
+from piezod_drivers.modbus.codec import FAILED, ModbusRequest, judge
 from piezod_drivers.modbus.transactions import OneLine
 
 _FIXED: Final = {5: 8, 6: 8, 15: 8, 16: 8}

@@ -10,8 +10,8 @@ from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import FULL_SCALE, Id, StatusBit
-from piezod_drivers.serial_line.thorlabs_apt.cube import CHANNEL, Cube
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
+from piezod_drivers.serial_line.thorlabs_apt.session import CHANNEL, Cube
 
 LIMIT_V: Final = {1: 75, 2: 100, 3: 150}
 """The voltage limits that an amplifier can be set to, by their codes."""
