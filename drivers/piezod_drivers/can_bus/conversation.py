@@ -1,4 +1,4 @@
-"""One exchange of frames in a cycle of the loop; nothing stale is ever taken for an answer."""
+"""Requests and replies in CAN frames; a stale frame is never taken for a reply."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final
@@ -8,33 +8,33 @@ from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.frame_bus import FrameBus
 
-MOST_FRAMES: Final = 64
-"""More frames than these are not read in one go."""
+MAX_FRAMES: Final = 64
+"""Highest number of frames that one call reads."""
 STALLED_AFTER: Final = 3
-"""So many frames in a row that cannot be sent: the bus does not take any."""
-PATIENCE: Final = 10
-"""An answer is taken for lost when it has been late for so many time-outs."""
-SLOW: Final = 0.8
-"""An answer that takes more than this part of its time is slow."""
+"""After this many frames in a row that could not be sent, the bus counts as stalled."""
+LATE_TIMEOUTS: Final = 10
+"""A reply counts as lost when it is late by this many time-outs."""
+SLOW_FRACTION: Final = 0.8
+"""A reply is reported as slow if it takes more than this fraction of the time-out."""
 
 
-def _is_answer(_frame: Frame) -> bool:
+def _any_frame(_frame: Frame) -> bool:
     return True
 
 
-class CanCycle:
-    """Sends what a cycle sends, and waits for the frames that answer it.
+class CanConversation:
+    """Sends the frames of a cycle and waits for the replies.
 
-    Before anything is sent, all that has come is read: the latest counts, and an answer among it
-    was asked for by nobody. Frames do not tell which request they answer. So after a time-out
-    nothing is asked until the answers that are owed have come, or can no longer come: `PATIENCE`
-    time-outs later.
+    Before anything is sent, all pending frames are read: only the latest count, and a reply among
+    them answers no request. Frames do not tell which request they answer. Therefore, after a
+    time-out, no request is sent until the overdue replies have come or count as lost,
+    `LATE_TIMEOUTS` time-outs later.
 
     Args:
-        bus: The bus, opened and closed by whoever owns the cycle.
-        timeout_ns: How long to wait for answers.
-        own: Identifiers that nobody but this end sends.
-        take: Told each other frame that is no answer.
+        bus: The bus; its owner opens and closes it.
+        timeout_ns: Longest wait for replies, in ns.
+        own: Identifiers that only this end sends.
+        take: Called with each frame that is not a reply.
     """
 
     def __init__(
@@ -44,22 +44,22 @@ class CanCycle:
         own: Iterable[int],
         take: Callable[[Frame], None],
     ) -> None:
-        self._bus, self._timeout_ns, self._take = bus, timeout_ns, take
-        self._now_ns, self._slow_ns = bus.now_ns, round(SLOW * timeout_ns)
-        self._own = frozenset(own)
+        self._bus, self._timeout_ns, self._on_unrequested = bus, timeout_ns, take
+        self._now_ns, self._slow_ns = bus.now_ns, round(SLOW_FRACTION * timeout_ns)
+        self._own_ids = frozenset(own)
         self._refused = 0
-        self._owed: set[int] = set()
-        self._owed_until_ns = 0
+        self._overdue: set[int] = set()
+        self._overdue_until_ns = 0
         self._noticed: set[DeviceFlag] = set()
 
     def restart(self) -> None:
-        """Forget what was before; to be called whenever the bus was opened."""
+        """Forget all earlier exchanges; call it whenever the bus was opened."""
         self._refused = 0
-        self._owed.clear()
+        self._overdue.clear()
         self._noticed.clear()
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail, since the last call."""
+        """Return and clear the flags of faults that no call has raised. Real-time safe."""
         noticed = self._bus.take_noticed()
         if self._noticed:
             noticed = noticed | self._noticed
@@ -67,11 +67,11 @@ class CanCycle:
         return noticed
 
     def tell(self, frame: Frame) -> None:
-        """Send a frame; may be called in the loop.
+        """Send a frame. Real-time safe.
 
         Raises:
-            LineFault: `NOT_SENT` if there is no room for it; `BUS_OFF` when that is so again and
-                again; or whatever else the bus raises.
+            LineFault: `NOT_SENT` if the queue is full, `BUS_OFF` after `STALLED_AFTER` such frames
+                in a row, or any fault of the bus.
         """
         try:
             self._bus.send(frame)
@@ -81,75 +81,82 @@ class CanCycle:
             self._refused += 1
             if self._refused < STALLED_AFTER:
                 raise
-            self._bus.stalled()
+            # An old setpoint must not be sent later: the next `open` empties the queue.
+            self._bus.mark_stalled()
             what = f"{self._bus.where}: {STALLED_AFTER} frames in a row could not be sent"
             raise LineFault(DeviceFlag.BUS_OFF, what) from fault
         self._refused = 0
 
-    def catch_up(self, answers: Iterable[int] = ()) -> None:
-        """Read all that has come; may be called in the loop.
+    def read_pending(self, answers: Iterable[int] = ()) -> None:
+        """Read all pending frames. Real-time safe.
 
         Args:
-            answers: Identifiers that nobody sends unasked.
+            answers: Identifiers of replies, which nobody sends without a request.
 
         Raises:
-            LineFault: `BUS_OVERLOADED` if it does not end, or whatever the bus raises.
+            LineFault: `BUS_OVERLOADED` if there are more than `MAX_FRAMES`, or any fault of the
+                bus.
         """
         bus = self._bus
-        for _ in range(MOST_FRAMES):
+        for _ in range(MAX_FRAMES):
             frame = bus.receive(0)
             if frame is None:
                 return
-            if frame.id in self._owed and not frame.remote:
-                self._owed.discard(frame.id)
+            if frame.id in self._overdue and not frame.remote:
+                self._overdue.discard(frame.id)
                 self._noticed.add(DeviceFlag.LATE_REPLY)
             elif frame.id in answers:
                 self._noticed.add(DeviceFlag.OUT_OF_ORDER)
             else:
-                self._pass_on(frame)
+                self._deliver(frame)
         raise self._overloaded()
 
     def ask(
         self,
         frames: Sequence[Frame],
         answers: frozenset[int],
-        check: Callable[[Frame], bool] = _is_answer,
+        check: Callable[[Frame], bool] = _any_frame,
         *,
         tagged: bool = False,
     ) -> Mapping[int, bytes]:
-        """Send frames and wait for those that answer; may be called in the loop.
+        """Send frames and wait for the replies. Real-time safe.
 
         Args:
-            frames: What is sent, in this order, the last of which is answered.
-            answers: Identifiers of the frames that answer, each once.
-            check: Tells whether a frame of such an identifier answers; may raise `LineFault`.
-            tagged: Whether `check` tells an answer to these very frames from one to earlier ones.
+            frames: The frames in the order in which they are sent; the last one is the request.
+            answers: Identifiers of the replies, one frame of each.
+            check: Returns whether a frame with such an identifier is a reply; may raise
+                `LineFault`.
+            tagged: Whether `check` distinguishes a reply to this request from replies to earlier
+                ones.
 
         Returns:
-            The data of each answer by its identifier.
+            The data of each reply by its identifier.
 
         Raises:
-            LineFault: `LATE_REPLY` if not all came in time, `BUS_OVERLOADED`, or as `tell` or
+            LineFault: `LATE_REPLY` if a reply is missing, `BUS_OVERLOADED`, or as `tell` and
                 `check`.
         """
-        self.catch_up(answers)
+        self.read_pending(answers)
+        # Pending frames first: a reply that is already there cannot be one to this request.
         begin_ns = self._now_ns()
-        if self._owed:
-            if begin_ns < self._owed_until_ns:
-                raise LineFault(DeviceFlag.LATE_REPLY, "a late answer may still come")
-            self._owed.clear()
+        if self._overdue:
+            if begin_ns < self._overdue_until_ns:
+                raise LineFault(DeviceFlag.LATE_REPLY, "a late reply may still come")
+            self._overdue.clear()
         for frame in frames:
             self.tell(frame)
         missing = set(answers)
         try:
-            return self._await(begin_ns, answers, missing, check)
+            return self._wait_for_replies(begin_ns, answers, missing, check)
         except LineFault:
+            # A tagged reply that comes late is recognized and dropped, so nothing has to be waited
+            # for.
             if not tagged:
-                self._owed |= missing
-                self._owed_until_ns = self._now_ns() + PATIENCE * self._timeout_ns
+                self._overdue |= missing
+                self._overdue_until_ns = self._now_ns() + LATE_TIMEOUTS * self._timeout_ns
             raise
 
-    def _await(
+    def _wait_for_replies(
         self,
         begin_ns: int,
         answers: frozenset[int],
@@ -158,14 +165,14 @@ class CanCycle:
     ) -> Mapping[int, bytes]:
         bus, left_ns = self._bus, self._timeout_ns
         got: dict[int, bytes] = {}
-        for _ in range(MOST_FRAMES):
+        for _ in range(MAX_FRAMES):
             frame = bus.receive(left_ns)
             took_ns = self._now_ns() - begin_ns
             if frame is not None:
                 identifier = frame.id
                 if identifier not in answers:
-                    self._pass_on(frame)
-                elif identifier in missing and self._answers(frame, missing, check):
+                    self._deliver(frame)
+                elif identifier in missing and self._is_expected(frame, missing, check):
                     missing.discard(identifier)
                     got[identifier] = frame.data
                     if not missing:
@@ -177,24 +184,24 @@ class CanCycle:
             left_ns = self._timeout_ns - took_ns
             if left_ns <= 0:
                 within = f"within {self._timeout_ns / 1e6:g} ms"
-                what = f"no answer from {bus.where} {within}"
+                what = f"no reply from {bus.where} {within}"
                 raise LineFault(DeviceFlag.LATE_REPLY, what)
         raise self._overloaded()
 
     @staticmethod
-    def _answers(frame: Frame, missing: set[int], check: Callable[[Frame], bool]) -> bool:
+    def _is_expected(frame: Frame, missing: set[int], check: Callable[[Frame], bool]) -> bool:
         try:
             return check(frame)
         except LineFault:
-            missing.discard(frame.id)  # it has come, whatever is wrong with it
+            missing.discard(frame.id)  # it has come, so it is not overdue
             raise
 
     def _overloaded(self) -> LineFault:
-        what = f"{self._bus.where}: more than {MOST_FRAMES} frames in a cycle"
+        what = f"{self._bus.where}: more than {MAX_FRAMES} frames in a cycle"
         return LineFault(DeviceFlag.BUS_OVERLOADED, what)
 
-    def _pass_on(self, frame: Frame) -> None:
-        if frame.id in self._own:
+    def _deliver(self, frame: Frame) -> None:
+        if frame.id in self._own_ids:
             self._noticed.add(DeviceFlag.FOREIGN_FRAME)
         else:
-            self._take(frame)
+            self._on_unrequested(frame)

@@ -1,4 +1,4 @@
-"""One exchange of frames: nothing stale is taken for an answer."""
+"""One exchange of CAN frames: no stale frame is taken for a reply."""
 
 import random
 
@@ -6,7 +6,7 @@ import pytest
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.can_bus.conversation import MOST_FRAMES, PATIENCE, CanCycle
+from piezod_drivers.can_bus.conversation import LATE_TIMEOUTS, MAX_FRAMES, CanConversation
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.fake_bus import FakeBus
 from tests.drivers.serial_line.scripted_line import MS
@@ -21,7 +21,7 @@ class _Bench:
     def __init__(self) -> None:
         self.bus = FakeBus()
         self.taken: list[Frame] = []
-        self.cycle = CanCycle(self.bus, TIMEOUT_NS, (ASKS, OURS), self.taken.append)
+        self.cycle = CanConversation(self.bus, TIMEOUT_NS, (ASKS, OURS), self.taken.append)
 
     def ask(self) -> bytes:
         return self.cycle.ask(ASK, EXPECTED)[ANSWERS]
@@ -34,12 +34,12 @@ class _Bench:
 
 @pytest.fixture
 def bench() -> _Bench:
-    """Give a cycle on a bus where nobody is."""
+    """Return a conversation on a bus without a node."""
     return _Bench()
 
 
 def test_answer_is_what_comes_after_the_request(bench: _Bench) -> None:
-    """A frame that came before the request is no answer to it, and is told of."""
+    """A frame that came before the request is no reply to it and is reported."""
     bench.bus.comes(Frame(ANSWERS, b"old"))
     bench.bus.comes(Frame(ANSWERS, b"new"), after_ns=MS)
 
@@ -49,7 +49,7 @@ def test_answer_is_what_comes_after_the_request(bench: _Bench) -> None:
 
 
 def test_other_frames_are_passed_on(bench: _Bench) -> None:
-    """Frames that are no answer go to whom they concern, before and while it is waited."""
+    """Other frames are passed on, before the request and during the wait."""
     bench.bus.comes(Frame(OTHER, b"1"))
     bench.bus.comes(Frame(OTHER, b"2"), Frame(ANSWERS), after_ns=MS)
     bench.ask()
@@ -60,7 +60,7 @@ def test_other_frames_are_passed_on(bench: _Bench) -> None:
 @pytest.mark.sees("canopen", "B12")
 @pytest.mark.sees("can_dbc", "B12")
 def test_foreign_frame_is_told(bench: _Bench) -> None:
-    """A frame under an identifier of our own that comes from somebody else is told of."""
+    """A received frame with an own identifier is reported as foreign."""
     bench.bus.comes(Frame(OURS), Frame(ANSWERS), after_ns=MS)
     bench.ask()
 
@@ -69,7 +69,7 @@ def test_foreign_frame_is_told(bench: _Bench) -> None:
 
 
 def test_second_answer_is_dropped(bench: _Bench) -> None:
-    """An answer that comes twice is told of, and is none to the next request."""
+    """A second reply is reported and is no reply to the next request."""
     bench.bus.comes(Frame(ANSWERS, b"1"), Frame(ANSWERS, b"1"), after_ns=MS)
     bench.ask()
     bench.bus.comes(Frame(ANSWERS, b"2"), after_ns=MS)
@@ -79,7 +79,7 @@ def test_second_answer_is_dropped(bench: _Bench) -> None:
 
 
 def test_slow_answer_is_told(bench: _Bench) -> None:
-    """An answer that takes most of its time counts, and is told of."""
+    """A reply that takes most of the time-out counts and is reported as slow."""
     bench.bus.comes(Frame(ANSWERS), after_ns=round(0.9 * TIMEOUT_NS))
     bench.ask()
 
@@ -87,7 +87,7 @@ def test_slow_answer_is_told(bench: _Bench) -> None:
 
 
 def test_nothing_is_asked_while_an_answer_is_owed(bench: _Bench) -> None:
-    """After a time-out no frame is sent until the late answer has come; it is dropped then."""
+    """After a time-out nothing is sent until the late reply has come and was dropped."""
     assert bench.fails() == DeviceFlag.LATE_REPLY
     bench.bus.comes(Frame(ANSWERS, b"late"), after_ns=3 * MS)
     assert bench.fails() == DeviceFlag.LATE_REPLY
@@ -100,7 +100,7 @@ def test_nothing_is_asked_while_an_answer_is_owed(bench: _Bench) -> None:
 
 
 def test_frame_that_asks_pays_no_debt(bench: _Bench) -> None:
-    """A late answer is still owed when somebody else asks for a frame of its identifier."""
+    """A remote frame with the reply's identifier does not end the wait for a late reply."""
     assert bench.fails() == DeviceFlag.LATE_REPLY
     bench.bus.comes(Frame(ANSWERS, remote=True))
     assert bench.fails() == DeviceFlag.LATE_REPLY
@@ -108,9 +108,9 @@ def test_frame_that_asks_pays_no_debt(bench: _Bench) -> None:
 
 
 def test_owed_answer_is_given_up(bench: _Bench) -> None:
-    """When an answer has not come for long enough it is taken for lost, and asked for anew."""
+    """After `LATE_TIMEOUTS` time-outs an overdue reply counts as lost, and requests go on."""
     assert bench.fails() == DeviceFlag.LATE_REPLY
-    bench.bus.time.t_ns += PATIENCE * TIMEOUT_NS
+    bench.bus.time.t_ns += LATE_TIMEOUTS * TIMEOUT_NS
     bench.bus.comes(Frame(ANSWERS, b"new"), after_ns=MS)
 
     assert bench.ask() == b"new"
@@ -118,7 +118,7 @@ def test_owed_answer_is_given_up(bench: _Bench) -> None:
 
 @pytest.mark.parametrize("transactions", [2000, pytest.param(100_000, marks=pytest.mark.stress)])
 def test_no_late_answer_is_taken_for_another(transactions: int) -> None:
-    """With answers late by up to ten time-outs, each one accepted belongs to its request."""
+    """With replies up to ten time-outs late, each accepted reply belongs to its request."""
     bench = _Bench()
     drawn = random.Random(1)  # noqa: S311 - a trial that can be repeated
     wrong = right = 0
@@ -147,18 +147,18 @@ def test_no_late_answer_is_taken_for_another(transactions: int) -> None:
 @pytest.mark.sees("canopen", "B11")
 @pytest.mark.sees("can_dbc", "B11")
 def test_babbling_bus_is_told(bench: _Bench) -> None:
-    """Where reading does not end, nothing is sent, and no more than so many frames are read."""
+    """If reading does not end, nothing is sent and `MAX_FRAMES` frames are read."""
     bench.bus.comes(*[Frame(OTHER)] * 1000)
 
     assert bench.fails() == DeviceFlag.BUS_OVERLOADED
     assert bench.bus.sent == []
-    assert len(bench.taken) == MOST_FRAMES
+    assert len(bench.taken) == MAX_FRAMES
 
 
 @pytest.mark.sees("canopen", "B11")
 @pytest.mark.sees("can_dbc", "B11")
 def test_babbling_while_waiting_is_told(bench: _Bench) -> None:
-    """Where others' frames come instead of the answer, waiting ends."""
+    """Foreign frames instead of the reply end the wait."""
     bench.bus.comes(*[Frame(OTHER)] * 1000, after_ns=MS)
 
     assert bench.fails() == DeviceFlag.BUS_OVERLOADED
@@ -167,12 +167,12 @@ def test_babbling_while_waiting_is_told(bench: _Bench) -> None:
 @pytest.mark.sees("canopen", "B9")
 @pytest.mark.sees("can_dbc", "B9")
 def test_frame_that_cannot_be_sent_is_told(bench: _Bench) -> None:
-    """A full transmit queue fails the exchange; when there is room the next one goes well."""
+    """A full transmit queue fails the exchange; with room again, the next one works."""
     bench.bus.fault = DeviceFlag.NOT_SENT
     assert bench.fails() == DeviceFlag.NOT_SENT
 
     bench.bus.fault = None
-    bench.bus.time.t_ns += (PATIENCE + 1) * TIMEOUT_NS
+    bench.bus.time.t_ns += (LATE_TIMEOUTS + 1) * TIMEOUT_NS
     bench.bus.comes(Frame(ANSWERS), after_ns=MS)
     bench.ask()
 
@@ -180,12 +180,12 @@ def test_frame_that_cannot_be_sent_is_told(bench: _Bench) -> None:
 @pytest.mark.sees("canopen", "B8")
 @pytest.mark.sees("can_dbc", "B8")
 def test_bus_that_takes_nothing_is_as_good_as_off(bench: _Bench) -> None:
-    """The third frame in a row that cannot be sent: the bus is off, and told to be emptied."""
+    """The third unsent frame in a row is reported as bus off, and the bus as stalled."""
     bench.bus.fault = DeviceFlag.NOT_SENT
     flags = []
     for _ in range(3):
         flags.append(bench.fails())
-        bench.bus.time.t_ns += (PATIENCE + 1) * TIMEOUT_NS
+        bench.bus.time.t_ns += (LATE_TIMEOUTS + 1) * TIMEOUT_NS
 
     assert flags == [DeviceFlag.NOT_SENT, DeviceFlag.NOT_SENT, DeviceFlag.BUS_OFF]
     assert bench.bus.told_of_stall == 1

@@ -1,4 +1,4 @@
-"""An emulated CiA 401 node: what `piezod emulate canopen-401` serves."""
+"""The emulated CiA 401 node of `piezod emulate canopen-401`."""
 
 from math import isnan
 from typing import Final
@@ -6,22 +6,28 @@ from typing import Final
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.can_bus.cia401 import objects as o
-from piezod_drivers.can_bus.cia401.emulation.dictionary import N_CHANNELS, SERIAL, Entry, dictionary
+from piezod_drivers.can_bus.cia401.emulation.object_dictionary import (
+    N_CHANNELS,
+    SERIAL,
+    Entry,
+    object_dictionary,
+)
 from piezod_drivers.can_bus.cia401.emulation.sdo_server import AbortCode, AbortError, SdoServer
 from piezod_drivers.can_bus.emulation.host import serving
 from piezod_drivers.can_bus.frame import Frame
 
 NODE: Final = 5
 CODES_PER_V: Final = 3276.7
-"""Of inputs and outputs: ±10 V."""
+"""Scale of inputs and outputs, which span ±10 V."""
 GAIN: Final = 15.0
-"""Of the amplifier behind an output: 10 V are 150 V at the actuator."""
+"""Gain of the amplifier behind an output: 10 V drive 150 V at the actuator."""
 _FULL: Final = 0x7FFF
 _MS: Final = 1_000_000
+# Error codes of emergencies (CiA 301).
 _HEARTBEAT_LOST: Final = 0x8130
 _LENGTH: Final = 0x8210
 _COMMUNICATION: Final = 0x11
-"""In the error register: a communication error, which is one."""
+"""Bits of the error register: communication error, generic error."""
 _RPDO: Final = 0x1401
 _TPDO: Final = 0x1801
 _LAST_SYNC_TYPE: Final = 240
@@ -33,78 +39,80 @@ class Cia401Node:
     """Implements `Node`: input n is the conditioned sensor of axis n, output n its amplifier.
 
     Args:
-        bench: What it is connected to; inputs and outputs without an axis are open.
-        serial: Its serial number.
+        bench: The rig; inputs and outputs without an axis are open.
+        serial: Serial number.
     """
 
     def __init__(self, bench: SharedRig, serial: int = SERIAL) -> None:
         self._bench = bench
-        self._entries = dictionary(NODE, serial)
+        self._entries = object_dictionary(NODE, serial)
         self._values: dict[tuple[int, int], int | str] = {}
         self._server = SdoServer(self)
-        self._beaten_ns = 0
-        self._unasked: list[Frame] = []
+        self._heartbeat_sent_ns = 0
+        self._outgoing: list[Frame] = []
         self._power_up()
         for i in range(min(N_CHANNELS, bench.n_axes)):
             code = round(bench.drive_v(i) / GAIN * CODES_PER_V)
+            # The rig may already be driven, by an earlier emulator: the node starts with its
+            # present voltage.
             self._values[o.OUTPUT, i + 1] = min(max(code, -_FULL), _FULL)
 
     def _power_up(self) -> None:
         self._values = {place: entry.value for place, entry in self._entries.items()}
         self._state = o.BOOTED
-        self._host_ns: int | None = None
-        self._waiting: dict[int, bytes] = {}  # process data that is to be used at the next SYNC
+        self._host_heard_ns: int | None = None
+        self._waiting: dict[int, bytes] = {}  # process data for the next SYNC
         self._syncs = 0
-        self._unasked.clear()
+        self._outgoing.clear()
 
     def receive(self, frame: Frame) -> list[Frame]:
-        """Take a frame of the bus; return what is answered."""
+        """Process a frame of the bus and return the replies."""
         if not frame.is_plain:
             return []
         if frame.id == o.NMT:
-            return self._obey(frame.data)
+            return self._handle_nmt(frame.data)
         if frame.id == o.SDO_REQUEST + NODE and self._state != o.STOPPED:
             answer = self._server.answer(frame.data)
             return [] if answer is None else [Frame(o.SDO_ANSWER + NODE, answer)]
         if frame.id == self._int(o.SYNC_ID, 0):
             return self._sync()
         if frame.id == self._int(_RPDO, 1) & ~o.DISABLED:
-            return self._take_outputs(frame.data)
+            return self._handle_rpdo(frame.data)
         if frame.id == o.HEARTBEAT + (self._int(o.CONSUMER_HEARTBEAT, 1) >> 16 & 0x7F):
-            self._host_ns = self._bench.now_ns()
+            self._host_heard_ns = self._bench.now_ns()
         return []
 
     def due(self) -> list[Frame]:
-        """Return what the node sends unasked by now: boot-up, heartbeats, emergencies."""
-        frames, self._unasked = self._unasked, []
+        """Return the frames that are due: boot-up, heartbeats, emergencies."""
+        frames, self._outgoing = self._outgoing, []
         now_ns = self._bench.now_ns()
         if self._state == o.BOOTED:
             frames.append(self._heartbeat())
-            self._state, self._beaten_ns = o.PREOPERATIONAL, now_ns
+            self._state, self._heartbeat_sent_ns = o.PREOPERATIONAL, now_ns
         wait_ms = self._int(o.CONSUMER_HEARTBEAT, 1) & 0xFFFF
-        if self._host_ns is not None and now_ns - self._host_ns > wait_ms * _MS > 0:
-            self._host_ns = None
-            frames += self._lose_host()
+        if self._host_heard_ns is not None and now_ns - self._host_heard_ns > wait_ms * _MS > 0:
+            self._host_heard_ns = None
+            frames += self._handle_lost_host()
         period_ns = self._int(o.PRODUCER_HEARTBEAT, 0) * _MS
-        if period_ns and now_ns - self._beaten_ns >= period_ns:
-            self._beaten_ns = now_ns
+        if period_ns and now_ns - self._heartbeat_sent_ns >= period_ns:
+            self._heartbeat_sent_ns = now_ns
             frames.append(self._heartbeat())
         return frames
 
     def foreign(self) -> Frame:
-        """Return process data for the outputs, as only the host should send it."""
+        """Return process data for the outputs, which only the host should send."""
         return Frame(self._int(_RPDO, 1) & 0x7FF, bytes(2 * self._int(_RPDO + 0x200, 0)))
 
     def emergency(self, code: int, register: int) -> None:
-        """Have an emergency sent, which changes the error register."""
+        """Queue an emergency and set the error register."""
         self._values[o.ERROR_REGISTER, 0] = register
-        self._unasked.append(self._emergency(code))
+        self._outgoing.append(self._emergency(code))
 
     def entry(self, index: int, number: int) -> Entry:
         """Return an object.
 
         Raises:
-            AbortError: If there is none.
+            AbortError: If it does not exist.
         """
         if (index, 0) not in self._entries:
             raise AbortError(AbortCode.NO_OBJECT)
@@ -115,14 +123,14 @@ class Cia401Node:
     def value(self, index: int, number: int) -> int | str:
         """Return the value of an object."""
         if index == o.INPUT and number:
-            return self._measure(number - 1)
+            return self._input_code(number - 1)
         return self._values[index, number]
 
     def set(self, index: int, number: int, value: int) -> None:
-        """Set an object.
+        """Write an object.
 
         Raises:
-            AbortError: If it may not be set so, or not now.
+            AbortError: If this value is not allowed, or not in the present state.
         """
         if index in _MAPPABLE:
             self._check_mapping(index, number, value)
@@ -132,7 +140,7 @@ class Cia401Node:
         if index == o.OUTPUT:
             self._drive(number - 1, value)
         elif index == o.CONSUMER_HEARTBEAT:
-            self._host_ns = None  # the first heartbeat begins the watch
+            self._host_heard_ns = None  # the watchdog starts with the first heartbeat
 
     def _check_mapping(self, index: int, number: int, value: int) -> None:
         if self._state == o.OPERATIONAL or not self._int(index - 0x200, 1) & o.DISABLED:
@@ -147,7 +155,7 @@ class Cia401Node:
         if entry.mapping not in _MAPPABLE[index] or 8 * entry.n_bytes != value & 0xFF:
             raise AbortError(AbortCode.CANNOT_BE_MAPPED)
 
-    def _obey(self, data: bytes) -> list[Frame]:
+    def _handle_nmt(self, data: bytes) -> list[Frame]:
         if len(data) != 2 or data[1] not in {0, NODE}:
             return []
         if data[0] in {o.RESET, o.RESET_COMMUNICATION}:
@@ -178,7 +186,7 @@ class Cia401Node:
         )
         return [Frame(identifier & 0x7FF, data)]
 
-    def _take_outputs(self, data: bytes) -> list[Frame]:
+    def _handle_rpdo(self, data: bytes) -> list[Frame]:
         if self._state != o.OPERATIONAL or self._int(_RPDO, 1) & o.DISABLED:
             return []
         if len(data) < sum(entry & 0xFF for entry in self._mapping(_RPDO)) // 8:
@@ -196,9 +204,10 @@ class Cia401Node:
             self._values[o.OUTPUT, number] = code
             self._drive(number - 1, code)
 
-    def _lose_host(self) -> list[Frame]:
-        """Do what is to be done when the host's heartbeat stops."""
+    def _handle_lost_host(self) -> list[Frame]:
+        """React to a missing heartbeat of the host."""
         self._make_safe()
+        # 0: leave the state operational; 1: keep the state; 2: stop (CiA 301, object 0x1029).
         if self._int(o.ERROR_BEHAVIOUR, 1) == 0 and self._state == o.OPERATIONAL:
             self._state = o.PREOPERATIONAL
         elif self._int(o.ERROR_BEHAVIOUR, 1) == 2:
@@ -213,7 +222,7 @@ class Cia401Node:
                 self._values[o.OUTPUT, number] = code
                 self._drive(number - 1, code)
 
-    def _measure(self, axis: int) -> int:
+    def _input_code(self, axis: int) -> int:
         if axis >= self._bench.n_axes:
             return 0
         sensor_v = self._bench.conditioned_v(axis)
@@ -246,7 +255,7 @@ def _make(bench: SharedRig, serial: str) -> Cia401Node:
 _NAME: Final = "canopen-401"
 EMULATOR: Final = EmulatorPlugin(
     name=_NAME,
-    summary="a CANopen node with analogue inputs and outputs, behind an slcan adapter or at a UDP "
+    summary="a CANopen node with analogue inputs and outputs, behind an slcan adapter or in a UDP "
     "group",
     wire="can",
     serve=serving(_NAME, _make),

@@ -11,24 +11,24 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.cia401.objects import SDO_ANSWER, SDO_REQUEST
-from piezod_drivers.can_bus.conversation import MOST_FRAMES
+from piezod_drivers.can_bus.conversation import MAX_FRAMES
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.frame_bus import FrameBus
 
 _ANSWER_NS: Final = 500_000_000
-"""How long a node may take for an access; some write to flash."""
+"""Longest time that a node may take for an access; some write to flash memory."""
 _LEFT_S: Final = 0.001
 
 NO_OBJECT: Final = frozenset({0x0602_0000, 0x0609_0011})
-"""Abort codes that say that there is no such object, or no such sub-index."""
+"""Abort codes for an object or a sub-index that does not exist."""
 
 
 class SdoRefusedError(Exception):
-    """Raised where a node refuses an access to an object.
+    """Raised if a node refuses access to an object.
 
     Args:
-        code: The abort code.
-        what: For people.
+        code: Abort code.
+        what: Message to people.
     """
 
     def __init__(self, code: int, what: str) -> None:
@@ -42,7 +42,7 @@ class SdoRefusedError(Exception):
 
 
 class _Network(canopen.Network):
-    """Sends by a `FrameBus`."""
+    """Sends through a `FrameBus`."""
 
     def __init__(self, frame_bus: FrameBus) -> None:
         super().__init__()
@@ -53,7 +53,7 @@ class _Network(canopen.Network):
 
 
 class _Client(SdoClient):
-    """Reads frames itself while it waits, where the library's has a thread that does."""
+    """Reads frames itself while it waits; the library's client relies on a thread for that."""
 
     RESPONSE_TIMEOUT = _LEFT_S
 
@@ -61,20 +61,20 @@ class _Client(SdoClient):
         nothing = canopen.ObjectDictionary()  # type: ignore[no-untyped-call] # the library's
         ids = SDO_REQUEST + node, SDO_ANSWER + node
         super().__init__(*ids, nothing)  # type: ignore[no-untyped-call] # likewise
-        self._bus, self._take = bus, take
+        self._bus, self._on_other_frame = bus, take
 
     def send_request(self, request: bytes | bytearray) -> None:
-        """Send a request; an answer that has come before is none to it."""
-        for _ in range(MOST_FRAMES):
+        """Send a request; drop replies that came before it."""
+        for _ in range(MAX_FRAMES):
             frame = self._bus.receive(0)
             if frame is None:
                 break
             if frame.id != self.tx_cobid:
-                self._take(frame)
+                self._on_other_frame(frame)
         super().send_request(request)  # type: ignore[no-untyped-call] # the library's
 
     def read_response(self) -> bytes:
-        """Wait for an answer."""
+        """Wait for the reply."""
         end_ns = self._bus.now_ns() + _ANSWER_NS
         while self.responses.empty() and (left_ns := end_ns - self._bus.now_ns()) > 0:
             frame = self._bus.receive(left_ns)
@@ -83,18 +83,18 @@ class _Client(SdoClient):
             if frame.id == self.tx_cobid and frame.is_plain and len(frame.data) == 8:
                 self.responses.put(frame.data)
             else:
-                self._take(frame)
+                self._on_other_frame(frame)
         answer: bytes = super().read_response()  # type: ignore[no-untyped-call] # likewise
         return answer
 
 
 class SdoAccess:
-    """Reads and writes the objects of a node, and tells it what state to be in; not in the loop.
+    """Reads and writes objects of a node and changes its state. Not real-time safe.
 
     Args:
-        node: Its number.
+        node: Node number.
         bus: The bus.
-        take: Told every frame that comes meanwhile and is no answer.
+        take: Called with each frame that comes meanwhile and is not a reply.
     """
 
     def __init__(self, node: int, bus: FrameBus, take: Callable[[Frame], None]) -> None:
@@ -105,11 +105,11 @@ class SdoAccess:
         self._master = NmtMaster(node)
         self._master.network = network
 
-    def order(self, command: int) -> None:
-        """Tell the node what state to be in.
+    def send_nmt(self, command: int) -> None:
+        """Send the node an NMT command, which changes its state.
 
         Raises:
-            LineFault: As the bus raises.
+            LineFault: Any fault of the bus.
         """
         self._master.send_command(command)
 
@@ -117,41 +117,41 @@ class SdoAccess:
         """Return the bytes of an object.
 
         Raises:
-            SdoRefusedError: If the node refuses it.
-            LineFault: `LATE_REPLY` if it does not answer, or as the bus raises.
+            SdoRefusedError: If the node refuses.
+            LineFault: `LATE_REPLY` if the node does not reply, or any fault of the bus.
         """
         try:
             return self._client.upload(index, number)
         except SdoAbortedError as error:
             raise self._refused("read", index, number, error) from error
         except SdoCommunicationError as error:
-            raise self._silent(error) from error
+            raise self._no_reply(error) from error
 
     def number(self, index: int, number: int = 0) -> int:
-        """Return an object as a number without sign; raises as `read`."""
+        """Return an object as an unsigned number; raises as `read`."""
         return int.from_bytes(self.read(index, number), "little")
 
     def text(self, index: int) -> str:
-        """Return an object as a text of printable characters; empty where there is none.
+        """Return the printable characters of an object; empty if there is none.
 
         Raises:
             LineFault: As `read`.
         """
         try:
-            said = self.read(index).decode("latin-1")
+            text = self.read(index).decode("latin-1")
         except SdoRefusedError:
             return ""
-        return "".join(character for character in said if character.isprintable()).strip()
+        return "".join(character for character in text if character.isprintable()).strip()
 
     def write(self, index: int, number: int, value: int, n_bytes: int) -> None:
-        """Set an object; raises as `read`."""
+        """Write an object; raises as `read`."""
         data = (value % (1 << 8 * n_bytes)).to_bytes(n_bytes, "little")
         try:
             self._client.download(index, number, data)
         except SdoAbortedError as error:
             raise self._refused("set", index, number, error) from error
         except SdoCommunicationError as error:
-            raise self._silent(error) from error
+            raise self._no_reply(error) from error
 
     def _refused(
         self, what: str, index: int, number: int, error: SdoAbortedError
@@ -159,5 +159,5 @@ class SdoAccess:
         where = f"{self._where}: object 0x{index:04X}:{number}"
         return SdoRefusedError(error.code, f"{where} cannot be {what}: {error}")
 
-    def _silent(self, error: Exception) -> LineFault:
+    def _no_reply(self, error: Exception) -> LineFault:
         return LineFault(DeviceFlag.LATE_REPLY, f"{self._where} does not answer: {error}")

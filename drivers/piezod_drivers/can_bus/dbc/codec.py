@@ -1,4 +1,4 @@
-"""Where signals are in a frame, and what their bits stand for."""
+"""Positions of signals in a frame, and conversion between their bits and values."""
 
 from collections.abc import Mapping
 from math import nan
@@ -6,20 +6,20 @@ from typing import Literal, NamedTuple
 
 
 class DbcSignal(NamedTuple):
-    """Some bits of a frame, as a DBC file describes them.
+    """A signal: some bits of a frame, in the terms of a DBC file.
 
     Attributes:
-        name: Its name.
-        start: The first bit: the lowest one of a signal with the lowest byte first, the highest one
-            of others; bit i of byte j is 8·j + i.
-        bits: How many.
+        name: Name of the signal.
+        start: The first bit: the lowest bit of a little-endian signal, the highest bit of a
+            big-endian one; bit i of byte j is 8·j + i.
+        bits: Number of bits.
         big_endian: Whether the highest byte comes first.
-        signed: Whether the highest bit is a sign.
-        scale: Physical value of one.
-        offset: Physical value of zero.
-        lowest: Lowest physical value that is meant; None where that is not said.
-        highest: Likewise.
-        unit: Of the physical value; may be empty.
+        signed: Whether the highest bit is the sign.
+        scale: Physical value of one count.
+        offset: Physical value of count 0.
+        lowest: Lowest physical value; None if the file does not limit it.
+        highest: Highest physical value; None if the file does not limit it.
+        unit: Unit of the physical value; may be empty.
     """
 
     name: str
@@ -35,7 +35,7 @@ class DbcSignal(NamedTuple):
 
     @property
     def order(self) -> Literal["big", "little"]:
-        """Which byte comes first."""
+        """Order of the bytes."""
         return "big" if self.big_endian else "little"
 
     @property
@@ -54,12 +54,15 @@ class DbcSignal(NamedTuple):
         return low, high
 
     def shift(self, n_bytes: int) -> int:
-        """Return where the lowest bit is in the number that a frame's bytes make.
+        """Return the position of the lowest bit in the number formed by the frame's bytes.
 
-        That is in the order of its own bytes; negative where it is not in a frame of this length.
+        The bytes form a number in the signal's own byte order. The result is negative if the signal
+        does not fit into a frame of this length.
         """
         if not self.big_endian:
             return self.start if self.start + self.bits <= 8 * n_bytes else -1
+        # A big-endian signal starts at its highest bit and continues downwards, into the next byte:
+        # count the bits above it from the top of the frame.
         from_top = self.start // 8 * 8 + 7 - self.start % 8
         return 8 * n_bytes - from_top - self.bits
 
@@ -68,11 +71,11 @@ class DbcMessage(NamedTuple):
     """A frame with signals.
 
     Attributes:
-        name: Its name.
-        id: Its identifier.
-        n_bytes: Length of its data, 0 to 8.
-        extended: Whether its identifier has 29 bits.
-        signals: Its signals by name.
+        name: Name of the message.
+        id: Identifier.
+        n_bytes: Number of data bytes, 0 to 8.
+        extended: Whether the identifier has 29 bits.
+        signals: The signals by name.
     """
 
     name: str
@@ -83,7 +86,7 @@ class DbcMessage(NamedTuple):
 
 
 class SignalReader:
-    """Takes the value of one signal out of the data of its frame.
+    """Reads the value of one signal from the data of its frame.
 
     Args:
         message: The frame.
@@ -96,23 +99,23 @@ class SignalReader:
         self._order, self._sign = one.order, 1 << one.bits - 1 if one.signed else 0
         self._scale, self._offset = one.scale, one.offset
         self._low, self._high = one.range
-        # A value at the end of its range may be beyond it by rounding.
+        # Rounding may put a value at the end of its range slightly beyond it.
         margin = abs(one.scale) / 2
         self._low, self._high = self._low - margin, self._high + margin
 
     def raw(self, data: bytes) -> int:
-        """Return the number that the bits hold; may be called in the loop."""
+        """Return the number that the bits hold. Real-time safe."""
         raw = int.from_bytes(data, self._order) >> self._shift & self._mask
         return raw - 2 * self._sign if raw & self._sign else raw
 
     def value(self, data: bytes) -> float:
-        """Return the physical value, NaN where it is out of its range; in the loop too."""
+        """Return the physical value, NaN if it is out of range. Real-time safe."""
         value = self._offset + self.raw(data) * self._scale
         return value if self._low <= value <= self._high else nan
 
 
 class SignalWriter:
-    """Puts the value of one signal into the data of its frame.
+    """Writes the value of one signal into the data of its frame.
 
     Args:
         message: The frame.
@@ -128,13 +131,13 @@ class SignalWriter:
         self._low, self._high = one.raw_range
 
     def put_raw(self, data: bytearray, raw: int) -> None:
-        """Set the bits to a number, of which what does not fit is cut; in the loop too."""
+        """Set the bits to a number; bits that do not fit are cut off. Real-time safe."""
         order = self._order
         others = int.from_bytes(data, order) & self._others
         number = others | (raw & self._mask) << self._shift
         data[:] = number.to_bytes(self._n_bytes, order)
 
     def put(self, data: bytearray, value: float) -> None:
-        """Set the bits to the number next to a physical value; may be called in the loop."""
+        """Set the bits to the number nearest to a physical value. Real-time safe."""
         raw = round((value - self._offset) / self._scale)
         self.put_raw(data, min(max(raw, self._low), self._high))

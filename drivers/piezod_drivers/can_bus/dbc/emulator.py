@@ -1,7 +1,8 @@
-"""An emulated amplifier and sensor on a CAN bus: what `piezod emulate can-dbc-demo` serves.
+"""The emulated amplifier and sensor of `piezod emulate can-dbc-demo`.
 
-No such device exists. Its frames are those of config/devices/can-dbc-demo.dbc, with what real ones
-have: counters, checksums, both orders of bytes, an answer to a request and a report now and then.
+No such device exists. Its frames are those of config/devices/can-dbc-demo.dbc. They have the
+features of real frames: counters, checksums, both byte orders, a reply to a request and a periodic
+report.
 """
 
 from math import isnan
@@ -11,7 +12,7 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod_drivers.can_bus.dbc.codec import DbcMessage, DbcSignal, SignalReader
-from piezod_drivers.can_bus.dbc.messages import Checksum, Received, Sent
+from piezod_drivers.can_bus.dbc.messages import Checksum, ReceivedMessage, SentMessage
 from piezod_drivers.can_bus.emulation.host import serving
 from piezod_drivers.can_bus.frame import Frame
 
@@ -21,7 +22,7 @@ _CRC: Final = DbcSignal("Crc", 56, 8)
 _POSITION: Final = DbcSignal("Position", 7, 16, True, True, 0.001)
 _MEASURED: Final = DbcSignal("DriveMeasured", 16, 16, False, True, 0.005)
 _NOT_SENSED: Final = -32.768
-"""The position that stands for none: the sensor is at its end."""
+"""Position that is sent while the sensor is saturated."""
 
 
 def _message(name: str, identifier: int, n_bytes: int, *signals: DbcSignal) -> DbcMessage:
@@ -54,41 +55,41 @@ REPORT: Final = _message("Report", 0x181, 8, _POSITION, _MEASURED, _COUNTER, _CR
 
 
 class DemoNode:
-    """Implements `Node`: the amplifier and the sensor of the bench's first axis.
+    """Implements `Node`: the amplifier and the sensor of the rig's first axis.
 
-    A command whose checksum is wrong is not obeyed, nor one without Enable.
+    It ignores a command with a wrong checksum, and one without Enable.
 
     Args:
-        bench: What it is connected to.
+        bench: The rig.
     """
 
     def __init__(self, bench: SharedRig) -> None:
         self._bench = bench
-        self._status = Sent(STATUS, {}, "Counter", Checksum(STATUS, "Crc", "crc8_j1850"))
-        self._report = Sent(REPORT, {}, "Counter", Checksum(REPORT, "Crc", "crc8_j1850"))
+        self._status = SentMessage(STATUS, {}, "Counter", Checksum(STATUS, "Crc", "crc8_j1850"))
+        self._report = SentMessage(REPORT, {}, "Counter", Checksum(REPORT, "Crc", "crc8_j1850"))
         for sent in (self._status, self._report):
-            sent.uses("Position")
-            sent.uses("DriveMeasured")
+            sent.prepare("Position")
+            sent.prepare("DriveMeasured")
         for signal in ("Saturated", "Disabled", "Echo"):
-            self._status.uses(signal)
-        self._command = Received(COMMAND, None, None, Checksum(COMMAND, "Crc", "crc8_j1850"))
-        self._poll = Received(POLL, None, None, Checksum(POLL, "Crc", "crc8_j1850"))
+            self._status.prepare(signal)
+        self._command = ReceivedMessage(COMMAND, None, None, Checksum(COMMAND, "Crc", "crc8_j1850"))
+        self._poll = ReceivedMessage(POLL, None, None, Checksum(POLL, "Crc", "crc8_j1850"))
         self._drive, self._enable = SignalReader(COMMAND, "Drive"), SignalReader(COMMAND, "Enable")
-        self._asked = SignalReader(POLL, "Counter")
+        self._request_counter = SignalReader(POLL, "Counter")
         self._enabled = False
         self._reported_ns = 0
 
     def receive(self, frame: Frame) -> list[Frame]:
-        """Take a frame of the bus; return what is answered."""
+        """Process a frame of the bus and return the replies."""
         try:
             if frame.id == COMMAND.id:
-                self._command.require_sound(frame)
-                self._obey(frame)
+                self._command.require_valid(frame)
+                self._execute(frame)
             elif frame.id == POLL.id:
-                self._poll.require_sound(frame)
+                self._poll.require_valid(frame)
                 return [self._answer(frame)]
         except LineFault:
-            pass  # one that is not sound is as good as none
+            pass  # an invalid frame is ignored
         return []
 
     def due(self) -> list[Frame]:
@@ -101,10 +102,10 @@ class DemoNode:
         return [self._report.next()]
 
     def foreign(self) -> Frame:
-        """Return a command for 0 V, as only the host should send it."""
+        """Return a command for 0 V, which only the host should send."""
         return Frame(COMMAND.id, bytes(COMMAND.n_bytes))
 
-    def _obey(self, frame: Frame) -> None:
+    def _execute(self, frame: Frame) -> None:
         self._enabled = bool(self._enable.raw(frame.data))
         if self._enabled:
             self._bench.drive(0, self._drive.value(frame.data))
@@ -113,10 +114,10 @@ class DemoNode:
         saturated = self._measure(self._status)
         self._status.put("Saturated", saturated)
         self._status.put("Disabled", not self._enabled)
-        self._status.put("Echo", self._asked.raw(frame.data))
+        self._status.put("Echo", self._request_counter.raw(frame.data))
         return self._status.next()
 
-    def _measure(self, sent: Sent) -> bool:
+    def _measure(self, sent: SentMessage) -> bool:
         position_um = self._bench.position_um(0)
         sent.put("Position", _NOT_SENSED if isnan(position_um) else position_um)
         sent.put("DriveMeasured", self._bench.drive_v(0))
@@ -131,7 +132,7 @@ _NAME: Final = "can-dbc-demo"
 EMULATOR: Final = EmulatorPlugin(
     name=_NAME,
     summary="an amplifier and sensor whose frames a DBC file describes, behind an slcan adapter or "
-    "at a UDP group",
+    "in a UDP group",
     wire="can",
     serve=serving(_NAME, _make),
 )

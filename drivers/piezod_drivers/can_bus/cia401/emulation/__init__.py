@@ -1,4 +1,4 @@
 """Parts of the emulated CiA 401 node.
 
-`dictionary.py` is its object dictionary, `sdo_server.py` answers requests to read and write it.
+`object_dictionary.py` has its objects, `sdo_server.py` answers requests to read and write them.
 """

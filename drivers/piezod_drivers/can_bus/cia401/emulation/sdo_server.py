@@ -1,10 +1,12 @@
-"""A node's side of SDO: reads and writes of objects, with the abort codes of CiA 301."""
+"""The SDO server of an emulated node, with the abort codes of CiA 301."""
 
 from enum import IntEnum
 from typing import Final, Protocol
 
-from piezod_drivers.can_bus.cia401.emulation.dictionary import Entry
+from piezod_drivers.can_bus.cia401.emulation.object_dictionary import Entry
 
+# Terms of SDO (CiA 301): an expedited transfer carries up to four bytes in one frame, a segmented
+# one seven bytes per frame, with a toggle bit. The top three bits of a frame are the command.
 _BYTES: Final = 8
 _EXPEDITED: Final = 4
 _TOGGLE: Final = 0x10
@@ -13,7 +15,7 @@ _ABORT: Final = 4
 
 
 class AbortCode(IntEnum):
-    """Why a node refuses an access."""
+    """Reasons for which a node refuses an access."""
 
     TOGGLE = 0x0503_0000
     UNKNOWN_COMMAND = 0x0504_0001
@@ -30,10 +32,10 @@ class AbortCode(IntEnum):
 
 
 class AbortError(Exception):
-    """Raised by what carries an access out.
+    """Raised if an access is refused.
 
     Args:
-        code: Why it is refused.
+        code: The reason.
     """
 
     def __init__(self, code: AbortCode) -> None:
@@ -41,37 +43,37 @@ class AbortError(Exception):
         self.code = code
 
 
-class Objects(Protocol):
-    """What a server gives access to."""
+class ObjectAccess(Protocol):
+    """The objects that a server gives access to."""
 
     def entry(self, index: int, number: int) -> Entry:
         """Return an object; raises `AbortError`."""
         ...
 
     def value(self, index: int, number: int) -> int | str:
-        """Return its value."""
+        """Return the value of an object."""
         ...
 
     def set(self, index: int, number: int, value: int) -> None:
-        """Set it, where that is allowed; raises `AbortError`."""
+        """Write an object; raises `AbortError` if that is not allowed."""
         ...
 
 
 class SdoServer:
-    """Answers requests, one at a time.
+    """Answers SDO requests, one at a time.
 
     Args:
-        objects: What it gives access to.
+        objects: The objects that it gives access to.
     """
 
-    def __init__(self, objects: Objects) -> None:
+    def __init__(self, objects: ObjectAccess) -> None:
         self._objects = objects
         self._rest = b""
         self._toggle = 0
-        self._at = b"\0\0\0"
+        self._address_bytes = b"\0\0\0"
 
     def answer(self, request: bytes) -> bytes | None:
-        """Return the answer to a request, None where there is none. Raises nothing."""
+        """Return the reply to a request, None if there is none. Never raises."""
         if len(request) != _BYTES:
             return None
         command = request[0] >> 5
@@ -79,13 +81,13 @@ class SdoServer:
             self._rest = b""
             return None
         if command != _UPLOAD_SEGMENT:
-            self._at = request[1:4]
+            self._address_bytes = request[1:4]
         try:
-            return self._carry_out(command, request)
+            return self._run(command, request)
         except AbortError as refusal:
-            return bytes((0x80,)) + self._at + refusal.code.to_bytes(4, "little")
+            return bytes((0x80,)) + self._address_bytes + refusal.code.to_bytes(4, "little")
 
-    def _carry_out(self, command: int, request: bytes) -> bytes:
+    def _run(self, command: int, request: bytes) -> bytes:
         match command:
             case 1:
                 return self._download(request)
@@ -96,11 +98,11 @@ class SdoServer:
             case _:
                 raise AbortError(AbortCode.UNKNOWN_COMMAND)
 
-    def _place(self) -> tuple[int, int]:
-        return self._at[0] | self._at[1] << 8, self._at[2]
+    def _address(self) -> tuple[int, int]:
+        return self._address_bytes[0] | self._address_bytes[1] << 8, self._address_bytes[2]
 
     def _upload(self) -> bytes:
-        index, number = self._place()
+        index, number = self._address()
         entry, value = self._objects.entry(index, number), self._objects.value(index, number)
         if isinstance(value, str):
             data = value.encode("ascii")
@@ -108,9 +110,9 @@ class SdoServer:
             data = (value % (1 << 8 * entry.n_bytes)).to_bytes(entry.n_bytes, "little")
         if len(data) <= _EXPEDITED:
             head = 0x43 | (_EXPEDITED - len(data)) << 2
-            return bytes((head,)) + self._at + data.ljust(_EXPEDITED, b"\0")
+            return bytes((head,)) + self._address_bytes + data.ljust(_EXPEDITED, b"\0")
         self._rest, self._toggle = data, 0
-        return bytes((0x41,)) + self._at + len(data).to_bytes(4, "little")
+        return bytes((0x41,)) + self._address_bytes + len(data).to_bytes(4, "little")
 
     def _segment(self, head: int) -> bytes:
         if not self._rest:
@@ -123,12 +125,12 @@ class SdoServer:
         return bytes((answer,)) + data.ljust(7, b"\0")
 
     def _download(self, request: bytes) -> bytes:
-        index, number = self._place()
+        index, number = self._address()
         entry = self._objects.entry(index, number)
         if entry.access == "ro":
             raise AbortError(AbortCode.READ_ONLY)
         head = request[0]
-        if not head & 2:  # segmented: nothing that can be written is so long
+        if not head & 2:  # segmented: no writable object is longer than four bytes
             raise AbortError(AbortCode.TOO_LONG)
         n_bytes = _EXPEDITED - (head >> 2 & 3) if head & 1 else entry.n_bytes
         if n_bytes != entry.n_bytes:
@@ -136,4 +138,4 @@ class SdoServer:
             raise AbortError(AbortCode.TOO_LONG if too_long else AbortCode.TOO_SHORT)
         value = int.from_bytes(request[4 : 4 + n_bytes], "little", signed=entry.is_signed)
         self._objects.set(index, number, value)
-        return bytes((0x60,)) + self._at + bytes(4)
+        return bytes((0x60,)) + self._address_bytes + bytes(4)

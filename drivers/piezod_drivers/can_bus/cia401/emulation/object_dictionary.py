@@ -1,9 +1,9 @@
-"""The object dictionary of the emulated CiA 401 node: four inputs and four outputs of ±10 V."""
+"""Object dictionary of the emulated CiA 401 node, with four inputs and outputs of ±10 V."""
 
 from typing import Final, Literal, NamedTuple
 
 Access = Literal["ro", "rw"]
-"""Read-only, or to be written too."""
+"""Read-only, or readable and writable."""
 
 N_CHANNELS: Final = 4
 VENDOR: Final = 0x0000_0000
@@ -11,19 +11,19 @@ PRODUCT: Final = 0x401
 REVISION: Final = 0x0001_0000
 SERIAL: Final = 1
 _TPDO_ID: Final = 0x4000_0000
-"""In the identifier of a TPDO: it cannot be asked for by a remote frame."""
+"""Bit in the identifier of a TPDO: a remote frame cannot request it."""
 
 
 class Entry(NamedTuple):
     """An object of a node.
 
     Attributes:
-        name: As in an EDS file.
+        name: Name as in an EDS file.
         n_bytes: Length; 0 for a text.
-        value: After power-up.
+        value: Value after power-up.
         access: Whether it can be written.
-        is_signed: Whether its value has a sign.
-        mapping: Whether it can be mapped into process data, and into which.
+        is_signed: Whether the value is signed.
+        mapping: Kind of PDO that it can be mapped into; "" for none.
     """
 
     name: str
@@ -34,12 +34,12 @@ class Entry(NamedTuple):
     mapping: Literal["", "rpdo", "tpdo", "both"] = ""
 
 
-def dictionary(node: int, serial: int = SERIAL) -> dict[tuple[int, int], Entry]:
+def object_dictionary(node: int, serial: int = SERIAL) -> dict[tuple[int, int], Entry]:
     """Return the objects of a node by index and sub-index.
 
     Args:
-        node: Its number, which is part of identifiers.
-        serial: Its serial number.
+        node: Node number, which is part of identifiers.
+        serial: Serial number.
     """
     entries = {
         (0x1000, 0): Entry("Device type", 4, 0x000C_0191),  # analogue inputs and outputs
