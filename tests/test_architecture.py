@@ -22,7 +22,7 @@ HAVE_A_CLOCK = {
     ROOT / "piezod/devices/bus/serial_line.py",
     ROOT / "piezod/devices/bus/tcp_line.py",
     ROOT / "drivers/piezod_drivers/can_bus/library_bus.py",
-    ROOT / "drivers/piezod_drivers/serial_line/thorlabs_apt/port.py",
+    ROOT / "drivers/piezod_drivers/serial_line/thorlabs_apt/cube_line.py",
 }
 MAX_LINES = 400
 

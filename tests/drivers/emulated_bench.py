@@ -11,9 +11,9 @@ from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.trace import Trace
 from piezod.devices.interface import Wiring
 from piezod_drivers.emulated.driver import EmulatedRig
-from piezod_drivers.emulated.host import listening
+from piezod_drivers.emulated.emulation.server import RigServer
+from piezod_drivers.emulated.emulator import listening
 from piezod_drivers.emulated.options import EmulatedOptions
-from piezod_drivers.emulated.server import RigServer
 
 T0_NS = 1_000_000_000
 MS = 1_000_000

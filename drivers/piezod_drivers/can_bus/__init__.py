@@ -1,8 +1,7 @@
-"""Devices on a CAN bus.
+"""Devices on a CAN bus: what the drivers in `cia401/` and `dbc/` have in common.
 
-Files: `frame.py` and `frame_bus.py` are what all have in common, frames and a bus that carries
-them. Two implement it: `library_bus.py` by python-can, `slcan_bus.py` (with `slcan.py`, the codec)
-by a serial adapter. `options.py` is what a configuration may say about the bus. `cycle.py` is one
-exchange in the loop. `cia401/` speaks CANopen to analogue I/O, `dbc/` to whatever a DBC file
-describes.
+`frame.py` is a CAN frame. `frame_bus.py` is the interface of a bus that carries frames;
+`library_bus.py` implements it by python-can, `slcan_bus.py` by a serial adapter.
+`interface_control.py` empties the queue of an interface of the kernel. `conversation.py` sends the
+frames of one exchange and waits for their replies.
 """

@@ -1,4 +1,4 @@
-"""A connection that carries CAN frames, and what can go wrong on it."""
+"""The interface of a bus that carries CAN frames."""
 
 from collections.abc import Iterable
 from typing import Protocol
@@ -8,62 +8,62 @@ from piezod_drivers.can_bus.frame import Frame
 
 
 class FrameBus(Protocol):
-    """A CAN bus; used by one thread at a time.
+    """A CAN bus, used by one thread at a time.
 
-    It is the only thing in a driver that waits, and so the only one that looks at a clock.
+    In a driver only the bus waits, so only the bus reads a clock.
     """
 
     @property
     def where(self) -> str:
-        """Which bus it is, for people: an interface and a channel."""
+        """Interface and channel of the bus, for messages to people."""
         ...
 
     def open(self, accepted: Iterable[int]) -> None:
-        """Connect, with nothing in any queue: a frame of an earlier connection never leaves.
+        """Connect, with empty queues: a frame of an earlier connection is never sent.
 
         Args:
-            accepted: Identifiers that are read; where the bus can, others are not even passed on.
+            accepted: Identifiers to be read; a bus that can filter does not pass on others.
 
         Raises:
-            DeviceUnavailableError: If it is absent, or an old queue cannot be emptied.
+            DeviceUnavailableError: If the bus is absent, or an old queue cannot be emptied.
         """
         ...
 
     def close(self) -> None:
-        """Let go. Never raises; may be called at any time, any number of times."""
+        """Disconnect. Never raises; may be called at any time, any number of times."""
         ...
 
     def send(self, frame: Frame) -> None:
-        """Hand a frame to the controller, without waiting; may be called in the loop.
+        """Hand a frame to the controller, without waiting. Real-time safe.
 
         Raises:
             LineFault: `NOT_SENT` if its queue is full, `BUS_OFF` if it has left the bus,
-                `DISCONNECTED` if it is gone.
+                `DISCONNECTED` if the connection is lost.
         """
         ...
 
     def receive(self, within_ns: int) -> Frame | None:
-        """Return the next frame that this end has not sent itself; may be called in the loop.
+        """Return the next frame that this end has not sent itself. Real-time safe.
 
         Args:
-            within_ns: How long to wait for it; 0: not at all.
+            within_ns: Longest wait, in ns; 0 for no wait.
 
         Returns:
-            A frame, not always one of the accepted identifiers; None if none came in time.
+            A frame, whose identifier need not be an accepted one; None if none came in time.
 
         Raises:
             LineFault: `BUS_OFF` or `DISCONNECTED`.
         """
         ...
 
-    def stalled(self) -> None:
-        """Be told that frames do not leave: `open` makes sure that they never do."""
+    def mark_stalled(self) -> None:
+        """Note that frames do not leave the queue; the next `open` discards them."""
         ...
 
     def now_ns(self) -> int:
-        """Tell the instant on the bus's own monotonic clock; may be called in the loop."""
+        """Return the instant on the bus's own monotonic clock. Real-time safe."""
         ...
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making a call fail, since the last call."""
+        """Return and clear the flags of faults that no call has raised. Real-time safe."""
         ...

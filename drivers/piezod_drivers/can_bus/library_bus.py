@@ -1,4 +1,4 @@
-"""A CAN bus by python-can: socketcan, udp_multicast, virtual, and whatever else it supports."""
+"""A CAN bus by python-can: socketcan, udp_multicast, virtual and its other interfaces."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus import link
+from piezod_drivers.can_bus import interface_control
 from piezod_drivers.can_bus.frame import Frame
 
 if TYPE_CHECKING:
@@ -21,33 +21,35 @@ if TYPE_CHECKING:
 
 SOCKETCAN: Final = "socketcan"
 _ECHOING: Final = frozenset({"udp_multicast"})
-"""Interfaces that give a sender its own frames too, and do not say so."""
+"""Interfaces that also deliver the sender's own frames, and do not mark them."""
 _MOST_ECHOES: Final = 256
 
 _FULL: Final = frozenset({errno.ENOBUFS, errno.EAGAIN})
 _FULL_TEXT: Final = "transmit buffer full"
-"""What python-can's socketcan says, with no errno, where the socket never became writable."""
+"""Text of python-can's socketcan if the socket did not become writable; it has no errno."""
 _NO_FRAME: Final = "could not unpack"
-"""What python-can's udp_multicast says of a packet that is none of its own."""
+"""Text of python-can's udp_multicast for a packet of another program."""
 
-# Error frames of socketcan: classes in the identifier, the controller's state in the second byte.
+# Error frames of socketcan (linux/can/error.h): the classes are bits of the identifier, the second
+# byte has the state of the controller.
 _CLASS_CONTROLLER: Final = 0x004
 _CLASS_BUS_OFF: Final = 0x040
 _SENDER_PASSIVE: Final = 0x20
 
 
 class LibraryBus:
-    """Implements `FrameBus` over a bus of python-can, without its threads.
+    """Implements `FrameBus` by a bus of python-can, without its threads.
 
-    Where the interface is socketcan and its queue may hold frames that could not leave, because the
-    bus was left or stalled, opening takes the interface down and up again, which needs the right to
-    do so; without it, opening is refused until somebody has.
+    With socketcan the kernel's queue may hold frames that were not sent, because the controller
+    left the bus or the bus stalled. `open` then takes the interface down and up, which needs
+    CAP_NET_ADMIN. Without this right `open` fails until somebody has taken the interface down and
+    up.
 
     Args:
-        interface: python-can's name of it.
-        channel: What the interface calls the bus.
-        settings: More arguments of the interface.
-        network: Takes an interface of the kernel down and up; tests have their own.
+        interface: Name of the interface in python-can.
+        channel: Name of the bus at the interface.
+        settings: Further arguments of the interface.
+        network: Takes an interface of the kernel down and up; tests replace it.
     """
 
     def __init__(
@@ -55,10 +57,10 @@ class LibraryBus:
         interface: str,
         channel: str,
         settings: Mapping[str, Any],
-        network: link.Network | None = None,
+        network: interface_control.InterfaceControl | None = None,
     ) -> None:
         self._interface, self._channel, self._settings = interface, channel, dict(settings)
-        self._network = network or link.Kernel()
+        self._network = network or interface_control.KernelInterfaces()
         self._bus: can.BusABC | None = None
         self._messages: dict[tuple[int, bool], can.Message] = {}
         self._echoes: deque[tuple[int, bytes]] | None = None
@@ -71,21 +73,21 @@ class LibraryBus:
         return f"{self._interface} {self._channel}"
 
     def open(self, accepted: Iterable[int]) -> None:
-        """Connect, with nothing of an earlier connection in any queue.
+        """Connect, with empty queues.
 
         Args:
-            accepted: Identifiers that are read; socketcan passes no others on.
+            accepted: Identifiers to be read; socketcan does not pass on others.
 
         Raises:
-            DeviceUnavailableError: If it is absent, or its queue may hold old frames and cannot be
-                emptied.
+            DeviceUnavailableError: If the bus is absent, or its queue may hold old frames and
+                cannot be emptied.
         """
-        import can  # noqa: PLC0415 - only who opens a bus needs the library
+        import can  # noqa: PLC0415 - only an open bus needs the library
 
         self.close()
-        self._purge()
-        # Elsewhere python-can would filter by itself, and take a frame that is dropped for the
-        # last.
+        self._empty_queue()
+        # For other interfaces python-can filters in Python, and its `recv` returns None for a frame
+        # that the filter drops: pending frames behind it would be missed.
         filters = _filters(accepted) if self._interface == SOCKETCAN else None
         try:
             self._bus = can.Bus(
@@ -97,51 +99,51 @@ class LibraryBus:
             )
         except (can.CanError, OSError, ValueError, TypeError, NotImplementedError) as error:
             what = f"{self.where} cannot be opened: {error}"
-            raise DeviceUnavailableError(what + _remedy(self._interface, error)) from error
+            raise DeviceUnavailableError(what + _hint(self._interface, error)) from error
         self._echoes = deque(maxlen=_MOST_ECHOES) if self._interface in _ECHOING else None
         self._noticed.clear()
 
     def close(self) -> None:
-        """Let go of it; python-can drops what it has not handed to the kernel. Never raises."""
+        """Disconnect; python-can drops frames that the kernel does not have yet. Never raises."""
         bus, self._bus = self._bus, None
         if bus is None:
             return
-        with suppress(Exception):  # each interface of python-can raises what it likes
+        with suppress(Exception):  # each interface of python-can raises errors of its own
             bus.flush_tx_buffer()
         with suppress(Exception):
             bus.shutdown()
 
     def send(self, frame: Frame) -> None:
-        """Hand a frame to the interface, without waiting; may be called in the loop.
+        """Hand a frame to the interface, without waiting. Real-time safe.
 
         Raises:
-            LineFault: `NOT_SENT` if its queue is full, `DISCONNECTED` if it is gone.
+            LineFault: `NOT_SENT` if the queue is full, `DISCONNECTED` if the connection is lost.
         """
-        bus, message = self._require(), self._message(frame)
+        bus, message = self._require_open(), self._message(frame)
         try:
             bus.send(message, 0)
-        except OSError as error:  # can.CanError is none
+        except OSError as error:  # can.CanError is no OSError
             raise self._send_fault(error, error.errno) from error
         except Exception as error:
-            # Interfaces raise can.CanError, and some whatever their maker's library raises.
+            # Interfaces raise can.CanError; some raise errors of their maker's library.
             raise self._send_fault(error, getattr(error, "error_code", None)) from error
         if self._echoes is not None:
             self._echoes.append((frame.id, frame.data))
 
     def receive(self, within_ns: int) -> Frame | None:
-        """Return the next frame that is not our own; may be called in the loop.
+        """Return the next frame that this end has not sent. Real-time safe.
 
         Raises:
-            LineFault: `BUS_OFF` if the controller says that it has left the bus, `DISCONNECTED` if
-                it is gone.
+            LineFault: `BUS_OFF` if the controller reports that it has left the bus, `DISCONNECTED`
+                if the connection is lost.
         """
-        bus = self._require()
+        bus = self._require_open()
         end_ns = time.monotonic_ns() + within_ns if within_ns else 0
         while True:
             left_ns = end_ns - time.monotonic_ns() if within_ns else 0
             try:
                 message = bus.recv(left_ns * 1e-9 if left_ns > 0 else 0)
-            except Exception as error:  # as for `send`
+            except Exception as error:  # as in `send`
                 if _NO_FRAME not in str(error):
                     what = f"{self.where} is lost: {error}"
                     raise LineFault(DeviceFlag.DISCONNECTED, what) from error
@@ -150,7 +152,7 @@ class LibraryBus:
             if message is None:
                 return None
             if message.is_error_frame:
-                self._take_error(message.arbitration_id, bytes(message.data))
+                self._handle_error_frame(message.arbitration_id, bytes(message.data))
             elif not message.is_fd:
                 frame = Frame(
                     message.arbitration_id,
@@ -162,23 +164,24 @@ class LibraryBus:
                     return frame
 
     def now_ns(self) -> int:
-        """Tell the instant on the machine's monotonic clock; may be called in the loop."""
+        """Return the instant on the machine's monotonic clock. Real-time safe."""
         return time.monotonic_ns()
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making a call fail, since the last call."""
+        """Return and clear the flags of faults that no call has raised. Real-time safe."""
         noticed, self._noticed = self._noticed, set()
         return noticed
 
-    def stalled(self) -> None:
-        """Be told that frames do not leave: they must not be there when it is opened again."""
+    def mark_stalled(self) -> None:
+        """Note that frames do not leave the queue; the next `open` discards them."""
         if self._interface == SOCKETCAN:
-            self._downs_when_stalled = self._network.times_down(self._channel)
+            self._downs_when_stalled = self._network.down_count(self._channel)
 
-    def _purge(self) -> None:
+    def _empty_queue(self) -> None:
         if self._downs_when_stalled is None:
             return
-        if self._network.times_down(self._channel) == self._downs_when_stalled:
+        # If somebody has taken the interface down since it stalled, the queue is empty already.
+        if self._network.down_count(self._channel) == self._downs_when_stalled:
             self._network.restart(self._channel)
         self._downs_when_stalled = None
 
@@ -186,8 +189,10 @@ class LibraryBus:
         key = frame.id, frame.extended
         message = self._messages.get(key)
         if message is None:
-            import can  # noqa: PLC0415 - loaded by `open`
+            import can  # noqa: PLC0415 - `open` has loaded it
 
+            # One message object for each identifier, used again in each cycle: constructing it is
+            # slow.
             message = self._messages[key] = can.Message(
                 arbitration_id=frame.id,
                 is_extended_id=frame.extended,
@@ -204,9 +209,9 @@ class LibraryBus:
             return LineFault(DeviceFlag.NOT_SENT, f"{self.where}: the transmit queue is full")
         return LineFault(DeviceFlag.DISCONNECTED, f"{self.where} is lost: {error}")
 
-    def _take_error(self, classes: int, data: bytes) -> None:
+    def _handle_error_frame(self, classes: int, data: bytes) -> None:
         if classes & _CLASS_BUS_OFF:
-            self.stalled()
+            self.mark_stalled()
             raise LineFault(DeviceFlag.BUS_OFF, f"{self.where}: the controller has left the bus")
         if classes & _CLASS_CONTROLLER and len(data) > 1 and data[1] & _SENDER_PASSIVE:
             self._noticed.add(DeviceFlag.NOT_SENT)
@@ -218,7 +223,7 @@ class LibraryBus:
             return True
         return False
 
-    def _require(self) -> can.BusABC:
+    def _require_open(self) -> can.BusABC:
         if self._bus is None:
             raise LineFault(DeviceFlag.DISCONNECTED, f"{self.where} is not open")
         return self._bus
@@ -228,9 +233,9 @@ def _filters(accepted: Iterable[int]) -> list[CanFilter]:
     return [{"can_id": i, "can_mask": 0x1FFF_FFFF if i > 0x7FF else 0x7FF} for i in accepted]
 
 
-def _remedy(interface: str, error: Exception) -> str:
+def _hint(interface: str, error: Exception) -> str:
     if "msgpack" in str(error):
-        return '; install it: pip install "piezod[can]"'
+        return '; install msgpack: pip install "piezod[can]"'
     if interface == SOCKETCAN and getattr(error, "errno", None) == errno.ENODEV:
         return "; bring it up: ip link set can0 up type can bitrate 500000"
     if interface == SOCKETCAN and getattr(error, "errno", None) == errno.EAFNOSUPPORT:

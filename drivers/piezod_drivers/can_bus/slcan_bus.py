@@ -1,4 +1,4 @@
-"""A CAN bus behind a serial adapter that speaks slcan; python-can's own reads byte by byte."""
+"""A CAN bus behind a serial slcan adapter; python-can's own driver reads byte by byte."""
 
 from __future__ import annotations
 
@@ -10,33 +10,41 @@ from typing import Final
 from piezod.devices.bus.line import Line, LineFault, NoticingLine
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus.cycle import STALLED_AFTER
+from piezod_drivers.can_bus.conversation import STALLED_AFTER
 from piezod_drivers.can_bus.frame import Frame
-from piezod_drivers.can_bus.slcan import BEL, BIT_RATES, CLOSE, OPEN, SlcanLines, decode, encode
+from piezod_drivers.can_bus.slcan_codec import (
+    BEL,
+    BIT_RATES,
+    CLOSE,
+    OPEN,
+    SlcanLines,
+    decode,
+    encode,
+)
 
 _ANSWER_NS: Final = 500_000_000
-"""How long an adapter may take to acknowledge a command."""
+"""Longest time that an adapter may take to acknowledge a command."""
 _QUIET_NS: Final = 50_000_000
-"""After so long without a byte it has said all it had to say."""
+"""After a silence of this length the adapter has sent all that was pending."""
 _MOST_FRAMES: Final = 4096
 _ACKNOWLEDGEMENTS: Final = frozenset({b"", b"z", b"Z"})
 
 
 class SlcanBus:
-    """Implements `FrameBus` over a line to an adapter.
+    """Implements `FrameBus` over a line to an slcan adapter.
 
-    Opening closes the adapter's channel before anything else, which resets its controller: what an
-    earlier connection has left in its queue is gone before the channel opens again.
+    `open` closes the adapter's channel first. This resets its CAN controller, so frames of an
+    earlier connection are gone before the channel opens again.
 
     Args:
-        line: To the adapter.
-        bit_rate: Of the CAN bus, in bit/s, one of `slcan.BIT_RATES`.
+        line: The line to the adapter.
+        bit_rate: Bit rate of the CAN bus in bit/s, a key of `slcan_codec.BIT_RATES`.
     """
 
     def __init__(self, line: Line, bit_rate: int) -> None:
         self._line, self._bit_rate = line, bit_rate
         self.now_ns: Callable[[], int] = line.now_ns
-        """Tells the instant on the line's clock; may be called in the loop."""
+        """Returns the instant on the line's clock. Real-time safe."""
         self._notices = line if isinstance(line, NoticingLine) else None
         self._lines = SlcanLines()
         self._frames: deque[Frame] = deque(maxlen=_MOST_FRAMES)
@@ -45,18 +53,18 @@ class SlcanBus:
 
     @property
     def where(self) -> str:
-        """The adapter's port."""
+        """Path of the adapter's port."""
         return self._line.where
 
     def open(self, accepted: Iterable[int]) -> None:  # noqa: ARG002 - adapters filter by masks only
         """Connect to the adapter, empty its queue, set the bit rate and open the channel.
 
         Raises:
-            DeviceUnavailableError: If it is absent, or refuses.
+            DeviceUnavailableError: If the adapter is absent or refuses a command.
         """
         self._line.open()
         try:
-            # The first CR ends what an earlier program may have left half said.
+            # The first CR ends an incomplete command that an earlier program may have left.
             self._close_channel(b"\r" + CLOSE, _ANSWER_NS)
             self._command(BIT_RATES[self._bit_rate], f"a bit rate of {self._bit_rate} bit/s")
             self._command(OPEN, "to open its channel")
@@ -71,19 +79,19 @@ class SlcanBus:
         self._refused, self._refusals = False, 0
 
     def close(self) -> None:
-        """Close the channel, which empties the adapter's queue, and let go of the port; waits."""
-        with suppress(LineFault):  # it is gone, or was never there
+        """Close the channel, which empties the adapter's queue, and release the port; waits."""
+        with suppress(LineFault):  # the adapter was unplugged, or never opened
             self._close_channel(CLOSE, _QUIET_NS)
         self._line.close()
 
     def send(self, frame: Frame) -> None:
-        """Pass a frame to the adapter; may be called in the loop.
+        """Pass a frame to the adapter. Real-time safe.
 
-        That the adapter had no room for it is told only later: the next frame is not sent then.
+        The adapter reports a full queue only after the frame; then the next frame is not sent.
 
         Raises:
-            LineFault: `NOT_SENT` if the adapter has refused a frame before, `BUS_OFF` if it has
-                refused several in a row, `DISCONNECTED` if it is gone.
+            LineFault: `NOT_SENT` if the adapter refused an earlier frame, `BUS_OFF` if it refused
+                several in a row, `DISCONNECTED` if it was unplugged.
         """
         if self._refusals >= STALLED_AFTER:
             what = f"{self.where}: the adapter has refused {self._refusals} frames in a row"
@@ -94,16 +102,17 @@ class SlcanBus:
         try:
             self._line.send(encode(frame))
         except LineFault as fault:
+            # The adapter refuses half a command together with the next one: neither is sent.
             if fault.flag is DeviceFlag.PARTIAL_WRITE:
                 self._noticed.add(fault.flag)
                 raise LineFault(DeviceFlag.NOT_SENT, str(fault)) from fault
             raise
 
     def receive(self, within_ns: int) -> Frame | None:
-        """Return the next frame; may be called in the loop.
+        """Return the next frame, None if none came in time. Real-time safe.
 
         Raises:
-            LineFault: `DISCONNECTED` if the adapter is gone.
+            LineFault: `DISCONNECTED` if the adapter was unplugged.
         """
         frames = self._frames
         if frames:
@@ -113,7 +122,7 @@ class SlcanBus:
         while True:
             data = line.receive(left_ns)
             if data:
-                self._take(data)
+                self._parse(data)
                 if frames:
                     return frames.popleft()
             if not within_ns:
@@ -122,33 +131,33 @@ class SlcanBus:
             if left_ns <= 0:
                 return None
 
-    def stalled(self) -> None:
-        """Be told that frames do not leave; `open` empties the adapter's queue anyway."""
+    def mark_stalled(self) -> None:
+        """Do nothing: `open` empties the adapter's queue in any case."""
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making a call fail, since the last call."""
+        """Return and clear the flags of faults that no call has raised. Real-time safe."""
         noticed, self._noticed = self._noticed, set()
         if self._notices is not None:
             noticed |= self._notices.take_noticed()
         return noticed
 
-    def _take(self, data: bytes) -> None:
-        for said in self._lines.feed(data):
-            if said in _ACKNOWLEDGEMENTS:
+    def _parse(self, data: bytes) -> None:
+        for text in self._lines.feed(data):
+            if text in _ACKNOWLEDGEMENTS:
                 self._refusals = 0
-            elif (frame := decode(said)) is not None:
+            elif (frame := decode(text)) is not None:
                 self._frames.append(frame)
-            elif said == BEL:
+            elif text == BEL:
                 self._refused = True
                 self._refusals += 1
             else:
                 self._noticed.add(DeviceFlag.GARBAGE)
 
     def _close_channel(self, command: bytes, within_ns: int) -> None:
-        """Have the channel closed, and wait until the adapter has said all it had to say.
+        """Close the channel and wait until the adapter is silent.
 
-        Who lets go of the port before drops the command. No answer can be told to be the one to it:
-        there may be more to come of frames.
+        A port that is released earlier would drop the command. The acknowledgement cannot be
+        recognized: those of earlier frames may still come, and look the same.
         """
         line = self._line
         line.send(command)
@@ -158,7 +167,7 @@ class SlcanBus:
         self._lines.clear()
 
     def _command(self, command: bytes, what: str) -> None:
-        """Give a command; some adapters acknowledge none, all refuse what they cannot do."""
+        """Send a command; some adapters acknowledge none, all refuse an impossible one."""
         self._line.send(command)
         end_ns = self._line.now_ns() + _ANSWER_NS
         while (left_ns := end_ns - self._line.now_ns()) > 0:

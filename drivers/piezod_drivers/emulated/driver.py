@@ -8,9 +8,9 @@ from piezod.devices.interface import Capabilities, DriverPlugin, Identity, Sampl
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
-from piezod_drivers.emulated.link import Link
+from piezod_drivers.emulated.codec import Greeting, Op, RigReply, RigRequest
 from piezod_drivers.emulated.options import EmulatedOptions, socket_path
-from piezod_drivers.emulated.wire import Greeting, Op, RigReply, RigRequest
+from piezod_drivers.emulated.session import Link
 
 _NUMBERS: Final = 1 << 32
 

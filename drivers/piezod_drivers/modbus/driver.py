@@ -10,8 +10,8 @@ from piezod_drivers.modbus.labjack_dialogue import LabJackDialogue
 from piezod_drivers.modbus.layout import profile_of
 from piezod_drivers.modbus.options import ModbusOptions
 from piezod_drivers.modbus.register_dialogue import RegisterDialogue
-from piezod_drivers.modbus.rtu import RtuTransactions
-from piezod_drivers.modbus.tcp import TcpTransactions
+from piezod_drivers.modbus.rtu_transactions import RtuTransactions
+from piezod_drivers.modbus.tcp_transactions import TcpTransactions
 from piezod_drivers.modbus.transactions import Transactions
 
 

@@ -10,11 +10,11 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
+from piezod_drivers.modbus.codec import FEEDBACK, ModbusRequest
 from piezod_drivers.modbus.layout import profile_of, watched
 from piezod_drivers.modbus.options import ModbusOptions
 from piezod_drivers.modbus.profiles.labjack import COUNTER_10KHZ
 from piezod_drivers.modbus.register import Register, Role
-from piezod_drivers.modbus.requests import FEEDBACK, ModbusRequest
 from piezod_drivers.modbus.setup import Setup
 from piezod_drivers.modbus.transactions import Transactions
 

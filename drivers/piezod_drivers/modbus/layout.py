@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from piezod.devices.interface import Capabilities, Wiring
+from piezod_drivers.modbus.blocks import ReadBlock, WriteBlock, read_blocks, write_blocks
+from piezod_drivers.modbus.codec import WriteAndRead
 from piezod_drivers.modbus.options import ModbusOptions, UnitOptions
-from piezod_drivers.modbus.plan import ReadBlock, WriteBlock, read_blocks, write_blocks
 from piezod_drivers.modbus.profiles import PROFILES
 from piezod_drivers.modbus.profiles.profile import ModbusProfile, WatchdogPlan
 from piezod_drivers.modbus.register import Register, Role
-from piezod_drivers.modbus.requests import WriteAndRead
 
 FASTEST_TCP_HZ: Final = 1000.0
 _RTU_BYTES: Final = 3  # unit and checksum

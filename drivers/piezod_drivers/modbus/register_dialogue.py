@@ -9,9 +9,9 @@ from piezod.devices.bus.dialogue import Reading
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod_drivers.modbus.blocks import ReadBlock, WriteBlock
 from piezod_drivers.modbus.layout import lay_out, profile_of, watched
 from piezod_drivers.modbus.options import ModbusOptions
-from piezod_drivers.modbus.plan import ReadBlock, WriteBlock
 from piezod_drivers.modbus.setup import Setup
 from piezod_drivers.modbus.transactions import Transactions
 

@@ -7,9 +7,9 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Identity
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
+from piezod_drivers.modbus.codec import WriteMany, read, write_one
 from piezod_drivers.modbus.profiles.profile import ModbusProfile, Setting, WatchdogPlan
 from piezod_drivers.modbus.register import STRUCTS, NumberType, Table
-from piezod_drivers.modbus.requests import WriteMany, read, write_one
 from piezod_drivers.modbus.transactions import Transactions
 
 NOT_TOLD: Final = "not told"

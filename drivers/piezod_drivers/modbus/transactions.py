@@ -6,7 +6,7 @@ from typing import Protocol
 from piezod.devices.bus.conversation import Conversation
 from piezod.devices.bus.line import Line
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.modbus.requests import ModbusRequest
+from piezod_drivers.modbus.codec import ModbusRequest
 
 
 class Transactions(Protocol):

@@ -1,4 +1,5 @@
-"""Devices on a serial port, some of them over TCP too; a folder for each protocol.
+"""Devices on a serial port, some of them also over TCP: one folder for each protocol.
 
-`options.py` is what the configurations of all of them say about the line.
+`options.py` has the options of the line, which all of them share. `quiet.py` reads until the line
+is quiet.
 """

@@ -1,9 +1,9 @@
-"""A node by the canopen library, in a process of its own; each input shows half of the output.
+"""A node of the canopen library in a process of its own; each input shows half of the output.
 
-The library answers SDO, obeys NMT and sends heartbeats. It leaves to its user what process data
-stand for, and when they are sent.
+The library answers SDO, obeys NMT and sends heartbeats. Its user has to give process data a meaning
+and to send them.
 
-Usage: python canopen_node.py GROUP PORT; ends when its standard input does.
+Usage: python canopen_node.py GROUP PORT; ends when its standard input ends.
 """
 
 import sys
@@ -12,7 +12,7 @@ from typing import Any
 import canopen
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable, datatypes
 
-from piezod_drivers.can_bus.cia401.dictionary import Entry, dictionary
+from piezod_drivers.can_bus.cia401.emulation.object_dictionary import Entry, object_dictionary
 
 NODE = 5
 TYPES = {
@@ -25,13 +25,13 @@ TYPES = {
 }
 
 
-def object_dictionary() -> Any:
-    """Return our own node's objects as the library has them."""
+def library_dictionary() -> Any:
+    """Return the objects of our emulated node as objects of the library."""
     found: Any = canopen.ObjectDictionary()  # type: ignore[no-untyped-call] # the library's
     groups: dict[int, Any] = {}
-    for (index, number), entry in dictionary(NODE).items():
+    for (index, number), entry in object_dictionary(NODE).items():
         variable = _variable(index, number, entry)
-        if (index, 1) not in dictionary(NODE):
+        if (index, 1) not in object_dictionary(NODE):
             found.add_object(variable)
             continue
         if index not in groups:
@@ -53,7 +53,7 @@ def _variable(index: int, number: int, entry: Entry) -> Any:
 
 
 class Device:
-    """The node and what its process data do.
+    """The node and the meaning of its process data.
 
     Args:
         network: The network that it is on.
@@ -61,9 +61,9 @@ class Device:
 
     def __init__(self, network: Any) -> None:
         self._network = network
-        self._node = network.create_node(NODE, object_dictionary())
+        self._node = network.create_node(NODE, library_dictionary())
         network.subscribe(0x300 + NODE, self._set_outputs)
-        network.subscribe(0x080, self._tell_inputs)
+        network.subscribe(0x080, self._send_inputs)
         self._node.nmt.send_command(0)  # boot-up, then pre-operational
 
     def _mapping(self, index: int) -> list[tuple[int, int]]:
@@ -81,14 +81,14 @@ class Device:
             half = int.from_bytes(word, "little", signed=True) // 2
             self._node.set_data(0x6401, number, half.to_bytes(2, "little", signed=True))
 
-    def _tell_inputs(self, _id: int, _data: bytearray, _stamp: float) -> None:
+    def _send_inputs(self, _id: int, _data: bytearray, _stamp: float) -> None:
         if self._node.nmt.state == "OPERATIONAL":
             words = [self._node.get_data(*place) for place in self._mapping(0x1A01)]
             self._network.send_message(0x280 + NODE, b"".join(words))
 
 
 def main() -> None:
-    """Be on the network until standard input ends."""
+    """Run the node until standard input ends."""
     network = canopen.Network()
     group, port = sys.argv[1:]
     network.connect(interface="udp_multicast", channel=group, port=int(port), hop_limit=0, fd=False)

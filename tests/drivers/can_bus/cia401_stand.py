@@ -1,4 +1,4 @@
-"""An emulated node on a bus, and the driver `canopen` for it, in a time that nobody waits for."""
+"""The driver `canopen` with an emulated node on a fake bus, in virtual time."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -7,9 +7,9 @@ from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.cia401.dialogue import Cia401Dialogue
-from piezod_drivers.can_bus.cia401.node import Cia401Node
+from piezod_drivers.can_bus.cia401.emulation.sdo_server import AbortCode, AbortError
+from piezod_drivers.can_bus.cia401.emulator import Cia401Node
 from piezod_drivers.can_bus.cia401.options import Cia401Options
-from piezod_drivers.can_bus.cia401.sdo_server import AbortCode, AbortError
 from tests.drivers.can_bus.fake_bus import FakeBus
 from tests.drivers.can_bus.profiles import CODES, canopen
 from tests.drivers.serial_line.linear_rig import bench
@@ -17,10 +17,10 @@ from tests.drivers.serial_line.scripted_line import MS
 
 
 class Stand:
-    """A node, the bus it is on, and what is behind it.
+    """An emulated node, the fake bus it is on, and the rig behind it.
 
     Attributes:
-        device: The driver's device, of all channels.
+        device: The driver's device with all channels.
     """
 
     def __init__(self, start_v: Sequence[float] = (0.0, 0.0), **more: object) -> None:
@@ -34,25 +34,25 @@ class Stand:
         self.device = self.make(Wiring(tuple(self.options.inputs), tuple(self.options.outputs)))
 
     def make(self, wiring: Wiring) -> Any:
-        """Construct a device of some channels."""
+        """Construct a device with some channels."""
         kind = ExchangingBusDevice if all(wiring) else BusDevice
         return kind("the node", Cia401Dialogue(self.options, wiring, self.bus))
 
     def active(self, wiring: Wiring | None = None) -> Any:
-        """Give a device that is open and active."""
+        """Return a device that is open and active."""
         device = self.device if wiring is None else self.make(wiring)
         device.open()
         device.activate(self.time.t_ns)
         return device
 
     def passes(self, ms: float, each: Callable[[], object] = lambda: None) -> None:
-        """Let time pass, and do something every 5 ms."""
+        """Let time pass and call a function every 5 ms."""
         for _ in range(round(ms / 5)):
             self.time.t_ns += 5 * MS
             each()
 
     def flags(self) -> frozenset[DeviceFlag]:
-        """Return what is told of any channel."""
+        """Return the flags of all channels."""
         return frozenset().union(*self.device.status(self.time.t_ns))
 
 
@@ -62,7 +62,7 @@ def read(device: Any, stand: Stand) -> list[float]:
 
 
 def without(stand: Stand, missing: set[int]) -> None:
-    """Have a node lack these objects."""
+    """Remove these objects from a node."""
     entry = stand.node.entry
 
     def some(index: int, number: int) -> Any:

@@ -1,4 +1,4 @@
-"""A CAN bus of a test, in a time of its own, with a node on it or nobody."""
+"""A CAN bus for tests, in virtual time, with or without a node on it."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -14,18 +14,18 @@ class FakeBus:
     """Implements `FrameBus`.
 
     Args:
-        node: Who is on the bus.
-        time: Its clock.
+        node: The node on the bus, if there is one.
+        time: The clock.
 
     Attributes:
         sent: Every frame that was sent.
-        fault: What sending raises.
-        delay_ns: After what time each answer comes.
-        on_send: Told each frame that is sent.
-        change: What becomes of each answer: the frames that come instead.
-        opened_for: The identifiers that it was opened for.
-        when_opened: Frames that come as soon as it is opened.
-        told_of_stall: How often it was told that frames do not leave.
+        fault: The fault that sending raises.
+        delay_ns: Delay of each reply, in ns.
+        on_send: Called with each frame that is sent.
+        change: Returns the frames that replace a reply.
+        opened_for: The identifiers that the bus was opened for.
+        when_opened: Frames that come as soon as the bus is opened.
+        told_of_stall: Number of calls of `mark_stalled`.
     """
 
     where = "a bus of this test"
@@ -68,7 +68,7 @@ class FakeBus:
         self.time.t_ns = max(self.time.t_ns, self._coming[0][0])
         return self._coming.popleft()[1]
 
-    def stalled(self) -> None:
+    def mark_stalled(self) -> None:
         self.told_of_stall += 1
 
     def now_ns(self) -> int:
@@ -78,7 +78,7 @@ class FakeBus:
         return set()
 
     def comes(self, *frames: Frame, after_ns: int = 0) -> None:
-        """Let frames arrive so long from now."""
+        """Let frames arrive after this time."""
         self._coming.extend((self.time.t_ns + after_ns, frame) for frame in frames)
         self._coming = deque(sorted(self._coming, key=lambda each: each[0]))
 

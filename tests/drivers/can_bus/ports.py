@@ -1,10 +1,10 @@
-"""UDP ports for groups of a test."""
+"""UDP ports for multicast groups of tests."""
 
 import socket
 
 
 def free_port() -> int:
-    """Return a port that nobody uses now; groups of other tests do not hear what comes to it."""
+    """Return an unused port, so that groups of other tests receive nothing of this one."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("", 0))
         port: int = probe.getsockname()[1]

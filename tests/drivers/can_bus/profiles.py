@@ -1,4 +1,4 @@
-"""The emulated nodes on a CAN bus, and the drivers for them."""
+"""The emulated nodes on a CAN bus and the options of their drivers."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +13,7 @@ GROUP = "239.74.163.44"
 
 
 def bus_at(where: str) -> dict[str, object]:
-    """Return the options of the bus at a place, as `piezod emulate` prints it."""
+    """Return the options of the bus at a place that `piezod emulate` has printed."""
     if where.startswith("udp:"):
         _, group, port = where.split(":")
         return {"interface": "udp_multicast", "channel": group, "port": int(port)}
@@ -21,7 +21,7 @@ def bus_at(where: str) -> dict[str, object]:
 
 
 def canopen(where: str, timeout_ms: float = 1000.0, **more: object) -> dict[str, Any]:
-    """Return options of driver `canopen` for the emulated node; without a watchdog."""
+    """Return options of driver `canopen` for the emulated node, without a watchdog."""
     options: dict[str, Any] = {
         "bus": bus_at(where),
         "node": 5,
@@ -33,7 +33,7 @@ def canopen(where: str, timeout_ms: float = 1000.0, **more: object) -> dict[str,
 
 
 def polled(where: str, timeout_ms: float = 1000.0) -> dict[str, Any]:
-    """Return options of driver `can_dbc` for the emulated device, which answers."""
+    """Return options of driver `can_dbc` for the emulated device, polled by a request."""
     status = {"message": "Status"}
     return {
         "bus": bus_at(where),

@@ -1,11 +1,11 @@
-"""The driver `canopen` with an emulated node, in a time that nobody waits for."""
+"""The driver `canopen` with an emulated node, in virtual time."""
 
 import pytest
 
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.cia401 import objects as o
-from piezod_drivers.can_bus.cia401.node import CODES_PER_V, NODE
+from piezod_drivers.can_bus.cia401.emulator import CODES_PER_V, NODE
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.cia401_stand import Stand, read, without
 from tests.drivers.can_bus.profiles import CODES
@@ -15,7 +15,7 @@ STEP_V = 1 / CODES_PER_V
 
 
 def test_node_tells_who_it_is() -> None:
-    """Opening asks for the identity, changes nothing, and reads only what the node may send."""
+    """Opening reads the identity, changes nothing and accepts only frames of this node."""
     stand = Stand((30.0, 60.0))
     identity = stand.device.open()
 
@@ -27,7 +27,7 @@ def test_node_tells_who_it_is() -> None:
 
 @pytest.mark.parametrize("read_back", ["sdo", "pdo", "none"])
 def test_one_exchange_drives_and_reads(read_back: str) -> None:
-    """Outputs take their values, inputs are told, and so is what is in force."""
+    """One exchange sets the outputs, reads the inputs and reads the outputs back."""
     stand = Stand(read_back=read_back)
     device = stand.active()
     taken, samples = device.exchange([1.0, 2.0], stand.time.t_ns)
@@ -41,7 +41,7 @@ def test_one_exchange_drives_and_reads(read_back: str) -> None:
 
 
 def test_cycle_is_three_frames() -> None:
-    """With what is read back in the process data, a cycle sends process data and SYNC."""
+    """With read-back in the process data, a cycle sends only process data and SYNC."""
     stand = Stand(read_back="pdo")
     device = stand.active()
     stand.bus.sent.clear()
@@ -53,7 +53,7 @@ def test_cycle_is_three_frames() -> None:
 
 
 def test_activating_moves_nothing() -> None:
-    """Taking control leaves outputs where they are, and so does giving it back."""
+    """Activating and deactivating leave the outputs at their values."""
     stand = Stand((30.0, 60.0))
     device = stand.active()
     read(device, stand)
@@ -69,7 +69,7 @@ def test_activating_moves_nothing() -> None:
     "wiring", [Wiring(("a2",), ()), Wiring((), ("a2",)), Wiring(("a1",), ("a2",))]
 )
 def test_channels_that_no_axis_uses_are_left_alone(wiring: Wiring) -> None:
-    """A device of one channel reads and drives that one only."""
+    """A device with one channel reads and drives only that channel."""
     stand = Stand((30.0, 60.0))
     device = stand.active(wiring)
     if wiring.inputs:
@@ -80,7 +80,7 @@ def test_channels_that_no_axis_uses_are_left_alone(wiring: Wiring) -> None:
 
 
 def test_outputs_without_read_back_need_a_heartbeat() -> None:
-    """Where a node neither answers nor is read back, its heartbeat is what acknowledges."""
+    """A node without reply and read-back confirms outputs by its heartbeat."""
     stand = Stand(read_back="none")
     device = stand.active(Wiring((), ("a1",)))
     stand.passes(1000, lambda: device.write([1.0], stand.time.t_ns))
@@ -92,7 +92,7 @@ def test_outputs_without_read_back_need_a_heartbeat() -> None:
 
 
 def test_output_that_does_not_take_its_value_is_told() -> None:
-    """Where a node has no inputs in use, outputs are read back at once and compared."""
+    """A node without used inputs has its outputs read back and compared at once."""
     stand = Stand()
     device = stand.active(Wiring((), ("a1",)))
     assert device.write([1.0], stand.time.t_ns)
@@ -104,9 +104,9 @@ def test_output_that_does_not_take_its_value_is_told() -> None:
 
 @pytest.mark.sees("canopen", "A9")
 def test_silent_host_makes_the_node_safe() -> None:
-    """When this host stops, the node goes to its safe code by itself, and the status says so.
+    """When this host stops, the node sets its safe code, and the status reports it.
 
-    It is as it was when somebody opens it again.
+    After the device is opened again it works as before.
     """
     two = {f"a{i}": {"number": i, "safe_code": 3277 * (i - 1), **CODES} for i in (1, 2)}
     stand = Stand(outputs=two)
@@ -126,7 +126,7 @@ def test_silent_host_makes_the_node_safe() -> None:
 @pytest.mark.sees("canopen", "A9")
 @pytest.mark.sees("canopen", "A8")
 def test_tripped_watchdog_is_told_and_overcome() -> None:
-    """The emergency of a node whose watchdog has tripped is told, and the node is set up again."""
+    """The emergency of a tripped watchdog is reported, and the node is set up again."""
     stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
     stand.device = device = stand.active(Wiring(("a1",), ("a1",)))
     device.exchange([5.0], stand.time.t_ns)
@@ -142,7 +142,7 @@ def test_tripped_watchdog_is_told_and_overcome() -> None:
 
 
 def test_watchdog_is_disarmed_in_the_end() -> None:
-    """A node that was given back expects nobody any more, and holds."""
+    """A deactivated node expects no heartbeat any more and holds its outputs."""
     stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
     device = stand.active(Wiring(("a1",), ("a1",)))
     device.exchange([5.0], stand.time.t_ns)
@@ -153,7 +153,7 @@ def test_watchdog_is_disarmed_in_the_end() -> None:
 
 
 def test_late_answer_is_none_to_what_is_asked_in_the_end() -> None:
-    """What was asked in the loop may be answered when the watchdog is disarmed: that goes well."""
+    """A late reply from the loop does not disturb the disarming of the watchdog."""
     stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
     device = stand.active(Wiring(("a1",), ("a1",)))
     device.exchange([5.0], stand.time.t_ns)
@@ -165,7 +165,7 @@ def test_late_answer_is_none_to_what_is_asked_in_the_end() -> None:
 
 
 def test_node_without_watchdog_is_told() -> None:
-    """Where a node has no consumer heartbeat, the device has no watchdog and works without."""
+    """A node without consumer heartbeat makes a device without watchdog that works."""
     stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
     without(stand, {o.CONSUMER_HEARTBEAT})
     device = stand.active(Wiring(("a1",), ("a1",)))
@@ -194,7 +194,7 @@ EMERGENCIES = (
     ],
 )
 def test_emergency_is_told_until_it_is_over(code: int, flag: DeviceFlag) -> None:
-    """An emergency sets a flag of all channels, until the node says that no error is left."""
+    """An emergency sets a flag of all channels until the node reports that no error is left."""
     stand = Stand()
     device = stand.active()
     stand.node.emergency(code, 1)
@@ -212,7 +212,7 @@ def test_emergency_is_told_until_it_is_over(code: int, flag: DeviceFlag) -> None
 
 @pytest.mark.sees("canopen", "A7")
 def test_restarted_node_is_told() -> None:
-    """A node that starts anew is told of as an amplifier, is lost, and can be opened again."""
+    """A restart is reported for the outputs, loses the device, and it can be opened again."""
     stand = Stand()
     device = stand.active()
     device.exchange([1.0, 1.0], stand.time.t_ns)
@@ -231,7 +231,7 @@ def test_restarted_node_is_told() -> None:
 
 @pytest.mark.sees("canopen", "A8")
 def test_node_that_somebody_stops_is_told() -> None:
-    """A node that is no longer operational does not obey, and its heartbeat says so."""
+    """The heartbeat of a node that is no longer operational sets the flag for local mode."""
     stand = Stand()
     device = stand.active()
     stand.node.receive(Frame(o.NMT, bytes((o.STOP, NODE))))
@@ -243,7 +243,7 @@ def test_node_that_somebody_stops_is_told() -> None:
 
 @pytest.mark.sees("canopen", "B12")
 def test_other_master_is_told() -> None:
-    """Who else sends SYNC, orders, or process data for the outputs, is told of."""
+    """SYNC, NMT and process data for the outputs from another master are reported."""
     for foreign in (Frame(o.SYNC), Frame(o.NMT, b"\x01\x05"), Frame(0x305, bytes(4))):
         stand = Stand()
         device = stand.active()
@@ -255,7 +255,7 @@ def test_other_master_is_told() -> None:
 
 @pytest.mark.sees("canopen", "S7")
 def test_input_at_its_end_is_told() -> None:
-    """An input that shows the end of its converter's range says so, and that one only."""
+    """An input at the end of its converter's range is reported as saturated, and no other."""
     stand = Stand()
     device = stand.active()
     stand.rig.valid = False
@@ -267,7 +267,7 @@ def test_input_at_its_end_is_told() -> None:
 
 @pytest.mark.sees("canopen", "B10")
 def test_output_that_cannot_be_read_back_is_told() -> None:
-    """A node that refuses to tell an output in the loop has another configuration than said."""
+    """A node that refuses an output's read-back in the loop makes a configuration fault."""
     stand = Stand()
     device = stand.active()
     without(stand, {o.OUTPUT})
@@ -277,7 +277,7 @@ def test_output_that_cannot_be_read_back_is_told() -> None:
 
 
 def _asked_for(frame: Frame) -> list[Frame]:
-    """Return a frame, after what asks for it and its like with an identifier of 29 bits."""
+    """Return a frame after a remote frame of its identifier and a frame with 29 bits of it."""
     n_bytes = len(frame.data)
     remote = frame._replace(data=bytes(n_bytes), remote=True)
     longer = frame._replace(data=frame.data[:4].ljust(n_bytes, b"\0"), extended=True)
@@ -287,7 +287,7 @@ def _asked_for(frame: Frame) -> list[Frame]:
 @pytest.mark.sees("canopen", "B6")
 @pytest.mark.parametrize("read_back", ["sdo", "pdo"])
 def test_frame_that_asks_is_no_answer(read_back: str) -> None:
-    """Nor is one with a longer identifier: neither tells an input, an output or who it is."""
+    """Remote frames and frames with longer identifiers are no reply to any request."""
     stand = Stand((30.0, 60.0), read_back=read_back)
     stand.bus.change = _asked_for
     device = stand.active()
@@ -300,7 +300,7 @@ def test_frame_that_asks_is_no_answer(read_back: str) -> None:
 
 @pytest.mark.sees("canopen", "B3")
 def test_process_data_of_another_length_are_garbage() -> None:
-    """Process data that are not as long as what is mapped are not used."""
+    """Process data with another length than the mapping are not used."""
     stand = Stand()
     device = stand.active()
     stand.bus.change = lambda frame: [frame._replace(data=frame.data[:1])]

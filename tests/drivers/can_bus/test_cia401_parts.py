@@ -1,4 +1,4 @@
-"""What the driver `canopen` is made of: codes, process data, what a node tells; and the node."""
+"""Parts of the driver `canopen`: codes, process data, health of a node, the emulated node."""
 
 from math import isnan
 from typing import Any
@@ -13,13 +13,13 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.cia401 import objects as o
+from piezod_drivers.can_bus.cia401.codec import Scale, pack, unpack
 from piezod_drivers.can_bus.cia401.driver import PLUGIN
+from piezod_drivers.can_bus.cia401.emulator import NODE, Cia401Node
 from piezod_drivers.can_bus.cia401.health import NodeHealth, meaning_of
-from piezod_drivers.can_bus.cia401.node import NODE, Cia401Node
 from piezod_drivers.can_bus.cia401.options import Cia401Options, channels
-from piezod_drivers.can_bus.cia401.pdo import Scale, pack, unpack
-from piezod_drivers.can_bus.frame import Frame, most_bits
-from piezod_drivers.can_bus.options import BusOptions, highest_rate_hz, make_bus
+from piezod_drivers.can_bus.frame import Frame, max_frame_bits
+from piezod_drivers.can_bus.options import BusOptions, make_bus, max_rate_hz
 from piezod_drivers.can_bus.slcan_bus import SlcanBus
 from tests.drivers.can_bus.profiles import CODES, canopen
 from tests.drivers.serial_line.linear_rig import bench
@@ -37,7 +37,7 @@ CONVENTIONS = (
 def test_value_survives_as_a_code(
     convention: tuple[tuple[int, int], tuple[float, float]], part: float
 ) -> None:
-    """Whatever a code means, a value in range comes back to half a step."""
+    """Converted to a code and back, a value in range changes by at most half a step."""
     codes, (low, high) = convention
     scale = Scale(codes, (low, high))
     value = low + part * (high - low)
@@ -47,7 +47,7 @@ def test_value_survives_as_a_code(
 
 
 def test_ends_of_the_range_are_told_but_for_zero() -> None:
-    """A converter at its end shows no more; at 0 V nothing is the matter."""
+    """A converter is saturated at the ends of its range, except at an end of 0 V."""
     scale = Scale((0, 32_767), (0.0, 10.0))
 
     assert scale.read(32_767) == (10.0, True)
@@ -60,7 +60,7 @@ def test_ends_of_the_range_are_told_but_for_zero() -> None:
 
 @given(st.lists(st.integers(0, 65_535), max_size=8))
 def test_words_survive_as_process_data(words: list[int]) -> None:
-    """What is unpacked is what was packed; data of another length are a fault."""
+    """Unpacked words are the packed words; data of another length is a fault."""
     assert unpack(pack(words), len(words)) == tuple(words)
     with pytest.raises(LineFault) as failure:
         unpack(pack(words), len(words) + 1)
@@ -69,7 +69,7 @@ def test_words_survive_as_process_data(words: list[int]) -> None:
 
 @given(st.lists(st.tuples(st.booleans(), st.binary(max_size=8)), max_size=100))
 def test_whatever_a_node_tells_is_taken(told: list[tuple[bool, bytes]]) -> None:
-    """Emergencies and heartbeats of any content set flags or none, and never raise."""
+    """Emergencies and heartbeats with any content never raise."""
     health = NodeHealth()
     for is_emergency, data in told:
         (health.take_emergency if is_emergency else health.take_heartbeat)(data)
@@ -78,7 +78,7 @@ def test_whatever_a_node_tells_is_taken(told: list[tuple[bool, bytes]]) -> None:
 
 @pytest.mark.parametrize("state", [o.PREOPERATIONAL, o.STOPPED])
 def test_one_heartbeat_from_before_the_start_is_passed_over(state: int) -> None:
-    """It may have waited in the node since before it was started; a second one has not."""
+    """The state of the first heartbeat is ignored, because it may be old; the second counts."""
     health = NodeHealth()
     health.take_heartbeat(bytes((state,)))
     assert health.flags == frozenset()
@@ -92,7 +92,7 @@ def test_one_heartbeat_from_before_the_start_is_passed_over(state: int) -> None:
 
 @given(st.integers(0, 0xFFFF))
 def test_every_error_code_means_something(code: int) -> None:
-    """There is a flag for every code."""
+    """Every error code has a flag."""
     assert isinstance(meaning_of(code), DeviceFlag)
 
 
@@ -104,7 +104,7 @@ IDS = st.one_of(
 
 @given(st.lists(st.tuples(IDS, st.binary(max_size=8)), max_size=50))
 def test_node_survives_any_frames(frames: list[tuple[int, bytes]]) -> None:
-    """Whatever is sent to the emulated node, it answers or does not, and never raises."""
+    """Frames with any content never make the emulated node raise."""
     on_bench, _, time = bench(1)
     node = Cia401Node(on_bench)
     for identifier, data in frames:
@@ -124,7 +124,7 @@ def _node() -> Cia401Node:
 
 
 def test_node_boots_up() -> None:
-    """After power-up the node says so, and is pre-operational: process data do nothing."""
+    """After power-up the node sends its boot-up message and ignores process data."""
     node = _node()
 
     assert node.due() == [Frame(0x700 + NODE, b"\0")]
@@ -133,7 +133,7 @@ def test_node_boots_up() -> None:
 
 
 def test_node_beats() -> None:
-    """With a producer heartbeat time the node tells its state so often."""
+    """With a producer heartbeat time the node sends its state at this period."""
     on_bench, _, time = bench(1)
     node = Cia401Node(on_bench)
     node.due()
@@ -144,7 +144,7 @@ def test_node_beats() -> None:
 
 
 def test_toggle_bit_has_to_alternate() -> None:
-    """A text is read in segments, and a segment that is asked for twice is refused."""
+    """A text is read in segments, and a repeated toggle bit is refused."""
     node = _node()
     assert _sdo(node, 0x40, 0x08, 0x10, 0)[0] == 0x41
     assert _sdo(node, 0x60)[1:] == b"piezod "
@@ -152,12 +152,12 @@ def test_toggle_bit_has_to_alternate() -> None:
 
 
 def test_unknown_command_is_refused() -> None:
-    """Block transfers, which the node does not have, are refused as unknown."""
+    """A block transfer, which the node does not have, is refused as unknown."""
     assert _sdo(_node(), 0xA0)[4:] == (0x0504_0001).to_bytes(4, "little")
 
 
 def test_short_process_data_raise_an_emergency() -> None:
-    """Process data that are too short are not used, and an emergency says so."""
+    """Process data that are too short cause an emergency and are not used."""
     node = _node()
     node.due()
     node.receive(Frame(o.NMT, bytes((o.START, 0))))
@@ -176,18 +176,21 @@ def test_short_process_data_raise_an_emergency() -> None:
         ({"inputs": {"a": {**CODES, "number": 1, "code_at_min": 32_767}}}, "must differ"),
         ({"inputs": {"a": {**CODES, "number": 1, "code_at_max": 65_535}}}, "16 bits hold"),
         ({"inputs": {"a": {**CODES, "number": 1, "range": (1.0, 1.0)}}}, "must be above"),
-        ({"bus": {"interface": "slcan", "channel": "x", "bit_rate": 33_000}}, "slcan has no"),
+        (
+            {"bus": {"interface": "slcan", "channel": "x", "bit_rate": 33_000}},
+            "slcan does not support",
+        ),
         ({"node": 128}, "allowed range 1 to 127"),
     ],
 )
 def test_mistakes_are_told(change: dict[str, Any], said: str) -> None:
-    """What does not fit together is an error of the configuration."""
+    """Options that contradict each other are refused."""
     with pytest.raises(ValidationError, match=said):
         Cia401Options.model_validate(canopen("/dev/null", **change))
 
 
 def test_plug_in_makes_the_device_without_opening_anything() -> None:
-    """The channels are those of the configuration; a device of both kinds exchanges."""
+    """The plug-in names the configured channels; a device of both kinds exchanges."""
     options = Cia401Options.model_validate(canopen("/dev/null"))
     made: Any = PLUGIN.create(options, Wiring(("ai1",), ("ao1",)), 0)
 
@@ -197,15 +200,15 @@ def test_plug_in_makes_the_device_without_opening_anything() -> None:
 
 
 def test_time_on_the_wire_is_that_of_the_standard() -> None:
-    """A frame of eight bytes has 111 bits, 135 with all that can be stuffed; 131 and 160."""
-    assert most_bits(8) == 135
-    assert most_bits(0) == 55
-    assert most_bits(8, extended=True) == 160
-    assert highest_rate_hz(BusOptions(channel="can0"), [8, 8]) == pytest.approx(500_000 / 270)
-    assert highest_rate_hz(BusOptions(interface="virtual", channel="x"), [8]) == 20_000
+    """A frame of eight bytes has 111 bits, 135 with stuffing; an extended one 131 and 160."""
+    assert max_frame_bits(8) == 135
+    assert max_frame_bits(0) == 55
+    assert max_frame_bits(8, extended=True) == 160
+    assert max_rate_hz(BusOptions(channel="can0"), [8, 8]) == pytest.approx(500_000 / 270)
+    assert max_rate_hz(BusOptions(interface="virtual", channel="x"), [8]) == 20_000
 
 
 def test_other_interfaces_of_python_can_are_passed_on() -> None:
-    """Slcan is our own; all others are python-can's, with the bit rate where they set it."""
+    """Only slcan is our own; other interfaces are python-can's, with the bit rate if needed."""
     assert isinstance(make_bus(BusOptions(interface="slcan", channel="/dev/x")), SlcanBus)
     assert make_bus(BusOptions(interface="pcan", channel="PCAN_USBBUS1")).where.startswith("pcan")

@@ -1,4 +1,4 @@
-"""How the driver `canopen` sets a node up, and which nodes it does not use."""
+"""How the driver `canopen` sets up a node, and which nodes it refuses."""
 
 from typing import Any
 
@@ -8,15 +8,15 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.can_bus.cia401 import objects as o
-from piezod_drivers.can_bus.cia401.node import NODE
-from piezod_drivers.can_bus.cia401.sdo_server import AbortCode, AbortError
+from piezod_drivers.can_bus.cia401.emulation.sdo_server import AbortCode, AbortError
+from piezod_drivers.can_bus.cia401.emulator import NODE
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.cia401_stand import Stand, read
 from tests.drivers.can_bus.profiles import CODES
 
 
 def test_node_whose_mapping_is_fixed_is_used_as_it_is() -> None:
-    """Of a mapping that cannot be changed the channels are used, and the others held."""
+    """A fixed mapping is used, and its other channels are held."""
     stand = Stand((30.0, 60.0))
 
     def fixed(_index: int, _number: int, _value: int) -> None:
@@ -32,18 +32,18 @@ def test_node_whose_mapping_is_fixed_is_used_as_it_is() -> None:
 
 
 def test_node_of_another_profile_is_refused() -> None:
-    """A drive, say, is no analogue I/O: opening fails and says which profile it has."""
+    """A node of another profile, such as a drive, is refused with its profile number."""
     stand = Stand()
     node: Any = stand.node
     value = node.value
     node.value = lambda i, n: 0x0002_0192 if i == o.DEVICE_TYPE else value(i, n)
 
-    with pytest.raises(DeviceError, match="profile 402, not of 401"):
+    with pytest.raises(DeviceError, match="profile 402, expected 401"):
         stand.device.open()
 
 
 def test_absent_node_is_told_with_what_to_check() -> None:
-    """Where nobody answers, the error names the node and what may be wrong."""
+    """If no node replies, the error names the node and possible causes."""
     stand = Stand()
     stand.bus.node = None
 
@@ -52,16 +52,16 @@ def test_absent_node_is_told_with_what_to_check() -> None:
 
 
 def test_library_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without canopen opening fails, and says how to install it."""
-    monkeypatch.setitem(__import__("sys").modules, "piezod_drivers.can_bus.cia401.sdo", None)
-    monkeypatch.delattr("piezod_drivers.can_bus.cia401.sdo", raising=False)
+    """Without the canopen library opening fails with the command to install it."""
+    monkeypatch.setitem(__import__("sys").modules, "piezod_drivers.can_bus.cia401.sdo_client", None)
+    monkeypatch.delattr("piezod_drivers.can_bus.cia401.sdo_client", raising=False)
 
     with pytest.raises(DeviceUnavailableError, match=r'pip install "piezod\[can\]"'):
         Stand().device.open()
 
 
 def test_rate_follows_from_the_frames() -> None:
-    """The highest rate is that at which the frames of a cycle fill the bus."""
+    """The highest rate is the rate at which the frames of a cycle fill the bus."""
     stand = Stand()
     stand.device.open()
     # 4 bytes twice, SYNC, and four SDO frames of 8 bytes
@@ -71,7 +71,7 @@ def test_rate_follows_from_the_frames() -> None:
 
 
 def _refusing(stand: Stand, *refused: tuple[int, int]) -> None:
-    """Have the node refuse to set these objects."""
+    """Make the node refuse to write these objects."""
     node: Any = stand.node
     allowed = node.set
 
@@ -84,7 +84,7 @@ def _refusing(stand: Stand, *refused: tuple[int, int]) -> None:
 
 
 def test_node_that_cannot_be_set_up_is_refused() -> None:
-    """Where a node refuses what has to be, activating fails and names the object."""
+    """If a node refuses a required setting, activating fails and names the object."""
     stand = Stand()
     _refusing(stand, (0x1801, 2))
     with pytest.raises(DeviceError, match="0x1801:2 cannot be set"):
@@ -92,7 +92,7 @@ def test_node_that_cannot_be_set_up_is_refused() -> None:
 
 
 def test_node_that_refuses_to_watch_is_not_used_with_safe_codes() -> None:
-    """Who asks for a watchdog gets one, or an error that says how to do without."""
+    """If a node refuses a requested watchdog, activating fails and names the remedy."""
     stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
     _refusing(stand, (o.ERROR_MODE, 1))
     with pytest.raises(DeviceError, match="leave out safe_code"):
@@ -100,7 +100,7 @@ def test_node_that_refuses_to_watch_is_not_used_with_safe_codes() -> None:
 
 
 def test_node_without_heartbeat_is_used_without() -> None:
-    """A node that has no heartbeat to set works all the same."""
+    """A node without a configurable heartbeat works."""
     stand = Stand()
     _refusing(stand, (o.PRODUCER_HEARTBEAT, 0))
     device = stand.active()
@@ -110,7 +110,7 @@ def test_node_without_heartbeat_is_used_without() -> None:
 
 @pytest.mark.parametrize("read_back", ["sdo", "pdo"])
 def test_node_of_which_only_inputs_are_used_is_not_touched(read_back: str) -> None:
-    """Who only reads writes no object, orders no state and sends no SYNC: somebody may drive it."""
+    """Reading inputs only writes no object and sends no NMT and no SYNC."""
     outputs = {"a1": {"number": 1, "safe_code": 0, **CODES}}
     stand = Stand((30.0, 60.0), outputs=outputs, read_back=read_back)
     device = stand.active(Wiring(("a2", "a1"), ()))
@@ -125,11 +125,11 @@ def test_node_of_which_only_inputs_are_used_is_not_touched(read_back: str) -> No
     device.close()
 
     assert {frame.id for frame in stand.bus.sent} == {o.SDO_REQUEST + NODE}
-    assert {frame.data[0] & 0xE0 for frame in stand.bus.sent} <= {0x40, 0x60}  # reads only
+    assert {frame.data[0] & 0xE0 for frame in stand.bus.sent} <= {0x40, 0x60}  # only uploads
 
 
 def test_node_of_which_only_inputs_are_used_may_have_another_master() -> None:
-    """Its SYNC and its orders are not ours, and nobody is told of them as foreign."""
+    """SYNC and NMT of another master are not reported if only inputs are used."""
     stand = Stand()
     device = stand.active(Wiring(("a1",), ()))
     stand.bus.comes(Frame(o.SYNC), Frame(o.NMT, b"\x01\x05"))
@@ -139,7 +139,7 @@ def test_node_of_which_only_inputs_are_used_may_have_another_master() -> None:
 
 
 def test_node_of_sensors_is_set_up() -> None:
-    """One that has no outputs is read by process data, at the rate that these allow."""
+    """A node without outputs is read by process data, at the rate that these allow."""
     stand = Stand(outputs={})
     device = stand.active(Wiring(("a1",), ()))
     assert read(device, stand) == [0.0]

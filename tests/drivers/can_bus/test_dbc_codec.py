@@ -1,4 +1,4 @@
-"""Signals in frames: as the cantools library has them, and never an error."""
+"""Signals in frames agree with the cantools library, and decoding never fails."""
 
 from pathlib import Path
 from typing import Any
@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.can_bus.dbc.checksum import ALGORITHMS, crc8_j1850
+from piezod_drivers.can_bus.dbc.codec import DbcMessage, DbcSignal, SignalReader, SignalWriter
 from piezod_drivers.can_bus.dbc.database import DatabaseError, load
-from piezod_drivers.can_bus.dbc.demo import COMMAND, POLL, REPORT, STATUS
-from piezod_drivers.can_bus.dbc.frames import Checksum, Received, Sent
-from piezod_drivers.can_bus.dbc.layout import DbcMessage, DbcSignal, SignalReader, SignalWriter
+from piezod_drivers.can_bus.dbc.emulator import COMMAND, POLL, REPORT, STATUS
+from piezod_drivers.can_bus.dbc.messages import Checksum, ReceivedMessage, SentMessage
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.profiles import DBC
 
@@ -27,7 +27,7 @@ def signals(draw: Any) -> DbcSignal:
     bits = draw(st.integers(1, 64))
     big = draw(st.booleans())
     low = draw(st.integers(0, 64 - bits))
-    # Counted from the top for those with the highest byte first, as a DBC file numbers them.
+    # A DBC file numbers the bits of a big-endian signal from its highest bit downwards.
     start = low // 8 * 8 + 7 - low % 8 if big else low
     return DbcSignal("S", start, bits, big, draw(st.booleans()))
 
@@ -44,7 +44,7 @@ def _theirs(signal: DbcSignal) -> Any:
 
 @given(signals(), st.binary(min_size=8, max_size=8))
 def test_reading_agrees_with_cantools(signal: DbcSignal, data: bytes) -> None:
-    """Any bits of any eight bytes are the number that cantools takes them for."""
+    """A signal read from any eight bytes has the value that cantools reads."""
     theirs = _theirs(signal).decode(data, scaling=False)
 
     assert SignalReader(_message(signal), "S").raw(data) == theirs["S"]
@@ -52,7 +52,7 @@ def test_reading_agrees_with_cantools(signal: DbcSignal, data: bytes) -> None:
 
 @given(signals(), st.data())
 def test_writing_agrees_with_cantools(signal: DbcSignal, data: Any) -> None:
-    """Any number that fits is put where cantools puts it, and other bits stay."""
+    """A number is written to the bits that cantools uses; other bits do not change."""
     raw = data.draw(st.integers(*signal.raw_range))
     ours = bytearray(8)
     SignalWriter(_message(signal), "S").put_raw(ours, raw)
@@ -66,7 +66,7 @@ def test_writing_agrees_with_cantools(signal: DbcSignal, data: Any) -> None:
 
 @given(st.floats(-1e6, 1e6), st.sampled_from([0.005, 1.0, -0.5]), st.floats(-100, 100))
 def test_value_survives_within_a_step(value: float, scale: float, offset: float) -> None:
-    """What is read is what was written, to half a step, or the end of what the bits hold."""
+    """A value read back differs from the written one by at most half a step or is an end."""
     signal = DbcSignal("S", 3, 17, False, True, scale, offset)
     low, high = signal.range
     data = bytearray(8)
@@ -79,7 +79,7 @@ def test_value_survives_within_a_step(value: float, scale: float, offset: float)
 
 
 def test_value_out_of_its_range_is_none() -> None:
-    """A value beyond what the file says is possible is no number."""
+    """A value beyond the range of the DBC file is NaN."""
     signal = DbcSignal("S", 0, 16, lowest=0.0, highest=100.0)
     reader = SignalReader(_message(signal), "S")
 
@@ -88,7 +88,7 @@ def test_value_out_of_its_range_is_none() -> None:
 
 
 def test_checksums_are_as_published() -> None:
-    """The CRC has the check value of its catalogue entry; sum and xor are what they are called."""
+    """The CRC has its published check value; sum and xor are the sum and the exclusive or."""
     assert crc8_j1850(b"123456789") == 0x4B
     assert ALGORITHMS["xor"](b"\x01\x03") == 2
     assert ALGORITHMS["sum"](b"\xff\x02") == 1
@@ -100,39 +100,39 @@ CHECKSUM = Checksum(STATUS, "Crc", "crc8_j1850")
 @given(st.integers(0, 63))
 @pytest.mark.sees("can_dbc", "B4")
 def test_each_flipped_bit_is_seen(bit: int) -> None:
-    """Whichever bit of a frame is flipped, its checksum tells."""
-    sent = Sent(STATUS, {"Echo": 7}, "Counter", CHECKSUM)
+    """The checksum detects any flipped bit of a frame."""
+    sent = SentMessage(STATUS, {"Echo": 7}, "Counter", CHECKSUM)
     frame = sent.next()
-    received = Received(STATUS, "Counter", "Echo", CHECKSUM)
-    received.require_sound(frame)
+    received = ReceivedMessage(STATUS, "Counter", "Echo", CHECKSUM)
+    received.require_valid(frame)
     flipped = bytearray(frame.data)
     flipped[bit // 8] ^= 1 << bit % 8
 
     with pytest.raises(LineFault) as failure:
-        received.require_sound(frame._replace(data=bytes(flipped)))
+        received.require_valid(frame._replace(data=bytes(flipped)))
     assert failure.value.flag == DeviceFlag.BAD_CHECKSUM
 
 
 @given(st.binary(max_size=8), st.booleans(), st.booleans())
 def test_any_frame_is_taken_or_refused(data: bytes, extended: bool, remote: bool) -> None:
-    """Whatever a frame is, it is sound, or refused with the fault of its line."""
-    received = Received(STATUS, "Counter", "Echo", CHECKSUM)
+    """A frame with any content is valid or is refused with a `LineFault`."""
+    received = ReceivedMessage(STATUS, "Counter", "Echo", CHECKSUM)
     frame = Frame(STATUS.id, data, extended, remote)
     try:
-        received.require_sound(frame)
+        received.require_valid(frame)
     except LineFault as fault:
         assert fault.flag in {DeviceFlag.GARBAGE, DeviceFlag.BAD_CHECKSUM}
     else:
         received.is_newer(frame)
-        received.repeats(frame, 7)
+        received.answers_request(frame, 7)
 
 
 @pytest.mark.sees("can_dbc", "B6")
 def test_counter_tells_what_is_old() -> None:
-    """A frame that comes twice, or after one that was sent later, is old; after a gap it is new."""
-    sent = Sent(REPORT, {}, "Counter", None)
+    """A repeated or overtaken frame is old; a frame after a gap is new."""
+    sent = SentMessage(REPORT, {}, "Counter", None)
     frames = [sent.next() for _ in range(300)]
-    received = Received(REPORT, "Counter", None, None)
+    received = ReceivedMessage(REPORT, "Counter", None, None)
 
     assert all(received.is_newer(frame) for frame in frames[:200])
     assert not received.is_newer(frames[199])
@@ -141,19 +141,19 @@ def test_counter_tells_what_is_old() -> None:
 
 
 def test_sender_that_begins_anew_is_believed() -> None:
-    """A counter that begins anew is old at first, and counts again when it goes on from there."""
-    received = Received(REPORT, "Counter", None, None)
-    old = Sent(REPORT, {}, "Counter", None)
+    """A restarted counter is old at first, and new when it counts on from there."""
+    received = ReceivedMessage(REPORT, "Counter", None, None)
+    old = SentMessage(REPORT, {}, "Counter", None)
     for _ in range(50):
         assert received.is_newer(old.next())
-    new = Sent(REPORT, {}, "Counter", None)
+    new = SentMessage(REPORT, {}, "Counter", None)
 
     assert [received.is_newer(new.next()) for _ in range(5)] == [False, False, True, True, True]
 
 
 @pytest.mark.parametrize("ours", [COMMAND, POLL, STATUS, REPORT], ids=lambda ours: ours.name)
 def test_emulated_device_is_as_its_file_says(ours: DbcMessage) -> None:
-    """Each frame of the emulated device has identifier, length and signals of the DBC file."""
+    """Each frame of the emulated device has the identifier, length and signals of its DBC file."""
     file = load(DBC)[ours.name]
 
     assert file[:4] == ours[:4]
@@ -162,7 +162,7 @@ def test_emulated_device_is_as_its_file_says(ours: DbcMessage) -> None:
 
 
 def test_file_that_is_none_is_refused(tmp_path: Path) -> None:
-    """A file that is not there, or no DBC file, is an error that names it."""
+    """A missing or invalid DBC file is an error with its name."""
     with pytest.raises(DatabaseError, match=r"nowhere\.dbc cannot be read"):
         load(tmp_path / "nowhere.dbc")
     wrong = tmp_path / "wrong.dbc"
@@ -172,7 +172,7 @@ def test_file_that_is_none_is_refused(tmp_path: Path) -> None:
 
 
 def test_library_that_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without cantools a DBC file cannot be read, and the error says how to install it."""
+    """Without cantools a DBC file is refused with the command to install the library."""
     monkeypatch.setitem(__import__("sys").modules, "cantools", None)
 
     with pytest.raises(DatabaseError, match=r'pip install "piezod\[can\]"'):

@@ -1,4 +1,4 @@
-"""The driver `can_dbc` with the emulated device, in a time that nobody waits for."""
+"""The driver `can_dbc` with the emulated device, in virtual time."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -10,9 +10,9 @@ from piezod.devices.bus.bus_device import BusDevice, ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus.dbc.demo import COMMAND, POLL, STATUS, DemoNode
 from piezod_drivers.can_bus.dbc.dialogue import DbcDialogue
 from piezod_drivers.can_bus.dbc.driver import PLUGIN, create
+from piezod_drivers.can_bus.dbc.emulator import COMMAND, POLL, STATUS, DemoNode
 from piezod_drivers.can_bus.dbc.options import DbcOptions, channels
 from piezod_drivers.can_bus.frame import Frame
 from tests.drivers.can_bus.fake_bus import FakeBus
@@ -24,7 +24,7 @@ BOTH = Wiring(("position",), ("drive",))
 
 
 class Stand:
-    """The emulated device, the bus it is on, and the driver.
+    """The emulated device, the fake bus it is on, and the driver.
 
     Args:
         make: Returns the options.
@@ -43,12 +43,12 @@ class Stand:
         self.device.activate(self.time.t_ns)
 
     def flags(self) -> frozenset[DeviceFlag]:
-        """Return what is told of any channel."""
+        """Return the flags of all channels."""
         return frozenset().union(*self.device.status(self.time.t_ns))
 
 
 def test_device_that_answers_is_driven_and_read() -> None:
-    """One exchange sends the command and the request, and takes what the answer says."""
+    """One exchange sends command and request and uses the values of the reply."""
     stand = Stand()
     stand.bus.sent.clear()
     now_ns = stand.time.t_ns
@@ -62,7 +62,7 @@ def test_device_that_answers_is_driven_and_read() -> None:
 
 
 def test_opening_and_reading_drive_nothing() -> None:
-    """Before the first setpoint no command is sent, so that the output stays as it is."""
+    """Before the first setpoint no command is sent, so the output keeps its value."""
     stand = Stand()
     stand.device.read(stand.time.t_ns)
 
@@ -85,7 +85,7 @@ def test_device_that_reports_is_driven_and_read() -> None:
 
 
 def test_old_report_does_not_count() -> None:
-    """When reports stop, samples are not valid as soon as the last one is too old."""
+    """When reports stop, samples become invalid as soon as the last one is too old."""
     stand = Stand(reported)
     stand.bus.node = None
     assert stand.device.read(stand.time.t_ns)[0].valid
@@ -96,11 +96,11 @@ def test_old_report_does_not_count() -> None:
 
 
 def test_answer_to_an_earlier_request_does_not_count() -> None:
-    """The echo of the request's counter tells a late answer from one to this request."""
+    """The echo of the counter distinguishes a late reply from the reply to this request."""
     stand = Stand()
     stand.bus.delay_ns = 30 * MS
     assert not stand.device.read(stand.time.t_ns)[0].valid
-    stand.bus.delay_ns = 15 * MS  # the late one comes first
+    stand.bus.delay_ns = 15 * MS  # the late reply comes first
     stand.rig.drive_v = [25.0]
 
     (sample,) = stand.device.read(stand.time.t_ns)
@@ -109,7 +109,7 @@ def test_answer_to_an_earlier_request_does_not_count() -> None:
 
 
 def test_device_that_is_silent_cannot_be_opened() -> None:
-    """Where nothing comes, opening fails and says what to check."""
+    """If nothing comes, opening fails and names possible causes."""
     for make in (polled, reported):
         stand = Stand(make)
         stand.device.close()
@@ -119,7 +119,7 @@ def test_device_that_is_silent_cannot_be_opened() -> None:
 
 
 def test_channel_of_either_kind_alone() -> None:
-    """A device of inputs only sends no command, one of outputs only acknowledges by its answer."""
+    """A device with inputs only sends no command; one with outputs only needs the reply."""
     reads = Stand(wiring=Wiring(("position",), ()))
     assert reads.device.read(reads.time.t_ns)[0].valid
     drives = Stand(wiring=Wiring((), ("drive",)))
@@ -143,7 +143,7 @@ FLAGS = (
     [pytest.param(name, marks=pytest.mark.sees("can_dbc", each), id=name) for each, name in FLAGS],
 )
 def test_signal_that_stands_for_a_flag_is_told(name: str) -> None:
-    """A signal that the configuration calls a flag is told as long as it is not 0."""
+    """A signal configured as a flag is reported as long as it is not 0."""
 
     def options(where: str, timeout_ms: float) -> Mapping[str, object]:
         return {
@@ -162,7 +162,7 @@ def test_signal_that_stands_for_a_flag_is_told(name: str) -> None:
 
 @pytest.mark.sees("can_dbc", "B12")
 def test_foreign_command_is_told() -> None:
-    """Who else sends the command is told of."""
+    """A command from another sender is reported as foreign."""
     stand = Stand()
     stand.bus.comes(Frame(COMMAND.id, bytes(8)))
     stand.device.read(stand.time.t_ns)
@@ -188,7 +188,7 @@ def _inline() -> dict[str, Any]:
 
 
 def test_frames_may_be_described_in_the_configuration() -> None:
-    """Without a DBC file, messages and signals are written where the device is configured."""
+    """Without a DBC file the configuration describes messages and signals."""
     options = DbcOptions.model_validate(_inline())
     bus = FakeBus()
     device: Any = ExchangingBusDevice("it", DbcDialogue(options, Wiring(("z",), ("u",)), bus))
@@ -225,26 +225,28 @@ def _wrong(path: tuple[str, ...], value: object, make: Callable[[], dict[str, An
         (("inputs", "z", "signal"), "Y", "there is no signal Y"),
         (("inputs", "z", "message"), "Gott", "did you mean 'Got'"),
         (("request",), "Ask", "there is no message Ask"),
-        (("messages",), {}, "name either dbc, a file, or messages"),
+        (("messages",), {}, "give either dbc, a file, or messages"),
         (("messages", "Set", "id"), 0x800, "does not fit into 11 bits"),
         (("messages", "Set", "bytes"), 1, "does not fit into the 1 bytes of Set"),
         (("messages", "Set", "signals", "U", "scale"), 0.0, "must not be 0"),
-        (("checksums", "Set"), {"signal": "U"}, "must be one byte of its own"),
+        (("checksums", "Set"), {"signal": "U"}, "must be exactly one byte of the frame"),
         (("counters", "Set"), "N", "there is no signal N"),
     ],
 )
 def test_mistakes_are_told_where_they_are(path: tuple[str, ...], value: object, said: str) -> None:
-    """What does not fit together is an error of the configuration, with its remedy."""
+    """Options that contradict each other are refused, with the place and the remedy."""
     assert said in _wrong(path, value, _inline)
 
 
 def test_echo_without_a_counter_is_a_mistake() -> None:
-    """There is nothing to repeat where requests are not counted."""
-    assert "nothing to repeat" in _wrong(("counters", "Poll"), None, lambda: polled("/dev/null"))
+    """An echo without a counter of the request is refused."""
+    assert "an echo repeats a counter" in _wrong(
+        ("counters", "Poll"), None, lambda: polled("/dev/null")
+    )
 
 
 def test_plug_in_makes_the_device_without_opening_anything() -> None:
-    """What the plug-in makes exchanges if it has channels of both kinds."""
+    """The plug-in makes an exchanging device for channels of both kinds."""
     options = DbcOptions.model_validate(polled("/dev/null"))
 
     assert isinstance(create(options, BOTH, 0), ExchangingBusDevice)

@@ -1,4 +1,4 @@
-"""Outputs that `can_dbc` must leave alone: nobody uses them, or nobody has set them yet."""
+"""Outputs that `can_dbc` must not change: unused ones, and all of them before a setpoint."""
 
 from collections.abc import Sequence
 from struct import pack, unpack_from
@@ -59,14 +59,14 @@ def _options(request: str | None = "Poll", backs: Sequence[str] = BACK) -> dict[
 
 
 class Amplifier:
-    """Implements `Node`: a command sets both outputs; it answers, or reports each change by itself.
+    """Implements `Node`: a command sets both outputs; it replies, or reports by itself.
 
     Args:
-        reports: Whether it does the latter.
+        reports: Whether it reports each change by itself.
 
     Attributes:
-        codes: What the outputs are at, in steps of 0.01 V.
-        commands: What they were set to.
+        codes: Present values of the outputs, in steps of 0.01 V.
+        commands: Values that the outputs were set to.
     """
 
     def __init__(self, *, reports: bool) -> None:
@@ -104,16 +104,16 @@ def _device(wiring: Wiring, options: dict[str, Any]) -> tuple[Any, Amplifier]:
 
 @pytest.mark.parametrize("request_", ["Command", "Twin"])
 def test_request_that_drives_is_refused(request_: str) -> None:
-    """To ask by a message that sets outputs would set them to 0 before anybody drives."""
+    """A request that sets outputs is refused: the first one would set them to 0."""
     options = _options(request_)
     options["messages"]["Twin"] = {"id": COMMAND, "bytes": 8}
-    with pytest.raises(ValidationError, match=f"{request_} sets output a: .* name a message that"):
+    with pytest.raises(ValidationError, match=f"{request_} sets output a: .* give a message that"):
         DbcOptions.model_validate(options)
 
 
 @pytest.mark.parametrize("request_", ["Poll", None])
 def test_output_that_nobody_uses_is_held(request_: str | None) -> None:
-    """What is set by the same message goes on as it was read back when control was taken."""
+    """An unused output in a used message is sent with the value read back at activation."""
     device, amplifier = _device(Wiring(("p",), ("a",)), _options(request_))
     device.open()
     amplifier.codes = (10_000, 7_000)
@@ -126,7 +126,7 @@ def test_output_that_nobody_uses_is_held(request_: str | None) -> None:
 
 
 def test_output_is_held_where_it_is_after_the_device_was_away() -> None:
-    """Each time that control is taken, it is read back again."""
+    """An unused output is read back again at each activation."""
     device, amplifier = _device(Wiring((), ("b",)), _options())
     device.open()
     device.activate(MS)
@@ -140,10 +140,10 @@ def test_output_is_held_where_it_is_after_the_device_was_away() -> None:
 
 
 def test_output_that_cannot_be_read_back_has_to_be_used() -> None:
-    """Nobody knows where it is, so opening is refused, with what to do about it."""
+    """An unused output without read-back is refused at opening, with the remedy."""
     options = _options(backs=("a",))
     device, amplifier = _device(Wiring(("p",), ("a",)), options)
-    with pytest.raises(DeviceError, match=r"Command sets output b too, .* name its read_back, or"):
+    with pytest.raises(DeviceError, match=r"Command also sets output b, .* give it one, or"):
         device.open()
 
     for wiring in (Wiring(("p",), ("a", "b")), Wiring(("p",), ("b",)), Wiring(("p",), ())):
@@ -154,7 +154,7 @@ def test_output_that_cannot_be_read_back_has_to_be_used() -> None:
 
 
 def test_bus_is_listened_to_where_nothing_is_read_back() -> None:
-    """That it was left, or refuses frames, comes as nobody's answer."""
+    """Without any expected reply, bus off and refused frames are still reported."""
     bus = FakeBus(Amplifier(reports=False))
     dialogue = DbcDialogue(
         DbcOptions.model_validate(_options(backs=())), Wiring((), ("a", "b")), bus
@@ -174,11 +174,11 @@ def test_bus_is_listened_to_where_nothing_is_read_back() -> None:
 
 
 def test_output_that_is_beyond_its_range_is_not_taken_over() -> None:
-    """It could not be held: control is not taken, and nothing is set."""
+    """An unused output that reads back beyond its range prevents activation; nothing is set."""
     device, amplifier = _device(Wiring((), ("a",)), _options())
     device.open()
     amplifier.codes = (0, 15_200)
-    with pytest.raises(DeviceError, match=r"output b, .* reads back 152, its range is 0 to 150"):
+    with pytest.raises(DeviceError, match=r"output b, .* reads back 152, allowed range 0 to 150"):
         device.activate(MS)
     amplifier.codes = (0, 15_001)
     device.activate(MS)
@@ -188,7 +188,7 @@ def test_output_that_is_beyond_its_range_is_not_taken_over() -> None:
 
 
 def test_output_that_does_not_tell_where_it_is_is_not_taken_over() -> None:
-    """Where the device has fallen silent, control is not taken."""
+    """A device that has fallen silent cannot be activated."""
     device, amplifier = _device(Wiring((), ("a",)), _options())
     device.open()
     amplifier.receive = lambda frame: []  # type: ignore[method-assign] # noqa: ARG005 # a silent one
@@ -199,7 +199,7 @@ def test_output_that_does_not_tell_where_it_is_is_not_taken_over() -> None:
 
 @pytest.mark.parametrize("request_", ["Poll", None])
 def test_device_of_which_inputs_are_used_is_told_nothing(request_: str | None) -> None:
-    """Who only reads sends requests and no command."""
+    """With inputs only, requests are sent and no command."""
     device, amplifier = _device(Wiring(("p",), ()), _options(request_))
     device.open()
     device.activate(MS)

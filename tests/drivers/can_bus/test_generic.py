@@ -1,4 +1,4 @@
-"""The drivers for a CAN bus and the emulated nodes, in another process, behind an slcan adapter."""
+"""The CAN drivers with emulated nodes in another process, behind an slcan adapter."""
 
 from pathlib import Path
 
@@ -30,7 +30,7 @@ ANSWERED = (
     Row(checks.slow_replies, ("B7",)),
 )
 CHECKED = (Row(checks.flipped_bits, ("B4",)),)
-NAMED = (Row(checks.another_device, ("S10",)),)  # the last: what is there then is the other device
+NAMED = (Row(checks.another_device, ("S10",)),)  # last, because the other device then stays
 
 CASES = (
     ("canopen", CANOPEN, (*ALL, *ANSWERED, *NAMED)),
@@ -50,7 +50,7 @@ def _case(name: str, profile: Profile, rows: tuple[Row, ...]) -> object:
 def test_driver_masters_what_goes_wrong(
     tmp_path: Path, profile: Profile, rows: tuple[Row, ...], subtests: pytest.Subtests
 ) -> None:
-    """It keeps the driver contract, and passes a check for each fault that it says it sees."""
+    """Each driver keeps the driver contract and detects each fault that it claims to detect."""
     with emulated(f"{profile.name}={tmp_path / 'can.tty'}") as device:
         factory = profile.maker(device.where[0])
         # What is read back of a report is of the last report, whatever the contract's clock says.

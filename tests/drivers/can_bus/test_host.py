@@ -1,4 +1,4 @@
-"""The host of an emulated node: each fault, and the ends that it can be at."""
+"""The host of an emulated node: each fault, and each kind of end."""
 
 import os
 from pathlib import Path
@@ -7,11 +7,11 @@ import pytest
 
 from piezod.devices.emulation.faults import WireFaults, parse
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus.cia401.node import Cia401Node
+from piezod_drivers.can_bus.cia401.emulator import Cia401Node
 from piezod_drivers.can_bus.emulation.ends import AdapterEnd, GroupEnd, end_at
 from piezod_drivers.can_bus.emulation.host import NodeHost
 from piezod_drivers.can_bus.frame import Frame
-from piezod_drivers.can_bus.slcan import encode
+from piezod_drivers.can_bus.slcan_codec import encode
 from tests.drivers.can_bus.ports import free_port
 from tests.drivers.can_bus.profiles import GROUP
 from tests.drivers.serial_line.linear_rig import bench
@@ -22,7 +22,7 @@ ANSWER = Frame(0x585, bytes((0x43, 0x00, 0x10, 0, 0x91, 0x01, 0x0C, 0)))
 
 
 class _End:
-    """Implements `BusEnd`; remembers everything."""
+    """Implements `BusEnd`; records everything."""
 
     def __init__(self) -> None:
         self.coming: list[Frame] = []
@@ -67,7 +67,7 @@ class _Hosted:
         self.end.sent.clear()
 
     def asked(self, *faults: str) -> list[Frame]:
-        """Return what is sent when the node is asked while something goes wrong."""
+        """Return the frames that are sent for a request while a fault is active."""
         self.faults.set(map(parse, faults))
         self.end.sent.clear()
         self.end.coming = [ASK]
@@ -76,7 +76,7 @@ class _Hosted:
 
 
 def test_each_fault_befalls_frames() -> None:
-    """Frames are lost, doubled, cut, garbled, late, foreign, or come after noise."""
+    """Frames are lost, doubled, cut, garbled, delayed, foreign, or follow noise."""
     hosted = _Hosted()
     foreign = Frame(0x305, bytes(8))
 
@@ -106,7 +106,7 @@ def test_each_fault_befalls_frames() -> None:
     ],
 )
 def test_each_fault_befalls_the_node(fault: str, told: list[object], serials: list[str]) -> None:
-    """The node is away for its time, and is back then; a restarted one is at 0 V."""
+    """The node is absent for the given time and then back; a restart sets it to 0 V."""
     hosted = _Hosted()
     hosted.rig.drive_v = [50.0]
     assert hosted.asked(f"{fault}:now:0.01") == [] or fault == "bus-off"
@@ -122,7 +122,7 @@ def test_each_fault_befalls_the_node(fault: str, told: list[object], serials: li
 @pytest.mark.parametrize("second", ["disconnect", "wrong-identity", "restart", "bus-off"])
 @pytest.mark.parametrize("seconds", [0.01, 0.03])
 def test_node_may_be_away_for_two_reasons(second: str, seconds: float) -> None:
-    """What befalls a node that is away does not keep it away: it is back when both are over."""
+    """With two reasons to be absent, the node is back when both are over."""
     for first in ("disconnect", "bus-off"):
         hosted = _Hosted()
         hosted.asked(f"{first}:now:0.02")
@@ -138,7 +138,7 @@ def test_node_may_be_away_for_two_reasons(second: str, seconds: float) -> None:
 
 
 def test_noise_comes_after_what_is_late() -> None:
-    """It is sent before its own frame, and not before one that is waiting."""
+    """Noise comes directly before its own frame, behind delayed frames."""
     hosted = _Hosted()
     assert hosted.asked("late:1:0.05") == []
     assert hosted.asked("noise:1:4") == []
@@ -151,7 +151,7 @@ def test_noise_comes_after_what_is_late() -> None:
 
 
 def test_serving_begins_and_ends() -> None:
-    """Who waits is told where the node is, and the end is gone afterwards."""
+    """Serving reports the node's place when it starts and removes the end when it stops."""
     hosted = _Hosted()
     places: list[str] = []
     stops = iter([False, True])
@@ -162,7 +162,7 @@ def test_serving_begins_and_ends() -> None:
 
 
 def test_adapter_end_is_a_port(tmp_path: Path) -> None:
-    """At its port an adapter takes commands and frames, and gives frames when it is open."""
+    """At its port an adapter accepts commands and frames, and passes frames on when open."""
     end = end_at(str(tmp_path / "can.tty"), "any")
     assert isinstance(end, AdapterEnd)
     end.appear()
@@ -184,7 +184,7 @@ def test_adapter_end_is_a_port(tmp_path: Path) -> None:
 
 
 def test_group_end_is_a_member() -> None:
-    """In its group an end takes and gives frames, unless it is off the bus."""
+    """In its group an end sends and receives frames unless it is off the bus."""
     where = f"udp:{GROUP}:{free_port()}"
     one, other = end_at(where, "any"), end_at(where, "any")
     assert isinstance(one, GroupEnd)
@@ -202,11 +202,11 @@ def test_group_end_is_a_member() -> None:
     one.vanish()
     other.vanish()
     assert other.receive(0) == []
-    other.send(ASK)  # nobody gets it, and the emulator goes on
+    other.send(ASK)  # the frame is lost, and the emulator goes on
 
 
 def test_unplugged_adapter_stays_off_the_bus(tmp_path: Path) -> None:
-    """That it is unplugged and back does not bring it onto the bus."""
+    """An adapter that is off the bus is still off when plugged in again."""
     end = end_at(str(tmp_path / "can.tty"), "any")
     end.appear()
     end.leave(True)
@@ -220,6 +220,6 @@ def test_unplugged_adapter_stays_off_the_bus(tmp_path: Path) -> None:
 
 
 def test_group_that_is_none_is_refused() -> None:
-    """A place that is no group is an error that says what is expected."""
+    """An invalid group is refused with the expected format."""
     with pytest.raises(DeviceUnavailableError, match="expected GROUP:PORT"):
         end_at("udp:239.1.1.1:many", "any")

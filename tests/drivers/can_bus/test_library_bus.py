@@ -1,4 +1,4 @@
-"""A bus by python-can: its queue, its errors, its echoes."""
+"""A bus by python-can: its queue, its errors and its echoes."""
 
 import errno
 import select
@@ -16,8 +16,8 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.frame import Frame
+from piezod_drivers.can_bus.interface_control import KernelInterfaces
 from piezod_drivers.can_bus.library_bus import LibraryBus
-from piezod_drivers.can_bus.link import Kernel
 from tests.drivers.can_bus.ports import free_port
 
 A, B = Frame(0x305, b"\x01\x02"), Frame(0x80)
@@ -30,12 +30,12 @@ MS = 1_000_000
 
 
 class _Controller:
-    """Stands for python-can's bus, and for the kernel's queue behind it, which outlives it.
+    """A stand-in for python-can's bus and for the kernel's queue, which outlives that bus.
 
     Attributes:
-        queue: What has not left yet.
-        on_bus: What has.
-        waits_s: How long it was asked to wait for a frame, each time.
+        queue: Frames that have not been sent yet.
+        on_bus: Frames that have been sent.
+        waits_s: Each time that a frame was waited for, in s.
     """
 
     def __init__(self) -> None:
@@ -78,14 +78,14 @@ class _Controller:
 
 
 class _Network:
-    """Implements `Network`: down and up empties the queue, where that is allowed."""
+    """Implements `InterfaceControl`: down and up empties the queue, if that is permitted."""
 
     def __init__(self, controller: _Controller) -> None:
         self._controller = controller
         self.downs = 0
         self.allowed = True
 
-    def times_down(self, name: str) -> int:
+    def down_count(self, name: str) -> int:
         assert name == "can0"
         return self.downs
 
@@ -99,7 +99,7 @@ class _Network:
 
 @pytest.fixture
 def controller(monkeypatch: pytest.MonkeyPatch) -> _Controller:
-    """Give a controller in the place of python-can's."""
+    """Return a controller that replaces python-can's."""
     controller = _Controller()
     monkeypatch.setattr(can, "Bus", controller.make)
     return controller
@@ -107,13 +107,13 @@ def controller(monkeypatch: pytest.MonkeyPatch) -> _Controller:
 
 @pytest.fixture
 def network(controller: _Controller) -> _Network:
-    """Give the network that the controller belongs to."""
+    """Return the interface control of the controller."""
     return _Network(controller)
 
 
 @pytest.fixture
 def bus(network: _Network) -> Iterator[LibraryBus]:
-    """Give an open bus of socketcan."""
+    """Return an open socketcan bus."""
     bus = LibraryBus("socketcan", "can0", {}, network)
     bus.open((0x285, 0x1ABCDEF0))
     yield bus
@@ -127,7 +127,7 @@ def _flag(call: Any) -> DeviceFlag:
 
 
 def test_kernel_filters_what_is_not_accepted(bus: LibraryBus, controller: _Controller) -> None:
-    """Socketcan is told which identifiers are read, and python-can looks at no file of its own."""
+    """Socketcan gets the accepted identifiers, and python-can reads no configuration file."""
     assert controller.settings["can_filters"] == [
         {"can_id": 0x285, "can_mask": 0x7FF},
         {"can_id": 0x1ABCDEF0, "can_mask": 0x1FFFFFFF},
@@ -140,7 +140,7 @@ def test_kernel_filters_what_is_not_accepted(bus: LibraryBus, controller: _Contr
 @pytest.mark.sees("can_dbc", "B9")
 @pytest.mark.parametrize("failure", FULL, ids=["ENOBUFS", "text", "OSError"])
 def test_full_queue_is_told(bus: LibraryBus, controller: _Controller, failure: Exception) -> None:
-    """A full queue is one, whether python-can says so by a number or by a text only."""
+    """A full queue is recognized by python-can's error number or error text."""
     controller.failure = failure
 
     assert _flag(lambda: bus.send(A)) == DeviceFlag.NOT_SENT
@@ -150,7 +150,7 @@ def test_full_queue_is_told(bus: LibraryBus, controller: _Controller, failure: E
 def test_interface_that_is_gone_is_told(
     bus: LibraryBus, controller: _Controller, number: int
 ) -> None:
-    """Any other failure means that the interface is gone."""
+    """Any other error means that the interface is lost."""
     controller.failure = can.CanOperationError("Failed to transmit", number)
     controller.coming.append(can.CanOperationError("Failed to receive", number))
 
@@ -159,7 +159,7 @@ def test_interface_that_is_gone_is_told(
 
 
 def test_closed_bus_is_told() -> None:
-    """A bus that is not open is as good as gone."""
+    """A bus that is not open reports that it is disconnected."""
     bus = LibraryBus("virtual", "x", {})
 
     assert _flag(lambda: bus.send(A)) == DeviceFlag.DISCONNECTED
@@ -174,14 +174,14 @@ def _error(classes: int, data: bytes = bytes(8)) -> can.Message:
 @pytest.mark.sees("canopen", "B8")
 @pytest.mark.sees("can_dbc", "B8")
 def test_controller_off_the_bus_is_told(bus: LibraryBus, controller: _Controller) -> None:
-    """An error frame that says bus off loses the bus."""
+    """An error frame for bus off loses the bus."""
     controller.coming.append(_error(0x40))
 
     assert _flag(lambda: bus.receive(MS)) == DeviceFlag.BUS_OFF
 
 
 def test_passive_controller_is_told(bus: LibraryBus, controller: _Controller) -> None:
-    """An error frame that says that nobody acknowledges is told of, and hides no frame."""
+    """An error frame for missing acknowledgements is reported and hides no frame."""
     answer = can.Message(arbitration_id=0x285, data=b"1", is_extended_id=False)
     controller.coming += [_error(0x04, bytes((0, 0x20, 0, 0, 0, 0, 0, 0))), _error(0x200), answer]
 
@@ -192,10 +192,10 @@ def test_passive_controller_is_told(bus: LibraryBus, controller: _Controller) ->
 @pytest.mark.sees("canopen", "B8")
 @pytest.mark.sees("can_dbc", "B8")
 def test_old_setpoint_never_leaves(bus: LibraryBus, controller: _Controller) -> None:
-    """After a stall, opening takes the interface down and up: what was in its queue is gone."""
+    """After a stall, opening takes the interface down and up, which empties its queue."""
     controller.stuck = True
     bus.send(A)
-    bus.stalled()
+    bus.mark_stalled()
     bus.close()
     controller.stuck = False
     bus.open(())
@@ -205,7 +205,7 @@ def test_old_setpoint_never_leaves(bus: LibraryBus, controller: _Controller) -> 
 
 
 def test_bus_off_empties_the_queue_too(bus: LibraryBus, controller: _Controller) -> None:
-    """So does opening after the controller has left the bus."""
+    """Opening after bus off empties the queue as well."""
     controller.stuck = True
     bus.send(A)
     controller.coming.append(_error(0x40))
@@ -219,15 +219,15 @@ def test_bus_off_empties_the_queue_too(bus: LibraryBus, controller: _Controller)
 def test_queue_that_cannot_be_emptied_is_not_used(
     bus: LibraryBus, controller: _Controller, network: _Network
 ) -> None:
-    """Without the right to do so opening is refused, until somebody has done it."""
+    """Without the right to restart the interface, opening is refused until it was restarted."""
     controller.stuck = True
     bus.send(A)
-    bus.stalled()
+    bus.mark_stalled()
     network.allowed = False
     with pytest.raises(DeviceUnavailableError, match="ip link set can0 down"):
         bus.open(())
 
-    network.downs += 1  # somebody has
+    network.downs += 1  # somebody has taken it down
     controller.queue.clear()
     controller.stuck = False
     bus.open(())
@@ -235,13 +235,13 @@ def test_queue_that_cannot_be_emptied_is_not_used(
 
 
 def test_library_that_raises_anything_fails_as_ours() -> None:
-    """Whatever python-can raises at opening becomes an error that names the bus."""
+    """Any error of python-can at opening becomes an error that names the bus."""
     with pytest.raises(DeviceUnavailableError, match="no_such_interface x cannot be opened"):
         LibraryBus("no_such_interface", "x", {}).open(())
 
 
 def test_two_ends_of_a_virtual_bus() -> None:
-    """Frames of either kind go from one end to the other."""
+    """Standard and extended frames pass between the ends of a virtual bus."""
     one, other = (LibraryBus("virtual", "a test's", {}) for _ in range(2))
     one.open(())
     other.open(())
@@ -261,7 +261,7 @@ def test_two_ends_of_a_virtual_bus() -> None:
 
 @pytest.fixture
 def group() -> Iterator[tuple[LibraryBus, LibraryBus]]:
-    """Give two members of a UDP group."""
+    """Return two members of a UDP group."""
     settings = {"port": free_port(), "hop_limit": 0, "fd": False}
     one, other = (LibraryBus("udp_multicast", "239.74.163.45", settings) for _ in range(2))
     one.open(())
@@ -274,7 +274,7 @@ def group() -> Iterator[tuple[LibraryBus, LibraryBus]]:
 @pytest.mark.sees("canopen", "B12")
 @pytest.mark.sees("can_dbc", "B12")
 def test_own_frames_are_told_from_others(group: tuple[LibraryBus, LibraryBus]) -> None:
-    """A group gives a sender its own frames too: they are dropped, the same from another is not."""
+    """In a UDP group own frames are dropped; the same frame from another member is not."""
     one, other = group
     one.send(A)
     one.send(B)
@@ -286,7 +286,7 @@ def test_own_frames_are_told_from_others(group: tuple[LibraryBus, LibraryBus]) -
 
 
 def test_packet_that_is_no_frame_is_told(group: tuple[LibraryBus, LibraryBus]) -> None:
-    """A stray packet at the group's port is garbage, and hides no frame."""
+    """A stray packet at the group's port is garbage and hides no frame."""
     one, other = group
     port = one._settings["port"]  # noqa: SLF001 - the port that the fixture drew
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stray:
@@ -301,7 +301,7 @@ def test_packet_that_is_no_frame_is_told(group: tuple[LibraryBus, LibraryBus]) -
 def test_stray_packets_do_not_prolong_the_wait(
     bus: LibraryBus, controller: _Controller, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each takes its part of the time that there is for a frame."""
+    """Stray packets do not prolong the wait for a frame."""
     instants = count(0, MS)
     clock = SimpleNamespace(monotonic_ns=lambda: next(instants))
     monkeypatch.setattr("piezod_drivers.can_bus.library_bus.time", clock)
@@ -312,23 +312,23 @@ def test_stray_packets_do_not_prolong_the_wait(
 
 
 def test_absent_interface_is_told_with_its_remedy() -> None:
-    """Where there is no such interface, or no CAN at all, the error says what to do."""
+    """For a missing interface, or a kernel without CAN, the error names the remedy."""
     with pytest.raises(DeviceUnavailableError, match=r"no CAN|ip link set can0 up"):
         LibraryBus("socketcan", "can0", {}).open(())
 
 
 def test_kernel_is_asked_for_what_it_knows() -> None:
-    """An interface that is not there was never down, and cannot be restarted."""
-    assert Kernel().times_down("no-such-if") == 0
-    with pytest.raises(DeviceUnavailableError, match="no-such-if may still hold frames"):
-        Kernel().restart("no-such-if")
+    """A missing interface has a down count of 0 and cannot be restarted."""
+    assert KernelInterfaces().down_count("no-such-if") == 0
+    with pytest.raises(DeviceUnavailableError, match="no-such-if may still hold old frames"):
+        KernelInterfaces().restart("no-such-if")
 
 
 def test_who_takes_an_interface_down_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The kernel does not count it, but tells the sockets of the interface: each time once."""
+    """Each time that an interface is taken down counts once, by the error of a bound socket."""
 
     def refused(_name: str) -> socket.socket:
-        """Return a socket that the kernel has an error for."""
+        """Return a socket with a pending error."""
         told = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         told.connect(("127.0.0.1", free_port()))
         told.send(b"")
@@ -337,13 +337,13 @@ def test_who_takes_an_interface_down_is_noticed(monkeypatch: pytest.MonkeyPatch)
         assert look.poll(20_000), "the error has come"
         return told
 
-    monkeypatch.setattr("piezod_drivers.can_bus.link._witness", refused)
-    kernel = Kernel()
-    assert [kernel.times_down("no-such-can") for _ in range(4)] == [0, 1, 1, 2]
+    monkeypatch.setattr("piezod_drivers.can_bus.interface_control._monitor", refused)
+    kernel = KernelInterfaces()
+    assert [kernel.down_count("no-such-can") for _ in range(4)] == [0, 1, 1, 2]
 
 
 def test_socketcan_interface_carries_frames() -> None:
-    """Two ends of a virtual interface of the kernel, where it has any."""
+    """Two ends of a virtual kernel interface exchange frames, if the kernel has CAN."""
     try:
         with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as probe:
             probe.bind(("vcan0",))

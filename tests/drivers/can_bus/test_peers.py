@@ -1,4 +1,4 @@
-"""Other people's CANopen and slcan with ours, in another process."""
+"""Our CANopen and slcan code with other implementations, in another process."""
 
 import struct
 import subprocess
@@ -16,7 +16,7 @@ from canopen.sdo.exceptions import SdoAbortedError
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import Emulated, emulated
 from tests.drivers.can_bus import canopen_node
-from tests.drivers.can_bus.canopen_node import NODE, object_dictionary
+from tests.drivers.can_bus.canopen_node import NODE, library_dictionary
 from tests.drivers.can_bus.ports import free_port
 from tests.drivers.can_bus.profiles import CANOPEN, CANOPEN_PDO, GROUP
 
@@ -25,7 +25,7 @@ CODES_PER_V = 3276.7
 
 @pytest.fixture(scope="module")
 def peer() -> Iterator[str]:
-    """Serve a node by the canopen library in another process; give where."""
+    """Serve a node of the canopen library in another process; return its place."""
     port = free_port()
     command = [sys.executable, canopen_node.__file__, GROUP, str(port)]
     with subprocess.Popen(
@@ -40,7 +40,7 @@ def peer() -> Iterator[str]:
 
 @pytest.mark.parametrize("profile", [CANOPEN, CANOPEN_PDO], ids=["sdo", "pdo"])
 def test_driver_drives_a_node_by_the_canopen_library(peer: str, profile: Any) -> None:
-    """Our driver opens, sets up, drives, reads and reads back a node that is not ours."""
+    """Our driver opens, sets up, drives, reads and reads back a node of the canopen library."""
     device = profile.maker(peer)()
     identity = device.open()
     device.activate(time.monotonic_ns())
@@ -58,25 +58,25 @@ def test_driver_drives_a_node_by_the_canopen_library(peer: str, profile: Any) ->
 
 @pytest.fixture(scope="module")
 def ours() -> Iterator[Emulated]:
-    """Serve our node in another process."""
+    """Serve our emulated node in another process."""
     with emulated(f"canopen-401=udp:{GROUP}:{free_port()}") as node:
         yield node
 
 
 @pytest.fixture(scope="module")
 def remote(ours: Emulated) -> Iterator[Any]:
-    """Give our node as the canopen library has it."""
+    """Return our node as an object of the canopen library."""
     _, group, port = ours.where[0].split(":")
     network = canopen.Network()
     network.connect(interface="udp_multicast", channel=group, port=int(port), hop_limit=0, fd=False)
-    node: Any = network.add_node(NODE, object_dictionary())
-    node.sdo.RESPONSE_TIMEOUT = 10.0  # the library's own is too short for a busy machine
+    node: Any = network.add_node(NODE, library_dictionary())
+    node.sdo.RESPONSE_TIMEOUT = 10.0  # the library's default is too short for a busy machine
     yield node
     network.disconnect()
 
 
 def test_our_node_answers_the_canopen_library(remote: Any) -> None:
-    """The library reads numbers and texts of our node, and sets what can be set."""
+    """The canopen library reads numbers and texts of our node and writes its objects."""
     assert remote.sdo.upload(0x1000, 0) == b"\x91\x01\x0c\x00"
     assert remote.sdo.upload(0x1008, 0) == b"piezod canopen-401"
     remote.sdo.download(0x6443, 2, b"\x01")
@@ -98,7 +98,7 @@ def test_our_node_answers_the_canopen_library(remote: Any) -> None:
 def test_our_node_refuses_as_documented(
     remote: Any, index: int, number: int, data: bytes | None, code: int
 ) -> None:
-    """An access that cannot be is refused with the abort code of CiA 301 for it."""
+    """An invalid access is refused with its abort code of CiA 301."""
     with pytest.raises(SdoAbortedError) as refusal:
         if data is None:
             remote.sdo.upload(index, number)
@@ -108,7 +108,7 @@ def test_our_node_refuses_as_documented(
 
 
 def test_canopen_library_drives_our_node(remote: Any) -> None:
-    """The library's own process data, heartbeat and NMT work with our node."""
+    """The library's process data, heartbeat and NMT work with our node."""
     remote.nmt.state = "PRE-OPERATIONAL"
     remote.tpdo.read()
     remote.rpdo.read()
@@ -136,7 +136,7 @@ def test_canopen_library_drives_our_node(remote: Any) -> None:
 
 
 def test_python_can_speaks_to_our_adapter(tmp_path: Path) -> None:
-    """python-can's slcan sets our adapter up, and exchanges frames with the node behind it."""
+    """python-can's slcan configures our adapter and exchanges frames with the node behind it."""
     with emulated(f"canopen-401={tmp_path / 'can.tty'}") as node:
         bus = can.Bus(
             interface="slcan",

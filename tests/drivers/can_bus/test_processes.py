@@ -1,4 +1,4 @@
-"""The drivers and the emulated nodes in another process, over UDP; and what only a bus can do."""
+"""The CAN drivers with emulated nodes in another process over UDP, and faults of a bus."""
 
 import time
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ def _now() -> int:
 
 @pytest.fixture(scope="module", params=[CANOPEN, POLLED], ids=["canopen", "dbc"])
 def served(request: pytest.FixtureRequest) -> Iterator[tuple[Emulated, Any]]:
-    """Serve a node in a UDP group; give it and what makes its driver."""
+    """Serve a node in a UDP group; return its emulation and the function that makes its driver."""
     profile = request.param
     with emulated(f"{profile.name}=udp:{GROUP}:{free_port()}") as node:
         yield node, profile.maker(node.where[0], 500.0)
@@ -30,7 +30,7 @@ def served(request: pytest.FixtureRequest) -> Iterator[tuple[Emulated, Any]]:
 
 @pytest.fixture
 def device(served: tuple[Emulated, Any]) -> Iterator[Any]:
-    """Give the driver's device, active."""
+    """Return the driver's device, active."""
     node, make = served
     device = make()
     eventually(lambda: opens(device))
@@ -46,7 +46,7 @@ def _drives(device: Any) -> bool:
 
 
 def test_stage_moves_over_udp(device: Any) -> None:
-    """The stage goes where it is driven, and what is in force is read back."""
+    """The stage follows the drive voltage, and the voltage is read back."""
     eventually(lambda: _drives(device))
 
     eventually(lambda: abs(device.read_back(_now())[0] - 3.0) < 0.1)
@@ -55,7 +55,7 @@ def test_stage_moves_over_udp(device: Any) -> None:
 @pytest.mark.sees("canopen", "B12")
 @pytest.mark.sees("can_dbc", "B12")
 def test_foreign_frames_of_a_node_are_told(served: tuple[Emulated, Any], device: Any) -> None:
-    """Frames of this host's that somebody else sends are told of, and end when they do."""
+    """Foreign frames with own identifiers are reported until they stop."""
     node, _ = served
     node.faults("foreign")
 
@@ -67,9 +67,9 @@ def test_foreign_frames_of_a_node_are_told(served: tuple[Emulated, Any], device:
 @pytest.mark.sees("canopen", "B11")
 @pytest.mark.sees("can_dbc", "B11")
 def test_flood_is_survived(served: tuple[Emulated, Any], device: Any) -> None:
-    """While somebody floods the bus nothing raises; what is told are faults of the bus only.
+    """A flooded bus raises nothing and causes only bus faults.
 
-    When the flood ends the device works again.
+    When the flood ends, the device works again.
     """
     node, _ = served
     _, group, port = node.where[0].split(":")
@@ -93,7 +93,7 @@ def test_flood_is_survived(served: tuple[Emulated, Any], device: Any) -> None:
 @pytest.mark.sees("can_dbc", "B8")
 @pytest.mark.parametrize("profile", [CANOPEN, POLLED], ids=["canopen", "dbc"])
 def test_adapter_off_the_bus_is_told_and_comes_back(tmp_path: Path, profile: Any) -> None:
-    """An adapter that refuses frame after frame is off the bus, and works when opened again."""
+    """An adapter that refuses every frame is off the bus and works after opening it again."""
     with emulated(f"{profile.name}={tmp_path / 'can.tty'}") as node:
         device = profile.maker(node.where[0], 5.0)()
         eventually(lambda: opens(device))

@@ -1,4 +1,4 @@
-"""Frames as text, and the adapter that speaks it."""
+"""Frames as text, and the slcan adapter."""
 
 import re
 from collections import deque
@@ -13,8 +13,8 @@ from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.emulation.ends import Adapter
 from piezod_drivers.can_bus.frame import EXTENDED_IDS, STANDARD_IDS, Frame
-from piezod_drivers.can_bus.slcan import BEL, SlcanLines, decode, encode
 from piezod_drivers.can_bus.slcan_bus import SlcanBus
+from piezod_drivers.can_bus.slcan_codec import BEL, SlcanLines, decode, encode
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, TestTime
 
 DATA = st.binary(max_size=8)
@@ -34,12 +34,12 @@ A, B = Frame(0x305, b"\x01\x02"), Frame(0x80)
 
 @given(FRAMES)
 def test_frame_survives_as_text(frame: Frame) -> None:
-    """What is decoded of an encoded frame is the frame."""
+    """An encoded frame decodes to the same frame."""
     assert decode(encode(frame)[:-1]) == frame
 
 
 def test_frames_are_written_as_adapters_do() -> None:
-    """Identifier, length and bytes follow the letter of the kind."""
+    """Identifier, length and bytes follow the letter of the frame type."""
     assert encode(A) == b"t30520102\r"
     assert encode(Frame(0x1ABCDEF0, b"\xff", extended=True)) == b"T1ABCDEF01ff\r"
     assert decode(b"t12320A0b") == Frame(0x123, b"\x0a\x0b")
@@ -51,7 +51,7 @@ def test_frames_are_written_as_adapters_do() -> None:
     st.one_of(st.binary(max_size=40), st.from_regex(rb"[tTrR][0-9A-Fa-f ]{0,30}", fullmatch=True))
 )
 def test_decoding_never_raises(line: bytes) -> None:
-    """Whatever a line is, it tells a frame that can be one, or none."""
+    """Decoding any bytes gives a possible frame or None."""
     frame = decode(line)
     if frame is not None:
         assert 0 <= frame.id < (EXTENDED_IDS if frame.extended else STANDARD_IDS)
@@ -90,7 +90,7 @@ NEARLY = st.one_of(
 @example(b"t1_30", None)
 @example(b"t+100", None)
 def test_lines_are_taken_by_the_rules(line: bytes, data: Any) -> None:
-    """A line tells a frame if its digits are all there and none is too many, and else none."""
+    """A line is a frame only if it has exactly the required digits."""
     assert decode(line) == _told(line)
     if data is not None and line:
         at, byte = data.draw(st.integers(0, len(line))), data.draw(st.binary(max_size=4))
@@ -100,7 +100,7 @@ def test_lines_are_taken_by_the_rules(line: bytes, data: Any) -> None:
 
 @given(st.lists(st.binary(max_size=50)), st.integers(0, 40))
 def test_lines_do_not_depend_on_how_bytes_come(parts: list[bytes], size: int) -> None:
-    """Lines are the same however bytes are cut, as long as none is longer than any can be."""
+    """The lines do not depend on how the bytes are split."""
     stream = b"".join(part.replace(b"\r", b"")[:20] + b"\r" for part in parts)
     whole, cut = SlcanLines(), SlcanLines()
     step = size + 1
@@ -110,7 +110,7 @@ def test_lines_do_not_depend_on_how_bytes_come(parts: list[bytes], size: int) ->
 
 
 def test_memory_is_bounded() -> None:
-    """Of bytes without an end only the last few are kept."""
+    """Of bytes without a line end only the last few are kept."""
     lines = SlcanLines()
     lines.feed(b"x" * 1_000_000)
 
@@ -118,11 +118,11 @@ def test_memory_is_bounded() -> None:
 
 
 class _Behind:
-    """Implements `Emulator`: an adapter, and the queue in which it holds what it cannot send.
+    """Implements `Emulator`: an adapter with a queue for frames that it cannot send.
 
     Attributes:
-        on_bus: What has been on the bus.
-        stuck: Whether nothing leaves.
+        on_bus: Frames that have been on the bus.
+        stuck: Whether no frame is sent.
         silent: Whether it acknowledges nothing.
     """
 
@@ -149,33 +149,33 @@ class _Behind:
 
 @pytest.fixture
 def behind() -> _Behind:
-    """Give an adapter."""
+    """Return an adapter."""
     return _Behind()
 
 
 @pytest.fixture
 def line(behind: _Behind) -> EmulatedLine:
-    """Give the line to it."""
+    """Return the line to the adapter."""
     return EmulatedLine(behind, TestTime())
 
 
 @pytest.fixture
 def bus(line: EmulatedLine) -> SlcanBus:
-    """Give the bus behind it, open."""
+    """Return the open bus behind the adapter."""
     bus = SlcanBus(line, 500_000)
     bus.open(())
     return bus
 
 
 def test_opening_sets_the_bit_rate(bus: SlcanBus, behind: _Behind) -> None:
-    """The channel is closed, whoever had it open, before the bit rate is set and it is opened."""
+    """Opening closes the channel, sets the bit rate and opens the channel."""
     assert b"".join(behind.commands) == b"\rC\rS6\rO\r"
     bus.open(())
     assert b"".join(behind.commands).endswith(b"\rC\rS6\rO\r")
 
 
 def test_frames_go_both_ways(bus: SlcanBus, behind: _Behind, line: EmulatedLine) -> None:
-    """A frame that is sent is on the bus, one from the bus comes; acknowledgements do not."""
+    """Frames pass both ways, and acknowledgements are no frames."""
     bus.send(A)
     line.comes(behind.adapter.give(B) + behind.adapter.give(A))
 
@@ -185,7 +185,7 @@ def test_frames_go_both_ways(bus: SlcanBus, behind: _Behind, line: EmulatedLine)
 
 
 def test_nothing_comes_in_time(bus: SlcanBus) -> None:
-    """Waiting ends when the time is over."""
+    """Waiting for a frame ends after the given time."""
     begin_ns = bus.now_ns()
 
     assert bus.receive(3 * MS) is None
@@ -195,7 +195,7 @@ def test_nothing_comes_in_time(bus: SlcanBus) -> None:
 @pytest.mark.sees("canopen", "B8")
 @pytest.mark.sees("can_dbc", "B8")
 def test_old_setpoint_never_leaves(bus: SlcanBus, behind: _Behind) -> None:
-    """What an adapter holds that could not leave is gone when the bus is opened again."""
+    """Opening the bus again discards the frames that the adapter could not send."""
     behind.stuck = True
     bus.send(A)
     assert list(behind.queue) == [A]
@@ -208,7 +208,7 @@ def test_old_setpoint_never_leaves(bus: SlcanBus, behind: _Behind) -> None:
 
 
 def test_old_setpoint_of_another_process_never_leaves(behind: _Behind, line: EmulatedLine) -> None:
-    """Nor what a process has left that has died with the channel open."""
+    """Opening also discards frames of a process that died with the channel open."""
     behind.receive(b"O\r")
     behind.stuck = True
     behind.receive(encode(A))
@@ -223,7 +223,7 @@ def test_old_setpoint_of_another_process_never_leaves(behind: _Behind, line: Emu
 @pytest.mark.sees("canopen", "B9")
 @pytest.mark.sees("can_dbc", "B9")
 def test_refused_frame_is_told(bus: SlcanBus, behind: _Behind) -> None:
-    """A frame that the adapter refuses fails the next one, which is not sent either."""
+    """After a refused frame the next one fails and is not sent."""
     behind.adapter.off_bus = True
     bus.send(A)
     bus.receive(MS)
@@ -239,7 +239,7 @@ def test_refused_frame_is_told(bus: SlcanBus, behind: _Behind) -> None:
 def test_adapter_that_refuses_again_and_again_is_off_the_bus(
     bus: SlcanBus, behind: _Behind
 ) -> None:
-    """Three frames in a row that are refused lose the bus; one that is taken begins anew."""
+    """Three refused frames in a row lose the bus; an accepted frame resets the count."""
     for refused, flag in ((2, DeviceFlag.NOT_SENT), (3, DeviceFlag.BUS_OFF)):
         bus.send(A)
         bus.receive(MS)
@@ -256,7 +256,7 @@ def test_adapter_that_refuses_again_and_again_is_off_the_bus(
 @pytest.mark.sees("canopen", "B3")
 @pytest.mark.sees("can_dbc", "B3")
 def test_garbage_is_told(bus: SlcanBus, line: EmulatedLine) -> None:
-    """Bytes that are no line of an adapter are told of, and hide no frame behind them."""
+    """Bytes that are no line of an adapter are reported and hide no frame behind them."""
     line.comes(b"\xff\x00rubbish\rt0800\r")
 
     assert bus.receive(MS) == B
@@ -264,7 +264,7 @@ def test_garbage_is_told(bus: SlcanBus, line: EmulatedLine) -> None:
 
 
 class _BufferedLine(EmulatedLine):
-    """A line that has sent nothing before somebody waits, and drops that when it is closed."""
+    """A line that sends only when the caller waits, and drops unsent bytes when closed."""
 
     def __init__(self, behind: _Behind) -> None:
         super().__init__(behind, TestTime())
@@ -288,7 +288,7 @@ class _BufferedLine(EmulatedLine):
 @pytest.mark.sees("canopen", "B8")
 @pytest.mark.sees("can_dbc", "B8")
 def test_closing_closes_the_channel(behind: _Behind) -> None:
-    """The adapter hears of it before the port is let go, whatever it has still to say of frames."""
+    """The adapter receives the close command before the port is released."""
     line = _BufferedLine(behind)
     bus = SlcanBus(line, 500_000)
     bus.open(())
@@ -304,7 +304,7 @@ def test_closing_closes_the_channel(behind: _Behind) -> None:
 
 
 class _SlowLine(EmulatedLine):
-    """A line on which an answer is late, and comes byte by byte."""
+    """A line whose replies come late and byte by byte."""
 
     def comes(self, data: bytes, after_ns: int = 0) -> None:
         for i, byte in enumerate(data):
@@ -312,7 +312,7 @@ class _SlowLine(EmulatedLine):
 
 
 def test_late_adapter_has_refused_nothing(behind: _Behind) -> None:
-    """That a slow one says late that its channel was closed is no refusal of a frame."""
+    """A late reply to the close command is not taken for a refused frame."""
     bus = SlcanBus(_SlowLine(behind, TestTime(), 200 * MS), 500_000)
     bus.open(())
     for _ in range(5):
@@ -323,7 +323,7 @@ def test_late_adapter_has_refused_nothing(behind: _Behind) -> None:
 
 
 def test_unplugged_adapter_is_told(bus: SlcanBus, line: EmulatedLine) -> None:
-    """An adapter that is gone fails every call but closing."""
+    """With an unplugged adapter every call fails except closing."""
     line.unplugged = True
 
     with pytest.raises(LineFault) as failure:
@@ -336,7 +336,7 @@ def test_unplugged_adapter_is_told(bus: SlcanBus, line: EmulatedLine) -> None:
 
 
 def test_adapter_that_acknowledges_nothing_is_used(line: EmulatedLine, behind: _Behind) -> None:
-    """Some adapters never say CR; they are opened all the same."""
+    """An adapter that never acknowledges can be opened."""
     behind.silent = True
     bus = SlcanBus(line, 500_000)
     bus.open(())
@@ -346,7 +346,7 @@ def test_adapter_that_acknowledges_nothing_is_used(line: EmulatedLine, behind: _
 
 
 def test_adapter_that_refuses_is_not_used(line: EmulatedLine) -> None:
-    """An adapter that says BEL to the bit rate cannot be used, and the error says so."""
+    """An adapter that refuses the bit rate is refused with the reason."""
     line.change = lambda reply: BEL if reply == b"\r" else reply
     bus = SlcanBus(line, 125_000)
 

@@ -12,8 +12,8 @@ from piezod.devices.emulators import Emulation, EmulationRequest
 from piezod.devices.interface import Wiring
 from piezod_drivers.modbus.driver import device_of
 from piezod_drivers.modbus.options import ModbusOptions
-from piezod_drivers.modbus.rtu import RtuTransactions
-from piezod_drivers.modbus.tcp import TcpTransactions
+from piezod_drivers.modbus.rtu_transactions import RtuTransactions
+from piezod_drivers.modbus.tcp_transactions import TcpTransactions
 from piezod_drivers.modbus.transactions import Transactions
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
 from tests.drivers.serial_line.scripted_line import EmulatedLine

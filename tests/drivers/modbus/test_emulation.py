@@ -6,11 +6,11 @@ from hypothesis import strategies as st
 
 from piezod.devices import emulators
 from piezod.devices.emulation.emulator import EmulatorPlugin
+from piezod_drivers.modbus import emulator
 from piezod_drivers.modbus.checksum import checksum
-from piezod_drivers.modbus.emulation import plugins
 from tests.drivers.serial_line.linear_rig import bench
 
-PLUGINS = [found for found in vars(plugins).values() if isinstance(found, EmulatorPlugin)]
+PLUGINS = [found for found in vars(emulator).values() if isinstance(found, EmulatorPlugin)]
 TCP = [plugin for plugin in PLUGINS if plugin.wire == "tcp"]
 SERIAL = [plugin for plugin in PLUGINS if plugin.wire == "serial"]
 
@@ -37,10 +37,10 @@ def test_bytes_that_are_no_request_raise_nothing(
 ) -> None:
     """Whatever comes is answered, or not; unasked, nothing is said."""
     assert plugin.create is not None
-    emulator = plugin.create(bench(1)[0], "X-7")
+    device = plugin.create(bench(1)[0], "X-7")
     for chunk in chunks:
-        emulator.receive(chunk)
-        assert emulator.due() == []
+        device.receive(chunk)
+        assert device.due() == []
 
 
 @pytest.mark.parametrize("plugin", TCP, ids=lambda plugin: plugin.name)
@@ -56,15 +56,15 @@ def test_every_request_is_answered(plugin: EmulatorPlugin, function: int, data: 
 def test_requests_in_pieces(plugin: EmulatorPlugin, function: int, data: bytes, cut: int) -> None:
     """Over a serial line a request may come in pieces, and only a whole one is answered."""
     assert plugin.create is not None
-    emulator = plugin.create(bench(1)[0], "")
+    device = plugin.create(bench(1)[0], "")
     frame = bytes((1, 3, 0, 210, 0, 1))
     frame += checksum(frame)
-    assert emulator.receive(frame[:cut]) == []
-    (reply,) = emulator.receive(frame[cut:])
+    assert device.receive(frame[:cut]) == []
+    (reply,) = device.receive(frame[cut:])
     assert reply[0] == 1
     assert checksum(reply[:-2]) == reply[-2:]
     damaged = bytes((1, function)) + data
-    assert all(answer[0] == 1 for answer in emulator.receive(damaged))
+    assert all(answer[0] == 1 for answer in device.receive(damaged))
 
 
 @pytest.mark.parametrize(
@@ -84,24 +84,24 @@ def test_requests_in_pieces(plugin: EmulatorPlugin, function: int, data: bytes, 
 )
 def test_refusals(pdu: str, answer: str) -> None:
     """A LabJack refuses with the exception code that the fault has."""
-    found = tcp_answer(plugins.LABJACK_T7, bytes.fromhex(pdu.replace(" ", "")))
+    found = tcp_answer(emulator.LABJACK_T7, bytes.fromhex(pdu.replace(" ", "")))
     assert found == bytes.fromhex(answer.replace(" ", ""))
 
 
 def test_a_wrong_header_is_dropped() -> None:
     """What cannot be a header, and all that came with it, is not answered; the next request is."""
-    assert plugins.LABJACK_T7.create is not None
-    emulator = plugins.LABJACK_T7.create(bench(1)[0], "")
-    assert emulator.receive(b"\0\1\0\1\0\6\1\3\0\0\0\2") == []
-    assert len(emulator.receive(b"\0\1\0\0\0\6\1\3\0\0\0\2" * 2)) == 2
+    assert emulator.LABJACK_T7.create is not None
+    device = emulator.LABJACK_T7.create(bench(1)[0], "")
+    assert device.receive(b"\0\1\0\1\0\6\1\3\0\0\0\2") == []
+    assert len(device.receive(b"\0\1\0\0\0\6\1\3\0\0\0\2" * 2)) == 2
 
 
 def test_an_amplifier_that_cannot_refuses(monkeypatch: pytest.MonkeyPatch) -> None:
     """A voltage that the rig cannot give is a failure of the device."""
-    assert plugins.WAVESHARE.create is not None
+    assert emulator.WAVESHARE.create is not None
     table, rig, _ = bench(1)
     monkeypatch.setattr(rig, "write", lambda _drive_v, _now_ns: False)
-    emulator = plugins.WAVESHARE.create(table, "")
+    device = emulator.WAVESHARE.create(table, "")
     frame = bytes((2, 6, 0, 0, 0x10, 0))
-    (reply,) = emulator.receive(frame + checksum(frame))
+    (reply,) = device.receive(frame + checksum(frame))
     assert reply[:3] == bytes((2, 0x86, 4))

@@ -7,8 +7,8 @@ from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
+from piezod_drivers.modbus import emulator
 from piezod_drivers.modbus.driver import device_of
-from piezod_drivers.modbus.emulation import plugins
 from piezod_drivers.modbus.options import ModbusOptions
 from tests.drivers.modbus.emulated import emulated, transactions_over
 from tests.drivers.serial_line.linear_rig import LinearRig
@@ -23,7 +23,7 @@ def labjack(
 ) -> tuple[ExchangingBusDevice, EmulatedLine, LinearRig]:
     """Return an active T7, its line and the rig at the other end."""
     options = {"profile": "labjack-t7", "host": "t7", "watchdog": watchdog}
-    device, line, rig = emulated(plugins.LABJACK_T7, ModbusOptions.model_validate(options), wiring)
+    device, line, rig = emulated(emulator.LABJACK_T7, ModbusOptions.model_validate(options), wiring)
     assert isinstance(device, ExchangingBusDevice)
     device.open()
     device.activate(line.now_ns())
@@ -54,9 +54,9 @@ def set_by_somebody_else(line: EmulatedLine, address: int, value: bytes) -> None
 @pytest.mark.parametrize(
     ("plugin", "product", "highest"),
     [
-        (plugins.LABJACK_T4, "T4", 5.0),
-        (plugins.LABJACK_T7, "T7", 5.0),
-        (plugins.LABJACK_T8, "T8", 10.0),
+        (emulator.LABJACK_T4, "T4", 5.0),
+        (emulator.LABJACK_T7, "T7", 5.0),
+        (emulator.LABJACK_T8, "T8", 10.0),
     ],
 )
 def test_who_it_is(plugin: EmulatorPlugin, product: str, highest: float) -> None:
@@ -115,7 +115,7 @@ def test_an_input_of_a_t4_saturates_at_the_end_of_its_own_range(order: tuple[int
     """AIN0 to AIN3 go to 10 V and the others to 2.5 V, in whatever order they are used."""
     wiring = Wiring(tuple(f"AIN{i}" for i in order), ())
     options = ModbusOptions.model_validate({"profile": "labjack-t4", "host": "h"})
-    device, line, rig = emulated(plugins.LABJACK_T4, options, wiring)
+    device, line, rig = emulated(emulator.LABJACK_T4, options, wiring)
     device.open()
     device.activate(line.now_ns())
     rig.drive_v = [60.0] * 5
@@ -252,7 +252,7 @@ def test_a_watchdog_that_cannot_be_armed_is_refused() -> None:
     options = ModbusOptions.model_validate(
         {"profile": "labjack-t7", "host": "h", "watchdog": WATCHED}
     )
-    device, line, _ = emulated(plugins.LABJACK_T7, options, ONE)
+    device, line, _ = emulated(emulator.LABJACK_T7, options, ONE)
     device.open()
     line.change = lambda reply: reply[:-1] + b"\7" if reply[7:9] == b"\3\4" else reply
     with pytest.raises(DeviceError, match=r"cannot be armed: register 61604 holds 7 instead of 2"):
@@ -288,7 +288,7 @@ def test_a_restart_is_noticed() -> None:
 def test_words_in_the_wrong_order_are_noticed() -> None:
     """What always holds 0x00112233 and does not is no LabJack, or speaks in another order."""
     options = ModbusOptions.model_validate({"profile": "labjack-t7", "host": "h"})
-    device, line, _ = emulated(plugins.LABJACK_T7, options, ONE)
+    device, line, _ = emulated(emulator.LABJACK_T7, options, ONE)
     line.change = lambda reply: reply[:-4] + reply[-2:] + reply[-4:-2]
     with pytest.raises(DeviceError, match="55100 holds 573767697, expected 1122867"):
         device.open()

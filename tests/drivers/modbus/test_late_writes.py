@@ -5,7 +5,7 @@ import pytest
 from piezod.devices.bus.conversation import PATIENCE
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.modbus.emulation import plugins
+from piezod_drivers.modbus import emulator
 from piezod_drivers.modbus.options import ModbusOptions
 from tests.drivers.modbus.emulated import TIMEOUT_S, emulated
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine
@@ -40,7 +40,7 @@ def test_what_is_acknowledged_is_in_force(n_outputs: int) -> None:
     names = [f"AO{i + 1}" for i in range(n_outputs)]
     options = ModbusOptions.model_validate({"units": BOXES, "port": "p", "silence_ms": 0.0})
     wiring = Wiring(("AI1",), tuple(names))
-    device, line, rig = emulated(plugins.WAVESHARE, options, wiring, kind=LateLine)
+    device, line, rig = emulated(emulator.WAVESHARE, options, wiring, kind=LateLine)
     assert isinstance(line, LateLine)
     device.open()
     device.activate(line.now_ns())

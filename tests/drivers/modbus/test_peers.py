@@ -15,8 +15,8 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 
 from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.interface import Wiring
+from piezod_drivers.modbus import emulator
 from piezod_drivers.modbus.driver import device_of, transactions_of
-from piezod_drivers.modbus.emulation import plugins
 from piezod_drivers.modbus.options import ModbusOptions
 from tests.drivers.modbus.emulated import served
 from tests.drivers.modbus.pty_pair import wired_ports
@@ -150,7 +150,7 @@ def mbpoll(*words: str) -> list[str]:
 
 def test_mbpoll_over_tcp() -> None:
     """Mbpoll sets an output of the emulated LabJack in V and reads an input that follows it."""
-    with served(plugins.LABJACK_T7) as place:
+    with served(emulator.LABJACK_T7) as place:
         at = ["-m", "tcp", "-p", place.rpartition(":")[2], "-0", "-B"]
         mbpoll(*at, "-t", "4:float", "-r", "1000", "127.0.0.1", "2")
         (back,) = mbpoll(*at, "-t", "4:float", "-r", "1000", "-c", "1", "127.0.0.1")
@@ -162,7 +162,7 @@ def test_mbpoll_over_tcp() -> None:
 def test_mbpoll_over_rtu(tmp_path: Path) -> None:
     """Mbpoll sets an output of the emulated Waveshare box and reads the input of the other box."""
     port = str(tmp_path / "box.tty")
-    with served(plugins.WAVESHARE, port):
+    with served(emulator.WAVESHARE, port):
         at = ["-m", "rtu", "-b", "9600", "-P", "none", "-0"]
         mbpoll(*at, "-a", "2", "-t", "4", "-r", "0", port, "4000")
         assert mbpoll(*at, "-a", "2", "-t", "4", "-r", "0", "-c", "2", port) == ["4000", "0"]
@@ -171,7 +171,7 @@ def test_mbpoll_over_rtu(tmp_path: Path) -> None:
 
 def test_pymodbus_client_over_tcp() -> None:
     """Pymodbus' client sets and reads the emulated WAGO coupler, also in one request."""
-    with served(plugins.WAGO_750) as place:
+    with served(emulator.WAGO_750) as place:
         client = ModbusTcpClient("127.0.0.1", port=int(place.rpartition(":")[2]))
         try:
             assert client.connect()  # type: ignore[no-untyped-call] # theirs
@@ -190,7 +190,7 @@ def test_pymodbus_client_over_tcp() -> None:
 def test_pymodbus_client_over_rtu(tmp_path: Path) -> None:
     """Pymodbus' client sets and reads the emulated ICP DAS boxes, one after the other."""
     port = str(tmp_path / "box.tty")
-    with served(plugins.ICPDAS, port):
+    with served(emulator.ICPDAS, port):
         client = ModbusSerialClient(port, baudrate=9600)
         try:
             assert client.connect()

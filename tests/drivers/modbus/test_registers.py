@@ -8,7 +8,7 @@ from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
-from piezod_drivers.modbus.emulation import plugins
+from piezod_drivers.modbus import emulator
 from piezod_drivers.modbus.options import ModbusOptions
 from tests.drivers.modbus.emulated import TIMEOUT_S, emulated
 from tests.drivers.serial_line.scripted_line import MS, EmulatedLine
@@ -21,11 +21,11 @@ ONE = Wiring(("AI0",), ("AO0",))
 TRIPPED = {"role": "status", "address": 0x201, "flag": "watchdog tripped", "mask": 0x4000}
 DRIVE = {"role": "output", "channel": "AO0", "address": 0, "range": (0.0, 30_000.0)}
 CASES: list[Any] = [
-    pytest.param(plugins.ADAM_6024, {"profile": "adam-6024", "host": "h"}, ONE, id="adam-6024"),
-    pytest.param(plugins.WAGO_750, {"profile": "wago-750", "host": "h"}, ONE, id="wago-750"),
-    pytest.param(plugins.ICPDAS, {"units": BOXES, "port": "p"}, ONE, id="icpdas"),
+    pytest.param(emulator.ADAM_6024, {"profile": "adam-6024", "host": "h"}, ONE, id="adam-6024"),
+    pytest.param(emulator.WAGO_750, {"profile": "wago-750", "host": "h"}, ONE, id="wago-750"),
+    pytest.param(emulator.ICPDAS, {"units": BOXES, "port": "p"}, ONE, id="icpdas"),
     pytest.param(
-        plugins.WAVESHARE,
+        emulator.WAVESHARE,
         {"units": WAVESHARE, "port": "p"},
         Wiring(("AI1",), ("AO1",)),
         id="waveshare",
@@ -46,7 +46,7 @@ def opened(
 def outputs_only() -> tuple[BusDevice, EmulatedLine, Any]:
     """Return an active device with an output, a status and no input, its line and the rig."""
     options: dict[str, object] = {"registers": (DRIVE, TRIPPED), "host": "h"}
-    return opened(plugins.WAGO_750, options, Wiring((), ("AO0",)))
+    return opened(emulator.WAGO_750, options, Wiring((), ("AO0",)))
 
 
 def set_by_somebody_else(line: EmulatedLine, address: int, word: int) -> None:
@@ -89,7 +89,7 @@ def test_opening_moves_nothing(
 
 def test_a_coupler_with_function_23_needs_one_request_for_a_cycle() -> None:
     """Outputs are set and inputs read in one request; the flag for both is in the answer."""
-    device, line, rig = opened(plugins.WAGO_750, {"profile": "wago-750", "host": "h"})
+    device, line, rig = opened(emulator.WAGO_750, {"profile": "wago-750", "host": "h"})
     assert isinstance(device, ExchangingBusDevice)
     device.exchange([1.0], line.now_ns())
     line.sent.clear()
@@ -102,7 +102,7 @@ def test_a_coupler_with_function_23_needs_one_request_for_a_cycle() -> None:
 
 def test_who_sets_and_reads_in_time_is_not_silent() -> None:
     """The status is asked ten times a second, and not before every request."""
-    device, line, _ = opened(plugins.WAGO_750, {"profile": "wago-750", "host": "h"})
+    device, line, _ = opened(emulator.WAGO_750, {"profile": "wago-750", "host": "h"})
     assert isinstance(device, ExchangingBusDevice)
     line.sent.clear()
     for _ in range(100):
@@ -115,7 +115,7 @@ def test_who_sets_and_reads_in_time_is_not_silent() -> None:
 def test_the_watchdog_of_a_coupler_is_armed_and_seen_to_trip() -> None:
     """After a silence the outputs are at 0 V, and nothing is set before the device is open anew."""
     options: dict[str, object] = {"profile": "wago-750", "host": "h", **WATCHED}
-    device, line, rig = opened(plugins.WAGO_750, options)
+    device, line, rig = opened(emulator.WAGO_750, options)
     assert device.capabilities().watchdog
     assert not isinstance(device, ExchangingBusDevice)
     assert device.write([4.0], line.now_ns())
@@ -144,7 +144,7 @@ def test_the_watchdog_of_a_coupler_is_armed_and_seen_to_trip() -> None:
 @pytest.mark.sees("modbus", "A9")
 def test_a_watchdog_that_is_seen_to_have_tripped_ends_writing() -> None:
     """Who reads in between, before anybody writes again, does not let a write through."""
-    device, line, rig = opened(plugins.WAGO_750, {"profile": "wago-750", "host": "h", **WATCHED})
+    device, line, rig = opened(emulator.WAGO_750, {"profile": "wago-750", "host": "h", **WATCHED})
     assert device.write([4.0], line.now_ns())
     line.time.t_ns += 2100 * MS
     line.receive(0)
@@ -168,7 +168,7 @@ def test_a_status_that_piezod_cannot_clear_refuses_until_it_is_cleared() -> None
         TRIPPED,
     )
     options = ModbusOptions.model_validate({"registers": rows, "host": "h"})
-    device, line, rig = emulated(plugins.WAGO_750, options, ONE)
+    device, line, rig = emulated(emulator.WAGO_750, options, ONE)
     line.open()
     set_by_somebody_else(line, 1, 0x4000)
     device.open()
@@ -254,7 +254,7 @@ def test_a_watchdog_that_waits_for_less_is_asked_sooner() -> None:
     """After a silence longer than its time-out nothing is sent before its status is known."""
     watched = {"watchdog": {"timeout_s": 0.1, "safe": 0.0}}
     options: dict[str, object] = {"profile": "wago-750", "host": "h", **watched}
-    device, line, rig = opened(plugins.WAGO_750, options)
+    device, line, rig = opened(emulator.WAGO_750, options)
     assert device.write([4.0], line.now_ns())
     line.time.t_ns += 150 * MS
     line.receive(0)
@@ -268,7 +268,7 @@ def test_a_watchdog_that_waits_for_less_is_asked_sooner() -> None:
 READ_ONLY: list[Any] = [
     *(pytest.param(*case.values[:2], case.values[2].inputs, id=case.id) for case in CASES),
     pytest.param(
-        plugins.WAGO_750, {"profile": "wago-750", "host": "h", **WATCHED}, ("AI0",), id="watched"
+        emulator.WAGO_750, {"profile": "wago-750", "host": "h", **WATCHED}, ("AI0",), id="watched"
     ),
 ]
 
@@ -289,7 +289,7 @@ def test_a_device_of_which_inputs_are_used_is_sent_no_write(
 @pytest.mark.sees("modbus", "S7")
 def test_a_saturated_input_is_told() -> None:
     """An input beyond its range is no sample, and its channel says so; the output does not."""
-    device, line, rig = opened(plugins.ADAM_6024, {"profile": "adam-6024", "host": "h"})
+    device, line, rig = opened(emulator.ADAM_6024, {"profile": "adam-6024", "host": "h"})
     rig.valid = False
     line.time.t_ns += 200 * MS
     (sample,) = device.read(line.now_ns())
@@ -304,7 +304,7 @@ def test_a_saturated_input_is_told() -> None:
 def test_another_device_is_refused() -> None:
     """A profile whose constants are not found is not opened, and the error says what was found."""
     device, line, _ = emulated(
-        plugins.WAGO_750,
+        emulator.WAGO_750,
         ModbusOptions.model_validate({"profile": "labjack-t7", "host": "h"}),
         Wiring((), ()),
     )
@@ -312,7 +312,7 @@ def test_another_device_is_refused() -> None:
         device.open()
     assert not line.opened
     device, _, _ = emulated(
-        plugins.LABJACK_T4,
+        emulator.LABJACK_T4,
         ModbusOptions.model_validate({"profile": "labjack-t7", "host": "h"}),
         Wiring((), ()),
     )
@@ -325,7 +325,7 @@ def test_a_register_that_the_device_has_not_is_told_when_it_is_opened() -> None:
     """A wrong map fails at once, with the exception and the request."""
     row = {"role": "input", "channel": "AI0", "address": 700}
     options = ModbusOptions.model_validate({"registers": (row,), "host": "h"})
-    device, _, _ = emulated(plugins.ADAM_6024, options, Wiring(("AI0",), ()))
+    device, _, _ = emulated(emulator.ADAM_6024, options, Wiring(("AI0",), ()))
     with pytest.raises(DeviceUnavailableError, match=r"function 3 .*exception 2"):
         device.open()
 
@@ -336,7 +336,7 @@ def test_forms_that_a_device_refuses_are_not_used() -> None:
         {"role": "input", "channel": f"AI{i}", "address": i, "table": "holding"} for i in range(9)
     )
     options = ModbusOptions.model_validate({"registers": rows, "host": "h"})
-    device, line, _ = emulated(plugins.ADAM_6024, options, Wiring(("AI5",), ()))
+    device, line, _ = emulated(emulator.ADAM_6024, options, Wiring(("AI5",), ()))
     device.open()
     device.activate(line.now_ns())
     for _ in range(4):
@@ -347,7 +347,7 @@ def test_forms_that_a_device_refuses_are_not_used() -> None:
 def test_a_form_that_is_refused_is_not_used_in_a_common_request() -> None:
     """Of three lengths the device refuses the second: only the others are read while writing."""
     options = ModbusOptions.model_validate({"profile": "wago-750", "host": "h"})
-    device, line, _ = emulated(plugins.WAGO_750, options, ONE)
+    device, line, _ = emulated(emulator.WAGO_750, options, ONE)
     assert isinstance(device, ExchangingBusDevice)
 
     def refuses_two(reply: bytes) -> bytes:
@@ -371,7 +371,7 @@ def test_a_form_that_is_refused_is_not_used_in_a_common_request() -> None:
 def test_what_a_device_does_not_tell() -> None:
     """A box without the register of its version is not told apart, and works nevertheless."""
     options = ModbusOptions.model_validate({"profile": "waveshare-ai8b", "port": "p"})
-    device, _, _ = emulated(plugins.ICPDAS, options, Wiring(("AI1",), ()))
+    device, _, _ = emulated(emulator.ICPDAS, options, Wiring(("AI1",), ()))
     model = "Modbus RTU Analog Input 8CH (B)"
     assert device.open() == ("Waveshare", model, "not told", "not told")
 
@@ -379,7 +379,7 @@ def test_what_a_device_does_not_tell() -> None:
 def test_two_outputs_that_are_no_neighbours() -> None:
     """Each of them is set, in its own request."""
     device, line, rig = opened(
-        plugins.ICPDAS, {"units": BOXES, "port": "p"}, Wiring(("AI1",), ("AO2", "AO0"))
+        emulator.ICPDAS, {"units": BOXES, "port": "p"}, Wiring(("AI1",), ("AO2", "AO0"))
     )
     assert device.write([5.0, 3.0], line.now_ns())
     assert rig.drive_v == [pytest.approx(45, abs=0.05), 0.0]

@@ -9,8 +9,8 @@ from piezod.devices.bus.conversation import PATIENCE
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.modbus.checksum import checksum
-from piezod_drivers.modbus.requests import ModbusRequest, WriteMany, read, write_one
-from piezod_drivers.modbus.rtu import RtuTransactions
+from piezod_drivers.modbus.codec import ModbusRequest, WriteMany, read, write_one
+from piezod_drivers.modbus.rtu_transactions import RtuTransactions
 from tests.devices.bus.played_line import MS, PlayedLine
 
 FORMS = [read("holding", 0, count) for count in (1, 2, 3)]

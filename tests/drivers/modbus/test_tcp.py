@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.modbus.requests import read
-from piezod_drivers.modbus.tcp import TcpTransactions
+from piezod_drivers.modbus.codec import read
+from piezod_drivers.modbus.tcp_transactions import TcpTransactions
 from tests.devices.bus.played_line import MS, PlayedLine
 
 REQUEST = read("input", 0, 2)

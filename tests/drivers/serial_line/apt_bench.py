@@ -5,11 +5,11 @@ from collections.abc import Callable
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.thorlabs_apt import codec
-from piezod_drivers.serial_line.thorlabs_apt.amplifier import AmplifierDialogue
+from piezod_drivers.serial_line.thorlabs_apt.amplifier_dialogue import AmplifierDialogue
 from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
 from piezod_drivers.serial_line.thorlabs_apt.emulator import KpzEmulator, KsgEmulator
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
-from piezod_drivers.serial_line.thorlabs_apt.reader import ReaderDialogue
+from piezod_drivers.serial_line.thorlabs_apt.reader_dialogue import ReaderDialogue
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
 from tests.drivers.serial_line.scripted_line import EmulatedLine
 

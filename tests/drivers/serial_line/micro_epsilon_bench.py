@@ -2,7 +2,7 @@
 
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import Wiring
-from piezod_drivers.serial_line.micro_epsilon import stream
+from piezod_drivers.serial_line.micro_epsilon import codec
 from piezod_drivers.serial_line.micro_epsilon.dialogue import MicroEpsilonDialogue
 from piezod_drivers.serial_line.micro_epsilon.emulator import ILD1420, ODC2520
 from piezod_drivers.serial_line.micro_epsilon.options import MicroEpsilonOptions
@@ -16,7 +16,7 @@ ANSWER = (
     b"GETINFO\r\nName: ILD1420-10\r\nSerial: 77\r\nMeasuring range: 10.00mm\r\nVersion: 1\r\n->"
 )
 COUNT = 32_000
-WORD = stream.pack(COUNT, 3)
+WORD = codec.pack(COUNT, 3)
 AT_COUNT_UM = (COUNT * 102 / 65520 - 1) / 100 * 10_000
 
 
@@ -40,7 +40,7 @@ def scripted(model: str = "ILD1420", **more: object) -> tuple[BusDevice, Scripte
     if PROFILES[model].talks:
         line.then(says(GETINFO, WORD + ANSWER.replace(b"ILD1420", model.encode()) + WORD))
     device = BusDevice(model, MicroEpsilonDialogue(options(model, **more), WIRING, line))
-    line.comes(stream.pack(COUNT >> 4, PROFILES[model].word_bytes), 200 * US)
+    line.comes(codec.pack(COUNT >> 4, PROFILES[model].word_bytes), 200 * US)
     device.open()
     device.activate(line.now_ns())
     return device, line

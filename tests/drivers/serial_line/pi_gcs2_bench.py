@@ -2,7 +2,7 @@
 
 from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.interface import Wiring
-from piezod_drivers.serial_line.pi_gcs2.driver import Gcs2Dialogue
+from piezod_drivers.serial_line.pi_gcs2.dialogue import Gcs2Dialogue
 from piezod_drivers.serial_line.pi_gcs2.emulator import Gcs2Emulator
 from piezod_drivers.serial_line.pi_gcs2.options import Gcs2Options
 from tests.drivers.serial_line.linear_rig import LinearRig, bench

@@ -5,7 +5,7 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.psj.dialogue import PsjDialogue
 from piezod_drivers.serial_line.psj.emulator import PsjEmulator
-from piezod_drivers.serial_line.psj.models import MODELS, Profile, Reads
+from piezod_drivers.serial_line.psj.profiles import MODELS, Profile, Reads
 from tests.drivers.serial_line.linear_rig import bench
 from tests.drivers.serial_line.scripted_line import EmulatedLine, TestTime
 

@@ -8,9 +8,9 @@ from piezod.devices.interface import Wiring
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
+from piezod_drivers.serial_line.thorlabs_apt.cube_line import wake
 from piezod_drivers.serial_line.thorlabs_apt.driver import PLUGIN
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
-from piezod_drivers.serial_line.thorlabs_apt.port import wake
 from tests.drivers.serial_line.apt_bench import NOW, answering, answering_words, instead, kpz, ksg
 from tests.drivers.serial_line.linear_rig import UM_PER_V
 

@@ -16,17 +16,17 @@ from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 from piezod_drivers.serial_line.npoint_lc400.dialogue import Lc400Dialogue
 from piezod_drivers.serial_line.npoint_lc400.emulator import Lc400
 from piezod_drivers.serial_line.npoint_lc400.options import Lc400Options
-from piezod_drivers.serial_line.pi_gcs1.driver import Gcs1Dialogue
+from piezod_drivers.serial_line.pi_gcs1.dialogue import Gcs1Dialogue
 from piezod_drivers.serial_line.pi_gcs1.emulator import EMULATOR as GCS1
 from piezod_drivers.serial_line.pi_gcs1.options import Gcs1Options
-from piezod_drivers.serial_line.pi_gcs2.driver import Gcs2Dialogue
+from piezod_drivers.serial_line.pi_gcs2.dialogue import Gcs2Dialogue
 from piezod_drivers.serial_line.pi_gcs2.emulator import Gcs2Emulator
 from piezod_drivers.serial_line.pi_gcs2.options import Gcs2Options
 from piezod_drivers.serial_line.psj.dialogue import PsjDialogue
 from piezod_drivers.serial_line.psj.emulator import PsjEmulator
-from piezod_drivers.serial_line.psj.models import MODELS, Profile
+from piezod_drivers.serial_line.psj.profiles import MODELS, Profile
 from piezod_drivers.serial_line.thorlabs_apt import codec
-from piezod_drivers.serial_line.thorlabs_apt.amplifier import AmplifierDialogue
+from piezod_drivers.serial_line.thorlabs_apt.amplifier_dialogue import AmplifierDialogue
 from piezod_drivers.serial_line.thorlabs_apt.codec import Id
 from piezod_drivers.serial_line.thorlabs_apt.emulator import KpzEmulator
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions

@@ -5,7 +5,8 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.serial_line.gcs.emulator import GcsEmulator
-from piezod_drivers.serial_line.pi_gcs1.driver import PLUGIN, Gcs1Dialogue
+from piezod_drivers.serial_line.pi_gcs1.dialogue import Gcs1Dialogue
+from piezod_drivers.serial_line.pi_gcs1.driver import PLUGIN
 from piezod_drivers.serial_line.pi_gcs1.emulator import EMULATOR
 from piezod_drivers.serial_line.pi_gcs1.options import Gcs1Options
 from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench

@@ -6,7 +6,8 @@ from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
-from piezod_drivers.serial_line.pi_gcs2.driver import PLUGIN, Gcs2Dialogue
+from piezod_drivers.serial_line.pi_gcs2.dialogue import Gcs2Dialogue
+from piezod_drivers.serial_line.pi_gcs2.driver import PLUGIN
 from piezod_drivers.serial_line.pi_gcs2.options import Gcs2Options
 from tests.drivers.serial_line.linear_rig import UM_PER_V
 from tests.drivers.serial_line.pi_gcs2_bench import (

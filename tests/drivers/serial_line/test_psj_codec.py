@@ -10,7 +10,7 @@ from piezod.devices.bus.conversation import LengthOf
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.psj import codec
-from piezod_drivers.serial_line.psj.models import MODELS, Profile
+from piezod_drivers.serial_line.psj.profiles import MODELS, Profile
 from tests.drivers.serial_line.psj_rig import ALL, Rig
 
 FINDERS = [codec.framed, codec.line, codec.ended_by_cr, codec.prompt, codec.versions]

@@ -3,7 +3,7 @@
 import pytest
 
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.serial_line.psj.models import Profile
+from piezod_drivers.serial_line.psj.profiles import Profile
 from tests.drivers.serial_line.linear_rig import UM_PER_V
 from tests.drivers.serial_line.psj_rig import ALL, Rig
 from tests.drivers.serial_line.scripted_line import MS

@@ -5,8 +5,8 @@ from pydantic import ValidationError
 
 from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.psj.driver import PLUGIN
-from piezod_drivers.serial_line.psj.models import Profile, Reads
 from piezod_drivers.serial_line.psj.options import PsjOptions
+from piezod_drivers.serial_line.psj.profiles import Profile, Reads
 
 
 @pytest.mark.parametrize(

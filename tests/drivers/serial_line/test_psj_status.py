@@ -5,7 +5,7 @@ import pytest
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.serial_line.psj.models import Profile
+from piezod_drivers.serial_line.psj.profiles import Profile
 from tests.drivers.serial_line.psj_rig import Rig
 from tests.drivers.serial_line.scripted_line import MS
 

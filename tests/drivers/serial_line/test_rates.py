@@ -6,10 +6,10 @@ import pytest
 
 from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.gcs.dialogue import GcsDialogue
-from piezod_drivers.serial_line.pi_gcs1.driver import Gcs1Dialogue
+from piezod_drivers.serial_line.pi_gcs1.dialogue import Gcs1Dialogue
 from piezod_drivers.serial_line.pi_gcs1.emulator import EMULATOR as E816
 from piezod_drivers.serial_line.pi_gcs1.options import Gcs1Options
-from piezod_drivers.serial_line.pi_gcs2.driver import Gcs2Dialogue
+from piezod_drivers.serial_line.pi_gcs2.dialogue import Gcs2Dialogue
 from piezod_drivers.serial_line.pi_gcs2.emulator import EMULATOR as E727
 from piezod_drivers.serial_line.pi_gcs2.options import Gcs2Options
 from piezod_drivers.serial_line.thorlabs_mdt.dialogue import MdtDialogue

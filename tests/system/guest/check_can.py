@@ -18,7 +18,7 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus.cycle import STALLED_AFTER, CanCycle
+from piezod_drivers.can_bus.conversation import STALLED_AFTER, CanConversation
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.library_bus import LibraryBus
 from tests.daemon.waiting import eventually
@@ -289,7 +289,7 @@ def test_old_setpoint_never_leaves(controllers: tuple[str, str]) -> None:
     bus = LibraryBus("socketcan", ours, {})
     bus.open(())
     with plugged(ours, 2):
-        stall(CanCycle(bus, SECOND_NS, (), lambda _: None))
+        stall(CanConversation(bus, SECOND_NS, (), lambda _: None))
         bus.close()
         with listening(theirs) as ear:
             bus.open(())
@@ -327,7 +327,7 @@ def test_queue_is_not_used_without_the_right_to_empty_it(controllers: tuple[str,
     bus = LibraryBus("socketcan", ours, {})
     bus.open(())
     with plugged(ours, 2):
-        stall(CanCycle(bus, SECOND_NS, (), lambda _: None))
+        stall(CanConversation(bus, SECOND_NS, (), lambda _: None))
         bus.close()
         os.seteuid(NOBODY)  # which gives up what root may
         try:
@@ -364,7 +364,7 @@ def test_controller_off_the_bus_is_told(vcan: str) -> None:
             heard(driver)
 
 
-def stall(cycle: CanCycle) -> None:
+def stall(cycle: CanConversation) -> None:
     """Send until the bus counts as left."""
     for _ in range(2):
         cycle.tell(OLD)

@@ -1,4 +1,4 @@
-"""A CANopen node with analogue inputs and outputs as a device."""
+"""The driver `canopen`: nodes with analogue inputs and outputs on a CAN bus."""
 
 from typing import Final
 
@@ -21,7 +21,7 @@ def create(options: Cia401Options, wiring: Wiring, _seed: int) -> BusDevice:
 
 PLUGIN: Final = DriverPlugin(
     name="canopen",
-    summary="analogue inputs and outputs on a CAN bus, by CANopen's profile CiA 401",
+    summary="CANopen nodes with analogue inputs and outputs, device profile CiA 401",
     options_model=Cia401Options,
     create=create,
     confirmed_on_hardware=False,

@@ -1,11 +1,11 @@
-"""What a node tells of itself: emergencies and heartbeats."""
+"""The state that a node reports by itself, in emergencies and heartbeats."""
 
 from typing import Final
 
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod_drivers.can_bus.cia401.objects import BOOTED, OPERATIONAL
 
-# Error codes of emergencies (CiA 301, and CiA 401 for outputs); the first that fits counts.
+# Mask, error code and meaning of emergencies (CiA 301; outputs: CiA 401). The first match counts.
 _MEANINGS: Final = (
     (0xFFFF, 0x2320, DeviceFlag.SHORT_OR_OPEN),  # short circuit at outputs
     (0xFFFF, 0x2330, DeviceFlag.SHORT_OR_OPEN),  # load dump at outputs
@@ -18,12 +18,12 @@ _MEANINGS: Final = (
 )
 _ERROR_RESET: Final = 0x0000
 _CLASS: Final = 0xFF00
-_MOST: Final = 32
-"""Emergencies that are remembered; who sends more of them has failed anyway."""
+_MAX_EMERGENCIES: Final = 32
+"""Highest number of emergencies that are kept; a node with more has failed anyway."""
 
 
 def meaning_of(code: int) -> DeviceFlag:
-    """Return what an error code means; `DEVICE_FAILURE` where it has no meaning of its own."""
+    """Return the meaning of an error code; `DEVICE_FAILURE` for a code without its own."""
     for mask, kind, flag in _MEANINGS:
         if code & mask == kind:
             return flag
@@ -31,57 +31,59 @@ def meaning_of(code: int) -> DeviceFlag:
 
 
 class NodeHealth:
-    """Remembers what lasts of what a node has told: emergencies until it takes them back."""
+    """Keeps the reported state of a node; an emergency lasts until the node clears it."""
 
     def __init__(self) -> None:
         self._active: set[int] = set()
         self._state = OPERATIONAL
-        self._has_beaten = False
+        self._had_heartbeat = False
         self.restarted = False
-        """Whether the node has started anew since `clear`: all its settings are lost."""
+        """Whether the node has restarted since `clear`; then all its settings are lost."""
         self.flags: Flags = NO_FLAGS
-        """What is the matter with the node."""
-        self.must_be_set_up = False
-        """Whether the node is no longer as it was set up: it started anew, or its watchdog did."""
+        """Flags of the faults that the node reports."""
+        self.needs_setup = False
+        """Whether the node's setup is lost: it has restarted, or its watchdog has tripped."""
 
     def clear(self) -> None:
-        """Forget everything; to be called when the node has been set up."""
+        """Forget everything; call it when the node has been set up."""
         self._active.clear()
-        self._state, self._has_beaten, self.restarted = OPERATIONAL, False, False
-        self._tell()
+        self._state, self._had_heartbeat, self.restarted = OPERATIONAL, False, False
+        self._update()
 
     def take_emergency(self, data: bytes) -> None:
-        """Take the data of an emergency, whatever it is; may be called in the loop."""
+        """Process the data of an emergency, valid or not. Real-time safe."""
         if len(data) < 3:
             return
         code, register = data[0] | data[1] << 8, data[2]
         if code & _CLASS == _ERROR_RESET:
             if register == 0:
                 self._active.clear()
-        elif len(self._active) < _MOST:
+        elif len(self._active) < _MAX_EMERGENCIES:
             self._active.add(code)
-        self._tell()
+        self._update()
 
     def take_heartbeat(self, data: bytes) -> None:
-        """Take the data of a heartbeat, whatever it is; may be called in the loop.
+        """Process the data of a heartbeat, valid or not. Real-time safe.
 
-        Of the first one only a restart counts: it may have been waiting in the node, which sends
-        everything else before it, since before the node was set up.
+        The first heartbeat only counts if it reports a restart. It may be older than the setup: a
+        node sends all other frames first.
         """
         if len(data) != 1:
             return
+        # The top bit is a toggle bit of the older node guarding protocol.
         state = data[0] & 0x7F
         self.restarted |= state == BOOTED
-        if self._has_beaten:
+        if self._had_heartbeat:
             self._state = state
-        self._has_beaten = True
-        self._tell()
+        self._had_heartbeat = True
+        self._update()
 
-    def _tell(self) -> None:
+    def _update(self) -> None:
         flags = {meaning_of(code) for code in self._active}
         if self.restarted:
             flags.add(DeviceFlag.RESTARTED)
+        # Another master has stopped the node; it ignores process data.
         elif self._state != OPERATIONAL:
             flags.add(DeviceFlag.LOCAL_MODE)
         self.flags = frozenset(flags)
-        self.must_be_set_up = self.restarted or DeviceFlag.WATCHDOG_TRIPPED in flags
+        self.needs_setup = self.restarted or DeviceFlag.WATCHDOG_TRIPPED in flags

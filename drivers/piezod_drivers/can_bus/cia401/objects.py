@@ -1,13 +1,13 @@
-"""What a node of CiA 401 has in its object dictionary, and under which identifiers it speaks.
+"""Object dictionary indices, identifiers and codes of a CiA 401 node.
 
-After CANopenNode's demo device and the manuals of WAGO, Turck and others, all public; not confirmed
-on hardware. Numbers go over the bus with the lowest byte first.
+The sources are CANopenNode's demo device and the manuals of WAGO, Turck and others, all public; not
+confirmed on hardware. Numbers are sent with the lowest byte first.
 """
 
 from typing import Final
 
 PROFILE: Final = 401
-"""The low word of 0x1000."""
+"""Low word of object 0x1000."""
 
 DEVICE_TYPE: Final = 0x1000
 ERROR_REGISTER: Final = 0x1001
@@ -20,49 +20,49 @@ IDENTITY: Final = 0x1018
 ERROR_BEHAVIOUR: Final = 0x1029
 RPDO: Final = 0x1400
 RPDO_MAPPING: Final = 0x1600
-"""Of the first one; the others follow."""
+"""Index for RPDO 1; RPDO n is at index + n - 1. Likewise for the others."""
 TPDO: Final = 0x1800
 TPDO_MAPPING: Final = 0x1A00
 INPUT: Final = 0x6401
-"""Sub-index n: what input n reads, 16 bits."""
+"""Sub-index n: the code of input n, 16 bits."""
 OUTPUT: Final = 0x6411
-"""Likewise, what output n is set to."""
+"""Sub-index n: the code that output n is set to, 16 bits."""
 ERROR_MODE: Final = 0x6443
-"""Sub-index n: 1 where output n takes its error value when the host is lost, 0 where it holds."""
+"""Sub-index n: 1 if output n takes its error value when the host is lost, 0 if it holds."""
 ERROR_VALUE: Final = 0x6444
 
-# Identifiers; where nothing else is said, the node's number is added.
+# Identifiers of frames. The node number is added to each, except to NMT and SYNC.
 NMT: Final = 0x000
 SYNC: Final = 0x080
-"""The same for all."""
+"""The same for all nodes; EMERGENCY has a node number of at least 1 added."""
 EMERGENCY: Final = 0x080
 SDO_ANSWER: Final = 0x580
 SDO_REQUEST: Final = 0x600
 HEARTBEAT: Final = 0x700
 
 DISABLED: Final = 1 << 31
-"""In the identifier of a PDO: it is not used."""
+"""Bit in the identifier of a PDO: the PDO is not used."""
 EVERY_SYNC: Final = 1
 AT_ONCE: Final = 255
-"""Transmission types."""
+"""Transmission types of a PDO: with every SYNC, or immediately."""
 
 BOOTED: Final = 0
 STOPPED: Final = 4
 OPERATIONAL: Final = 5
 PREOPERATIONAL: Final = 127
-"""What a heartbeat says."""
+"""States of a node, as its heartbeat reports them."""
 START: Final = 1
 STOP: Final = 2
 PREPARE: Final = 128
 RESET: Final = 129
 RESET_COMMUNICATION: Final = 130
-"""What the network's master says."""
+"""Commands of the network master (NMT)."""
 
 WORD_BITS: Final = 16
 MOST_WORDS: Final = 4
-"""In a PDO."""
+"""Highest number of words in a PDO."""
 
 
 def mapped(index: int, number: int) -> int:
-    """Return the entry of a mapping for an object of 16 bits."""
+    """Return the mapping entry of a 16-bit object."""
     return index << 16 | number << 8 | WORD_BITS

@@ -1,4 +1,4 @@
-"""What a configuration may say about a CANopen node with analogue inputs and outputs."""
+"""Options of a CANopen node with analogue inputs and outputs."""
 
 from collections.abc import Iterator
 from typing import Annotated, Literal, Self, TypeAlias
@@ -18,17 +18,17 @@ _Unit: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=8)]
 
 
 class NodeInput(ConfigModel):
-    """An analogue input."""
+    """Options of an analogue input."""
 
     number: Annotated[int, Quantity(1, 254)] = Field(
-        description="Of the input on the node: the sub-index of object 0x6401."
+        description="Number of the input on the node: the sub-index of object 0x6401."
     )
-    code_at_min: _Code = Field(description="What it shows at the lowest value of `range`.")
-    code_at_max: _Code = Field(description="What it shows at the highest value of `range`.")
+    code_at_min: _Code = Field(description="Code at the lowest value of `range`.")
+    code_at_max: _Code = Field(description="Code at the highest value of `range`.")
     range: tuple[_Value, _Value] = Field(
         description="Lowest and highest value, in `unit`: the range of the converter."
     )
-    unit: _Unit = Field(default="V", description="Of its values.")
+    unit: _Unit = Field(default="V", description="Unit of its values.")
 
     @model_validator(mode="after")
     def _check_codes(self) -> Self:
@@ -38,7 +38,7 @@ class NodeInput(ConfigModel):
     def _broken_rules(self) -> Iterator[BrokenRule]:
         codes = self.code_at_min, self.code_at_max
         if codes[0] == codes[1]:
-            yield ("code_at_max",), f"must differ from code_at_min (got {codes[1]} for both)"
+            yield ("code_at_max",), f"must differ from code_at_min (both are {codes[1]})"
         if min(codes) < 0 and max(codes) > 32_767:
             what = "16 bits hold codes from -32768 to 32767, or from 0 to 65535"
             yield ("code_at_max",), f"{what} (got {min(codes)} and {max(codes)})"
@@ -47,48 +47,48 @@ class NodeInput(ConfigModel):
 
 
 class NodeOutput(NodeInput):
-    """An analogue output; its number is the sub-index of object 0x6411."""
+    """Options of an analogue output; its number is the sub-index of object 0x6411."""
 
     safe_code: Annotated[int, Quantity(-(2**31), 2**31 - 1)] | None = Field(
         default=None,
-        description="What object 0x6444 is set to, as the node's manual has it: there the code is "
-        "as in 0x6411, or shifted to the left. The node takes it when this host falls silent. "
-        "Left out: the output stays as it is then.",
+        description="Value of object 0x6444, in the form that the node's manual states: the code "
+        "as in 0x6411, or shifted to the left. The node sets the output to it when this host has "
+        "fallen silent. Left out: the output then holds its value.",
     )
 
 
 class Cia401Options(ConfigModel):
-    """Options of a CANopen node with analogue inputs and outputs, by CiA 401."""
+    """Options of a CANopen node with analogue inputs and outputs, profile CiA 401."""
 
-    bus: BusOptions = Field(description="The bus.")
+    bus: BusOptions = Field(description="The CAN bus.")
     node: NodeNumber = Field(description="Number of the node.")
     inputs: dict[ChannelName, NodeInput] = Field(
-        default_factory=dict, description="Inputs by the names that axes call them."
+        default_factory=dict, description="Inputs by channel name."
     )
     outputs: dict[ChannelName, NodeOutput] = Field(
-        default_factory=dict, description="Outputs likewise."
+        default_factory=dict, description="Outputs by channel name."
     )
     read_back: Literal["sdo", "pdo", "none"] = Field(
         default="sdo",
-        description="How outputs are read back: sdo, two more frames each, which every node can; "
-        "pdo, with the inputs, which some nodes can; or not at all.",
+        description="How outputs are read back: sdo takes two more frames for each output, and "
+        "every node supports it; pdo reads them with the inputs, and some nodes support it; none.",
     )
-    timeout_ms: TimeoutMs = Field(default=5.0, description="How long to wait in a cycle, ms.")
+    timeout_ms: TimeoutMs = Field(default=5.0, description="Longest wait for a reply, ms.")
     heartbeat_ms: Annotated[int, Quantity(0, 10_000, "ms")] = Field(
-        default=100, description="How often the node shows that it lives, ms; 0: not at all."
+        default=100, description="Period of the node's heartbeat, ms; 0: none."
     )
     host_node: NodeNumber = Field(
-        default=126, description="This host's number; no other node on the bus may have it."
+        default=126, description="Node number of this host; no other node on the bus may have it."
     )
     watchdog_ms: Annotated[int, Quantity(10, 10_000, "ms")] = Field(
         default=200,
-        description="After so long without a sign of this host the node takes its safe codes, ms.",
+        description="After this time without this host's heartbeat the node sets safe codes, ms.",
     )
     rpdo: Annotated[int, Quantity(1, 512)] = Field(
-        default=2, description="Which PDO sets the outputs, as the node numbers them."
+        default=2, description="Number of the node's receive PDO that sets the outputs."
     )
     tpdo: Annotated[int, Quantity(1, 512)] = Field(
-        default=2, description="Which PDO tells the inputs."
+        default=2, description="Number of the node's transmit PDO that carries the inputs."
     )
 
     @model_validator(mode="after")
@@ -99,17 +99,17 @@ class Cia401Options(ConfigModel):
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if not self.inputs and not self.outputs:
             yield ("inputs",), "name at least one input or output of the node"
-        told = len(self.inputs) + (len(self.outputs) if self.read_back == "pdo" else 0)
-        for key, count in (("inputs", told), ("outputs", len(self.outputs))):
+        n_read = len(self.inputs) + (len(self.outputs) if self.read_back == "pdo" else 0)
+        for key, count in (("inputs", n_read), ("outputs", len(self.outputs))):
             if count > MOST_WORDS:
-                what = f"{MOST_WORDS} channels go into a PDO (got {count})"
-                yield (key,), f"{what}: leave out those that no axis uses"
+                what = f"a PDO carries at most {MOST_WORDS} channels (got {count})"
+                yield (key,), f"{what}: leave out the channels that no axis uses"
         if self.host_node == self.node:
             yield ("host_node",), "must not be the number of the node"
 
 
 def channels(options: Cia401Options) -> ChannelUnits:
-    """Tell the channels that a configuration names, with their units."""
+    """Return the configured channels with their units."""
     return ChannelUnits(
         {name: channel.unit for name, channel in options.inputs.items()},
         {name: channel.unit for name, channel in options.outputs.items()},

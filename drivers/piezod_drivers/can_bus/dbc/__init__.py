@@ -1,7 +1,6 @@
-"""Devices whose frames a DBC file describes, or the configuration itself.
+"""Devices whose frames are described by a DBC file, or by the configuration itself.
 
-Files: `options.py` is what a configuration may say, `driver.py` makes the device, `dialogue.py` is
-what goes over the bus. `layout.py` packs and unpacks signals, `checksum.py` their checksums,
-`database.py` reads a DBC file by cantools. `demo.py` is a device of our own for `piezod emulate`,
-described by config/devices/can-dbc-demo.dbc.
+`database.py` reads a DBC file by the cantools library. `used_signals.py` selects the messages and
+signals that a wiring uses. `messages.py` makes and checks frames with their counters; their
+checksums are in `checksum.py`.
 """

@@ -1,4 +1,4 @@
-"""Checksums that frames carry; a DBC file names their signal and not how they are made."""
+"""Checksums in frames; a DBC file names their signal, but not their algorithm."""
 
 from collections.abc import Callable
 from functools import reduce
@@ -7,6 +7,7 @@ from typing import Final, Literal, TypeAlias
 
 Algorithm: TypeAlias = Literal["crc8_j1850", "xor", "sum"]
 
+# x⁸ + x⁴ + x³ + x² + 1, without its highest term.
 _POLYNOMIAL: Final = 0x1D
 
 
@@ -20,7 +21,7 @@ _TABLE: Final = tuple(_entry(value) for value in range(256))
 
 
 def crc8_j1850(data: bytes | bytearray) -> int:
-    """Return the CRC-8 of SAE J1850; may be called in the loop."""
+    """Return the CRC-8 of SAE J1850. Real-time safe."""
     value = 0xFF
     for byte in data:
         value = _TABLE[value ^ byte]
@@ -40,4 +41,4 @@ ALGORITHMS: Final[dict[Algorithm, Callable[[bytes | bytearray], int]]] = {
     "xor": _xor,
     "sum": _sum,
 }
-"""Each takes all bytes of a frame but the checksum's own, and gives a byte."""
+"""Each maps the bytes of a frame, without the checksum itself, to a byte."""

@@ -5,38 +5,38 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
-from piezod_drivers.can_bus.dbc.layout import DbcMessage, DbcSignal
-from piezod_drivers.can_bus.frame import LONGEST
+from piezod_drivers.can_bus.dbc.codec import DbcMessage, DbcSignal
+from piezod_drivers.can_bus.frame import MAX_DATA_BYTES
 
 _UNITS: Final = {"um": "µm", "\u03bcm": "µm", "\u00c2\u00b5m": "µm"}
-"""How files write micrometres: without the letter, with the Greek one, in another encoding."""
+"""Spellings of micrometre in DBC files: without µ, with a Greek µ, in a wrong encoding."""
 
 
 class DatabaseError(Exception):
-    """Raised where a DBC file cannot be used; the text says why and what to do."""
+    """Raised if a DBC file cannot be used; the text has the reason and the remedy."""
 
 
 @lru_cache(maxsize=4)
 def load(path: Path) -> Mapping[str, DbcMessage]:
-    """Return the messages of a DBC file by name; those that cannot be used are left out.
+    """Return the usable messages of a DBC file by name.
 
-    These are messages of CAN FD, and signals that are multiplexed or floating point numbers.
+    CAN FD messages are left out, and signals that are multiplexed or floating point numbers.
 
     Raises:
-        DatabaseError: If it cannot be read, or cantools is not installed.
+        DatabaseError: If the file cannot be read, or cantools is not installed.
     """
     try:
-        import cantools  # noqa: PLC0415 - only who has a DBC file needs the library
+        import cantools  # noqa: PLC0415 - only needed to read a DBC file
     except ImportError as error:
-        what = f"the cantools library is needed to read it ({error})"
+        what = f"the cantools library, which reads DBC files, is missing ({error})"
         raise DatabaseError(f'{what}: pip install "piezod[can]"') from error
     try:
         database = cantools.database.load_file(path)
     except Exception as error:
-        # The parser raises errors of its own, and others for files that are no text.
+        # The parser raises errors of its own, and other errors for files that are not text.
         raise DatabaseError(f"{path} cannot be read: {error}") from error
     messages = getattr(database, "messages", [])
-    return {one.name: _message(one) for one in messages if one.length <= LONGEST}
+    return {one.name: _message(one) for one in messages if one.length <= MAX_DATA_BYTES}
 
 
 def _message(one: Any) -> DbcMessage:  # cantools' messages

@@ -1,4 +1,4 @@
-"""What goes over the bus to a device whose frames are described by their signals."""
+"""The conversation with a device whose frames are described by their signals."""
 
 from collections.abc import Iterable, Sequence
 from math import nan
@@ -9,55 +9,59 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.can_bus.cycle import CanCycle
-from piezod_drivers.can_bus.dbc.layout import SignalReader
+from piezod_drivers.can_bus.conversation import CanConversation
+from piezod_drivers.can_bus.dbc.codec import SignalReader
 from piezod_drivers.can_bus.dbc.options import DbcOptions
 from piezod_drivers.can_bus.dbc.used_signals import UsedSignals
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.frame_bus import FrameBus
-from piezod_drivers.can_bus.options import highest_rate_hz
+from piezod_drivers.can_bus.options import max_rate_hz
 
 MS: Final = 1_000_000
-_FIRST_NS: Final = 1_000_000_000
-"""How long the device may take for its first frames."""
+_FIRST_FRAMES_NS: Final = 1_000_000_000
+"""Longest time that the device may take for its first frames."""
 
 
 class DbcDialogue:
     """Implements `devices.bus.dialogue.ExchangingDialogue` for described frames.
 
-    With a request, one exchange is: the messages that drive, the request, and the answers to it,
-    which acknowledge what was sent before. Without one, the device sends by itself; the latest of
-    each message counts as long as it is not too old, and a message that drives is acknowledged by
-    nobody but the controllers on the bus: compare what is read back.
+    With a request, one exchange is: the messages with outputs, the request, and its replies, which
+    confirm the messages before it. Without a request, the device sends by itself; the latest frame
+    of each message counts unless it is too old. Then only the controllers on the bus acknowledge a
+    message with outputs, so its effect has to be read back.
 
     Args:
-        options: What a configuration says.
-        wiring: The channels that are used.
+        options: Options of the device.
+        wiring: The channels in use.
         bus: The bus.
     """
 
     def __init__(self, options: DbcOptions, wiring: Wiring, bus: FrameBus) -> None:
         self._options, self._wiring, self._bus = options, wiring, bus
-        self._described: UsedSignals | None = None
-        self._cycle = CanCycle(bus, round(options.timeout_ms * MS), (), self._take)
+        self._signals_or_none: UsedSignals | None = None
+        self._conversation = CanConversation(
+            bus, round(options.timeout_ms * MS), (), self._handle_frame
+        )
         self._latest: dict[int, tuple[int, bytes]] = {}
         self._noticed: set[DeviceFlag] = set()
-        self._asked_ns: int | None = None
+        self._read_ns: int | None = None
 
     def open(self) -> Identity:
-        """Connect, and wait until the device has sent or answered; its outputs stay as they are.
+        """Connect and wait until the device has sent or replied; outputs keep their values.
 
         Raises:
             DeviceUnavailableError: If it does neither.
-            DeviceError: If an output that is not used would be set too, and cannot be read back.
+            DeviceError: If a message would set an unused output that is not read back.
             LineFault: If the bus fails.
         """
-        described = self._described = UsedSignals(self._options, self._wiring)
+        signals = self._signals_or_none = UsedSignals(self._options, self._wiring)
         self._latest.clear()
         self._noticed.clear()
-        own = tuple(described.sent)
-        self._bus.open((*own, *described.received))
-        self._cycle = CanCycle(self._bus, round(self._options.timeout_ms * MS), own, self._take)
+        own = tuple(signals.sent)
+        self._bus.open((*own, *signals.received))
+        self._conversation = CanConversation(
+            self._bus, round(self._options.timeout_ms * MS), own, self._handle_frame
+        )
         try:
             self._ask((), None)
         except LineFault as fault:
@@ -69,146 +73,152 @@ class DbcDialogue:
         return Identity("frames described by", about, self._bus.where, "unknown version")
 
     def close(self) -> None:
-        """Let go of the bus; outputs stay as they are. Never raises."""
+        """Disconnect; the outputs keep their values. Never raises."""
         self._bus.close()
 
     def capabilities(self) -> Capabilities:
-        """Tell what the device can do."""
+        """Return the channels and the highest rate that the bus allows."""
         return Capabilities(
             self._wiring.inputs,
             self._wiring.outputs,
-            self._frames.reads_back,
-            highest_rate_hz(self._options.bus, self._frames.sizes),
+            self._signals.reads_back,
+            max_rate_hz(self._options.bus, self._signals.sizes),
             holds=True,
         )
 
     def ranges(self) -> Sequence[tuple[float, float]]:
-        """Tell the ranges of the outputs, as described."""
-        return self._frames.ranges
+        """Return the described range of each output, in its unit."""
+        return self._signals.ranges
 
     def activate(self) -> None:
-        """Take over the outputs that are not used, but sent; the first of these takes control.
+        """Prepare to hold the unused outputs that the messages in use also set.
 
         Raises:
-            DeviceError: If one of them is where it cannot be held.
-            LineFault: If the device does not tell where they are, or the bus fails.
+            DeviceError: If one of them is out of the range that can be set.
+            LineFault: If the device does not report their values, or the bus fails.
         """
-        if fills := self._frames.fills:
+        # No message with outputs is sent before the first setpoint: only that takes control.
+        if held_outputs := self._signals.held_outputs:
             self._ask((), None)
-            held = [(fill.place, fill.held(self._value(fill.back))) for fill in fills]
-            for (identifier, signal), value in held:
-                self._frames.sent[identifier].put(signal, value)
+            values = [
+                (held.target, held.held_value(self._value(held.read_back))) for held in held_outputs
+            ]
+            for (identifier, signal), value in values:
+                self._signals.sent[identifier].put(signal, value)
 
     def deactivate(self) -> None:
-        """Do nothing: outputs hold."""
+        """Do nothing: the outputs hold."""
 
     def sample(self, now_ns: int) -> Reading:
-        """Take the inputs; may be called in the loop.
+        """Read the inputs. Real-time safe.
 
         Raises:
-            LineFault: If the device does not answer or send in time, or the bus fails.
+            LineFault: If the device does not reply or send in time, or the bus fails.
         """
         self._ask((), now_ns)
         return self._reading(now_ns)
 
     def put(self, values: Sequence[float]) -> None:
-        """Set the outputs; may be called in the loop.
+        """Set the outputs. Real-time safe.
 
         Raises:
             LineFault: As `sample`.
         """
-        frames = self._drive(values)
-        if self._frames.request is None:
-            self._cycle.catch_up()
+        frames = self._command_frames(values)
+        if self._signals.request is None:
+            self._conversation.read_pending()
             for frame in frames:
-                self._cycle.tell(frame)
+                self._conversation.tell(frame)
         else:
             self._ask(frames, None)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
-        """Set the outputs and take the inputs; may be called in the loop.
+        """Set the outputs and read the inputs. Real-time safe.
 
         Raises:
             LineFault: As `sample`.
         """
-        self._ask(self._drive(values), now_ns)
+        self._ask(self._command_frames(values), now_ns)
         return self._reading(now_ns)
 
     def in_force(self, now_ns: int) -> Sequence[float]:
-        """Tell what the device says is in force; may be called in the loop.
+        """Return the reported value of each output. Real-time safe.
 
         Raises:
             LineFault: As `sample`.
         """
-        if self._asked_ns != now_ns:
+        if self._read_ns != now_ns:
             self._ask((), now_ns)
-        return [self._value(place) for place in self._frames.backs]
+        return [self._value(place) for place in self._signals.read_backs]
 
     def flags(self) -> Sequence[Flags]:
-        """Tell which of the signals for flags are not 0, of every channel."""
-        latest, told = self._latest, NO_FLAGS
-        for flag, identifier, reader in self._frames.flags:
+        """Return the faults whose signals are not 0, for every channel. Real-time safe."""
+        latest, found = self._latest, NO_FLAGS
+        for flag, identifier, reader in self._signals.flags:
             if identifier in latest and reader.raw(latest[identifier][1]):
-                told |= {flag}
-        return [told] * (len(self._wiring.inputs) + len(self._wiring.outputs))
+                found |= {flag}
+        return [found] * (len(self._wiring.inputs) + len(self._wiring.outputs))
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail."""
-        noticed = self._cycle.take_noticed()
+        """Return and clear the flags of faults that no call has raised."""
+        noticed = self._conversation.take_noticed()
         if self._noticed:
             noticed = noticed | self._noticed
             self._noticed.clear()
         return noticed
 
     @property
-    def _frames(self) -> UsedSignals:
-        assert self._described is not None  # noqa: S101 - a bus device opens it first
-        return self._described
+    def _signals(self) -> UsedSignals:
+        assert self._signals_or_none is not None  # noqa: S101 - a `BusDevice` opens it first
+        return self._signals_or_none
 
-    def _drive(self, values: Sequence[float]) -> list[Frame]:
-        described = self._frames
-        sent = described.sent
-        for (identifier, signal), value in zip(described.drives, values, strict=True):
+    def _command_frames(self, values: Sequence[float]) -> list[Frame]:
+        signals = self._signals
+        sent = signals.sent
+        for (identifier, signal), value in zip(signals.driven_signals, values, strict=True):
             sent[identifier].put(signal, value)
-        return [sent[identifier].next() for identifier in described.driving]
+        return [sent[identifier].next() for identifier in signals.driven_messages]
 
     def _ask(self, frames: Iterable[Frame], now_ns: int | None) -> None:
-        described = self._frames
-        if described.request is None or not described.answers:
-            self._cycle.catch_up()  # what the bus says of frames sent before is among it
+        signals = self._signals
+        if signals.request is None or not signals.answers:
+            # Pending error frames concern frames that were sent before.
+            self._conversation.read_pending()
             for frame in frames:
-                self._cycle.tell(frame)
+                self._conversation.tell(frame)
             self._require_latest()
         else:
-            asking = described.sent[described.request].next()
-            tagged = described.tagged
-            got = self._cycle.ask((*frames, asking), described.answers, self._check, tagged=tagged)
+            request = signals.sent[signals.request].next()
+            tagged = signals.tagged
+            got = self._conversation.ask(
+                (*frames, request), signals.answers, self._is_answer, tagged=tagged
+            )
             arrived_ns = self._bus.now_ns()
             for identifier, data in got.items():
                 self._latest[identifier] = arrived_ns, data
-        self._asked_ns = now_ns
+        self._read_ns = now_ns
 
-    def _check(self, frame: Frame) -> bool:
-        """Tell whether a frame answers the last request.
+    def _is_answer(self, frame: Frame) -> bool:
+        """Return whether a frame answers the last request.
 
         Raises:
-            LineFault: If it is not sound.
+            LineFault: If the frame is invalid.
         """
-        described = self._frames
-        received = described.received[frame.id]
-        received.require_sound(frame)
-        assert described.request is not None  # noqa: S101 - who asks has a request
-        if not received.repeats(frame, described.sent[described.request].count):
+        signals = self._signals
+        received = signals.received[frame.id]
+        received.require_valid(frame)
+        assert signals.request is not None  # noqa: S101 - a reply has a request
+        if not received.answers_request(frame, signals.sent[signals.request].count):
             return False
         return received.is_newer(frame)
 
-    def _take(self, frame: Frame) -> None:
-        """Take what the device has sent by itself."""
-        received = self._frames.received.get(frame.id)
+    def _handle_frame(self, frame: Frame) -> None:
+        """Process a frame that the device has sent by itself."""
+        received = self._signals.received.get(frame.id)
         if received is None:
             return
         try:
-            received.require_sound(frame)
+            received.require_valid(frame)
         except LineFault as fault:
             self._noticed.add(fault.flag)
             return
@@ -220,33 +230,35 @@ class DbcDialogue:
     def _require_latest(self) -> None:
         latest = self._latest
         oldest_ns = self._bus.now_ns() - round(self._options.max_age_ms * MS)
-        for identifier in self._frames.answers:
+        for identifier in self._signals.answers:
             if identifier not in latest or latest[identifier][0] < oldest_ns:
-                what = f"frame 0x{identifier:X} has not come for {self._options.max_age_ms:g} ms"
+                what = f"no frame 0x{identifier:X} for {self._options.max_age_ms:g} ms"
                 raise LineFault(DeviceFlag.LATE_REPLY, what)
 
     def _wait_for_first(self, fault: LineFault) -> None:
-        """Wait until everything has come once, where the device sends by itself.
+        """Wait until every message has come once, if the device sends by itself.
 
         Raises:
-            DeviceUnavailableError: If it does not.
+            DeviceUnavailableError: If one is missing.
         """
-        waited = self._frames.request is None
-        end_ns = self._bus.now_ns() + _FIRST_NS
-        while waited and (left_ns := end_ns - self._bus.now_ns()) > 0:
+        sends_by_itself = self._signals.request is None
+        end_ns = self._bus.now_ns() + _FIRST_FRAMES_NS
+        while sends_by_itself and (left_ns := end_ns - self._bus.now_ns()) > 0:
             frame = self._bus.receive(left_ns)
             if frame is not None:
-                self._take(frame)
-            if self._frames.answers <= self._latest.keys():
+                self._handle_frame(frame)
+            if self._signals.answers <= self._latest.keys():
                 return
         what = f"{self._bus.where}: {fault}: check the device, the bit rate and both terminations"
         raise DeviceUnavailableError(what) from fault
 
     def _reading(self, now_ns: int) -> Reading:
-        inputs = self._frames.inputs
-        if self._frames.request is not None:
+        inputs = self._signals.inputs
+        if self._signals.request is not None:
             return now_ns, [self._value(place) for place in inputs]
         arrived_ns = min((self._latest[identifier][0] for identifier, _ in inputs), default=0)
+        # Frames are dated by the bus's clock, samples by the caller's: only their difference is
+        # used.
         age_ns = max(self._bus.now_ns() - arrived_ns, 0)
         return now_ns - age_ns, [self._value(place) for place in inputs]
 

@@ -1,4 +1,4 @@
-"""A device on a CAN bus whose frames a DBC file describes."""
+"""The driver `can_dbc`: a device on a CAN bus whose frames a DBC file describes."""
 
 from typing import Final
 
@@ -20,7 +20,7 @@ def create(options: DbcOptions, wiring: Wiring, _seed: int) -> BusDevice:
 
 PLUGIN: Final = DriverPlugin(
     name="can_dbc",
-    summary="whatever sends and takes frames on a CAN bus that a DBC file describes",
+    summary="any device on a CAN bus whose frames a DBC file describes",
     options_model=DbcOptions,
     create=create,
     confirmed_on_hardware=False,

@@ -1,5 +1,5 @@
-"""The far end of a CAN bus: nodes that exist in a process of their own.
+"""Emulated nodes on a CAN bus, each in a process of its own.
 
-Files: `node.py` is what a node is, `ends.py` what connects it to a bus, a UDP group or an slcan
-adapter at a pty; `host.py` serves it there, with faults.
+`node.py` is the interface of a node. `ends.py` connects a node to a bus: to a UDP group, or to a
+pty as an slcan adapter. `host.py` serves the node there and injects faults.
 """

@@ -1,4 +1,4 @@
-"""What connects an emulated node to a bus."""
+"""Connects an emulated node to a bus."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -11,7 +11,16 @@ from piezod.devices.emulation.pty_end import PtyEnd
 from piezod.errors import DeviceUnavailableError
 from piezod_drivers.can_bus.frame import Frame
 from piezod_drivers.can_bus.library_bus import LibraryBus
-from piezod_drivers.can_bus.slcan import BEL, BIT_RATES, CLOSE, CR, OPEN, SlcanLines, decode, encode
+from piezod_drivers.can_bus.slcan_codec import (
+    BEL,
+    BIT_RATES,
+    CLOSE,
+    CR,
+    OPEN,
+    SlcanLines,
+    decode,
+    encode,
+)
 
 UDP: Final = "udp:"
 DEFAULT_GROUP: Final = "239.74.163.2"
@@ -22,19 +31,19 @@ class BusEnd(End, Protocol):
     """A connection to a bus that can be pulled out."""
 
     def receive(self, within_ns: int) -> list[Frame]:
-        """Return what has come, as soon as something has."""
+        """Return the frames that have come, as soon as there are some."""
         ...
 
     def send(self, frame: Frame) -> None:
-        """Send a frame; it is lost where nobody is there."""
+        """Send a frame; it is lost if no host is connected."""
         ...
 
     def noise(self, data: bytes) -> None:
-        """Send bytes that are no frame, where the bus carries such."""
+        """Send bytes that are no frame, if the bus can carry them."""
         ...
 
     def leave(self, away: bool) -> None:
-        """Be off the bus, or on it again: frames go neither way, and the host's are refused."""
+        """Go off the bus or back on it; off the bus no frame passes, and sending is refused."""
         ...
 
 
@@ -42,7 +51,7 @@ class GroupEnd:
     """Implements `BusEnd` in a UDP multicast group that does not leave this machine.
 
     Args:
-        where: GROUP:PORT, or either of them, or "".
+        where: "GROUP:PORT", only one of them, or "" for the default group and port.
     """
 
     def __init__(self, where: str) -> None:
@@ -50,14 +59,14 @@ class GroupEnd:
         try:
             self._group, self._port = group or DEFAULT_GROUP, int(port or DEFAULT_PORT)
         except ValueError as error:
-            what = f"no group {where!r}, expected GROUP:PORT as in {DEFAULT_GROUP}:{DEFAULT_PORT}"
+            what = f"{where!r} is no group, expected GROUP:PORT, {DEFAULT_GROUP}:{DEFAULT_PORT}"
             raise DeviceUnavailableError(what) from error
         settings = {"port": self._port, "hop_limit": 0, "fd": False}
         self._bus = LibraryBus("udp_multicast", self._group, settings)
         self._away = False
 
     def place(self) -> str:
-        """The group and the port."""
+        """Group and port."""
         return f"{UDP}{self._group}:{self._port}"
 
     def appear(self) -> None:
@@ -79,25 +88,25 @@ class GroupEnd:
     def send(self, frame: Frame) -> None:
         """Send a frame to the group."""
         if not self._away:
-            with suppress(LineFault):  # nobody gets it: whoever waits for it is late
+            with suppress(LineFault):  # the frame is lost, and the host's request times out
                 self._bus.send(frame)
 
     def noise(self, data: bytes) -> None:
-        """Send nothing: a packet is a frame or nothing."""
+        """Send nothing: a packet of the group always is a frame."""
 
     def leave(self, away: bool) -> None:
-        """Be off the bus, or on it again."""
+        """Go off the bus, or back on it."""
         self._away = away
 
 
 class Adapter:
-    """An slcan adapter: it acknowledges as LAWICEL's does.
+    """An slcan adapter with the replies of LAWICEL's.
 
-    That is CR for a command, `z` or `Z` and CR for a frame, BEL for what it refuses. The channel
-    has to be open for frames.
+    It answers CR to a command, `z` or `Z` and CR to a frame, and BEL to what it refuses. Frames
+    need an open channel.
 
     Args:
-        off_bus: Whether its controller has left the bus: frames are refused.
+        off_bus: Whether its controller has left the bus; then frames are refused.
     """
 
     def __init__(self, *, off_bus: bool = False) -> None:
@@ -106,13 +115,13 @@ class Adapter:
         self.off_bus = off_bus
 
     def take(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Take what the host says; return the frames that go to the bus, and what it is told."""
+        """Process bytes of the host; return the frames for the bus and the reply to the host."""
         frames: list[Frame] = []
         answers = b""
         for line in self._lines.feed(data):
             frame = decode(line)
             if frame is None:
-                answers += self._obey(line)
+                answers += self._run_command(line)
             elif self.off_bus or not self._open:
                 answers += BEL
             else:
@@ -121,10 +130,10 @@ class Adapter:
         return frames, answers
 
     def give(self, frame: Frame) -> bytes:
-        """Return what the host is told of a frame of the bus."""
+        """Return the bytes that pass a frame of the bus to the host."""
         return encode(frame) if self._open and not self.off_bus else b""
 
-    def _obey(self, line: bytes) -> bytes:
+    def _run_command(self, line: bytes) -> bytes:
         was_open = self._open
         if line + CR in {OPEN, CLOSE}:
             self._open = line + CR == OPEN
@@ -138,7 +147,7 @@ class AdapterEnd:
     """Implements `BusEnd` as an slcan adapter at a pty, with the node behind it.
 
     Args:
-        path: Where the link to the pty is made.
+        path: Where the link to the pty is created.
     """
 
     def __init__(self, path: Path) -> None:
@@ -146,49 +155,51 @@ class AdapterEnd:
         self._adapter = Adapter()
 
     def place(self) -> str:
-        """The path of the link."""
+        """Path of the link."""
         return self._end.place()
 
     def appear(self) -> None:
-        """Make the pty."""
+        """Create the pty."""
         self._end.appear()
 
     def vanish(self) -> None:
         """Remove the pty."""
         self._end.vanish()
+        # A new adapter has its channel closed, but the state of the bus does not depend on the
+        # plug.
         self._adapter = Adapter(off_bus=self._adapter.off_bus)
 
     def receive(self, within_ns: int) -> list[Frame]:
-        """Carry commands out; return the frames that are sent to the bus."""
+        """Run the commands of the host; return the frames for the bus."""
         frames, answers = self._adapter.take(self._end.receive(within_ns))
         if answers:
             self._end.send(answers)
         return frames
 
     def send(self, frame: Frame) -> None:
-        """Pass a frame of the bus on."""
-        if said := self._adapter.give(frame):
-            self._end.send(said)
+        """Pass a frame of the bus to the host."""
+        if data := self._adapter.give(frame):
+            self._end.send(data)
 
     def noise(self, data: bytes) -> None:
         """Send bytes to the host."""
         self._end.send(data)
 
     def leave(self, away: bool) -> None:
-        """Be off the bus, or on it again."""
+        """Go off the bus, or back on it."""
         self._adapter.off_bus = away
 
 
 def end_at(where: str, name: str) -> BusEnd:
-    """Construct what connects a node to a bus.
+    """Construct the connection of a node to a bus.
 
     Args:
-        where: `udp:GROUP:PORT`, or the path of an slcan adapter's port; "" for one in the user's
-            own folder.
-        name: Of the profile, for that.
+        where: "udp:GROUP:PORT", or the path of an slcan adapter's port, or "" for a path in the
+            user's own folder.
+        name: Name of the profile, for the path in the user's own folder.
 
     Raises:
-        DeviceUnavailableError: If it is neither, or the folder belongs to somebody else.
+        DeviceUnavailableError: If `where` is invalid, or the folder belongs to another user.
     """
     if where.startswith(UDP):
         return GroupEnd(where.removeprefix(UDP))

@@ -1,4 +1,4 @@
-"""Serves an emulated node on a bus, faults included."""
+"""Serves an emulated node on a bus and injects faults."""
 
 from collections import deque
 from collections.abc import Callable
@@ -14,9 +14,9 @@ from piezod_drivers.can_bus.frame import Frame
 
 
 class NodeHost(Host[BusEnd, Node]):
-    """A node on a bus, until told to stop; takes the arguments of `Host`.
+    """Serves a node on a bus until told to stop; takes the arguments of `Host`.
 
-    Each frame that the node sends is a reply to the faults.
+    For the faults, each frame that the node sends is a reply.
     """
 
     tick_ns = 2_000_000
@@ -35,6 +35,7 @@ class NodeHost(Host[BusEnd, Node]):
     def _answer(self, within_ns: int) -> None:
         if self._waiting:
             due_in_ns = self._waiting[0][0] - self._bench.now_ns()
+            # A delayed frame must not wait for the next one to come.
             within_ns = min(max(due_in_ns, 0), within_ns)
         frames = self._end.receive(within_ns)
         if self._is_off:
@@ -61,6 +62,7 @@ class NodeHost(Host[BusEnd, Node]):
         parts: list[Frame | bytes] = [
             self._device.foreign() for hit in hits if hit.kind == WireFaultKind.FOREIGN
         ]
+        # On the bus, foreign frames and noise come before the reply that they disturb.
         parts += [noise] if noise else []
         parts += [frame._replace(data=data) for data in copies]
         self._waiting.extend((now_ns + late_ns, part) for part in parts)
@@ -73,11 +75,11 @@ class NodeHost(Host[BusEnd, Node]):
 
 
 def serving(name: str, make: Callable[[SharedRig, str], Node]) -> Serve:
-    """Return what serves a node at an slcan adapter's port, or in a group at `udp:GROUP:PORT`.
+    """Return a function that serves a node at an slcan adapter's port or in a UDP group.
 
     Args:
-        name: Of the profile.
-        make: Makes the node, with this serial number, "" for its usual one.
+        name: Name of the profile.
+        make: Constructs the node, with a serial number or "" for its usual one.
     """
 
     def serve(

@@ -1,4 +1,4 @@
-"""A node on an emulated CAN bus."""
+"""The interface of an emulated node on a CAN bus."""
 
 from typing import Protocol
 
@@ -6,16 +6,16 @@ from piezod_drivers.can_bus.frame import Frame
 
 
 class Node(Protocol):
-    """An emulated device; never blocks, looks at no clock but its bench's."""
+    """An emulated device. It never blocks, and its only clock is that of the rig."""
 
     def receive(self, frame: Frame) -> list[Frame]:
-        """Take a frame of the bus; return what is answered. Raises nothing, whatever it is."""
+        """Process a frame of the bus and return the replies. Never raises."""
         ...
 
     def due(self) -> list[Frame]:
-        """Return what the node sends unasked by now; called every few milliseconds."""
+        """Return the frames that the node sends by itself by now; called every few ms."""
         ...
 
     def foreign(self) -> Frame:
-        """Return a frame as only the host should send it, for a fault of that kind."""
+        """Return a frame that only the host should send, for the fault `FOREIGN`."""
         ...

@@ -1,5 +1,6 @@
-"""The far end of Modbus: devices in a process of their own, with the physics of a bench.
+"""Parts of the emulated Modbus devices.
 
-`unit.py` is a device's registers and its answers, `servers.py` the frames around them; the other
-files are the devices, `plugins.py` the names under which `piezod emulate` finds them.
+`unit.py` holds the registers of a device and answers requests, `servers.py` puts them into the
+frames of TCP or RTU. `converter.py` connects inputs and outputs to the simulated rig, `watchdog.py`
+is the watchdog of a device. `labjack.py` and `io_modules.py` make the single devices.
 """

@@ -5,13 +5,13 @@ from typing import Final, NamedTuple
 from zlib import crc32
 
 from piezod.devices.emulation.bench import SharedRig
+from piezod_drivers.modbus.codec import FEEDBACK
 from piezod_drivers.modbus.emulation.converter import ConverterOutput, measured_v
 from piezod_drivers.modbus.emulation.servers import TcpServer
 from piezod_drivers.modbus.emulation.unit import EmulatedUnit
 from piezod_drivers.modbus.emulation.watchdog import RUNNING, Watchdog
 from piezod_drivers.modbus.profiles import labjack
 from piezod_drivers.modbus.register import Table
-from piezod_drivers.modbus.requests import FEEDBACK
 
 FUNCTIONS: Final = frozenset({3, 4, 6, 16, FEEDBACK})
 _NO_VALUE: Final = -9999.0

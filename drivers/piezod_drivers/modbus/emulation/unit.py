@@ -4,8 +4,8 @@ from collections.abc import Callable
 from struct import Struct
 from typing import Final, NamedTuple
 
+from piezod_drivers.modbus.codec import FAILED
 from piezod_drivers.modbus.register import STRUCTS, NumberType, Table
-from piezod_drivers.modbus.requests import FAILED
 
 NO_FUNCTION, NO_REGISTER, NO_VALUE, FAILURE = 1, 2, 3, 4
 """Exception codes."""

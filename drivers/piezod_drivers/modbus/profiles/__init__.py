@@ -1,4 +1,7 @@
-"""The devices that need only their name: one file for each maker, data only."""
+"""Known devices, as data: `advantech.py`, `icp_das.py`, `labjack.py`, `wago.py`, `waveshare.py`.
+
+`profile.py` says what is known of a device.
+"""
 
 from typing import Final
 

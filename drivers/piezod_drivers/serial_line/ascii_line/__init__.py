@@ -1,7 +1,6 @@
-"""Any device that speaks in lines of text: its commands and answers are written in YAML.
+"""Any device that speaks in lines of text: the configuration has its commands and replies.
 
-Files: `options.py` is what a configuration may say, `templates.py` are the commands, `patterns.py`
-the answers and why none of them can take long, `codec.py` puts both to work, `dialogue.py` says
-it in order, `stream.py` listens to a sensor that sends unasked, `driver.py` leads to all of it.
-`emulator.py` holds two devices for which there are examples.
+`fields.py` has the single options, `rules.py` the rules that concern several of them. Commands are
+`templates.py`, replies are `patterns.py`; `ambiguity.py` finds out whether matching a pattern may
+take long.
 """

@@ -8,7 +8,7 @@ from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.serial_line.ascii_line.dialogue import AsciiDialogue
 from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 from piezod_drivers.serial_line.ascii_line.patterns import compiled
-from piezod_drivers.serial_line.ascii_line.stream import AsciiStreamDialogue
+from piezod_drivers.serial_line.ascii_line.stream_dialogue import AsciiStreamDialogue
 from piezod_drivers.serial_line.options import make_line
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Final, TypeAlias
 from pydantic import AfterValidator, StringConstraints
 
 from piezod.config.fields import broken_rule
-from piezod_drivers.serial_line.ascii_line.choices import clashes_of
+from piezod_drivers.serial_line.ascii_line.ambiguity import clashes_of
 
 LONGEST_PATTERN: Final = 400
 

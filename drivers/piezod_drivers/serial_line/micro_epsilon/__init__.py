@@ -1,4 +1,5 @@
-"""Micro-Epsilon's optical sensors: a stream of measured values at RS422, and commands in text.
+"""Micro-Epsilon's optical sensors: a stream of measured values over RS-422, and text commands.
 
-Formats after the maker's manuals as public manual sites show them; not confirmed on hardware.
+Formats are from the maker's manuals on public manual sites, and not confirmed on hardware.
+`identity.py` reads the reply to `GETINFO`.
 """

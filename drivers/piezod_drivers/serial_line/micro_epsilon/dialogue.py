@@ -10,7 +10,7 @@ from piezod.devices.bus.line import Line
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError, DeviceUnavailableError
-from piezod_drivers.serial_line.micro_epsilon import info, stream
+from piezod_drivers.serial_line.micro_epsilon import codec, identity
 from piezod_drivers.serial_line.micro_epsilon.options import MicroEpsilonOptions
 from piezod_drivers.serial_line.micro_epsilon.profiles import UM_PER_MM
 
@@ -59,7 +59,7 @@ class MicroEpsilonDialogue:
         """
         self._line.open()
         self._conversation.restart()
-        told, got = info.Info(self._options.model, _NOT_TOLD, _NOT_TOLD, 0.0), b""
+        told, got = identity.Info(self._options.model, _NOT_TOLD, _NOT_TOLD, 0.0), b""
         if self._profile.talks:
             told, got = self._ask_info()
         if not told.name.upper().startswith(self._options.model):
@@ -70,7 +70,7 @@ class MicroEpsilonDialogue:
             raise DeviceError(f"{self._line.where} tells no measuring range: set range_mm")
         self._range_um = range_mm * UM_PER_MM
         got = self._until_value(got, _OPENING_NS)
-        if stream.newest(got, self._profile.word_bytes).value is None:
+        if codec.newest(got, self._profile.word_bytes).value is None:
             raise self._silent()
         self._conversation.forget_noticed()
         return Identity(_MAKER, told.name, told.serial, told.version)
@@ -94,7 +94,7 @@ class MicroEpsilonDialogue:
         Raises:
             LineFault: If the line is gone.
         """
-        while len(self._line.receive(0)) >= stream.MOST_BYTES:
+        while len(self._line.receive(0)) >= codec.MOST_BYTES:
             continue
         self._t_ns = self._quiet_since_ns = None
         self._in_step, self._position_um, self._flags = False, nan, NO_FLAGS
@@ -110,10 +110,10 @@ class MicroEpsilonDialogue:
             LineFault: If the line is gone.
         """
         data = self._line.receive(0)
-        if len(data) >= stream.MOST_BYTES:
+        if len(data) >= codec.MOST_BYTES:
             self._noticed.add(DeviceFlag.BUS_OVERLOADED)
             self._rest, self._in_step = b"", False
-        count, self._rest, broken = stream.newest(self._rest + data, self._profile.word_bytes)
+        count, self._rest, broken = codec.newest(self._rest + data, self._profile.word_bytes)
         if broken and self._in_step:
             self._noticed.add(DeviceFlag.GARBAGE)
         if count is not None:
@@ -150,7 +150,7 @@ class MicroEpsilonDialogue:
             self._position_um = nan
             self._noticed.add(DeviceFlag.LATE_REPLY)
 
-    def _ask_info(self) -> tuple[info.Info, bytes]:
+    def _ask_info(self) -> tuple[identity.Info, bytes]:
         """Return who the sensor is, and what came with it.
 
         Raises:
@@ -159,21 +159,21 @@ class MicroEpsilonDialogue:
         word_bytes = self._profile.word_bytes
 
         def length_of(got: bytes) -> int:
-            return len(got) if info.info_of(stream.text_of(got, word_bytes)) else 0
+            return len(got) if identity.info_of(codec.text_of(got, word_bytes)) else 0
 
-        frame = self._conversation.ask(info.REQUEST, length_of, is_reply=lambda _frame: True)
-        told = info.info_of(stream.text_of(frame, word_bytes))
+        frame = self._conversation.ask(identity.REQUEST, length_of, is_reply=lambda _frame: True)
+        told = identity.info_of(codec.text_of(frame, word_bytes))
         assert told is not None  # noqa: S101 - that is how its end was found
         return told, frame
 
     def _until_value(self, got: bytes, within_ns: int) -> bytes:
         """Return what has come as soon as there is a value in it, or what came in that time."""
         end_ns = self._line.now_ns() + within_ns
-        while stream.newest(got, self._profile.word_bytes).value is None:
+        while codec.newest(got, self._profile.word_bytes).value is None:
             left_ns = end_ns - self._line.now_ns()
             if left_ns <= 0:
                 break
-            got = (got + self._line.receive(min(left_ns, _WAIT_NS)))[-stream.MOST_BYTES :]
+            got = (got + self._line.receive(min(left_ns, _WAIT_NS)))[-codec.MOST_BYTES :]
         return got
 
     def _silent(self) -> DeviceUnavailableError:

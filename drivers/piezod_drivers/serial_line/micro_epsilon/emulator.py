@@ -6,8 +6,8 @@ from typing import Final
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
 from piezod.units import NS_PER_S
-from piezod_drivers.serial_line.micro_epsilon import stream
-from piezod_drivers.serial_line.micro_epsilon.info import PROMPT
+from piezod_drivers.serial_line.micro_epsilon import codec
+from piezod_drivers.serial_line.micro_epsilon.identity import PROMPT
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES, UM_PER_MM
 
 RATE_HZ: Final = 1000
@@ -61,11 +61,11 @@ class SensorEmulator:
     def _word(self) -> bytes:
         position_um = self._bench.position_um(0)
         if not isfinite(position_um):
-            return stream.pack(_BEHIND, self._profile.word_bytes)
+            return codec.pack(_BEHIND, self._profile.word_bytes)
         count = self._profile.count_at(self._rest_um + position_um, self._range_um)
         if not self._profile.lowest <= count <= self._profile.highest:
             count = _BEHIND
-        return stream.pack(count, self._profile.word_bytes)
+        return codec.pack(count, self._profile.word_bytes)
 
     def _answer(self, command: bytes) -> bytes:
         word = command.decode("ascii", "replace").strip()

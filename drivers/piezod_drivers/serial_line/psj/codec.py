@@ -11,7 +11,7 @@ from typing import Final
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
-from piezod_drivers.serial_line.psj.models import Bits, PsjModel
+from piezod_drivers.serial_line.psj.profiles import Bits, PsjModel
 
 LONGEST: Final = 256
 """More bytes than this without an end are no answer."""

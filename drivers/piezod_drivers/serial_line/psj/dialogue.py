@@ -9,10 +9,10 @@ from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod_drivers.serial_line.psj import codec
-from piezod_drivers.serial_line.psj.freshness import Freshness
-from piezod_drivers.serial_line.psj.models import PsjModel
-from piezod_drivers.serial_line.psj.opening import identity_of, limits_of
+from piezod_drivers.serial_line.psj.profiles import PsjModel
+from piezod_drivers.serial_line.psj.reading_age import Freshness
 from piezod_drivers.serial_line.psj.session import PsjSession
+from piezod_drivers.serial_line.psj.setup import identity_of, limits_of
 from piezod_drivers.serial_line.psj.takeover import take_over
 
 STATUS_NS: Final = 100_000_000

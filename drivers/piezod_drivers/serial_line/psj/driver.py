@@ -7,8 +7,8 @@ from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.serial_line.options import make_line
 from piezod_drivers.serial_line.psj.dialogue import PsjDialogue
-from piezod_drivers.serial_line.psj.models import channel_names
 from piezod_drivers.serial_line.psj.options import PsjOptions
+from piezod_drivers.serial_line.psj.profiles import channel_names
 
 
 def _channels(options: PsjOptions) -> ChannelUnits:

@@ -8,7 +8,7 @@ from typing import Final, Literal
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import Emulator, EmulatorPlugin
 from piezod.units import NS_PER_S
-from piezod_drivers.serial_line.psj.models import MODELS, Profile
+from piezod_drivers.serial_line.psj.profiles import MODELS, Profile
 
 MOST_BYTES: Final = 512
 LOWEST_V, HIGHEST_V = 0.0, 150.0

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from piezod.config.fields import BrokenRule, Quantity
 from piezod_drivers.serial_line.options import LineOptions, TimeoutMs, ordered
-from piezod_drivers.serial_line.psj.models import MODELS, Profile, PsjModel, Reads
+from piezod_drivers.serial_line.psj.profiles import MODELS, Profile, PsjModel, Reads
 
 Volts = Annotated[float, Quantity(-200, 500, "V")]
 

@@ -7,7 +7,7 @@ from piezod.devices.bus.conversation import PATIENCE, Conversation, LengthOf
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.psj import codec
-from piezod_drivers.serial_line.psj.models import PsjModel
+from piezod_drivers.serial_line.psj.profiles import PsjModel
 
 SLOW: Final = 2
 """While a device is opened it may take so many times as long for an answer as in the loop."""

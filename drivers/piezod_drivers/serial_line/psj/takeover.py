@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from piezod.devices.bus.line import LineFault
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.psj import codec
-from piezod_drivers.serial_line.psj.models import PsjModel
+from piezod_drivers.serial_line.psj.profiles import PsjModel
 from piezod_drivers.serial_line.psj.session import PsjSession
 
 

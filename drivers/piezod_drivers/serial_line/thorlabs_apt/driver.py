@@ -5,10 +5,10 @@ from typing import Final
 from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
-from piezod_drivers.serial_line.thorlabs_apt.amplifier import AmplifierDialogue
+from piezod_drivers.serial_line.thorlabs_apt.amplifier_dialogue import AmplifierDialogue
+from piezod_drivers.serial_line.thorlabs_apt.cube_line import CubePort
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
-from piezod_drivers.serial_line.thorlabs_apt.port import CubePort
-from piezod_drivers.serial_line.thorlabs_apt.reader import ReaderDialogue
+from piezod_drivers.serial_line.thorlabs_apt.reader_dialogue import ReaderDialogue
 
 CHANNEL: Final = "1"
 

@@ -1,0 +1,128 @@
+"""The rig's end of the socket: a bench, served to one client at a time."""
+
+import secrets
+import selectors
+import socket
+from collections.abc import Callable
+from math import isfinite, nan
+from struct import Struct
+from typing import Final
+
+from piezod.devices.emulation.bench import SharedRig
+from piezod.devices.interface import Identity
+from piezod_drivers.emulated.codec import (
+    MAX_PACKET,
+    Greeting,
+    Op,
+    RigReply,
+    RigRequest,
+    Wire,
+    pack_greeting,
+    pack_refusal,
+)
+
+_TICK_S: Final = 0.01  # how long the physics may be left alone: it would have to catch up at once
+_PEER: Final = Struct("3i")  # pid, uid, gid
+
+
+def _nobody(_asked_ns: int) -> None:
+    """Hear an instant, and do nothing about it."""
+
+
+class RigServer:
+    """Serves a bench; a client that goes changes nothing.
+
+    Args:
+        bench: The bench.
+        identity: Who it says it is.
+        listener: A socket of type SOCK_SEQPACKET at which clients can connect.
+        heard: Told the instant that a call carries, before it is carried out.
+    """
+
+    def __init__(
+        self,
+        bench: SharedRig,
+        identity: Identity,
+        listener: socket.socket,
+        heard: Callable[[int], None] = _nobody,
+    ) -> None:
+        self._bench, self._listener, self._heard = bench, listener, heard
+        self._wire = Wire(bench.n_axes)
+        life = secrets.token_hex(8)
+        self._greeting = pack_greeting(Greeting(identity, bench.axes, bench.max_rate_hz, life))
+        self._selector = selectors.DefaultSelector()
+        self._client: socket.socket | None = None
+        self._client_pid = 0
+
+    def serve(self, stopping: Callable[[], bool]) -> None:
+        """Serve until told to stop, then leave the bench as it is.
+
+        Args:
+            stopping: Asked at least every 10 ms.
+        """
+        self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
+        try:
+            while not stopping():
+                for key, _ in self._selector.select(_TICK_S):
+                    key.data()
+                self._bench.tick()
+        finally:
+            self._drop()
+            self._selector.close()
+
+    def _accept(self) -> None:
+        client, _ = self._listener.accept()
+        if self._client is not None:
+            self._answer()  # the one before may have just gone
+        with_pid = client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
+        pid = _PEER.unpack(with_pid)[0]
+        if self._client is not None:
+            _send(client, pack_refusal(f"it is used by process {self._client_pid}"))
+            client.close()
+            return
+        client.setblocking(False)
+        self._client, self._client_pid = client, pid
+        self._selector.register(client, selectors.EVENT_READ, self._answer)
+        _send(client, self._greeting)
+
+    def _answer(self) -> None:
+        """Answer the one request that a client may have made."""
+        if self._client is None:
+            return
+        try:
+            packet = self._client.recv(MAX_PACKET)
+        except BlockingIOError:
+            return
+        except OSError:
+            packet = b""
+        request = self._wire.unpack_request(packet)
+        # No request: the client has gone, or is no driver.
+        if request is None or not _send(self._client, self._carry_out(request)):
+            self._drop()
+
+    def _carry_out(self, request: RigRequest) -> bytes:
+        op, number, asked_ns, drive_v = request
+        self._heard(asked_ns)
+        taken, position_um = True, [nan] * self._bench.n_axes
+        if op == Op.READ:
+            position_um = self._bench.positions_um()
+        elif op == Op.WRITE:
+            taken = self._bench.drive_all(drive_v, asked_ns, self._client_pid)
+        valid = [isfinite(each_um) for each_um in position_um]
+        in_force_v = self._bench.drives_v()
+        return self._wire.pack_reply(RigReply(number, taken, valid, position_um, in_force_v))
+
+    def _drop(self) -> None:
+        if self._client is not None:
+            self._selector.unregister(self._client)
+            self._client.close()
+            self._client = None
+
+
+def _send(client: socket.socket, packet: bytes) -> bool:
+    """Send a packet; tell whether it went."""
+    try:
+        client.send(packet)
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,69 @@
+"""Requests and replies in the frames of Modbus TCP."""
+
+from collections.abc import Sequence
+from struct import Struct
+from typing import Final
+
+from piezod.devices.bus.line import Line, LineFault
+from piezod.devices.status import DeviceFlag
+from piezod_drivers.modbus.codec import ModbusRequest, judge
+from piezod_drivers.modbus.transactions import OneLine
+
+_HEADER: Final = Struct(">HHHB")
+_HEAD: Final = Struct(">HHH")
+_LENGTHS: Final = range(3, 255)
+
+
+class TcpTransactions(OneLine):
+    """Modbus TCP: every request has a number of its own, which its reply repeats.
+
+    So no reply is taken for another, however late. A reply with the right number and a wrong
+    header or length is refused; of the data, only TCP's own checksum tells damage.
+
+    Args:
+        line: The connection.
+        timeout_s: How long to wait for a reply, in s.
+    """
+
+    def __init__(self, line: Line, timeout_s: float) -> None:
+        super().__init__(line, timeout_s)
+        self._number, self._tag = 0, b""
+
+    def ask(self, unit: int, requests: Sequence[ModbusRequest], first: int = 0) -> bytes:
+        """Send one request; may be called in the loop.
+
+        Raises:
+            LineFault: If there is no answer in time, or the device refuses.
+        """
+        request = requests[first]
+        self._number = number = (self._number + 1) & 0xFFFF
+        frame = _HEADER.pack(number, 0, len(request.pdu) + 1, unit) + request.pdu
+        self._tag = frame[:2]
+        reply = self._conversation.ask(frame, _length_tcp, self._is_reply)
+        if reply[6] != unit:
+            what = f"unit {reply[6]} answers in the place of {self.who(unit)}"
+            raise LineFault(DeviceFlag.GARBAGE, what)
+        pdu = reply[7:]
+        if len(pdu) == request.n_bytes and pdu.startswith(request.echo):
+            return pdu
+        return judge(pdu, request, self.who(unit))
+
+    def settle(self) -> None:
+        """Do nothing: no late reply is in the way."""
+
+    def is_free(self, unit: int, requests: Sequence[ModbusRequest]) -> bool:  # noqa: ARG002 - of RTU
+        """Tell that no late reply can be mistaken for another."""
+        return True
+
+    def _is_reply(self, frame: bytes) -> bool:
+        return frame.startswith(self._tag)
+
+
+def _length_tcp(got: bytes) -> int:
+    for start in range(len(got) - 5):
+        _, protocol, length = _HEAD.unpack_from(got, start)
+        if protocol == 0 and length in _LENGTHS:
+            if start:
+                return -start
+            return length + 6 if len(got) >= length + 6 else 0
+    return min(5 - len(got), 0)

@@ -1,0 +1,132 @@
+"""What goes over the wire to a KSG101 or TSG001: readings of a strain gauge."""
+
+from collections.abc import Sequence
+from math import nan
+from typing import Final, NamedTuple
+
+from piezod.devices.bus.dialogue import Reading
+from piezod.devices.bus.line import Line
+from piezod.devices.interface import Capabilities, Identity, Wiring
+from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
+from piezod.errors import DeviceError
+from piezod_drivers.serial_line.thorlabs_apt import codec
+from piezod_drivers.serial_line.thorlabs_apt.codec import FULL_SCALE, Id
+from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
+from piezod_drivers.serial_line.thorlabs_apt.session import CHANNEL, Cube
+
+_BYTES_PER_CYCLE: Final = 6 + 12
+_UM_PER_TRAVEL: Final = 0.1
+_SATURATED: Final = frozenset({DeviceFlag.SATURATED})
+
+
+class _Form(NamedTuple):
+    """A request for a reading, and what answers it."""
+
+    request: int
+    answer: int
+
+
+_FORMS: Final = (
+    _Form(Id.READING_7DE, Id.READING_7DF),
+    _Form(Id.READING_7DD, Id.READING_7DE),
+)
+"""Sources do not agree: the first is thorlabs-apt-protocol's, the second is seen in others."""
+
+
+class ReaderDialogue:
+    """Implements `Dialogue`.
+
+    Args:
+        options: What a configuration says.
+        wiring: The channels that are used: the input or none.
+        line: The line to the reader.
+    """
+
+    def __init__(self, options: AptOptions, wiring: Wiring, line: Line) -> None:
+        self._options, self._inputs = options, wiring.inputs
+        self._cube = Cube(options, line)
+        self._um_per_count = 0.0
+        self._form = _FORMS[0]
+        self._saturated = False
+
+    def open(self) -> Identity:
+        """Connect, and ask who is there, how far it goes, and in which form it gives readings.
+
+        Raises:
+            DeviceUnavailableError: If nobody is there.
+            DeviceError: If it is another model, or knows no travel.
+            LineFault: If an exchange fails.
+        """
+        identity = self._cube.open()
+        full_scale_um = self._options.full_scale_um or self._travel_um()
+        self._um_per_count = full_scale_um / FULL_SCALE
+        self._find_form()
+        return identity
+
+    def close(self) -> None:
+        """Let go. Never raises."""
+        self._cube.close()
+
+    def capabilities(self) -> Capabilities:
+        """Tell what it can do."""
+        rate_hz = self._options.baud / (10 * _BYTES_PER_CYCLE)
+        return Capabilities(self._inputs, (), False, rate_hz, quality=True)
+
+    def ranges(self) -> Sequence[tuple[float, float]]:
+        """Tell nothing: it has no outputs."""
+        return ()
+
+    def activate(self) -> None:
+        """Do nothing: it reads as soon as it is asked."""
+
+    def deactivate(self) -> None:
+        """Do nothing."""
+
+    def sample(self, now_ns: int) -> Reading:
+        """Read the gauge, in µm; NaN at the end of its range; may be called in the loop.
+
+        Raises:
+            LineFault: If no answer comes.
+        """
+        count = self._read()
+        self._saturated = abs(count) >= FULL_SCALE
+        position_um = nan if self._saturated else count * self._um_per_count
+        return now_ns, [position_um] * len(self._inputs)
+
+    def put(self, values: Sequence[float]) -> None:
+        """Do nothing: it has no outputs."""
+
+    def in_force(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's
+        """Tell nothing: it has no outputs."""
+        return ()
+
+    def flags(self) -> Sequence[Flags]:
+        """Tell whether the last reading was at an end of the range; may be called in the loop."""
+        return [_SATURATED if self._saturated else NO_FLAGS] * len(self._inputs)
+
+    def take_noticed(self) -> set[DeviceFlag]:
+        """Return what went wrong without making an exchange fail; and forget it."""
+        return self._cube.take_noticed()
+
+    def _read(self) -> int:
+        request = codec.short(self._form.request, CHANNEL)
+        return self._cube.ask_words(request, self._form.answer, n=2)[0]
+
+    def _travel_um(self) -> float:
+        request = codec.short(Id.REQ_MAX_TRAVEL, CHANNEL)
+        (travel,) = self._cube.ask_words(request, Id.GET_MAX_TRAVEL)
+        if travel == 0:
+            where = self._cube.line.where
+            raise DeviceError(f"{where} knows no travel of an actuator: set full_scale_um")
+        return (travel & 0xFFFF) * _UM_PER_TRAVEL
+
+    def _find_form(self) -> None:
+        """Find out how it wants to be asked for readings.
+
+        Raises:
+            LineFault: If it answers in no way.
+        """
+        first, other = _FORMS
+        known = self._cube.answers(codec.short(first.request, CHANNEL), first.answer)
+        self._form = first if known else other
+        self._read()
