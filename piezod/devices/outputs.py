@@ -22,6 +22,13 @@ class CalibratedOutput:
         self._curve = curve_of(calibration)
         self.range = ANY_VALUE
         """Lowest and highest value that the device reports for this output."""
+        self.takes_any_voltage = self._curve is None
+        """Whether the value is the voltage itself, whatever it is."""
+
+    def set_range(self, low: float, high: float) -> None:
+        """Take the lowest and the highest value that the device reports for this output."""
+        self.range = low, high
+        self.takes_any_voltage = self._curve is None and self.range == ANY_VALUE
 
     def reach_v(self) -> tuple[float, float]:
         """Return the lowest and the highest possible voltage, in V."""

@@ -21,7 +21,7 @@ TWO_ENDS = st.tuples(st.floats(-10.0, 0.0), st.floats(0.1, 10.0))
 def output(calibration: Calibration, low: float, high: float) -> CalibratedOutput:
     """Return an output whose device has this range."""
     made = CalibratedOutput(calibration)
-    made.range = low, high
+    made.set_range(low, high)
     return made
 
 
