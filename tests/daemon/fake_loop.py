@@ -1,7 +1,7 @@
 """A loop that drives nothing: it counts healthy cycles and answers requests.
 
-As a process, `python fake_loop.py RUNTIME CONFIG`, it ends at once with code 3 where the title of
-the configuration is "broken".
+As a process, `python fake_loop.py RUNTIME CONFIG COPY`, it accepts the configuration like a real
+loop process. It ends with code 3 when it is started, if the title of the configuration is "broken".
 """
 
 import json
@@ -14,7 +14,10 @@ from typing import Self
 
 from piezod.config.requests import Estop, Request, Shutdown
 from piezod.config.states import State
+from piezod.config.yaml_loader import load_yaml
 from piezod.control.stage.answer import Answer
+from piezod.daemon import accepted_config
+from piezod.errors import ConfigError
 from piezod.telemetry.mailbox import MailboxReader
 from piezod.telemetry.requests_codec import decode
 from piezod.telemetry.shared_map import SharedMap, attach
@@ -69,7 +72,22 @@ class FakeLoop(threading.Thread):
         self.join()
 
 
+def accept(source: Path, copy: Path) -> bool:
+    """Accept a configuration as a loop process does, without its drivers; return whether to run."""
+    copy.parent.mkdir(exist_ok=True)
+    try:
+        copy.write_text(json.dumps(load_yaml(source).data, default=str), encoding="utf-8")
+        accepted_config.read(copy)
+    except ConfigError as error:
+        print(json.dumps({"problems": error.problems}), flush=True)
+        return False
+    print(json.dumps({"accepted": str(copy)}), flush=True)
+    return bool(sys.stdin.readline())
+
+
 if __name__ == "__main__":
-    if json.loads(Path(sys.argv[2]).read_text(encoding="utf-8"))["title"] == "broken":
-        sys.exit(3)
-    FakeLoop(attach(Path(sys.argv[1]) / "loop.map", writable=True)).run()
+    runtime, source_file, copy_file = map(Path, sys.argv[1:4])
+    if accept(source_file, copy_file):
+        if json.loads(copy_file.read_text(encoding="utf-8")).get("title") == "broken":
+            sys.exit(3)
+        FakeLoop(attach(runtime / "loop.map", writable=True)).run()

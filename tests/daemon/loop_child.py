@@ -56,8 +56,17 @@ class LoopChild:
         self.silent = threading.Event()
         self._beating = threading.Thread(target=beat, args=(self.shared, self.silent))
         self._beating.start()
-        command = [sys.executable, "-m", "piezod.daemon.loop.process", str(runtime), str(config)]
-        self.process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        module, copy = "piezod.daemon.loop.process", runtime / "config" / config.name
+        command = [sys.executable, "-m", module, str(runtime), str(config), str(copy)]
+        self.process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        assert self.process.stdin is not None
+        self.process.stdin.write(b"start\n")
+        self.process.stdin.close()
 
     def __enter__(self) -> Self:
         """Return itself."""

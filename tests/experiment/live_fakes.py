@@ -9,7 +9,7 @@ from piezod.client.calls import Call
 from piezod.client.telemetry import AxisTelemetry, Range, Telemetry
 from piezod.config.daemon import load_daemon
 from piezod.config.model_file import load_model
-from piezod.daemon.supervisor import accepted_config
+from piezod.daemon import accepted_config
 from piezod.devices import registry
 from piezod.errors import RefusedError
 

@@ -1,9 +1,10 @@
-"""The loop process: `python -m piezod.daemon.loop.process RUNTIME_FOLDER CONFIG`.
+"""The loop process: `python -m piezod.daemon.loop.process RUNTIME CONFIG COPY [--strict-rt]`.
 
-Started by the supervisor, which has made the shared memory. It owns the devices and nothing else:
-no HTTP, no log, no disk. It ends when it is told to, or when its supervisor is gone, in both cases
-at the safe voltage: exit code 0. With any other code the voltage in force stays where it is, and
-`piezod safe` has to be run.
+The supervisor starts it. It accepts the configuration and writes the copy (`loop.accept`). Then
+the supervisor makes the shared memory and gives the word to go on. It owns the devices and nothing
+else: no HTTP, no log, no disk. It ends when it is asked to, or when its supervisor is gone, in both
+cases at the safe voltage: exit code 0. With any other code the voltage in force stays where it is,
+and `piezod safe` has to be run.
 """
 
 import signal
@@ -13,7 +14,7 @@ from os import getpid
 from pathlib import Path
 from typing import Final
 
-from piezod.config.daemon import DaemonConfig, load_daemon
+from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
 from piezod.control.assembly import assemble
 from piezod.control.controller import StageController
@@ -22,6 +23,7 @@ from piezod.control.warm_up import warm_up
 from piezod.daemon.clock import MonotonicClock
 from piezod.daemon.durations import loop_gone_within_s
 from piezod.daemon.last_output import LastOutputWriter
+from piezod.daemon.loop.accept import accept
 from piezod.daemon.loop.devices import make_channels
 from piezod.daemon.loop.loop import Loop
 from piezod.daemon.loop.pacer import Pacer
@@ -38,7 +40,6 @@ from piezod.daemon.loop.start import wait_for_devices, wait_for_lock
 from piezod.daemon.loop.timed_channels import TimedChannels
 from piezod.daemon.noted_identities import note_identities
 from piezod.daemon.paths import IDENTITIES, LOOP_LOCK
-from piezod.devices import registry
 from piezod.devices.channels import Channels
 from piezod.telemetry import requests_codec
 from piezod.telemetry.record import StageEvent
@@ -49,8 +50,14 @@ _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """What these end is the supervisor, and that tells the loop."""
 
 
-def main(runtime: Path, config_file: Path) -> None:
+def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
     """Run the loop of a stage until it is told to end.
+
+    Args:
+        runtime: Folder of the runtime files.
+        source: The configuration file.
+        copy: Path of the accepted copy.
+        strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
 
     Raises:
         PiezodError: If configuration or shared memory cannot be used.
@@ -58,9 +65,11 @@ def main(runtime: Path, config_file: Path) -> None:
     """
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+    config = accept(source, copy, strict_rt=strict_rt)
+    if config is None:
+        return
     shared = attach(runtime / "loop.map", writable=True)
     shared.words[Word.LOOP_PID] = getpid()
-    config = load_daemon(config_file, registry)
     requests_codec.warm_up()
     warm_up(config)
     channels, clock = make_channels(config), MonotonicClock()
@@ -129,4 +138,5 @@ def _admit(
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    paths = [Path(each) for each in sys.argv[1:4]]
+    main(paths[0], paths[1], paths[2], strict_rt="--strict-rt" in sys.argv[4:])

@@ -11,7 +11,6 @@ from typing import Any, Final
 from numpy.typing import NDArray
 
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
-from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_header import TelemetryHeader
 from piezod.telemetry.record import StageEvent
 from piezod.units import NS_PER_S
@@ -117,6 +116,9 @@ class FlightRecorder:
             start_ns=fault.t_ns,
             notes={**header.notes, "events": lines},
         )
+        # HDF5 takes 12 MB of memory; only a supervisor that records pays for it.
+        from piezod.records.telemetry_file import TelemetryWriter  # noqa: PLC0415 - see above
+
         path = self.folder.new(happened, fault.fault)
         with TelemetryWriter(path, header, records.dtype) as writer:
             writer.append(records[inside])

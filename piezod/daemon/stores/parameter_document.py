@@ -9,12 +9,15 @@ from pydantic import Field, StringConstraints, ValidationError
 from piezod.config.fields import ConfigModel, Quantity
 from piezod.config.model_file import ModelFile
 from piezod.config.quantities import Name, PositionUm
-from piezod.control.law.model_files import from_model_file
-from piezod.errors import DataError, ModelError
-from piezod.hysteresis.learner import OFFSET_LIMIT, SCALE_LIMIT
+from piezod.errors import DataError
 
 MAX_BYTES: Final = 4 << 20
 """A file that is larger is none of ours; 16 axes of 2000 weights are well below."""
+
+OFFSET_LIMIT: Final = 1.0
+SCALE_LIMIT: Final = 0.3
+"""Limits of what an identifier learns, as in `hysteresis.learner`. The supervisor does not import
+that module: the compiled kernels would come with it."""
 
 _Line: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=255)]
 _Digest: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
@@ -61,8 +64,8 @@ def decode(content: bytes) -> ParameterDocument:
         content: All of the file.
 
     Raises:
-        DataError: If it is not exactly what `encode` writes, or holds a model that cannot be used;
-            the text says why, without the name of the file.
+        DataError: If it is not exactly what `encode` writes; the text says why, without the name of
+            the file. Whether a model can be used, the loop decides.
     """
     if len(content) > MAX_BYTES:
         raise DataError(f"it is larger than {MAX_BYTES} bytes, allowed are files of `params save`")
@@ -80,7 +83,6 @@ def decode(content: bytes) -> ParameterDocument:
     expected = encode(document)
     if expected != content:
         raise DataError("it is damaged or was edited: its checksum does not fit what is in it")
-    _check_models(document)
     return document
 
 
@@ -93,15 +95,6 @@ def _check_kind(data: object) -> None:
             f"it has version {str(version)[:20]!r}, this piezod reads version 1; "
             "use the piezod that wrote it, or identify again"
         )
-
-
-def _check_models(document: ParameterDocument) -> None:
-    for name, axis in document.axes.items():
-        try:
-            if axis.model is not None:
-                from_model_file(axis.model)
-        except ModelError as error:
-            raise DataError(f"axis {name}: {error}") from error
 
 
 def _text(document: ParameterDocument, digest: str) -> bytes:

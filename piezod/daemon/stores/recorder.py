@@ -6,7 +6,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event, Lock, Thread
-from typing import Any, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from piezod.daemon.logging import logger
 from piezod.daemon.stores.recordings_folder import RecordingsFolder
 from piezod.errors import PiezodError
-from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_header import TelemetryHeader
+
+if TYPE_CHECKING:
+    from piezod.records.telemetry_file import TelemetryWriter
 
 DRAIN_S: Final = 0.025
 """How often the ring is emptied; it holds many times that."""
@@ -130,6 +132,9 @@ class Recorder:
         if self.status.recording:
             raise RecorderError(f"recording {self.status.name} goes on; stop it first")
         self._join()
+        # HDF5 takes 12 MB of memory; only a supervisor that records pays for it.
+        from piezod.records.telemetry_file import TelemetryWriter  # noqa: PLC0415 - see above
+
         path = self.folder.new(datetime.now(UTC), label)
         try:
             if why := self._no_room(self.folder.path):
@@ -160,7 +165,7 @@ class Recorder:
             self._thread.join()
             self._thread = None
 
-    def _record(self, reader: RecordSource, writer: TelemetryWriter) -> None:
+    def _record(self, reader: RecordSource, writer: "TelemetryWriter") -> None:
         why = _failure_of(lambda: self._drain_until_end(reader, writer))
         why_not_closed = _failure_of(writer.close)
         why = why or why_not_closed
@@ -169,7 +174,7 @@ class Recorder:
         if why:
             logger("recorder").error("recording ended", name=name, why=why)
 
-    def _drain_until_end(self, reader: RecordSource, writer: TelemetryWriter) -> str:
+    def _drain_until_end(self, reader: RecordSource, writer: "TelemetryWriter") -> str:
         """Return why the recording ends, empty where it was asked to."""
         times = 0
         while not self._ending.wait(DRAIN_S):
@@ -181,7 +186,7 @@ class Recorder:
             pass
         return ""
 
-    def _drain(self, reader: RecordSource, writer: TelemetryWriter) -> int:
+    def _drain(self, reader: RecordSource, writer: "TelemetryWriter") -> int:
         """Return how many records there were."""
         records, lost = reader.read(MAX_RECORDS)
         if len(records):

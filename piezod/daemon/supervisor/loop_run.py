@@ -1,21 +1,26 @@
 """The loop process as its supervisor sees it: started, asked to end, replaced when it is gone."""
 
+import json
 import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from select import select
+from typing import Any, Final
 
 from piezod.config.daemon import DaemonConfig
 from piezod.config.requests import Shutdown
+from piezod.daemon import accepted_config
 from piezod.daemon.durations import ramp_s, ramped_down_within_s
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import UnavailableError
-from piezod.daemon.supervisor import accepted_config
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.notify import without_manager
+from piezod.errors import ConfigError, PiezodError, Problem
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
 from piezod.telemetry.words import Word
@@ -23,6 +28,7 @@ from piezod.units import NS_PER_S
 
 END_GRACE_S: Final = 10.0
 """So much longer than its ramp the loop may take to end."""
+_LOOK_EACH_S: Final = 0.1
 
 _log = logger("supervisor")
 
@@ -30,45 +36,83 @@ _log = logger("supervisor")
 class LoopRun:
     """One run of the loop process, with one configuration.
 
+    The process accepts the configuration at once (`accept`), and drives nothing before `start`.
+
     Args:
         paths: The files of the stage.
-        config: The configuration; a copy is kept for the loop to read.
-        slot: Name of the folder for the copy; another than that of a configuration to go back to.
-
-    Raises:
-        OSError: If the copy or the memory shared with the loop cannot be made.
+        source: The configuration file.
+        slot: Name of the folder for the accepted copy; `source` is not in it.
+        strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
     """
 
-    def __init__(self, paths: StagePaths, config: DaemonConfig, slot: str) -> None:
-        self.config_file = accepted_config.keep(config, paths.runtime / slot, paths.name)
-        shared = create(paths.loop_map, Layout.of(config))
+    def __init__(
+        self, paths: StagePaths, source: Path, slot: str, *, strict_rt: bool = False
+    ) -> None:
+        self.config_file = paths.runtime / slot / f"{paths.name}.yaml"
+        self._paths, self._overdue_ns = paths, 0
+        arguments = [str(paths.runtime), str(source), str(self.config_file)]
+        strict = ["--strict-rt"] if strict_rt else []
+        self._process = _start("piezod.daemon.loop.process", *arguments, *strict, talks=True)
+
+    def accept(self, ended: Callable[[], bool] = bool) -> bool:
+        """Wait until the process has accepted the configuration.
+
+        Args:
+            ended: Whether to give up; asked several times a second.
+
+        Returns:
+            Whether it has; False if it was given up.
+
+        Raises:
+            ConfigError: If the configuration is not valid; the text has every problem.
+            PiezodError: If the process ended without a word.
+            OSError: If the memory shared with the loop cannot be made.
+        """
+        answer = self._read_line(ended)
+        if answer is None:
+            self.kill()
+            return False
+        if "problems" in answer:
+            raise ConfigError(*(Problem(*problem) for problem in answer["problems"]))
+        self.config = accepted_config.read(self.config_file)
+        shared = create(self._paths.loop_map, Layout.of(self.config))
         shared.words[Word.SUPERVISOR_PID] = os.getpid()
-        self.loop = LoopConnection(config, shared)
+        self.loop = LoopConnection(self.config, shared)
         self.loop.beat(time.monotonic_ns())
-        self._paths = paths
-        self._process: subprocess.Popen[bytes] | None = None
-        self._not_started = False
-        self._overdue_ns = 0
+        return True
+
+    def _read_line(self, ended: Callable[[], bool]) -> dict[str, Any] | None:
+        output = self._process.stdout
+        if output is None:
+            raise PiezodError("the loop process has no output")
+        while not select([output], [], [], _LOOK_EACH_S)[0]:
+            if ended():
+                return None
+        line = output.readline()
+        output.close()
+        if not line:
+            code = self._process.wait()
+            what = f"the loop process ended with code {code} before it had read the configuration"
+            raise PiezodError(f"{what}; the log says why")
+        answer: dict[str, Any] = json.loads(line)
+        return answer
 
     def start(self, *, unclean: bool = False) -> None:
-        """Start the process; one that cannot be started has ended with code 1.
+        """Let the process open the devices and run.
 
         Args:
             unclean: Whether the daemon did not end in order last time.
         """
         self.loop.shared.words[Word.UNCLEAN] = unclean
-        runtime, config_file = str(self._paths.runtime), str(self.config_file)
-        try:
-            self._process = _start("piezod.daemon.loop.process", runtime, config_file)
-        except OSError as error:
-            _log.error("loop not started", why=str(error))
-            self._not_started = True
+        go_on = self._process.stdin
+        if go_on is not None:
+            with suppress(BrokenPipeError):  # it has ended: its exit code tells
+                go_on.write(b"start\n")
+                go_on.flush()
 
     @property
     def exit_code(self) -> int | None:
         """Exit code of the process, negative for a signal; None while it runs."""
-        if self._process is None:
-            return 1 if self._not_started else None
         return self._process.poll()
 
     @property
@@ -90,9 +134,8 @@ class LoopRun:
         return now_ns < self._overdue_ns
 
     def kill(self) -> None:
-        """End the process at once."""
-        if self._process is not None:
-            self._process.kill()
+        """End the process at once; one that was not started has touched nothing."""
+        self._process.kill()
 
 
 class RampDown:
@@ -123,16 +166,22 @@ class RampDown:
         return code == 0
 
 
-def _start(module: str, *arguments: str) -> "subprocess.Popen[bytes]":
+def _start(module: str, *arguments: str, talks: bool = False) -> "subprocess.Popen[bytes]":
     """Start a module of ours as a process that signals of our terminal do not reach.
 
-    What it prints goes to our stderr. Not asyncio's processes: those kill the child when the parent
-    ends by an error, and a loop without its supervisor has to ramp down.
+    Not asyncio's processes: those kill the child when the parent ends by an error, and a loop
+    without its supervisor has to ramp down.
+
+    Args:
+        module: The module.
+        arguments: Its arguments.
+        talks: Whether we read its standard output and write to its standard input; otherwise what
+            it prints goes to our stderr.
     """
     return subprocess.Popen(  # noqa: S603 - our own interpreter and module
         [sys.executable, "-m", module, *arguments],
-        stdin=subprocess.DEVNULL,
-        stdout=sys.stderr,
+        stdin=subprocess.PIPE if talks else subprocess.DEVNULL,
+        stdout=subprocess.PIPE if talks else sys.stderr,
         # Linear algebra of this size needs no threads, and a real-time process wants none.
         env={**without_manager(os.environ), "OPENBLAS_NUM_THREADS": "1"},
         start_new_session=True,

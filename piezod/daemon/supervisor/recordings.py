@@ -9,12 +9,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from piezod.daemon import accepted_config
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
 from piezod.daemon.stores.flight_recorder import FlightRecorder
 from piezod.daemon.stores.recorder import Recorder, RecorderError, RecordSource
-from piezod.daemon.supervisor import accepted_config
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.records.telemetry_header import TelemetryHeader
 from piezod.telemetry.layout import enumerations, record_dtype

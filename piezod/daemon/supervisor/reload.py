@@ -1,7 +1,8 @@
 """A new configuration for a running stage: validated as a whole, then swapped, or the old one kept.
 
-The swap ends the loop process and starts another, so nothing can be applied by halves. If the new
-one does not come up, one with the old configuration is started.
+A second loop process accepts the new configuration while the first one runs. The swap ends the
+first and starts the second, so nothing can be applied by halves. If the new one does not come up, a
+loop with the old configuration is started.
 """
 
 import asyncio
@@ -11,11 +12,11 @@ from typing import Any, Final
 
 from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
+from piezod.daemon import accepted_config
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
-from piezod.daemon.supervisor import accepted_config
 from piezod.daemon.supervisor.loop_run import LoopRun
-from piezod.errors import ConfigError
+from piezod.errors import ConfigError, PiezodError
 
 UP_WITHIN_S: Final = 60.0
 """A loop without a healthy cycle by then has not come up; compiling may take most of it."""
@@ -24,21 +25,35 @@ AT_REST: Final = (State.SAFE, State.FAULT, State.BLIND)
 _POLL_S: Final = 0.02
 
 
-async def read_again(source: Path, old: DaemonConfig, *, strict_rt: bool) -> DaemonConfig:
-    """Read a changed configuration.
+async def prepare(
+    run: LoopRun, paths: StagePaths, source: Path, *, strict_rt: bool = False
+) -> LoopRun:
+    """Have a second loop process accept a configuration; it drives nothing before it is started.
+
+    Args:
+        run: The loop that runs.
+        paths: The files of the stage.
+        source: The configuration file.
+        strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
 
     Raises:
         BadValueError: If it is not valid; the text has every problem.
-        NotNowError: If it is one that only a start can take.
+        NotNowError: If it is one that only a start can take, or there is no room for it.
     """
+    slot = "config-b" if run.config_file.parent.name == "config-a" else "config-a"
     try:
-        new = await asyncio.to_thread(accepted_config.load, source, strict_rt=strict_rt)
-    except (ConfigError, OSError) as error:
+        fresh = LoopRun(paths, source, slot, strict_rt=strict_rt)
+        await asyncio.to_thread(fresh.accept)
+    except ConfigError as error:
         raise BadValueError(str(error), "the configuration in force is kept; correct it") from error
-    if list(new.axes) != list(old.axes):
-        what = f"its axes are {', '.join(new.axes)}, those in force are {', '.join(old.axes)}"
+    except (PiezodError, OSError) as error:
+        raise NotNowError(f"not exchanged: {error}", "see the log and the disk") from error
+    old, new = run.config.axes, fresh.config.axes
+    if list(new) != list(old):
+        fresh.kill()
+        what = f"its axes are {', '.join(new)}, those in force are {', '.join(old)}"
         raise NotNowError(what, "axes are exchanged by a restart only")
-    return new
+    return fresh
 
 
 def changes(old: DaemonConfig, new: DaemonConfig) -> list[str]:
@@ -56,32 +71,29 @@ def _flat(document: dict[str, Any], path: str = "") -> dict[str, Any]:
 
 
 async def exchange(
-    run: LoopRun, paths: StagePaths, new: DaemonConfig, use: Callable[[LoopRun], None]
+    run: LoopRun, paths: StagePaths, fresh: LoopRun, use: Callable[[LoopRun], None]
 ) -> bool:
-    """End a loop that drives nothing and start one with a new configuration.
+    """End a loop that drives nothing, and start another in its place.
 
     Args:
         run: The loop that runs.
         paths: The files of the stage.
-        new: The configuration.
-        use: Told of each loop just before it is started, so that it is looked after.
+        fresh: Its successor, from `prepare`.
+        use: Called with each loop just before it is started, so that it is supervised.
 
     Returns:
         Whether the new one came up; else a loop with the old configuration has been started.
 
     Raises:
-        OSError: If there is no room for the new configuration; the loop runs as before.
+        StageError: If that one could not be started either.
     """
-    old, slot = run.loop.config, run.config_file.parent.name
-    # Made while the old one runs: where the disk is full, that one goes on.
-    fresh = LoopRun(paths, new, "config-b" if slot == "config-a" else "config-a")
     await _end(run)
     use(fresh)
     fresh.start()
     if await _up(fresh):
         return True
     await _end(fresh)
-    back = LoopRun(paths, old, slot)
+    back = await prepare(run, paths, run.config_file)
     use(back)
     back.start()
     return False

@@ -7,8 +7,7 @@ from piezod.daemon.durations import ramped_down_within_s
 from piezod.daemon.lock import Lock
 from piezod.daemon.logging import set_up_logging
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.supervisor import accepted_config
-from piezod.daemon.supervisor.loop_run import RampDown
+from piezod.daemon.supervisor.loop_run import LoopRun, RampDown
 from piezod.daemon.supervisor.marker import Marker
 from piezod.daemon.supervisor.notify import Notifier
 from piezod.daemon.supervisor.signals import Signals
@@ -34,22 +33,26 @@ def run_stage(
 
     Raises:
         ConfigError: If the configuration is not valid; no device was opened.
+        PiezodError: If the loop process ended before it had read the configuration.
         AlreadyRunningError: If somebody else came first while an earlier run was cleared up.
         DeviceUnavailableError: If a device had to be there and was absent.
         OSError: If a file of the stage cannot be made.
     """
     set_up_logging()
-    config = accepted_config.load(source, strict_rt=options.strict_rt)
     marker = Marker(paths.running)
+    run = LoopRun(paths, source, "config-a", strict_rt=options.strict_rt)
+    if not run.accept(lambda: bool(signals.end) and not marker.unclean):
+        return True  # nothing has been touched
     marker.put()
     if marker.unclean:  # whoever died may have left a voltage in force, and nobody saw to it since
         lock.release()
-        Notifier().take_longer(ramped_down_within_s(config), "ramping down after the last run")
-        safe = RampDown(source, config).wait()
+        Notifier().take_longer(ramped_down_within_s(run.config), "ramping down after the last run")
+        safe = RampDown(source, run.config).wait()
         if signals.end:
+            run.kill()
             return safe  # the mark stays: nobody has looked yet
         lock.take()
-    supervisor = Supervisor(source, paths, config, options, Notifier(), signals)
+    supervisor = Supervisor(source, paths, run, options, Notifier(), signals)
     ending, safe = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
     if ending in (Ending.IN_ORDER, Ending.ABSENT):
         paths.loop_map.unlink(missing_ok=True)

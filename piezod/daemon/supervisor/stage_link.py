@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from piezod.config.requests import AdoptModel, Arm, Request, Shutdown
 from piezod.control.stage.answer import Answer
+from piezod.daemon import accepted_config
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import (
@@ -23,7 +24,6 @@ from piezod.daemon.service.stage_service import (
 )
 from piezod.daemon.stores.audit import AuditLog
 from piezod.daemon.stores.parameter_store import ParameterStore
-from piezod.daemon.supervisor import accepted_config
 from piezod.daemon.supervisor import documents as stage_documents
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.parameters import LearnedParameters

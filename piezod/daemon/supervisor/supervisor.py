@@ -12,7 +12,6 @@ from collections.abc import Coroutine
 from pathlib import Path
 from typing import Final
 
-from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
@@ -24,7 +23,7 @@ from piezod.daemon.supervisor.heart import Heart
 from piezod.daemon.supervisor.housekeeping import Housekeeping
 from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.daemon.supervisor.notify import Notifier
-from piezod.daemon.supervisor.reload import AT_REST, changes, exchange, read_again
+from piezod.daemon.supervisor.reload import AT_REST, changes, exchange, prepare
 from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.daemon.supervisor.terms import Ending, RunOptions
@@ -44,7 +43,7 @@ class Supervisor:
     Args:
         source: The configuration file, read again by a reload.
         paths: The files of the stage; its lock is held.
-        config: What the file said.
+        run: The loop process, which has accepted the configuration.
         options: What the command line adds.
         notifier: The way to the service manager.
         signals: What signals have asked for, and will.
@@ -54,7 +53,7 @@ class Supervisor:
         self,
         source: Path,
         paths: StagePaths,
-        config: DaemonConfig,
+        run: LoopRun,
         options: RunOptions,
         notifier: Notifier,
         signals: Signals,
@@ -64,7 +63,7 @@ class Supervisor:
         self._ending = Ending.IN_ORDER
         self._stopping = self._ready = self._exchanging = False
         self._state: State | None = None
-        self.run_of_loop = LoopRun(paths, config, "config-a")
+        self.run_of_loop = run
         self._link = StageLink(
             paths,
             self.run_of_loop.loop,
@@ -182,16 +181,19 @@ class Supervisor:
             BadValueError: If it is not valid.
             NotNowError: If it cannot be swapped now.
         """
-        old = self.run_of_loop.loop.config
-        new = await read_again(self._source, old, strict_rt=self._options.strict_rt)
-        different = changes(old, new)
+        run, strict_rt = self.run_of_loop, self._options.strict_rt
         self._check_exchange()
+        fresh = await prepare(run, self._paths, self._source, strict_rt=strict_rt)
+        different = changes(run.config, fresh.config)
+        try:
+            self._check_exchange()  # again: that took a while
+        except NotNowError:
+            fresh.kill()
+            raise
         _log.info("reload", user=peer.user, changes=different)
         self._exchanging, self._link.available = True, False
         try:
-            came_up = await exchange(self.run_of_loop, self._paths, new, self._use)
-        except OSError as error:
-            raise NotNowError(f"not exchanged: {error}", "make room on the disk") from error
+            came_up = await exchange(run, self._paths, fresh, self._use)
         finally:
             self._exchanging, self._link.available = False, True
         if not came_up:

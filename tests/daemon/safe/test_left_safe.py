@@ -6,14 +6,14 @@ import pytest
 
 from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
-from piezod.daemon.supervisor import accepted_config
+from piezod.daemon.loop import accept
 from tests.daemon.bench import Bench
 
 
 @pytest.fixture
 def bench(tmp_path: Path, rig_file: Path) -> Bench:
     """Return a stage whose safe voltage is 0 V."""
-    config: DaemonConfig = accepted_config.load(rig_file)
+    config: DaemonConfig = accept.load(rig_file)
     bench = Bench(tmp_path, config)
     bench.link.audit_of_stage.close()
     return bench

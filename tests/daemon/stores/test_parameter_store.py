@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod.daemon.stores.parameter_document import (
+    OFFSET_LIMIT,
+    SCALE_LIMIT,
     AxisParameters,
     ParameterDocument,
     decode,
@@ -17,6 +19,7 @@ from piezod.daemon.stores.parameter_document import (
 )
 from piezod.daemon.stores.parameter_store import KEPT, Loaded, ParameterStore
 from piezod.errors import DataError
+from piezod.hysteresis import learner
 from tests.daemon.stored import MODEL, WHEN, parameters
 
 CONTENT = encode(
@@ -203,16 +206,9 @@ def test_links_and_folders_are_refused(folder: Path, tmp_path: Path) -> None:
     assert len(loaded.rejected) == 2
 
 
-@pytest.mark.fault("D8")
-def test_model_that_is_not_monotone_is_never_stored(folder: Path) -> None:
-    """What could not be loaded again is refused at once; what is there stays."""
-    falling = MODEL.model_copy(update={"left_stop_weights": (-5.0, 0.1)})
-    store = open_store(folder)
-    store.save(parameters(1.0), "ann")
-    with pytest.raises(DataError, match="axis x: the model is not monotone"):
-        store.save({"x": AxisParameters(model=falling, zero_um=0.0)}, "ann")
-
-    assert [each.sequence for each in store.history()] == [1]
+def test_limits_are_those_of_the_identifiers() -> None:
+    """The store does not import them, because compiled kernels would come with them."""
+    assert (OFFSET_LIMIT, SCALE_LIMIT) == (learner.OFFSET_LIMIT, learner.SCALE_LIMIT)
 
 
 @pytest.mark.fault("D2")

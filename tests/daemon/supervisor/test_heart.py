@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from piezod.daemon.supervisor import accepted_config
+from piezod.daemon.loop import accept
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.heart import BUSY_S, Heart
 from piezod.telemetry.layout import Layout
@@ -18,7 +18,7 @@ from tests.daemon.waiting import eventually
 @pytest.fixture
 def loops(tmp_path: Path, rig_file: Path) -> list[LoopConnection]:
     """Return two loops of one stage."""
-    config = accepted_config.load(rig_file)
+    config = accept.load(rig_file)
     maps = [create(tmp_path / name, Layout.of(config)) for name in "ab"]
     return [LoopConnection(config, shared) for shared in maps]
 

@@ -11,7 +11,7 @@ import pytest
 
 from piezod.config.states import State
 from piezod.daemon.logging import set_up_logging
-from piezod.daemon.supervisor import accepted_config
+from piezod.daemon.loop import accept
 from piezod.daemon.supervisor.housekeeping import Housekeeping
 from piezod.telemetry.events import EventWriter
 from piezod.telemetry.record import StageEvent
@@ -30,7 +30,7 @@ def log() -> io.StringIO:
 @pytest.fixture
 def bench(tmp_path: Path, rig_file: Path) -> Bench:
     """Return a stage."""
-    return Bench(tmp_path, accepted_config.load(rig_file))
+    return Bench(tmp_path, accept.load(rig_file))
 
 
 def test_events_of_the_loop_are_logged(bench: Bench, log: io.StringIO) -> None:

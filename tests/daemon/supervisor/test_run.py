@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from subprocess import Popen
+from subprocess import PIPE, Popen
 from typing import Any, NamedTuple
 
 import httpx
@@ -16,8 +16,8 @@ import pytest
 from piezod.config.states import State
 from piezod.daemon.durations import ramp_s, ramped_down_within_s
 from piezod.daemon.lock import Lock
+from piezod.daemon.loop import accept
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.supervisor import accepted_config
 from piezod.daemon.supervisor import loop_run as loop_supervision
 from piezod.daemon.supervisor.run import run_stage
 from piezod.daemon.supervisor.signals import Signals, noted_signals
@@ -94,12 +94,13 @@ def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
     processes: list[tuple[str, Popen[bytes]]] = []
     safe_codes, loop_command = [0], [str(FAKE)]
 
-    def started(module: str, *arguments: str) -> "Popen[bytes]":
+    def started(module: str, *arguments: str, talks: bool = False) -> "Popen[bytes]":
         if arguments[0] == "safe":
             command = [sys.executable, "-c", f"raise SystemExit({safe_codes[0]})"]
         else:
             command = [sys.executable, *loop_command, *arguments]
-        process = Popen(command)
+        pipe = PIPE if talks else None
+        process = Popen(command, stdin=pipe, stdout=pipe)
         processes.append((module, process))
         return process
 
@@ -174,14 +175,15 @@ def test_signal_while_an_earlier_run_is_cleared_up(rig: Rig, safe_code: int) -> 
         in_order = run_stage(rig.config, RunOptions(), rig.paths, lock, signals)
 
     assert in_order is (safe_code == 0)
-    assert _modules(rig) == ["piezod.cli.main"]
+    assert _modules(rig) == ["piezod.daemon.loop.process", "piezod.cli.main"]
+    assert rig.processes[0][1].wait() == -signal.SIGKILL
     assert rig.paths.running.exists()
 
 
 def test_ramp_down_is_not_cut_off(rig: Rig) -> None:
     """However slow the ramp of a stage is, it has that time three times over, and a minute."""
     config = configuration(rig.config.parent, safety="{safe_v: 0, ramp_v_per_s: 0.1}")
-    slow = accepted_config.load(config)
+    slow = accept.load(config)
 
     assert ramp_s(slow) == 1500
     assert ramped_down_within_s(slow) == 3 * 1500 + 60
@@ -334,32 +336,32 @@ def test_recording_keeps_the_configuration(rig: Rig) -> None:
     assert "goes on" in answers[0].text
 
 
-def test_loop_that_cannot_be_started_is_lost(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine without room for a process ramps the stage down, as far as it can."""
-    started = loop_supervision._start  # noqa: SLF001 - what the fixture has put there
+def test_loop_that_cannot_be_started_touches_nothing(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A machine without room for a process refuses to run; no mark is made."""
 
-    def refused(module: str, *arguments: str) -> "Popen[bytes]":
-        if module == "piezod.daemon.loop.process":
-            raise BlockingIOError(11, "no process left")
-        return started(module, *arguments)
+    def refused(*_arguments: str, talks: bool = False) -> "Popen[bytes]":
+        raise BlockingIOError(11, f"no process left, {talks}")
 
     monkeypatch.setattr(loop_supervision, "_start", refused)
     rig.paths.make_folders()
 
-    with Lock(rig.paths.lock) as lock:
-        assert not run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
+    with Lock(rig.paths.lock) as lock, pytest.raises(BlockingIOError):
+        run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
 
-    assert _modules(rig) == ["piezod.cli.main"]
+    assert not rig.paths.running.exists()
 
 
 @pytest.mark.fault("P10")
 def test_bad_configuration_starts_nothing(rig: Rig) -> None:
-    """No process is started and no mark is made."""
+    """The process that reads it ends, and no mark is made."""
     configuration(rig.config.parent, rate_hz="0")
     rig.paths.make_folders()
 
     with Lock(rig.paths.lock) as lock, pytest.raises(ConfigError, match="rate_hz"):
         run_stage(rig.config, RunOptions(), rig.paths, lock, Signals())
 
-    assert rig.processes == []
+    [(_, process)] = rig.processes
+    assert process.wait() == 0
     assert not rig.paths.running.exists()

@@ -13,6 +13,7 @@ from piezod.config.requests import AdoptModel, Arm, Goto, Shutdown
 from piezod.config.states import State
 from piezod.control.faults.table import FAULTS
 from piezod.control.stage.answer import Answer
+from piezod.daemon.loop import accept
 from piezod.daemon.service.stage_service import (
     AuditEntry,
     BadValueError,
@@ -20,7 +21,6 @@ from piezod.daemon.service.stage_service import (
     UnavailableError,
     UnknownNameError,
 )
-from piezod.daemon.supervisor import accepted_config
 from piezod.telemetry.learned import LearnedWriter
 from piezod.telemetry.stream import StreamReader
 from tests.daemon.bench import PEER, Bench
@@ -29,7 +29,7 @@ from tests.daemon.bench import PEER, Bench
 @pytest.fixture
 def config(rig_file: Path) -> DaemonConfig:
     """Return the configuration of a simulated stage."""
-    return accepted_config.load(rig_file)
+    return accept.load(rig_file)
 
 
 @pytest.fixture

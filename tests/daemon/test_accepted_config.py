@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from piezod.daemon.supervisor import accepted_config
+from piezod.daemon import accepted_config
+from piezod.daemon.loop import accept
 from piezod.errors import ConfigError
 from tests.daemon.daemons import REPOSITORY
 
@@ -13,13 +14,13 @@ SHIPPED = REPOSITORY / "config" / "simulated.yaml"
 
 def test_copy_says_the_same(tmp_path: Path) -> None:
     """A loop that reads the copy runs what the file said."""
-    config = accepted_config.load(SHIPPED)
+    config = accept.load(SHIPPED)
 
     copy = accepted_config.keep(config, tmp_path / "kept", "simulated")
 
     assert copy.name == "simulated.yaml"
     expected = accepted_config.document(config)
-    found = accepted_config.document(accepted_config.load(copy))
+    found = accepted_config.document(accept.load(copy))
     model = Path(found["axes"]["x"].pop("model"))
     assert model.read_bytes() == Path(expected["axes"]["x"].pop("model")).read_bytes()
     assert found == expected
@@ -31,25 +32,25 @@ def test_copy_replaces_what_was_there(tmp_path: Path) -> None:
     folder.mkdir()
     (folder / "old.yaml").touch()
 
-    accepted_config.keep(accepted_config.load(SHIPPED), folder, "simulated")
+    accepted_config.keep(accept.load(SHIPPED), folder, "simulated")
 
     assert sorted(path.name for path in folder.iterdir()) == ["model-x.yaml", "simulated.yaml"]
 
 
 def test_paths_are_absolute() -> None:
     """The copy lies elsewhere than the file, so a relative path would lead nowhere."""
-    document = accepted_config.document(accepted_config.load(SHIPPED))
+    document = accepted_config.document(accept.load(SHIPPED))
 
     assert Path(document["axes"]["x"]["model"]).is_absolute()
 
 
 def test_command_line_may_ask_for_real_time(tmp_path: Path) -> None:
     """`--strict-rt` reaches the loop through the copy."""
-    config = accepted_config.load(SHIPPED, strict_rt=True)
+    config = accept.load(SHIPPED, strict_rt=True)
 
     copy = accepted_config.keep(config, tmp_path / "kept", "simulated")
 
-    assert accepted_config.load(copy).loop.strict_rt
+    assert accept.load(copy).loop.strict_rt
 
 
 @pytest.mark.fault("P10")
@@ -63,4 +64,4 @@ def test_unsafe_gain_is_a_mistake_of_the_configuration(tmp_path: Path) -> None:
     unsafe.write_text(text.replace("models/", f"{path.parent}/models/"), encoding="utf-8")
 
     with pytest.raises(ConfigError, match=r"unsafe\.yaml"):
-        accepted_config.load(unsafe)
+        accept.load(unsafe)

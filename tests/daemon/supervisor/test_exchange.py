@@ -1,0 +1,146 @@
+"""The exchange of a loop for one with another configuration, with loops that drive nothing."""
+
+import asyncio
+import sys
+from pathlib import Path
+from subprocess import PIPE, Popen
+
+import pytest
+
+from piezod.daemon import accepted_config
+from piezod.daemon.loop import accept
+from piezod.daemon.paths import StagePaths
+from piezod.daemon.service.stage_service import BadValueError, NotNowError
+from piezod.daemon.supervisor import loop_run
+from piezod.daemon.supervisor.loop_run import LoopRun
+from piezod.daemon.supervisor.reload import changes, exchange, prepare
+from tests.daemon.daemons import configuration
+
+FAKE = Path(__file__).parents[1] / "fake_loop.py"
+
+
+@pytest.fixture(autouse=True)
+def _fake_loops(monkeypatch: pytest.MonkeyPatch) -> None:
+    def started(_module: str, *arguments: str, talks: bool = False) -> "Popen[bytes]":
+        pipe = PIPE if talks else None
+        return Popen([sys.executable, str(FAKE), *arguments], stdin=pipe, stdout=pipe)
+
+    monkeypatch.setattr(loop_run, "_start", started)
+
+
+class Exchanged:
+    """What a reload left behind.
+
+    Args:
+        folder: Folder for the files of the stage.
+        source: The configuration file.
+        text: What it says when it is read again.
+    """
+
+    def __init__(self, folder: Path, source: Path, text: str) -> None:
+        self.runs: list[LoopRun] = []
+        self._source, self._text = source, text
+        self._paths = StagePaths("rig", folder / "runtime", folder / "state")
+        self._paths.make_folders()
+        self.came_up = asyncio.run(self._exchange())
+
+    async def _exchange(self) -> bool:
+        self.runs.append(LoopRun(self._paths, self._source, "config-a"))
+        self.runs[0].accept()
+        self.runs[0].start()
+        watching = asyncio.create_task(self._watch())
+        try:
+            while not self.runs[0].loop.health.started:
+                await asyncio.sleep(0.01)
+            self._source.write_text(self._text, encoding="utf-8")
+            fresh = await prepare(self.runs[0], self._paths, self._source)
+            came_up = await exchange(self.runs[0], self._paths, fresh, self.runs.append)
+            self.code_of_first = self.runs[0].exit_code
+            self.title = self.runs[-1].loop.config.title
+            self.kept = accepted_config.read(self.runs[-1].config_file)
+            while self.runs[-1].exit_code is None and self.runs[-1].ask_to_end():
+                await asyncio.sleep(0.01)
+        finally:
+            watching.cancel()
+            for run in self.runs:
+                run.kill()
+        return came_up
+
+    async def _watch(self) -> None:
+        while True:
+            self.runs[-1].loop.health.look(0)
+            await asyncio.sleep(0.005)
+
+
+def titled(path: Path, title: str) -> str:
+    """Return a configuration with another title."""
+    return f"title: {title}\n" + path.read_text(encoding="utf-8")
+
+
+def test_new_configuration_is_in_force(tmp_path: Path, rig_file: Path) -> None:
+    """The loop before ended in order, and the new one runs what was accepted."""
+    exchanged = Exchanged(tmp_path, rig_file, titled(rig_file, "new"))
+
+    assert exchanged.came_up
+    assert exchanged.code_of_first == 0
+    assert exchanged.title == exchanged.kept.title == "new"
+
+
+@pytest.mark.fault("P11")
+def test_configuration_that_does_not_come_up_is_taken_back(tmp_path: Path, rig_file: Path) -> None:
+    """A loop with the old configuration runs again, from its own copy."""
+    exchanged = Exchanged(tmp_path, rig_file, titled(rig_file, "broken"))
+
+    assert not exchanged.came_up
+    assert [run.config.title for run in exchanged.runs] == ["", "broken", ""]
+    assert exchanged.code_of_first == 0
+    assert exchanged.title == exchanged.kept.title == ""
+
+
+class Accepted:
+    """The loop that runs, as far as a reload looks at it before it prepares another."""
+
+    def __init__(self, source: Path) -> None:
+        self.config = accept.load(source)
+        self.config_file = Path("runtime/config-a/rig.yaml")
+
+
+def prepared(folder: Path, running: Path, source: Path) -> LoopRun:
+    """Prepare another loop beside one that runs."""
+    paths = StagePaths("rig", folder / "runtime", folder / "state")
+    paths.make_folders()
+    old = Accepted(running)
+    return asyncio.run(prepare(old, paths, source))  # type: ignore[arg-type] # all it looks at
+
+
+@pytest.mark.fault("P11")
+def test_invalid_file_is_refused_with_all_its_mistakes(tmp_path: Path, rig_file: Path) -> None:
+    """A reload reports the same text as a start."""
+    (tmp_path / "wrong").mkdir()
+    path = configuration(tmp_path / "wrong", rate_hz="0", speed_um_per_s="fast")
+
+    with pytest.raises(BadValueError, match=r"(?s)rate_hz: out of range.*speed_um_per_s: must be"):
+        prepared(tmp_path, rig_file, path)
+
+
+def test_missing_file_is_refused(tmp_path: Path, rig_file: Path) -> None:
+    """A file that is gone changes nothing."""
+    with pytest.raises(BadValueError, match=r"gone\.yaml"):
+        prepared(tmp_path, rig_file, tmp_path / "gone.yaml")
+
+
+def test_other_axes_need_a_restart(tmp_path: Path, rig_file: Path) -> None:
+    """Readers, recordings and leases count on the axes that there are."""
+    other = tmp_path / "other.yaml"
+    other.write_text(rig_file.read_text("utf-8").replace("  x:\n", "  y:\n"), encoding="utf-8")
+
+    with pytest.raises(NotNowError, match="its axes are y, those in force are x"):
+        prepared(tmp_path, rig_file, other)
+
+
+def test_changes_are_named_by_their_paths(tmp_path: Path, rig_file: Path) -> None:
+    """A value that is left out counts as changed, too."""
+    config = accept.load(rig_file)
+    path = configuration(tmp_path, rate_hz="50", speed_um_per_s="100")
+
+    assert changes(config, accept.load(path)) == ["axes.x.speed_um_per_s", "rate_hz"]
