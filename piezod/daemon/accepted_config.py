@@ -1,9 +1,9 @@
 """A copy of a configuration as it was accepted, which later edits of the files do not change.
 
 The loop process accepts a configuration, because only it loads the drivers and the control law, and
-writes the copy. The supervisor reads the copy, and so do `piezod safe` and a reload that has to go
-back. It is a configuration like any other, in a folder of its own and with the file's own name,
-which is that of the stage; model files are copied beside it, and every other path is absolute.
+writes the copy. `piezod safe` reads the copy, and so does a reload that has to go back. It is a
+configuration like any other, in a folder of its own and with the file's own name, which is that of
+the stage; model files are copied beside it, and every other path is absolute.
 """
 
 import json
@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict
 from piezod.config.daemon import DaemonConfig
 from piezod.config.fields import Context
 from piezod.config.validate import validate
-from piezod.config.yaml_loader import load_yaml
+from piezod.config.yaml_loader import parse_yaml
 
 
 def document(config: DaemonConfig) -> dict[str, Any]:
@@ -57,17 +57,21 @@ def keep(config: DaemonConfig, folder: Path, name: str) -> Path:
     return path
 
 
-def read(path: Path) -> DaemonConfig:
-    """Read the copy of an accepted configuration; loads no driver.
+def parsed(text: str, source: Path) -> DaemonConfig:
+    """Return an accepted configuration; loads no driver.
 
-    The options of devices stay as they are in the file: only drivers know their meaning.
+    The options of devices stay as they are in the text: only drivers know their meaning.
+
+    Args:
+        text: What `document` gave, as JSON.
+        source: The file under whose name problems are reported.
 
     Raises:
         ConfigError: If it is not valid.
     """
-    text = load_yaml(path)
-    drivers = _KeptDrivers([device["driver"] for device in text.data["devices"].values()])
-    return validate(text, DaemonConfig, Context(path.parent, drivers))
+    found = parse_yaml(text, str(source))
+    drivers = _KeptDrivers([device["driver"] for device in found.data["devices"].values()])
+    return validate(found, DaemonConfig, Context(source.parent, drivers))
 
 
 class _KeptOptions(BaseModel):

@@ -76,12 +76,13 @@ def accept(source: Path, copy: Path) -> bool:
     """Accept a configuration as a loop process does, without its drivers; return whether to run."""
     copy.parent.mkdir(exist_ok=True)
     try:
-        copy.write_text(json.dumps(load_yaml(source).data, default=str), encoding="utf-8")
-        accepted_config.read(copy)
+        document = load_yaml(source).data
+        copy.write_text(json.dumps(document), encoding="utf-8")
+        accepted_config.parsed(copy.read_text(encoding="utf-8"), copy)
     except ConfigError as error:
         print(json.dumps({"problems": error.problems}), flush=True)
         return False
-    print(json.dumps({"accepted": str(copy)}), flush=True)
+    print(json.dumps({"accepted": document}), flush=True)
     return bool(sys.stdin.readline())
 
 

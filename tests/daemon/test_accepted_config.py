@@ -1,5 +1,6 @@
 """The copy of a configuration that was accepted."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,15 @@ def test_copy_says_the_same(tmp_path: Path) -> None:
     model = Path(found["axes"]["x"].pop("model"))
     assert model.read_bytes() == Path(expected["axes"]["x"].pop("model")).read_bytes()
     assert found == expected
+
+
+def test_a_supervisor_reads_the_same_without_drivers() -> None:
+    """Options of devices stay as they are in the file."""
+    document = accepted_config.document(accept.load(SHIPPED))
+
+    config = accepted_config.parsed(json.dumps(document), SHIPPED)
+
+    assert accepted_config.document(config) == document
 
 
 def test_copy_replaces_what_was_there(tmp_path: Path) -> None:

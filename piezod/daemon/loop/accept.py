@@ -57,7 +57,8 @@ def accept(source: Path, copy: Path, *, strict_rt: bool) -> DaemonConfig | None:
     except ConfigError as error:
         _report({"problems": error.problems})
         return None
-    _report({"accepted": str(accepted_config.keep(config, copy.parent, copy.stem))})
+    accepted_config.keep(config, copy.parent, copy.stem)
+    _report({"accepted": accepted_config.document(config)})
     return config if sys.stdin.readline() else None
 
 

@@ -49,7 +49,7 @@ class LoopRun:
         self, paths: StagePaths, source: Path, slot: str, *, strict_rt: bool = False
     ) -> None:
         self.config_file = paths.runtime / slot / f"{paths.name}.yaml"
-        self._paths, self._overdue_ns = paths, 0
+        self._paths, self._source, self._overdue_ns = paths, source, 0
         arguments = [str(paths.runtime), str(source), str(self.config_file)]
         strict = ["--strict-rt"] if strict_rt else []
         self._process = _start("piezod.daemon.loop.process", *arguments, *strict, talks=True)
@@ -70,11 +70,12 @@ class LoopRun:
         """
         answer = self._read_line(ended)
         if answer is None:
-            self.kill()
+            self.discard()
             return False
         if "problems" in answer:
+            self.discard()
             raise ConfigError(*(Problem(*problem) for problem in answer["problems"]))
-        self.config = accepted_config.read(self.config_file)
+        self.config = accepted_config.parsed(json.dumps(answer["accepted"]), self._source)
         shared = create(self._paths.loop_map, Layout.of(self.config))
         shared.words[Word.SUPERVISOR_PID] = os.getpid()
         self.loop = LoopConnection(self.config, shared)
@@ -85,11 +86,11 @@ class LoopRun:
         output = self._process.stdout
         if output is None:
             raise PiezodError("the loop process has no output")
-        while not select([output], [], [], _LOOK_EACH_S)[0]:
-            if ended():
-                return None
-        line = output.readline()
-        output.close()
+        with output:
+            while not select([output], [], [], _LOOK_EACH_S)[0]:
+                if ended():
+                    return None
+            line = output.readline()
         if not line:
             code = self._process.wait()
             what = f"the loop process ended with code {code} before it had read the configuration"
@@ -104,11 +105,9 @@ class LoopRun:
             unclean: Whether the daemon did not end in order last time.
         """
         self.loop.shared.words[Word.UNCLEAN] = unclean
-        go_on = self._process.stdin
-        if go_on is not None:
-            with suppress(BrokenPipeError):  # it has ended: its exit code tells
-                go_on.write(b"start\n")
-                go_on.flush()
+        if self._process.stdin is not None:
+            with suppress(BrokenPipeError), self._process.stdin as word:  # its exit code tells
+                word.write(b"start\n")
 
     @property
     def exit_code(self) -> int | None:
@@ -134,8 +133,15 @@ class LoopRun:
         return now_ns < self._overdue_ns
 
     def kill(self) -> None:
-        """End the process at once; one that was not started has touched nothing."""
+        """End the process at once."""
         self._process.kill()
+
+    def discard(self) -> None:
+        """End a process that was not started: it has touched nothing."""
+        self._process.kill()
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        self._process.wait()
 
 
 class RampDown:

@@ -6,13 +6,12 @@ loop with the old configuration is started.
 """
 
 import asyncio
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from piezod.config.daemon import DaemonConfig
 from piezod.config.states import State
-from piezod.daemon import accepted_config
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.stage_service import BadValueError, NotNowError
 from piezod.daemon.supervisor.loop_run import LoopRun
@@ -50,16 +49,28 @@ async def prepare(
         raise NotNowError(f"not exchanged: {error}", "see the log and the disk") from error
     old, new = run.config.axes, fresh.config.axes
     if list(new) != list(old):
-        fresh.kill()
+        fresh.discard()
         what = f"its axes are {', '.join(new)}, those in force are {', '.join(old)}"
         raise NotNowError(what, "axes are exchanged by a restart only")
     return fresh
 
 
-def changes(old: DaemonConfig, new: DaemonConfig) -> list[str]:
-    """Return the paths of all values that two configurations have different."""
-    before, after = (_flat(accepted_config.document(config)) for config in (old, new))
+def changes(old: LoopRun, new: LoopRun) -> list[str]:
+    """Return the paths of all values that differ in two configurations.
+
+    A model file counts by its contents, wherever it is.
+    """
+    before, after = _flat(_contents(old)), _flat(_contents(new))
     return sorted(key for key in before.keys() | after.keys() if before.get(key) != after.get(key))
+
+
+def _contents(run: LoopRun) -> dict[str, Any]:
+    """Return an accepted configuration with the model files in the place of their paths."""
+    kept: dict[str, Any] = json.loads(run.config_file.read_text(encoding="utf-8"))
+    for axis in kept["axes"].values():
+        if "model" in axis:
+            axis["model"] = Path(axis["model"]).read_bytes()
+    return kept
 
 
 def _flat(document: dict[str, Any], path: str = "") -> dict[str, Any]:

@@ -49,7 +49,7 @@ def run_stage(
         Notifier().take_longer(ramped_down_within_s(run.config), "ramping down after the last run")
         safe = RampDown(source, run.config).wait()
         if signals.end:
-            run.kill()
+            run.discard()
             return safe  # the mark stays: nobody has looked yet
         lock.take()
     supervisor = Supervisor(source, paths, run, options, Notifier(), signals)

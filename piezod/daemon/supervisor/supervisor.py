@@ -184,11 +184,11 @@ class Supervisor:
         run, strict_rt = self.run_of_loop, self._options.strict_rt
         self._check_exchange()
         fresh = await prepare(run, self._paths, self._source, strict_rt=strict_rt)
-        different = changes(run.config, fresh.config)
+        different = changes(run, fresh)
         try:
             self._check_exchange()  # again: that took a while
         except NotNowError:
-            fresh.kill()
+            fresh.discard()
             raise
         _log.info("reload", user=peer.user, changes=different)
         self._exchanging, self._link.available = True, False

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from piezod.daemon.stores import recorder as recorder_module
 from piezod.daemon.stores.recorder import Recorder, RecorderError, no_room
+from piezod.records import telemetry_file
 from piezod.records.telemetry_file import TelemetryWriter
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 from tests.daemon.fake_ring import FakeRing
@@ -204,7 +204,7 @@ def test_stalled_disk_costs_records_that_are_counted(
     recorder: Recorder, ring: FakeRing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The ring goes on and overwrites its oldest; how many are missing stands in the file."""
-    monkeypatch.setattr(recorder_module, "TelemetryWriter", StallingWriter)
+    monkeypatch.setattr(telemetry_file, "TelemetryWriter", StallingWriter)
     recorder.start(header())
     ring.run(100)
     assert StallingWriter.reached.wait(60)

@@ -1,6 +1,8 @@
 """The exchange of a loop for one with another configuration, with loops that drive nothing."""
 
 import asyncio
+import json
+import re
 import sys
 from pathlib import Path
 from subprocess import PIPE, Popen
@@ -57,7 +59,7 @@ class Exchanged:
             came_up = await exchange(self.runs[0], self._paths, fresh, self.runs.append)
             self.code_of_first = self.runs[0].exit_code
             self.title = self.runs[-1].loop.config.title
-            self.kept = accepted_config.read(self.runs[-1].config_file)
+            self.kept = json.loads(self.runs[-1].config_file.read_text(encoding="utf-8"))
             while self.runs[-1].exit_code is None and self.runs[-1].ask_to_end():
                 await asyncio.sleep(0.01)
         finally:
@@ -74,27 +76,34 @@ class Exchanged:
 
 def titled(path: Path, title: str) -> str:
     """Return a configuration with another title."""
-    return f"title: {title}\n" + path.read_text(encoding="utf-8")
+    return re.sub("(?m)^title: .*", f"title: {title}", path.read_text(encoding="utf-8"))
 
 
-def test_new_configuration_is_in_force(tmp_path: Path, rig_file: Path) -> None:
+@pytest.fixture
+def old_file(rig_file: Path) -> Path:
+    """Return the configuration of a simulated stage with a title of its own."""
+    rig_file.write_text(titled(rig_file, "old"), encoding="utf-8")
+    return rig_file
+
+
+def test_new_configuration_is_in_force(tmp_path: Path, old_file: Path) -> None:
     """The loop before ended in order, and the new one runs what was accepted."""
-    exchanged = Exchanged(tmp_path, rig_file, titled(rig_file, "new"))
+    exchanged = Exchanged(tmp_path, old_file, titled(old_file, "new"))
 
     assert exchanged.came_up
     assert exchanged.code_of_first == 0
-    assert exchanged.title == exchanged.kept.title == "new"
+    assert exchanged.title == exchanged.kept["title"] == "new"
 
 
 @pytest.mark.fault("P11")
-def test_configuration_that_does_not_come_up_is_taken_back(tmp_path: Path, rig_file: Path) -> None:
+def test_configuration_that_does_not_come_up_is_taken_back(tmp_path: Path, old_file: Path) -> None:
     """A loop with the old configuration runs again, from its own copy."""
-    exchanged = Exchanged(tmp_path, rig_file, titled(rig_file, "broken"))
+    exchanged = Exchanged(tmp_path, old_file, titled(old_file, "broken"))
 
     assert not exchanged.came_up
-    assert [run.config.title for run in exchanged.runs] == ["", "broken", ""]
+    assert [run.config.title for run in exchanged.runs] == ["old", "broken", "old"]
     assert exchanged.code_of_first == 0
-    assert exchanged.title == exchanged.kept.title == ""
+    assert exchanged.title == exchanged.kept["title"] == "old"
 
 
 class Accepted:
@@ -138,9 +147,22 @@ def test_other_axes_need_a_restart(tmp_path: Path, rig_file: Path) -> None:
         prepared(tmp_path, rig_file, other)
 
 
-def test_changes_are_named_by_their_paths(tmp_path: Path, rig_file: Path) -> None:
-    """A value that is left out counts as changed, too."""
-    config = accept.load(rig_file)
-    path = configuration(tmp_path, rate_hz="50", speed_um_per_s="100")
+class Kept:
+    """An accepted configuration, as far as `changes` looks at it."""
 
-    assert changes(config, accept.load(path)) == ["axes.x.speed_um_per_s", "rate_hz"]
+    def __init__(self, source: Path, folder: Path) -> None:
+        self.config_file = accepted_config.keep(accept.load(source), folder, "rig")
+
+
+def test_changes_are_named_by_their_paths(tmp_path: Path, rig_file: Path) -> None:
+    """A value that is left out counts as changed, and so does a model with other contents."""
+    old = Kept(rig_file, tmp_path / "config-a")
+    path = configuration(tmp_path, rate_hz="50", speed_um_per_s="100")
+    new = Kept(path, tmp_path / "config-b")
+    compared = changes(old, new)  # type: ignore[arg-type] # all that it looks at
+    model = tmp_path / "config-b" / "model-x.yaml"
+    model.write_text(model.read_text("utf-8") + "# another\n", encoding="utf-8")
+    again = changes(old, new)  # type: ignore[arg-type] # all that it looks at
+
+    assert compared == ["axes.x.speed_um_per_s", "rate_hz"]
+    assert again == ["axes.x.model", *compared]
