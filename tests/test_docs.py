@@ -25,3 +25,22 @@ def test_the_index_names_all_pages() -> None:
     assert [page.name for page in ROOT.glob("docs/*.md") if f"({page.name})" not in index] == [
         "README.md"
     ]
+
+
+def rooms(page: str) -> str:
+    """Return the table of rooms that a page shows."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return text[text.index("<!-- rooms, begin -->") : text.index("<!-- rooms, end -->")]
+
+
+def test_rooms_are_described_once() -> None:
+    """Architecture and contributing have the same table, word by word."""
+    assert rooms("docs/architecture.md") == rooms("CONTRIBUTING.md")
+
+
+def test_every_room_is_described() -> None:
+    """A folder that the table does not name is a room that nobody decided on."""
+    folders = {path.parent.name for path in ROOT.glob("piezod/*/__init__.py")}
+    named = set(re.findall(r"`piezod/(\w+)/`", rooms("docs/architecture.md")))
+
+    assert folders == named
