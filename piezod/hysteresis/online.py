@@ -23,7 +23,7 @@ from piezod.jit import compiled
 
 
 def checked_pairs(positions: npt.ArrayLike, drives: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return a record of pairs, paper eq. (26), as arrays of shape (n,) each.
+    """Return a record of pairs, paper eq. (25) and eq. (26), as arrays of shape (n,) each.
 
     Raises:
         ModelError: If the shapes differ.
