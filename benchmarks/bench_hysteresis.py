@@ -1,11 +1,10 @@
-"""What the mathematics costs: per sample over an array, per step from Python, and at the start.
+"""Cost of the mathematics: per sample over an array, per step from Python, and at the start.
 
-Run it with `python benchmarks/bench_hysteresis.py`. Everything runs on one core, in several rounds
+Run it with `python benchmarks/bench_hysteresis.py`. All of it runs on one core, in several rounds
 that alternate between the candidates; the medians are printed, beside a compiled sum of 38
-classical play operators as the reference. The most that one cycle may cost, a step of the exact
-inverse and one of recursive least squares, is timed step by step, for its median and its worst.
-What it costs to do without a JIT, or with numba's reference counting, is measured in processes of
-their own.
+classical play operators as the reference. The largest cost of a cycle, one step of the exact
+inverse plus one of recursive least squares, is timed step by step, for its median and its worst.
+The costs without a JIT, and with numba's reference counting, are measured in separate processes.
 """
 
 import json
@@ -50,7 +49,7 @@ dispatcher.Dispatcher = type("Dispatcher", (), {})
 for module in (numba, types.ModuleType("numba.core"), dispatcher):
     sys.modules[module.__name__] = module
 """
-"""Puts something that compiles nothing in the place of numba, before anything imports it."""
+"""Replaces numba by a module that compiles nothing, before any import of it."""
 
 START = """
 import json, pathlib, re, time
@@ -76,7 +75,7 @@ print(json.dumps([model_ns / 1e9, loop_ns / 1e9, peak_kb / 1024]))
 def classical_plays(
     inputs: Array, radii: Array, weights: Array, states: Array, outputs: Array
 ) -> None:
-    """Sum classical play operators: what a Prandtl-Ishlinskii model usually costs."""
+    """Sum classical play operators: the usual cost of a Prandtl-Ishlinskii model."""
     for k in range(inputs.size):
         total = 0.0
         for j in range(radii.size):
@@ -86,7 +85,7 @@ def classical_plays(
 
 
 def command(count: int) -> Array:
-    """Return a command of 0.5 Hz at 1 kHz whose swing grows and shrinks."""
+    """Return a command of 0.5 Hz at 1 kHz with a varying amplitude."""
     t = np.arange(count) / 1000
     return 0.5 - 0.45 * np.cos(np.pi * t) * np.cos(0.08 * np.pi * t)
 
@@ -111,7 +110,7 @@ def interleaved_ns(runs: dict[str, Callable[[], object]], count: int) -> dict[st
 
 
 def arrays() -> dict[str, Callable[[], object]]:
-    """Return what is measured over an array."""
+    """Return the candidates that are measured over an array."""
     x = command(SAMPLES)
     plays = (even_thresholds(38) / 2, np.full(38, 1 / 60), np.zeros(38), np.empty_like(x))
     small, large = model(ORDER), model(200)
@@ -129,7 +128,7 @@ def arrays() -> dict[str, Callable[[], object]]:
 
 
 def steps(count: int) -> dict[str, Callable[[], object]]:
-    """Return what is measured step by step from Python."""
+    """Return the candidates that are measured step by step from Python."""
     commands = command(count).tolist()
     inverse = model(ORDER).inverse()
     bank = new_bank(inverse.left_stop_thresholds, inverse.right_stop_thresholds)
@@ -162,7 +161,7 @@ def steps(count: int) -> dict[str, Callable[[], object]]:
 
 
 def each_us(step: Callable[[float], object], values: list[float]) -> list[float]:
-    """Return the duration of every single step, in us."""
+    """Return the duration of each step, in µs."""
     step(values[0])
     durations = []
     for value in values:
@@ -173,7 +172,7 @@ def each_us(step: Callable[[float], object], values: list[float]) -> list[float]
 
 
 def cycle_steps() -> dict[str, Callable[[float], object]]:
-    """Return what is timed step by step: the reference, and what a cycle may cost at most."""
+    """Return the reference, and the largest work of a cycle, for timing step by step."""
     one, out = np.zeros(1), np.zeros(1)
     plays = (even_thresholds(38) / 2, np.full(38, 1 / 60), np.zeros(38))
     exact = model(ORDER).exact_inverse()
@@ -193,7 +192,7 @@ def cycle_steps() -> dict[str, Callable[[float], object]]:
 
 
 def child(code: str, *arguments: str, **environment: str) -> Any:
-    """Run Python in a new process, with caches as anybody has them; return what it prints."""
+    """Run Python in a new process with ordinary caches; return the JSON that it prints."""
     inherited = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     done = subprocess.run(  # noqa: S603 - our own programs
         [sys.executable, "-c", code, *arguments],
@@ -211,7 +210,7 @@ def start(prologue: str = "", **environment: str) -> list[float]:
 
 
 def without_jit() -> dict[str, float]:
-    """Return the cost of steps of the same code that nothing compiles, in ns."""
+    """Return the cost of steps of the same code without compilation, in ns."""
     code = """
 import json, bench_hysteresis as bench
 print(json.dumps(bench.interleaved_ns(bench.steps(2000), 2000)))
@@ -220,7 +219,7 @@ print(json.dumps(bench.interleaved_ns(bench.steps(2000), 2000)))
 
 
 def counting_references() -> dict[str, float]:
-    """Return the cost of samples over an array with numba's memory runtime on, in ns."""
+    """Return the cost per sample over an array with numba's memory runtime, in ns."""
     code = """
 import json, piezod.jit
 piezod.jit._OPTIONS["_nrt"] = True
@@ -242,7 +241,7 @@ def milliseconds(*command_line: str) -> float:
 
 
 def print_arrays() -> None:
-    """Measure and print what a sample of an array costs."""
+    """Measure and print the cost per sample of an array."""
     with_runtime = counting_references()
     costs = interleaved_ns(arrays(), SAMPLES)
     aims = {
@@ -261,7 +260,7 @@ def print_arrays() -> None:
 
 
 def print_steps() -> None:
-    """Measure and print what a step costs when it is called from Python."""
+    """Measure and print the cost of a step that is called from Python."""
     compiled_us = {k: v / 1000 for k, v in interleaved_ns(steps(20_000), 20_000).items()}
     plain_us = {k: v / 1000 for k, v in without_jit().items()}
     print("\nFrom Python, per step                            us    without a JIT")
@@ -271,7 +270,7 @@ def print_steps() -> None:
 
 
 def print_cycle() -> None:
-    """Measure and print the median and the worst step of what runs in a cycle."""
+    """Measure and print the median and the worst step of a cycle."""
     values = command(20_000).tolist()
     durations_us = {name: each_us(step, values) for name, step in cycle_steps().items()}
     reference_us = median(durations_us["reference"])
@@ -283,7 +282,7 @@ def print_cycle() -> None:
 
 
 def print_starts() -> None:
-    """Measure and print what a start costs; caches are warm unless said otherwise."""
+    """Measure and print the cost of a start; caches are warm unless stated otherwise."""
     print("\nStart                        to a model's step, s   to a loop's step, s   peak MB")
     with tempfile.TemporaryDirectory() as folder:
         first = child(START, NUMBA_CACHE_DIR=folder)

@@ -1,9 +1,9 @@
-"""What one step of the simulated plant costs: 1 ms of its time, called from Python.
+"""Cost of one step of the simulated plant: 1 ms of its time, called from Python.
 
 Run it with `python benchmarks/bench_plant.py`. It prints the median over many steps with every
-effect on, with each effect off, and of the driver's whole cycle, beside two references measured in
-the same run: an empty compiled call with the same arguments, and a compiled chain of additions and
-multiplications of known length, which tells how fast this machine is.
+effect on, with each effect off, and of the driver's whole cycle. Two references are measured in the
+same run: an empty compiled call with the same arguments, and a compiled chain of additions and
+multiplications of known length, which measures the speed of the machine.
 """
 
 from collections.abc import Callable
@@ -38,14 +38,14 @@ def nothing(_steps: int, _drive_v: float, _ago: float, _state: Record, _constant
 
 @compiled
 def chain(x: float) -> float:
-    """Make `CHAIN` additions and multiplications, each waiting for the one before."""
+    """Do `CHAIN` dependent additions and multiplications."""
     for _ in range(CHAIN):
         x = x * 0.999 + 0.001
     return x
 
 
 def median_us(step: Callable[[int], object]) -> float:
-    """Give the median duration of `step(k)` in µs, after some steps to warm up."""
+    """Return the median duration of `step(k)` in µs, without the first tenth of the steps."""
     durations_ns = []
     for k in range(STEPS):
         start_ns = perf_counter_ns()
@@ -55,7 +55,7 @@ def median_us(step: Callable[[int], object]) -> float:
 
 
 def plant_us(parameters: PlantParameters) -> float:
-    """Give the cost of a millisecond of a plant, commanded and sampled."""
+    """Return the cost of a millisecond of a plant, commanded and sampled, in µs."""
     plant = Plant(parameters, np.random.SeedSequence(1))
 
     def step(k: int) -> float:
@@ -67,7 +67,7 @@ def plant_us(parameters: PlantParameters) -> float:
 
 
 def rig_us(axes: tuple[str, ...]) -> float:
-    """Give the cost of a cycle of the driver: read all axes, write all axes."""
+    """Return the cost of a cycle of the driver, reading and writing all axes, in µs."""
     rig = SimulatedRig(SimulatedOptions(), Wiring.both(axes), 1)
     rig.open()
     rig.activate(0)

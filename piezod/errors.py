@@ -1,42 +1,42 @@
-"""The errors that piezod raises on purpose.
+"""The exceptions that piezod raises on purpose.
 
 ::
 
     PiezodError
-    ├── ConfigError               a file that a person wrote cannot be used
+    ├── ConfigError               a configuration, experiment or model file cannot be used
     ├── DataError                 recorded data cannot be used
-    ├── ModelError                a hysteresis model or a loop with it violates a condition
-    ├── RegistryError             a driver's name does not lead to one working plug-in
+    ├── ModelError                a hysteresis model, or a loop with it, violates a condition
+    ├── RegistryError             a driver's name does not lead to exactly one working plug-in
     ├── DeviceError               a device was used out of order or answered wrongly
     │   └── DeviceUnavailableError    a device is absent, busy or does not answer
     ├── AlreadyRunningError       another daemon owns the stage
-    └── ClientError               a running daemon could not be talked to
-        ├── NotRunningError           no daemon runs, or not the one that is meant
-        ├── AmbiguousStageError       several daemons run, and none is named
-        ├── NotAllowedError           the daemon knows who asks and does not let them
-        └── RefusedError              the daemon does not do what it is asked to
+    └── ClientError               the exchange with a running daemon failed
+        ├── NotRunningError           no daemon runs, or not the requested one
+        ├── AmbiguousStageError       several daemons run, and the request names none
+        ├── NotAllowedError           the user lacks the permission
+        └── RefusedError              the daemon refuses the request
             └── NotReachedError           a movement ended before its target, or takes too long
 
-Errors are for configuration, opening and mistakes of the caller. Inside a control cycle a fault is
-a value, never an exception. Which exit code an error leads to is decided in `piezod.cli` alone.
+Exceptions are for configuration, opening and errors of the caller. Inside a control cycle a fault
+is a value, never an exception. `piezod.cli` alone maps exceptions to exit codes.
 """
 
 from typing import NamedTuple
 
 
 class PiezodError(Exception):
-    """Base of every error that piezod raises on purpose; never raised itself."""
+    """Base of all exceptions that piezod raises on purpose; never raised itself."""
 
 
 class Problem(NamedTuple):
-    """One thing that is wrong in a file, and where.
+    """One problem of a file, with its place.
 
     Attributes:
         file: Path of the file as the user gave it.
-        line: Line, counted from 1; 0 when the problem concerns the whole file.
-        column: Column, counted from 1; 0 when the problem concerns the whole file.
-        path: Where in the document, as in `axes.x.limits.drive_max_v`; empty for the whole file.
-        what: What is wrong, what was found, the allowed range with its unit, and the remedy.
+        line: Line, counted from 1; 0 for a problem of the whole file.
+        column: Column, counted from 1; 0 for a problem of the whole file.
+        path: Place in the document, as in `axes.x.limits.drive_max_v`; empty for the whole file.
+        what: The problem, the value found, the allowed range with its unit, and the remedy.
     """
 
     file: str
@@ -46,18 +46,18 @@ class Problem(NamedTuple):
     what: str
 
     def __str__(self) -> str:
-        """Give the problem as one line that an editor can jump to."""
+        """Return the problem as one line that an editor can jump to."""
         place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
         return ": ".join(part for part in (place, self.path, self.what) if part)
 
 
 class ConfigError(PiezodError):
-    """Raised when a configuration, experiment or model file cannot be read or breaks a rule.
+    """Raised if a configuration, experiment or model file cannot be read or breaks a rule.
 
-    All that is wrong with a file is reported at once; the text has one line for each problem.
+    All problems of a file are reported together; the text has one line for each.
 
     Args:
-        *problems: What is wrong, at least one, in the order in which it shall be read.
+        *problems: The problems, at least one, in the order of the file.
     """
 
     def __init__(self, *problems: Problem) -> None:
@@ -65,44 +65,45 @@ class ConfigError(PiezodError):
         self.problems = problems
 
     def __str__(self) -> str:
-        """Give one line for each problem."""
+        """Return one line for each problem."""
         return "\n".join(map(str, self.problems))
 
 
 class DataError(PiezodError):
-    """Raised when recorded data has gaps, NaN, unsorted time, wrong columns, or is too short."""
+    """Raised if recorded data has gaps, NaN, unsorted time, wrong columns, or is too short."""
 
 
 class ModelError(PiezodError):
-    """Raised when a model has no inverse, or a loop around it would not be safe.
+    """Raised if a model has no inverse, or a loop around it would not be stable.
 
-    Such loops are those of an identifier or of a trim whose gain is too large.
+    Such a loop is that of an identifier or of a trim with too large a gain.
     """
 
 
 class RegistryError(PiezodError):
-    """Raised when a driver's name is unknown or taken twice, or its plug-in cannot be loaded."""
+    """Raised if a driver's name is unknown or not unique, or its plug-in cannot be loaded."""
 
 
 class DeviceError(PiezodError):
-    """Raised when a device is used out of order, or answers against its protocol."""
+    """Raised if a device is used out of order, or its answer violates its protocol."""
 
 
 class DeviceUnavailableError(DeviceError):
-    """Raised when a device cannot be opened: absent, held by somebody else, or silent."""
+    """Raised if a device cannot be opened: absent, held by another program, or silent."""
 
 
 class AlreadyRunningError(PiezodError):
-    """Raised when a stage is to be taken over that a living daemon owns."""
+    """Raised if a running daemon owns the requested stage already."""
 
 
 class ClientError(PiezodError):
-    """Raised when a daemon answers nothing, or something that a client does not understand.
+    """Raised if a daemon does not answer, or its answer cannot be understood.
 
     Args:
-        what: What is wrong.
-        remedy: What would help; empty where nobody knows.
-        code: The daemon's short name for it, as in "state"; empty where it is not its answer.
+        what: The problem.
+        remedy: What would help; empty if it is not known.
+        code: Short name of the problem in the daemon's answer, as in "state"; empty without an
+            answer.
     """
 
     def __init__(self, what: str, remedy: str = "", code: str = "") -> None:
@@ -112,25 +113,25 @@ class ClientError(PiezodError):
         self.code = code
 
     def __str__(self) -> str:
-        """Give what is wrong, then what would help."""
+        """Return the problem, then the remedy."""
         return f"{self.what}; {self.remedy}" if self.remedy else self.what
 
 
 class NotRunningError(ClientError):
-    """Raised when no daemon listens, or it ended during the conversation."""
+    """Raised if no daemon listens, or it ended during the exchange."""
 
 
 class AmbiguousStageError(ClientError):
-    """Raised when several stages run and nothing says which one is meant."""
+    """Raised if several stages run and the request names none."""
 
 
 class NotAllowedError(ClientError):
-    """Raised when a daemon, or its socket's permissions, keep this user out."""
+    """Raised if a daemon, or the permissions of its socket, refuse this user."""
 
 
 class RefusedError(ClientError):
-    """Raised when a daemon refuses a request: because of its state, a range, a lease, a limit."""
+    """Raised if a daemon refuses a request: because of its state, a range, a lease, or a limit."""
 
 
 class NotReachedError(RefusedError):
-    """Raised when a movement was accepted, but its target is not reached, or not in time."""
+    """Raised if a movement was accepted, but its target is not reached, or not in time."""

@@ -1,4 +1,4 @@
-"""Conversions between the units used at the edges and those used inside."""
+"""Conversions between the units of interfaces and the units inside."""
 
 from typing import Final
 
@@ -6,7 +6,7 @@ NS_PER_S: Final = 1_000_000_000
 
 
 def s_to_ns(t_s: float) -> int:
-    """Round seconds to whole nanoseconds, the unit of every instant and period inside.
+    """Return seconds rounded to whole nanoseconds, the unit of all instants and periods inside.
 
     Args:
         t_s: Instant or duration in s, finite.

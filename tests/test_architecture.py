@@ -1,4 +1,4 @@
-"""What the import contracts of the project file cannot express."""
+"""Rules of the architecture that import contracts cannot express."""
 
 import ast
 import sys
@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-# Anything outside the standard library that a room may import; what is ours, import-linter checks.
+# Third-party packages that a room may import; import-linter checks the imports within piezod.
 OUTSIDE_WORLD = {
     "piezod/hysteresis": {"numpy", "scipy"},
     "piezod/plant": {"numpy"},
@@ -17,7 +17,7 @@ OUTSIDE_WORLD = {
     "piezod/devices": {"pydantic", "serial"},
     "piezod/testing": set(),
 }
-# Implementations of `Line` and `FrameBus`, which wait for bytes until a deadline; nothing else may.
+# Implementations of `Line` and `FrameBus`, which wait for bytes until a deadline; only they may.
 HAVE_A_CLOCK = {
     ROOT / "piezod/devices/bus/serial_line.py",
     ROOT / "piezod/devices/bus/tcp_line.py",
@@ -28,7 +28,7 @@ MAX_LINES = 400
 
 
 def imported_by(file: Path) -> Iterator[str]:
-    """Name the top-level package of every import in a file."""
+    """Yield the top-level package of every import in a file."""
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.Import):
             yield from (alias.name.partition(".")[0] for alias in node.names)
@@ -37,14 +37,14 @@ def imported_by(file: Path) -> Iterator[str]:
 
 
 def imported(folder: Path) -> Iterator[str]:
-    """Name the top-level package of every import in a folder."""
+    """Yield the top-level package of every import in a folder."""
     for file in folder.rglob("*.py"):
         yield from imported_by(file)
 
 
 @pytest.mark.parametrize("room", OUTSIDE_WORLD)
 def test_room_imports_only_the_libraries_it_may(room: str) -> None:
-    """A library that is not on the room's list is a dependency nobody decided on."""
+    """No room imports a library that is not on its list."""
     foreign = set(imported(ROOT / room)) - sys.stdlib_module_names - {"piezod"}
 
     assert foreign <= OUTSIDE_WORLD[room]
@@ -55,14 +55,14 @@ def test_room_imports_only_the_libraries_it_may(room: str) -> None:
     "folder", ["piezod/hysteresis", "piezod/plant", "piezod/control", "piezod/devices", "drivers"]
 )
 def test_nothing_in_the_loop_reads_a_clock(folder: str, module: str) -> None:
-    """Time is an argument everywhere below the code that paces the loop."""
+    """Code below the pacing of the loop gets the time as an argument."""
     files = set((ROOT / folder).rglob("*.py")) - HAVE_A_CLOCK
 
     assert not [file for file in files if module in imported_by(file)]
 
 
 def test_no_file_is_too_long_to_read() -> None:
-    """A file fits into a reader's head."""
+    """No file has more than `MAX_LINES` lines."""
     files = [
         file for folder in ("piezod", "drivers", "tests") for file in ROOT.glob(f"{folder}/**/*.py")
     ]

@@ -1,4 +1,4 @@
-"""The pages of the documentation hold together."""
+"""Links and index of the documentation."""
 
 import re
 from pathlib import Path
@@ -12,14 +12,14 @@ LINK = re.compile(r"\]\(([^)\s#]+)(?:#[^)]*)?\)")
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_lead_to_files(page: Path) -> None:
-    """Whatever a page links to or shows, unless it is elsewhere in the world, exists."""
+    """Every local target of a link or an image exists."""
     targets = [link for link in LINK.findall(page.read_text(encoding="utf-8")) if ":" not in link]
 
     assert [target for target in targets if not (page.parent / target).exists()] == []
 
 
 def test_the_index_names_all_pages() -> None:
-    """A page that the index does not name is not found."""
+    """The index lists every page."""
     index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
 
     assert [page.name for page in ROOT.glob("docs/*.md") if f"({page.name})" not in index] == [

@@ -1,4 +1,4 @@
-"""The error tree and the text of configuration errors."""
+"""The tree of exceptions, and the text of configuration errors."""
 
 import pickle
 
@@ -19,17 +19,17 @@ def test_problem_is_one_line_that_an_editor_can_jump_to() -> None:
 
 
 def test_problem_of_a_whole_file_has_no_position() -> None:
-    """A file that cannot be read has no line to point at."""
+    """A problem of a whole file has neither line nor column."""
     assert str(MISSING) == "a.yaml: no such file"
 
 
-def test_config_error_tells_all_problems() -> None:
-    """Each problem has its own line, in the order given."""
+def test_config_error_lists_all_problems() -> None:
+    """Each problem has its own line, in the given order."""
     assert str(ConfigError(MISSING, NEGATIVE)) == f"{MISSING}\n{NEGATIVE}"
 
 
 def test_config_error_survives_pickling() -> None:
-    """An error raised in a worker process arrives whole."""
+    """An error raised in a worker process arrives complete."""
     copy = pickle.loads(pickle.dumps(ConfigError(MISSING, NEGATIVE)))  # noqa: S301 - our own bytes
 
     assert copy.problems == (MISSING, NEGATIVE)
@@ -44,7 +44,7 @@ ERRORS = [
 
 @pytest.mark.parametrize("error", ERRORS)
 def test_every_error_is_a_piezod_error_drawn_in_the_tree(error: type[Exception]) -> None:
-    """One except clause catches them all, and the picture at the top of the file is complete."""
+    """One except clause catches all, and the tree in the module docstring is complete."""
     assert issubclass(error, PiezodError)
     assert errors.__doc__ is not None
     assert error.__name__ in errors.__doc__

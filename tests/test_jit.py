@@ -1,4 +1,4 @@
-"""What compiled kernels can and cannot do, and when they are compiled anew."""
+"""Abilities and limits of compiled kernels, and when they are compiled again."""
 
 import importlib
 import sys
@@ -28,7 +28,7 @@ def outer(x):
 
 
 def test_kernel_that_allocates_does_not_compile() -> None:
-    """Numba's memory runtime is off: an array made inside a kernel is an error, not a pause."""
+    """Numba's memory runtime is off, so an array made inside a kernel is an error."""
 
     def allocate(size: int) -> float:
         return float(np.zeros(size)[0])
@@ -39,7 +39,7 @@ def test_kernel_that_allocates_does_not_compile() -> None:
 
 
 def test_kernel_divides_as_the_standard_says() -> None:
-    """A division by zero is infinite or not a number; a kernel raises nothing."""
+    """A division by zero gives infinity or NaN; a kernel raises nothing."""
 
     @compiled
     def ratio(a: float, b: float) -> float:
@@ -50,7 +50,7 @@ def test_kernel_divides_as_the_standard_says() -> None:
 
 
 def load(folder: Path, *, factor: float, offset: float) -> ModuleType:
-    """Write two modules, one built on the other, and import them as a new process would."""
+    """Write two modules, one using the other, and import them as a new process would."""
     (folder / "kernel_callee.py").write_text(CALLEE.format(factor=factor, offset=offset))
     (folder / "kernel_caller.py").write_text(CALLER)
     for name in ("kernel_callee", "kernel_caller"):
@@ -62,7 +62,7 @@ def load(folder: Path, *, factor: float, offset: float) -> ModuleType:
 def test_kernel_is_compiled_anew_when_what_it_is_built_on_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A cached kernel follows an edit of a callee, and of a constant, in another file."""
+    """A cached kernel follows a change of a callee, or of a constant, in another file."""
     monkeypatch.syspath_prepend(tmp_path)
 
     assert load(tmp_path, factor=2.0, offset=1.0).outer(3.0) == 7.0
@@ -73,7 +73,7 @@ def test_kernel_is_compiled_anew_when_what_it_is_built_on_changes(
 def test_kernel_that_did_not_change_is_loaded_from_the_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The second process compiles nothing."""
+    """A second process compiles nothing."""
     monkeypatch.syspath_prepend(tmp_path)
     load(tmp_path, factor=2.0, offset=1.0).outer(3.0)
 

@@ -17,5 +17,5 @@ def test_seconds_become_nanoseconds(t_s: float, expected_ns: int) -> None:
 
 @given(st.integers(-(2**50), 2**50))
 def test_whole_nanoseconds_survive(t_ns: int) -> None:
-    """Within a fortnight of zero a whole number of nanoseconds converts there and back."""
+    """Within a fortnight of zero a whole number of nanoseconds converts to s and back."""
     assert s_to_ns(t_ns / NS_PER_S) == t_ns

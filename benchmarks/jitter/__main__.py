@@ -1,11 +1,11 @@
-"""How punctual piezod's loop is, beside what this machine allows at all.
+"""Lateness of piezod's loop, compared with the lower limit of this machine.
 
 `python -m benchmarks.jitter` takes a minute, `--long` half an hour. Each round runs, one after the
 other on the same processor at the same priority and period: cyclictest (which sleeps and does not
 spin), a bare loop in C with piezod's pacing (the floor), and piezod's own daemon on the simulated
-rig, armed and following a sine adaptively, once quiet and once under load: telemetry streamed to
+rig, armed and following a sine adaptively, once idle and once under load: telemetry streamed to
 three clients, 200 requests a second, every cycle recorded to HDF5. Percentiles are over all rounds;
-the change by load is taken pair by pair. It needs root, or the limits of the service.
+the change under load is computed pair by pair. It needs root, or the limits of the service.
 """
 
 import argparse
@@ -33,7 +33,7 @@ FLOOR, QUIET, LOADED = NAMES[1:]
 
 
 class Rounds:
-    """What all rounds at one rate gave."""
+    """Results of all rounds at one rate."""
 
     def __init__(self, rate_hz: float) -> None:
         self.rate_hz = rate_hz

@@ -1,4 +1,4 @@
-"""What the loop is compared with: cyclictest, and a bare loop in C with the same pacing."""
+"""Programs for comparison: cyclictest, and a bare loop in C with the same pacing."""
 
 import json
 import subprocess
@@ -14,14 +14,14 @@ Nanoseconds = NDArray[np.int64]
 
 
 class Pacing(NamedTuple):
-    """How each contender is run.
+    """Parameters of a run.
 
     Attributes:
         rate_hz: Cycles per second.
-        seconds: For how long.
-        priority: Under SCHED_FIFO.
-        cpu: Processor to stay on.
-        spin_ns: How long to spin before a deadline.
+        seconds: Duration, in s.
+        priority: Priority under SCHED_FIFO.
+        cpu: Processor of the run.
+        spin_ns: Time before a deadline at which spinning starts, in ns.
     """
 
     rate_hz: float
@@ -32,18 +32,18 @@ class Pacing(NamedTuple):
 
     @property
     def period_ns(self) -> int:
-        """The period."""
+        """Period, in ns."""
         return round(1e9 / self.rate_hz)
 
 
 class Lateness(NamedTuple):
-    """What a run gave.
+    """Result of a run.
 
     Attributes:
         wake_ns: Lateness of each cycle at wake-up.
-        write_ns: Lateness of each write; empty where nothing is written.
-        skipped: Periods that were skipped.
-        busy_ns: Duration of each cycle until its write has ended; empty for a bare loop.
+        write_ns: Lateness of each write; empty if nothing is written.
+        skipped: Number of skipped periods.
+        busy_ns: Duration of each cycle until the end of its write; empty for a bare loop.
     """
 
     wake_ns: Nanoseconds
@@ -56,7 +56,7 @@ NOTHING: Nanoseconds = np.empty(0, np.int64)
 
 
 def compile_floor(folder: Path) -> Path:
-    """Compile the loop in C; return the program."""
+    """Compile the loop in C; return the path of the program."""
     program = folder / "floor"
     subprocess.run(["cc", "-O2", "-o", program, SOURCE], check=True)  # noqa: S603, S607 - our own
     return program

@@ -1,8 +1,8 @@
-/* The least that this machine lets a loop be late: the pacing of piezod's loop, and nothing else.
+/* Smallest possible lateness of a loop on this machine: the pacing of piezod's loop, nothing else.
  *
  * usage: floor PERIOD_NS SPIN_NS SECONDS PRIORITY CPU
- * Absolute deadlines; sleep until SPIN_NS before one, spin the rest; periods that are over are
- * skipped and counted. Prints the lateness of each cycle in ns, one a line, then "skipped N".
+ * Absolute deadlines: sleep until SPIN_NS before a deadline, then spin. Missed periods are skipped
+ * and counted. Prints the lateness of each cycle in ns, one per line, then "skipped N".
  */
 #define _GNU_SOURCE
 #include <fcntl.h>

@@ -1,8 +1,8 @@
-"""What happens to the loop's memory over time: `python -m benchmarks.jitter.soak [SECONDS]`.
+"""Memory of the loop over time: `python -m benchmarks.jitter.soak [SECONDS]`.
 
 Runs piezod's daemon at 1 kHz under the load of the benchmark, by default for ten minutes, and
-prints what the loop itself counts since it became real-time: page faults, garbage collections,
-blocks of memory. None of it should grow.
+prints the loop's own counters since it became real-time: page faults, garbage collections, blocks
+of memory. None of them should grow.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""piezod's own loop on the simulated rig: a daemon as anybody starts it, read from its ring."""
+"""piezod's own loop on the simulated rig: an ordinary daemon, read from its ring."""
 
 import json
 import os
@@ -34,11 +34,11 @@ WAVE = {"x": {"kind": "sine", "low": 1.0, "high": 20.0, "frequency_hz": 2.0}}
 
 
 class Stage:
-    """A daemon that follows a sine, adaptively.
+    """A daemon that follows a sine adaptively.
 
     Args:
         client: A client of it.
-        shared: The memory of its loop, to be read only.
+        shared: Shared memory of its loop, read only.
     """
 
     def __init__(self, client: StageClient, shared: SharedMap) -> None:
@@ -49,15 +49,15 @@ class Stage:
 
     @property
     def counters(self) -> dict[str, int]:
-        """What the loop counts of itself."""
+        """Counters of the loop."""
         words = (Word.MINOR_FAULTS, Word.MAJOR_FAULTS, Word.GC_COLLECTIONS, Word.ALLOCATED_BLOCKS)
         return {word.name.lower(): self._shared.words[word] for word in words}
 
     def measure(self, seconds: float) -> Lateness:
-        """Return what the loop noted of itself while nobody looked.
+        """Return the loop's own record of a time without requests.
 
         Raises:
-            ClientError: If the stage cannot be armed, as where the rate is too high.
+            ClientError: If the stage cannot be armed, for example because the rate is too high.
         """
         self._follow()
         reader = RingReader(self._shared)
@@ -92,7 +92,7 @@ class Stage:
 
     @contextmanager
     def loaded(self) -> Iterator[Mapping[str, float]]:
-        """Keep the daemon busy; what it was kept busy with is in the mapping afterwards."""
+        """Put load on the daemon; afterwards the mapping has the actual load."""
         told: Counter[str] = Counter()
         self._client.call(calls.start_recording("jitter"))
         with ExitStack() as loads:
@@ -119,7 +119,7 @@ class Stage:
 
 @contextmanager
 def running(pacing: Pacing) -> Iterator[Stage]:
-    """Start a daemon with folders of its own."""
+    """Start a daemon with its own folders."""
     with tempfile.TemporaryDirectory(prefix="pz-", dir="/dev/shm") as folder:
         config = Path(folder) / "stage.yaml"
         text = SHIPPED.read_text(encoding="utf-8").replace("models/", f"{SHIPPED.parent}/models/")

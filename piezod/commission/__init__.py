@@ -1,7 +1,6 @@
-"""First contact with real hardware: small steps, each confirmed and undone, and what they tell.
+"""Commissioning of real hardware: small steps, each confirmed and undone, and their results.
 
-From the top: `procedure.py` is the order of the steps; `noise.py`, `polarity.py`, `travel.py`,
-`response.py` and `ringing.py` are what they do; `session.py` is the only one that drives. What was
-found becomes a configuration in `profile.py` and a page in `sheet.py`. `probe.py` looks and touches
-nothing.
+`procedure.py` has the steps in their order; `noise.py`, `polarity.py`, `travel.py`, `response.py`
+and `ringing.py` implement them; only `session.py` drives. `profile.py` turns the results into a
+configuration, `sheet.py` into a page. `probe.py` reads the devices and drives nothing.
 """

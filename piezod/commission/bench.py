@@ -1,4 +1,4 @@
-"""One axis of a stage, opened to be driven by hand; left where it was found."""
+"""One axis of a stage, opened for manual driving, and returned to its initial voltage."""
 
 import signal
 from collections.abc import Iterator, Mapping
@@ -18,11 +18,11 @@ from piezod.errors import DeviceError
 
 
 class OneAxis(NamedTuple):
-    """An axis that is open.
+    """An open axis.
 
     Attributes:
         session: Drives it.
-        identities: Who its devices are, by name.
+        identities: Identities of its devices, by name.
     """
 
     session: Session
@@ -33,11 +33,11 @@ ENDING: Final = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
 
 
 def _ignore(_number: int, _frame: FrameType | None) -> None:
-    """Do nothing; of SIG_IGN Python tells where a signal came just before."""
+    """Do nothing. With SIG_IGN, Python would print an error for a signal that came just before."""
 
 
 @contextmanager
-def _undisturbed() -> Iterator[None]:
+def _signals_ignored() -> Iterator[None]:
     """Ignore signals that end the process until the block has ended."""
     before = {number: signal.signal(number, _ignore) for number in ENDING}
     try:
@@ -48,31 +48,32 @@ def _undisturbed() -> Iterator[None]:
 
 
 @contextmanager
-def _going_back(session: Session) -> Iterator[None]:
-    """Ramp back to the voltage found, whatever ends the block."""
+def _returning(session: Session) -> Iterator[None]:
+    """Ramp back to the initial voltage, whatever ends the block."""
     try:
         yield
     except BaseException as ended:
-        _go_back(session, f"{ended}; " if str(ended) else "")
+        _ramp_back(session, f"{ended}; " if str(ended) else "")
         raise
-    _go_back(session, "")
+    _ramp_back(session, "")
 
 
-def _go_back(session: Session, before: str) -> None:
+def _ramp_back(session: Session, before: str) -> None:
+    """Ramp back without interruption; `before` is the error that made it necessary."""
     try:
         try:
-            with _undisturbed():
+            with _signals_ignored():
                 session.back()
         except Exception:
             raise
-        except BaseException:  # Ctrl-C just before it is ignored; it comes once, and waits
-            with _undisturbed():
+        except BaseException:  # Ctrl-C in the moment before it is ignored: ramp first, then end
+            with _signals_ignored():
                 session.back()
             raise
     except Exception as error:
         raise DeviceError(
-            f"{before}the axis is NOT back at {session.found_v:z.2f} V, {session.drive_v:z.2f} V "
-            f"were written last: {error}"
+            f"{before}the axis has NOT returned to {session.found_v:z.2f} V, the last written "
+            f"voltage is {session.drive_v:z.2f} V: {error}"
         ) from error
 
 
@@ -80,16 +81,16 @@ def _go_back(session: Session, before: str) -> None:
 def one_axis(
     config: DaemonConfig, axis: str, output_v: float = nan, clock: Clock | None = None
 ) -> Iterator[OneAxis]:
-    """Open the devices of an axis; whatever happens, go back to the voltage found.
+    """Open the devices of an axis; in any case return to the initial voltage at the end.
 
     Args:
-        config: The stage; its limits hold.
+        config: The stage; its limits apply.
         axis: Name of the axis.
-        output_v: Voltage in force, in V, where the amplifier does not read back.
-        clock: Paces the cycles; that of the machine if not given.
+        output_v: Voltage in force, in V, for an amplifier without read-back.
+        clock: Clock of the cycles; by default that of the machine.
 
     Raises:
-        DeviceError: If a device cannot be opened, or it is not known which voltage is in force.
+        DeviceError: If a device cannot be opened, or the voltage in force is unknown.
     """
     one, clock = config.axes[axis], clock or MonotonicClock()
     pairs = {axis: pairs_of(config.axes)[axis]}
@@ -105,10 +106,10 @@ def one_axis(
         limits = Limits(low_v, high_v, one.limits.slew_v_per_s)
         ramp_v_per_s = one.safety.ramp_v_per_s
         session = Session(channels, limits, config.rate_hz, ramp_v_per_s, clock, output_v)
-        with _going_back(session):
+        with _returning(session):
             yield OneAxis(session, channels.identities)
     finally:
         try:
             channels.deactivate(clock.now_ns())
-        finally:  # also where Ctrl-C came in between
+        finally:  # also if Ctrl-C interrupts the deactivation
             channels.close()

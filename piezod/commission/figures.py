@@ -1,4 +1,4 @@
-"""The figures of an acceptance sheet."""
+"""Figures of an acceptance sheet."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ _WIDTH_IN, _HEIGHT_IN = 9.0, 3.6
 
 
 def draw(findings: Findings) -> Iterator[ReportFigure]:
-    """Draw what was recorded, step by step."""
+    """Yield a figure for each step with a record."""
     traces = findings.traces
     if "noise" in traces:
         yield _over_time("noise", "Noise at rest", traces["noise"], drive=False)
@@ -58,9 +58,9 @@ def _loop(trace: SessionTrace) -> ReportFigure:
 
 def _phases(findings: Findings) -> ReportFigure:
     response = findings.response
-    assert response is not None  # noqa: S101 - asked for by the caller
+    assert response is not None  # noqa: S101 - the caller has checked it
     with house_style():
-        figure = new_figure(_WIDTH_IN, _HEIGHT_IN, "", "its slope is the delay")
+        figure = new_figure(_WIDTH_IN, _HEIGHT_IN, "", "the slope is the delay")
         panel = figure.subplots()
         panel.plot(response.frequencies_hz, response.lag_deg, "o", color=POSITION["color"])
         line_hz = np.array([0.0, response.frequencies_hz[-1]])

@@ -1,4 +1,4 @@
-"""What the sensor shows while nothing moves."""
+"""Step "noise": the sensor at a constant voltage."""
 
 from typing import Final, NamedTuple
 
@@ -12,13 +12,13 @@ LEAST_VALID_PCT: Final = 90.0
 
 
 class Noise(NamedTuple):
-    """What was found.
+    """Result of the step.
 
     Attributes:
         rms_um: Standard deviation of the samples around a straight line, in µm.
         drift_um_per_s: Slope of that line, in µm/s.
         valid_pct: Share of valid samples, in %.
-        mean_um: What the sensor reads at the voltage found, in µm.
+        mean_um: Mean position at the initial voltage, in µm.
     """
 
     rms_um: float
@@ -28,10 +28,10 @@ class Noise(NamedTuple):
 
 
 def measure_noise(session: Session) -> tuple[Noise, SessionTrace]:
-    """Hold the voltage and look at the sensor.
+    """Hold the voltage and record the sensor.
 
     Raises:
-        DeviceError: If too few of its samples are valid, or all of them are the same.
+        DeviceError: If too few of its samples are valid, or all of them are equal.
     """
     trace = session.rest(DURATION_S)
     valid = np.isfinite(trace.position_um)
@@ -43,6 +43,9 @@ def measure_noise(session: Session) -> tuple[Noise, SessionTrace]:
     t_s, position_um = trace.t_s[valid], trace.position_um[valid]
     slope, at_zero = np.polyfit(t_s, position_um, 1)
     rms_um = float(np.std(position_um - slope * t_s - at_zero))
+    # Without any noise the value is not a measurement.
     if np.ptp(position_um) == 0.0:
-        raise DeviceError("the sensor shows the same value all the time: is it stuck, or not read?")
+        raise DeviceError(
+            "all samples of the sensor are equal: check whether it is stuck or not read"
+        )
     return Noise(rms_um, float(slope), trace.valid_pct, float(np.mean(position_um))), trace

@@ -1,4 +1,4 @@
-"""Which way the stage goes, and how far per volt, at a few volts."""
+"""Step "polarity": direction and size of the displacement per volt, at a few volts."""
 
 from math import hypot, sqrt
 from typing import Final, NamedTuple
@@ -9,20 +9,20 @@ from piezod.commission.session import Session, SessionTrace, joined
 from piezod.errors import DeviceError
 
 STEP_PART: Final = 0.02
-"""Part of the drive's range that a step takes,"""
+"""Size of a step as a fraction of the drive range."""
 LARGEST_STEP_V: Final = 3.0
-"""and the most it is, in V."""
+"""Largest size of a step, in V."""
 REPEATS: Final = 3
 REST_S: Final = 0.3
 SIGNIFICANT: Final = 6.0
-"""A movement counts when it is so many times its uncertainty."""
+"""Ratio of a displacement to its uncertainty above which it counts."""
 
 
 class Polarity(NamedTuple):
-    """What was found.
+    """Result of the step.
 
     Attributes:
-        um_per_v: Mean displacement per volt, in µm/V; negative where it falls as the voltage rises.
+        um_per_v: Mean displacement per volt, in µm/V; negative if it falls with rising voltage.
         uncertainty_um_per_v: Its standard uncertainty, in µm/V.
         step_v: Size of the steps, in V.
     """
@@ -33,7 +33,7 @@ class Polarity(NamedTuple):
 
 
 def step_v(session: Session) -> float:
-    """Return a small step, in V, towards whichever end of the range is farther."""
+    """Return a small step, in V, towards the farther end of the range."""
     limits = session.limits
     size_v = min(STEP_PART * (limits.drive_max_v - limits.drive_min_v), LARGEST_STEP_V)
     room_up_v = limits.drive_max_v - session.drive_v
@@ -41,7 +41,7 @@ def step_v(session: Session) -> float:
 
 
 def find_polarity(session: Session, size_v: float, rms_um: float) -> tuple[Polarity, SessionTrace]:
-    """Step up and down a few times, and compare the means of rests.
+    """Step up and down a few times, and compare the mean positions at rest.
 
     Args:
         session: The axis.
@@ -49,8 +49,7 @@ def find_polarity(session: Session, size_v: float, rms_um: float) -> tuple[Polar
         rms_um: Noise of the sensor, in µm.
 
     Raises:
-        DeviceError: If the stage does not move, or moves one way and the other, or the sensor gives
-            nothing while it should.
+        DeviceError: If the displacement is not significant, or the sensor gives no valid samples.
     """
     low_v = session.drive_v
     traces: list[SessionTrace] = []
@@ -75,7 +74,7 @@ def find_polarity(session: Session, size_v: float, rms_um: float) -> tuple[Polar
 
 
 def _mean_um(session: Session, traces: list[SessionTrace]) -> float:
-    """Return where the stage rests."""
+    """Return the mean position at rest, in µm."""
     trace = session.rest(REST_S)
     traces.append(trace)
     if not np.any(np.isfinite(trace.position_um)):

@@ -1,7 +1,7 @@
-"""Looks at the devices of a stage: who they are, what they can do, how fast; moves nothing.
+"""Inspection of the devices of a stage: identity, capabilities and speed, without driving.
 
-A device is opened twice. With all its channels it tells who it is and what is in force; its outputs
-are not taken control of. With its inputs alone it is activated and read.
+Each device is opened twice. With all its channels it reports its identity and the values in force;
+its outputs are not controlled. With its inputs alone it is activated and read.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -34,13 +34,13 @@ ALL_PCT: Final = 100.0
 
 
 class RoundTrip(NamedTuple):
-    """How long an exchange takes, in µs.
+    """Duration of an exchange, in µs.
 
     Attributes:
-        median_us: Half of them are faster.
-        p90_us: Nine of ten of them are; these count for the rate.
-        p99_us: 99 % of them are.
-        failed_pct: Share of them that gave nothing, in %.
+        median_us: Median.
+        p90_us: 90th percentile; it determines the rate.
+        p99_us: 99th percentile.
+        failed_pct: Share of exchanges without a result, in %.
     """
 
     median_us: float
@@ -50,19 +50,19 @@ class RoundTrip(NamedTuple):
 
 
 class Probed(NamedTuple):
-    """What a device tells.
+    """Result for one device.
 
     Attributes:
         driver: Name of its driver.
-        identity: Who it is; None where it could not be opened.
-        capabilities: What it can do; None likewise.
-        units: The unit of each channel that is used, where the driver tells.
-        in_force: What is in force on each output, by name.
-        readings: What each input reads, by name; NaN where that is not valid.
-        read: Round trip of reading; None where it has no inputs.
-        read_back: Round trip of reading back; None where it does not.
-        cost_ns: How much of a cycle its exchanges take.
-        rate_hz: The rate at which the daemon uses it in the cycle, were it alone, in Hz.
+        identity: Its identity; None if it could not be opened.
+        capabilities: Its capabilities; None if it could not be opened.
+        units: Unit of each used channel, if the driver reports it.
+        in_force: Value in force of each output, by name.
+        readings: Value of each input, by name; NaN for an invalid one.
+        read: Round trip of a read; None if it has no inputs.
+        read_back: Round trip of a read-back; None if it has none.
+        cost_ns: Duration of its exchanges in a cycle, in ns.
+        rate_hz: Highest rate at which the daemon would use this device alone in the cycle, in Hz.
         error: Why it could not be probed; empty if it could.
     """
 
@@ -82,7 +82,7 @@ class Probed(NamedTuple):
 def probe(
     config: "DaemonConfig", axes: Mapping[str, ChannelPair], clock: Clock
 ) -> dict[str, Probed]:
-    """Look at each device of a stage; one that is absent leaves the others to their turn.
+    """Inspect each device of a stage; an absent device does not prevent the others.
 
     Raises:
         RegistryError: If a driver cannot be loaded.
@@ -91,9 +91,9 @@ def probe(
 
 
 def together_hz(found: Iterable[Probed]) -> float:
-    """Return the rate at which all devices have their turn in the cycle, in Hz.
+    """Return the highest rate at which all devices fit into the cycle, in Hz.
 
-    At a higher one the daemon uses some of them behind a worker.
+    At a higher rate the daemon uses some of them behind a worker.
     """
     each = list(found)
     cost = sum(one.cost_ns for one in each)
@@ -102,7 +102,7 @@ def together_hz(found: Iterable[Probed]) -> float:
 
 
 def _used(units: ChannelUnits | None, wiring: Wiring) -> ChannelUnits:
-    """Return the units of channels that are used."""
+    """Return the units of the used channels."""
     if units is None:
         return ChannelUnits({}, {})
     return ChannelUnits(
@@ -132,7 +132,7 @@ def _probed(config: "DaemonConfig", name: str, wiring: Wiring, clock: Clock) -> 
     trips = [trip for trip in (found.read, found.read_back) if trip is not None]
     if any(trip.failed_pct == ALL_PCT for trip in trips):
         return found._replace(
-            error="it is there, but tells nothing that can be used: wrong driver?"
+            error="the device answers, but gives no usable value: check its driver and options"
         )
     return _rated(found)
 
@@ -149,12 +149,12 @@ def _look_at_outputs(found: Probed, device: Amplifier, clock: Clock) -> Probed:
     able = device.capabilities()
     if not able.read_back:
         return found
-    told = dict(zip(able.outputs, device.read_back(clock.now_ns()), strict=True))
+    in_force = dict(zip(able.outputs, device.read_back(clock.now_ns()), strict=True))
 
     def exchange(now_ns: int) -> bool:
         return all(value - value == 0.0 for value in device.read_back(now_ns))
 
-    return found._replace(in_force=told, read_back=_round_trip(exchange, clock))
+    return found._replace(in_force=in_force, read_back=_round_trip(exchange, clock))
 
 
 def _look_at_inputs(found: Probed, device: Sensor, clock: Clock) -> Probed:
@@ -185,7 +185,7 @@ def _round_trip(exchange: Callable[[int], bool], clock: Clock) -> RoundTrip:
 
 
 def _rated(found: Probed) -> Probed:
-    """Add what its exchanges take of a cycle, and the rate that this allows, as the daemon does."""
+    """Add the cost of its exchanges, and the rate that it allows, computed as in the daemon."""
     able = found.capabilities
     if able is None:
         return found
@@ -196,7 +196,7 @@ def _rated(found: Probed) -> Probed:
 
 
 def _of_a_cycle(found: Probed) -> RoundTrips:
-    """Return how long reading and reading back take together; a write, as the longer of the two."""
+    """Return the duration of read and read-back together; a write counts like the longer one."""
     trips = [trip for trip in (found.read, found.read_back) if trip is not None]
 
     def ns(took_us: Iterable[float]) -> list[int]:

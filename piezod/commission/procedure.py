@@ -1,4 +1,4 @@
-"""The steps of a first contact, in their order: each is told, confirmed, done and undone."""
+"""The steps of commissioning in their order: each is announced, confirmed, done and undone."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -21,18 +21,18 @@ from piezod.commission.travel import (
 )
 
 BIAS_STEPS: Final = 5
-"""Delay and resonance are measured so many steps of the polarity's above the voltage found,"""
+"""Bias for delay and resonance, relative to the initial voltage, in steps of the polarity step."""
 SWING_STEPS: Final = 2
-"""with sines and steps of so many."""
+"""Size of the sines and steps for delay and resonance, in the same unit."""
 BIAS_REST_S: Final = 0.5
-"""Most of the creep is over by then."""
+"""Rest at the bias, in s, after which most of the creep is over."""
 
 T = TypeVar("T")
 
 
 @dataclass
 class Findings:
-    """What is known so far; None where a step was not done, or told nothing."""
+    """Results so far; None for a step that was not done or had no result."""
 
     noise: Noise | None = None
     polarity: Polarity | None = None
@@ -48,9 +48,9 @@ class ProcedureStep(NamedTuple):
 
     Attributes:
         name: Its name.
-        what: What will happen, with every voltage, for the person who confirms it.
-        moves: Whether anything moves.
-        run: Does it and notes what was found; returns that in a line.
+        what: Announcement with every voltage, for the person who confirms it.
+        moves: Whether the stage moves.
+        run: Does the step and stores its result; returns the result as a line of text.
     """
 
     name: str
@@ -60,7 +60,8 @@ class ProcedureStep(NamedTuple):
 
 
 def steps_of(session: Session, findings: Findings) -> Iterator[ProcedureStep]:
-    """Give the steps, one after the other; they drive the voltages that they tell."""
+    """Yield the steps one after the other; they drive exactly the announced voltages."""
+    # Computed once, before the first step: what is announced must be what is driven.
     size_v, way_v = step_v(session), farther_end_v(session) - session.found_v
     yield _noise(session, findings)
     yield _polarity(session, findings, size_v)
@@ -80,7 +81,7 @@ def _noise(session: Session, findings: Findings) -> ProcedureStep:
             f"{found.valid_pct:.0f} % of the samples valid"
         )
 
-    what = f"hold {session.drive_v:z.2f} V for {DURATION_S:g} s and look at the sensor"
+    what = f"hold {session.drive_v:z.2f} V for {DURATION_S:g} s and record the sensor"
     return ProcedureStep("noise", what, False, run)
 
 
@@ -119,7 +120,7 @@ def _delay(session: Session, findings: Findings, bias_v: float, size_v: float) -
             session, bias_v, lambda: measure_delay(session, size_v)
         )
         if not found.found:
-            return "no delay can be told from these sines; try a higher rate_hz"
+            return "these sines give no delay; try a higher rate_hz"
         return f"delay {found.delay_s * 1e3:.3f} ± {found.uncertainty_s * 1e3:.3f} ms"
 
     what = f"ramp to {bias_v:.1f} V, sines of {size_v:+.1f} V from there, and back"
@@ -132,7 +133,7 @@ def _ringing(session: Session, findings: Findings, bias_v: float, size_v: float)
             session, bias_v, lambda: find_ringing(session, size_v)
         )
         if not found.found:
-            return f"nothing rings that shows at {session.rate_hz:g} Hz; try a higher rate_hz"
+            return f"no resonance found at {session.rate_hz:g} Hz; try a higher rate_hz"
         return f"first mode at {found.frequency_hz:.0f} Hz, damping {found.damping:.3f}"
 
     what = f"ramp to {bias_v:.1f} V, steps of {size_v:+.1f} V from there, and back"
@@ -140,7 +141,7 @@ def _ringing(session: Session, findings: Findings, bias_v: float, size_v: float)
 
 
 def _at(session: Session, bias_v: float, measure: Callable[[], T]) -> T:
-    """Return what is measured at a voltage; the axis is back by then."""
+    """Return a measurement at a bias voltage; afterwards the axis is back."""
     session.go(bias_v)
     session.rest(BIAS_REST_S)
     found = measure()

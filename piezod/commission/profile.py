@@ -1,4 +1,4 @@
-"""What was found, as the configuration of a daemon."""
+"""The results of commissioning as the configuration of a daemon."""
 
 from math import pi
 from typing import Any, Final
@@ -11,22 +11,21 @@ from piezod.control.guard import read_back_tolerance_v
 from piezod.devices.interface import Identity
 
 RANGE_PART: Final = 0.9
-"""Part of the travel that is offered for commands: loops and drift need the rest."""
+"""Range of commands as a fraction of the travel: loops and drift need the rest."""
 WORKING_PART: Final = 0.1
-"""Highest frequency that is worked at, as a part of the first mode; of the rate where no mode is
-known."""
+"""Highest working frequency as a fraction of the first mode, or of the rate without a mode."""
 
 
 def profile(
     config: DaemonConfig, axis: str, findings: Findings, identities: dict[str, Identity], date: str
 ) -> str:
-    """Return a configuration with one axis as it was found.
+    """Return a configuration with one axis, from the results.
 
     Args:
-        config: The configuration that was commissioned with.
+        config: The configuration of the commissioning.
         axis: Name of the axis.
-        findings: What was found; travel at least.
-        identities: Of the devices.
+        findings: The results; at least the travel.
+        identities: Identities of the devices.
         date: The day, for people.
     """
     one = config.axes[axis]
@@ -55,7 +54,7 @@ def _found(findings: Findings) -> list[str]:
 
 
 def _narrowed(config: StageAxisConfig, findings: Findings) -> list[str]:
-    """Say where the axis cannot be driven any more as it could before."""
+    """Return a comment on limits that are narrower than before."""
     if (travel := findings.travel) is None:
         return []
     low_v, high_v = config.limits.drive_min_v, config.limits.drive_max_v
@@ -66,8 +65,8 @@ def _narrowed(config: StageAxisConfig, findings: Findings) -> list[str]:
     found_v = travel.drive_low_v if upwards else travel.drive_high_v
     driven = f"{travel.drive_low_v:.1f} to {travel.drive_high_v:.1f} V"
     return [
-        f"LIMITS ARE NARROWER than {low_v:g} to {high_v:g} V: driven were {driven}, from",
-        f"{found_v:.1f} V on, where the axis was found. For the whole range commission it again",
+        f"LIMITS ARE NARROWER than {low_v:g} to {high_v:g} V: only {driven} were driven,",
+        f"because the axis was found at {found_v:.1f} V. For the whole range, commission it again",
         "from one end, with all steps of the travel.",
     ]
 
@@ -91,13 +90,14 @@ def _axis(
             "damping": round(min(max(ringing.damping, 0.001), 1.0), 4),
         }
     swing_v = limits["drive_max_v"] - limits["drive_min_v"]
+    # Slew rate of a sine over the full swing at the working frequency, to two digits.
     wanted_v_per_s = float(f"{pi * working_hz * swing_v:.2g}")
     limits["slew_v_per_s"] = max(1.0, min(config.limits.slew_v_per_s, wanted_v_per_s))
     found["limits"] = limits
     found["command_range_um"] = [0.0, round(RANGE_PART * abs(travel.travel_um), 2)]
     if travel.um_per_v < 0:
-        found["sensor"] = _turned(config)
-    found.pop("model", None)  # another stage's; `piezod identify --live` makes this one's
+        found["sensor"] = _reversed_sensor(config)
+    found.pop("model", None)  # of another stage; `piezod identify --live` makes a new one
     compensator = dict(found.get("compensator", {}))
     if findings.response is not None and findings.response.found:
         compensator["delay_s"] = round(findings.response.delay_s, 6)
@@ -110,7 +110,7 @@ def _axis(
 def _safety(
     config: StageAxisConfig, document: dict[str, Any], limits: dict[str, float]
 ) -> dict[str, Any]:
-    """Return what holds when something is wrong, within other limits; defaults count too."""
+    """Return the safety values, within the new limits; defaults are checked too."""
     if config.safety.safe_v is not None:
         document["safe_v"] = _clamped(config.safety.safe_v, limits)
     if config.safety.ramp_v_per_s > limits["slew_v_per_s"]:
@@ -122,8 +122,8 @@ def _clamped(drive_v: float, limits: dict[str, float]) -> float:
     return min(max(drive_v, limits["drive_min_v"]), limits["drive_max_v"])
 
 
-def _turned(config: StageAxisConfig) -> dict[str, Any]:
-    """Return the sensor, its calibration turned over: the position is to rise with the drive."""
+def _reversed_sensor(config: StageAxisConfig) -> dict[str, Any]:
+    """Return the sensor with reversed sign, so that the position rises with the drive."""
     sensor = config.sensor.model_dump(mode="json", exclude_none=True)
     calibration = sensor["calibration"]
     match calibration["kind"]:

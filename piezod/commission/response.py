@@ -1,7 +1,7 @@
-"""How late the displacement follows the drive: from the phase of small sines.
+"""Step "delay": the delay from the drive to the sample, from the phase of small sines.
 
-Hysteresis turns the phase too, but at every frequency alike: the delay is the slope of the phase
-over the frequency, not the phase.
+Hysteresis adds the same phase at every frequency. The delay is therefore the slope of the phase
+over the frequency, not the phase itself.
 """
 
 from math import pi
@@ -15,22 +15,22 @@ from piezod.hysteresis.memory import FloatArray
 
 FREQUENCIES: Final = 5
 SLOWEST, FASTEST = 1 / 400, 1 / 25
-"""Frequencies of the sines, as parts of the rate."""
+"""Frequencies of the sines, as fractions of the rate."""
 CYCLES, LEAST_S = 8, 0.5
 SLEW_PART: Final = 0.5
-"""Part of the slew rate that a sine may take."""
+"""Fraction of the slew rate that a sine may use."""
 LEAST_SAMPLES: Final = 8
-"""A sine with fewer valid ones has no phase."""
+"""Smallest number of valid samples for the phase of a sine."""
 
 
 class Response(NamedTuple):
-    """What was found.
+    """Result of the step.
 
     Attributes:
-        delay_s: From the voltage to the sample, in s.
+        delay_s: Delay from the voltage to the sample, in s.
         uncertainty_s: Its standard uncertainty, in s.
-        frequencies_hz: (n,) frequencies that were tried.
-        lag_deg: (n,) by which the displacement lagged, in degrees.
+        frequencies_hz: (n,) frequencies of the sines.
+        lag_deg: (n,) phase lag of the displacement, in degrees.
     """
 
     delay_s: float
@@ -40,19 +40,19 @@ class Response(NamedTuple):
 
     @property
     def found(self) -> bool:
-        """Whether it is a delay: noise, or a loop that is slow, may give a negative one."""
+        """Whether the delay is valid: noise, or a slow loop, can give a negative one."""
         return self.delay_s >= 0.0
 
 
 def measure_delay(session: Session, size_v: float) -> tuple[Response, SessionTrace]:
-    """Drive small sines of several frequencies, from the voltage in force on.
+    """Drive small sines of several frequencies, starting at the present voltage.
 
     Args:
         session: The axis.
-        size_v: How far they go, in V; negative where they go down.
+        size_v: Peak-to-peak value, in V; negative for sines below the present voltage.
 
     Raises:
-        DeviceError: If the devices say that something is wrong, or the sensor gives too little.
+        DeviceError: If a device reports a fault, or the sensor gives too few valid samples.
     """
     begin_v = session.drive_v
     fastest_hz = SLEW_PART * session.limits.slew_v_per_s / (2 * pi * abs(size_v))
@@ -66,7 +66,7 @@ def measure_delay(session: Session, size_v: float) -> tuple[Response, SessionTra
         traces.append(session.go(begin_v))
     lag_rad = np.unwrap(lags)
     (delay_s, at_zero), covariance = np.polyfit(2 * pi * frequencies_hz, lag_rad, 1, cov=True)
-    del at_zero  # what hysteresis and creep make of the phase
+    del at_zero  # the phase due to hysteresis and creep
     found = Response(
         float(delay_s), float(np.sqrt(covariance[0, 0])), frequencies_hz, np.degrees(lag_rad)
     )
@@ -81,7 +81,7 @@ def _sine(session: Session, begin_v: float, size_v: float, frequency_hz: float) 
 
 
 def _lag_rad(trace: SessionTrace, frequency_hz: float) -> float:
-    """Return by how much the displacement lags the drive, the first cycle left out."""
+    """Return the phase lag of the displacement behind the drive, without the first cycle."""
     settled = trace.after(1.0 / frequency_hz)
     valid = np.isfinite(settled.position_um)
     t_s = settled.t_s[valid]
@@ -91,10 +91,11 @@ def _lag_rad(trace: SessionTrace, frequency_hz: float) -> float:
             "check its cable and range"
         )
     angle = 2 * pi * frequency_hz * t_s
+    # Cosine and sine, plus an offset and a linear drift from creep.
     basis = np.stack([np.cos(angle), np.sin(angle), np.ones_like(t_s), t_s], axis=1)
     both = np.stack([settled.drive_v[valid], settled.position_um[valid]], axis=1)
     (cosine, sine, *_), *_ = np.linalg.lstsq(basis, both, rcond=None)
     drive, position = cosine - 1j * sine
     ratio = position / drive
-    # A stage that goes the other way is turned by half a cycle: that is its polarity, no lag.
+    # A negative polarity shifts the phase by half a cycle; that is not a lag.
     return float(-np.angle(ratio if ratio.real > 0 else -ratio))

@@ -1,6 +1,6 @@
-"""The first resonance, from how the stage rings after small steps.
+"""Step "ringing": the first resonance, from the response to small steps.
 
-A mode above half the rate shows at another frequency, folded. Two rates fold it differently, and
+A mode above half the rate appears at another, aliased frequency. Two rates give two aliases, and
 only one frequency explains both.
 """
 
@@ -17,28 +17,28 @@ from piezod.hysteresis.memory import FloatArray
 STEPS: Final = 24
 RECORD_S: Final = 0.1
 OTHER_RATE: Final = 0.83
-"""The second rate, as a part of the first."""
+"""The second rate, as a fraction of the first."""
 FOLDS: Final = 3
-"""A mode is looked for up to so many times the rate."""
+"""Highest searched frequency, in multiples of the rate."""
 SIGNIFICANT: Final = 12.0
-"""A line is a mode when each of its parameters explains so many times what noise would."""
+"""F-ratio above which a line is a mode: variance explained per parameter over that of the noise."""
 LOWEST_CYCLES: Final = 4
-"""A line of fewer cycles than this in the record is creep."""
+"""Smallest number of cycles in the record; a slower line is creep."""
 TRANSIENT_S: Final = 1.5e-3
-"""What comes first is the drive's own step, through the sensor's filter."""
+"""Excluded start of the record, in s: the step itself, through the sensor's filter."""
 PARAMETERS: Final = 7
-"""Three of the creep, four of the line."""
+"""Parameters of the fit: three for the creep, four for the line."""
 FREQUENCIES, DECAYS = 150, 8
-"""How many of each are tried."""
+"""Size of the search grid."""
 
 
 class Ringing(NamedTuple):
-    """What was found; all NaN where nothing rings.
+    """Result of the step; all NaN if no resonance was found.
 
     Attributes:
-        frequency_hz: Of the first mode, in Hz.
+        frequency_hz: Frequency of the first mode, in Hz.
         damping: Its damping ratio.
-        searched_hz: Up to where it was looked for, in Hz.
+        searched_hz: Highest searched frequency, in Hz.
     """
 
     frequency_hz: float
@@ -47,7 +47,7 @@ class Ringing(NamedTuple):
 
     @property
     def found(self) -> bool:
-        """Whether anything rings."""
+        """Whether a resonance was found."""
         return self.frequency_hz > 0
 
 
@@ -59,14 +59,14 @@ class _Line(NamedTuple):
 
 
 def find_ringing(session: Session, size_v: float) -> tuple[Ringing, SessionTrace]:
-    """Step up and down, at two rates, and listen.
+    """Step up and down at two rates and find the resonance in the responses.
 
     Args:
         session: The axis.
-        size_v: Size of the steps from the voltage in force, in V; negative where they go down.
+        size_v: Size of the steps from the present voltage, in V; negative for steps down.
 
     Raises:
-        DeviceError: If the devices say that something is wrong.
+        DeviceError: If a device reports a fault.
     """
     searched_hz = FOLDS * session.rate_hz
     traces: list[SessionTrace] = []
@@ -85,7 +85,7 @@ def find_ringing(session: Session, size_v: float) -> tuple[Ringing, SessionTrace
 def _mean_response(
     session: Session, size_v: float, rate_hz: float, traces: list[SessionTrace]
 ) -> tuple[FloatArray, float]:
-    """Return the mean of the responses to steps there, and to those back turned over, in µm."""
+    """Return the mean response to the steps, in µm; steps back count with reversed sign."""
     begin_v = session.drive_v
     n = round(RECORD_S * rate_hz)
     total, count = np.zeros(n), 0
@@ -101,52 +101,54 @@ def _mean_response(
 
 
 def _line(response: FloatArray, rate_hz: float) -> _Line | None:
-    """Return the decaying line that explains most of a response, None where none stands out."""
+    """Return the decaying line that explains most of a response; None if none is significant."""
     t_s = np.arange(response.size) / rate_hz
     late = t_s > TRANSIENT_S
     freedom = int(np.count_nonzero(late)) - PARAMETERS
     if freedom < 1:
         return None
     t_s, response = t_s[late] - t_s[late][0], response[late]
-    without = _left_over(_creeping(t_s), response)
+    without = _residual(_creep_basis(t_s), response)
     apparent_hz, decay_per_s = min(
         product(
             np.linspace(LOWEST_CYCLES / t_s[-1], rate_hz / 2, FREQUENCIES),
             np.geomspace(1.0 / t_s[-1], 0.3 * rate_hz, DECAYS),
         ),
-        key=lambda line: _left_over(_ringing(t_s, *line), response),
+        key=lambda line: _residual(_ring_basis(t_s, *line), response),
     )
-    rest = _left_over(_ringing(t_s, apparent_hz, decay_per_s), response)
-    # Not turned round: of nothing at all, as where no record is whole, neither explains anything.
+    rest = _residual(_ring_basis(t_s, apparent_hz, decay_per_s), response)
+    # Written with `not >`: without any complete record both sides are 0, and nothing is found.
     if not (without - rest) / 4 > SIGNIFICANT * rest / freedom:
         return None
     found = minimize(
-        lambda line: _left_over(_ringing(t_s, *line), response),
+        lambda line: _residual(_ring_basis(t_s, *line), response),
         (apparent_hz, decay_per_s),
         method="Nelder-Mead",
     )
     return _Line(float(found.x[0]), rate_hz, 1.0 / t_s[-1], float(abs(found.x[1])))
 
 
-def _creeping(t_s: FloatArray) -> FloatArray:
+def _creep_basis(t_s: FloatArray) -> FloatArray:
+    """Return the basis functions of the creep after a step, shape (n, 3)."""
     log = np.log(t_s + 5 * t_s[1])
     return np.stack([np.ones_like(t_s), log, log**2], axis=1)
 
 
-def _ringing(t_s: FloatArray, hz: float, decay_per_s: float) -> FloatArray:
+def _ring_basis(t_s: FloatArray, hz: float, decay_per_s: float) -> FloatArray:
+    """Return the basis functions of creep and a decaying oscillation, shape (n, 5)."""
     angle, envelope = 2 * pi * hz * t_s, np.exp(-abs(decay_per_s) * t_s)
     wave = np.stack([envelope * np.cos(angle), envelope * np.sin(angle)], axis=1)
-    return np.concatenate([_creeping(t_s), wave], axis=1)
+    return np.concatenate([_creep_basis(t_s), wave], axis=1)
 
 
-def _left_over(basis: FloatArray, response: FloatArray) -> float:
+def _residual(basis: FloatArray, response: FloatArray) -> float:
     """Return the sum of squares that a basis does not explain."""
     orthogonal, _ = np.linalg.qr(basis)
     return float(np.sum(response**2) - np.sum((orthogonal.T @ response) ** 2))
 
 
 def _unfolded(first: _Line, second: _Line) -> float:
-    """Return the frequency that both rates show, in Hz; the lowest where several do."""
+    """Return the frequency that explains both aliases, in Hz; the lowest if there are several."""
     tolerance_hz = 0.5 * (first.resolution_hz + second.resolution_hz)
     pairs = sorted((abs(a - b), a) for a in _candidates(first) for b in _candidates(second))
     close = [hz for off_hz, hz in pairs if off_hz < tolerance_hz]

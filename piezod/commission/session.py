@@ -1,4 +1,4 @@
-"""One axis, driven by hand: slowly, within its limits, and back to where it was found."""
+"""Manual driving of one axis: slowly, within its limits, and back to its initial voltage."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -20,15 +20,15 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S, s_to_ns
 
 PATIENCE_S: Final = 2.0
-"""Writes that are refused for so long end a step; a lost reply is over by then."""
+"""Longest time, in s, for which refused writes are tolerated; a lost reply is over by then."""
 HOLD_S: Final = 0.1
-"""Who waits is asked so often whether that is over."""
+"""Period, in s, with which a held voltage checks whether the wait is over."""
 OFF_CYCLES: Final = 50
-"""A voltage read back that is none of those written lately, for so long, ends a step."""
+"""Number of cycles with a wrong read-back voltage that ends a step."""
 LAG_CYCLES, LAG_S = 3, 0.1
-"""Lately: an amplifier may follow, and tell so, later by so many cycles and this time."""
+"""Allowed delay of the read-back behind the write: a number of cycles plus a time in s."""
 SETTLE_CYCLES, SETTLE_S = 4, 0.05
-"""A ramp lasts longer by so many cycles, or this time: its last write is that of its end."""
+"""Extra duration of a ramp, in cycles or in s, so that its last write is its end voltage."""
 ENDING: Final = frozenset(
     {
         DeviceFlag.OVERLOAD,
@@ -39,24 +39,24 @@ ENDING: Final = frozenset(
         DeviceFlag.WATCHDOG_TRIPPED,
     }
 )
-"""What a device says that ends a step."""
+"""Flags of a device that end a step."""
 ELSEWHERE: Final = frozenset(
     {DeviceFlag.LOCAL_MODE, DeviceFlag.RESTARTED, DeviceFlag.WATCHDOG_TRIPPED}
 )
-"""After one of these somebody else has decided about the voltage: it is left as it is."""
+"""Flags after which something else has changed the voltage: the session leaves it as it is."""
 LONGEST_PERIODS: Final = 2
-"""A cycle that comes later does no more than after so many periods: a pause makes no step."""
+"""Largest time step of a cycle, in periods: after a pause the voltage makes no jump."""
 
 
 @dataclass(frozen=True)
 class SessionTrace:
-    """What was recorded; arrays of one length.
+    """Record of driving; arrays of one length.
 
     Attributes:
-        t_s: Instants, in s from the first on.
-        drive_v: Voltage in force at the instant, as it was written, in V.
-        read_back_v: Voltage read back, in V; NaN where there is none.
-        position_um: Displacement as the sensor tells it, in µm; NaN where it is not valid.
+        t_s: Instants, in s from the first one.
+        drive_v: Written voltage in force at the instant, in V.
+        read_back_v: Read-back voltage, in V; NaN if there is none.
+        position_um: Measured displacement, in µm; NaN if it is not valid.
     """
 
     t_s: FloatArray
@@ -70,7 +70,7 @@ class SessionTrace:
         return 100.0 * float(np.mean(np.isfinite(self.position_um)))
 
     def after(self, t_s: float) -> "SessionTrace":
-        """Return what was recorded from an instant on."""
+        """Return the part of the record from an instant on."""
         late = self.t_s >= t_s
         return SessionTrace(
             self.t_s[late], self.drive_v[late], self.read_back_v[late], self.position_um[late]
@@ -96,14 +96,14 @@ class Session:
 
     Args:
         channels: The devices, of this one axis.
-        limits: What the drive may do, whatever a step asks for.
+        limits: Limits of the drive voltage, for every step.
         rate_hz: Cycles per second.
-        ramp_v_per_s: How fast `go` goes.
-        clock: Paces the cycles.
-        output_v: Voltage in force, in V, where the amplifier does not read back; else NaN.
+        ramp_v_per_s: Rate of `go`, in V/s.
+        clock: Clock of the cycles.
+        output_v: Voltage in force, in V, for an amplifier without read-back; otherwise NaN.
 
     Raises:
-        DeviceError: If it is not known which voltage is in force.
+        DeviceError: If the voltage in force is unknown, or outside the limits.
     """
 
     def __init__(
@@ -118,33 +118,33 @@ class Session:
         self._channels, self._clock = channels, clock
         self.limits, self.rate_hz, self._ramp_v_per_s = limits, rate_hz, ramp_v_per_s
         self._reads_back = channels.capabilities().read_back
-        told_v = channels.read_back(clock.now_ns())[0] if self._reads_back else output_v
-        if not isfinite(told_v):
-            silent = "does not read back; say which it is with `piezod commission --output-v`"
+        initial_v = channels.read_back(clock.now_ns())[0] if self._reads_back else output_v
+        if not isfinite(initial_v):
+            no_read_back = "does not read back; give it with `piezod commission --output-v`"
             raise DeviceError(
-                "it is not known which voltage is in force: the amplifier "
-                + ("tells none" if self._reads_back else silent)
+                "the voltage in force is unknown: the amplifier "
+                + ("reports none" if self._reads_back else no_read_back)
             )
         slack_v = limits.read_back_tolerance_v
-        if not limits.drive_min_v - slack_v <= told_v <= limits.drive_max_v + slack_v:
+        if not limits.drive_min_v - slack_v <= initial_v <= limits.drive_max_v + slack_v:
             raise DeviceError(
-                f"{told_v:.2f} V are in force, the axis may be driven from {limits.drive_min_v:g} "
-                f"to {limits.drive_max_v:g} V: bring it there first, or correct the limits"
+                f"{initial_v:.2f} V are in force, outside the limits of {limits.drive_min_v:g} "
+                f"to {limits.drive_max_v:g} V: bring the axis there first, or correct the limits"
             )
-        self.found_v = told_v
-        """Voltage in force when the session began, in V."""
-        self.drive_v = told_v
+        self.found_v = initial_v
+        """Initial voltage of the session, in V."""
+        self.drive_v = initial_v
         """Voltage in force, in V."""
-        self._left_alone = ""
+        self._not_ours = ""  # flags after which the voltage must not be driven any more
         self._holder: threading.Event | None = None
         self._driving = threading.Lock()
         self._watch = self._new_watch()
 
     def rest(self, duration_s: float) -> SessionTrace:
-        """Hold the voltage, and record.
+        """Hold the voltage and record.
 
         Raises:
-            DeviceError: If the devices say that something is wrong.
+            DeviceError: If a device reports a fault.
         """
         held_v = self.drive_v
         return self.drive(lambda _t_s: held_v, duration_s)
@@ -153,7 +153,7 @@ class Session:
         """Ramp to a voltage, in V, and record.
 
         Raises:
-            DeviceError: If the devices say that something is wrong.
+            DeviceError: If a device reports a fault.
         """
         from_v, way_v = self.drive_v, drive_v - self.drive_v
         duration_s = abs(way_v) / self._ramp_v_per_s
@@ -164,34 +164,34 @@ class Session:
         return self.drive(ramp_v, duration_s + max(SETTLE_S, SETTLE_CYCLES / self.rate_hz))
 
     def back(self) -> SessionTrace:
-        """Ramp from the voltage that is read back to where the axis was found.
+        """Ramp from the read-back voltage to the initial voltage of the session.
 
-        Whoever holds the voltage meanwhile does so no more.
+        A thread that holds the voltage is ended first.
 
         Raises:
-            DeviceError: If the devices say that something is wrong, or have said that somebody else
-                has changed the voltage: then nothing is driven.
+            DeviceError: If a device reports a fault, or has reported that something else has
+                changed the voltage: then nothing is driven.
         """
         self._take_over()
-        if self._left_alone:
-            raise DeviceError(f"the voltage is left as it is, {self._left_alone}")
-        self._watch = self._new_watch()  # what was wrong on the way there does not count
+        if self._not_ours:
+            raise DeviceError(f"the voltage is left as it is: {self._not_ours}")
+        self._watch = self._new_watch()  # earlier problems must not prevent the way back
         if self._reads_back:
-            self.drive_v = self._told_v()
+            self.drive_v = self._read_back_v()
         target_v = min(max(self.found_v, self.limits.drive_min_v), self.limits.drive_max_v)
         trace = self.go(target_v)
         if abs(self.drive_v - target_v) > self.limits.read_back_tolerance_v:
-            raise DeviceError(f"the way back to {target_v:.2f} V has ended at {self.drive_v:.2f} V")
+            raise DeviceError(f"the ramp back to {target_v:.2f} V ended at {self.drive_v:.2f} V")
         return trace
 
     @contextmanager
     def holding(self) -> Iterator[None]:
-        """Hold the voltage while the block waits for somebody: a device may expect to be asked.
+        """Hold the voltage while the block waits: a device may have a watchdog.
 
         Raises:
-            DeviceError: If the devices say meanwhile that something is wrong.
+            DeviceError: If a device reports a fault meanwhile.
         """
-        ended, troubles = threading.Event(), list[Exception]()
+        ended, errors = threading.Event(), list[Exception]()
 
         def hold() -> None:
             try:
@@ -199,7 +199,7 @@ class Session:
                     while not ended.is_set():
                         self.rest(HOLD_S)
             except Exception as error:  # noqa: BLE001 - a driver may fail in any way; raised below
-                troubles.append(error)
+                errors.append(error)
 
         self._holder = ended
         try:
@@ -207,75 +207,75 @@ class Session:
             yield
         finally:
             self._take_over()
-        if troubles:
-            raise troubles[0]
+        if errors:
+            raise errors[0]
 
     def _take_over(self) -> None:
-        """Be the only thread that drives.
+        """End the thread that holds the voltage, and wait for it.
 
-        A signal may end the wait, and it is waited again: a thread whose `join` was left by an
-        exception is taken for one that has ended (Python 3.11), a lock is not.
+        A signal may end the wait, so that it has to be repeated. A lock allows that; `join` does
+        not: in Python 3.11 a thread counts as ended after its `join` was left by an exception.
         """
         if self._holder is not None:
             self._holder.set()
             with self._driving:
-                pass  # one that begins only now sees that it has ended
+                pass  # a thread that starts only now sees the event and ends
 
     def drive(
         self, wave_v: Callable[[float], float], duration_s: float, rate_hz: float | None = None
     ) -> SessionTrace:
-        """Drive a voltage over time, and record.
+        """Drive a voltage over time and record.
 
-        Time goes on with every write that is taken, by two periods at most.
+        The time of the waveform advances with every accepted write, by at most two periods.
 
         Args:
-            wave_v: Voltage in V at a time in s from now.
-            duration_s: For how long; for two cycles at least.
-            rate_hz: Cycles per second, where not those of the session.
+            wave_v: Function from the time in s to the voltage in V.
+            duration_s: Duration in s; at least two cycles are driven.
+            rate_hz: Cycles per second, if they differ from the session.
 
         Raises:
-            DeviceError: If the devices say that something is wrong.
+            DeviceError: If a device reports a fault.
         """
         period_ns = round(NS_PER_S / (rate_hz or self.rate_hz))
-        # As much time counts for the slew rate as for the wave: else a ramp would fall behind.
+        # The slew limit must use the same time step as the waveform, or a ramp would lag behind.
         guard = Guard([self.limits], LONGEST_PERIODS * period_ns / NS_PER_S)
         pacer = Pacer(self._clock, period_ns, 0)
         rows: list[tuple[float, float, float, float]] = []
         begin_ns = before_ns = self._clock.now_ns()
-        over_s = 0.0
-        while len(rows) < 2 or over_s < duration_s:
+        wave_s = 0.0  # time of the waveform
+        while len(rows) < 2 or wave_s < duration_s:
             pacer.wait()
             now_ns = self._clock.now_ns()
             position_um = self._read(now_ns)
-            told_v = self._channels.read_back(now_ns)[0] if self._reads_back else nan
-            self._judge(told_v, now_ns)
-            rows.append(((now_ns - begin_ns) / NS_PER_S, self.drive_v, told_v, position_um))
+            read_back_v = self._channels.read_back(now_ns)[0] if self._reads_back else nan
+            self._check_devices(read_back_v, now_ns)
+            rows.append(((now_ns - begin_ns) / NS_PER_S, self.drive_v, read_back_v, position_um))
             elapsed_s = min(now_ns - before_ns, LONGEST_PERIODS * period_ns) / NS_PER_S
-            asked_v = [wave_v(over_s)]
+            asked_v = [wave_v(wave_s)]
             admitted = guard.admit(now_ns, now_ns, asked_v, [self.drive_v], elapsed_s)
             taken = admitted.writable and self._channels.write(admitted.drive_v, now_ns)
-            self._watch.wrote(taken=taken, drive_v=admitted.drive_v[0], now_ns=now_ns)
+            self._watch.check_write(accepted=taken, drive_v=admitted.drive_v[0], now_ns=now_ns)
             if taken:
-                self.drive_v, over_s = admitted.drive_v[0], over_s + elapsed_s
+                self.drive_v, wave_s = admitted.drive_v[0], wave_s + elapsed_s
             before_ns = now_ns
         return SessionTrace(*np.array(rows).T)
 
-    def _judge(self, told_v: float, now_ns: int) -> None:
+    def _check_devices(self, read_back_v: float, now_ns: int) -> None:
         flags = frozenset[DeviceFlag]().union(*self._channels.status(now_ns))
         if elsewhere := flags & ELSEWHERE:
-            self._left_alone = ", ".join(sorted(elsewhere))
-        self._watch.told(told_v, self.drive_v, flags)
+            self._not_ours = ", ".join(sorted(elsewhere))
+        self._watch.check_read_back(read_back_v, self.drive_v, flags)
 
-    def _told_v(self) -> float:
-        """Return the voltage that is read back, as soon as it is."""
+    def _read_back_v(self) -> float:
+        """Return the read-back voltage, in V; wait for a finite one."""
         end_ns = self._clock.now_ns() + s_to_ns(PATIENCE_S)
         while True:
             now_ns = self._clock.now_ns()
-            told_v = self._channels.read_back(now_ns)[0]
-            if isfinite(told_v):
-                return told_v
+            read_back_v = self._channels.read_back(now_ns)[0]
+            if isfinite(read_back_v):
+                return read_back_v
             if now_ns > end_ns:
-                raise DeviceError("the amplifier does not tell which voltage is in force")
+                raise DeviceError(f"the amplifier has reported no voltage for {PATIENCE_S:g} s")
             self._clock.sleep_until_ns(now_ns + s_to_ns(1.0 / self.rate_hz))
 
     def _read(self, now_ns: int) -> float:
@@ -288,33 +288,37 @@ class Session:
 
 
 class _Watch:
-    """Ends a step where the devices do not do what they are told.
+    """Ends a step if the devices do not follow.
 
     Args:
-        tolerance_v: By how much what is read back may differ from what was written, in V.
-        lag_cycles: By how many cycles it may come later.
+        tolerance_v: Allowed difference between read-back and written voltage, in V.
+        lag_cycles: Allowed delay of the read-back, in cycles.
     """
 
     def __init__(self, tolerance_v: float, lag_cycles: int) -> None:
         self._tolerance_v, self._written_v = tolerance_v, RecentRange(lag_cycles)
         self._refused_ns = self._off = 0
 
-    def told(self, told_v: float, drive_v: float, flags: frozenset[DeviceFlag]) -> None:
-        """Judge what is read back, NaN where nothing is, and what the devices say."""
+    def check_read_back(
+        self, read_back_v: float, drive_v: float, flags: frozenset[DeviceFlag]
+    ) -> None:
+        """Check the read-back voltage, NaN if there is none, and the flags of the devices."""
         if wrong := flags & ENDING:
-            raise DeviceError(f"the device says: {', '.join(sorted(wrong))}")
+            raise DeviceError(f"the device reports: {', '.join(sorted(wrong))}")
         self._written_v.add(drive_v)
-        off_v = max(told_v - self._written_v.high, self._written_v.low - told_v)
+        # Distance to the range of recently written voltages: an amplifier may follow late.
+        off_v = max(read_back_v - self._written_v.high, self._written_v.low - read_back_v)
         self._off = self._off + 1 if self._tolerance_v < off_v < inf else 0
         if self._off >= OFF_CYCLES:
             raise DeviceError(
-                f"the voltage read back is {told_v - drive_v:.1f} V off the one written: check the "
-                "calibration of the channel, the load, and that nobody else drives the amplifier"
+                f"the read-back voltage differs by {read_back_v - drive_v:.1f} V from the written "
+                "one: check the calibration of the channel, the load, and whether another program "
+                "drives the amplifier"
             )
 
-    def wrote(self, *, taken: bool, drive_v: float, now_ns: int) -> None:
-        """Judge a write."""
-        if taken:
+    def check_write(self, *, accepted: bool, drive_v: float, now_ns: int) -> None:
+        """Check for how long writes have been refused."""
+        if accepted:
             self._refused_ns = 0
             return
         self._refused_ns = self._refused_ns or now_ns

@@ -1,4 +1,4 @@
-"""The acceptance sheet: one page in HTML, to be printed and signed, with the data beside it."""
+"""The acceptance sheet: one HTML page to print and sign, with the data beside it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -16,7 +16,7 @@ SHEET_NAME: Final = "acceptance.html"
 
 
 class SheetRow(NamedTuple):
-    """A row of the table of what was found."""
+    """A row of the table of results."""
 
     name: str
     value: str
@@ -25,16 +25,16 @@ class SheetRow(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """What the page says.
+    """Content of the page.
 
     Attributes:
         axis: Name of the axis.
-        facts: Name and value of what stands below the headline.
-        identities: Of the devices.
-        findings: What was found.
+        facts: Names and values below the headline.
+        identities: Identities of the devices.
+        findings: The results.
         not_done: Names of the steps that were left out, or ended in an error.
         profile_name: Name of the file with the configuration.
-        profile: Its text.
+        profile: Text of that file.
     """
 
     axis: str
@@ -47,10 +47,10 @@ class Sheet(NamedTuple):
 
 
 def write_sheet(folder: Path, sheet: Sheet) -> Path:
-    """Write the page, its configuration, and what was recorded as CSV.
+    """Write the page, its configuration, and the records as CSV.
 
     Returns:
-        The path of the page.
+        Path of the page.
 
     Raises:
         OSError: If the files cannot be written.
@@ -79,7 +79,7 @@ def write_sheet(folder: Path, sheet: Sheet) -> Path:
 
 
 def rows_of(findings: Findings) -> Iterator[SheetRow]:
-    """Give what was found, a quantity each."""
+    """Yield the results, one row per quantity."""
     if noise := findings.noise:
         at_rest = f"{DURATION_S:g} s at rest"
         yield SheetRow("noise", f"{noise.rms_um * 1e3:.2f}", "nm rms", at_rest)
@@ -95,7 +95,7 @@ def rows_of(findings: Findings) -> Iterator[SheetRow]:
         yield SheetRow("width of the loop", f"{travel.loop_pct:.2f}", "% of travel", ends)
         yield SheetRow("noise", f"{travel.noise_pct:.3f}", "% of travel", "over the travel")
     if amplifier := findings.amplifier:
-        how = "line through read-back against what was written"
+        how = "line through the read-back over the written voltage"
         yield SheetRow("gain of the amplifier", f"{amplifier.gain:.5f}", "V/V", how)
         yield SheetRow("offset of the amplifier", f"{amplifier.offset_v:+z.4f}", "V", how)
         yield SheetRow("its largest deviation", f"{amplifier.worst_v:.4f}", "V", how)
@@ -106,7 +106,7 @@ def rows_of(findings: Findings) -> Iterator[SheetRow]:
             "delay", value, "ms" if response.found else "", "slope of the phase of small sines"
         )
     if ringing := findings.ringing:
-        how = f"ringing after small steps, looked for up to {ringing.searched_hz:g} Hz"
+        how = f"ringing after small steps, searched up to {ringing.searched_hz:g} Hz"
         found = f"{ringing.frequency_hz:.1f}" if ringing.found else "none found"
         yield SheetRow("first mode", found, "Hz" if ringing.found else "", how)
         if ringing.found:

@@ -1,4 +1,4 @@
-"""How far the stage goes, in stages; the loop that it makes; how true the amplifier is."""
+"""Step "travel": displacement over the drive range, width of the loop, errors of the amplifier."""
 
 from typing import Final, NamedTuple
 
@@ -8,21 +8,21 @@ from piezod.commission.session import Session, SessionTrace, joined
 from piezod.errors import DeviceError
 
 STAGES_PCT: Final = (10, 25, 50, 75, 100)
-"""Parts of the drive's range, in %, each a step of its own."""
+"""Fractions of the drive range, in %, each a separate step."""
 REST_S: Final = 0.2
 LEAST_VALID_PCT: Final = 98.0
 
 
 class Travel(NamedTuple):
-    """What was found.
+    """Result of the step.
 
     Attributes:
-        drive_low_v: Lowest voltage that was driven, in V.
-        drive_high_v: Highest voltage that was driven, in V.
-        travel_um: Displacement from the voltage found to the farthest one, in µm. It is negative
-            too where the axis was found high up and driven down: `um_per_v` tells the polarity.
-        um_per_v: Mean slope, in µm/V; negative where the position falls as the voltage rises.
-        loop_pct: Greatest width of the loop, in % of the travel.
+        drive_low_v: Lowest driven voltage, in V.
+        drive_high_v: Highest driven voltage, in V.
+        travel_um: Displacement from the initial voltage to the farthest one, in µm. It is also
+            negative if the axis was found high and driven down; `um_per_v` has the polarity.
+        um_per_v: Mean slope, in µm/V; negative if the position falls with rising voltage.
+        loop_pct: Largest width of the loop, in % of the travel.
         noise_pct: Noise of the sensor, in % of the travel.
     """
 
@@ -35,12 +35,12 @@ class Travel(NamedTuple):
 
 
 class TravelAmplifier(NamedTuple):
-    """What reading back tells of the amplifier, by a straight line through all that was driven.
+    """Straight line of the read-back voltage over the written voltage.
 
     Attributes:
-        gain: Voltage read back per voltage written.
-        offset_v: Voltage read back at 0 V, in V.
-        worst_v: Greatest deviation from the line, in V.
+        gain: Read-back voltage per written voltage.
+        offset_v: Read-back voltage at 0 V, in V.
+        worst_v: Largest deviation from the line, in V.
     """
 
     gain: float
@@ -49,14 +49,14 @@ class TravelAmplifier(NamedTuple):
 
 
 def excursion(session: Session, target_v: float) -> SessionTrace:
-    """Ramp from the voltage found to another one, and back.
+    """Ramp from the initial voltage to another one and back.
 
     Args:
         session: The axis.
-        target_v: How far, in V.
+        target_v: The other voltage, in V.
 
     Raises:
-        DeviceError: If the sensor does not follow: it is at the end of its range.
+        DeviceError: If the sensor leaves its range.
     """
     up, top = session.go(target_v), session.rest(REST_S)
     down, bottom = session.back(), session.rest(REST_S)
@@ -70,20 +70,20 @@ def excursion(session: Session, target_v: float) -> SessionTrace:
 
 
 def farther_end_v(session: Session) -> float:
-    """Return the end of the drive's range that is farther from the voltage found, in V."""
+    """Return the end of the drive range that is farther from the initial voltage, in V."""
     low_v, high_v = session.limits.drive_min_v, session.limits.drive_max_v
     return high_v if high_v - session.found_v >= session.found_v - low_v else low_v
 
 
 def travel_of(trace: SessionTrace, rms_um: float) -> Travel:
-    """Return what the largest excursion tells of the stage.
+    """Return the result of the largest excursion.
 
     Args:
-        trace: Of the excursion.
+        trace: Record of the excursion.
         rms_um: Noise of the sensor, in µm.
 
     Raises:
-        DeviceError: If the sensor gives nothing at one of the two ends.
+        DeviceError: If the sensor has no valid samples at one of the two ends.
     """
     top = int(np.argmax(np.abs(trace.drive_v - trace.drive_v[0])))
     bottom_v, top_v = float(trace.drive_v[0]), float(trace.drive_v[top])
@@ -100,13 +100,15 @@ def travel_of(trace: SessionTrace, rms_um: float) -> Travel:
 
 
 def amplifier_of(trace: SessionTrace) -> TravelAmplifier | None:
-    """Return what reading back tells; None where it is nothing, or too little at rest."""
+    """Return the line of the read-back; None without read-back, or with too few samples at rest."""
+    # Only samples at rest, three cycles after the last change, so that a late read-back does not
+    # count as an error.
     still = np.abs(np.gradient(trace.drive_v)) < 1e-9
-    told = np.isfinite(trace.read_back_v) & np.roll(still, 3) & still
-    if np.count_nonzero(told) < 10:
+    used = np.isfinite(trace.read_back_v) & np.roll(still, 3) & still
+    if np.count_nonzero(used) < 10:
         return None
-    slope, at_zero = np.polyfit(trace.drive_v[told], trace.read_back_v[told], 1)
-    off_v = trace.read_back_v[told] - slope * trace.drive_v[told] - at_zero
+    slope, at_zero = np.polyfit(trace.drive_v[used], trace.read_back_v[used], 1)
+    off_v = trace.read_back_v[used] - slope * trace.drive_v[used] - at_zero
     return TravelAmplifier(float(slope), float(at_zero), float(np.max(np.abs(off_v))))
 
 
@@ -114,18 +116,19 @@ def _mean_near(trace: SessionTrace, drive_v: float) -> float:
     near = np.abs(trace.drive_v - drive_v) < 1e-6
     if not np.any(np.isfinite(trace.position_um[near])):
         raise DeviceError(
-            f"the sensor gives no valid samples at {drive_v:.1f} V, the end of the way: align it, "
+            f"the sensor gives no valid samples at {drive_v:.1f} V, the end of the ramp: align it, "
             "or change the limits of the axis"
         )
     return float(np.nanmean(trace.position_um[near]))
 
 
 def _loop_width_um(trace: SessionTrace, top: int) -> float:
-    """Return the greatest distance of the way back from the way there, at one voltage."""
+    """Return the largest distance between the two branches at equal voltage, in µm."""
     sign = np.sign(trace.drive_v[top] - trace.drive_v[0])
     valid = np.isfinite(trace.position_um)
     there, back = valid.copy(), valid.copy()
     there[top:], back[:top] = False, False
+    # Both ends are left out: there the rests with their creep lie on the branches.
     grid_v = np.linspace(0.1, 0.9, 41) * abs(trace.drive_v[top] - trace.drive_v[0])
     way_v = sign * (trace.drive_v - trace.drive_v[0])
     up_um = np.interp(grid_v, way_v[there], trace.position_um[there])

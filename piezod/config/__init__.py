@@ -1,4 +1,4 @@
-"""What a configuration may say, and the loader that tells file, line and column where it does not.
+"""Configuration files: their models, and a loader that reports errors with file, line and column.
 
-Knows nothing of the other rooms; a driver brings the model of its own options.
+The package imports no other room; a driver supplies the model of its own options.
 """

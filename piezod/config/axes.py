@@ -1,4 +1,4 @@
-"""Axes: which devices serve an axis, what it may be driven to, how it is compensated."""
+"""Axes: their devices, drive limits and compensation."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,14 +19,14 @@ def _auto_or_number(value: object) -> str:
     return "auto" if isinstance(value, str) else "number"
 
 
-# "auto": to be found in the recorded data. The tag keeps errors about one of the two to one line.
+# "auto": from the recorded data. The tags make pydantic report one error and not one per member.
 DelayS: TypeAlias = Annotated[
     Annotated[Literal["auto"], Tag("auto")] | Annotated[float, Quantity(0, 1, "s"), Tag("number")],
     Discriminator(_auto_or_number),
 ]
 
-# What a model file decides: key of the compensator, and what it is.
-_OF_THE_MODEL: Final = {
+# Keys of the compensator that a model file replaces, and their names in messages.
+_SET_BY_MODEL: Final = {
     "operators": "operators",
     "thresholds": "thresholds",
     "creep": "creep",
@@ -34,11 +34,11 @@ _OF_THE_MODEL: Final = {
 }
 
 
-_RANGE_SLACK: Final = 0.02  # part of the limits by which a model may exceed them
+_RANGE_SLACK: Final = 0.02  # fraction of the limits by which the range of a model may exceed them
 
 
 class LimitsConfig(ConfigModel):
-    """What an axis may be driven to."""
+    """Drive limits of an axis."""
 
     drive_min_v: DriveV = Field(description="Lowest drive voltage, V.")
     drive_max_v: DriveV = Field(description="Highest drive voltage, V.")
@@ -60,43 +60,43 @@ class LimitsConfig(ConfigModel):
 
 
 class FirstModeConfig(ConfigModel):
-    """The first mechanical mode of an axis, as its data sheet or a measurement tells it."""
+    """The first mechanical mode of an axis, from its data sheet or a measurement."""
 
     frequency_hz: Annotated[float, Quantity(1, 100_000, "Hz")] = Field(
-        description="Its undamped frequency, Hz."
+        description="Undamped frequency, Hz."
     )
-    damping: Annotated[float, Quantity(0.001, 1)] = Field(description="Its damping ratio.")
+    damping: Annotated[float, Quantity(0.001, 1)] = Field(description="Damping ratio.")
 
 
 class CompensatorConfig(ConfigModel):
-    """The inverse model of an axis, and how it is identified."""
+    """The inverse model of an axis, and its identification."""
 
     operators: Annotated[int, Quantity(1, 200)] = Field(
-        default=19, description="Stop operators on each side."
+        default=19, description="Number of stop operators on each side."
     )
     thresholds: Literal["even", "graded", "placed"] = Field(
         default="even",
-        description="Where their thresholds are: evenly, denser at both ends, or as the data asks.",
+        description="Spacing of their thresholds: even, denser at both ends, or from the data.",
     )
     creep: bool = Field(
         default=False, description="Whether creep is identified and compensated too."
     )
     identifier: Literal["lms", "nlms", "rls"] = Field(
         default="lms",
-        description="What adapts the model: the paper's LMS, normalised LMS, or least squares.",
+        description="Online identifier: the paper's LMS, normalised LMS, or least squares.",
     )
     lms_gain: Annotated[float, Quantity(0, 1)] = Field(
         default=0.1, description="Gain of an LMS identifier: γ of the paper, μ if normalised."
     )
     deadband_pct: Annotated[float, Quantity(0, 5, "%")] = Field(
         default=0.1,
-        description="Reversals smaller than this part of the range do not enter the memory, %.",
+        description="Dead-band of the memory: smaller reversals are ignored, % of the range.",
     )
     delay_s: DelayS = Field(
         default="auto", description="Delay from drive to sensor, s; auto: from the recorded data."
     )
     sensor_delay_s: Annotated[float, Quantity(0, 0.1, "s")] = Field(
-        default=0.0, description="Part of that delay which lies in the sensor and its filter, s."
+        default=0.0, description="Part of that delay that is due to the sensor and its filter, s."
     )
 
     @model_validator(mode="after")
@@ -108,7 +108,7 @@ class CompensatorConfig(ConfigModel):
         if self.identifier == "rls" and "lms_gain" in self.model_fields_set:
             yield ("lms_gain",), "not used, identifier rls has no gain, leave it out"
         if self.identifier != "rls" and self.thresholds != "even":
-            # At thresholds that are close to 0 the noise of the sensor runs away with LMS.
+            # With thresholds close to 0, LMS amplifies the noise of the sensor and diverges.
             what = f"{self.thresholds} needs identifier rls (identifier is {self.identifier})"
             yield ("thresholds",), what
 
@@ -117,31 +117,31 @@ class AxisConfig(ConfigModel):
     """An axis of the stage."""
 
     amplifier: Output = Field(
-        description="What drives the axis: a device's name, or a channel of it with calibration."
+        description="Amplifier: name of a device, or a channel of it with its calibration."
     )
     sensor: Input = Field(
-        description="What measures the axis: a device's name, or a channel of it with calibration."
+        description="Sensor: name of a device, or a channel of it with its calibration."
     )
     command_input: Input | None = Field(
-        default=None, description="An input that commands the axis, after `piezod follow`."
+        default=None, description="Input that commands the axis in `piezod follow`."
     )
-    limits: LimitsConfig = Field(description="What the axis may be driven to.")
+    limits: LimitsConfig = Field(description="Drive limits.")
     command_range_um: tuple[PositionUm, PositionUm] | None = Field(
-        default=None, description="Lowest and highest position that may be commanded, µm."
+        default=None, description="Lowest and highest allowed command, µm."
     )
     first_mode: FirstModeConfig | None = Field(
-        default=None, description="First mechanical mode; left out: not known."
+        default=None, description="First mechanical mode; default: not known."
     )
     compensator: CompensatorConfig = Field(
-        default=CompensatorConfig(), description="The inverse model."
+        default=CompensatorConfig(), description="Inverse model."
     )
-    trim: TrimConfig = Field(default=TrimConfig(), description="What mode `trimmed` adds to it.")
+    trim: TrimConfig = Field(default=TrimConfig(), description="Trim of mode `trimmed`.")
     model: ExistingFile | None = Field(
-        default=None, description="Model file to start from instead of identifying."
+        default=None, description="Model file; replaces the identification."
     )
 
     def channels(self) -> Iterator[tuple[str, OutputConfig | InputConfig]]:
-        """Give every channel that serves the axis, with the key that names it."""
+        """Yield every channel of the axis, with its key."""
         yield "amplifier", self.amplifier
         yield "sensor", self.sensor
         if self.command_input is not None:
@@ -161,7 +161,7 @@ class AxisConfig(ConfigModel):
         for key in ("drive_min_v", "drive_max_v"):
             limit_v = getattr(self.limits, key)
             if not low_v <= limit_v <= high_v:
-                what = f"the amplifier's calibration does not give it (got {limit_v:g} V)"
+                what = f"outside the calibration of the amplifier (got {limit_v:g} V)"
                 yield ("limits", key), f"{what}, allowed range {low_v:g} to {high_v:g} V"
 
     def _broken_model(self, model: Path) -> Iterator[BrokenRule]:
@@ -169,7 +169,7 @@ class AxisConfig(ConfigModel):
             yield from self._broken_range(load_model(model))
         except ConfigError as error:
             yield ("model",), str(error.problems[0])
-        for key, own in _OF_THE_MODEL.items():
+        for key, own in _SET_BY_MODEL.items():
             if key in self.compensator.model_fields_set:
                 what = f"not used, the model file has its own {own}, leave it out"
                 yield ("compensator", key), what

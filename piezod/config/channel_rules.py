@@ -1,4 +1,4 @@
-"""The rules of devices and their channels: which there are, and what may be done with them."""
+"""Rules for devices and their channels: existence, units, and exclusive use."""
 
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Final
@@ -21,12 +21,12 @@ def broken_devices(
     axes: Mapping[str, "AxisConfig"],
     drivers: Drivers | None,
 ) -> Iterator[BrokenRule]:
-    """Find devices and channels that are not there, and such that are used as they cannot be.
+    """Yield the errors of devices and channels that do not exist or cannot be used as configured.
 
     Args:
         devices: The devices by name.
         axes: The axes by name.
-        drivers: Tell which channels their devices have; None where nobody can.
+        drivers: Drivers, which list the channels of their devices; None if they are not available.
     """
     known = list(devices)
     for name, axis in axes.items():
@@ -47,7 +47,7 @@ def broken_devices(
 
 
 def _same_port(devices: Mapping[str, "DeviceConfig"]) -> Iterator[BrokenRule]:
-    """Find devices that have the port of another one: only one program can hold it, once."""
+    """Yield devices with the port of another device: a port can be opened only once."""
     held: dict[str, str] = {}
     for name, device in devices.items():
         port = getattr(device.options, "port", None)
@@ -93,7 +93,10 @@ def _no_such(
 def _uncalibrated(
     path: KeyPath, channel: OutputConfig | InputConfig, unit: str, *, drives: bool
 ) -> Iterator[BrokenRule]:
-    """A calibration that is written down is meant, even one that changes nothing."""
+    """Yield an error if a unit needs a calibration and the file has none.
+
+    A calibration in the file is intended, even if it changes nothing.
+    """
     symbol, physical = _PHYSICAL[drives]
     if unit != symbol and "calibration" not in channel.model_fields_set:
         direction = f"from {unit} to {physical}"

@@ -1,4 +1,4 @@
-"""Channels of devices: which one serves an axis, and what its values mean."""
+"""Channels of devices and the calibration of their values."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -12,7 +12,7 @@ from piezod.config.polynomial import evaluate, is_monotonic
 from piezod.config.quantities import Name
 
 ChannelName: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:/-]{1,64}$")]
-"""As the device or its driver calls it."""
+"""Name of a channel, as the device or its driver defines it."""
 
 Value: TypeAlias = Annotated[float, Quantity(-1e9, 1e9)]
 
@@ -24,29 +24,31 @@ class LineCalibration(ConfigModel):
     gain: Value = Field(
         default=1.0, description="µm, or V at the actuator, per unit of the channel."
     )
-    offset: Value = Field(default=0.0, description="µm or V where the channel reads 0.")
+    offset: Value = Field(
+        default=0.0, description="µm, or V at the actuator, at the channel's value 0."
+    )
 
     @model_validator(mode="after")
     def _check_gain(self) -> Self:
         if abs(self.gain) < 1e-9:
-            what = f"too small to be inverted (got {self.gain:g}), allowed: 1e-9 and more, or -1e-9"
+            what = f"too small to be inverted (got {self.gain:g}), allowed: at least ±1e-9"
             raise_rules([(("gain",), what)])
         return self
 
     def physical_range(self) -> tuple[float, float]:
-        """Tell the lowest and the highest physical value that it can give."""
+        """Return the lowest and the highest possible physical value."""
         return -inf, inf
 
 
 class PolynomialCalibration(ConfigModel):
-    """physical = c0 + c1·value + c2·value² + …, strictly monotonic where it is used."""
+    """physical = c0 + c1·value + c2·value² + …, strictly monotonic over its range."""
 
     kind: Literal["polynomial"] = "polynomial"
     coefficients: tuple[Value, ...] = Field(
         min_length=2, max_length=12, description="c0, c1, c2, …: µm or V at the actuator."
     )
     values: tuple[Value, Value] = Field(
-        description="Lowest and highest value of the channel for which it holds."
+        description="Lowest and highest value of the channel, the range of the polynomial."
     )
 
     @model_validator(mode="after")
@@ -60,13 +62,13 @@ class PolynomialCalibration(ConfigModel):
         return self
 
     def physical_range(self) -> tuple[float, float]:
-        """Tell the lowest and the highest physical value that it can give."""
+        """Return the lowest and the highest possible physical value."""
         ends = [evaluate(self.coefficients, value) for value in self.values]
         return min(ends), max(ends)
 
 
 class TableCalibration(ConfigModel):
-    """A curve through measured points, in straight lines."""
+    """A curve of straight lines through measured points."""
 
     kind: Literal["table"] = "table"
     values: tuple[Value, ...] = Field(
@@ -79,8 +81,8 @@ class TableCalibration(ConfigModel):
     )
     side: Literal["near", "far"] | None = Field(
         default=None,
-        description="Where the values have a greatest one, as a fibre sensor's light has over its "
-        "gap: which side of it is used. The points are then in the order of the growing gap.",
+        description="Used side of the maximum, for values with a maximum, as the light of a fibre "
+        "sensor over its gap. The points are then in the order of the growing gap.",
     )
 
     @model_validator(mode="after")
@@ -91,28 +93,28 @@ class TableCalibration(ConfigModel):
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if len(self.values) != len(self.physical):
             n, wanted = len(self.physical), len(self.values)
-            yield ("physical",), f"one for each value is needed (got {n} for {wanted})"
+            yield ("physical",), f"needs one entry for each value (got {n} for {wanted})"
         if not _monotonic(self.physical):
             yield ("physical",), "must be strictly rising or strictly falling"
         if self.side is None:
             if not _monotonic(self.values):
-                what = "must be strictly rising or strictly falling; of a curve with a greatest "
-                yield ("values",), what + "value, say which side is used: side: near, or far"
+                what = "must be strictly rising or strictly falling; for a curve with a "
+                yield ("values",), what + "maximum, name the side that is used: side: near, or far"
             return
         used = self.values[self._side()]
         if len(used) < 2:
-            yield ("side",), f"there are no values {_BEYOND[self.side]} the greatest one"
+            yield ("side",), f"no values {_BEYOND[self.side]} the maximum"
         elif not _monotonic(used):
-            what = f"must be strictly {_SLOPE[self.side]} {_BEYOND[self.side]} the greatest one"
+            what = f"must be strictly {_SLOPE[self.side]} {_BEYOND[self.side]} the maximum"
             yield ("values",), what
 
     def points(self) -> list[tuple[float, float]]:
-        """Give each value that is used with what is physical at it."""
+        """Return each used value with its physical value."""
         side = self._side()
         return list(zip(self.values[side], self.physical[side], strict=True))
 
     def physical_range(self) -> tuple[float, float]:
-        """Tell the lowest and the highest physical value that it can give."""
+        """Return the lowest and the highest possible physical value."""
         used = self.physical[self._side()]
         return min(used), max(used)
 
@@ -138,14 +140,14 @@ Calibration: TypeAlias = Annotated[
 
 
 class LightConfig(ConfigModel):
-    """A channel that tells how much light a fibre sensor has."""
+    """A channel with the light level of a fibre sensor."""
 
     channel: ChannelName = Field(description="Name of the channel, an input of the same device.")
     nominal: Annotated[float, Quantity(1e-9, 1e9)] = Field(
-        description="What it reads with the light at which the calibration was made."
+        description="Value of the channel at the light of the calibration."
     )
     least: Annotated[float, Quantity(0, 1e9)] = Field(
-        description="With less than this a sample is not valid."
+        description="Smallest value for a valid sample."
     )
     divides: bool = Field(
         default=True, description="Whether the sensor's value is divided by light / nominal."
@@ -157,7 +159,7 @@ class OutputConfig(ConfigModel):
 
     device: Name = Field(description="Name of the device.")
     channel: ChannelName | None = Field(
-        default=None, description="Name of the channel; left out: that of the axis."
+        default=None, description="Name of the channel; default: the name of the axis."
     )
     calibration: Calibration = Field(
         default=LineCalibration(), description="From the channel's value to V at the actuator."
@@ -169,13 +171,13 @@ class InputConfig(ConfigModel):
 
     device: Name = Field(description="Name of the device.")
     channel: ChannelName | None = Field(
-        default=None, description="Name of the channel; left out: that of the axis."
+        default=None, description="Name of the channel; default: the name of the axis."
     )
     calibration: Calibration = Field(
         default=LineCalibration(), description="From the channel's value to µm."
     )
     light: LightConfig | None = Field(
-        default=None, description="Where a fibre sensor's light is told; left out: nowhere."
+        default=None, description="Light of a fibre sensor; default: not measured."
     )
 
 
@@ -184,7 +186,7 @@ def _named(value: Any) -> Any:
 
 
 Output: TypeAlias = Annotated[OutputConfig, BeforeValidator(_named)]
-"""A device's name stands for its channel of the axis' name, not calibrated."""
+"""A device's name alone means its channel with the name of the axis, not calibrated."""
 
 Input: TypeAlias = Annotated[InputConfig, BeforeValidator(_named)]
-"""Likewise."""
+"""Short form as for `Output`."""

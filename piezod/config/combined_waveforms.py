@@ -1,4 +1,4 @@
-"""Waveforms made of others: several added up, or one after the other."""
+"""Waveforms made of others: a sum, or a sequence."""
 
 from typing import Annotated, Literal, TypeAlias
 
@@ -21,7 +21,7 @@ from piezod.config.waveforms import (
 
 
 class Sum(ConfigModel):
-    """Several waveforms added up."""
+    """The sum of several waveforms."""
 
     kind: Literal["sum"]
     parts: tuple[SingleWaveform, ...] = Field(
@@ -29,7 +29,7 @@ class Sum(ConfigModel):
     )
 
     def bounds(self) -> Bounds:
-        """Give a range that the sum never leaves, also if all parts are lowest at once."""
+        """Return a range that the sum never leaves: all parts at their ends simultaneously."""
         low = high = 0.0
         for part_low, part_high in (part.bounds() for part in self.parts):
             low += part_low
@@ -40,7 +40,7 @@ class Sum(ConfigModel):
 class SequencePart(ConfigModel):
     """One waveform of a sequence."""
 
-    duration_s: DurationS = Field(description="How long it lasts, s.")
+    duration_s: DurationS = Field(description="Duration, s.")
     waveform: Annotated[
         Setpoint | Sine | Triangle | Multisine | Staircase | Reversals | Points | Csv | Sum,
         Field(discriminator="kind"),
@@ -48,7 +48,7 @@ class SequencePart(ConfigModel):
 
 
 class Sequence(ConfigModel):
-    """Waveforms one after the other; what the last one ends with stays."""
+    """Waveforms one after the other; the last value is held."""
 
     kind: Literal["sequence"]
     parts: tuple[SequencePart, ...] = Field(
@@ -56,7 +56,7 @@ class Sequence(ConfigModel):
     )
 
     def bounds(self) -> Bounds:
-        """Give the lowest and the highest value there can be."""
+        """Return the lowest and the highest possible value."""
         lows, highs = zip(*(part.waveform.bounds() for part in self.parts), strict=True)
         return min(lows), max(highs)
 

@@ -10,7 +10,7 @@ from piezod.config.quantities import DurationS, Name
 
 
 class CommandPerAxis(ConfigModel):
-    """A command of its own for each axis."""
+    """A separate command for each axis."""
 
     axes: dict[Name, WaveformConfig] = Field(min_length=1, description="Axis: command, µm.")
 
@@ -27,9 +27,9 @@ Command: TypeAlias = Annotated[
 
 
 class WaveFile(ConfigModel):
-    """A movement in a file of its own."""
+    """A movement in its own file."""
 
     command_um: Command = Field(
-        description="Position, µm: one for the only axis, or `axes:` with one for each."
+        description="Position, µm: one for a single axis, or `axes:` with one for each axis."
     )
     duration_s: DurationS = Field(description="Length, s.")

@@ -1,4 +1,4 @@
-"""The configuration of a daemon: the devices and axes of a stage, and how its loop runs."""
+"""The configuration of a daemon: the devices and axes of a stage, and its loop."""
 
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -25,20 +25,20 @@ from piezod.config.yaml_loader import load_yaml
 
 
 class OnTargetConfig(ConfigModel):
-    """When a position counts as reached."""
+    """Criterion for a reached position."""
 
     tolerance_um: Annotated[float, Quantity(1e-6, 1000, "µm")] = Field(
         default=0.1, description="Largest error, µm."
     )
     settle_s: Annotated[float, Quantity(0, 60, "s")] = Field(
-        default=0.05, description="For how long the error stays below that, s."
+        default=0.05, description="Time for which the error must stay below the tolerance, s."
     )
 
 
 class ConditioningConfig(ConfigModel):
-    """The decaying swing after which the hysteresis' memory is known."""
+    """The decaying swing after which the hysteresis memory is known."""
 
-    on_arm: bool = Field(default=False, description="Whether it follows each `arm`.")
+    on_arm: bool = Field(default=False, description="Whether each `arm` starts it.")
     frequency_hz: Annotated[float, Quantity(0.01, 100, "Hz")] = Field(
         default=1.0, description="Frequency of the swing, Hz."
     )
@@ -46,31 +46,31 @@ class ConditioningConfig(ConfigModel):
 
 
 class SafetyConfig(ConfigModel):
-    """What is done with an axis when something is wrong."""
+    """Reactions of an axis to faults."""
 
-    safe_v: DriveV | None = Field(default=None, description="Safe voltage, V; left out: rest_v.")
+    safe_v: DriveV | None = Field(default=None, description="Safe voltage, V; default: rest_v.")
     ramp_v_per_s: Annotated[float, Quantity(0.1, 1e6, "V/s")] = Field(
-        default=50.0, description="How fast the voltage goes there, V/s."
+        default=50.0, description="Rate of the ramp to the safe voltage, V/s."
     )
     estop: Literal["ramp", "cut"] = Field(
         default="ramp",
-        description="Emergency stop: ramp, or have the amplifier cut its output at once.",
+        description="Emergency stop: ramp, or make the amplifier cut its output at once.",
     )
 
 
 class StageAxisConfig(AxisConfig):
-    """An axis that a daemon owns."""
+    """An axis of a daemon."""
 
     speed_um_per_s: Annotated[float, Quantity(1e-3, 1e6, "µm/s")] = Field(
         default=100.0, description="Highest speed on the way to a position, µm/s."
     )
     on_target: OnTargetConfig = Field(
-        default=OnTargetConfig(), description="When a position counts as reached."
+        default=OnTargetConfig(), description="Criterion for a reached position."
     )
     conditioning: ConditioningConfig = Field(
-        default=ConditioningConfig(), description="The swing that makes the memory known."
+        default=ConditioningConfig(), description="Swing after which the memory is known."
     )
-    safety: SafetyConfig = Field(default=SafetyConfig(), description="When something is wrong.")
+    safety: SafetyConfig = Field(default=SafetyConfig(), description="Reactions to faults.")
 
     @property
     def safe_v(self) -> float:
@@ -91,44 +91,45 @@ class StageAxisConfig(AxisConfig):
             )
             broken.append((("safety", "ramp_v_per_s"), what))
         if self.model is None and self.command_range_um is None:
-            broken.append((("command_range_um",), "needed where there is no model file"))
+            broken.append((("command_range_um",), "needed if there is no model file"))
         raise_rules(broken)
         return self
 
 
 class LoopConfig(ConfigModel):
-    """How the loop process asks the operating system for punctuality."""
+    """Real-time settings of the loop process."""
 
     spin_us: Annotated[float, Quantity(0, 1000, "µs")] = Field(
-        default=40.0, description="How long before the deadline sleeping ends and spinning begins."
+        default=40.0,
+        description="Time before the deadline at which spinning replaces sleeping, µs.",
     )
     priority: Annotated[int, Quantity(1, 98)] = Field(
         default=60, description="Priority under SCHED_FIFO."
     )
     cpu: Annotated[int, Quantity(0, 4095)] | None = Field(
-        default=None, description="Processor to stay on; left out: the last one allowed."
+        default=None, description="Processor of the loop; default: the last one allowed."
     )
     strict_rt: bool = Field(
-        default=False, description="Whether arming is refused where any of it was not obtained."
+        default=False, description="Whether arming is refused if any of these was not obtained."
     )
 
 
 class DaemonConfig(ConfigModel):
     """A stage, and the loop that owns it."""
 
-    title: OneLine = Field(default="", max_length=80, description="What it is, for people.")
+    title: OneLine = Field(default="", max_length=80, description="Description, for people.")
     rate_hz: Annotated[float, Quantity(1, 20_000, "Hz")] = Field(
         description="Cycles of the loop per second, Hz."
     )
-    seed: Seed = Field(default=1, description="Decides about everything random in the devices.")
+    seed: Seed = Field(default=1, description="Seed of all random numbers of the devices.")
     devices: dict[Name, DeviceConfig] = Field(min_length=1, description="Name: device.")
     axes: dict[Name, StageAxisConfig] = Field(
         min_length=1, max_length=16, description="Name: axis."
     )
     mode: ModeName = Field(
-        default=Mode.FEEDFORWARD, description="Mode after `arm`, until another is chosen."
+        default=Mode.FEEDFORWARD, description="Mode after `arm`, until another one is chosen."
     )
-    loop: LoopConfig = Field(default=LoopConfig(), description="Punctuality.")
+    loop: LoopConfig = Field(default=LoopConfig(), description="Real-time settings.")
 
     @model_validator(mode="after")
     def _check_rules(self, info: ValidationInfo) -> Self:
@@ -140,11 +141,11 @@ def load_daemon(path: Path, drivers: Drivers) -> DaemonConfig:
     """Read the configuration of a daemon.
 
     Args:
-        path: The YAML file; paths in it are relative to its folder.
-        drivers: The drivers there are, `piezod.devices.registry`; only those that the file names
-            are loaded.
+        path: Path of the YAML file; paths in it are relative to its folder.
+        drivers: Available drivers, `piezod.devices.registry`; only drivers in the file are loaded.
 
     Raises:
-        ConfigError: If it is no valid configuration; the text lists every problem with its place.
+        ConfigError: If it is not a valid configuration; the text lists every problem with its
+            place.
     """
     return validate(load_yaml(path), DaemonConfig, Context(path.parent, drivers))

@@ -1,4 +1,4 @@
-"""Devices: which driver, with which options."""
+"""Devices: the driver and its options."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from piezod.errors import PiezodError
 
 
 class NoOptions(ConfigModel):
-    """The options of a driver that could not be asked for its own."""
+    """Placeholder for the options of an unknown driver."""
 
 
 class DeviceConfig(ConfigModel):
@@ -45,7 +45,7 @@ class DeviceConfig(ConfigModel):
             return options
         drivers = context_of(info).drivers
         if "driver" not in info.data:
-            return NoOptions()  # the driver's name is the error that is reported
+            return NoOptions()  # the error about the driver's name is reported already
         if drivers is None:
             raise broken_rule("options must be an instance of the driver's own model")
         model = drivers.load(info.data["driver"]).options_model

@@ -1,4 +1,4 @@
-"""A document that has been read: plain data, and where in the file each part of it stands."""
+"""A parsed document: plain data, and the place of each part in the file."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ class SourcePlace(NamedTuple):
 
 @dataclass(frozen=True)
 class Document:
-    """Plain data with its places.
+    """Plain data with places.
 
     Attributes:
         file: Path of the file as the user gave it.
-        data: The top level. Mappings are dicts with text keys, sequences are tuples, the rest is
+        data: The top level. Mappings are dicts with text keys, sequences are tuples, all else is
             None, bool, int, float or str.
-        values: Where the value at a path starts; the top level has the path `()`.
-        keys: Where the key of a path stands, for every path that ends in a key of a mapping.
+        values: Place of the value of each path; the top level has the path `()`.
+        keys: Place of the key of each path that ends in a key of a mapping.
     """
 
     file: str
@@ -35,13 +35,13 @@ class Document:
     keys: Mapping[KeyPath, SourcePlace]
 
     def problem(self, path: KeyPath, what: str, *, at_key: bool = False) -> Problem:
-        """Place a problem.
+        """Return a problem with its place.
 
         Args:
-            path: What the problem is about. If it is not in the file, the nearest thing around it
-                gives the place.
-            what: What is wrong.
-            at_key: Whether to point at the key rather than at its value.
+            path: Path of the problem. If it is not in the file, the nearest enclosing part gives
+                the place.
+            what: Description of the problem.
+            at_key: Whether to report the place of the key instead of the value.
         """
         present = path
         while present not in self.values:
@@ -52,21 +52,21 @@ class Document:
 
 
 def format_path(path: KeyPath) -> str:
-    """Write a path as a person would: `cases[0].command_um.frequency_hz`."""
+    """Return a path in readable form: `cases[0].command_um.frequency_hz`."""
     text = ""
     for part in path:
         if isinstance(part, int):
             text += f"[{part}]"
         else:
-            shown = part if part.isprintable() and part else repr(part)
-            text += f".{shown}" if text else shown
+            name = part if part.isprintable() and part else repr(part)
+            text += f".{name}" if text else name
     return text
 
 
 def config_error(problems: Iterable[Problem]) -> ConfigError:
-    """Make the error of all that has been collected, in the order of the file.
+    """Return the error of all problems, in the order of the file.
 
-    A file with a flood of problems gets the first fifty and how many more there are.
+    Of more than fifty problems, the first fifty and the number of the others are reported.
     """
     ordered = sorted(problems, key=lambda problem: (problem.line, problem.column))
     kept = ordered[:MAX_PROBLEMS]

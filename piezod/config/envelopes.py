@@ -1,4 +1,4 @@
-"""Envelopes: how the swing of a periodic waveform changes over time."""
+"""Envelopes: the change of a periodic waveform's swing over time."""
 
 from typing import Annotated, Literal, TypeAlias
 
@@ -9,27 +9,25 @@ from piezod.config.quantities import DurationS, Fraction, FrequencyHz
 
 
 class ConstantEnvelope(ConfigModel):
-    """The swing stays the full one."""
+    """The swing is constant."""
 
     kind: Literal["constant"] = "constant"
 
 
 class ModulatedEnvelope(ConfigModel):
-    """The swing shrinks from the full one to the smallest and grows again, over and over."""
+    """The swing shrinks to its smallest value and grows again, periodically."""
 
     kind: Literal["modulated"]
     depth: Fraction = Field(description="1 - smallest swing / full swing, 0 to 1.")
-    frequency_hz: FrequencyHz = Field(description="How often the swing shrinks and grows, Hz.")
+    frequency_hz: FrequencyHz = Field(description="Frequency of the modulation, Hz.")
 
 
 class DecayingEnvelope(ConfigModel):
-    """The swing shrinks exponentially from the full one."""
+    """The swing decays exponentially."""
 
     kind: Literal["decaying"]
     time_constant_s: DurationS = Field(description="Time constant of the decay, s.")
-    final_fraction: Fraction = Field(
-        default=0.0, description="Swing in the end / full swing, 0 to 1."
-    )
+    final_fraction: Fraction = Field(default=0.0, description="Final swing / full swing, 0 to 1.")
 
 
 Envelope: TypeAlias = Annotated[

@@ -1,4 +1,4 @@
-"""Experiments: devices, axes, how the model is identified, and the cases that are run."""
+"""Experiments: devices, axes, the identification of the model, and the cases."""
 
 from pathlib import Path
 from typing import Self
@@ -25,11 +25,10 @@ def load_experiment(path: Path, drivers: Drivers) -> ExperimentConfig:
     """Read an experiment.
 
     Args:
-        path: The YAML file; paths in it are relative to its folder.
-        drivers: The drivers there are, `piezod.devices.registry`; only those that the file names
-            are loaded.
+        path: Path of the YAML file; paths in it are relative to its folder.
+        drivers: Available drivers, `piezod.devices.registry`; only drivers in the file are loaded.
 
     Raises:
-        ConfigError: If it is no valid experiment; the text lists every problem with its place.
+        ConfigError: If it is not a valid experiment; the text lists every problem with its place.
     """
     return validate(load_yaml(path), ExperimentConfig, Context(path.parent, drivers))

@@ -1,4 +1,4 @@
-"""What an experiment file may say: its fields, before the rules that span several of them."""
+"""The fields of an experiment file, without the rules that span several of them."""
 
 from collections.abc import Iterable
 from typing import Literal, Self, TypeAlias
@@ -34,33 +34,33 @@ Method: TypeAlias = Literal["lms", "least-squares"]
 
 
 class IdentificationConfig(ConfigModel):
-    """How the model of the axes that have none is identified."""
+    """Identification of the model, for axes without a model file."""
 
-    method: Method = Field(description="Fit of the recorded run.")
+    method: Method = Field(description="Method of the fit to the recorded run.")
     settle_s: PauseS = Field(description="Rest before the run, s.")
     run_in_s: PauseS = Field(
         default=0.0,
-        description="First part of the run, which does not count: the stage settles in it, s.",
+        description="First part of the run, excluded while the stage settles, s.",
     )
     duration_s: DurationS = Field(description="Length of the run, s.")
-    drive_v: WaveformConfig = Field(description="Open-loop drive of all these axes, V.")
+    drive_v: WaveformConfig = Field(description="Open-loop drive voltage of these axes, V.")
 
 
 class CaseConfig(ConfigModel):
     """One command, run in every mode."""
 
-    name: OneLine = Field(min_length=1, max_length=40, description="Its name.")
-    title: OneLine = Field(default="", max_length=80, description="What it shows.")
+    name: OneLine = Field(min_length=1, max_length=40, description="Name.")
+    title: OneLine = Field(default="", max_length=80, description="Description, for people.")
     period_s: DurationS = Field(
         description="First period of the command, excluded from the metrics, s."
     )
     duration_s: DurationS = Field(description="Length, s.")
     command_um: Command = Field(
-        description="Commanded position, µm: one for all axes, or `axes:` with one for each."
+        description="Commanded position, µm: one for all axes, or `axes:` with one for each axis."
     )
     reference_pct: dict[ModeName, PercentOfRange] = Field(
         default_factory=dict,
-        description="Mode: error to compare tracking and nonlinearity with, %.",
+        description="Mode: reference for the tracking error and the nonlinearity, %.",
     )
 
     @model_validator(mode="after")
@@ -71,7 +71,7 @@ class CaseConfig(ConfigModel):
         return self
 
     def commands(self, axes: Iterable[str]) -> dict[str, WaveformConfig]:
-        """Give the command of each axis.
+        """Return the command of each axis.
 
         Args:
             axes: Names of the experiment's axes.
@@ -84,23 +84,23 @@ class CaseConfig(ConfigModel):
 class ExperimentFields(ConfigModel):
     """The fields of an experiment."""
 
-    title: OneLine = Field(default="", max_length=80, description="What it is, for people.")
+    title: OneLine = Field(default="", max_length=80, description="Title, for people.")
     rate_hz: RateHz = Field(description="Cycles of the loop per second, Hz.")
-    seed: Seed = Field(default=1, description="Decides about everything random in the devices.")
+    seed: Seed = Field(default=1, description="Seed of all random numbers of the devices.")
     devices: dict[Name, DeviceConfig] = Field(min_length=1, description="Name: device.")
     axes: dict[Name, AxisConfig] = Field(min_length=1, description="Name: axis.")
     identification: IdentificationConfig | None = Field(
-        default=None, description="Left out if every axis starts from a model file."
+        default=None, description="Identification; must be absent if every axis has a model file."
     )
     modes: tuple[ModeName, ...] = Field(
         default=(Mode.UNCOMPENSATED, Mode.FEEDFORWARD, Mode.ADAPTIVE),
         min_length=1,
-        description="How each case is run.",
+        description="Modes in which each case is run.",
     )
     metrics: tuple[Metric, ...] = Field(
         default=("tracking_max_pct", "tracking_rms_pct", "nonlinearity_pct"),
         min_length=1,
-        description="What is reported of each run.",
+        description="Metrics that are reported for each run.",
     )
     settle_s: PauseS = Field(
         default=2.0, description="Rest before each run, s; the sensor is zeroed at its end."
@@ -109,6 +109,6 @@ class ExperimentFields(ConfigModel):
         default="reference",
         min_length=1,
         max_length=40,
-        description="Whose errors `reference_pct` of the cases are.",
+        description="Source of the errors in `reference_pct` of the cases.",
     )
     cases: tuple[CaseConfig, ...] = Field(min_length=1, description="The cases.")

@@ -1,13 +1,13 @@
-"""The faults of a stage, by the short names that status, logs and documents use."""
+"""The faults of a stage, by the short names in status, logs and documents."""
 
 from enum import StrEnum, unique
 
 
 @unique
 class Fault(StrEnum):
-    """A fault of `docs/faults.md`; what is done about each is in `control.faults.table`.
+    """A fault of `docs/faults.md`; `control.faults.table` has the reaction to each.
 
-    The place of a fault in this list is its bit in the masks of a record.
+    The index of a fault in this list is its bit in the masks of a record, so the order must stay.
     """
 
     # Sensor.

@@ -1,4 +1,4 @@
-"""The base of every model of a configuration, and fields that know their range and unit."""
+"""The base of all configuration models, and numeric fields with range and unit."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, cor
 from piezod.config.document import KeyPath
 from piezod.config.messages import show
 
-# Path within the model to the value that breaks a rule, and what is wrong with it.
+# Path within the model to the value that breaks a rule, and the message.
 BrokenRule: TypeAlias = tuple[KeyPath, str]
 
 
@@ -40,29 +40,29 @@ class _Plugin(Protocol):
 
 
 class Drivers(Protocol):
-    """What the configuration must know of drivers; `piezod.devices.registry` is one."""
+    """Part of the driver registry that validation uses, as `piezod.devices.registry`."""
 
     def names(self) -> Iterable[str]:
-        """Give the names of the drivers that are installed."""
+        """Return the names of the installed drivers."""
         ...
 
     def load(self, name: str) -> _Plugin:
-        """Give a driver's plug-in: the model of its options, and the channels that these make.
+        """Return a driver's plug-in: the model of its options, and the channels for given options.
 
         Raises:
-            PiezodError: If there is no such driver, or it cannot be loaded.
+            PiezodError: If the driver does not exist or cannot be loaded.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Context:
-    """What validation needs beside the data.
+    """Data that validation needs besides the document.
 
     Attributes:
-        folder: Where relative paths in the file start.
-        drivers: The drivers whose options can be validated.
-        known_keys: Keys that the model of a mapping knows, by the id of the mapping's data.
+        folder: Folder of relative paths in the file.
+        drivers: Drivers whose options can be validated.
+        known_keys: Known keys of each mapping, by the id of the mapping's data.
     """
 
     folder: Path = Path()
@@ -71,14 +71,14 @@ class Context:
 
 
 def context_of(info: ValidationInfo) -> Context:
-    """Give the context of a validation; models built in Python have an empty one."""
+    """Return the context of a validation; models built in Python have an empty one."""
     return info.context if isinstance(info.context, Context) else Context()
 
 
 class ConfigModel(BaseModel):
-    """Base of every model of a configuration, those of drivers' options included.
+    """Base of all configuration models, including those of drivers' options.
 
-    Values are taken as they are: a text or a bool is no number, and unknown keys are errors.
+    Values are not converted: a text or a bool is not a number. Unknown keys are errors.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -91,15 +91,15 @@ class ConfigModel(BaseModel):
 
 
 def broken_rule(what: str) -> PydanticCustomError:
-    """Make the error of a rule that a schema cannot state; `what` is the whole text."""
+    """Return the error of a rule that a schema cannot state; `what` is the whole text."""
     return PydanticCustomError("rule", "{what}", {"what": what})
 
 
 def raise_rules(broken: Iterable[BrokenRule]) -> None:
-    """Raise the rules that are broken, if any are; for validators of whole models.
+    """Raise an error for broken rules, if there are any; for validators of whole models.
 
     Raises:
-        ValidationError: If there is anything.
+        ValidationError: If a rule is broken.
     """
     details = [
         InitErrorDetails(type=broken_rule(what), loc=path, input=None) for path, what in broken
@@ -118,12 +118,12 @@ _NUMBER_ERRORS: Final = {
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number's closed range and unit; annotates a float or an int.
+    """Closed range and unit of a number; annotates a float or an int.
 
     Attributes:
         low: Lowest allowed value.
         high: Highest allowed value.
-        unit: Symbol of the unit, empty for pure numbers and for values whose unit the key gives.
+        unit: Symbol of the unit; empty for pure numbers and if the key contains the unit.
     """
 
     low: float
@@ -131,13 +131,13 @@ class Quantity:
     unit: str = ""
 
     def __str__(self) -> str:
-        """Give the range as in an error text."""
+        """Return the range as in an error message."""
         return f"allowed range {self.low:.12g} to {self.high:.12g} {self.unit}".rstrip()
 
     def __get_pydantic_core_schema__(
         self, source: type, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """Make the schema of a bounded number whose errors tell the whole range with its unit."""
+        """Return the schema of a bounded number whose errors state the range with its unit."""
         inner = {**handler(source), "ge": self.low, "le": self.high}
         return core_schema.no_info_wrap_validator_function(
             self._validate, cast("CoreSchema", inner)

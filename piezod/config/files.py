@@ -12,7 +12,7 @@ from piezod.config.messages import show, suggest
 from piezod.config.scalars import NUMBER
 
 TIME_COLUMN: Final = "t_s"
-# Points closer than this are one instant with two values: no line can be drawn through them.
+# Points closer than this count as one instant with two values: no line joins them.
 MIN_STEP_S: Final = 1e-6
 MAX_POINTS: Final = 1_000_000
 MAX_VALUE: Final = 1e6
@@ -39,20 +39,20 @@ ExistingFile: TypeAlias = Annotated[Path, BeforeValidator(_existing_file)]
 
 
 def read_points(path: Path, column: str) -> tuple[Point, ...]:
-    """Read the points of a waveform from a CSV file with a header.
+    """Return the points of a waveform from a CSV file with a header.
 
-    The file is plain: fields between commas, none in quotes, numbers with a decimal point, as many
-    fields in each row as in the header, and no empty rows but at the end.
+    The format is plain: fields separated by commas, without quotes; numbers with a decimal point;
+    as many fields in each row as in the header; empty rows only at the end.
 
     Args:
-        path: The file.
+        path: Path of the file.
         column: Name of the column with the values; the times are in the column `t_s`.
 
     Returns:
-        At least one pair of time in s and value, the times increasing.
+        At least one pair of time in s and value, with increasing times.
 
     Raises:
-        ValueError: If that is not possible; the text names the file and the line.
+        ValueError: If the file breaks a rule; the text names the file and the line.
     """
     try:
         with path.open(encoding="utf-8-sig") as stream:
@@ -65,7 +65,7 @@ def read_points(path: Path, column: str) -> tuple[Point, ...]:
 
 
 def _rows(lines: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
-    """Give the fields of each row, with the number of its line as an editor counts it."""
+    """Yield the fields of each row with its line number, counted as in an editor."""
     first_empty = 0
     for line, text in enumerate(lines, start=1):
         if not text.strip():
@@ -80,7 +80,7 @@ def _points(rows: Iterator[tuple[int, list[str]]], column: str) -> tuple[Point, 
     _, names = next(rows, (1, []))
     for name in names:
         if names.count(name) > 1:
-            raise ValueError(f"1: column {name!r} is there {names.count(name)} times")
+            raise ValueError(f"1: column {name!r} appears {names.count(name)} times")
     t_index, value_index = (_index(names, name) for name in (TIME_COLUMN, column))
     points: list[Point] = []
     for line, row in rows:

@@ -1,4 +1,4 @@
-"""The wording of errors: what is wrong (got …), what is allowed."""
+"""Wording of error messages: the problem (got …), the allowed values."""
 
 import difflib
 import math
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 _MAX_SHOWN: Final = 40
 
-# pydantic's type of an error → what is wrong, what is allowed; filled in from the error's context.
+# pydantic's error type → problem, allowed values; placeholders come from the error's context.
 _WORDINGS: Final[dict[str, tuple[str, str]]] = {
     "bool_type": ("must be true or false", ""),
     "dict_type": ("must be a mapping, lines of `key: value`", ""),
@@ -32,14 +32,14 @@ _WORDINGS: Final[dict[str, tuple[str, str]]] = {
     "tuple_type": ("must be a list", ""),
     "value_error": ("{error}", ""),
 }
-# The same for errors whose value would be a whole mapping or list, or is in the text already.
+# The same for errors without a value: it would be a mapping or list, or is in the text already.
 _WORDINGS_WITHOUT_VALUE: Final[dict[str, str]] = {
     "rule": "{what}",
     "too_long": "too many entries (got {actual_length}), allowed: at most {max_length}",
     "too_short": "too few entries (got {actual_length}), allowed: at least {min_length}",
     "union_tag_not_found": "required key {discriminator} is missing",
 }
-# Errors that list what could stand there: the name of the list in the context, and of the value.
+# Errors that list the allowed words: name of the list in the context, and of the value.
 _CHOICES: Final[dict[str, tuple[str, str]]] = {
     "enum": ("expected", "input"),
     "literal_error": ("expected", "input"),
@@ -48,11 +48,11 @@ _CHOICES: Final[dict[str, tuple[str, str]]] = {
 
 
 def describe(error: "ErrorDetails", known_keys: Sequence[str]) -> str:
-    """Word one error of a validation.
+    """Return the message of one validation error.
 
     Args:
-        error: As pydantic gives it.
-        known_keys: The keys that are known in the mapping where an unknown key was found.
+        error: The error from pydantic.
+        known_keys: Known keys of the mapping in which an unknown key was found.
     """
     kind = error["type"]
     context = {"input": error["input"], **error.get("ctx", {})}
@@ -67,7 +67,7 @@ def describe(error: "ErrorDetails", known_keys: Sequence[str]) -> str:
         listed, value = _CHOICES[kind]
         choices = re.findall(r"'([^']*)'", context[listed]) or [context[listed]]
         found = context[value]
-        if kind == "union_tag_invalid":  # pydantic gives the tag as Python would print it
+        if kind == "union_tag_invalid":  # pydantic's context has the tag in Python's notation
             found = error["input"][context["discriminator"].strip("'")]
         return f"unknown value (got {show(found)}), {suggest(str(found), choices, 'allowed')}"
     if kind in _WORDINGS:
@@ -77,19 +77,19 @@ def describe(error: "ErrorDetails", known_keys: Sequence[str]) -> str:
 
 
 def _plain(message: str) -> str:
-    """Return a message of pydantic's in the words of the others."""
+    """Return a message of pydantic in the style of the other messages."""
     message = re.sub(r"^(Value error|Assertion failed), ", "", message)
     return re.sub(r"^\w+ should ", "must ", message)
 
 
 def suggest(word: str, known: Sequence[str], title: str) -> str:
-    """Give the known word that was probably meant, or else all of them under a title."""
+    """Return the most similar known word, or all known words under a title."""
     close = difflib.get_close_matches(word, known, n=1)
     return f"did you mean {close[0]!r}?" if close else f"{title}: {', '.join(known) or 'none'}"
 
 
 def show(value: object) -> str:
-    """Show a value as it would stand in a YAML file, shortened."""
+    """Return a value as in a YAML file, shortened."""
     if isinstance(value, dict):
         return "a mapping"
     if isinstance(value, tuple):

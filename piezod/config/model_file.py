@@ -1,4 +1,4 @@
-"""Model files: an identified inverse model with its ranges, its delay and where it came from."""
+"""Model files: an identified inverse model with its ranges, its delay and its origin."""
 
 import json
 import textwrap
@@ -39,7 +39,7 @@ class SourceConfig(ConfigModel):
 
 
 class FitConfig(ConfigModel):
-    """How well the model predicts the drive voltage of the data, in % of the drive range."""
+    """Errors of the model in predicting the drive voltage of its data, in % of the drive range."""
 
     voltage_error_max_pct: PercentOfRange = Field(description="Worst error, %.")
     voltage_error_rms_pct: PercentOfRange = Field(description="Root mean square error, %.")
@@ -50,23 +50,23 @@ class ModelFile(ConfigModel):
 
     format: Literal["piezod-model"] = "piezod-model"
     version: Literal[1] = 1
-    created_at: Text = Field(description="When it was made, ISO 8601 with the offset from UTC.")
+    created_at: Text = Field(description="Time of creation, ISO 8601 with the offset from UTC.")
     created_by: Text = Field(description="Program and version that made it.")
-    method: Literal["lms", "least-squares"] = Field(description="How it was fitted.")
-    source: SourceConfig = Field(description="What it was fitted to.")
-    fit: FitConfig = Field(description="How well it fits.")
-    drive_low_v: DriveV = Field(description="Drive voltage that is 0 in the model, V.")
-    drive_high_v: DriveV = Field(description="Drive voltage that is 1 in the model, V.")
-    position_low_um: PositionUm = Field(description="Position that is 0 in the model, µm.")
-    position_high_um: PositionUm = Field(description="Position that is 1 in the model, µm.")
+    method: Literal["lms", "least-squares"] = Field(description="Method of the fit.")
+    source: SourceConfig = Field(description="Data of the fit.")
+    fit: FitConfig = Field(description="Errors of the fit.")
+    drive_low_v: DriveV = Field(description="Drive voltage at 0 of the model, V.")
+    drive_high_v: DriveV = Field(description="Drive voltage at 1 of the model, V.")
+    position_low_um: PositionUm = Field(description="Position at 0 of the model, µm.")
+    position_high_um: PositionUm = Field(description="Position at 1 of the model, µm.")
     delay_s: Annotated[float, Quantity(0, 1, "s")] = Field(
         description="Delay from drive to sensor in the data, s."
     )
     creep_time_constants_s: TimeConstants = Field(
-        default=(), description="Time constants of the lags that creep is made of, s."
+        default=(), description="Time constants of the lags of the creep, s."
     )
     creep_weights: CreepWeights = Field(
-        default=(), description="What each adds to the displacement, as a share of it."
+        default=(), description="Contribution of each lag, as a fraction of the displacement."
     )
     right_stop_thresholds: Thresholds = Field(description="Increasing, between 0 and 1.")
     right_stop_weights: Weights = Field(description="One for each right threshold.")
@@ -85,15 +85,13 @@ class ModelFile(ConfigModel):
         )
         if len(self.creep_weights) != len(self.creep_time_constants_s):
             what = (
-                "one for each time constant is needed "
+                "needs one entry for each time constant "
                 f"(got {len(self.creep_weights)} for {len(self.creep_time_constants_s)})"
             )
             yield ("creep_weights",), what
         total = sum(self.creep_weights)
         if not total < 1.0:
-            what = (
-                f"must add up to less than 1, or nothing could take the creep out (got {total:g})"
-            )
+            what = f"sum must be below 1, otherwise creep cannot be removed (got {total:g})"
             yield ("creep_weights",), what
         yield from _broken_side("right", self.right_stop_thresholds, self.right_stop_weights)
         yield from _broken_side("left", self.left_stop_thresholds, self.left_stop_weights)
@@ -112,7 +110,7 @@ def _broken_side(
             what = f"must be above the threshold before it (got {threshold:g})"
             yield (f"{side}_stop_thresholds", index), what
     if len(weights) != len(thresholds):
-        what = f"one for each threshold is needed (got {len(weights)} for {len(thresholds)})"
+        what = f"needs one entry for each threshold (got {len(weights)} for {len(thresholds)})"
         yield (f"{side}_stop_weights",), what
 
 
@@ -120,11 +118,13 @@ def load_model(path: Path) -> ModelFile:
     """Read a model file.
 
     Raises:
-        ConfigError: If it is no valid model file; the text lists every problem with its place.
+        ConfigError: If it is not a valid model file; the text lists every problem with its place.
     """
     document = load_yaml(path)
     if not document.data.keys() & ModelFile.model_fields.keys():
-        what = "this is no model file, it has none of the keys of one; `piezod identify` makes them"
+        what = (
+            "not a model file, it has none of the keys of one; `piezod identify` makes model files"
+        )
         raise ConfigError(Problem(str(path), 0, 0, "", what))
     return validate(document, ModelFile, Context(path.parent))
 
@@ -145,6 +145,6 @@ def _value(value: object, indent: str) -> str:
         lines = textwrap.wrap(f"[{', '.join(map(json.dumps, value))}]", 90, break_on_hyphens=False)
         return "".join(f"\n{indent}  {line}" for line in lines) + "\n"
     if isinstance(value, str):
-        # Always quoted: no text can turn into a number or a bool on the way.
+        # Always quoted, so that no text is read back as a number or a bool.
         return " " + yaml.safe_dump(value, default_style='"', allow_unicode=True, width=10_000)
     return f" {json.dumps(value)}\n"

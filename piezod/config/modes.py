@@ -1,10 +1,10 @@
-"""The modes of compensation, by the names that files, commands and records use."""
+"""The modes of compensation, by the names in files, commands and records."""
 
 from enum import StrEnum
 
 
 class Mode(StrEnum):
-    """How the drive is made from the command; later modes are added, these stay."""
+    """The computation of the drive from the command; later versions may add modes, these stay."""
 
     UNCOMPENSATED = "uncompensated"
     """The drive is proportional to the command."""
@@ -13,4 +13,4 @@ class Mode(StrEnum):
     ADAPTIVE = "adaptive"
     """The inverse model with parameters that follow the identifier at each step."""
     TRIMMED = "trimmed"
-    """An inverse model, and a slow integral of the measured error on top of it."""
+    """An inverse model plus a slow integral of the measured error."""

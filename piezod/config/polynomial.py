@@ -1,13 +1,13 @@
-"""Polynomials of a calibration: where they rise and where they fall."""
+"""Polynomials of a calibration: evaluation, derivative and monotonicity."""
 
 from collections.abc import Sequence
 from itertools import pairwise
 
-_HALVINGS = 200
+_HALVINGS = 200  # more than enough: a bisection of doubles ends at the last bit before
 
 
 def evaluate(coefficients: Sequence[float], value: float) -> float:
-    """Return c0 + c1·value + c2·value² + …; may be called in the loop."""
+    """Return c0 + c1·value + c2·value² + …. Real-time safe."""
     result = 0.0
     for coefficient in reversed(coefficients):
         result = result * value + coefficient
@@ -20,7 +20,7 @@ def derivative(coefficients: Sequence[float]) -> tuple[float, ...]:
 
 
 def is_monotonic(coefficients: Sequence[float], low: float, high: float) -> bool:
-    """Tell whether a polynomial rises everywhere between two values, or falls everywhere."""
+    """Return whether a polynomial rises everywhere between two values, or falls everywhere."""
     places = [low, *_sign_changes(derivative(coefficients), low, high), high]
     reached = [evaluate(coefficients, place) for place in places]
     steps = [later - earlier for earlier, later in pairwise(reached)]
@@ -28,9 +28,9 @@ def is_monotonic(coefficients: Sequence[float], low: float, high: float) -> bool
 
 
 def _sign_changes(coefficients: Sequence[float], low: float, high: float) -> list[float]:
-    """Return where a polynomial changes its sign, rising.
+    """Return the places where a polynomial changes its sign, in rising order.
 
-    Between two places where its derivative does, it has one sign change at most.
+    Between two neighbouring sign changes of its derivative it has at most one.
     """
     if len(coefficients) < 2:
         return []

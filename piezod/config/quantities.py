@@ -1,4 +1,4 @@
-"""The ranges and units of the quantities that configurations share."""
+"""Ranges and units of the quantities that several configurations share."""
 
 import re
 from typing import Annotated, Final, TypeAlias
@@ -8,7 +8,7 @@ from pydantic import AfterValidator, StringConstraints
 from piezod.config.fields import Quantity, broken_rule
 from piezod.config.messages import show
 
-# Control characters, the separators of lines and of paragraphs that Unicode adds included.
+# Control characters, including Unicode's separators of lines and paragraphs.
 _CONTROL: Final = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 
@@ -18,7 +18,7 @@ def _one_line(text: str) -> str:
     return text
 
 
-# Texts for people: they go to the terminal, into figures and into reports.
+# Texts for people: they appear in the terminal, in figures and in reports.
 OneLine: TypeAlias = Annotated[str, AfterValidator(_one_line)]
 
 # Names of axes, devices and drivers: they become parts of paths, of file names and of commands.
@@ -34,6 +34,6 @@ PositionUm: TypeAlias = Annotated[float, Quantity(-100_000, 100_000, "µm")]
 PercentOfRange: TypeAlias = Annotated[float, Quantity(0, 1e6, "%")]
 Fraction: TypeAlias = Annotated[float, Quantity(0, 1)]
 Seed: TypeAlias = Annotated[int, Quantity(0, 2**32 - 1)]
-# Values of a waveform: in the unit that the key around the waveform names.
+# Values of a waveform, in the unit of the enclosing key.
 Level: TypeAlias = Annotated[float, Quantity(-1e6, 1e6)]
 Size: TypeAlias = Annotated[float, Quantity(1e-6, 1e6)]

@@ -1,4 +1,4 @@
-"""The rules of an experiment that concern more than one of its parts."""
+"""Rules of an experiment that concern several of its parts."""
 
 from collections.abc import Iterator, Sequence
 from itertools import chain
@@ -13,17 +13,17 @@ from piezod.config.fields import BrokenRule, Drivers
 from piezod.config.messages import show, suggest
 
 MIN_JUDGED_SAMPLES: Final = 10
-"""Errors of fewer samples than this say nothing of a run."""
+"""Smallest number of samples for the errors of a run."""
 SAMPLES_PER_WEIGHT: Final = 5
-"""With fewer samples for each weight, a fit would follow the noise."""
+"""Smallest number of samples per weight; with fewer, a fit follows the noise."""
 
 
 def broken_rules(experiment: ExperimentFields, drivers: Drivers | None) -> Iterator[BrokenRule]:
-    """Find everything in an experiment that does not fit together.
+    """Yield all contradictions between the parts of an experiment.
 
     Args:
         experiment: The experiment.
-        drivers: Tell which channels their devices have; None where nobody can.
+        drivers: Drivers, which list the channels of their devices; None if they are not available.
     """
     names = [case.name for case in experiment.cases]
     return chain(
@@ -54,7 +54,7 @@ def _identification(experiment: ExperimentFields) -> Iterator[BrokenRule]:
     for name in without_model:
         if experiment.axes[name].compensator.creep and experiment.identification.method == "lms":
             path = ("axes", name, "compensator", "creep")
-            yield path, "lms finds no creep, leave it out or identify by least-squares"
+            yield path, "lms cannot identify creep, leave it out or use method least-squares"
         limits = experiment.axes[name].limits
         allowed = limits.drive_min_v, limits.drive_max_v
         drive = experiment.identification.drive_v
@@ -82,9 +82,9 @@ def _too_short(
 
 
 def _judged(path: KeyPath, case: CaseConfig, rate_hz: float) -> Iterator[BrokenRule]:
-    """Check that enough of a case is left to judge it by."""
+    """Check that enough samples of a case remain for the metrics."""
     shortest_s = case.period_s + MIN_JUDGED_SAMPLES / rate_hz
-    # A sum of what the file says may be off by rounding.
+    # The sum of two numbers of the file may be off by rounding.
     if case.duration_s < shortest_s * (1 - 1e-9):
         yield (
             path,
@@ -112,12 +112,12 @@ def _outside(
     path: KeyPath, waveform: WaveformConfig, axis: str, allowed: tuple[float, float], unit: str
 ) -> Iterator[BrokenRule]:
     low, high = waveform.bounds()
-    # Bounds are sums of what the file says: they may be off by rounding.
+    # Bounds are sums of numbers of the file: they may be off by rounding.
     margin = 1e-9 * (allowed[1] - allowed[0])
     if low < allowed[0] - margin or high > allowed[1] + margin:
         yield (
             path,
-            f"may go beyond what axis {axis} allows (got {low:g} to {high:g} {unit}), "
+            f"may exceed the range of axis {axis} (got {low:g} to {high:g} {unit}), "
             f"allowed range {allowed[0]:g} to {allowed[1]:g} {unit}",
         )
 
@@ -125,4 +125,4 @@ def _outside(
 def _duplicates(path: KeyPath, words: Sequence[str]) -> Iterator[BrokenRule]:
     for index, word in enumerate(words):
         if word in words[:index]:
-            yield (*path, index), f"stands there twice (got {show(word)})"
+            yield (*path, index), f"appears twice (got {show(word)})"

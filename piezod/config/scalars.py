@@ -1,6 +1,6 @@
-"""What a word without quotes means: the core schema of YAML 1.2.
+"""Meaning of words without quotes: the core schema of YAML 1.2.
 
-PyYAML's own resolver follows YAML 1.1, where `yes` is true, `1e3` is a text, `10:30` is 630 and
+PyYAML's own resolver follows YAML 1.1, in which `yes` is true, `1e3` is a text, `10:30` is 630 and
 `2024-01-02` is a date. Here `1e3` is a number, and `yes`, `on`, `10:30` and dates are texts.
 """
 
@@ -26,12 +26,12 @@ _MAX_LENGTH: Final = 100
 
 
 def resolve(text: str) -> Scalar:
-    """Give the value of a plain scalar, that is of a word or number written without quotes.
+    """Return the value of a plain scalar, that is of a word or number without quotes.
 
-    A number too large for double precision becomes infinite, as in any other reader.
+    A number too large for double precision becomes infinite, as in other readers.
 
     Raises:
-        ValueError: If it is a whole number beyond 64 bits, or a number of absurdly many digits.
+        ValueError: If it is a whole number beyond 64 bits, or a number with too many digits.
     """
     if text in _WORDS:
         return _WORDS[text]

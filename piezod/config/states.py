@@ -1,10 +1,10 @@
-"""The states of a stage, by the names that status, logs and records use."""
+"""The states of a stage, by the names in status, logs and records."""
 
 from enum import StrEnum
 
 
 class State(StrEnum):
-    """What a running daemon does with its stage; which way leads where: `control.stage.states`."""
+    """State of a stage; `control.stage.states` defines the transitions."""
 
     BOOT = "BOOT"
     """Self-test: nothing is written."""
@@ -17,14 +17,14 @@ class State(StrEnum):
     IDENT = "IDENT"
     """A voltage waveform is driven, for identification or conditioning."""
     HOLD = "HOLD"
-    """The last voltage is held after a fault or on request; goes on to RAMP after a while."""
+    """The last voltage is held after a fault or on request; RAMP follows after a while."""
     RAMP = "RAMP"
-    """The voltage goes to the safe one at the ramp's rate."""
+    """The voltage ramps to the safe voltage."""
     BLIND = "BLIND"
-    """The amplifier does not answer: nothing is sent, what is in force is unknown."""
+    """The amplifier does not answer: nothing is sent, the voltage in force is unknown."""
     FAULT = "FAULT"
     """Latched: nothing is written until a reset."""
     ESTOP = "ESTOP"
-    """Emergency stop: to the safe voltage, and no further."""
+    """Emergency stop: the voltage goes to the safe voltage and stays there."""
     STOPPING = "STOPPING"
-    """On the way to the safe voltage and out."""
+    """The voltage ramps to the safe voltage, then the daemon ends."""

@@ -1,4 +1,4 @@
-"""The trim of an axis: a slow integral of the measured error on top of an inverse model."""
+"""The trim of an axis: a slow integral of the measured error, added to an inverse model."""
 
 from typing import Annotated, Literal, TypeAlias
 
@@ -10,12 +10,13 @@ TrimBase: TypeAlias = Literal["feedforward", "adaptive"]
 
 
 class TrimConfig(ConfigModel):
-    """What mode `trimmed` adds to an inverse model."""
+    """Parameters of the trim of mode `trimmed`."""
 
     base: TrimBase = Field(default="feedforward", description="Mode that the trim is added to.")
     gain_per_s: Annotated[float, Quantity(0.01, 5000, "1/s")] = Field(
-        default=50.0, description="Gain of the integral: an error fades with 1/gain, 1/s."
+        default=50.0,
+        description="Gain of the integral, 1/s: errors decay with time constant 1/gain.",
     )
     authority_pct: Annotated[float, Quantity(0.1, 20, "%")] = Field(
-        default=5.0, description="Most that the trim may add, either way, % of the range."
+        default=5.0, description="Largest magnitude of the trim, % of the range."
     )

@@ -1,4 +1,4 @@
-"""Validate a document against a model, and place every error in the file."""
+"""Validation of a document against a model, with the place of every error in the file."""
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,10 +16,10 @@ ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
 def validate(document: Document, model: type[ModelT], context: Context) -> ModelT:
-    """Make a model from a document.
+    """Return a model made from a document.
 
     Raises:
-        ConfigError: If the document breaks the schema or a rule; it lists every problem.
+        ConfigError: If the document violates the schema or a rule; it lists every problem.
     """
     try:
         return model.model_validate(document.data, context=context)
@@ -34,7 +34,7 @@ def validate(document: Document, model: type[ModelT], context: Context) -> Model
 
 
 def _is_consequence(error: "ErrorDetails", errors: "list[ErrorDetails]") -> bool:
-    """Tell whether a list is too short only because pydantic leaves out what is wrong in it."""
+    """Return whether a list is too short only because pydantic leaves out its invalid entries."""
     loc = error["loc"]
     return error["type"] == "too_short" and any(
         other is not error and other["loc"][: len(loc)] == loc for other in errors
@@ -52,16 +52,16 @@ def _place(document: Document, error: "ErrorDetails", context: Context) -> Probl
     if kind == "union_tag_invalid":
         path = (*path, error["ctx"]["discriminator"].strip("'"))
         return document.problem(path, describe(error, ()))
-    # What is wrong with a mapping as a whole is told at its key. pydantic ends the path with
-    # "[key]" where the key itself is wrong.
+    # An error of a whole mapping is reported at its key. pydantic ends the path with "[key]" if
+    # the key itself is invalid.
     at_key = isinstance(found, dict) or loc[-1:] == ("[key]",)
     return document.problem(path, describe(error, ()), at_key=at_key)
 
 
 def _find(data: object, loc: tuple[int | str, ...]) -> tuple[KeyPath, object]:
-    """Follow pydantic's path as far as it is in the file.
+    """Follow pydantic's path as far as it exists in the file.
 
-    It also names the members of unions on the way, which are not in the file and are left out.
+    The path also contains members of unions, which are not in the file and are left out.
     """
     path: KeyPath = ()
     node: Any = data

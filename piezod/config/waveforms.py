@@ -1,8 +1,8 @@
-"""Waveforms: what a command or a drive does over time, and the range it never leaves.
+"""Waveforms: a command or a drive voltage over time, and its bounds.
 
-Values are in the unit that the enclosing key names: µm under `command_um`, V under `drive_v`.
-A waveform starts at t = 0. One that swings starts at its lowest value and rises, so that with
-`low: 0` it leaves the rest position without a step.
+Values are in the unit of the enclosing key: µm under `command_um`, V under `drive_v`. A waveform
+starts at t = 0. A periodic one starts at its lowest value and rises, so that with `low: 0` it
+leaves the rest position without a step.
 """
 
 from collections.abc import Iterator
@@ -18,23 +18,23 @@ from piezod.config.quantities import DurationS, FrequencyHz, Level, Seed, Size, 
 
 Bounds: TypeAlias = tuple[float, float]
 
-# More turning points than this in a second are noise, not a path.
+# A path with more turning points per second is noise.
 MAX_TURNS_PER_S: Final = 200
 
 
 class Setpoint(ConfigModel):
-    """One value that stays."""
+    """One constant value."""
 
     kind: Literal["setpoint"]
     level: Level = Field(description="The value.")
 
     def bounds(self) -> Bounds:
-        """Give the lowest and the highest value there can be."""
+        """Return the lowest and the highest possible value."""
         return self.level, self.level
 
 
 class Swinging(ConfigModel):
-    """What sine, triangle and reversals have in common."""
+    """Common fields of sine, triangle and reversals."""
 
     low: Level = Field(description="Lowest value; the waveform starts here.")
     high: Level = Field(description="Highest value.")
@@ -47,19 +47,19 @@ class Swinging(ConfigModel):
         return self
 
     def bounds(self) -> Bounds:
-        """Give the lowest and the highest value there can be."""
+        """Return the lowest and the highest possible value."""
         return self.low, self.high
 
 
 class Periodic(Swinging):
-    """What sine and triangle have in common."""
+    """Common fields of sine and triangle."""
 
     frequency_hz: FrequencyHz = Field(description="Frequency, Hz.")
     envelope: Envelope = Field(
-        default=ConstantEnvelope(), description="How the swing changes over time."
+        default=ConstantEnvelope(), description="Change of the swing over time."
     )
     anchor: Literal["low", "middle"] = Field(
-        default="low", description="What stays in place while the swing changes."
+        default="low", description="Level that stays constant while the swing changes."
     )
 
 
@@ -78,24 +78,24 @@ class Triangle(Periodic):
 class Component(ConfigModel):
     """One sinusoid of a multisine."""
 
-    amplitude: Size = Field(description="Half of the distance from its lowest to its highest.")
+    amplitude: Size = Field(description="Amplitude: half of the peak-to-peak value.")
     frequency_hz: FrequencyHz = Field(description="Frequency, Hz.")
     phase_deg: Annotated[float, Quantity(-360, 360, "°")] = Field(
-        default=0.0, description="Phase at t = 0, counted from the lowest point, °."
+        default=0.0, description="Phase at t = 0, relative to the lowest point, °."
     )
 
 
 class Multisine(ConfigModel):
-    """Sinusoids added up, each lifted by its amplitude so that the sum stays above `low`."""
+    """A sum of sinusoids, each raised by its amplitude so that the sum stays above `low`."""
 
     kind: Literal["multisine"]
-    low: Level = Field(description="The value while all sinusoids are at their lowest.")
+    low: Level = Field(description="Value if all sinusoids are at their lowest point.")
     components: tuple[Component, ...] = Field(
         min_length=1, max_length=64, description="The sinusoids."
     )
 
     def bounds(self) -> Bounds:
-        """Give the lowest and the highest value there can be."""
+        """Return the lowest and the highest possible value."""
         high = self.low
         for component in self.components:
             high += 2 * component.amplitude
@@ -103,25 +103,25 @@ class Multisine(ConfigModel):
 
 
 class Staircase(ConfigModel):
-    """Levels one after the other; the last one stays."""
+    """Levels one after the other; the last level is held."""
 
     kind: Literal["staircase"]
     levels: tuple[Level, ...] = Field(min_length=1, max_length=10_000, description="The levels.")
-    dwell_s: DurationS = Field(description="How long each level lasts, s.")
+    dwell_s: DurationS = Field(description="Duration of each level, s.")
 
     def bounds(self) -> Bounds:
-        """Give the lowest and the highest value there can be."""
+        """Return the lowest and the highest possible value."""
         return min(self.levels), max(self.levels)
 
 
 class Reversals(Swinging):
-    """Straight lines between random turning points, the same ones for the same seed."""
+    """Straight lines between random turning points; the seed determines them."""
 
     kind: Literal["reversals"]
-    min_swing: Size = Field(description="Shortest way between two turning points.")
-    min_speed: Size = Field(description="Speed on the slowest line, per s.")
-    max_speed: Size = Field(description="Speed on the fastest line, per s.")
-    seed: Seed = Field(description="Decides about turning points and speeds.")
+    min_swing: Size = Field(description="Smallest distance between two turning points.")
+    min_speed: Size = Field(description="Lowest speed, per s.")
+    max_speed: Size = Field(description="Highest speed, per s.")
+    seed: Seed = Field(description="Seed of turning points and speeds.")
 
     @model_validator(mode="after")
     def _check_sizes(self) -> Self:
@@ -146,7 +146,9 @@ class Points(ConfigModel):
 
     kind: Literal["points"]
     points: tuple[tuple[TimeS, Level], ...] = Field(
-        min_length=1, max_length=10_000, description="Times in s, increasing, each with its value."
+        min_length=1,
+        max_length=10_000,
+        description="Pairs of time in s and value, times increasing.",
     )
 
     @model_validator(mode="after")
@@ -158,7 +160,7 @@ class Points(ConfigModel):
         return self
 
     def bounds(self) -> Bounds:
-        """Give the lowest and the highest value there can be."""
+        """Return the lowest and the highest possible value."""
         values = [value for _, value in self.points]
         return min(values), max(values)
 
@@ -181,11 +183,11 @@ class Csv(ConfigModel):
 
     @property
     def points(self) -> tuple[Point, ...]:
-        """Times in s, increasing, each with its value; as read when the model was made."""
+        """Pairs of time in s and value, times increasing; as read when the model was made."""
         return self._points
 
     def bounds(self) -> Bounds:
-        """Give the lowest and the highest value there can be."""
+        """Return the lowest and the highest possible value."""
         values = [value for _, value in self._points]
         return min(values), max(values)
 

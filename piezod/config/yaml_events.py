@@ -1,4 +1,4 @@
-"""Read a file and parse it into YAML events, with every failure told as file, line and column."""
+"""Reading of a file into YAML events, with every error as file, line and column."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -45,7 +45,7 @@ def parse_events(text: str, file: str) -> Iterator[yaml.Event]:
     """Yield the events of a text.
 
     Raises:
-        ConfigError: Where the text stops being YAML; `file` is the name it gives.
+        ConfigError: If the text is not valid YAML; `file` is its name in the message.
     """
     place = SourcePlace(1, 1)
     try:
@@ -61,13 +61,13 @@ def parse_events(text: str, file: str) -> Iterator[yaml.Event]:
         place = _place_after(text[: error.position])
         raise ConfigError(Problem(file, *place, "", what)) from error
     except (ValueError, OverflowError) as error:
-        # PyYAML converts the digits of escapes and of directives without checking their size.
+        # PyYAML converts the digits of escapes and directives without checking their size.
         what = "an escape or directive near here has a number that is too large"
         raise ConfigError(Problem(file, *place, "", what)) from error
 
 
 def start_of(event: yaml.Event) -> SourcePlace:
-    """Tell where an event starts."""
+    """Return the place where an event starts."""
     mark = event.start_mark
     return SourcePlace(mark.line + 1, mark.column + 1) if mark else SourcePlace(1, 1)
 

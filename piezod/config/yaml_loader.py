@@ -1,8 +1,8 @@
-"""Read a YAML file that a person wrote, strictly, and keep the place of everything in it.
+"""Strict reading of a YAML file that a person wrote, with the place of every part.
 
-What would let a file mean something else than it seems to is refused: duplicate keys, anchors and
-aliases, merge keys, tags, a second document. What is left is read by the rules of YAML 1.2. A file
-is bounded in size and depth, so that a hostile one is an error and not a burden.
+Features that could give a file an unintended meaning are refused: duplicate keys, anchors and
+aliases, merge keys, tags, a second document. All else follows the rules of YAML 1.2. Size and depth
+of a file are bounded, so that a hostile file is only an error.
 """
 
 import re
@@ -22,21 +22,21 @@ _SURROGATE: Final = re.compile("[\ud800-\udfff]")
 
 
 def load_yaml(path: Path) -> Document:
-    """Read a file whose top level is a mapping.
+    """Return the document of a file whose top level is a mapping.
 
     Raises:
-        ConfigError: If the file cannot be read or is not such a document; it lists every problem
-            that could be found.
+        ConfigError: If the file cannot be read or is not such a document; it lists all problems
+            found.
     """
     return parse_yaml(read_text(path), str(path))
 
 
 def parse_yaml(text: str, file: str) -> Document:
-    """Parse a text whose top level is a mapping.
+    """Return the document of a text whose top level is a mapping.
 
     Args:
         text: The document.
-        file: The name under which problems are reported.
+        file: Name of the file in messages.
 
     Raises:
         ConfigError: As `load_yaml`.
@@ -52,7 +52,7 @@ def parse_yaml(text: str, file: str) -> Document:
 
 
 class _Builder:
-    """Turns the events of a text into plain data, and collects what is wrong on the way."""
+    """Converts the events of a text into plain data, and collects the problems."""
 
     def __init__(self, text: str, file: str) -> None:
         self.problems: list[Problem] = []
@@ -62,10 +62,10 @@ class _Builder:
         self._events = parse_events(text, file)
 
     def build(self) -> dict[str, Any]:
-        """Give the one document's top level.
+        """Return the top level of the single document.
 
         Raises:
-            ConfigError: If building cannot go on; `problems` holds what was found before.
+            ConfigError: If building cannot continue; `problems` holds the earlier problems.
         """
         data: Any = None
         for event in self._events:
@@ -106,7 +106,7 @@ class _Builder:
             key = self._key(event)
             if key in mapping:
                 first = self.keys[*path, key].line
-                self._add(event, f"duplicate key {key!r}, it stands already in line {first}")
+                self._add(event, f"duplicate key {key!r}, first in line {first}")
             else:
                 self.keys[*path, key] = start_of(event)
             mapping[key] = self._node(next(self._events), (*path, key))
@@ -119,12 +119,12 @@ class _Builder:
         if event.value == "<<" and event.implicit[0]:
             self._add(event, "merge key << is not allowed, write the keys out")
         elif not isinstance(self._scalar(event), str):
-            self._add(event, f"a key must be a text (got {event.value}), put quotes round it")
+            self._add(event, f"a key must be a text (got {event.value}), put it in quotes")
         return str(event.value)
 
     def _scalar(self, event: yaml.ScalarEvent) -> Scalar:
         if _SURROGATE.search(event.value):
-            self._add(event, "half a surrogate pair is no character")
+            self._add(event, "half of a surrogate pair is not a character")
         if not event.implicit[0]:
             return str(event.value)
         try:
@@ -139,7 +139,7 @@ class _Builder:
             self._add(event, f"anchor &{anchor} is not allowed")
         if tag is not None:
             tag = tag.replace("tag:yaml.org,2002:", "!!")
-            self._add(event, f"tag {tag} is not allowed, the form of a value tells its type")
+            self._add(event, f"tag {tag} is not allowed, the type follows from the value")
 
     def _add(self, event: yaml.Event, what: str) -> None:
         self.problems.append(Problem(self._file, *start_of(event), "", what))

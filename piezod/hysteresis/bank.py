@@ -3,8 +3,8 @@
 Identification and adaptation use this form. A rising right play stays flat from the minimum of the
 loop until it meets the line (v - r) / (1 - r), and it falls along the chord of the loop. A left
 play is the mirror image: paper eq. (2) and eq. (5), the latter corrected. Each stop minus x is a
-gain times x minus a play, because r E^r + (1 - r) F^l = x and r E^l + (1 - r) F^r = x: paper eq.
-(12) and eq. (13), corrected. The inverse model, paper eq. (16), becomes
+gain times x minus a play, because r E^r + (1 - r) F^l = x and r E^l + (1 - r) F^r = x, which are
+paper eq. (12) and eq. (13), corrected. The inverse model, paper eq. (16), becomes
 
     z = x + Σ a_j (E_j - x) = x + Σ a_j g_j (x - F_j),   g_j = (1 - r_j) / r_j.
 

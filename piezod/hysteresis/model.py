@@ -130,8 +130,8 @@ class _InvertibleModel(_LoopModel):
 class MPIModel(_InvertibleModel):
     """Modified Prandtl-Ishlinskii model x = H[v], normalised to [0, 1], paper eq. (9).
 
-    Its rising major branch is paper eq. (17). Equations (6) to (8) are the same model with
-    integrals.
+    Its rising major branch is paper eq. (17). Paper eq. (6), eq. (7) and eq. (8) state the same
+    model with integrals.
 
     Args:
         thresholds: (M,) thresholds of the right plays, strictly increasing in (0, 1).
@@ -194,7 +194,7 @@ class InverseMPI(_InvertibleModel):
 
     Because r E^r + (1 - r) F^l = x, it has the form of the forward model, with play weights -a (1 -
     r') / r'. The right stop belongs to the left play, and the left stop to the right play. The
-    rising major branch is paper eq. (18). Equations (14) and (15) are the same model with
+    rising major branch is paper eq. (18). Paper eq. (14) and eq. (15) state the same model with
     integrals. The exact inverse of this model is the forward model that it inverts on every loop.
 
     Args:

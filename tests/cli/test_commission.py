@@ -200,14 +200,14 @@ def test_commission_goes_back_when_it_is_told_to_end_just_before_it_does(
     piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A signal after the last step, before signals are ignored, ends with 130 and not up there."""
-    undisturbed, signals = bench._undisturbed, iter([signal.SIGINT])  # noqa: SLF001 - to come before it
+    undisturbed, signals = bench._signals_ignored, iter([signal.SIGINT])  # noqa: SLF001 - to come before it
 
     def late() -> AbstractContextManager[None]:
         for number in signals:
             os.kill(os.getpid(), number)
         return undisturbed()
 
-    monkeypatch.setattr(bench, "_undisturbed", late)
+    monkeypatch.setattr(bench, "_signals_ignored", late)
     written = _write_with(monkeypatch, _failing_once(), above_v=30.0)
     outcome = piezod("commission", str(config), "--yes")
 
@@ -236,8 +236,8 @@ def test_commission_tells_what_ended_it_when_going_back_fails_too(
 
     assert outcome.code == 1
     assert re.search(
-        r"the step failed; the axis is NOT back at 0\.00 V, (29|30)\.\d+ V were written last: "
-        "it broke",
+        r"the step failed; the axis has NOT returned to 0\.00 V, the last written voltage is "
+        r"(29|30)\.\d+ V: it broke",
         outcome.err,
     )
     assert "Not done: travel 25 %" in sheet
@@ -307,7 +307,7 @@ def test_probe_wiggles_in_the_first_steps_of_commission(
     outcome = piezod("probe", str(config), "--wiggle")
 
     assert outcome.code == 0, outcome.err
-    assert "axis x: noise: hold 0.00 V for 2 s and look at the sensor? [Y/n]" in outcome.err
+    assert "axis x: noise: hold 0.00 V for 2 s and record the sensor? [Y/n]" in outcome.err
     assert re.findall(r"^ ?axis x: (\w+): ", outcome.out, re.MULTILINE) == found
     assert (max(written, default=0.0) > 2.9) == ("polarity" in found)
 

@@ -1,4 +1,4 @@
-"""An axis of the simulated rig that is driven by hand, on a clock that nobody waits for."""
+"""A manually driven axis of the simulated rig, on a simulated clock."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ T0_NS = 1_000_000_000
 
 
 def configured(options: dict[str, Any] | None = None, seed: int = 1) -> DaemonConfig:
-    """Return the configuration that ships, with other options of its rig."""
+    """Return the shipped configuration with other options of its rig."""
     config = load_daemon(CONFIG, registry)
     model = registry.load("simulated").options_model
     rig = config.devices["rig"].model_copy(update={"options": model.model_validate(options or {})})
@@ -35,7 +35,7 @@ def session(
     wrap: Callable[[Device], Device] = lambda device: device,
     limits: Limits = Limits(0.0, 150.0, 20_000.0),  # noqa: B008 - it never changes
 ) -> Iterator[Session]:
-    """Open an axis while the block runs."""
+    """Open an axis for the duration of the block."""
     config = configured(options, seed)
     pairs, clock = pairs_of(config.axes), FakeClock(T0_NS)
     made = construct(config.devices, pairs, seed)
@@ -50,7 +50,7 @@ def session(
 
 
 def resting_at(drive_v: float) -> Callable[[Device], Device]:
-    """Return a wrapper for a rig that somebody has left at a voltage."""
+    """Return a wrapper for a rig whose initial voltage is not 0 V."""
 
     def left(device: Device) -> Device:
         activate = device.activate

@@ -1,4 +1,4 @@
-"""Tests of what devices tell before anything moves."""
+"""Inspection of devices without driving."""
 
 from dataclasses import replace
 from itertools import count
@@ -18,14 +18,14 @@ READ_US, READ_BACK_US = 150, 100
 
 
 def probed(clock: FakeClock) -> Probed:
-    """Look at the rig of the configuration that ships."""
+    """Probe the rig of the shipped configuration."""
     config = configured()
     return probe(config, pairs_of(config.axes), clock)["rig"]
 
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> FakeClock:
-    """Return the clock by which the rig's exchanges take a time that is known."""
+    """Return the clock that determines the duration of the rig's exchanges."""
     clock, reads = FakeClock(T0_NS), count()
     read, read_back = SimulatedRig.read, SimulatedRig.read_back
 
@@ -43,9 +43,9 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> FakeClock:
 
 
 def test_the_rate_is_the_one_by_which_the_daemon_places(clock: FakeClock) -> None:
-    """Reading, reading back, and a write as long as the longer take half of its period.
+    """Read, read-back, and a write as long as the longer one take half of its period.
 
-    What takes longer one time of twenty does not count: it is mostly the machine.
+    Delays in one of twenty exchanges do not count: they are mostly due to the machine.
     """
     found = probed(clock)
 
@@ -57,7 +57,7 @@ def test_the_rate_is_the_one_by_which_the_daemon_places(clock: FakeClock) -> Non
 
 
 def test_devices_share_the_cycle() -> None:
-    """Three that take 0.1 ms, 0.1 ms and 0.3 ms need twice their sum; the slowest may need more."""
+    """Devices of 0.1 ms, 0.1 ms and 0.3 ms need twice their sum; the slowest may need more."""
     quick, slow = Probed("a", cost_ns=100_000, rate_hz=5000.0), Probed("b", rate_hz=400.0)
 
     assert together_hz([quick, quick, Probed("c", cost_ns=300_000, rate_hz=1666.0)]) == 1000.0
@@ -66,7 +66,7 @@ def test_devices_share_the_cycle() -> None:
 
 
 def test_units_are_those_of_the_channels_that_are_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A driver that takes any name knows none."""
+    """A driver that accepts any name reports no units."""
     load = registry.load("simulated")
     has = ChannelUnits({"x": "µm", "y": "µm"}, {"x": "V", "y": "V"})
     before = probed(FakeClock(T0_NS)).units

@@ -1,4 +1,4 @@
-"""Tests of the whole procedure, at the rates and from the voltages at which axes are found."""
+"""The whole procedure, at several rates and initial voltages."""
 
 from pathlib import Path
 
@@ -31,7 +31,7 @@ def done(axis: Session, findings: Findings) -> list[ProcedureStep]:
 
 
 def commissioned(findings: Findings, folder: Path) -> StageAxisConfig:
-    """Return the axis of the configuration that is made of findings."""
+    """Return the axis of the configuration made from the results."""
     path = folder / "stage.yaml"
     path.write_text(profile(configured(), "x", findings, WHO, "2026-01-01"), encoding="utf-8")
     return load_daemon(path, registry).axes["x"]
@@ -39,7 +39,7 @@ def commissioned(findings: Findings, folder: Path) -> StageAxisConfig:
 
 @pytest.mark.parametrize("rate_hz", [10.0, 20.0, 25.0, 100.0])
 def test_a_slow_axis_is_commissioned(rate_hz: float, tmp_path: Path) -> None:
-    """Travel and polarity are found, no mode is made up, and the axis is back."""
+    """Travel and polarity are found, no mode is invented, and the axis is back."""
     findings = Findings()
     with session(RIG, rate_hz=rate_hz) as axis:
         done(axis, findings)
@@ -53,7 +53,7 @@ def test_a_slow_axis_is_commissioned(rate_hz: float, tmp_path: Path) -> None:
 
 
 def turned(device: Device) -> Device:
-    """Turn the sign of a sensor over whose stage somebody has left at 100 V."""
+    """Reverse the sign of a sensor whose stage is at 100 V initially."""
     left = resting_at(100.0)(device)
     return FaultyDevice(left, [Injection(InjectionKind.GAIN, 0, value=-1.0)])  # type: ignore[arg-type] # the rig is both
 
@@ -64,7 +64,7 @@ def turned(device: Device) -> Device:
 def test_an_axis_found_high_up_keeps_its_polarity(
     wrap: object, gain: float, tmp_path: Path
 ) -> None:
-    """It is driven down; whether the position rises with the voltage is another matter."""
+    """It is driven down; the polarity does not depend on that direction."""
     findings = Findings()
     with session(RIG, wrap=wrap) as axis:  # type: ignore[arg-type] # a factory
         done(axis, findings)
@@ -77,8 +77,8 @@ def test_an_axis_found_high_up_keeps_its_polarity(
     assert one.limits.drive_max_v == pytest.approx(100.0, abs=0.5)
 
 
-def test_what_is_confirmed_is_driven() -> None:
-    """Also where the farther end is another one from the voltage that is measured at."""
+def test_the_announced_voltages_are_driven() -> None:
+    """This also holds if the bias changes which end of the range is farther."""
     findings = Findings()
     with session(RIG, wrap=resting_at(49.0), limits=Limits(0.0, 100.0, 20_000.0)) as axis:
         steps = {step.name: step for step in done(axis, findings)}
@@ -93,7 +93,7 @@ def test_what_is_confirmed_is_driven() -> None:
 
 
 def test_texts_tell_the_numbers_that_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    """How long noise is looked at, and how often the stage is moved."""
+    """The texts contain the duration of the noise record and the number of steps."""
     monkeypatch.setattr("piezod.commission.procedure.DURATION_S", 4.5)
     monkeypatch.setattr("piezod.commission.procedure.REPEATS", 7)
     with session(RIG) as axis:

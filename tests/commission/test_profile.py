@@ -1,4 +1,4 @@
-"""Tests of what becomes of the findings: a configuration, and a sheet."""
+"""The results as a configuration and as a sheet."""
 
 from math import nan
 from pathlib import Path
@@ -32,7 +32,7 @@ FOUND = Findings(
 def written(
     tmp_path: Path, findings: Findings, config: DaemonConfig | None = None
 ) -> dict[str, object]:
-    """Write a profile; return its axis, after it was loaded as a configuration."""
+    """Write a profile; return its axis after loading it as a configuration."""
     path = tmp_path / "stage.yaml"
     text = profile(config or configured(), "x", findings, WHO, "2026-01-01")
     path.write_text(text, encoding="utf-8")
@@ -42,7 +42,7 @@ def written(
 
 
 def test_a_profile_is_a_configuration_with_what_was_found(tmp_path: Path) -> None:
-    """Limits are those that were driven; nine tenths of the travel can be commanded."""
+    """The limits are the driven voltages, and the commands cover nine tenths of the travel."""
     axis = written(tmp_path, FOUND)
 
     assert axis["command_range_um"] == [0.0, 27.0]
@@ -58,14 +58,14 @@ def test_a_profile_is_a_configuration_with_what_was_found(tmp_path: Path) -> Non
 
 
 def test_a_slow_stage_is_not_to_be_driven_fast(tmp_path: Path) -> None:
-    """The slew rate is that of full swing at a tenth of the first mode."""
+    """The slew rate is that of a full swing at a tenth of the first mode."""
     found = Findings(**{**vars(FOUND), "ringing": Ringing(50.0, 0.03, 3000.0)})
 
     assert written(tmp_path, found)["limits"]["slew_v_per_s"] == 2200.0  # type: ignore[index] # a mapping
 
 
 def test_a_sensor_that_falls_is_turned_over(tmp_path: Path) -> None:
-    """Its calibration gets the other sign, so that the position rises with the drive."""
+    """Its calibration gets the opposite sign, so that the position rises with the drive."""
     found = Findings(**{**vars(FOUND), "travel": Travel(0.0, 140.0, -30.0, -0.21, 15.0, 0.07)})
     axis = written(tmp_path, found)
 
@@ -73,8 +73,8 @@ def test_a_sensor_that_falls_is_turned_over(tmp_path: Path) -> None:
     assert axis["sensor"]["calibration"]["gain"] == -1.0  # type: ignore[index] # a mapping
 
 
-def test_who_was_driven_down_is_not_turned_over(tmp_path: Path) -> None:
-    """The way was down and so was the position: it rises with the drive."""
+def test_an_axis_that_was_driven_down_is_not_reversed(tmp_path: Path) -> None:
+    """Drive and position both fell: the position rises with the drive."""
     found = Findings(**{**vars(FOUND), "travel": Travel(0.0, 100.0, -30.0, 0.3, 15.0, 0.07)})
     axis = written(tmp_path, found)
 
@@ -83,22 +83,22 @@ def test_who_was_driven_down_is_not_turned_over(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("travel_um", "found_v"), [(30.0, "60.0 V"), (-30.0, "130.0 V")])
-def test_who_was_found_in_the_middle_has_narrower_limits(
+def test_an_axis_found_in_the_middle_gets_narrower_limits(
     travel_um: float, found_v: str, tmp_path: Path
 ) -> None:
-    """A comment says so; the voltages at rest and when something is wrong lie within."""
+    """A comment states it; rest voltage and safe voltage are within the limits."""
     found = Findings(**{**vars(FOUND), "travel": Travel(60.0, 130.0, travel_um, 0.3, 15.0, 0.07)})
     axis = written(tmp_path, found)
 
     assert axis["limits"]["drive_min_v"] == axis["limits"]["rest_v"] == 60.0  # type: ignore[index] # a mapping
     assert axis["safety"]["safe_v"] == 60.0  # type: ignore[index] # likewise
     text = (tmp_path / "stage.yaml").read_text(encoding="utf-8")
-    assert "LIMITS ARE NARROWER than 0 to 150 V: driven were 60.0 to 130.0 V, from" in text
-    assert f"\n# {found_v} on" in text
+    assert "LIMITS ARE NARROWER than 0 to 150 V: only 60.0 to 130.0 V were driven," in text
+    assert f"\n# because the axis was found at {found_v}." in text
 
 
 def test_limits_that_noise_has_narrowed_are_no_news(tmp_path: Path) -> None:
-    """What is read back at 0 V is never 0 V."""
+    """A read-back of 0 V is never exactly 0 V, so small differences give no comment."""
     found = Findings(**{**vars(FOUND), "travel": Travel(0.1, 150.0, 30.0, 0.2, 15.0, 0.07)})
     written(tmp_path, found)
 
@@ -107,7 +107,7 @@ def test_limits_that_noise_has_narrowed_are_no_news(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("safety", [{}, {"ramp_v_per_s": 100.0}])
 def test_a_stage_that_is_slow_is_ramped_slowly(safety: dict[str, float], tmp_path: Path) -> None:
-    """No faster than its slew rate, whether the configuration said how fast or not."""
+    """The ramp is no faster than the slew rate, with and without a configured ramp."""
     config = configured()
     one = config.axes["x"].model_copy(update={"safety": SafetyConfig.model_validate(safety)})
     config = config.model_copy(update={"axes": {"x": one}, "rate_hz": 10.0})
@@ -118,14 +118,14 @@ def test_a_stage_that_is_slow_is_ramped_slowly(safety: dict[str, float], tmp_pat
 
 
 def test_a_stage_without_a_mode_has_none(tmp_path: Path) -> None:
-    """The one of the configuration stays: it may come from a data sheet."""
+    """The configured mode stays: it may be from a data sheet."""
     found = Findings(**{**vars(FOUND), "ringing": Ringing(nan, nan, 600.0)})
 
     assert written(tmp_path, found)["first_mode"] == {"frequency_hz": 734.0, "damping": 0.03}
 
 
-def test_a_sheet_tells_what_was_not_done(tmp_path: Path) -> None:
-    """A page is written whatever is missing, with the data that there is beside it."""
+def test_a_sheet_lists_the_steps_not_done(tmp_path: Path) -> None:
+    """A page is written even if steps are missing, with the available data beside it."""
     t_s = np.linspace(0.0, 1.0, 11)
     traces = {"noise": SessionTrace(t_s, 0 * t_s, 0 * t_s, np.sin(t_s))}
     found = Findings(noise=FOUND.noise, traces=traces)
@@ -138,8 +138,8 @@ def test_a_sheet_tells_what_was_not_done(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("part", WHO["rig"])
-def test_a_sheet_says_who_the_devices_are(tmp_path: Path, part: str) -> None:
-    """Maker, model, serial number, firmware."""
+def test_a_sheet_lists_the_identities_of_the_devices(tmp_path: Path, part: str) -> None:
+    """It has maker, model, serial number and firmware."""
     sheet = Sheet("x", {}, WHO, Findings(), [], "stage.yaml", "")
 
     assert part in write_sheet(tmp_path, sheet).read_text(encoding="utf-8")

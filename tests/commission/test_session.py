@@ -1,4 +1,4 @@
-"""Tests of driving an axis by hand."""
+"""Manual driving of an axis."""
 
 import signal
 import threading
@@ -28,14 +28,14 @@ SOON_NS = T0_NS + 2_100_000_000
 def faulty(
     kind: InjectionKind, value: float = nan, flag: DeviceFlag = DeviceFlag.OVERLOAD
 ) -> FaultyDevice:
-    """Return a wrapper that fails from a tenth of a second on."""
+    """Return a wrapper that fails after a tenth of a second."""
     return lambda device: FaultyDevice(device, [Injection(kind, SOON_NS, value=value, flag=flag)])  # type: ignore[return-value] # a factory; the rig is both
 
 
 @pytest.mark.parametrize("wished_v", [inf, -inf, nan, 1e9, -1e9])
 @pytest.mark.parametrize("slew_v_per_s", [10.0, 1e4])
-def test_whatever_a_step_asks_for_the_limits_hold(wished_v: float, slew_v_per_s: float) -> None:
-    """No voltage leaves the range, and none changes faster than the slew rate."""
+def test_the_limits_hold_for_any_waveform(wished_v: float, slew_v_per_s: float) -> None:
+    """No voltage leaves the range or changes faster than the slew rate."""
     limits = Limits(0.0, 90.0, slew_v_per_s)
     with session(limits=limits) as axis:
         trace = axis.drive(lambda _t_s: wished_v, 0.05)
@@ -46,8 +46,8 @@ def test_whatever_a_step_asks_for_the_limits_hold(wished_v: float, slew_v_per_s:
     assert np.all(steps_v <= slew_v_per_s * 1.01e-3)
 
 
-def test_an_axis_goes_back_to_where_it_was_found() -> None:
-    """Wherever a step has left it."""
+def test_an_axis_returns_to_its_initial_voltage() -> None:
+    """This holds from any voltage."""
     with session() as axis:
         axis.go(20.0)
         axis.drive(lambda t_s: 20.0 + 5.0 * sin(50.0 * t_s), 0.1)
@@ -57,7 +57,7 @@ def test_an_axis_goes_back_to_where_it_was_found() -> None:
 
 
 def test_a_ramp_takes_its_time() -> None:
-    """10 V at 50 V/s take 0.2 s, and a little for the end."""
+    """10 V at 50 V/s take 0.2 s, plus a short time at the end."""
     with session() as axis:
         trace = axis.go(10.0)
 
@@ -69,32 +69,30 @@ def test_a_ramp_takes_its_time() -> None:
     ("wrap", "text"),
     [
         (faulty(InjectionKind.REFUSED), "has refused 0.00 V for 2.0 s"),
-        (faulty(InjectionKind.READ_BACK_OFFSET, 7.0), "the voltage read back is 7.0 V off"),
+        (faulty(InjectionKind.READ_BACK_OFFSET, 7.0), "read-back voltage differs by 7.0 V"),
         (
             faulty(InjectionKind.FLAGGED, flag=DeviceFlag.SHORT_OR_OPEN),
-            "the device says: short or open",
+            "the device reports: short or open",
         ),
     ],
 )
-def test_a_device_that_does_not_do_what_it_is_told_ends_a_step(
-    wrap: FaultyDevice, text: str
-) -> None:
-    """The error says what it did instead."""
+def test_a_device_that_does_not_follow_ends_a_step(wrap: FaultyDevice, text: str) -> None:
+    """The message states what the device did."""
     with session(wrap=wrap) as axis, pytest.raises(DeviceError, match=text):  # type: ignore[arg-type] # a factory
         axis.rest(PATIENCE_S + 0.5)
 
 
-def test_an_unknown_voltage_is_no_place_to_begin() -> None:
-    """An amplifier that tells none is not driven."""
+def test_an_unknown_initial_voltage_is_refused() -> None:
+    """An amplifier that reports no voltage is not driven."""
     with (
-        pytest.raises(DeviceError, match="not known which voltage is in force"),
+        pytest.raises(DeviceError, match="voltage in force is unknown"),
         session(wrap=lambda device: FaultyDevice(device, [_no_read_back()])),  # type: ignore[arg-type] # the rig is both
     ):
         pass
 
 
 def test_samples_that_are_not_valid_are_left_out() -> None:
-    """They count in the share of valid ones."""
+    """They reduce the share of valid samples."""
     with session(wrap=faulty(InjectionKind.DROPPED)) as axis:  # type: ignore[arg-type] # a factory
         trace = axis.rest(0.2)
 
@@ -102,7 +100,7 @@ def test_samples_that_are_not_valid_are_left_out() -> None:
 
 
 def test_joined_traces_have_one_time_axis() -> None:
-    """It rises all the way."""
+    """The time rises throughout."""
     with session() as axis:
         trace = joined([_short(axis), _short(axis), _short(axis)])
 
@@ -119,7 +117,7 @@ def _no_read_back() -> Injection:
 
 
 def written_by(axis: Session, wrap: list[float]) -> None:
-    """Note every voltage that an axis writes from now on."""
+    """Record every voltage that an axis writes from now on."""
     write = axis._channels.write  # noqa: SLF001 - what goes to the devices
 
     def noting(drive_v: Sequence[float], now_ns: int) -> bool:
@@ -129,8 +127,8 @@ def written_by(axis: Session, wrap: list[float]) -> None:
     axis._channels.write = noting  # type: ignore[method-assign] # noqa: SLF001 - likewise
 
 
-def test_who_is_there_already_stays() -> None:
-    """To go back from the voltage found writes that voltage and no other."""
+def test_a_return_from_the_initial_voltage_writes_only_that() -> None:
+    """No other voltage is written."""
     written: list[float] = []
     with session(wrap=resting_at(60.0)) as axis:
         written_by(axis, written)
@@ -141,16 +139,16 @@ def test_who_is_there_already_stays() -> None:
 
 
 def test_an_axis_outside_its_limits_is_not_driven() -> None:
-    """The error says where it is, and what it may be driven to."""
+    """The message states its voltage and its limits."""
     with (
-        pytest.raises(DeviceError, match=r"1[34]\d\.\d+ V are in force, .* from 0 to 100 V"),
+        pytest.raises(DeviceError, match=r"1[34]\d\.\d+ V are in force, .* limits of 0 to 100 V"),
         session(wrap=resting_at(140.0), limits=Limits(0.0, 100.0, 20_000.0)),
     ):
         pass
 
 
 def test_a_pause_makes_no_step() -> None:
-    """A second in which nothing ran changes the voltage by two periods of the ramp."""
+    """After a pause of a second the voltage changes by two periods of the ramp."""
     with session() as axis:
         clock = axis._clock  # noqa: SLF001 - the test's own
         assert isinstance(clock, FakeClock)
@@ -172,7 +170,7 @@ def test_a_pause_makes_no_step() -> None:
 
 
 def test_refusals_that_end_in_time_cost_nothing_but_time() -> None:
-    """A lost reply, after which nothing may be asked for 300 ms, does not end the way back."""
+    """A lost reply that blocks requests for 300 ms does not end the way back."""
     refused = Injection(InjectionKind.REFUSED, SOON_NS, SOON_NS + 300_000_000)
     with session(wrap=lambda device: FaultyDevice(device, [refused])) as axis:  # type: ignore[arg-type] # the rig is both
         trace = axis.go(10.0)
@@ -183,8 +181,8 @@ def test_refusals_that_end_in_time_cost_nothing_but_time() -> None:
 
 
 @pytest.mark.parametrize("flag", [DeviceFlag.WATCHDOG_TRIPPED, DeviceFlag.RESTARTED])
-def test_a_voltage_that_somebody_else_has_changed_is_left_alone(flag: DeviceFlag) -> None:
-    """The way back would be a step: nothing is written any more."""
+def test_a_voltage_that_something_else_has_changed_is_not_driven(flag: DeviceFlag) -> None:
+    """The way back would be a step, so nothing more is written."""
     written: list[float] = []
     with session(wrap=faulty(InjectionKind.FLAGGED, flag=flag)) as axis:  # type: ignore[arg-type] # a factory
         with pytest.raises(DeviceError, match=str(flag)):
@@ -196,8 +194,8 @@ def test_a_voltage_that_somebody_else_has_changed_is_left_alone(flag: DeviceFlag
     assert written == []
 
 
-def test_the_voltage_is_held_while_somebody_is_waited_for() -> None:
-    """A device that expects to be asked is asked all the time."""
+def test_the_voltage_is_held_during_a_wait() -> None:
+    """A device that needs regular requests gets them."""
     written: list[float] = []
     with session() as axis:
         axis.go(5.0)
@@ -208,8 +206,8 @@ def test_the_voltage_is_held_while_somebody_is_waited_for() -> None:
     assert set(written) == {5.0}
 
 
-def test_what_goes_wrong_meanwhile_is_told() -> None:
-    """When the wait is over."""
+def test_a_fault_during_a_wait_is_raised() -> None:
+    """The error comes at the end of the wait."""
     written: list[float] = []
     with session(wrap=faulty(InjectionKind.FLAGGED)) as axis:  # type: ignore[arg-type] # a factory
         written_by(axis, written)
@@ -217,8 +215,8 @@ def test_what_goes_wrong_meanwhile_is_told() -> None:
             eventually(lambda: len(written) > 90)
 
 
-def test_whatever_a_driver_raises_meanwhile_is_told() -> None:
-    """Not only what piezod raises on purpose."""
+def test_any_exception_of_a_driver_during_a_wait_is_raised() -> None:
+    """This holds not only for piezod's own errors."""
     written: list[float] = []
     with session(wrap=faulty(InjectionKind.WRITE_RAISES)) as axis:  # type: ignore[arg-type] # a factory
         written_by(axis, written)
@@ -226,10 +224,10 @@ def test_whatever_a_driver_raises_meanwhile_is_told() -> None:
             eventually(lambda: len(written) > 90)
 
 
-def test_who_goes_back_is_the_only_one_that_drives() -> None:
-    """Also where a signal has ended the wait for the thread that held the voltage."""
+def test_only_one_thread_drives_on_the_way_back() -> None:
+    """This also holds if a signal has ended the wait for the holding thread."""
     holding, going_back, together = threading.Event(), threading.Event(), list[bool]()
-    waits = iter([0.5])  # long enough for somebody who does not wait for the other thread
+    waits = iter([0.5])  # long enough to catch code that does not wait for the other thread
     with session() as axis:
         write, this = axis._channels.write, threading.current_thread()  # noqa: SLF001 - as above
         interrupt = partial(signal.pthread_kill, threading.get_ident(), signal.SIGINT)
@@ -258,7 +256,7 @@ def test_who_goes_back_is_the_only_one_that_drives() -> None:
 
 @pytest.mark.parametrize("rate_hz", [5.0, 10.0, 25.0])
 def test_a_slow_axis_arrives(rate_hz: float) -> None:
-    """A ramp lasts until the write of its end, and has more than one sample, however short."""
+    """A ramp lasts until its end is written, and has at least two samples."""
     with session(rate_hz=rate_hz) as axis:
         traces = [axis.go(20.0), axis.go(20.001), axis.drive(lambda _t_s: 20.0, 0.0)]
         there_v = axis.drive_v
@@ -271,7 +269,7 @@ def test_a_slow_axis_arrives(rate_hz: float) -> None:
 
 
 def test_a_ramp_as_fast_as_the_slew_rate_arrives() -> None:
-    """Cycles that come late put neither the ramp nor what the guard lets through behind."""
+    """Late cycles delay neither the ramp nor the guard's slew limit."""
     with session(limits=Limits(0.0, 150.0, 50.0)) as axis:
         clock = axis._clock  # noqa: SLF001 - the test's own
         assert isinstance(clock, FakeClock)
@@ -290,28 +288,28 @@ def test_a_ramp_as_fast_as_the_slew_rate_arrives() -> None:
     assert np.all(np.diff(trace.drive_v)[1:] <= 50.0 * elapsed_s * 1.01)
 
 
-def test_a_way_back_that_ends_elsewhere_is_told() -> None:
-    """With the voltage where it has ended."""
+def test_a_return_that_ends_elsewhere_is_reported() -> None:
+    """The message states the final voltage."""
     with session(limits=Limits(0.0, 150.0, 1000.0)) as axis:
         axis.go(20.0)
         axis.limits = Limits(0.0, 150.0, 10.0)
-        with pytest.raises(DeviceError, match=r"back to 0\.0\d V has ended at 1\d\.\d+ V"):
+        with pytest.raises(DeviceError, match=r"back to 0\.0\d V ended at 1\d\.\d+ V"):
             axis.back()
 
 
 def test_a_voltage_that_is_off_ends_many_short_rests() -> None:
-    """None of them lasts for so many cycles; a volt is much for 0 to 10 V."""
+    """The count continues over short rests; for a range of 10 V, one volt is too much."""
     off = Injection(InjectionKind.READ_BACK_OFFSET, SOON_NS, value=1.0)
     with (
         session(wrap=lambda one: FaultyDevice(one, [off]), limits=Limits(0.0, 10.0, 1e4)) as axis,  # type: ignore[arg-type] # the rig is both
-        pytest.raises(DeviceError, match=r"read back is 1\.0 V off"),
+        pytest.raises(DeviceError, match=r"differs by 1\.0 V"),
     ):
         for _ in range(10):
             axis.rest(0.02)
 
 
 def test_an_amplifier_that_follows_late_is_not_off() -> None:
-    """Nor is one whose read-back is of a while ago: what was written lately counts."""
+    """A delayed read-back is compared with recently written voltages."""
     with session() as axis:
         read_back, told = axis._channels.read_back, deque[list[float]](maxlen=80)  # noqa: SLF001 - to tell it late
 
@@ -327,8 +325,8 @@ def test_an_amplifier_that_follows_late_is_not_off() -> None:
     assert axis.drive_v == pytest.approx(50.0, abs=5.0)
 
 
-def test_what_was_refused_on_the_way_there_costs_nothing_on_the_way_back() -> None:
-    """The way back has patience of its own."""
+def test_refusals_before_the_way_back_do_not_count_on_it() -> None:
+    """The way back has its own patience."""
     refused = Injection(InjectionKind.REFUSED, SOON_NS, SOON_NS + 3_000_000_000)
     with session(wrap=lambda one: FaultyDevice(one, [refused])) as axis:  # type: ignore[arg-type] # the rig is both
         with pytest.raises(DeviceError, match="has refused"):
@@ -338,8 +336,8 @@ def test_what_was_refused_on_the_way_there_costs_nothing_on_the_way_back() -> No
         assert axis.drive_v == pytest.approx(0.0, abs=1e-3)
 
 
-def test_who_does_not_read_back_has_to_be_told_the_voltage() -> None:
-    """The error names the verb that can be."""
+def test_without_read_back_the_voltage_must_be_given() -> None:
+    """The message states the option."""
 
     def silent(device: Device) -> Device:
         able = device.capabilities

@@ -1,4 +1,4 @@
-"""Tests of what the steps find on rigs whose properties are known."""
+"""Results of the steps on rigs with known properties."""
 
 import numpy as np
 import pytest
@@ -20,17 +20,17 @@ QUIET = {"amplifier": {"gain_error": 0.004}, "sensor": {"delay_s": 1e-4}, "stage
 
 
 def reversed_sensor(device: Device) -> Device:
-    """Turn the sensor's sign over."""
+    """Reverse the sign of the sensor."""
     return FaultyDevice(device, [Injection(InjectionKind.GAIN, 0, value=-1.0)])  # type: ignore[arg-type] # the rig is both
 
 
 def stuck_output(device: Device) -> Device:
-    """Let the amplifier acknowledge, and stay."""
+    """Make the amplifier acknowledge writes without following."""
     return FaultyDevice(device, [Injection(InjectionKind.STUCK_OUTPUT, 0)])  # type: ignore[arg-type] # the rig is both
 
 
 def test_noise_is_that_of_the_sensor() -> None:
-    """Between 10 and 30 nm on the simulated stack, and all samples are valid."""
+    """The noise of the simulated stack is between 10 and 30 nm, and all samples are valid."""
     with session(QUIET) as axis:
         noise, _ = measure_noise(axis)
 
@@ -38,18 +38,18 @@ def test_noise_is_that_of_the_sensor() -> None:
     assert noise.valid_pct == 100.0
 
 
-def test_a_sensor_that_shows_one_value_is_not_believed() -> None:
-    """Nothing that measures is free of noise."""
+def test_a_sensor_without_noise_is_refused() -> None:
+    """Every real measurement has noise."""
     stuck = Injection(InjectionKind.REPLACED, 0, value=1.0)
     with (
         session(wrap=lambda device: FaultyDevice(device, [stuck])) as axis,  # type: ignore[arg-type] # the rig is both
-        pytest.raises(DeviceError, match="the same value all the time"),
+        pytest.raises(DeviceError, match="all samples of the sensor are equal"),
     ):
         measure_noise(axis)
 
 
 def test_a_sensor_without_valid_samples_ends_the_step() -> None:
-    """The share is told."""
+    """The message states the share."""
     dropped = Injection(InjectionKind.DROPPED, 0)
     with (
         session(wrap=lambda device: FaultyDevice(device, [dropped])) as axis,  # type: ignore[arg-type] # the rig is both
@@ -59,7 +59,7 @@ def test_a_sensor_without_valid_samples_ends_the_step() -> None:
 
 
 def test_polarity_is_found_at_a_few_volts() -> None:
-    """A twelfth of a µm for a volt on the lowest part of the loop, and surely positive."""
+    """The slope is 1/12 µm/V on the lowest part of the loop, and significantly positive."""
     with session(QUIET) as axis:
         polarity, trace = find_polarity(axis, 3.0, 0.02)
 
@@ -78,7 +78,7 @@ def test_a_reversed_sensor_shows() -> None:
 
 
 def test_a_stage_that_does_not_move_is_told_from_noise() -> None:
-    """The error says by how much it moved, and what to check."""
+    """The message states the displacement and what to check."""
     still = [
         Injection(InjectionKind.REPLACED, 0, value=1.0),
         Injection(InjectionKind.NOISE, 0, value=0.02),
@@ -91,7 +91,7 @@ def test_a_stage_that_does_not_move_is_told_from_noise() -> None:
 
 
 def test_travel_and_gain_error_are_found() -> None:
-    """30 µm within 3 %, what creep adds included; 0.4 % of the amplifier's gain within a tenth."""
+    """30 µm are found within 3 % including creep, and the gain error of 0.4 % within a tenth."""
     with session(QUIET) as axis:
         trace = excursion(axis, 150.0)
         travel, amplifier = travel_of(trace, 0.02), amplifier_of(trace)
@@ -103,7 +103,7 @@ def test_travel_and_gain_error_are_found() -> None:
 
 
 def test_a_saturated_sensor_ends_the_travel() -> None:
-    """The voltage up to where it was driven is told."""
+    """The message states the voltage of the ramp."""
     with (
         session({"sensor": {"saturation_v": 3.5}}) as axis,
         pytest.raises(DeviceError, match=r"on the way to 150\.0 V are valid"),
@@ -112,7 +112,7 @@ def test_a_saturated_sensor_ends_the_travel() -> None:
 
 
 def test_a_millisecond_of_delay_is_a_millisecond() -> None:
-    """The difference of two rigs is found within 30 µs."""
+    """The difference between two rigs is found within 30 µs."""
     found = []
     for delay_s in (1e-4, 1.1e-3):
         with session({**QUIET, "sensor": {"delay_s": delay_s}}) as axis:
@@ -124,7 +124,7 @@ def test_a_millisecond_of_delay_is_a_millisecond() -> None:
 
 @pytest.mark.parametrize("rate_hz", [500.0, 1000.0, 4000.0])
 def test_the_first_mode_is_found_also_beyond_half_the_rate(rate_hz: float) -> None:
-    """700 Hz within 2 % at 500 Hz, at 1 kHz and at 4 kHz."""
+    """A mode at 700 Hz is found within 2 % at rates of 500 Hz, 1 kHz and 4 kHz."""
     with session(QUIET, rate_hz=rate_hz) as axis:
         axis.go(15.0)
         axis.rest(0.5)
@@ -135,7 +135,7 @@ def test_the_first_mode_is_found_also_beyond_half_the_rate(rate_hz: float) -> No
 
 
 def test_a_stage_that_does_not_ring_has_no_mode() -> None:
-    """Nothing is made of noise."""
+    """Noise alone gives no mode."""
     with session({**QUIET, "effects": {"mode": False}}) as axis:
         axis.go(15.0)
         axis.rest(0.5)
@@ -145,10 +145,10 @@ def test_a_stage_that_does_not_ring_has_no_mode() -> None:
 
 
 def test_an_amplifier_that_stays_is_told_from_a_stage_that_does() -> None:
-    """What it reads back says so."""
+    """Its read-back reveals it."""
     with (
         session(QUIET, wrap=stuck_output) as axis,
-        pytest.raises(DeviceError, match=r"read back is -3\.0 V off"),
+        pytest.raises(DeviceError, match=r"differs by -3\.0 V"),
     ):
         find_polarity(axis, 3.0, 0.02)
 
@@ -157,12 +157,12 @@ DEAD_NS = T0_NS + 2_500_000_000
 
 
 def dying_sensor(device: Device) -> Device:
-    """Have the sensor give nothing from half a second on."""
+    """Make the sensor return nothing after half a second."""
     return FaultyDevice(device, [Injection(InjectionKind.DROPPED, DEAD_NS)])  # type: ignore[arg-type] # the rig is both
 
 
 def test_a_sensor_that_dies_has_no_polarity() -> None:
-    """Nothing is made of what is not a number."""
+    """Invalid samples give no result."""
     with (
         session(QUIET, wrap=dying_sensor) as axis,
         pytest.raises(DeviceError, match="no valid samples any more"),
@@ -171,7 +171,7 @@ def test_a_sensor_that_dies_has_no_polarity() -> None:
 
 
 def test_a_sensor_that_dies_has_no_delay() -> None:
-    """A sine of too few samples has no phase."""
+    """A sine with too few samples has no phase."""
     with (
         session(QUIET, wrap=dying_sensor) as axis,
         pytest.raises(DeviceError, match=r"gave 0 valid samples during a sine of 2\.5 Hz"),
@@ -181,7 +181,7 @@ def test_a_sensor_that_dies_has_no_delay() -> None:
 
 
 def test_a_sensor_that_dies_does_not_ring() -> None:
-    """Where no record is whole there is no mode, not even the first that is tried."""
+    """Without a complete record there is no mode."""
     with session(QUIET, wrap=dying_sensor) as axis:
         axis.rest(0.6)
         ringing, _ = find_ringing(axis, 6.0)
@@ -190,7 +190,7 @@ def test_a_sensor_that_dies_does_not_ring() -> None:
 
 
 def test_a_sensor_that_is_blind_at_the_far_end_has_no_travel() -> None:
-    """Few samples are lost there on a slow ramp; they are those that count."""
+    """On a slow ramp few samples are lost there, but they are the relevant ones."""
     t_s = np.linspace(0.0, 100.0, 10_001)
     drive_v = np.minimum(t_s, 100.0 - t_s)
     position_um = np.where(drive_v > 49.9, np.nan, 0.2 * drive_v)

@@ -1,4 +1,4 @@
-"""An experiment that is right, to be spoilt in one place, and drivers that are not there."""
+"""A valid experiment file, to be changed in one place, and a registry of fake drivers."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -39,14 +39,14 @@ cases:
 
 
 class BenchOptions(ConfigModel):
-    """Options of a driver that builds on the models of the configuration."""
+    """Options of a driver, based on the configuration's model."""
 
     variant: Literal["stack", "flexure"] = "stack"
     gain: Annotated[float, Field(gt=0, le=10)] = 1.0
 
 
 class PortOptions(BaseModel):
-    """Options of a driver that brings a model of its own kind."""
+    """Options of a driver, based on a model of another kind."""
 
     model_config = {"extra": "forbid", "strict": True}
 
@@ -56,7 +56,7 @@ class PortOptions(BaseModel):
 
 
 def any_channel(_options: object) -> None:
-    """Have whatever channels are asked for."""
+    """Accept any channel name."""
 
 
 class _Plugin(NamedTuple):
@@ -71,11 +71,11 @@ class FakeDrivers:
     """A registry with three drivers, one of which cannot be imported."""
 
     def names(self) -> tuple[str, ...]:
-        """Give the names."""
+        """Return the names."""
         return "bench", "port", "broken"
 
     def load(self, name: str) -> _Plugin:
-        """Give the plug-in."""
+        """Return the plug-in."""
         if name == "broken":
             raise RegistryError("driver 'broken' cannot be imported: no module named 'acme'")
         return _PLUGINS[name]
@@ -99,7 +99,7 @@ def load(tmp_path: Path) -> Callable[..., ExperimentConfig]:
 
 @pytest.fixture
 def problems_of(load: Callable[..., ExperimentConfig]) -> Callable[..., list[str]]:
-    """Return a function that gives the problems of the spoilt experiment, without the folder."""
+    """Return a function that returns the problems of the changed experiment, without the folder."""
 
     def spoil(*replacements: tuple[str, str]) -> list[str]:
         with pytest.raises(ConfigError) as caught:

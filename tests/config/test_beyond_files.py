@@ -1,4 +1,4 @@
-"""The experiment beyond the paper ships once for each stage variant, and all stay in step."""
+"""The shipped experiments beyond the paper, one per stage variant, agree with each other."""
 
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ _OF_THE_STACK = {"title", "variant", "reference", "reference_pct"}
 
 
 def shape(value: Any) -> Any:
-    """Return a document without its numbers, and without what only the stack's file says."""
+    """Return a document without its numbers, and without the parts of the stack's file alone."""
     if isinstance(value, dict):
         return {key: shape(item) for key, item in value.items() if key not in _OF_THE_STACK}
     if isinstance(value, list):
@@ -40,7 +40,7 @@ def test_a_variant_differs_in_numbers_only(name: str) -> None:
 
 @pytest.mark.parametrize(("name", "variant"), VARIANTS.items())
 def test_a_variant_can_be_run_and_promises_nothing(name: str, variant: str) -> None:
-    """The file is valid, runs the stage of its name, and names no errors to compare with."""
+    """The file is valid, uses the stage of its name, and has no reference errors."""
     config = load_experiment(EXPERIMENTS / name, registry)
 
     assert document(name)["devices"]["rig"]["options"] == {"variant": variant}
@@ -48,7 +48,7 @@ def test_a_variant_can_be_run_and_promises_nothing(name: str, variant: str) -> N
 
 
 def test_the_uncalibrated_sensor_gets_the_same_numbers() -> None:
-    """What differs between the runs of the two stacks is the sensor alone."""
+    """The runs of the two stacks differ in the sensor alone."""
     stack, uncalibrated = document("beyond.yaml"), document("beyond-uncalibrated.yaml")
     for key in ("rate_hz", "seed", "axes", "identification", "settle_s"):
         assert uncalibrated[key] == stack[key]

@@ -1,4 +1,4 @@
-"""Channels in a configuration: what the driver does not have, or what cannot be used as it is."""
+"""Channels in a configuration: missing channels and wrong uses."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -70,7 +70,7 @@ def load(*replacements: tuple[str, str]) -> DaemonConfig:
 
 
 def test_a_stage_whose_channels_are_there_is_right() -> None:
-    """Each channel is where it was written; a name alone is the channel of the axis' name."""
+    """Channels are read from the file; a name alone means the channel with the name of the axis."""
     axes = load().axes
 
     assert axes["x"].sensor == InputConfig(device="gauge", channel="out")
@@ -130,7 +130,7 @@ MISTAKES = [
     (
         "{kind: line, gain: 15}",
         "{kind: table, values: [0, 10], physical: [0, 120]}",
-        "14:43: axes.y.limits.drive_max_v: the amplifier's calibration does not give it "
+        "14:43: axes.y.limits.drive_max_v: outside the calibration of the amplifier "
         "(got 150 V), allowed range 0 to 120 V",
     ),
     (
@@ -142,18 +142,18 @@ MISTAKES = [
     (
         "{kind: line, gain: 4}",
         "{kind: table, values: [0, 2, 1], physical: [0, 10, 20]}",
-        "12:77: axes.y.sensor.calibration.values: must be strictly rising or strictly falling; of "
-        "a curve with a greatest value, say which side is used: side: near, or far",
+        "12:77: axes.y.sensor.calibration.values: must be strictly rising or strictly falling; for "
+        "a curve with a maximum, name the side that is used: side: near, or far",
     ),
     (
         "{kind: line, gain: 4}",
         "{kind: table, values: [0, 1, 2], physical: [0, 10, 20], side: far}",
-        "12:117: axes.y.sensor.calibration.side: there are no values after the greatest one",
+        "12:117: axes.y.sensor.calibration.side: no values after the maximum",
     ),
     (
         "{kind: line, gain: 4}",
         "{kind: table, values: [0, 1, 0.5, 2], physical: [0, 10, 20, 30], side: near}",
-        "12:77: axes.y.sensor.calibration.values: must be strictly rising before the greatest one",
+        "12:77: axes.y.sensor.calibration.values: must be strictly rising before the maximum",
     ),
     (
         "    sensor: {device: daq, channel: AIN0",
@@ -171,7 +171,7 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("old", "new", "problem"), MISTAKES)
 def test_a_channel_that_cannot_be_used_is_refused(old: str, new: str, problem: str) -> None:
-    """The error says where, what is wrong, and what to do."""
+    """The message states the place, the problem and the remedy."""
     with pytest.raises(ConfigError) as caught:
         load((old, new))
 
@@ -179,14 +179,14 @@ def test_a_channel_that_cannot_be_used_is_refused(old: str, new: str, problem: s
 
 
 def test_a_calibration_that_is_written_down_is_meant() -> None:
-    """Even where it changes nothing: 1 V may be 1 µm."""
+    """A calibration without effect is accepted: 1 V may be 1 µm."""
     axes = load(("{kind: line, gain: 4}", "{kind: line}")).axes
 
     assert axes["y"].sensor.calibration == LineCalibration()
 
 
 def test_light_and_command_are_read_from_the_file() -> None:
-    """With all their keys."""
+    """All their keys are read."""
     light = "light: {channel: AIN1, nominal: 2, least: 1, divides: false}"
     axes = load(
         ("{kind: line, gain: 4}}", f"{{kind: line, gain: 4}}, {light}}}"),
@@ -201,7 +201,7 @@ def test_light_and_command_are_read_from_the_file() -> None:
 
 
 def test_two_devices_cannot_have_one_port() -> None:
-    """The second one is told, with the name of the first."""
+    """The error is reported for the second one, with the name of the first."""
     with pytest.raises(ConfigError, match=r"devices\.gauge\.options\.port: .* of device daq too"):
         load(
             ("daq: {driver: daq}", "daq: {driver: daq, options: {port: /dev/a}}"),

@@ -1,4 +1,4 @@
-"""Experiment files: what is read, and the exact text of what is refused."""
+"""Experiment files: the values read, and the exact text of refusals."""
 
 import subprocess
 import sys
@@ -29,7 +29,7 @@ axes:
 
 
 def test_values_are_as_written(load: Load) -> None:
-    """An experiment holds what its file says."""
+    """An experiment has the values of its file."""
     experiment = load()
 
     assert experiment.rate_hz == 1000.0
@@ -41,7 +41,7 @@ def test_values_are_as_written(load: Load) -> None:
 
 
 def test_defaults_are_filled_in(load: Load) -> None:
-    """What a file leaves out has the documented default."""
+    """A key that is absent has its documented default."""
     experiment = load(("    options: {variant: stack, gain: 2.5}\n", ""))
 
     assert (experiment.seed, experiment.settle_s) == (1, 2.0)
@@ -60,17 +60,17 @@ def test_nothing_can_be_changed(load: Load) -> None:
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
 def test_shipped_experiments_load(path: Path) -> None:
-    """Every experiment that ships is valid, its drivers' options included."""
+    """Every shipped experiment is valid, including the options of its drivers."""
     assert load_experiment(path, registry).cases
 
 
 def test_experiments_ship() -> None:
-    """The paper's experiment is among what ships."""
+    """The paper's experiment is among the shipped ones."""
     assert "qiu.yaml" in [path.name for path in SHIPPED]
 
 
 def test_mistakes_in_options_of_a_foreign_kind(problems_of: ProblemsOf) -> None:
-    """Options whose model does not build on piezod's get the same treatment."""
+    """Options of another kind of model get the same messages."""
     options = "{prot: COM1, baud_rate: 2.5, verbose: 1}"
     changes = (("driver: bench", "driver: port"), ("{variant: stack, gain: 2.5}", options))
 
@@ -105,7 +105,7 @@ def test_all_mistakes_at_once(problems_of: ProblemsOf) -> None:
 
 
 def test_axes_are_mandatory(problems_of: ProblemsOf) -> None:
-    """A file without `axes:` is refused, and so is one without any axis in it."""
+    """A file without `axes:`, or with an empty one, is refused."""
     assert "test.yaml:1:1: axes: required key is missing" in problems_of(("\naxes:", "\naxis:"))
 
     start = "axes:\n  x:\n    amplifier: rig\n    sensor: rig\n"
@@ -116,14 +116,14 @@ def test_axes_are_mandatory(problems_of: ProblemsOf) -> None:
 
 
 def test_case_names_are_unique(problems_of: ProblemsOf) -> None:
-    """Two cases of one name could not be told apart."""
+    """Two cases of the same name are refused."""
     cases = """\
 cases:
   - {name: case 1, period_s: 1, duration_s: 2, command_um: {kind: setpoint, level: 0}}
 """
 
     assert problems_of(("cases:\n", cases)) == [
-        "test.yaml:21:11: cases[1].name: stands there twice (got 'case 1')"
+        "test.yaml:21:11: cases[1].name: appears twice (got 'case 1')"
     ]
 
 
@@ -152,7 +152,7 @@ def test_one_command_for_all_axes(load: Load) -> None:
 
 
 def test_a_command_for_each_axis(load: Load) -> None:
-    """`axes:` under `command_um` gives each axis a command of its own."""
+    """`axes:` under `command_um` gives each axis its own command."""
     experiment = load(
         ("axes:\n", AXIS_Y),
         (
@@ -169,7 +169,7 @@ def test_a_command_for_each_axis(load: Load) -> None:
 
 
 def test_commands_must_fit_the_axes(problems_of: ProblemsOf) -> None:
-    """Every axis has a command, and no command is for an axis that is not there."""
+    """Every axis has a command, and every command has an axis."""
     changes = (
         ("axes:\n", AXIS_Y),
         (
@@ -180,14 +180,14 @@ def test_commands_must_fit_the_axes(problems_of: ProblemsOf) -> None:
 
     assert problems_of(*changes) == [
         "test.yaml:27:18: cases[0].command_um.axes: no command for axis y",
-        "test.yaml:27:25: cases[0].command_um.axes.x: may go beyond what axis x allows "
+        "test.yaml:27:25: cases[0].command_um.axes.x: may exceed the range of axis x "
         "(got 27 to 27 µm), allowed range 0 to 26 µm",
         "test.yaml:27:57: cases[0].command_um.axes.z: no such axis, known: y, x",
     ]
 
 
 def test_device_that_no_axis_uses(problems_of: ProblemsOf) -> None:
-    """A device that is there for nothing is a mistake; one role is enough to be there for."""
+    """An unused device is refused; one role is enough."""
     spare = ("devices:\n", "devices:\n  spare: {driver: bench}\n")
 
     assert problems_of(spare) == [
@@ -196,7 +196,7 @@ def test_device_that_no_axis_uses(problems_of: ProblemsOf) -> None:
 
 
 def test_one_role_is_enough_for_a_device(load: Load) -> None:
-    """A device may be the sensor only."""
+    """A device may be a sensor only."""
     changes = (
         ("devices:\n", "devices:\n  gauge: {driver: bench}\n"),
         ("sensor: rig", "sensor: gauge"),
@@ -211,7 +211,7 @@ def test_one_role_is_enough_for_a_device(load: Load) -> None:
 def test_case_must_leave_something_to_judge(
     problems_of: ProblemsOf, rate_hz: float, duration_s: float, shortest_s: float
 ) -> None:
-    """After the first period, which does not count, ten samples are needed."""
+    """After the first period, which is excluded, ten samples are needed."""
     changes = (
         ("rate_hz: 1000", f"rate_hz: {rate_hz}"),
         ("duration_s: 20", f"duration_s: {duration_s}"),
@@ -242,7 +242,7 @@ def test_shortest_case(load: Load, rate_hz: float, duration_s: float, period_s: 
 def test_identification_must_be_long_enough_for_its_weights(
     problems_of: ProblemsOf, load: Load
 ) -> None:
-    """Five samples for each weight are needed, 19 operators on each side have 38."""
+    """Each weight needs five samples; 19 operators on each side have 38 weights."""
     assert problems_of(("duration_s: 30", "duration_s: 0.189")) == [
         "test.yaml:16:15: identification.duration_s: too short for the 38 weights of axis x at "
         "1000 Hz (got 0.189 s), allowed: at least 0.19 s"
@@ -251,7 +251,7 @@ def test_identification_must_be_long_enough_for_its_weights(
 
 
 def test_run_in_does_not_count_for_the_length(problems_of: ProblemsOf, load: Load) -> None:
-    """What is left after it must be long enough for the weights."""
+    """The part after the run-in must be long enough for the weights."""
     assert problems_of(("duration_s: 30", "duration_s: 30\n  run_in_s: 29.9")) == [
         "test.yaml:16:15: identification.duration_s: too short after run_in_s, 29.9 s, for the 38 "
         "weights of axis x at 1000 Hz (got 30 s), allowed: at least 30.09 s"
@@ -277,23 +277,23 @@ COMPENSATOR = "operators: 19, lms_gain: 0.1"
 def test_compensator_that_cannot_be(
     problems_of: ProblemsOf, compensator: str, problem: str
 ) -> None:
-    """Keys that would be ignored, or contradict each other, are refused."""
+    """Ignored keys and contradictions are refused."""
     assert problems_of((COMPENSATOR, compensator)) == [f"test.yaml:{problem}"]
 
 
 def test_creep_needs_least_squares(problems_of: ProblemsOf, load: Load) -> None:
-    """With LMS it would be ignored."""
+    """LMS would ignore it."""
     creep = (COMPENSATOR, "creep: true")
     assert load(creep).axes["x"].compensator.creep
 
     assert problems_of(creep, ("method: least-squares", "method: lms")) == [
-        "test.yaml:12:26: axes.x.compensator.creep: lms finds no creep, leave it out or identify "
-        "by least-squares"
+        "test.yaml:12:26: axes.x.compensator.creep: lms cannot identify creep, leave it out or "
+        "use method least-squares"
     ]
 
 
 def test_bounds_off_by_rounding_are_allowed(load: Load) -> None:
-    """A sum that reaches its limit but for the last digit of a double is within it."""
+    """A sum that exceeds its limit by rounding alone is accepted."""
     levels = (2.6, 10.4, 13.0, 1e-14)
     parts = ", ".join(f"{{kind: setpoint, level: {level}}}" for level in levels)
     command = f"{{kind: sum, parts: [{parts}]}}"
@@ -311,13 +311,13 @@ def test_devices_made_in_python() -> None:
 
 
 def test_missing_file_names_the_file(tmp_path: Path) -> None:
-    """A file that is not there is a configuration error as well."""
+    """A missing file is a configuration error."""
     with pytest.raises(ConfigError, match=r"none\.yaml: cannot be read: No such file"):
         load_experiment(tmp_path / "none.yaml", registry)
 
 
 def test_reading_a_configuration_needs_no_numerics() -> None:
-    """The room loads neither numpy nor numba, so that checking a file starts quickly."""
+    """The package imports neither numpy nor numba, so that checking a file starts quickly."""
     code = "import sys, piezod.config.experiment; print({'numpy', 'numba'} & sys.modules.keys())"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
 

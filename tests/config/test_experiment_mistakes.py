@@ -99,7 +99,7 @@ ProblemsOf = Callable[..., list[str]]
         (
             "[feedforward, adaptive]",
             "[adaptive, adaptive]",
-            "18:19: modes[1]: stands there twice (got 'adaptive')",
+            "18:19: modes[1]: appears twice (got 'adaptive')",
         ),
         (
             "[feedforward, adaptive]",
@@ -132,13 +132,13 @@ ProblemsOf = Callable[..., list[str]]
         (
             "high: 25",
             "high: 30",
-            "23:5: cases[0].command_um: may go beyond what axis x allows (got 0 to 30 µm), "
+            "23:5: cases[0].command_um: may exceed the range of axis x (got 0 to 30 µm), "
             "allowed range 0 to 26 µm",
         ),
         (
             "high: 148",
             "high: 151",
-            "17:3: identification.drive_v: may go beyond what axis x allows (got 0 to 151 V), "
+            "17:3: identification.drive_v: may exceed the range of axis x (got 0 to 151 V), "
             "allowed range 0 to 150 V",
         ),
         (
@@ -243,5 +243,5 @@ ProblemsOf = Callable[..., list[str]]
     ],
 )
 def test_one_mistake(problems_of: ProblemsOf, old: str, new: str, expected: str) -> None:
-    """Each mistake is one line that says where it is and what would be right."""
+    """Each mistake gives one line with the place and the allowed values."""
     assert [f"test.yaml:{expected}"] == problems_of((old, new))

@@ -12,12 +12,12 @@ LIMITS = "    command_range_um: [0, 26]"
 
 
 def test_mode_is_not_known_unless_it_is_given(load: Callable[..., ExperimentConfig]) -> None:
-    """An axis need not say anything of it."""
+    """The first mode is optional."""
     assert load().axes["x"].first_mode is None
 
 
 def test_mode_is_read(load: Callable[..., ExperimentConfig]) -> None:
-    """Both keys arrive."""
+    """Both keys are read."""
     text = "first_mode: {frequency_hz: 734, damping: 0.015}"
 
     mode = load((LIMITS, f"{LIMITS}\n    {text}")).axes["x"].first_mode
@@ -48,7 +48,7 @@ def test_mode_is_read(load: Callable[..., ExperimentConfig]) -> None:
     ],
 )
 def test_one_mistake(problems_of: ProblemsOf, mode: str, expected: str) -> None:
-    """Each mistake is one line that says where it is and what would be right."""
+    """Each mistake gives one line with the place and the allowed values."""
     problems = problems_of((LIMITS, f"{LIMITS}\n    first_mode: {mode}"))
 
     assert problems == [f"test.yaml:{expected}"]

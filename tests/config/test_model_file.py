@@ -1,4 +1,4 @@
-"""Model files: written and read back without loss, and refused where they are wrong."""
+"""Model files: written and read without loss, and refused if they are invalid."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -35,7 +35,7 @@ TEXT = dump_model(MODEL)
 
 
 def problems_of(path: Path, old: str, new: str) -> list[str]:
-    """Give the problems of the model file after replacing a part of its text."""
+    """Return the problems of the model file after replacing a part of its text."""
     assert TEXT.count(old) == 1
     path.write_text(TEXT.replace(old, new), encoding="utf-8")
     with pytest.raises(ConfigError) as caught:
@@ -44,7 +44,7 @@ def problems_of(path: Path, old: str, new: str) -> list[str]:
 
 
 def test_text_of_a_model_file() -> None:
-    """A model file can be read by a person: one fact per line, long lists folded."""
+    """A model file is readable: one fact per line, long lists folded."""
     assert TEXT.splitlines()[:8] == [
         "# Model of a stage for piezod.",
         'format: "piezod-model"',
@@ -65,7 +65,7 @@ def test_text_of_a_model_file() -> None:
 
 
 def test_round_trip(tmp_path: Path) -> None:
-    """What was written is read back, to the last bit."""
+    """A written model is read back to the last bit."""
     path = tmp_path / "m.yaml"
     path.write_text(TEXT, encoding="utf-8")
 
@@ -83,7 +83,7 @@ CREEP = st.lists(st.tuples(st.floats(1e-4, 1e6), st.floats(0, 0.1)), max_size=9)
 def test_any_model_round_trips(
     weights: tuple[float, ...], name: str, delay_s: float, creep: list[tuple[float, float]]
 ) -> None:
-    """Any numbers and any name of a source survive, also one that looks like a number."""
+    """Any numbers and any name of a source survive, also a name like a number."""
     model = ModelFile.model_validate(
         MODEL.model_dump()
         | {
@@ -126,8 +126,8 @@ def test_any_model_round_trips(
          "position_high_um: must be above position_low_um, -0.1 (got -1)"),
         ("[0.1, 3.1622776601683795, 100.0]", "[0, 1, 2]", "19:4: creep_time_constants_s[0]: out of "
          "range (got 0), allowed range 0.0001 to 1000000 s"),
-        ("[0.01, 0.0033333333333333335, 0.0]", "[0.01]", "21:3: creep_weights: one for each time "
-         "constant is needed (got 1 for 3)"),
+        ("[0.01, 0.0033333333333333335, 0.0]", "[0.01]", "21:3: creep_weights: needs one entry "
+         "for each time constant (got 1 for 3)"),
         ("[0.01, 0.0033333333333333335, 0.0]", "[0.1, -0.1, 0]", "21:9: creep_weights[1]: out of "
          "range (got -0.1), allowed range 0 to 0.1"),
         ("[0.25, 0.5, 0.75]", "[0.25, 0.75, 0.5]", "23:16: right_stop_thresholds[2]: "
@@ -138,34 +138,34 @@ def test_any_model_round_trips(
          "allowed range 1e-09 to 0.999999999"),
         ("[-1e-09]", "[]", "29:3: left_stop_weights: too few entries (got 0), "
          "allowed: at least 1"),
-        ("[-1e-09]", "[0, 0]", "29:3: left_stop_weights: one for each threshold is needed "
-         "(got 2 for 1)"),
+        ("[-1e-09]", "[0, 0]", "29:3: left_stop_weights: needs one entry for each "
+         "threshold (got 2 for 1)"),
         ("[-1e-09]", "[.nan]", "29:4: left_stop_weights[0]: must be a finite number (got .nan), "
          "allowed range -1000000 to 1000000"),
     ],
 )  # fmt: skip
 def test_one_mistake(tmp_path: Path, old: str, new: str, expected: str) -> None:
-    """Each mistake is one line that says where it is and what would be right."""
+    """Each mistake gives one line with the place and the allowed values."""
     problem, *others = problems_of(tmp_path / "m.yaml", old, new)
 
     assert problem == f"m.yaml:{expected}"
-    assert [line for line in others if "one for each" not in line] == []
+    assert [line for line in others if "one entry for each" not in line] == []
 
 
 def test_creep_that_cannot_be_taken_out(tmp_path: Path) -> None:
-    """Where it adds up to the displacement itself, its inverse would run away."""
+    """If the creep weights add up to 1, the removal would be unstable."""
     creep = MODEL.model_copy(
         update={"creep_time_constants_s": (10.0,) * 11, "creep_weights": (0.1,) * 11}
     )
     path = tmp_path / "m.yaml"
     path.write_text(dump_model(creep), encoding="utf-8")
 
-    with pytest.raises(ConfigError, match="creep_weights: must add up to less than 1"):
+    with pytest.raises(ConfigError, match="creep_weights: sum must be below 1"):
         load_model(path)
 
 
 def test_file_without_creep_is_a_stage_without_it(tmp_path: Path) -> None:
-    """The keys may be left out, both together."""
+    """Both keys may be absent together."""
     path = tmp_path / "m.yaml"
     lines = TEXT.splitlines()
     assert [line.partition(":")[0] for line in lines[17:20:2]] == [
@@ -178,7 +178,7 @@ def test_file_without_creep_is_a_stage_without_it(tmp_path: Path) -> None:
 
 
 def test_model_made_in_python_obeys_the_rules() -> None:
-    """The rules hold for a model that never was a file."""
+    """The rules also apply to a model made in Python."""
     with pytest.raises(ValidationError, match="must be above drive_low_v"):
         ModelFile.model_validate(MODEL.model_dump() | {"drive_low_v": 150.0})
 
@@ -197,7 +197,7 @@ def test_experiment_starts_from_a_model(
 def test_identification_that_is_not_used(
     problems_of: Callable[..., list[str]], tmp_path: Path
 ) -> None:
-    """Where every axis has a model file, an identification would be ignored: it is refused."""
+    """If every axis has a model file, an identification is refused, because it would be ignored."""
     (tmp_path / "m.yaml").write_text(TEXT, encoding="utf-8")
 
     assert problems_of(*WITH_MODEL) == [
@@ -208,7 +208,7 @@ def test_identification_that_is_not_used(
 def test_broken_model_is_told_with_its_place(
     problems_of: Callable[..., list[str]], tmp_path: Path
 ) -> None:
-    """An experiment is checked together with the model files that it names."""
+    """The model files of an experiment are checked with it."""
     path = tmp_path / "m.yaml"
     path.write_text(TEXT.replace("version: 1", "version: 2"), encoding="utf-8")
 
@@ -218,20 +218,20 @@ def test_broken_model_is_told_with_its_place(
 
 
 def test_experiment_is_no_model(problems_of: Callable[..., list[str]], tmp_path: Path) -> None:
-    """A file of another kind is said to be one, in place of a list of its keys."""
+    """A file of another kind gets one message instead of a list of keys."""
     path = tmp_path / "m.yaml"
     path.write_text("rate_hz: 1000\nseed: 3\n", encoding="utf-8")
 
     assert problems_of(*WITH_MODEL, (IDENTIFICATION, "")) == [
-        f"test.yaml:10:12: axes.x.model: {path}: this is no model file, it has none of the keys of "
-        "one; `piezod identify` makes them"
+        f"test.yaml:10:12: axes.x.model: {path}: not a model file, it has none of the keys of "
+        "one; `piezod identify` makes model files"
     ]
 
 
 def test_compensator_keys_that_the_model_decides(
     problems_of: Callable[..., list[str]], tmp_path: Path
 ) -> None:
-    """They come from the model file; given as well, they would be ignored."""
+    """Keys that the model file replaces are refused, because they would be ignored."""
     (tmp_path / "m.yaml").write_text(TEXT, encoding="utf-8")
     model, compensator = WITH_MODEL
     keys = (compensator[0], "operators: 19, delay_s: auto, creep: true, thresholds: even, ")

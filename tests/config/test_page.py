@@ -1,4 +1,4 @@
-"""The page about experiment files says what the models say."""
+"""The page about experiment files agrees with the models."""
 
 import re
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from piezod.config.modes import Mode
 from piezod.config.trim import TrimConfig
 
 PAGE: Final = (Path(__file__).parents[2] / "docs" / "experiments.md").read_text(encoding="utf-8")
-# Words in code, in a text or in an example: `high`, `{kind: modulated, depth: 0.8}`.
+# Words in code spans, in the text or in an example: `high`, `{kind: modulated, depth: 0.8}`.
 SPANS: Final = re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", PAGE, flags=re.DOTALL))
 WORDS: Final = set(re.findall(r"[a-z][a-z_-]*", " ".join(SPANS)))
 UNITS: Final = {
@@ -30,7 +30,7 @@ UNITS: Final = {
 
 
 def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Give the models of a type, and those of their fields."""
+    """Yield the models of a type, and those of their fields."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
         for field in annotation.model_fields.values():
@@ -44,25 +44,25 @@ MODELS: Final = sorted(set(models_in(ExperimentConfig)) - {BaseModel}, key=lambd
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
 def test_page_names_every_key(model: type[BaseModel]) -> None:
-    """No key has to be guessed."""
+    """The page contains every key."""
     assert set(model.model_fields) - WORDS == set()
 
 
 def test_page_names_every_model() -> None:
-    """The search above reaches the models inside of unions, lists and mappings."""
+    """The search above reaches the models inside unions, lists and mappings."""
     names = {model.__name__ for model in MODELS}
 
     assert {"CompensatorConfig", "Component", "DecayingEnvelope", "SequencePart"} <= names
 
 
 def test_page_names_every_mode_and_metric() -> None:
-    """The words that lists may hold are all there."""
+    """All allowed words of lists are on the page."""
     assert {*Mode, *get_args(Metric)} <= WORDS
 
 
 @pytest.mark.parametrize("model", [LimitsConfig, FirstModeConfig, CompensatorConfig, TrimConfig])
 def test_page_has_ranges_units_and_defaults(model: type[BaseModel]) -> None:
-    """The tables of the numbers of an axis agree with the models."""
+    """The tables of numbers of an axis agree with the models."""
     properties = model.model_json_schema()["properties"]
     for name, field in model.model_fields.items():
         (row,) = (line for line in PAGE.splitlines() if line.startswith(f"| `{name}` | "))
@@ -74,7 +74,7 @@ def test_page_has_ranges_units_and_defaults(model: type[BaseModel]) -> None:
 
 
 def range_of(schema: dict[str, Any]) -> str:
-    """Give what a field may be: the range of its number, or its words."""
+    """Return the range of a field's number, or its allowed words."""
     if schema.get("type") == "boolean":
         return "`false`, `true`"
     if "enum" in schema:
@@ -85,7 +85,7 @@ def range_of(schema: dict[str, Any]) -> str:
 
 
 def shown(default: object) -> str:
-    """Give a default as the page has it."""
+    """Return a default as the page shows it."""
     if default is None:
         return "–"
     if isinstance(default, bool):

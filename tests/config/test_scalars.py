@@ -37,7 +37,7 @@ from piezod.config.scalars import resolve
     ],
 )
 def test_words_of_the_core_schema(text: str, value: object) -> None:
-    """Null, booleans and numbers are what YAML 1.2 says, with their type."""
+    """Null, booleans and numbers follow YAML 1.2, with their type."""
     found = resolve(text)
 
     assert value == found
@@ -50,12 +50,12 @@ def test_words_of_the_core_schema(text: str, value: object) -> None:
      "0b11", "-0x1", "0o8", "0xG", "1e", "e3", ".", "+", "1.2.3", "inf", "nan", ".inff", "٣"],
 )  # fmt: skip
 def test_everything_else_is_text(text: str) -> None:
-    """What YAML 1.1 or Python would take for something else stays as written."""
+    """Words with a meaning in YAML 1.1 or Python only stay texts."""
     assert text == resolve(text)
 
 
 def test_nan() -> None:
-    """`.nan` is read; it is for the schema to refuse it."""
+    """`.nan` is read; the schema refuses it."""
     found = resolve(".NaN")
 
     assert isinstance(found, float)
@@ -66,14 +66,14 @@ def test_nan() -> None:
     "text", ["9223372036854775808", "-9223372036854775809", "0xFFFFFFFFFFFFFFFF"]
 )
 def test_whole_numbers_beyond_64_bits(text: str) -> None:
-    """A whole number that fits no machine word is refused."""
+    """A whole number beyond 64 bits is refused."""
     with pytest.raises(ValueError, match="beyond 64 bits"):
         resolve(text)
 
 
 @pytest.mark.parametrize("text", ["1" * 101, "0x" + "1" * 99, "0." + "1" * 99])
 def test_absurdly_long_numbers(text: str) -> None:
-    """A number is not converted if that could take long."""
+    """Very long numbers are not converted, because that could take long."""
     with pytest.raises(ValueError, match="more than 100 characters"):
         resolve(text)
 

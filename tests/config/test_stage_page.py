@@ -1,4 +1,4 @@
-"""The page about running a stage says what the configuration's models say."""
+"""The page about running a stage agrees with the models of the configuration."""
 
 import re
 from pathlib import Path
@@ -30,13 +30,13 @@ OWN: Final = (
 
 @pytest.mark.parametrize("model", OWN)
 def test_page_names_every_key(model: type[BaseModel]) -> None:
-    """No key has to be guessed."""
+    """The page contains every key."""
     assert [key for key in model.model_fields if f"`{key}`" not in PAGE] == []
 
 
 @pytest.mark.parametrize("model", [OnTargetConfig, ConditioningConfig, SafetyConfig, LoopConfig])
 def test_page_has_the_defaults(model: type[BaseModel]) -> None:
-    """They stand near their key."""
+    """Each default is near its key."""
     for key, field in model.model_fields.items():
         if isinstance(field.default, bool) or field.default is None:
             continue
@@ -47,5 +47,5 @@ def test_page_has_the_defaults(model: type[BaseModel]) -> None:
 
 
 def test_page_names_the_keys_of_any_axis() -> None:
-    """Those that experiments have, too."""
+    """The keys of experiments are included."""
     assert [key for key in AxisConfig.model_fields if f"`{key}`" not in PAGE] == []

@@ -12,14 +12,14 @@ LIMITS = "    command_range_um: [0, 26]"
 
 
 def test_trim_has_defaults(load: Callable[..., ExperimentConfig]) -> None:
-    """An axis that says nothing of the trim has one that suits a 1 kHz loop."""
+    """The defaults suit a loop at 1 kHz."""
     trim = load().axes["x"].trim
 
     assert trim == TrimConfig(base="feedforward", gain_per_s=50.0, authority_pct=5.0)
 
 
 def test_trim_is_read(load: Callable[..., ExperimentConfig]) -> None:
-    """Each key arrives."""
+    """Each key is read."""
     text = "trim: {base: adaptive, gain_per_s: 20, authority_pct: 2}"
 
     trim = load((LIMITS, f"{LIMITS}\n    {text}")).axes["x"].trim
@@ -46,7 +46,7 @@ def test_trim_is_read(load: Callable[..., ExperimentConfig]) -> None:
     ],
 )
 def test_one_mistake(problems_of: ProblemsOf, trim: str, expected: str) -> None:
-    """Each mistake is one line that says where it is and what would be right."""
+    """Each mistake gives one line with the place and the allowed values."""
     problems = problems_of((LIMITS, f"{LIMITS}\n    trim: {trim}"))
 
     assert problems == [f"test.yaml:{expected}"]

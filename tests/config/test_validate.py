@@ -1,4 +1,4 @@
-"""Errors of models that drivers bring: other kinds of fields, nested in other ways."""
+"""Errors of the models of drivers: other kinds of fields, nested in other ways."""
 
 from datetime import date
 from pathlib import Path
@@ -16,7 +16,7 @@ from piezod.errors import ConfigError
 
 
 class Line(ConfigModel):
-    """A member of a union that is told apart by another key than `kind`."""
+    """A member of a union with another discriminator than `kind`."""
 
     shape: Literal["line"]
     slope: Annotated[float, Field(lt=3)]
@@ -36,7 +36,7 @@ class Table(ConfigModel):
 
 
 class Foreign(BaseModel):
-    """A model that knows nothing of piezod's."""
+    """A model that is not based on piezod's."""
 
     model_config = {"extra": "forbid"}
 
@@ -93,7 +93,7 @@ class Options(ConfigModel):
     ],
 )  # fmt: skip
 def test_one_mistake(text: str, expected: str) -> None:
-    """Whatever kind of field is wrong, the line says where and why."""
+    """For any kind of field, the line states place and reason."""
     with pytest.raises(ConfigError) as caught:
         validate(parse_yaml(text, "f.yaml"), Options, Context())
     assert str(caught.value) == f"f.yaml:{expected}"
@@ -114,12 +114,12 @@ def test_one_mistake(text: str, expected: str) -> None:
     ],
 )
 def test_values_are_shown_as_in_a_file(value: object, text: str) -> None:
-    """A value that was found is shown on one line, and not at any length."""
+    """A found value is shown on one line and shortened."""
     assert show(value) == text
 
 
 def test_paths_made_in_python(tmp_path: Path) -> None:
-    """In Python a file may be given as a path; it is taken as it is."""
+    """In Python a file may be given as a path."""
     path = tmp_path / "w.csv"
     path.write_text("t_s,drive_v\n0,1\n")
 

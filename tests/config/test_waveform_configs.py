@@ -80,7 +80,7 @@ COMMAND = "{kind: triangle, low: 0, high: 25, frequency_hz: 0.5}"
     ],
 )
 def test_rules(problems_of: ProblemsOf, tmp_path: Path, command: str, expected: str) -> None:
-    """A waveform that makes no sense is refused where it does not."""
+    """An invalid waveform is refused at the place of the error."""
     expected = expected.replace("{folder}", str(tmp_path))
 
     assert [f"test.yaml:{expected}"] == problems_of((COMMAND, command))
@@ -148,7 +148,7 @@ def test_points_come_from_a_file_beside_the_experiment(
 
 
 def test_problems_of_a_file_are_told_at_its_path(problems_of: ProblemsOf, tmp_path: Path) -> None:
-    """What is wrong in the CSV file is told with its line, at the place that names the file."""
+    """An error in the CSV file is reported with its line, at the key that names the file."""
     path = tmp_path / "w.csv"
     path.write_text("t_s,command_um\n0,1\n1,x\n")
 
@@ -190,7 +190,7 @@ def test_problems_of_a_file_are_told_at_its_path(problems_of: ProblemsOf, tmp_pa
         ('note,t_s,command_um\n"a\nb",0,x\n', ":2: 1 field, allowed: 3 as in the header"),
         ("t_s,command_um\n0,1\n\n1,2\n", ":3: the row is empty, delete it"),
         ("\nt_s,command_um\n0,1\n", ":1: the row is empty, delete it"),
-        ("t_s,u,command_um,u\n0,1,2,3\n", ":1: column 'u' is there 2 times"),
+        ("t_s,u,command_um,u\n0,1,2,3\n", ":1: column 'u' appears 2 times"),
         (
             "t_s,command_um\r\n0,1\r1,x\n",
             ":3: must be a number (got 'x'), allowed range -1000000 to 1000000",
@@ -208,7 +208,7 @@ def test_problems_of_a_file_are_told_at_its_path(problems_of: ProblemsOf, tmp_pa
     ],
 )
 def test_csv_refusals(tmp_path: Path, text: str, expected: str) -> None:
-    """A file that is no waveform is refused with the line where it stops being one."""
+    """An invalid file is refused with the line of the first error."""
     path = tmp_path / "w.csv"
     path.write_text(text, encoding="utf-8", newline="")
 
@@ -218,7 +218,7 @@ def test_csv_refusals(tmp_path: Path, text: str, expected: str) -> None:
 
 
 def test_csv_that_cannot_be_read(tmp_path: Path) -> None:
-    """Bytes that are no text are refused."""
+    """A binary file is refused."""
     path = tmp_path / "w.csv"
     path.write_bytes(b"t_s,command_um\n\xff\n")
 
@@ -227,7 +227,7 @@ def test_csv_that_cannot_be_read(tmp_path: Path) -> None:
 
 
 def test_csv_of_endless_length(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The number of points is bounded."""
+    """The number of points is limited."""
     monkeypatch.setattr("piezod.config.files.MAX_POINTS", 2)
     path = tmp_path / "w.csv"
     path.write_text("t_s,command_um\n0,1\n1,2\n2,3\n")

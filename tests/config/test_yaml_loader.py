@@ -14,7 +14,7 @@ from piezod.errors import ConfigError
 
 
 def problems_in(text: str) -> list[str]:
-    """Give the problems that parsing a text finds."""
+    """Return the problems that parsing a text finds."""
     with pytest.raises(ConfigError) as caught:
         parse_yaml(text, "f.yaml")
     return str(caught.value).splitlines()
@@ -50,19 +50,19 @@ def test_byte_order_mark_and_line_ends(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("a: 1\nb: 2\na: 3", "f.yaml:3:1: duplicate key 'a', it stands already in line 1"),
-        ("a: {b: 1, b: 2}", "f.yaml:1:11: duplicate key 'b', it stands already in line 1"),
-        ("a: 1\n'a': 2", "f.yaml:2:1: duplicate key 'a', it stands already in line 1"),
+        ("a: 1\nb: 2\na: 3", "f.yaml:3:1: duplicate key 'a', first in line 1"),
+        ("a: {b: 1, b: 2}", "f.yaml:1:11: duplicate key 'b', first in line 1"),
+        ("a: 1\n'a': 2", "f.yaml:2:1: duplicate key 'a', first in line 1"),
         ("a: &one 1", "f.yaml:1:4: anchor &one is not allowed"),
         ("&k a: 1", "f.yaml:1:1: anchor &k is not allowed"),
         (
             "a: !!float 1",
-            "f.yaml:1:4: tag !!float is not allowed, the form of a value tells its type",
+            "f.yaml:1:4: tag !!float is not allowed, the type follows from the value",
         ),
-        ("a: !x {}", "f.yaml:1:4: tag !x is not allowed, the form of a value tells its type"),
+        ("a: !x {}", "f.yaml:1:4: tag !x is not allowed, the type follows from the value"),
         ("<<: {a: 1}", "f.yaml:1:1: merge key << is not allowed, write the keys out"),
-        ("1: 2", "f.yaml:1:1: a key must be a text (got 1), put quotes round it"),
-        ("true: 2", "f.yaml:1:1: a key must be a text (got true), put quotes round it"),
+        ("1: 2", "f.yaml:1:1: a key must be a text (got 1), put it in quotes"),
+        ("true: 2", "f.yaml:1:1: a key must be a text (got true), put it in quotes"),
         ("[a]: 2", "f.yaml:1:1: a key must be a text"),
         ("a: 1\n---\nb: 2", "f.yaml:2:1: a second document starts, allowed: one in a file"),
         ("", "f.yaml:1:1: the file is empty"),
@@ -70,7 +70,7 @@ def test_byte_order_mark_and_line_ends(tmp_path: Path) -> None:
         ("---\n", "f.yaml:2:1: the top level must be a mapping, lines of `key: value`"),
         ("- 1", "f.yaml:1:1: the top level must be a mapping, lines of `key: value`"),
         ("a: 99999999999999999999", "f.yaml:1:4: whole number beyond 64 bits"),
-        ('a: "\\ud800"', "f.yaml:1:4: half a surrogate pair is no character"),
+        ('a: "\\ud800"', "f.yaml:1:4: half of a surrogate pair is not a character"),
         ("a: 1\nb: \x07", "f.yaml:2:4: character '\\x07' is not allowed in YAML"),
         (
             "a: 1\nb: 2\n c: 3",
@@ -98,7 +98,7 @@ def test_byte_order_mark_and_line_ends(tmp_path: Path) -> None:
     ],
 )
 def test_refusals(text: str, expected: str) -> None:
-    """Each thing that is refused is named with file, line and column."""
+    """Each refusal states file, line and column."""
     assert [expected] == problems_in(text)
 
 
@@ -111,20 +111,20 @@ def test_alias_is_refused_with_its_anchor() -> None:
 
 
 def test_merge_key_in_quotes_is_a_text() -> None:
-    """Only the bare << is YAML 1.1's merge key."""
+    """Only the bare << is the merge key of YAML 1.1."""
     assert parse_yaml("'<<': 1", "f").data == {"<<": 1}
 
 
 def test_all_problems_at_once() -> None:
-    """What was found before the text stops being YAML is reported with it."""
+    """Problems before invalid YAML are reported with it."""
     assert problems_in("a: 1\na: 2\nb: {c") == [
-        "f.yaml:2:1: duplicate key 'a', it stands already in line 1",
+        "f.yaml:2:1: duplicate key 'a', first in line 1",
         "f.yaml:3:6: while parsing a flow mapping, expected ',' or '}', but got '<stream end>'",
     ]
 
 
 def test_flood_of_problems_is_cut() -> None:
-    """After fifty problems only the number of the others is told."""
+    """After fifty problems only the number of the others is reported."""
     lines = problems_in("\n".join(["a: 1"] * 61))
 
     assert len(lines) == 51
@@ -133,7 +133,7 @@ def test_flood_of_problems_is_cut() -> None:
 
 @pytest.mark.parametrize(("opening", "closing"), [("[", "]"), ("{a: ", "}")])
 def test_depth_is_bounded(opening: str, closing: str) -> None:
-    """The deepest allowed nesting is read, one level more is refused."""
+    """The deepest allowed nesting is read; one more level is refused."""
     levels = MAX_DEPTH - 1
     parse_yaml("a: " + opening * levels + closing * levels, "f.yaml")
 
@@ -142,14 +142,14 @@ def test_depth_is_bounded(opening: str, closing: str) -> None:
 
 
 def test_depth_bomb_is_refused_at_once() -> None:
-    """A file that is nothing but brackets does not exhaust the stack."""
+    """A file of brackets only does not exhaust the stack."""
     (problem,) = problems_in("[" * 200_000)
 
     assert f"f.yaml:1:{MAX_DEPTH + 1}: nested too deeply, allowed: {MAX_DEPTH} levels" == problem
 
 
 def test_size_is_bounded(tmp_path: Path) -> None:
-    """A file one byte too large is refused, one of exactly the size is read."""
+    """A file of the largest size is read; one more byte is refused."""
     path = tmp_path / "f.yaml"
     path.write_bytes(b"a: 1\n" + b"#" * (MAX_BYTES - 5))
     assert load_yaml(path).data == {"a": 1}
@@ -160,7 +160,7 @@ def test_size_is_bounded(tmp_path: Path) -> None:
 
 
 def test_file_that_is_not_utf8(tmp_path: Path) -> None:
-    """The first byte that is not UTF-8 is named with its place."""
+    """The message states the first byte that is not UTF-8, with its place."""
     path = tmp_path / "f.yaml"
     path.write_bytes("a: 1\nb: ä µ".encode("latin-1"))
 
@@ -182,7 +182,7 @@ def test_file_that_cannot_be_read(tmp_path: Path, name: str) -> None:
     [((), ""), (("a", 0, "b"), "a[0].b"), (("a b",), "a b"), (("", "\n"), "''.'\\n'")],
 )
 def test_paths_are_written_as_a_person_would(path: tuple[str | int, ...], text: str) -> None:
-    """Indices are in brackets; names that would not show are quoted."""
+    """Indices are in brackets; unprintable names are quoted."""
     assert text == format_path(path)
 
 
@@ -198,7 +198,7 @@ YAML_PIECES = st.sampled_from(
 @example("%YAML " + "9" * 5000 + ".1\n--- {}")
 @example("%YAML 1.1\n%YAML 1.1\n---\n")
 def test_no_text_raises_anything_else(text: str) -> None:
-    """Whatever a file holds, it is a mapping or a ConfigError that says where."""
+    """Any text gives a mapping or a ConfigError with a place."""
     try:
         document = parse_yaml(text, "f.yaml")
     except ConfigError as error:
@@ -209,7 +209,7 @@ def test_no_text_raises_anything_else(text: str) -> None:
 
 @given(st.binary(max_size=200))
 def test_no_bytes_raise_anything_else(tmp_path_factory: pytest.TempPathFactory, raw: bytes) -> None:
-    """Whatever bytes a file holds, it is a mapping or a ConfigError."""
+    """Any bytes give a mapping or a ConfigError."""
     path = tmp_path_factory.getbasetemp() / "bytes.yaml"
     path.write_bytes(raw)
     try:
@@ -231,17 +231,17 @@ DATA = st.recursive(
 
 @given(st.dictionaries(st.text("abc", min_size=1), DATA, max_size=4))
 def test_data_written_by_another_program_round_trips(data: dict[str, object]) -> None:
-    """Data that PyYAML writes with quotes round every text is read as the same data."""
+    """Data written by PyYAML with all texts in quotes is read back unchanged."""
     text = yaml.dump(data, Dumper=QuotingDumper, allow_unicode=True)
 
     assert data == parse_yaml(text, "f").data
 
 
 class QuotingDumper(yaml.SafeDumper):
-    """Writes tuples as lists, and texts in quotes; YAML 1.1 knows other bare words than 1.2."""
+    """Writes tuples as lists and texts in quotes, because bare words differ in YAML 1.1 and 1.2."""
 
     def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002 - fixed by the base class
-        """Write every value out."""
+        """Write every value in full."""
         return True
 
 

@@ -39,7 +39,7 @@ def test_stage_is_described() -> None:
          "file.yaml:1:1: rate_hz: required key is missing"),
         ("format: old\n", FileKind.MODEL, "file.yaml:1:1: created_at: required key is missing"),
         ("delay_s: 0\n", FileKind.MODEL, "file.yaml:1:1: created_at: required key is missing"),
-        ("a: 1\na: 2\n", None, "file.yaml:2:1: duplicate key 'a', it stands already in line 1"),
+        ("a: 1\na: 2\n", None, "file.yaml:2:1: duplicate key 'a', first in line 1"),
         ("- 1\n", None, "file.yaml:1:1: the top level must be a mapping, lines of `key: value`"),
     ],
 )  # fmt: skip
