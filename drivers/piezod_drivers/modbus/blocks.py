@@ -1,4 +1,4 @@
-"""Which registers are read together, and which are written together."""
+"""Groups of registers that are read or written by one request."""
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
@@ -6,8 +6,8 @@ from math import inf, nan
 from typing import Final, NamedTuple, TypeAlias
 
 from piezod_drivers.modbus.codec import (
-    MOST_READ,
-    MOST_WRITTEN,
+    MAX_READ,
+    MAX_WRITTEN,
     ModbusRequest,
     WriteMany,
     read,
@@ -16,60 +16,63 @@ from piezod_drivers.modbus.codec import (
 from piezod_drivers.modbus.register import Register, Table, packer, unpacker
 
 FORMS: Final = 3
-"""In so many lengths a block is read by turns, where its device has the registers."""
-MOST_COILS: Final = 64
+"""Number of lengths in which a block is read in turn, if the device has the registers."""
+MAX_COILS: Final = 64
 
 Extent: TypeAlias = tuple[int, int]
-"""First address, and the one behind the last."""
+"""First address, and the address behind the last."""
 
 
 class Decoded(NamedTuple):
     """How a number of a block becomes a value.
 
     Attributes:
-        place: Where the value goes.
-        value_of: Gives it from a reply with its function; NaN where it is beyond the range.
+        position: Index of the value in the result.
+        value_of: Returns the value from a reply with its function code; NaN if it is out of range.
     """
 
-    place: int
+    position: int
     value_of: Callable[[bytes], float]
 
 
 class ReadBlock:
     """Reads several registers in one request, in forms that differ in their length.
 
+    Replies of different length cannot be mistaken for each other, so a late reply is recognized.
+
     Args:
         unit: Address of the device.
-        wanted: Where each value goes, and its register; all of one extent.
-        extent: All addresses around them that the device has.
+        wanted: Index of each value and its register; all registers lie in one extent.
+        extent: Range of addresses around them that the device has.
     """
 
     def __init__(self, unit: int, wanted: Sequence[tuple[int, Register]], extent: Extent) -> None:
         table: Table = wanted[0][1].table
-        start, end = _around(register for _, register in wanted)
+        start, end = _span(register for _, register in wanted)
         self.unit, self.start, self.count = unit, start, end - start
-        most = min(extent[1] - start, MOST_COILS if table == "coil" else MOST_READ)
+        most = min(extent[1] - start, MAX_COILS if table == "coil" else MAX_READ)
+        # The longer forms also read registers behind the wanted ones, so these must exist.
         longer = range(self.count, min(most, self.count + FORMS - 1) + 1)
         counts = longer if table != "coil" else (self.count,)
         self.counts = tuple(counts)
         self.requests = [read(table, start, count) for count in counts]
-        self._decoded = [Decoded(place, _decoder(reg, start)) for place, reg in wanted]
-        self._turn = 0
+        self._decoded = [Decoded(position, _decoder(reg, start)) for position, reg in wanted]
+        self._form = 0
 
-    def keep(self, forms: Sequence[int]) -> None:
-        """Ask in these forms only, by their places."""
+    def keep_forms(self, forms: Sequence[int]) -> None:
+        """Use only these forms, given by their index."""
         self.counts = tuple(self.counts[form] for form in forms)
         self.requests = [self.requests[form] for form in forms]
 
-    def turn(self) -> int:
-        """Tell which form is due; may be called in the loop."""
-        self._turn = turn = (self._turn + 1) % len(self.requests)
-        return turn
+    def next_form(self) -> int:
+        """Return the index of the form that is due. Real-time safe."""
+        self._form = form = (self._form + 1) % len(self.requests)
+        return form
 
     def decode(self, pdu: bytes, into: list[float]) -> None:
-        """Put the values of a reply, in any form, where they go; may be called in the loop."""
-        for place, value_of in self._decoded:
-            into[place] = value_of(pdu)
+        """Write the values of a reply, in any form, to their indices. Real-time safe."""
+        for position, value_of in self._decoded:
+            into[position] = value_of(pdu)
 
 
 class WriteBlock:
@@ -77,8 +80,8 @@ class WriteBlock:
 
     Args:
         unit: Address of the device.
-        wanted: Where each value comes from, and its register; in the order of addresses.
-        functions: What the device has for writing, of 6 and 16.
+        wanted: Index of each value and its register, in the order of addresses.
+        functions: Functions that the device has for writing, of 6 and 16.
     """
 
     def __init__(
@@ -87,74 +90,76 @@ class WriteBlock:
         self.unit, self.start = unit, wanted[0][1].address
         self.count = sum(register.size for _, register in wanted)
         self._many = WriteMany(self.start, self.count)
-        self._packed = [(place, packer(register)) for place, register in wanted]
+        self._packed = [(position, packer(register)) for position, register in wanted]
         singly = 6 in functions and self.count == len(wanted)
-        self._ways: list[Callable[[Sequence[float]], list[ModbusRequest]]] = []
+        self._alternatives: list[Callable[[Sequence[float]], list[ModbusRequest]]] = []
+        # One register: function 6 is the best. Several: one request for all of them is the best.
         if 16 in functions or not singly:
-            self._ways.append(self._at_once)
+            self._alternatives.append(self._at_once)
         if singly:
-            self._ways.insert(1 if self.count > 1 else 0, self._one_by_one)
+            self._alternatives.insert(1 if self.count > 1 else 0, self._one_by_one)
 
     def words(self, values: Sequence[float]) -> bytes:
-        """Return the words to be written; may be called in the loop."""
-        return b"".join([pack(values[place]) for place, pack in self._packed])
+        """Return the words that are written. Real-time safe."""
+        return b"".join([pack(values[position]) for position, pack in self._packed])
 
     def requests(self, values: Sequence[float]) -> list[list[ModbusRequest]]:
-        """Return the ways to write them, the best one first; may be called in the loop."""
-        return [way(values) for way in self._ways]
+        """Return the alternative lists of requests, the best one first. Real-time safe."""
+        return [make(values) for make in self._alternatives]
 
     def _at_once(self, values: Sequence[float]) -> list[ModbusRequest]:
         return [self._many.request(self.words(values))]
 
     def _one_by_one(self, values: Sequence[float]) -> list[ModbusRequest]:
         return [
-            write_one(self.start + i, pack(values[place]))
-            for i, (place, pack) in enumerate(self._packed)
+            write_one(self.start + i, pack(values[position]))
+            for i, (position, pack) in enumerate(self._packed)
         ]
 
 
 def read_blocks(
     unit: int, wanted: Iterable[tuple[int, Register]], known: Iterable[Register]
 ) -> list[ReadBlock]:
-    """Group registers into as few requests as can be, reading none that the device has not.
+    """Group registers into as few requests as possible, without reading missing ones.
 
     Args:
         unit: Address of the device.
-        wanted: Where each value goes, and its register.
+        wanted: Index of each value and its register.
         known: All registers that the device has.
     """
     extents = _extents(known)
     groups: dict[tuple[Table, Extent], list[tuple[int, Register]]] = {}
     blocks = []
-    for place, register in sorted(wanted, key=lambda one: one[1].address):
+    for position, register in sorted(wanted, key=lambda one: one[1].address):
+        # A request must not read a register that the device lacks: it would be refused as a whole.
         extent = next(
             (low, high) for low, high in extents[register.table] if low <= register.address < high
         )
         group = groups.setdefault((register.table, extent), [])
-        most = MOST_COILS if register.table == "coil" else MOST_READ
+        most = MAX_COILS if register.table == "coil" else MAX_READ
         if group and register.address + register.size - group[0][1].address > most:
             blocks.append(ReadBlock(unit, group, extent))
             group = groups[register.table, extent] = []
-        group.append((place, register))
+        group.append((position, register))
     return blocks + [ReadBlock(unit, group, extent) for (_, extent), group in groups.items()]
 
 
 def write_blocks(
     unit: int, wanted: Iterable[tuple[int, Register]], functions: Sequence[int]
 ) -> list[WriteBlock]:
-    """Group registers that follow each other, where the device can write several at once."""
+    """Group consecutive registers, if the device can write several at once."""
     groups: list[list[tuple[int, Register]]] = []
-    for place, register in sorted(wanted, key=lambda one: one[1].address):
-        start, end = _around(reg for _, reg in groups[-1]) if groups else (0, -1)
-        fits = register.address + register.size - start <= MOST_WRITTEN
+    for position, register in sorted(wanted, key=lambda one: one[1].address):
+        start, end = _span(reg for _, reg in groups[-1]) if groups else (0, -1)
+        fits = register.address + register.size - start <= MAX_WRITTEN
         if end == register.address and fits and 16 in functions:
-            groups[-1].append((place, register))
+            groups[-1].append((position, register))
         else:
-            groups.append([(place, register)])
+            groups.append([(position, register)])
     return [WriteBlock(unit, group, functions) for group in groups]
 
 
-def _around(registers: Iterable[Register]) -> Extent:
+def _span(registers: Iterable[Register]) -> Extent:
     ends = [(register.address, register.address + register.size) for register in registers]
     return min(low for low, _ in ends), max(high for _, high in ends)
 
@@ -168,6 +173,7 @@ def _extents(known: Iterable[Register]) -> dict[Table, list[Extent]]:
 
 
 def _joined(spans: Sequence[Extent]) -> list[Extent]:
+    # A new extent starts at each gap between registers; 1 << 17 lies behind every address.
     starts = [spans[0][0]] + [start for (_, end), (start, _) in pairwise(spans) if start > end]
     return [
         (start, max(high for low, high in spans if start <= low < until))
@@ -177,8 +183,8 @@ def _joined(spans: Sequence[Extent]) -> list[Extent]:
 
 def _decoder(register: Register, start: int) -> Callable[[bytes], float]:
     if register.table == "coil":
-        place, bit = divmod(register.address - start, 8)
-        return lambda pdu: float(pdu[2 + place] >> bit & 1)
+        byte, bit = divmod(register.address - start, 8)
+        return lambda pdu: float(pdu[2 + byte] >> bit & 1)
     at = 2 + 2 * (register.address - start)
     number_of, scale, offset = unpacker(register), register.scale, register.offset
     if register.role != "input" or (register.low == -inf and register.high == inf):

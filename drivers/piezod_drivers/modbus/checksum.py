@@ -1,4 +1,4 @@
-"""The checksum of Modbus RTU, two bytes at a step."""
+"""The checksum of Modbus RTU (CRC-16), computed two bytes at a time."""
 
 from functools import lru_cache
 from struct import unpack
@@ -8,10 +8,11 @@ from pymodbus.framer import FramerRTU
 
 @lru_cache(maxsize=1)
 def _of_words() -> list[int]:
-    """Return what a word, on top of the checksum so far, makes of it.
+    """Return the table that updates the checksum with one 16-bit word.
 
-    The checksum is linear: a table for 16 bits follows from 16 entries, each for one bit.
+    The checksum is linear over XOR: 16 entries, one for each bit, give the table for all words.
     """
+    # pymodbus has the table for single bytes; two steps of it are one step with a word.
     bytewise = FramerRTU.crc16_table
     table = [0]
     for bit in range(16):
@@ -23,7 +24,7 @@ def _of_words() -> list[int]:
 
 
 def checksum(data: bytes) -> bytes:
-    """Return the two bytes that follow these in a frame; may be called in the loop."""
+    """Return the checksum of data, two bytes. Real-time safe."""
     table, crc = _of_words(), 0xFFFF
     n_words = len(data) // 2
     for word in unpack(f"<{n_words}H", data[: 2 * n_words]):
@@ -33,12 +34,12 @@ def checksum(data: bytes) -> bytes:
     return crc.to_bytes(2, "little")
 
 
-@lru_cache(maxsize=64)
-def framed(message: bytes) -> bytes:
-    """Return a message with its checksum; may be called in the loop, which repeats most of them."""
+@lru_cache(maxsize=64)  # the loop repeats most of its messages
+def with_checksum(message: bytes) -> bytes:
+    """Return a message with its checksum. Real-time safe."""
     return message + checksum(message)
 
 
-def is_whole(frame: bytes) -> bool:
-    """Tell whether a frame ends in its checksum; may be called in the loop."""
+def has_valid_checksum(frame: bytes) -> bool:
+    """Return whether a frame ends with its checksum. Real-time safe."""
     return len(frame) > 2 and checksum(frame[:-2]) == frame[-2:]

@@ -1,4 +1,4 @@
-"""Requests without their frames, and what their replies must look like."""
+"""Requests without their frames, and the properties of a valid reply."""
 
 from struct import Struct
 from typing import Final, NamedTuple
@@ -17,11 +17,11 @@ from piezod.devices.status import DeviceFlag
 from piezod_drivers.modbus.register import Table
 
 FEEDBACK: Final = 0x4C
-"""LabJack's function for several reads and writes at once."""
-FAILED: Final = 0x80
-"""Added to the function where it has failed."""
-MOST_READ: Final = 125
-MOST_WRITTEN: Final = 121
+"""LabJack's function for several reads and writes in one request."""
+EXCEPTION_BIT: Final = 0x80
+"""Added to the function code in a reply if the function has failed."""
+MAX_READ: Final = 125
+MAX_WRITTEN: Final = 121
 
 _READS: Final[dict[Table, type[ModbusPDU]]] = {
     "holding": ReadHoldingRegistersRequest,
@@ -30,27 +30,28 @@ _READS: Final[dict[Table, type[ModbusPDU]]] = {
 }
 _WRITE_ONE: Final = Struct(">BH2s")
 
+# Exception codes of the Modbus standard; 9 is not defined.
 _EXCEPTIONS: Final = {
-    1: (DeviceFlag.WRONG_REQUEST, "it has no such function"),
-    2: (DeviceFlag.WRONG_REQUEST, "it has no such register"),
-    3: (DeviceFlag.WRONG_REQUEST, "it does not take this value or number of registers"),
+    1: (DeviceFlag.WRONG_REQUEST, "function not supported"),
+    2: (DeviceFlag.WRONG_REQUEST, "no such register"),
+    3: (DeviceFlag.WRONG_REQUEST, "value or number of registers not allowed"),
     4: (DeviceFlag.DEVICE_FAILURE, "the device has failed"),
-    5: (DeviceFlag.BUSY, "it has begun and not finished"),
-    6: (DeviceFlag.BUSY, "it is busy"),
-    7: (DeviceFlag.WRONG_REQUEST, "it does not do that"),
-    8: (DeviceFlag.DEVICE_FAILURE, "its memory has failed"),
-    10: (DeviceFlag.BUSY, "the gateway has no path to it"),
-    11: (DeviceFlag.BUSY, "it does not answer the gateway"),
+    5: (DeviceFlag.BUSY, "request accepted but not finished yet"),
+    6: (DeviceFlag.BUSY, "the device is busy"),
+    7: (DeviceFlag.WRONG_REQUEST, "the device cannot do this"),
+    8: (DeviceFlag.DEVICE_FAILURE, "the memory of the device has failed"),
+    10: (DeviceFlag.BUSY, "the gateway has no path to the device"),
+    11: (DeviceFlag.BUSY, "the device does not answer the gateway"),
 }
 
 
 class ModbusRequest(NamedTuple):
-    """A request and the marks of its reply.
+    """A request, and how to recognize its reply.
 
     Attributes:
-        pdu: Function and data.
-        echo: How the reply begins.
-        n_bytes: Number of bytes of the reply, with its function.
+        pdu: Function code and data.
+        echo: First bytes of the reply.
+        n_bytes: Number of bytes of the reply, the function code included.
     """
 
     pdu: bytes
@@ -59,10 +60,10 @@ class ModbusRequest(NamedTuple):
 
 
 def read(table: Table, address: int, count: int) -> ModbusRequest:
-    """Ask for registers or coils.
+    """Return the request that reads registers or coils.
 
     Raises:
-        ValueError: If addresses or their number are impossible.
+        ValueError: If the addresses or their number are impossible.
     """
     asking = _READS[table](address=address, count=count)
     n_data = (count + 7) // 8 if table == "coil" else 2 * count
@@ -71,7 +72,7 @@ def read(table: Table, address: int, count: int) -> ModbusRequest:
 
 
 def write_one(address: int, word: bytes) -> ModbusRequest:
-    """Set one register; the reply repeats the request; may be called in the loop."""
+    """Return the request that sets one register; the reply repeats it. Real-time safe."""
     pdu = _WRITE_ONE.pack(6, address, word)
     return ModbusRequest(pdu, pdu, 5)
 
@@ -80,17 +81,18 @@ class WriteMany:
     """Sets consecutive registers.
 
     Args:
-        address: Of the first.
-        count: How many, 1 to 121.
+        address: Address of the first register.
+        count: Number of registers, 1 to 121.
     """
 
     def __init__(self, address: int, count: int) -> None:
         asking = WriteMultipleRegistersRequest(address=address, registers=[0] * count)
+        # pymodbus encodes the request once; in the loop only the words change.
         self._head = bytes((asking.function_code,)) + asking.encode()[: -2 * count]
         self._echo = self._head[:5]
 
     def request(self, words: bytes) -> ModbusRequest:
-        """Make the request for these words; may be called in the loop."""
+        """Return the request that writes these words. Real-time safe."""
         return ModbusRequest(self._head + words, self._echo, 5)
 
 
@@ -98,10 +100,10 @@ class WriteAndRead:
     """Sets consecutive registers, then reads others, in one request (function 23).
 
     Args:
-        write_address: Of the first that is set.
-        write_count: How many are set, 1 to 121.
-        read_address: Of the first that is read.
-        read_count: How many are read, 1 to 125.
+        write_address: Address of the first register that is set.
+        write_count: Number of registers that are set, 1 to 121.
+        read_address: Address of the first register that is read.
+        read_count: Number of registers that are read, 1 to 125.
 
     Raises:
         ValueError: If addresses or their numbers are impossible.
@@ -117,20 +119,25 @@ class WriteAndRead:
         self._echo = bytes((asking.function_code, 2 * read_count))
 
     def request(self, words: bytes) -> ModbusRequest:
-        """Make the request for these words; may be called in the loop."""
+        """Return the request that writes these words. Real-time safe."""
         return ModbusRequest(self._head + words, self._echo, 2 + self._echo[1])
 
 
-def judge(pdu: bytes, request: ModbusRequest, who: str) -> bytes:
-    """Return a reply, function and all, that answers a request; may be called in the loop.
+def check_reply(pdu: bytes, request: ModbusRequest, device: str) -> bytes:
+    """Return a reply, its function code included, if it is valid. Real-time safe.
+
+    Args:
+        pdu: The reply, with its function code.
+        request: The request.
+        device: The device, for messages to people.
 
     Raises:
-        LineFault: If the device refuses, or the reply is no answer to this request.
+        LineFault: If the device refuses, or the reply belongs to another request.
     """
     if len(pdu) == request.n_bytes and pdu.startswith(request.echo):
         return pdu
-    if len(pdu) > 1 and pdu[0] == request.pdu[0] | FAILED:
-        flag, what = _EXCEPTIONS.get(pdu[1], (DeviceFlag.DEVICE_FAILURE, "no reason is known"))
+    if len(pdu) > 1 and pdu[0] == request.pdu[0] | EXCEPTION_BIT:
+        flag, what = _EXCEPTIONS.get(pdu[1], (DeviceFlag.DEVICE_FAILURE, "unknown code"))
         asked = f"function {request.pdu[0]} ({request.pdu[1:6].hex(' ')})"
-        raise LineFault(flag, f"{who} refuses {asked}: exception {pdu[1]}, {what}")
-    raise LineFault(DeviceFlag.GARBAGE, f"{who} answers something else: {pdu[:8].hex(' ')}")
+        raise LineFault(flag, f"{device} refuses {asked}: exception {pdu[1]}, {what}")
+    raise LineFault(DeviceFlag.GARBAGE, f"{device} sent another reply: {pdu[:8].hex(' ')}")

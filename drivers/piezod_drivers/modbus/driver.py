@@ -1,4 +1,4 @@
-"""Chooses line, transactions and dialogue; what leads from the driver's name to a device."""
+"""The driver `modbus`: chooses line, transactions and dialogue of a device."""
 
 from typing import Final
 
@@ -15,8 +15,8 @@ from piezod_drivers.modbus.tcp_transactions import TcpTransactions
 from piezod_drivers.modbus.transactions import Transactions
 
 
-def transactions_of(options: ModbusOptions) -> Transactions:
-    """Construct the line that options name, and what carries requests over it; no I/O."""
+def make_transactions(options: ModbusOptions) -> Transactions:
+    """Construct the line and the transactions of the options; nothing is opened."""
     timeout_s = options.timeout_ms * 1e-3
     if options.host is not None:
         return TcpTransactions(TcpLine(options.host, options.tcp_port), timeout_s)
@@ -28,8 +28,8 @@ def transactions_of(options: ModbusOptions) -> Transactions:
     return RtuTransactions(line, timeout_s, units, options.silence_s)
 
 
-def device_of(options: ModbusOptions, wiring: Wiring, transactions: Transactions) -> BusDevice:
-    """Make the device that options describe."""
+def make_device(options: ModbusOptions, wiring: Wiring, transactions: Transactions) -> BusDevice:
+    """Construct the device of the options."""
     profile = profile_of(options)
     name = " + ".join(unit.profile or f"unit {unit.unit}" for unit in options.every_unit)
     if profile is not None and profile.feedback and not options.units:
@@ -39,7 +39,7 @@ def device_of(options: ModbusOptions, wiring: Wiring, transactions: Transactions
 
 
 def channels_of(options: ModbusOptions) -> ChannelUnits:
-    """Tell the channels of all units, with their units of measurement."""
+    """Return the channels of all devices, with their units."""
     known = [register for unit in options.every_unit for register in unit.known]
     inputs, outputs = (
         {reg.channel: reg.unit for reg in known if reg.role == role and reg.channel}
@@ -49,7 +49,7 @@ def channels_of(options: ModbusOptions) -> ChannelUnits:
 
 
 def _create(options: ModbusOptions, wiring: Wiring, _seed: int) -> BusDevice:
-    return device_of(options, wiring, transactions_of(options))
+    return make_device(options, wiring, make_transactions(options))
 
 
 PLUGIN: Final = DriverPlugin(

@@ -1,4 +1,4 @@
-"""The names under which `piezod emulate` finds the devices."""
+"""The emulated Modbus devices, by their profile names."""
 
 from functools import partial
 from typing import Final

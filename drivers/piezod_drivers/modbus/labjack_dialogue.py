@@ -1,4 +1,4 @@
-"""The driver for LabJack T4, T7 and T8: everything of a cycle in one request (function 0x4C)."""
+"""The conversation with LabJack T4, T7 and T8: one request per cycle (function 0x4C)."""
 
 from collections.abc import Sequence
 from math import inf, isnan, nan
@@ -11,45 +11,49 @@ from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod.errors import DeviceError
 from piezod_drivers.modbus.codec import FEEDBACK, ModbusRequest
-from piezod_drivers.modbus.layout import profile_of, watched
+from piezod_drivers.modbus.layout import armed_watchdogs, profile_of
 from piezod_drivers.modbus.options import ModbusOptions
 from piezod_drivers.modbus.profiles.labjack import COUNTER_10KHZ
 from piezod_drivers.modbus.register import Register, Role
-from piezod_drivers.modbus.setup import Setup
+from piezod_drivers.modbus.setup import DeviceSetup
 from piezod_drivers.modbus.transactions import Transactions
 
 _PART: Final = Struct(">BHB")
-"""Begins a part of a request: 0 to read, 1 to write; the address; how many registers."""
+"""Header of a part of a request: 0 to read or 1 to write, address, number of registers."""
 _ECHO: Final = bytes((FEEDBACK,))
 _WRAPS_AT: Final = 1 << 32
 _NEAR_V: Final = 0.02
-"""How near to the safe voltage the output of the coarsest converter may be."""
+"""Largest distance from the safe voltage at which an output counts as safe; it covers the coarsest
+converter.
+"""
 _SATURATED: Final = frozenset({DeviceFlag.SATURATED})
 
 
 class LabJackDialogue:
     """Implements `ExchangingDialogue`.
 
-    Each request reads the outputs before it sets them, and after: a watchdog that has tripped, or
-    somebody else who drives them, shows. It reads a counter too, which a restart sets back. After a
-    silence that may have tripped the watchdog, nothing is set before the outputs were looked at;
-    where it has tripped, nothing is until somebody opens the device again and takes the outputs
-    over where they are. A watchdog is armed only where outputs are used.
+    Each request reads the outputs before and after it sets them. This shows whether the watchdog
+    has tripped, or whether another program drives the outputs. It also reads a counter, which
+    restarts at 0 after a reset. After a silence in which the watchdog may have tripped, the outputs
+    are read before anything is set. If it has tripped, nothing is set until the device was opened
+    again and its outputs were taken over at their present values. A watchdog is armed only if
+    outputs are in use.
 
     Args:
-        options: What a configuration says.
-        wiring: The channels that are used.
+        options: Options of the device.
+        wiring: The channels in use.
         transactions: The line.
     """
 
     def __init__(self, options: ModbusOptions, wiring: Wiring, transactions: Transactions) -> None:
         profile = profile_of(options)
-        assert profile is not None  # noqa: S101 - whoever chose this dialogue looked at it
+        assert profile is not None  # noqa: S101 - `make_device` has checked it
         self._profile, self._options, self._transactions = profile, options, transactions
-        plans = [plan for _, plan in watched(options, wiring)]
+        plans = [plan for _, plan in armed_watchdogs(options, wiring)]
         self._watchdog = plans[0] if plans else None
         wanted = options.watchdog if plans else None
         self._safe_v = wanted.safe if wanted else nan
+        # 0.9 is a margin: after this silence the watchdog may trip before the next request arrives.
         self._silence_ns = round(0.9e9 * wanted.timeout_s) if wanted else inf
         inputs = [_register(options.known, "input", name) for name in wiring.inputs]
         self._outputs = [_register(options.known, "output", name) for name in wiring.outputs]
@@ -61,42 +65,42 @@ class LabJackDialogue:
         measured = [register.address for register in inputs]
         self._tail = _reads([*before, *measured, COUNTER_10KHZ])
         layout = f">{len(self._head)}s" + n * f"{_PART.size}sf" + f"{len(self._tail)}s"
-        self._set_and_look = Struct(layout).pack
+        self._pack_request = Struct(layout).pack
         numbers = Struct(f">B{2 * n + n_inputs}fI")
-        self._unpack, self._n_bytes = numbers.unpack, numbers.size
+        self._unpack, self._reply_bytes = numbers.unpack, numbers.size
         self._wiring = wiring
-        self._well: Sequence[Flags] = [NO_FLAGS] * (n_inputs + n)
-        self._told: Sequence[Flags] = self._well
+        self._no_flags: Sequence[Flags] = [NO_FLAGS] * (n_inputs + n)
+        self._flags: Sequence[Flags] = self._no_flags
         self._values: Sequence[float] = ()
         self._in_force: Sequence[float] = ()
         self._in_force_ns: int | None = None
         self._last_ns = self._counter = 0
         self._changed: DeviceFlag | None = None
-        self._ours = False
+        self._in_control = False
         self._noticed: set[DeviceFlag] = set()
 
     def open(self) -> Identity:
-        """Connect, see whether words come in the right order, and read everything once.
+        """Connect, check the order of words, identify the device and read everything once.
 
         Raises:
-            DeviceUnavailableError: If nobody is there.
+            DeviceUnavailableError: If the device is absent.
             DeviceError: If it is another device.
             LineFault: If an exchange fails.
         """
         self._transactions.open()
-        setup = Setup(self._transactions, self._options.unit)
-        setup.check(self._profile)
-        identity = setup.identity(self._profile)
+        setup = DeviceSetup(self._transactions, self._options.unit)
+        setup.check_constants(self._profile)
+        identity = setup.read_identity(self._profile)
         self._in_force, self._in_force_ns = (), None
-        self._look()
+        self._read_all()
         return identity
 
     def close(self) -> None:
-        """Let go of the line; outputs stay as they are. Never raises."""
+        """Disconnect; the outputs keep their values. Never raises."""
         self._transactions.close()
 
     def capabilities(self) -> Capabilities:
-        """Tell channels and the rate that the device allows."""
+        """Return the channels and the highest rate of the device."""
         return Capabilities(
             self._wiring.inputs,
             self._wiring.outputs,
@@ -108,11 +112,11 @@ class LabJackDialogue:
         )
 
     def ranges(self) -> Sequence[tuple[float, float]]:
-        """Tell what each output can be set to, in V."""
+        """Return the range of each output, in V."""
         return [(register.low, register.high) for register in self._outputs]
 
     def activate(self) -> None:
-        """Arm the watchdog; outputs stay where they are.
+        """Arm the watchdog; the outputs keep their values.
 
         Raises:
             DeviceError: If it cannot be armed.
@@ -120,84 +124,93 @@ class LabJackDialogue:
         """
         self._last_ns = self._transactions.now_ns()
         if self._watchdog is not None and self._options.watchdog is not None:
-            setup, wanted = Setup(self._transactions, self._options.unit), self._options.watchdog
+            setup, wanted = (
+                DeviceSetup(self._transactions, self._options.unit),
+                self._options.watchdog,
+            )
             try:
                 setup.arm(self._watchdog, wanted.timeout_s, wanted.safe)
             except DeviceError:
                 self._noticed.add(DeviceFlag.WATCHDOG_TRIPPED)
                 raise
-        self._ours = True
+        self._in_control = True
 
     def deactivate(self) -> None:
-        """Stop the watchdog, if it was armed; outputs hold.
+        """Stop the watchdog, if it was armed; the outputs hold.
 
         Raises:
             LineFault: If an exchange fails.
         """
         if self._watchdog is not None:
-            Setup(self._transactions, self._options.unit).disarm(self._watchdog)
+            DeviceSetup(self._transactions, self._options.unit).disarm(self._watchdog)
 
     def sample(self, now_ns: int) -> Reading:
-        """Read every input; may be called in the loop."""
-        self._look()
+        """Read every input. Real-time safe."""
+        self._read_all()
         self._in_force_ns = now_ns
         return now_ns, self._values
 
     def put(self, values: Sequence[float]) -> None:
-        """Set every output; may be called in the loop."""
+        """Set every output. Real-time safe."""
         self._in_force_ns = None
         self._set(values)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
-        """Set every output and read every input in one request; may be called in the loop."""
+        """Set every output and read every input in one request. Real-time safe."""
         self._in_force_ns = None
         self._set(values)
         self._in_force_ns = now_ns
         return now_ns, self._values
 
     def in_force(self, now_ns: int) -> Sequence[float]:
-        """Tell what the outputs hold; may be called in the loop."""
+        """Return the value that each output holds. Real-time safe."""
         if self._in_force_ns != now_ns:
-            self._look()
+            self._read_all()
             self._in_force_ns = now_ns
         return self._in_force
 
     def flags(self) -> Sequence[Flags]:
-        """Tell which inputs are saturated; may be called in the loop."""
-        return self._told
+        """Return which inputs are saturated. Real-time safe."""
+        return self._flags
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail."""
+        """Return and clear the flags of faults that no call has raised."""
         noticed = self._transactions.take_noticed() | self._noticed
         self._noticed = set()
         return noticed
 
     def _set(self, values: Sequence[float]) -> None:
         if self._transactions.now_ns() - self._last_ns > self._silence_ns:
-            self._look()
-            self._ours &= self._changed is None
-        if not self._ours:
-            what = "the outputs have changed while nobody asked: they have to be taken over again"
+            self._read_all()
+            self._in_control &= self._changed is None
+        if not self._in_control:
+            what = (
+                "the outputs changed during a pause in communication and must be taken over again"
+            )
             raise LineFault(DeviceFlag.DISCONNECTED, f"{self._profile.name}: {what}")
         parts: list[object] = [self._head]
         for head, value in zip(self._write_heads, values, strict=True):
             parts += (head, value)
-        self._ask(self._set_and_look(*parts, self._tail))
+        self._ask(self._pack_request(*parts, self._tail))
 
-    def _look(self) -> None:
+    def _read_all(self) -> None:
         self._ask(self._head + self._tail)
 
     def _ask(self, pdu: bytes) -> None:
-        """Read the outputs, set them perhaps, read them again, the inputs and the counter."""
-        request, asked_ns = ModbusRequest(pdu, _ECHO, self._n_bytes), self._transactions.now_ns()
+        """Send a request; keep the outputs, the inputs and the counter of its reply."""
+        request, asked_ns = (
+            ModbusRequest(pdu, _ECHO, self._reply_bytes),
+            self._transactions.now_ns(),
+        )
         numbers = self._unpack(self._transactions.ask(self._options.unit, (request,)))
         n, counter = self._n_outputs, numbers[-1]
         self._changed = None
         if counter < self._counter or numbers[1 : 1 + n] != self._in_force:
             self._note_change(numbers[1 : 1 + n], counter)
         self._counter, self._in_force = counter, numbers[1 + n : 1 + 2 * n]
-        self._last_ns = asked_ns  # whoever is stopped before the reply has been silent since
-        self._values, self._told = numbers[1 + 2 * n : -1], self._well
+        # The instant of the request, not of the reply: the watchdog's time runs from there.
+        self._last_ns = asked_ns
+        self._values, self._flags = numbers[1 + 2 * n : -1], self._no_flags
         for value, (low, high) in zip(self._values, self._input_ranges, strict=True):
             if not low <= value <= high:
                 self._note_saturated()
@@ -209,16 +222,19 @@ class LabJackDialogue:
             for value, (low, high) in zip(self._values, self._input_ranges, strict=True)
         ]
         inputs = [_SATURATED if isnan(value) else NO_FLAGS for value in self._values]
-        self._told = [*inputs, *self._well[self._n_inputs :]]
+        self._flags = [*inputs, *self._no_flags[self._n_inputs :]]
 
     def _note_change(self, before: Sequence[float], counter: int) -> None:
-        """Note what happened to the outputs since they were looked at last."""
+        """Note the cause if the outputs have changed since the last request."""
+        # A counter that goes back means a restart, unless it was about to overflow (after 5 days).
         if counter < self._counter < 0.99 * _WRAPS_AT:
             self._changed = DeviceFlag.RESTARTED
         elif self._in_force and before != self._in_force:
+            # Outputs at the safe voltage were set by the watchdog, other changes by another
+            # program.
             safe = all(abs(value - self._safe_v) < _NEAR_V for value in before)
             self._changed = DeviceFlag.WATCHDOG_TRIPPED if safe else DeviceFlag.LOCAL_MODE
-            self._ours &= not safe
+            self._in_control &= not safe
         if self._changed is not None:
             self._noticed.add(self._changed)
 

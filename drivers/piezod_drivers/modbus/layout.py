@@ -1,4 +1,4 @@
-"""Which questions a configuration leads to, for all devices of a line."""
+"""The read and write blocks of a configuration, for all devices of a line."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,122 +13,124 @@ from piezod_drivers.modbus.profiles.profile import ModbusProfile, WatchdogPlan
 from piezod_drivers.modbus.register import Register, Role
 
 FASTEST_TCP_HZ: Final = 1000.0
-_RTU_BYTES: Final = 3  # unit and checksum
+_RTU_BYTES: Final = 3  # around a request or a reply: unit and checksum
 
 
 @dataclass(frozen=True, slots=True)
 class RegisterLayout:
-    """The questions.
+    """The blocks of a configuration, and what they can do.
 
     Attributes:
-        reads: For the inputs.
-        backs: For what is in force on the outputs.
-        statuses: For the status.
-        writes: For the outputs.
-        status: Of each value of `statuses`: its register, and the channels it is about, the inputs
-            counted first.
+        reads: Blocks of the inputs.
+        read_backs: Blocks of the outputs' read-back.
+        statuses: Blocks of the status.
+        writes: Blocks of the outputs.
+        status: For each value of `statuses`: its register and the channels that it concerns; inputs
+            are counted first.
         ranges: Lowest and highest value of each output.
-        together: Sets all and reads all at once, for each form of the only read; or nothing.
-        able: What all that can do.
+        combined: Requests that set and read everything at once, one for each form of the only read
+            block; empty if that is impossible.
+        capabilities: Capabilities of the device.
     """
 
     reads: list[ReadBlock]
-    backs: list[ReadBlock]
+    read_backs: list[ReadBlock]
     statuses: list[ReadBlock]
     writes: list[WriteBlock]
     status: list[tuple[Register, list[int]]]
     ranges: list[tuple[float, float]]
-    together: list[WriteAndRead]
-    able: Capabilities
+    combined: list[WriteAndRead]
+    capabilities: Capabilities
 
 
 def profile_of(unit: UnitOptions) -> ModbusProfile | None:
-    """Return what is known of a device; None where it is described by registers."""
+    """Return the profile of a device; None if the configuration has its registers."""
     return PROFILES[unit.profile] if unit.profile else None
 
 
 def watchdog_of(unit: UnitOptions, options: ModbusOptions) -> WatchdogPlan | None:
-    """Return the watchdog that is to be armed; None where none is."""
+    """Return the watchdog that is to be armed; None if there is none."""
     profile = profile_of(unit)
     return profile.watchdog if profile is not None and options.watchdog is not None else None
 
 
-def watched(options: ModbusOptions, wiring: Wiring) -> list[tuple[int, WatchdogPlan]]:
+def armed_watchdogs(options: ModbusOptions, wiring: Wiring) -> list[tuple[int, WatchdogPlan]]:
     """Return the watchdogs that are to be armed, of devices whose outputs are used.
 
-    Others would trip, as nobody sets their outputs.
+    The others would trip, because nothing sets their outputs.
 
     Returns:
-        The address of each device, and how its watchdog is armed.
+        Address of each device, and how its watchdog is armed.
     """
     return [
         (unit.unit, plan)
         for unit in options.every_unit
-        if (plan := watchdog_of(unit, options)) and _placed(unit.known, "output", wiring.outputs)
+        if (plan := watchdog_of(unit, options))
+        and _positions_of(unit.known, "output", wiring.outputs)
     ]
 
 
-def writes_of(unit: UnitOptions, options: ModbusOptions) -> tuple[int, ...]:
-    """Tell the functions that may be used for writing to a device."""
+def write_functions_of(unit: UnitOptions, options: ModbusOptions) -> tuple[int, ...]:
+    """Return the functions that may be used to write to a device."""
     profile = profile_of(unit)
     functions = unit.write_functions if profile is None else profile.write_functions
     watchdog = watchdog_of(unit, options)
     return functions if watchdog is None or not watchdog.writes else watchdog.writes
 
 
-def lay_out(options: ModbusOptions, wiring: Wiring) -> RegisterLayout:
-    """Plan the questions for the channels that are used.
+def make_layout(options: ModbusOptions, wiring: Wiring) -> RegisterLayout:
+    """Return the blocks for the channels in use.
 
-    The rate that a serial line lets through is for a cycle that reads every input, sets every
+    The highest rate on a serial line is computed for a cycle that reads every input, sets every
     output and reads it back.
     """
-    reads, backs, statuses, writes = [], [], [], []
+    reads, read_backs, statuses, writes = [], [], [], []
     status: list[tuple[Register, list[int]]] = []
     n_outputs = len(wiring.outputs)
     ranges = [(0.0, 0.0)] * n_outputs
-    told, quality = set(), False
+    read_back_positions, quality = set(), False
     for unit in options.every_unit:
         readable = [register for register in unit.known if register.role != "output"]
-        inputs = _placed(unit.known, "input", wiring.inputs)
-        outputs = _placed(unit.known, "output", wiring.outputs)
-        back = _placed(unit.known, "read-back", wiring.outputs)
-        concerned = [place for place, _ in inputs]
-        concerned += [len(wiring.inputs) + place for place, _ in outputs]
+        inputs = _positions_of(unit.known, "input", wiring.inputs)
+        outputs = _positions_of(unit.known, "output", wiring.outputs)
+        back = _positions_of(unit.known, "read-back", wiring.outputs)
+        unit_positions = [position for position, _ in inputs]
+        unit_positions += [len(wiring.inputs) + position for position, _ in outputs]
         own = [
             (len(status) + i, register)
             for i, register in enumerate(_statuses(unit.known, (*inputs, *outputs)))
         ]
-        status += [(register, _channels(register, wiring, concerned)) for _, register in own]
+        status += [(register, _channels(register, wiring, unit_positions)) for _, register in own]
         reads += read_blocks(unit.unit, inputs, readable)
-        backs += read_blocks(unit.unit, back, readable)
+        read_backs += read_blocks(unit.unit, back, readable)
         statuses += read_blocks(unit.unit, own, readable)
-        writes += write_blocks(unit.unit, outputs, writes_of(unit, options))
-        told |= {place for place, _ in back}
+        writes += write_blocks(unit.unit, outputs, write_functions_of(unit, options))
+        read_back_positions |= {position for position, _ in back}
         quality |= any(register.range is not None for _, register in inputs)
-        for place, register in outputs:
-            ranges[place] = (register.low, register.high)
-    together = _together(options, reads, writes)
+        for position, register in outputs:
+            ranges[position] = (register.low, register.high)
+    combined = _combined(options, reads, writes)
     return RegisterLayout(
         reads,
-        backs,
+        read_backs,
         statuses,
         writes,
         status,
         ranges,
-        together,
+        combined,
         Capabilities(
             wiring.inputs,
             wiring.outputs,
-            read_back=len(told) == n_outputs > 0,
-            max_rate_hz=_fastest_hz(options, n_outputs, (*reads, *backs), writes, together),
+            read_back=len(read_back_positions) == n_outputs > 0,
+            max_rate_hz=_fastest_hz(options, n_outputs, (*reads, *read_backs), writes, combined),
             holds=True,
-            watchdog=bool(watched(options, wiring)),
+            watchdog=bool(armed_watchdogs(options, wiring)),
             quality=quality,
         ),
     )
 
 
-def _placed(
+def _positions_of(
     known: Sequence[Register], role: Role, names: Sequence[str]
 ) -> list[tuple[int, Register]]:
     return [
@@ -151,16 +153,17 @@ def _channels(register: Register, wiring: Wiring, of_unit: list[int]) -> list[in
     if register.channel is None:
         return of_unit
     names = (*wiring.inputs, *wiring.outputs)
-    return [place for place in of_unit if names[place] == register.channel]
+    return [position for position in of_unit if names[position] == register.channel]
 
 
-def _together(
+def _combined(
     options: ModbusOptions, reads: Sequence[ReadBlock], writes: Sequence[WriteBlock]
 ) -> list[WriteAndRead]:
+    # One request can combine one read and one write of one device.
     if not len(options.every_unit) == len(reads) == len(writes) == 1:
         return []
     (block,), (write,) = reads, writes
-    if 23 not in writes_of(options.every_unit[0], options):
+    if 23 not in write_functions_of(options.every_unit[0], options):
         return []
     return [WriteAndRead(write.start, write.count, block.start, count) for count in block.counts]
 
@@ -170,15 +173,16 @@ def _fastest_hz(
     n_outputs: int,
     reads: Sequence[ReadBlock],
     writes: Sequence[WriteBlock],
-    together: Sequence[WriteAndRead],
+    combined: Sequence[WriteAndRead],
 ) -> float:
     profiles = [profile_of(unit) for unit in options.every_unit]
     limits = [profile.max_rate_hz for profile in profiles if profile is not None]
     if options.port is None:
         return min(limits, default=FASTEST_TCP_HZ)
+    # The last form is the longest.
     requests = [block.requests[-1] for block in reads]
-    if together:
-        requests[0] = together[-1].request(b"\0\0" * writes[0].count)
+    if combined:
+        requests[0] = combined[-1].request(b"\0\0" * writes[0].count)
     else:
         values = [0.0] * n_outputs
         requests += [request for write in writes for request in write.requests(values)[0]]

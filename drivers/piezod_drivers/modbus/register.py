@@ -1,4 +1,4 @@
-"""What a register of a device means, and how its words become a number."""
+"""A register of a device: its options, and the conversion between its words and a number."""
 
 from collections.abc import Callable, Iterator
 from struct import Struct
@@ -24,7 +24,7 @@ STRUCTS: Final[dict[NumberType, Struct]] = {
     "uint32": Struct(">I"),
     "float32": Struct(">f"),
 }
-"""How numbers are coded, big end first."""
+"""Coding of the number types, most significant byte first."""
 _LIMITS: Final = {
     "int16": (-(2**15), 2**15 - 1),
     "uint16": (0, 2**16 - 1),
@@ -33,9 +33,9 @@ _LIMITS: Final = {
 }
 
 Unpack: TypeAlias = Callable[[bytes, int], float]
-"""Gives the number whose first byte is at an offset."""
+"""Returns the number whose first byte is at an offset."""
 Pack: TypeAlias = Callable[[float], bytes]
-"""Gives the words of a number."""
+"""Returns the words of a number."""
 
 
 class Register(ConfigModel):
@@ -43,31 +43,34 @@ class Register(ConfigModel):
 
     channel: ChannelName | None = Field(
         default=None,
-        description="Name of the channel; of a read-back: that of its output; of a status: the "
-        "channel it is about, left out: all of the unit.",
+        description="Name of the channel. For a read-back: name of its output. For a status: the "
+        "channel that it concerns; left out: all channels of the unit.",
     )
-    role: Role = Field(description="What it is: input, output, read-back of an output, or status.")
-    table: Table = Field(default="holding", description="Where it is: holding, input or coil.")
-    address: Address = Field(description="As sent: 0 for what some manuals call 40001 or 30001.")
-    type: NumberType = Field(default="uint16", description="How the number is coded.")
+    role: Role = Field(description="Use: input, output, read-back of an output, or status.")
+    table: Table = Field(default="holding", description="Table: holding, input or coil.")
+    address: Address = Field(description="Address as sent: 0 for 40001 or 30001 of some manuals.")
+    type: NumberType = Field(default="uint16", description="Coding of the number.")
     words: WordOrder = Field(
-        default="big", description="Which word of a number of 32 bits comes first: the big end."
+        default="big",
+        description="Word of a 32-bit number that comes first: high (big) or low (little).",
     )
-    scale: Value = Field(default=1.0, description="Value of one unit of the number.")
-    offset: Value = Field(default=0.0, description="Value where the number is 0.")
+    scale: Value = Field(default=1.0, description="Change of the value per count.")
+    offset: Value = Field(default=0.0, description="Value at the number 0.")
     unit: Annotated[str, StringConstraints(min_length=1, max_length=8)] = Field(
         default="V", description="Unit of the value."
     )
     range: tuple[Value, Value] | None = Field(
         default=None,
-        description="Lowest and highest value: of an output, what it may be set to; of an input, "
-        "what is not saturated.",
+        description="Lowest and highest value. An output is never set beyond it; an input beyond "
+        "it is saturated.",
     )
     flag: DeviceFlag | None = Field(
-        default=None, strict=False, description="What a status says: overload, watchdog tripped, …"
+        default=None,
+        strict=False,
+        description="Fault that a status reports: overload, watchdog tripped, …",
     )
     mask: Annotated[int, Quantity(1, 2**32 - 1)] = Field(
-        default=1, description="Of a status: it says so where one of these bits is set."
+        default=1, description="For a status: the fault is present if one of these bits is set."
     )
 
     @model_validator(mode="after")
@@ -93,9 +96,9 @@ class Register(ConfigModel):
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if self.role == "status":
             if self.flag is None:
-                yield ("flag",), "a status needs one, to say what it tells"
+                yield ("flag",), "a status needs a flag: the fault that it reports"
             if self.type == "float32" and self.table != "coil":
-                yield ("type",), "a status is a whole number, as uint16"
+                yield ("type",), "a status must be a whole number, such as uint16"
         elif self.table == "coil":
             yield ("table",), "only a status can be a coil"
         elif self.channel is None:
@@ -105,18 +108,18 @@ class Register(ConfigModel):
         if abs(self.scale) < 1e-12:
             yield (
                 ("scale",),
-                f"too small (got {self.scale:g}), allowed: 1e-12 and more, or negative",
+                f"too small (got {self.scale:g}), allowed: magnitudes of 1e-12 and more",
             )
         if self.range is not None and not self.range[0] < self.range[1]:
             yield ("range", 1), "must be above the first of the two"
         if self.address + self.size > 65_536:
-            yield ("address",), "the number does not fit behind it, allowed: 65534 and less"
+            yield ("address",), "a number of two words does not fit there, allowed: 65534 and less"
 
     def _broken_rules_of_output(self) -> Iterator[BrokenRule]:
         if self.table != "holding":
             yield ("table",), "only holding registers can be written"
         if self.range is None:
-            yield ("range",), "an output needs one, so that it is never driven beyond"
+            yield ("range",), "an output needs a range, so that it is never driven beyond it"
         elif self.type != "float32" and abs(self.scale) >= 1e-12:
             low, high = _LIMITS[self.type]
             ends = sorted((value - self.offset) / self.scale for value in self.range)
@@ -126,15 +129,16 @@ class Register(ConfigModel):
 
 
 def unpacker(register: Register) -> Unpack:
-    """Return what turns the words of a register, big end first, into its number."""
+    """Return the function that reads the number of a register from bytes."""
     unpack_from = STRUCTS[register.type].unpack_from
     if register.size == 1 or register.words == "big":
         return lambda data, at: unpack_from(data, at)[0]
+    # Low word first: swap the words; inside a word the high byte always comes first.
     return lambda data, at: unpack_from(data[at + 2 : at + 4] + data[at : at + 2])[0]
 
 
 def packer(register: Register) -> Pack:
-    """Return what turns a value into the words of a register; the value is within its range."""
+    """Return the function that converts a value within the range into the register's words."""
     pack = STRUCTS[register.type].pack
     scale, offset = register.scale, register.offset
     if register.type == "float32":

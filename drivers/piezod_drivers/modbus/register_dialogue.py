@@ -1,4 +1,4 @@
-"""The driver for register maps: reads and writes blocks of registers."""
+"""The conversation with register maps: reads and writes blocks of registers."""
 
 from collections.abc import Sequence
 from math import isnan, nan
@@ -10,92 +10,95 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod_drivers.modbus.blocks import ReadBlock, WriteBlock
-from piezod_drivers.modbus.layout import lay_out, profile_of, watched
+from piezod_drivers.modbus.layout import armed_watchdogs, make_layout, profile_of
 from piezod_drivers.modbus.options import ModbusOptions
-from piezod_drivers.modbus.setup import Setup
+from piezod_drivers.modbus.setup import DeviceSetup
 from piezod_drivers.modbus.transactions import Transactions
 
 STATUS_PERIOD_NS: Final = 100_000_000
 SILENCE_NS: Final = 300_000_000
-"""After so long a watchdog may have tripped: the device is asked before outputs are set.
+"""After a silence of this length the status is read before outputs are set.
 
-Sooner where one is armed that waits for less."""
+A watchdog of unknown time-out may have tripped. The time is shorter if an armed watchdog waits for
+less.
+"""
 
 
 class RegisterDialogue:
     """Implements `ExchangingDialogue` for the units of one line.
 
-    Watchdogs are armed only where outputs are used. Where one has tripped, outputs are not where
-    they were, and nothing is set until somebody opens the device again and takes them over there.
+    Watchdogs are armed only for devices whose outputs are in use. If one has tripped, the outputs
+    have changed. Then nothing is set until the device was opened again and its outputs were taken
+    over at their present values.
 
     Args:
-        options: What a configuration says.
-        wiring: The channels that are used.
+        options: Options of the device.
+        wiring: The channels in use.
         transactions: The line.
     """
 
     def __init__(self, options: ModbusOptions, wiring: Wiring, transactions: Transactions) -> None:
         self._options, self._transactions = options, transactions
-        self._layout = lay_out(options, wiring)
-        self._watched = watched(options, wiring)
+        self._layout = make_layout(options, wiring)
+        self._watched = armed_watchdogs(options, wiring)
         wanted = options.watchdog if self._watched else None
         armed_ns = round(0.9e9 * wanted.timeout_s) if wanted else SILENCE_NS
         self._silence_ns = min(SILENCE_NS, armed_ns)
         self._n_inputs = len(wiring.inputs)
         self._no_values = [nan] * len(wiring.inputs)
-        self._well: list[Flags] = [NO_FLAGS] * len((*wiring.inputs, *wiring.outputs))
-        self._said = self._told = self._well
-        self._together = self._layout.together
+        self._no_flags: list[Flags] = [NO_FLAGS] * len((*wiring.inputs, *wiring.outputs))
+        self._status_flags = self._flags = self._no_flags
+        self._combined = self._layout.combined
         self._status_ns: int | None = None
         self._last_ns = 0
-        self._tripped = self._lasts = False
+        self._tripped = self._trip_lasts = False
         self._noticed: set[DeviceFlag] = set()
         self._in_force: Sequence[float] = ()
         self._in_force_ns: int | None = None
 
     @property
     def exchanges(self) -> bool:
-        """Whether everything is set and read in one request."""
-        return bool(self._together)
+        """Whether one request sets and reads everything."""
+        return bool(self._combined)
 
     def open(self) -> Identity:
-        """Connect, see whether every unit is what it should be, and read everything once.
+        """Connect, identify every unit, and read everything once.
 
         Raises:
-            DeviceUnavailableError: If nobody is there.
+            DeviceUnavailableError: If the device is absent.
             DeviceError: If it is another device.
             LineFault: If an exchange fails.
         """
         self._transactions.open()
         identities = []
         for unit in self._options.every_unit:
-            setup, profile = Setup(self._transactions, unit.unit), profile_of(unit)
+            setup, profile = DeviceSetup(self._transactions, unit.unit), profile_of(unit)
             if profile is not None:
-                setup.check(profile)
-            identities.append(setup.identity(profile))
-        self._said = self._told = self._well
+                setup.check_constants(profile)
+            identities.append(setup.read_identity(profile))
+        self._status_flags = self._flags = self._no_flags
         self._status_ns = self._in_force_ns = None
         reads = [self._try_forms(block) for block in self._layout.reads]
-        if self._together:
-            self._together = [self._together[form] for form in reads[0]]
-        for block in (*self._layout.backs, *self._layout.statuses):
+        if self._combined:
+            self._combined = [self._combined[form] for form in reads[0]]
+        for block in (*self._layout.read_backs, *self._layout.statuses):
             self._try_forms(block)
         return Identity(*(" + ".join(parts) for parts in zip(*identities, strict=True)))
 
     def close(self) -> None:
-        """Let go of the line; outputs stay as they are. Never raises."""
+        """Disconnect; the outputs keep their values. Never raises."""
         self._transactions.close()
 
     def capabilities(self) -> Capabilities:
-        """Tell channels and the rate that the line allows."""
-        return self._layout.able
+        """Return the channels and the highest rate of the line."""
+        return self._layout.capabilities
 
     def ranges(self) -> Sequence[tuple[float, float]]:
-        """Tell what each output can be set to."""
+        """Return the range of each output, in its unit."""
         return self._layout.ranges
 
     def activate(self) -> None:
-        """Arm the watchdogs; outputs stay where they are.
+        """Arm the watchdogs; the outputs keep their values.
 
         Raises:
             DeviceError: If one cannot be armed.
@@ -104,89 +107,92 @@ class RegisterDialogue:
         self._last_ns = self._transactions.now_ns()
         if (wanted := self._options.watchdog) is not None:
             for unit, plan in self._watched:
-                Setup(self._transactions, unit).arm(plan, wanted.timeout_s, wanted.safe)
-        self._tripped = self._lasts = False
+                DeviceSetup(self._transactions, unit).arm(plan, wanted.timeout_s, wanted.safe)
+        self._tripped = self._trip_lasts = False
         if self._layout.status and self._layout.writes:
             self._transactions.settle()
-            self._said = self._told = self._read_status()
-            self._tripped = self._lasts = self._says_tripped()
+            self._status_flags = self._flags = self._read_status()
+            self._tripped = self._trip_lasts = self._reports_trip()
 
     def deactivate(self) -> None:
-        """Stop the watchdogs that were armed; outputs hold.
+        """Stop the watchdogs that were armed; the outputs hold.
 
         Raises:
             LineFault: If an exchange fails.
         """
         for unit, plan in self._watched:
-            Setup(self._transactions, unit).disarm(plan)
+            DeviceSetup(self._transactions, unit).disarm(plan)
 
     def sample(self, now_ns: int) -> Reading:
-        """Read every input, and the status now and then; may be called in the loop."""
+        """Read every input, and the status if it is due. Real-time safe."""
         values = self._no_values.copy()
         self._read(self._layout.reads, values)
-        return self._noted(values, now_ns)
+        return self._reading(values, now_ns)
 
     def put(self, values: Sequence[float]) -> None:
-        """Set every output; without inputs, read the status now and then; call it in the loop."""
+        """Set every output; without inputs, also read the status if due. Real-time safe."""
         self._in_force_ns = None
         began_ns = self._require_untripped()
         for block in self._layout.writes:
             self._write(block, values)
-        self._last_ns = began_ns  # whoever is stopped before the reply has been silent since
+        # The instant before the requests, not of the replies: a watchdog's time runs from there.
+        self._last_ns = began_ns
         if not self._layout.reads:
-            self._look_around(began_ns)
+            self._poll_status(began_ns)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
-        """Set and read everything in one request (function 23); may be called in the loop."""
+        """Set and read everything in one request (function 23). Real-time safe."""
         self._in_force_ns = None
         began_ns = self._require_untripped()
         write, block = self._layout.writes[0], self._layout.reads[0]
         words = write.words(values)
-        requests = [form.request(words) for form in self._together]
-        pdu = self._transactions.ask(write.unit, requests, block.turn())
+        requests = [form.request(words) for form in self._combined]
+        pdu = self._transactions.ask(write.unit, requests, block.next_form())
         self._last_ns = began_ns
         measured = self._no_values.copy()
         block.decode(pdu, measured)
-        return self._noted(measured, now_ns)
+        return self._reading(measured, now_ns)
 
     def in_force(self, now_ns: int) -> Sequence[float]:
-        """Read the outputs back; may be called in the loop."""
+        """Return the read-back value of each output. Real-time safe."""
         if self._in_force_ns != now_ns:
-            told = [nan] * len(self._layout.ranges)
-            self._read(self._layout.backs, told)
-            self._in_force, self._in_force_ns = told, now_ns
+            read_back = [nan] * len(self._layout.ranges)
+            self._read(self._layout.read_backs, read_back)
+            self._in_force, self._in_force_ns = read_back, now_ns
         return self._in_force
 
     def flags(self) -> Sequence[Flags]:
-        """Tell what the devices have said last; may be called in the loop."""
-        return self._told
+        """Return the flags that the devices reported last. Real-time safe."""
+        return self._flags
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong on the line without making an exchange fail."""
+        """Return and clear the flags of faults that no call has raised."""
         noticed = self._transactions.take_noticed() | self._noticed
         self._noticed = set()
         return noticed
 
     def _try_forms(self, block: ReadBlock) -> list[int]:
-        """Keep the forms of a question that the device takes; return their places."""
+        """Keep the forms of a block that the device accepts; return their indices."""
         taken = []
         for form, request in enumerate(block.requests):
             try:
                 self._transactions.ask(block.unit, [request])
                 taken.append(form)
             except LineFault as fault:
+                # The first form reads only wanted registers; the others may reach beyond the
+                # device's.
                 if form == 0 or fault.flag is not DeviceFlag.WRONG_REQUEST:
                     raise
-        block.keep(taken)
+        block.keep_forms(taken)
         return taken
 
     def _read(self, blocks: Sequence[ReadBlock], into: list[float]) -> None:
         for block in blocks:
-            pdu = self._transactions.ask(block.unit, block.requests, block.turn())
+            pdu = self._transactions.ask(block.unit, block.requests, block.next_form())
             block.decode(pdu, into)
 
     def _write(self, block: WriteBlock, values: Sequence[float]) -> None:
-        """Write in the best way whose acknowledgement cannot be mistaken for a late one."""
+        """Write by the best requests whose replies cannot be mistaken for a late one."""
         ways = block.requests(values)
         if len(ways[0]) == 1 and all(len(way) == 1 for way in ways):
             self._transactions.ask(block.unit, [way[0] for way in ways])
@@ -195,71 +201,71 @@ class RegisterDialogue:
             self._transactions.ask(block.unit, [request])
 
     def _require_untripped(self) -> int:
-        """Be sure that no watchdog has tripped; ask, where nobody was heard for long.
+        """Check that no watchdog has tripped; after a silence read the status first.
 
         Returns:
-            When that began: whoever acknowledges what is asked next was heard since.
+            The instant before this check; replies to later requests are newer.
 
         Raises:
-            LineFault: If one has: to set an output now would be a jump. `DISCONNECTED` where to
-                open the device again may help.
+            LineFault: If one has tripped: setting an output would now be a jump. `DISCONNECTED` if
+                opening the device again may help.
         """
         began_ns = self._transactions.now_ns()
         silent = began_ns - self._last_ns > self._silence_ns
-        if self._layout.status and (silent or self._lasts):
-            self._said = self._told = self._read_status()
-        self._tripped |= self._says_tripped()
+        if self._layout.status and (silent or self._trip_lasts):
+            self._status_flags = self._flags = self._read_status()
+        self._tripped |= self._reports_trip()
         if not self._tripped:
             return began_ns
         self._noticed.add(DeviceFlag.WATCHDOG_TRIPPED)
-        what = "the watchdog has tripped: the outputs are not where they were"
-        self._lasts &= self._says_tripped()
-        if self._lasts:
-            what = f"{what}, and its status has to be cleared first"
+        what = "the watchdog has tripped and has changed the outputs"
+        self._trip_lasts &= self._reports_trip()
+        if self._trip_lasts:
+            what = f"{what}: clear its status first"
             raise LineFault(DeviceFlag.WATCHDOG_TRIPPED, what)
-        raise LineFault(DeviceFlag.DISCONNECTED, f"{what}, and have to be taken over again")
+        raise LineFault(DeviceFlag.DISCONNECTED, f"{what}, which must be taken over again")
 
-    def _says_tripped(self) -> bool:
-        outputs = self._said[self._n_inputs :]
+    def _reports_trip(self) -> bool:
+        outputs = self._status_flags[self._n_inputs :]
         return any(DeviceFlag.WATCHDOG_TRIPPED in flags for flags in outputs)
 
-    def _noted(self, values: list[float], now_ns: int) -> Reading:
+    def _reading(self, values: list[float], now_ns: int) -> Reading:
         """Note saturated inputs, and ask for the status where it is due."""
-        self._ask_status(now_ns)
-        self._told = self._said
-        if nan_at := [place for place, value in enumerate(values) if isnan(value)]:
-            self._told = list(self._said)
-            for place in nan_at:
-                self._told[place] |= {DeviceFlag.SATURATED}
+        self._read_due_status(now_ns)
+        self._flags = self._status_flags
+        if saturated := [position for position, value in enumerate(values) if isnan(value)]:
+            self._flags = list(self._status_flags)
+            for position in saturated:
+                self._flags[position] |= {DeviceFlag.SATURATED}
         return now_ns, values
 
-    def _look_around(self, now_ns: int) -> None:
-        """Ask for the status where it is due; outputs are set, whatever becomes of that.
+    def _poll_status(self, now_ns: int) -> None:
+        """Read the status if it is due; a failure does not fail the write before it.
 
         Raises:
             LineFault: If the device is lost.
         """
         try:
-            self._ask_status(now_ns)
+            self._read_due_status(now_ns)
         except LineFault as fault:
             if fault.flag in LOSING:
                 raise
             self._noticed.add(fault.flag)
-        self._told = self._said
+        self._flags = self._status_flags
 
-    def _ask_status(self, now_ns: int) -> None:
+    def _read_due_status(self, now_ns: int) -> None:
         if self._layout.status and (
             self._status_ns is None or now_ns - self._status_ns >= STATUS_PERIOD_NS
         ):
             self._status_ns = now_ns
-            self._said = self._read_status()
+            self._status_flags = self._read_status()
 
     def _read_status(self) -> list[Flags]:
         numbers = [0.0] * len(self._layout.status)
         self._read(self._layout.statuses, numbers)
-        said = list(self._well)
+        found = list(self._no_flags)
         for (register, channels), number in zip(self._layout.status, numbers, strict=True):
             if register.flag is not None and int(number) & register.mask:
-                for place in channels:
-                    said[place] |= {register.flag}
-        return said
+                for position in channels:
+                    found[position] |= {register.flag}
+        return found

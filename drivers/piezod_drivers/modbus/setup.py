@@ -1,4 +1,4 @@
-"""What is said to a device before and after its cyclic use: who it is, and its watchdog."""
+"""Exchanges with a device before and after the loop: identity and watchdog."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -12,26 +12,26 @@ from piezod_drivers.modbus.profiles.profile import ModbusProfile, Setting, Watch
 from piezod_drivers.modbus.register import STRUCTS, NumberType, Table
 from piezod_drivers.modbus.transactions import Transactions
 
-NOT_TOLD: Final = "not told"
-"""What a device says of itself that its protocol cannot ask for."""
+NOT_REPORTED: Final = "not told"
+"""Identity text if the protocol cannot ask for it."""
 
 
-class Setup:
-    """Reads and writes single numbers of one device; not for the loop.
+class DeviceSetup:
+    """Reads and writes single numbers of one device. Not real-time safe.
 
     Args:
-        transactions: Its line, open; a late reply is waited for.
-        unit: Its address.
+        transactions: The open line; late replies are waited for first.
+        unit: Address of the device.
 
     Raises:
-        LineFault: If the line is gone.
+        LineFault: If the line is lost.
     """
 
     def __init__(self, transactions: Transactions, unit: int) -> None:
         self._transactions, self._unit = transactions, unit
         transactions.settle()
 
-    def number(self, table: Table, address: int, kind: NumberType) -> float:
+    def read_number(self, table: Table, address: int, kind: NumberType) -> float:
         """Read a number.
 
         Raises:
@@ -42,8 +42,8 @@ class Setup:
         pdu = self._transactions.ask(self._unit, [read(table, address, count)])
         return float(pdu[2] & 1 if table == "coil" else layout.unpack_from(pdu, 2)[0])
 
-    def set(self, setting: Setting) -> None:
-        """Write a number.
+    def write(self, setting: Setting) -> None:
+        """Write a setting.
 
         Raises:
             LineFault: If that fails.
@@ -53,55 +53,59 @@ class Setup:
         request = write_one(setting.address, words) if len(words) == 2 else many.request(words)
         self._transactions.ask(self._unit, [request])
 
-    def check(self, profile: ModbusProfile) -> None:
-        """Look for what such a device always holds.
+    def check_constants(self, profile: ModbusProfile) -> None:
+        """Check the registers that always hold the same number on this device.
 
         Raises:
-            DeviceError: If it is another device, or gives its words in another order.
+            DeviceError: If it is another device, or sends its words in another order.
             LineFault: If an exchange fails.
         """
         for table, address, kind, expected in profile.constants:
-            found = self.number(table, address, kind)
+            found = self.read_number(table, address, kind)
             if found != expected:
                 raise DeviceError(
-                    f"unit {self._unit} is no {profile.maker} {profile.model} as it should be set: "
-                    f"{table} {address} holds {found:.12g}, expected {expected:.12g}"
+                    f"unit {self._unit} is no {profile.maker} {profile.model}, or its settings "
+                    f"differ: {table} {address} holds {found:.12g}, expected {expected:.12g}"
                 )
 
-    def identity(self, profile: ModbusProfile | None) -> Identity:
-        """Ask who it is; what it does not tell is `NOT_TOLD`.
+    def read_identity(self, profile: ModbusProfile | None) -> Identity:
+        """Read the identity; an unreported part is `NOT_REPORTED`.
 
         Raises:
             LineFault: If an exchange fails.
         """
-        told = dict.fromkeys(("model", "serial", "firmware"), NOT_TOLD)
+        identity = dict.fromkeys(("model", "serial", "firmware"), NOT_REPORTED)
         if profile is None:
-            return Identity(NOT_TOLD, **told)
-        told["model"] = profile.model
-        for word, fact in profile.facts:
+            return Identity(NOT_REPORTED, **identity)
+        identity["model"] = profile.model
+        for name, field in profile.identity_fields:
             try:
-                told[word] = fact.show(self.number(fact.table, fact.address, fact.type))
+                identity[name] = field.to_text(
+                    self.read_number(field.table, field.address, field.type)
+                )
             except LineFault as fault:
                 if fault.flag is not DeviceFlag.WRONG_REQUEST:
                     raise
-        return Identity(profile.maker, **told)
+        return Identity(profile.maker, **identity)
 
     def arm(self, plan: WatchdogPlan, timeout_s: float, safe: float) -> None:
-        """Arm the watchdog; what it already holds is not written again, to spare its memory.
+        """Arm the watchdog. Settings that the device already has are not written again.
+
+        This spares the device's flash memory.
 
         Raises:
-            DeviceError: If the device holds something else afterwards.
+            DeviceError: If the device does not hold the settings afterwards.
             LineFault: If an exchange fails.
         """
         settings = plan.settings(timeout_s, safe)
         if not (self._differing(settings) or self._differing(plan.on)):
             return
         for setting in (*plan.off, *self._differing(settings), *plan.on):
-            if setting.is_set:
-                self.set(setting)
+            if setting.is_written:
+                self.write(setting)
         if wrong := self._differing((*settings, *plan.on)):
             address, kind, expected = wrong[0][:3]
-            found = self.number("holding", address, kind)
+            found = self.read_number("holding", address, kind)
             raise DeviceError(
                 f"the watchdog of unit {self._unit} cannot be armed: register {address} holds "
                 f"{found:.12g} instead of {expected:.12g}"
@@ -114,14 +118,15 @@ class Setup:
             LineFault: If an exchange fails.
         """
         for setting in plan.off:
-            self.set(setting)
+            self.write(setting)
 
     def _differing(self, settings: Sequence[Setting]) -> list[Setting]:
         return [
             setting
             for setting in settings
-            if setting.is_told
-            and self.number("holding", setting.address, setting.type) != _held(setting)
+            if setting.is_readable
+            and self.read_number("holding", setting.address, setting.type)
+            != _stored_number(setting)
         ]
 
 
@@ -130,6 +135,6 @@ def _words(setting: Setting) -> bytes:
     return STRUCTS[setting.type].pack(number)
 
 
-def _held(setting: Setting) -> float:
-    """Return the number as a device can hold it."""
+def _stored_number(setting: Setting) -> float:
+    """Return the number as the device can store it."""
     return float(STRUCTS[setting.type].unpack(_words(setting))[0])

@@ -6,23 +6,24 @@ from typing import Final
 
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.modbus.codec import ModbusRequest, judge
-from piezod_drivers.modbus.transactions import OneLine
+from piezod_drivers.modbus.codec import ModbusRequest, check_reply
+from piezod_drivers.modbus.transactions import LineTransactions
 
+# The header: number of the request, protocol (always 0), bytes that follow, unit.
 _HEADER: Final = Struct(">HHHB")
 _HEAD: Final = Struct(">HHH")
 _LENGTHS: Final = range(3, 255)
 
 
-class TcpTransactions(OneLine):
-    """Modbus TCP: every request has a number of its own, which its reply repeats.
+class TcpTransactions(LineTransactions):
+    """Modbus TCP: each request has a number of its own, which the reply repeats.
 
-    So no reply is taken for another, however late. A reply with the right number and a wrong
-    header or length is refused; of the data, only TCP's own checksum tells damage.
+    Therefore no reply is taken for another one, however late it is. A reply with the right number
+    and a wrong header or length is refused. The data itself is protected by TCP's checksum only.
 
     Args:
         line: The connection.
-        timeout_s: How long to wait for a reply, in s.
+        timeout_s: Longest wait for a reply, in s.
     """
 
     def __init__(self, line: Line, timeout_s: float) -> None:
@@ -30,10 +31,10 @@ class TcpTransactions(OneLine):
         self._number, self._tag = 0, b""
 
     def ask(self, unit: int, requests: Sequence[ModbusRequest], first: int = 0) -> bytes:
-        """Send one request; may be called in the loop.
+        """Send one request and return its reply. Real-time safe.
 
         Raises:
-            LineFault: If there is no answer in time, or the device refuses.
+            LineFault: If there is no reply in time, or the device refuses.
         """
         request = requests[first]
         self._number = number = (self._number + 1) & 0xFFFF
@@ -41,18 +42,18 @@ class TcpTransactions(OneLine):
         self._tag = frame[:2]
         reply = self._conversation.ask(frame, _length_tcp, self._is_reply)
         if reply[6] != unit:
-            what = f"unit {reply[6]} answers in the place of {self.who(unit)}"
+            what = f"unit {reply[6]} replied instead of {self.name_of(unit)}"
             raise LineFault(DeviceFlag.GARBAGE, what)
         pdu = reply[7:]
         if len(pdu) == request.n_bytes and pdu.startswith(request.echo):
             return pdu
-        return judge(pdu, request, self.who(unit))
+        return check_reply(pdu, request, self.name_of(unit))
 
     def settle(self) -> None:
-        """Do nothing: no late reply is in the way."""
+        """Do nothing: a late reply is recognized by its number."""
 
     def is_free(self, unit: int, requests: Sequence[ModbusRequest]) -> bool:  # noqa: ARG002 - of RTU
-        """Tell that no late reply can be mistaken for another."""
+        """Return True: a late reply is recognized by its number. Real-time safe."""
         return True
 
     def _is_reply(self, frame: bytes) -> bool:
@@ -60,6 +61,7 @@ class TcpTransactions(OneLine):
 
 
 def _length_tcp(got: bytes) -> int:
+    # Look for the first header; the bytes before it are garbage.
     for start in range(len(got) - 5):
         _, protocol, length = _HEAD.unpack_from(got, start)
         if protocol == 0 and length in _LENGTHS:

@@ -1,4 +1,4 @@
-"""One request and its reply at a time, whatever the frames around them."""
+"""One request and its reply at a time, independent of the frames around them."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -10,7 +10,7 @@ from piezod_drivers.modbus.codec import ModbusRequest
 
 
 class Transactions(Protocol):
-    """Carries requests to one device or to several on one line."""
+    """Carries requests to one device, or to several on one line."""
 
     def open(self) -> None:
         """Connect.
@@ -21,52 +21,53 @@ class Transactions(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go. Never raises."""
+        """Disconnect. Never raises."""
         ...
 
     def ask(self, unit: int, requests: Sequence[ModbusRequest], first: int = 0) -> bytes:
-        """Send one request of several that ask for the same; may be called in the loop.
+        """Send one of several equivalent requests and return its reply. Real-time safe.
 
         Args:
             unit: Address of the device on the line.
-            requests: The same question in forms whose replies can be told apart.
-            first: Which one is to be taken, if a late reply to it cannot come any more.
+            requests: Requests for the same data whose replies differ in form.
+            first: Index of the preferred request. Another one is sent while a late reply to it may
+                come.
 
         Returns:
-            The reply with its function.
+            The reply, with its function code.
 
         Raises:
-            LineFault: If there is no answer in time, or the device refuses.
+            LineFault: If there is no reply in time, or the device refuses.
         """
         ...
 
     def is_free(self, unit: int, requests: Sequence[ModbusRequest]) -> bool:
-        """Tell whether no late reply can be mistaken for one to these; call it in the loop."""
+        """Return whether no late reply can be mistaken for one to these. Real-time safe."""
         ...
 
     def settle(self) -> None:
-        """Wait until no late reply can come that would be in the way; not to be called in the loop.
+        """Wait until no late reply can disturb the next request. Not real-time safe.
 
         Raises:
-            LineFault: If the line is gone.
+            LineFault: If the line is lost.
         """
         ...
 
     def now_ns(self) -> int:
-        """Tell the instant on the line's clock; may be called in the loop."""
+        """Return the instant on the line's clock. Real-time safe."""
         ...
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail, and forget it."""
+        """Return and clear the flags of faults that no call has raised. Real-time safe."""
         ...
 
 
-class OneLine:
-    """What both kinds of transactions have in common.
+class LineTransactions:
+    """The common part of TCP and RTU.
 
     Args:
         line: The line.
-        timeout_s: How long to wait for a reply, in s.
+        timeout_s: Longest wait for a reply, in s.
     """
 
     def __init__(self, line: Line, timeout_s: float) -> None:
@@ -75,7 +76,7 @@ class OneLine:
         self._noticed: set[DeviceFlag] = set()
 
     def open(self) -> None:
-        """Connect, and forget what was before.
+        """Connect, and forget all earlier exchanges.
 
         Raises:
             DeviceUnavailableError: If that fails.
@@ -84,19 +85,19 @@ class OneLine:
         self._conversation.restart()
 
     def close(self) -> None:
-        """Let go. Never raises."""
+        """Disconnect. Never raises."""
         self._line.close()
 
     def now_ns(self) -> int:
-        """Tell the instant on the line's clock; may be called in the loop."""
+        """Return the instant on the line's clock. Real-time safe."""
         return self._line.now_ns()
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail, and forget it."""
+        """Return and clear the flags of faults that no call has raised. Real-time safe."""
         noticed = self._conversation.take_noticed() | self._noticed
         self._noticed = set()
         return noticed
 
-    def who(self, unit: int) -> str:
-        """Tell who is asked, for people."""
+    def name_of(self, unit: int) -> str:
+        """Return the name of a unit for messages to people."""
         return f"unit {unit} at {self._line.where}"

@@ -1,4 +1,4 @@
-"""What a configuration may say about a serial port, or about the TCP port of the same protocol."""
+"""Options of a serial port, or of a TCP port with the same protocol."""
 
 from collections.abc import Iterator
 from typing import Annotated, Final, Self, TypeAlias
@@ -20,27 +20,27 @@ _PORT: Final = "Path of the port: /dev/serial/by-id/…."
 
 class _Settings(ConfigModel):
     baud: Baud = Field(default=115_200, description="Bits per second, as set on the device.")
-    rtscts: bool = Field(default=False, description="Whether RTS and CTS hold up the flow.")
-    timeout_ms: TimeoutMs = Field(default=30.0, description="How long to wait for each reply, ms.")
+    rtscts: bool = Field(default=False, description="Whether RTS and CTS control the flow.")
+    timeout_ms: TimeoutMs = Field(default=30.0, description="Longest wait for each reply, ms.")
 
     def baud_or(self, usual: int) -> int:
-        """Return `baud` where it is given, else what is usual for the model of the device."""
+        """Return `baud` if it is configured, else the usual value of the device's model."""
         return self.baud if "baud" in self.model_fields_set else usual
 
 
 class PortOptions(_Settings):
-    """A serial port; a protocol gives its own defaults to `baud`, `rtscts` and `timeout_ms`."""
+    """Options of a serial port; a protocol may change the defaults."""
 
     port: Port = Field(description=_PORT)
 
 
 class LineOptions(_Settings):
-    """A serial port, or else the TCP port of a device that speaks the same protocol there."""
+    """Options of a serial port, or of the TCP port of a device with the same protocol."""
 
     port: Port | None = Field(default=None, description=_PORT)
     host: Host | None = Field(
         default=None,
-        description="Name or address, instead of `port`: the device's own or a serial server's.",
+        description="Instead of `port`: host name or address of the device or of a serial server.",
     )
     tcp_port: Annotated[int, Quantity(1, 65_535)] | None = Field(
         default=None, description="Number of the TCP port at `host`."
@@ -52,25 +52,25 @@ class LineOptions(_Settings):
         return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
-        """Yield what is wrong; who overrides it yields these too."""
+        """Yield the broken rules; an overriding method yields these too."""
         if (self.port is None) == (self.host is None):
-            yield ("port",), "name either port, a serial port, or host and tcp_port"
+            yield ("port",), "give either port, a serial port, or host and tcp_port"
         elif (self.host is None) != (self.tcp_port is None):
-            yield ("tcp_port",), "host and tcp_port belong together"
+            yield ("tcp_port",), "give both host and tcp_port"
 
 
-def ordered(range_v: tuple[float, float]) -> Iterator[BrokenRule]:
-    """Yield what is wrong with a lowest and a highest voltage: that there is none between them."""
+def range_rules(range_v: tuple[float, float]) -> Iterator[BrokenRule]:
+    """Yield the broken rule if the lowest voltage is not below the highest."""
     if not range_v[0] < range_v[1]:
         yield ("range_v", 1), "must be above the first of the two"
 
 
 def make_line(options: PortOptions | LineOptions, baud: int | None = None) -> Line:
-    """Construct the line that options name; nothing is opened.
+    """Construct the line of the options; nothing is opened.
 
     Args:
-        options: What a configuration says.
-        baud: Bits per second, where `options.baud` may be that of another model.
+        options: The options.
+        baud: Bits per second, if they are not `options.baud`.
     """
     if isinstance(options, LineOptions) and options.host is not None:
         assert options.tcp_port is not None  # noqa: S101 - the model has checked it

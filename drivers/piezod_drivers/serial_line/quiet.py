@@ -1,23 +1,23 @@
-"""Listening until a device has said all that it says."""
+"""Reads from a line until the device is silent."""
 
 from piezod.devices.bus.line import Line
 
 
-def until_quiet(line: Line, quiet_ns: int, most_chunks: int) -> bytes:
-    """Return all that comes until the line is quiet; waits, and is not for the loop.
+def read_until_quiet(line: Line, quiet_ns: int, most_chunks: int) -> bytes:
+    """Return all bytes that come until the line is quiet. Waits, so not real-time safe.
 
     Args:
-        line: The line, open.
-        quiet_ns: After so long without a byte it is quiet, in ns.
-        most_chunks: Of a device that is never quiet, no more than so many parts are read.
+        line: The open line.
+        quiet_ns: The line is quiet after this time without a byte, in ns.
+        most_chunks: Highest number of reads, for a device that is never quiet.
 
     Raises:
-        LineFault: If the line is gone.
+        LineFault: If the line is lost.
     """
-    told = b""
+    got = b""
     for _ in range(most_chunks):
         more = line.receive(quiet_ns)
         if not more:
             break
-        told += more
-    return told
+        got += more
+    return got

@@ -1,6 +1,6 @@
-/* A Modbus server made of libmodbus, somebody else's reading of the protocol. Built by the tests.
+/* A Modbus server made of libmodbus, an independent implementation. Built by the tests.
  *
- * tcp          serves any port of this machine, and prints it
+ * tcp          serves any free port of this machine and prints it
  * rtu PATH     serves unit 1 at a serial port, 115200 8N1, and prints "ready"
  *
  * Input register i repeats holding register i, as a converter's input follows its output.

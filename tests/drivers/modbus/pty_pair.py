@@ -1,4 +1,4 @@
-"""Two serial ports with a wire between them, for two programs that both want a port."""
+"""Two connected serial ports, for two programs that each need a port."""
 
 import os
 import select
@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def wired_ports() -> Iterator[tuple[str, str]]:
-    """Yield the paths of two ports; what is written to one can be read from the other."""
+    """Yield the paths of two ports; bytes written to one can be read from the other."""
     ends = [os.openpty() for _ in range(2)]
     for _, port in ends:
         tty.setraw(port)

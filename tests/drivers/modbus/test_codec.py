@@ -10,12 +10,12 @@ from pymodbus.pdu.register_message import ReadWriteMultipleRegistersRequest
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.modbus.checksum import checksum, is_whole
+from piezod_drivers.modbus.checksum import checksum, has_valid_checksum
 from piezod_drivers.modbus.codec import (
     ModbusRequest,
     WriteAndRead,
     WriteMany,
-    judge,
+    check_reply,
     read,
     write_one,
 )
@@ -26,14 +26,14 @@ SERVER = DecodePDU(is_server=True)
 
 @given(st.binary(max_size=300))
 def test_the_checksum_is_that_of_pymodbus(data: bytes) -> None:
-    """Two bytes at a step give the same as one at a step, whatever the length."""
+    """The checksum computed by words equals pymodbus' checksum, for any length."""
     assert checksum(data) == FramerRTU.compute_CRC(data).to_bytes(2, "big")
-    assert is_whole(data + checksum(data)) == bool(data)
+    assert has_valid_checksum(data + checksum(data)) == bool(data)
 
 
 @pytest.mark.parametrize(("table", "function"), [("coil", 1), ("holding", 3), ("input", 4)])
 def test_a_read_names_table_address_and_number(table: str, function: int) -> None:
-    """Pymodbus' own decoder finds in a request what was put in."""
+    """Pymodbus decodes a read request to its table, address and number."""
     request = read(table, 0x1234, 10)  # type: ignore[arg-type] # one of the three
     found = SERVER.decode(request.pdu)
     assert found is not None
@@ -44,13 +44,13 @@ def test_a_read_names_table_address_and_number(table: str, function: int) -> Non
 
 @pytest.mark.parametrize(("address", "count"), [(-1, 1), (65_536, 1), (0, 0), (0, 126)])
 def test_an_impossible_read_is_refused(address: int, count: int) -> None:
-    """Addresses and numbers that the protocol does not have are no requests."""
+    """Impossible addresses and numbers are refused."""
     with pytest.raises(ValueError):
         read("holding", address, count)
 
 
 def test_writes_carry_the_words() -> None:
-    """Pymodbus' own decoder finds the words in each of the three ways to write."""
+    """Pymodbus decodes the words of each of the three write requests."""
     one = SERVER.decode(write_one(7, b"\x12\x34").pdu)
     assert one is not None
     assert (one.address, list(one.registers)) == (7, [0x1234])
@@ -73,28 +73,28 @@ def test_writes_carry_the_words() -> None:
     ],
 )
 def test_every_exception_code_has_its_meaning(codes: tuple[int, ...], flag: DeviceFlag) -> None:
-    """A refusal is a wrong request, a failure or a busy device, and says which request it was."""
+    """An exception is a wrong request, a failure or a busy device, and names the request."""
     for code in codes:
         for request in (read("holding", 16, 1), write_one(16, b"\0\0")):
             refusal = bytes((request.pdu[0] | 0x80, code))
             with pytest.raises(LineFault, match=f"00 10.*exception {code}") as told:
-                judge(refusal, request, "unit 1")
+                check_reply(refusal, request, "unit 1")
             assert told.value.flag is flag
 
 
 @given(st.binary(max_size=20))
 def test_judging_raises_nothing_but_line_faults(pdu: bytes) -> None:
-    """Whatever a device answers is an answer of the right form, or a fault of the line."""
+    """Any reply is either valid or raises a `LineFault`."""
     request = ModbusRequest(b"\x03\0\0\0\1", b"\x03\x02", 4)
     with suppress(LineFault):
-        assert judge(pdu, request, "unit 1").startswith(b"\x03\x02")
+        assert check_reply(pdu, request, "unit 1").startswith(b"\x03\x02")
 
 
 @pytest.mark.parametrize("kind", ["int16", "uint16", "int32", "uint32", "float32"])
 @pytest.mark.parametrize("words", ["big", "little"])
 @given(value=st.floats(0, 30), scale=st.sampled_from([1e-3, 0.5, 1.0]))
 def test_what_is_packed_can_be_unpacked(kind: str, words: str, value: float, scale: float) -> None:
-    """Values come back as near as the code allows, in either order of words."""
+    """Values are packed and unpacked within the resolution of the code, in both word orders."""
     register = Register.model_validate(
         {
             "channel": "a",
@@ -113,7 +113,7 @@ def test_what_is_packed_can_be_unpacked(kind: str, words: str, value: float, sca
 
 
 def test_the_order_of_words() -> None:
-    """Little means that the low word comes first; within a word the high byte comes first."""
+    """With little order the low word comes first; inside a word the high byte comes first."""
     rows = {"channel": "a", "role": "input", "address": 0, "type": "uint32"}
     big, little = (
         unpacker(Register.model_validate(rows | {"words": words})) for words in ("big", "little")

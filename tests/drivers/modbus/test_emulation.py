@@ -16,7 +16,7 @@ SERIAL = [plugin for plugin in PLUGINS if plugin.wire == "serial"]
 
 
 def tcp_answer(plugin: EmulatorPlugin, pdu: bytes) -> bytes:
-    """Return what a new device answers to a request over TCP, without its header."""
+    """Return the reply of a new device to a request over TCP, without its header."""
     assert plugin.create is not None
     frame = pack(">HHHB", 7, 0, len(pdu) + 1, 1) + pdu
     (reply,) = plugin.create(bench(1)[0], "").receive(frame)
@@ -26,7 +26,7 @@ def tcp_answer(plugin: EmulatorPlugin, pdu: bytes) -> bytes:
 
 @pytest.mark.parametrize("plugin", PLUGINS, ids=lambda plugin: plugin.name)
 def test_emulators_can_be_found(plugin: EmulatorPlugin) -> None:
-    """Each is found under its own name."""
+    """Each emulator is found under its own name."""
     assert emulators.load(plugin.name) is plugin
 
 
@@ -35,7 +35,7 @@ def test_emulators_can_be_found(plugin: EmulatorPlugin) -> None:
 def test_bytes_that_are_no_request_raise_nothing(
     plugin: EmulatorPlugin, chunks: list[bytes]
 ) -> None:
-    """Whatever comes is answered, or not; unasked, nothing is said."""
+    """Any bytes raise nothing, and without a request nothing is sent."""
     assert plugin.create is not None
     device = plugin.create(bench(1)[0], "X-7")
     for chunk in chunks:
@@ -46,7 +46,7 @@ def test_bytes_that_are_no_request_raise_nothing(
 @pytest.mark.parametrize("plugin", TCP, ids=lambda plugin: plugin.name)
 @given(st.sampled_from([1, 3, 4, 6, 16, 23, 0x4C]), st.binary(max_size=40))
 def test_every_request_is_answered(plugin: EmulatorPlugin, function: int, data: bytes) -> None:
-    """A request of any content gets its function back, or the function and an exception code."""
+    """A request with any content gets its function code back, or an exception code."""
     answer = tcp_answer(plugin, bytes((function,)) + data)
     assert answer[0] == function or (answer[0] == function | 0x80 and answer[1] in {1, 2, 3, 4})
 
@@ -54,7 +54,7 @@ def test_every_request_is_answered(plugin: EmulatorPlugin, function: int, data: 
 @pytest.mark.parametrize("plugin", SERIAL, ids=lambda plugin: plugin.name)
 @given(st.sampled_from([1, 3, 4, 6, 16, 23]), st.binary(max_size=5), st.integers(1, 2))
 def test_requests_in_pieces(plugin: EmulatorPlugin, function: int, data: bytes, cut: int) -> None:
-    """Over a serial line a request may come in pieces, and only a whole one is answered."""
+    """Over a serial line a request may come in pieces, and only a complete one is answered."""
     assert plugin.create is not None
     device = plugin.create(bench(1)[0], "")
     frame = bytes((1, 3, 0, 210, 0, 1))
@@ -73,8 +73,8 @@ def test_requests_in_pieces(plugin: EmulatorPlugin, function: int, data: bytes, 
         ("2b 0e 01 00", "ab 01"),  # no such function
         ("03 7530 0001", "83 02"),  # no such register
         ("03 03e8 0001", "83 02"),  # half of a number
-        ("10 0000 0002 04 00000000", "90 02"),  # an input
-        ("03 03e8 0000", "83 03"),  # none
+        ("10 0000 0002 04 00000000", "90 02"),  # an input cannot be set
+        ("03 03e8 0000", "83 03"),  # no register
         ("03 03e8 00", "83 03"),  # too short
         ("10 03e8 0002 04 7fc00000", "90 03"),  # not a number
         ("10 03e8 0002 05 7fc00000", "90 03"),  # a wrong number of bytes
@@ -83,13 +83,13 @@ def test_requests_in_pieces(plugin: EmulatorPlugin, function: int, data: bytes, 
     ],
 )
 def test_refusals(pdu: str, answer: str) -> None:
-    """A LabJack refuses with the exception code that the fault has."""
+    """A LabJack refuses each faulty request with the right exception code."""
     found = tcp_answer(emulator.LABJACK_T7, bytes.fromhex(pdu.replace(" ", "")))
     assert found == bytes.fromhex(answer.replace(" ", ""))
 
 
 def test_a_wrong_header_is_dropped() -> None:
-    """What cannot be a header, and all that came with it, is not answered; the next request is."""
+    """An invalid header and the bytes behind it are dropped; the next request is answered."""
     assert emulator.LABJACK_T7.create is not None
     device = emulator.LABJACK_T7.create(bench(1)[0], "")
     assert device.receive(b"\0\1\0\1\0\6\1\3\0\0\0\2") == []

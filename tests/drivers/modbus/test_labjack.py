@@ -8,7 +8,7 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.modbus import emulator
-from piezod_drivers.modbus.driver import device_of
+from piezod_drivers.modbus.driver import make_device
 from piezod_drivers.modbus.options import ModbusOptions
 from tests.drivers.modbus.emulated import emulated, transactions_over
 from tests.drivers.serial_line.linear_rig import LinearRig
@@ -31,22 +31,22 @@ def labjack(
 
 
 def labjack_at(line: EmulatedLine, watchdog: dict[str, float], wiring: Wiring) -> BusDevice:
-    """Return another active device of the same T7."""
+    """Return another active device for the same T7."""
     options = {"profile": "labjack-t7", "host": "t7", "watchdog": watchdog}
     model = ModbusOptions.model_validate(options)
-    device = device_of(model, wiring, transactions_over(line, model))
+    device = make_device(model, wiring, transactions_over(line, model))
     device.open()
     device.activate(line.now_ns())
     return device
 
 
 def flags(device: ExchangingBusDevice, line: EmulatedLine) -> frozenset[DeviceFlag]:
-    """Return what the device tells of any channel."""
+    """Return the flags of all channels."""
     return frozenset().union(*device.status(line.now_ns()))
 
 
 def set_by_somebody_else(line: EmulatedLine, address: int, value: bytes) -> None:
-    """Write two registers beside the driver."""
+    """Write two registers without the driver."""
     line.send(bytes.fromhex("ffff0000000b0110") + address.to_bytes(2, "big") + b"\0\2\4" + value)
     line.receive(MS)
 
@@ -60,7 +60,7 @@ def set_by_somebody_else(line: EmulatedLine, address: int, value: bytes) -> None
     ],
 )
 def test_who_it_is(plugin: EmulatorPlugin, product: str, highest: float) -> None:
-    """It tells product, serial number and firmware, and goes from 0 V to the end of its range."""
+    """A LabJack reports product, serial number and firmware, and the range of its outputs."""
     options = ModbusOptions.model_validate({"profile": f"labjack-{product.lower()}", "host": "h"})
     device, line, rig = emulated(plugin, options, ONE, "470012345")
     assert device.open() == ("LabJack", product, "470012345", "1.0300")
@@ -72,7 +72,7 @@ def test_who_it_is(plugin: EmulatorPlugin, product: str, highest: float) -> None
 
 
 def test_a_cycle_is_one_request() -> None:
-    """One frame sets and reads everything; what is in force then is known without another."""
+    """One request sets and reads everything, the read-back included."""
     device, line, rig = labjack()
     line.sent.clear()
     taken, (sample,) = device.exchange([2.0], line.now_ns())
@@ -93,7 +93,7 @@ def test_a_cycle_is_one_request() -> None:
 
 
 def test_two_axes() -> None:
-    """Inputs and outputs may be in any order, and are never mixed up."""
+    """Inputs and outputs may be in any order and are never mixed up."""
     device, line, rig = labjack(wiring=Wiring(("AIN1", "AIN0"), ("DAC1", "DAC0")))
     taken, samples = device.exchange([1.0, 4.0], line.now_ns())
     assert taken
@@ -102,7 +102,7 @@ def test_two_axes() -> None:
 
 
 def test_a_saturated_input_is_no_sample() -> None:
-    """What the LabJack gives beyond its range, -9999, is told as saturated."""
+    """An invalid reading, -9999, is reported as saturated."""
     device, line, rig = labjack()
     rig.valid = False
     assert not device.read(line.now_ns())[0].valid
@@ -112,7 +112,7 @@ def test_a_saturated_input_is_no_sample() -> None:
 @pytest.mark.sees("modbus", "S7")
 @pytest.mark.parametrize("order", [(0, 1, 2, 3, 4), (4, 3, 2, 1, 0)])
 def test_an_input_of_a_t4_saturates_at_the_end_of_its_own_range(order: tuple[int, ...]) -> None:
-    """AIN0 to AIN3 go to 10 V and the others to 2.5 V, in whatever order they are used."""
+    """AIN0 to AIN3 end at 10 V and the others at 2.5 V, in any order of use."""
     wiring = Wiring(tuple(f"AIN{i}" for i in order), ())
     options = ModbusOptions.model_validate({"profile": "labjack-t4", "host": "h"})
     device, line, rig = emulated(emulator.LABJACK_T4, options, wiring)
@@ -132,9 +132,10 @@ def test_an_input_of_a_t4_saturates_at_the_end_of_its_own_range(order: tuple[int
 
 @pytest.mark.sees("modbus", "A9")
 def test_the_watchdog_makes_the_output_safe_when_we_die() -> None:
-    """After 2 s of silence the output is at the safe voltage, and nothing is set from then on.
+    """After 2 s of silence the output is at the safe voltage, and nothing is set any more.
 
-    It would be a jump. When the device is open again and its output was read, writes are taken.
+    Setting it would be a jump. When the device was opened again and its output was read, writes are
+    accepted.
     """
     device, line, rig = labjack(WATCHED)
     assert device.capabilities().watchdog
@@ -160,7 +161,7 @@ def test_the_watchdog_makes_the_output_safe_when_we_die() -> None:
 
 @pytest.mark.sees("modbus", "A9")
 def test_a_watchdog_that_is_seen_to_have_tripped_ends_writing() -> None:
-    """Who reads after the silence, before anybody writes, does not let the next write through."""
+    """A read after the silence detects the trip, and the next write is refused."""
     device, line, rig = labjack(WATCHED)
     assert device.write([2.0], line.now_ns())
     line.time.t_ns += 2100 * MS
@@ -176,7 +177,7 @@ def test_a_watchdog_that_is_seen_to_have_tripped_ends_writing() -> None:
 def test_who_was_stopped_before_the_reply_has_been_silent_since(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A process that is stopped in the middle of an exchange looks before it sets the next one."""
+    """A process stopped during an exchange reads the outputs before it sets them again."""
     device, line, rig = labjack(WATCHED)
     receive = line.receive
 
@@ -198,7 +199,7 @@ def test_who_was_stopped_before_the_reply_has_been_silent_since(
 def test_who_only_reads_leaves_outputs_and_watchdog_alone(
     armed: dict[str, float] | None, end_v: float
 ) -> None:
-    """Neither is a watchdog armed, nor one stopped that was armed before."""
+    """With inputs only, no watchdog is armed and no armed one is stopped."""
     device, line, rig = labjack(armed)
     assert device.write([2.0], line.now_ns())
     line.sent.clear()
@@ -216,7 +217,7 @@ def test_who_only_reads_leaves_outputs_and_watchdog_alone(
 
 
 def test_a_silence_without_consequences_is_none() -> None:
-    """Where the outputs are still as they were, the first write after a silence is taken."""
+    """If the outputs have not changed, the first write after a silence is accepted."""
     device, line, _ = labjack(WATCHED)
     assert device.write([2.0], line.now_ns())
     line.time.t_ns += 1950 * MS
@@ -225,7 +226,7 @@ def test_a_silence_without_consequences_is_none() -> None:
 
 
 def test_the_watchdog_is_stopped_in_the_end() -> None:
-    """A stage that was left in order holds its output."""
+    """A device that was closed normally holds its output."""
     device, line, rig = labjack(WATCHED)
     assert device.write([2.0], line.now_ns())
     device.close()
@@ -236,7 +237,7 @@ def test_the_watchdog_is_stopped_in_the_end() -> None:
 
 
 def test_an_armed_watchdog_is_not_written_again() -> None:
-    """The settings are kept in flash memory: to find them as they should be is enough."""
+    """Settings in flash memory that are already right are not written."""
     device, line, _ = labjack(WATCHED)
     writes = [frame for frame in line.sent if frame[7] == 16]
     assert [unpack(">H", frame[8:10])[0] for frame in writes[:1] + writes[-1:]] == [61600, 61600]
@@ -248,7 +249,7 @@ def test_an_armed_watchdog_is_not_written_again() -> None:
 
 @pytest.mark.sees("modbus", "A9")
 def test_a_watchdog_that_cannot_be_armed_is_refused() -> None:
-    """A device that holds something else than was written is not activated."""
+    """A device that does not hold the watchdog's settings is not activated."""
     options = ModbusOptions.model_validate(
         {"profile": "labjack-t7", "host": "h", "watchdog": WATCHED}
     )
@@ -261,7 +262,7 @@ def test_a_watchdog_that_cannot_be_armed_is_refused() -> None:
 
 @pytest.mark.sees("modbus", "A8")
 def test_somebody_else_who_drives_the_output_is_noticed() -> None:
-    """An output that has changed between two exchanges shows, whoever changed it."""
+    """An output that changed between two exchanges is reported."""
     device, line, _ = labjack()
     device.exchange([2.0], line.now_ns())
     set_by_somebody_else(line, 1000, bytes.fromhex("3f800000"))
@@ -273,7 +274,7 @@ def test_somebody_else_who_drives_the_output_is_noticed() -> None:
 
 @pytest.mark.sees("modbus", "A7")
 def test_a_restart_is_noticed() -> None:
-    """A counter that has begun anew shows that the device has, over a new connection too."""
+    """A counter that went back reveals a restart, also over a new connection."""
     device, line, _ = labjack()
     line.time.t_ns += 60_000 * MS
     device.read(line.now_ns())
@@ -286,7 +287,7 @@ def test_a_restart_is_noticed() -> None:
 
 
 def test_words_in_the_wrong_order_are_noticed() -> None:
-    """What always holds 0x00112233 and does not is no LabJack, or speaks in another order."""
+    """A device without the constant 0x00112233 is refused: no LabJack, or another word order."""
     options = ModbusOptions.model_validate({"profile": "labjack-t7", "host": "h"})
     device, line, _ = emulated(emulator.LABJACK_T7, options, ONE)
     line.change = lambda reply: reply[:-4] + reply[-2:] + reply[-4:-2]

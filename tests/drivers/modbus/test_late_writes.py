@@ -15,7 +15,7 @@ TIMEOUT_NS = round(TIMEOUT_S * 1e9)
 
 
 class LateLine(EmulatedLine):
-    """Once it is tardy, one reply in four comes late, by up to ten time-outs; all in order."""
+    """When switched to tardy, one reply in four is late by up to ten time-outs; order is kept."""
 
     random = Random(1)  # noqa: S311 - repeatable
     arrives_ns = 0
@@ -33,9 +33,9 @@ class LateLine(EmulatedLine):
 @pytest.mark.sees("modbus", "A1")
 @pytest.mark.parametrize("n_outputs", [1, 3])
 def test_what_is_acknowledged_is_in_force(n_outputs: int) -> None:
-    """With late acknowledgements, a write that counts as taken has been taken, and samples fit.
+    """With late replies, an accepted write is in force, and samples belong to it.
 
-    What is read is the consequence of what is in force at that very moment, never of what was.
+    An input reads the effect of the output in force at that very instant, never of an earlier one.
     """
     names = [f"AO{i + 1}" for i in range(n_outputs)]
     options = ModbusOptions.model_validate({"units": BOXES, "port": "p", "silence_ms": 0.0})

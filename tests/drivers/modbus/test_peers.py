@@ -1,4 +1,4 @@
-"""Programs that are not ours: libmodbus' server and mbpoll, pymodbus' server and client."""
+"""Other implementations: libmodbus' server, mbpoll, pymodbus' server and client."""
 
 import shutil
 import subprocess
@@ -16,7 +16,7 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 from piezod.devices.bus.bus_device import ExchangingBusDevice
 from piezod.devices.interface import Wiring
 from piezod_drivers.modbus import emulator
-from piezod_drivers.modbus.driver import device_of, transactions_of
+from piezod_drivers.modbus.driver import make_device, make_transactions
 from piezod_drivers.modbus.options import ModbusOptions
 from tests.drivers.modbus.emulated import served
 from tests.drivers.modbus.pty_pair import wired_ports
@@ -42,7 +42,7 @@ VALUES = [-1.25, 3.5, -7.0]
 
 
 def need(*programs: str) -> None:
-    """Skip the test where one of these is not installed."""
+    """Skip the test if one of these is not installed."""
     for program in programs:
         if shutil.which(program) is None:
             pytest.skip(f"{program} is not installed")
@@ -68,13 +68,13 @@ def libmodbus(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def options(**chosen: object) -> ModbusOptions:
-    """Return options that were given as a file gives them."""
+    """Return validated options."""
     return ModbusOptions.model_validate(chosen)
 
 
 @contextmanager
 def running(*command: str) -> Iterator[str]:
-    """Run a server; yield the first line it prints."""
+    """Run a server; yield the first line that it prints."""
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
         try:
@@ -84,8 +84,8 @@ def running(*command: str) -> Iterator[str]:
 
 
 def follows(chosen: ModbusOptions) -> None:
-    """Drive three outputs of three types, and find them in the inputs and in the read-back."""
-    device = device_of(chosen, WIRING, transactions_of(chosen))
+    """Drive three outputs of three types and check the inputs and the read-back."""
+    device = make_device(chosen, WIRING, make_transactions(chosen))
     try:
         device.open()
         device.activate(0)
@@ -106,7 +106,7 @@ def follows(chosen: ModbusOptions) -> None:
 
 @pytest.mark.parametrize("functions", [(16,), (6, 16), (16, 23)])
 def test_libmodbus_over_tcp(libmodbus: Path, functions: tuple[int, ...]) -> None:
-    """Libmodbus' server takes and gives what the driver writes and reads over TCP."""
+    """The driver reads and writes the registers of libmodbus' server over TCP."""
     with running(str(libmodbus), "tcp") as port:
         follows(
             options(
@@ -121,7 +121,7 @@ def test_libmodbus_over_tcp(libmodbus: Path, functions: tuple[int, ...]) -> None
 
 @pytest.mark.parametrize("functions", [(16,), (6, 16), (16, 23)])
 def test_libmodbus_over_rtu(libmodbus: Path, functions: tuple[int, ...]) -> None:
-    """Libmodbus' server takes and gives what the driver writes and reads over a serial line."""
+    """The driver reads and writes the registers of libmodbus' server over a serial line."""
     with wired_ports() as (ours, theirs), running(str(libmodbus), "rtu", theirs) as ready:
         assert ready == "ready"
         follows(
@@ -136,7 +136,7 @@ def test_libmodbus_over_rtu(libmodbus: Path, functions: tuple[int, ...]) -> None
 
 
 def mbpoll(*words: str) -> list[str]:
-    """Run mbpoll once; return the values it prints."""
+    """Run mbpoll once; return the values that it prints."""
     need("mbpoll")
     told = subprocess.run(
         [shutil.which("mbpoll") or "", "-q", "-1", *words],
@@ -160,7 +160,7 @@ def test_mbpoll_over_tcp() -> None:
 
 
 def test_mbpoll_over_rtu(tmp_path: Path) -> None:
-    """Mbpoll sets an output of the emulated Waveshare box and reads the input of the other box."""
+    """Mbpoll sets an output of one emulated Waveshare module and reads an input of the other."""
     port = str(tmp_path / "box.tty")
     with served(emulator.WAVESHARE, port):
         at = ["-m", "rtu", "-b", "9600", "-P", "none", "-0"]
@@ -177,7 +177,7 @@ def test_pymodbus_client_over_tcp() -> None:
             assert client.connect()  # type: ignore[no-untyped-call] # theirs
             assert not client.write_registers(0, [0x3FF0]).isError()
             (back,) = client.read_holding_registers(0x200, count=1).registers
-            assert back == pytest.approx(0x3FF0, abs=8)  # of a converter of 12 bits
+            assert back == pytest.approx(0x3FF0, abs=8)  # resolution of 12 bits
             answer = client.readwrite_registers(
                 read_address=0, read_count=2, write_address=0, values=[0x2000]
             )
@@ -188,7 +188,7 @@ def test_pymodbus_client_over_tcp() -> None:
 
 
 def test_pymodbus_client_over_rtu(tmp_path: Path) -> None:
-    """Pymodbus' client sets and reads the emulated ICP DAS boxes, one after the other."""
+    """Pymodbus' client sets and reads the two emulated ICP DAS modules."""
     port = str(tmp_path / "box.tty")
     with served(emulator.ICPDAS, port):
         client = ModbusSerialClient(port, baudrate=9600)
@@ -227,7 +227,7 @@ def pymodbus_server() -> Iterator[int]:
 
 
 def test_pymodbus_server() -> None:
-    """Pymodbus' server takes and gives what the driver writes and reads."""
+    """The driver reads and writes the registers of pymodbus' server."""
     with pymodbus_server() as port:
         registers = tuple(dict(row, table="holding") for row in MAP)
         follows(options(registers=registers, host="127.0.0.1", tcp_port=port, timeout_ms=1000.0))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from piezod.devices.interface import Wiring
-from piezod_drivers.modbus.driver import device_of, transactions_of
+from piezod_drivers.modbus.driver import make_device, make_transactions
 from piezod_drivers.modbus.options import ModbusOptions
 from tests.daemon.waiting import eventually
 from tests.drivers.bus.bench import emulated
@@ -14,7 +14,7 @@ from tests.drivers.bus.bench import emulated
 
 @pytest.mark.sees("modbus", "A9")
 def test_a_labjack_makes_its_output_safe_when_its_driver_is_gone(tmp_path: Path) -> None:
-    """A connection that ends without a word: a second later the output is at the safe voltage."""
+    """One second after the driver's process has died the output is at the safe voltage."""
     trace = tmp_path / "trace.csv"
     with emulated("labjack-t7", arguments=("--trace", str(trace))) as devices:
         host, _, port = devices.where[0].rpartition(":")
@@ -27,12 +27,12 @@ def test_a_labjack_makes_its_output_safe_when_its_driver_is_gone(tmp_path: Path)
                 "watchdog": {"timeout_s": 1.0, "safe": 0.5},
             }
         )
-        transactions = transactions_of(options)
-        device = device_of(options, Wiring(("AIN0",), ("DAC0",)), transactions)
+        transactions = make_transactions(options)
+        device = make_device(options, Wiring(("AIN0",), ("DAC0",)), transactions)
         device.open()
         device.activate(time.monotonic_ns())
         assert device.write([2.0], time.monotonic_ns())
-        eventually(lambda: _wrote(60, _voltages(trace)))  # by now it may have been made safe
+        eventually(lambda: _wrote(60, _voltages(trace)))  # the watchdog may have changed it by now
         transactions.close()
         eventually(lambda: _wrote(15, _voltages(trace)[-1:]))
         device.close()
@@ -45,5 +45,5 @@ def _voltages(trace: Path) -> list[float]:
 
 
 def _wrote(voltage_v: float, voltages: list[float]) -> bool:
-    """Tell whether one of them is this voltage."""
+    """Return whether one of them is this voltage."""
     return any(abs(each - voltage_v) < 0.05 for each in voltages)

@@ -17,7 +17,7 @@ WATCHED = {"watchdog": {"timeout_s": 2.0, "safe": 0.0}}
 BOXES = ({"unit": 1, "profile": "icpdas-m7017"}, {"unit": 2, "profile": "icpdas-m7024"})
 WAVESHARE = ({"unit": 1, "profile": "waveshare-ai8b"}, {"unit": 2, "profile": "waveshare-ao8b"})
 ONE = Wiring(("AI0",), ("AO0",))
-# The second output of the emulated coupler plays the status of a device of one's own.
+# The second output of the emulated coupler serves as the status register of a custom device.
 TRIPPED = {"role": "status", "address": 0x201, "flag": "watchdog tripped", "mask": 0x4000}
 DRIVE = {"role": "output", "channel": "AO0", "address": 0, "range": (0.0, 30_000.0)}
 CASES: list[Any] = [
@@ -50,7 +50,7 @@ def outputs_only() -> tuple[BusDevice, EmulatedLine, Any]:
 
 
 def set_by_somebody_else(line: EmulatedLine, address: int, word: int) -> None:
-    """Write a register beside the driver."""
+    """Write a register without the driver."""
     frame = bytes.fromhex("ffff000000060106")
     line.send(frame + address.to_bytes(2, "big") + word.to_bytes(2, "big"))
     line.receive(MS)
@@ -78,7 +78,7 @@ def test_an_input_follows_its_output(
 def test_opening_moves_nothing(
     plugin: EmulatorPlugin, options: dict[str, object], wiring: Wiring
 ) -> None:
-    """To open, activate, read and close a device sends no write."""
+    """Opening, activating, reading and closing a device send no write."""
     device, line, _ = opened(plugin, options, wiring)
     device.read(line.now_ns())
     device.read_back(line.now_ns())
@@ -88,7 +88,7 @@ def test_opening_moves_nothing(
 
 
 def test_a_coupler_with_function_23_needs_one_request_for_a_cycle() -> None:
-    """Outputs are set and inputs read in one request; the flag for both is in the answer."""
+    """One request of function 23 sets the outputs and reads the inputs."""
     device, line, rig = opened(emulator.WAGO_750, {"profile": "wago-750", "host": "h"})
     assert isinstance(device, ExchangingBusDevice)
     device.exchange([1.0], line.now_ns())
@@ -101,7 +101,7 @@ def test_a_coupler_with_function_23_needs_one_request_for_a_cycle() -> None:
 
 
 def test_who_sets_and_reads_in_time_is_not_silent() -> None:
-    """The status is asked ten times a second, and not before every request."""
+    """The status is read ten times a second, not before every request."""
     device, line, _ = opened(emulator.WAGO_750, {"profile": "wago-750", "host": "h"})
     assert isinstance(device, ExchangingBusDevice)
     line.sent.clear()
@@ -113,7 +113,7 @@ def test_who_sets_and_reads_in_time_is_not_silent() -> None:
 
 @pytest.mark.sees("modbus", "A9")
 def test_the_watchdog_of_a_coupler_is_armed_and_seen_to_trip() -> None:
-    """After a silence the outputs are at 0 V, and nothing is set before the device is open anew."""
+    """After a silence the outputs are at 0 V, and nothing is set until the device is reopened."""
     options: dict[str, object] = {"profile": "wago-750", "host": "h", **WATCHED}
     device, line, rig = opened(emulator.WAGO_750, options)
     assert device.capabilities().watchdog
@@ -143,7 +143,7 @@ def test_the_watchdog_of_a_coupler_is_armed_and_seen_to_trip() -> None:
 
 @pytest.mark.sees("modbus", "A9")
 def test_a_watchdog_that_is_seen_to_have_tripped_ends_writing() -> None:
-    """Who reads in between, before anybody writes again, does not let a write through."""
+    """A read that detects the trip makes the next write fail."""
     device, line, rig = opened(emulator.WAGO_750, {"profile": "wago-750", "host": "h", **WATCHED})
     assert device.write([4.0], line.now_ns())
     line.time.t_ns += 2100 * MS
@@ -157,9 +157,9 @@ def test_a_watchdog_that_is_seen_to_have_tripped_ends_writing() -> None:
 
 @pytest.mark.sees("modbus", "A9")
 def test_a_status_that_piezod_cannot_clear_refuses_until_it_is_cleared() -> None:
-    """A watchdog that says after activating that it has tripped is not opened again and again.
+    """A trip that lasts after activating does not cause the device to be reopened again and again.
 
-    When its maker's program has cleared it, the outputs have to be taken over once more.
+    When the maker's program has cleared it, the outputs must be taken over once more.
     """
     rows = (
         {"role": "input", "channel": "AI0", "table": "input", "address": 0, "type": "int16"},
@@ -192,7 +192,7 @@ def test_a_status_that_piezod_cannot_clear_refuses_until_it_is_cleared() -> None
 @pytest.mark.sees("modbus", "A9")
 @pytest.mark.parametrize("n_lost", [1, 8])
 def test_nothing_is_set_after_an_outage_before_the_status_was_seen(n_lost: int) -> None:
-    """A write or a question that nobody acknowledges does not end the silence."""
+    """A request without reply does not end the silence."""
     device, line, rig = outputs_only()
     assert device.write([4000.0], line.now_ns())
     before = list(rig.drive_v)
@@ -209,7 +209,7 @@ def test_nothing_is_set_after_an_outage_before_the_status_was_seen(n_lost: int) 
 
 @pytest.mark.sees("modbus", "A9")
 def test_outputs_without_inputs_are_watched_while_they_are_set() -> None:
-    """Their status is asked ten times a second, and the first that tells of a trip ends writing."""
+    """The status of a device without inputs is read ten times a second; a trip ends writing."""
     device, line, rig = outputs_only()
     line.sent.clear()
     for _ in range(100):
@@ -227,7 +227,7 @@ def test_outputs_without_inputs_are_watched_while_they_are_set() -> None:
 
 
 def test_a_write_is_taken_although_the_status_is_not_told() -> None:
-    """What was acknowledged counts, whatever becomes of the question after it; that is noticed."""
+    """A failed status request does not fail the write before it, and is reported."""
     device, line, rig = outputs_only()
     line.change = lambda reply: b"" if reply[7] == 3 else reply
     assert device.write([4000.0], line.now_ns())
@@ -236,7 +236,7 @@ def test_a_write_is_taken_although_the_status_is_not_told() -> None:
 
 
 def test_a_line_that_goes_after_a_write_is_lost() -> None:
-    """When the question after a write finds nobody, nothing is tried any more."""
+    """A line that is lost at the status request after a write loses the device."""
     device, line, _ = outputs_only()
 
     def pulled(reply: bytes) -> bytes:
@@ -251,9 +251,9 @@ def test_a_line_that_goes_after_a_write_is_lost() -> None:
 
 @pytest.mark.sees("modbus", "A9")
 def test_a_watchdog_that_waits_for_less_is_asked_sooner() -> None:
-    """After a silence longer than its time-out nothing is sent before its status is known."""
-    watched = {"watchdog": {"timeout_s": 0.1, "safe": 0.0}}
-    options: dict[str, object] = {"profile": "wago-750", "host": "h", **watched}
+    """After a silence longer than a short time-out the status is read before anything is set."""
+    armed_watchdogs = {"watchdog": {"timeout_s": 0.1, "safe": 0.0}}
+    options: dict[str, object] = {"profile": "wago-750", "host": "h", **armed_watchdogs}
     device, line, rig = opened(emulator.WAGO_750, options)
     assert device.write([4.0], line.now_ns())
     line.time.t_ns += 150 * MS
@@ -277,7 +277,7 @@ READ_ONLY: list[Any] = [
 def test_a_device_of_which_inputs_are_used_is_sent_no_write(
     plugin: EmulatorPlugin, options: dict[str, object], inputs: tuple[str, ...]
 ) -> None:
-    """Who only reads sets no output and neither arms nor stops a watchdog."""
+    """With inputs only, no output is set and no watchdog is armed or stopped."""
     device, line, _ = opened(plugin, options, Wiring(inputs, ()))
     assert not device.capabilities().watchdog
     assert device.read(line.now_ns())[0].valid
@@ -288,7 +288,7 @@ def test_a_device_of_which_inputs_are_used_is_sent_no_write(
 
 @pytest.mark.sees("modbus", "S7")
 def test_a_saturated_input_is_told() -> None:
-    """An input beyond its range is no sample, and its channel says so; the output does not."""
+    """An input beyond its range is no sample and sets the flag of its channel only."""
     device, line, rig = opened(emulator.ADAM_6024, {"profile": "adam-6024", "host": "h"})
     rig.valid = False
     line.time.t_ns += 200 * MS
@@ -302,7 +302,7 @@ def test_a_saturated_input_is_told() -> None:
 
 
 def test_another_device_is_refused() -> None:
-    """A profile whose constants are not found is not opened, and the error says what was found."""
+    """A device without the constants of its profile is refused with the number it holds."""
     device, line, _ = emulated(
         emulator.WAGO_750,
         ModbusOptions.model_validate({"profile": "labjack-t7", "host": "h"}),
@@ -316,13 +316,13 @@ def test_another_device_is_refused() -> None:
         ModbusOptions.model_validate({"profile": "labjack-t7", "host": "h"}),
         Wiring((), ()),
     )
-    with pytest.raises(DeviceError, match=r"no LabJack T7 .*60000 holds 4, expected 7"):
+    with pytest.raises(DeviceError, match=r"no LabJack T7, .*60000 holds 4, expected 7"):
         device.open()
 
 
 @pytest.mark.sees("modbus", "B10")
 def test_a_register_that_the_device_has_not_is_told_when_it_is_opened() -> None:
-    """A wrong map fails at once, with the exception and the request."""
+    """A wrong register map fails at opening, with the exception and the request."""
     row = {"role": "input", "channel": "AI0", "address": 700}
     options = ModbusOptions.model_validate({"registers": (row,), "host": "h"})
     device, _, _ = emulated(emulator.ADAM_6024, options, Wiring(("AI0",), ()))
@@ -331,7 +331,7 @@ def test_a_register_that_the_device_has_not_is_told_when_it_is_opened() -> None:
 
 
 def test_forms_that_a_device_refuses_are_not_used() -> None:
-    """Neighbours that the map has and the device has not are left alone after opening."""
+    """Forms that read registers that the device lacks are not used after opening."""
     rows = tuple(
         {"role": "input", "channel": f"AI{i}", "address": i, "table": "holding"} for i in range(9)
     )
@@ -345,7 +345,7 @@ def test_forms_that_a_device_refuses_are_not_used() -> None:
 
 
 def test_a_form_that_is_refused_is_not_used_in_a_common_request() -> None:
-    """Of three lengths the device refuses the second: only the others are read while writing."""
+    """If the device refuses the second of three lengths, combined requests use the others."""
     options = ModbusOptions.model_validate({"profile": "wago-750", "host": "h"})
     device, line, _ = emulated(emulator.WAGO_750, options, ONE)
     assert isinstance(device, ExchangingBusDevice)
@@ -369,7 +369,7 @@ def test_a_form_that_is_refused_is_not_used_in_a_common_request() -> None:
 
 
 def test_what_a_device_does_not_tell() -> None:
-    """A box without the register of its version is not told apart, and works nevertheless."""
+    """A module without a version register works, without a firmware in its identity."""
     options = ModbusOptions.model_validate({"profile": "waveshare-ai8b", "port": "p"})
     device, _, _ = emulated(emulator.ICPDAS, options, Wiring(("AI1",), ()))
     model = "Modbus RTU Analog Input 8CH (B)"
@@ -377,7 +377,7 @@ def test_what_a_device_does_not_tell() -> None:
 
 
 def test_two_outputs_that_are_no_neighbours() -> None:
-    """Each of them is set, in its own request."""
+    """Two outputs that are no neighbours are set in two requests."""
     device, line, rig = opened(
         emulator.ICPDAS, {"units": BOXES, "port": "p"}, Wiring(("AI1",), ("AO2", "AO0"))
     )

@@ -17,7 +17,7 @@ FORMS = [read("holding", 0, count) for count in (1, 2, 3)]
 TIMEOUT_NS = 50 * MS
 
 
-def framed(pdu: bytes, unit: int = 1) -> bytes:
+def with_checksum(pdu: bytes, unit: int = 1) -> bytes:
     """Return a frame."""
     return (frame := bytes((unit,)) + pdu) + checksum(frame)
 
@@ -32,7 +32,7 @@ def rtu(line: PlayedLine, silence_s: float = 0.0) -> RtuTransactions:
 def registers(request: bytes, value: int) -> bytes:
     """Answer a read of holding registers: the first has this value, the others 0xFFFF."""
     _, count = unpack_from(">HH", request, 2)
-    return framed(bytes((3, 2 * count)) + pack(">H", value) + b"\xff\xff" * (count - 1))
+    return with_checksum(bytes((3, 2 * count)) + pack(">H", value) + b"\xff\xff" * (count - 1))
 
 
 def forms(line: PlayedLine) -> list[int]:
@@ -45,9 +45,9 @@ def forms(line: PlayedLine) -> list[int]:
     "request_", [*FORMS, write_one(3, b"\x12\x34"), WriteMany(0, 1).request(b"\0\1")]
 )
 def test_no_flipped_bit_is_accepted(request_: ModbusRequest) -> None:
-    """Each bit of each kind of reply, flipped: the frame is not taken, whichever bit it is."""
+    """A reply of any kind with any flipped bit is refused."""
     pdu = (request_.echo + bytes(range(250)))[: request_.n_bytes]
-    reply = framed(pdu)
+    reply = with_checksum(pdu)
     flags = set()
     for bit in range(8 * len(reply)):
         damaged = bytearray(reply)
@@ -64,7 +64,7 @@ def test_no_flipped_bit_is_accepted(request_: ModbusRequest) -> None:
 @pytest.mark.sees("modbus", "B5")
 @pytest.mark.parametrize("n_forms", [1, 2, 3])
 def test_no_late_reply_is_taken_for_another(n_forms: int) -> None:
-    """Replies late by up to ten time-outs, in their order: every value is that of its request."""
+    """With replies up to ten time-outs late, each value belongs to its request."""
     random, line = Random(n_forms), PlayedLine()  # noqa: S311 - repeatable
     number, last_ns, wrong, right, late = 0, 0, 0, 0, 0
 
@@ -93,7 +93,7 @@ def test_no_late_reply_is_taken_for_another(n_forms: int) -> None:
 
 
 def test_other_forms_go_on_while_a_reply_is_owed() -> None:
-    """A reply that does not come costs its own exchange; one that comes late frees its form."""
+    """A missing reply fails only its own exchange; a late one makes its form usable again."""
     line = PlayedLine()
     transactions = rtu(line)
     with pytest.raises(LineFault, match="no reply within"):
@@ -110,7 +110,7 @@ def test_other_forms_go_on_while_a_reply_is_owed() -> None:
 
 
 def test_a_question_of_one_form_waits() -> None:
-    """Where replies cannot be told apart, nothing is asked until the late one can not come."""
+    """A request with one form waits until the late reply can no longer come."""
     line = PlayedLine()
     transactions = rtu(line)
     with pytest.raises(LineFault, match="no reply within"):
@@ -126,23 +126,28 @@ def test_a_question_of_one_form_waits() -> None:
 
 
 def test_a_late_refusal_is_not_taken_for_another() -> None:
-    """A refusal carries no tag: while a reply of its function is owed, it belongs to that."""
+    """An exception belongs to the overdue request of its function, not to the present one."""
     line = PlayedLine()
     transactions = rtu(line)
     with pytest.raises(LineFault, match="no reply within"):
         transactions.ask(1, FORMS[:2], 0)
-    line.answer = lambda request: [(MS, framed(b"\x83\x06")), (2 * MS, registers(request, 7))]
+    line.answer = lambda request: [
+        (MS, with_checksum(b"\x83\x06")),
+        (2 * MS, registers(request, 7)),
+    ]
     assert transactions.ask(1, FORMS[:2], 1)[2:] == b"\0\7\xff\xff"
     assert forms(line) == [0, 1]
-    line.answer = lambda _request: [(MS, framed(b"\x83\x06"))]
+    line.answer = lambda _request: [(MS, with_checksum(b"\x83\x06"))]
     with pytest.raises(LineFault, match="busy"):
         transactions.ask(1, FORMS[:2], 0)
 
 
 def test_another_unit_is_not_heard() -> None:
-    """A reply of the other unit on the line, or of one that nobody knows, is no answer."""
+    """A reply of another unit is no reply to this request."""
     line = PlayedLine(
-        lambda _request: [(MS, framed(b"\x03\x02\0\7", 2) + framed(b"\x03\x02\0\7", 9))]
+        lambda _request: [
+            (MS, with_checksum(b"\x03\x02\0\7", 2) + with_checksum(b"\x03\x02\0\7", 9))
+        ]
     )
     transactions = rtu(line)
     with pytest.raises(LineFault, match="no reply within"):
@@ -152,7 +157,7 @@ def test_another_unit_is_not_heard() -> None:
 @pytest.mark.sees("modbus", "B3")
 @given(st.binary(max_size=700), st.binary(max_size=20))
 def test_garbage_around_a_reply_is_skipped(before: bytes, after: bytes) -> None:
-    """A reply is found among garbage, or the garbage is a fault: the next one is found."""
+    """A reply is found among garbage, or raises a fault, and the next one is found."""
     line = PlayedLine(lambda request: [(MS, before + registers(request, 7) + after)])
     transactions = rtu(line)
     try:
@@ -167,7 +172,7 @@ def test_garbage_around_a_reply_is_skipped(before: bytes, after: bytes) -> None:
 
 
 def test_the_line_rests_before_a_request() -> None:
-    """Between a reply and the next request there is the silence that ends a frame."""
+    """A silence separates a reply from the next request."""
     line = PlayedLine(lambda request: [(MS, registers(request, 7))])
     transactions = rtu(line, silence_s=0.004)
     begin_ns = line.t_ns

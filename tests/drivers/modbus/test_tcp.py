@@ -27,7 +27,7 @@ def tcp(line: PlayedLine) -> TcpTransactions:
 
 
 def test_requests_are_numbered_and_framed() -> None:
-    """A frame has a number of its own, the protocol 0, its length and the unit."""
+    """A frame has its own number, the protocol 0, its length and the unit."""
     line = PlayedLine(lambda request: [(MS, reply_to(request, 5, request[6]))])
     transactions = tcp(line)
     for unit in (1, 255):
@@ -61,7 +61,7 @@ def test_a_late_reply_is_dropped() -> None:
 
 @pytest.mark.sees("modbus", "B3")
 def test_a_damaged_header_is_not_accepted() -> None:
-    """Each bit of header, function and number of bytes: no flip passes; of data only TCP knows."""
+    """Any flipped bit in header, function or byte count is refused; data has TCP's checksum."""
     whole = reply_to(b"\0\1", 0)
     passed = []
     for bit in range(8 * len(whole)):
@@ -77,22 +77,22 @@ def test_a_damaged_header_is_not_accepted() -> None:
 
 
 def test_another_unit_is_not_believed() -> None:
-    """A reply with the right number and another unit is a fault."""
+    """A reply with the right number from another unit is a fault."""
     line = PlayedLine(lambda request: [(MS, reply_to(request, 5, 9))])
-    with pytest.raises(LineFault, match="unit 9 answers in the place of unit 1"):
+    with pytest.raises(LineFault, match="unit 9 replied instead of unit 1"):
         tcp(line).ask(1, [REQUEST])
 
 
 def test_an_answer_of_another_form_is_not_believed() -> None:
     """A reply with the right number and another length is a fault."""
     line = PlayedLine(lambda request: [(MS, request[:2] + b"\0\0\0\5\1\4\2\0\7")])
-    with pytest.raises(LineFault, match="answers something else: 04 02 00 07"):
+    with pytest.raises(LineFault, match="sent another reply: 04 02 00 07"):
         tcp(line).ask(1, [REQUEST])
 
 
 @given(st.binary(max_size=300), st.binary(max_size=40))
 def test_garbage_raises_nothing_but_line_faults(before: bytes, after: bytes) -> None:
-    """A reply among garbage is found or not; the next one is found once the garbage has ended."""
+    """Garbage raises only `LineFault`, and the reply behind it is found."""
     line = PlayedLine(lambda request: [(MS, before + reply_to(request, 5) + after)])
     transactions = tcp(line)
     try:
@@ -105,6 +105,6 @@ def test_garbage_raises_nothing_but_line_faults(before: bytes, after: bytes) -> 
 
 
 def test_a_long_stream_of_nothing_is_searched_once() -> None:
-    """Zeros look like the beginning of a header everywhere, and cost no more than other bytes."""
+    """Zeros, which look like a header everywhere, take no longer than other bytes."""
     line = PlayedLine(lambda request: [(MS, bytes(60_000) + reply_to(request, 5))])
     assert tcp(line).ask(1, [REQUEST])[2:] == b"\0\0\0\5"

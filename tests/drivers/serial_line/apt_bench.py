@@ -1,4 +1,4 @@
-"""Thorlabs cubes that exist in numbers, with drivers for them, in the time of a test."""
+"""Emulated Thorlabs cubes and their drivers, in virtual time."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,7 @@ OUTPUT, INPUT = Wiring((), ("1",)), Wiring(("1",), ())
 
 
 def kpz(**options: object) -> tuple[BusDevice, EmulatedLine, LinearRig, KpzEmulator]:
-    """Return an amplifier, the line to it, and what is behind the line."""
+    """Return an amplifier, the line to it, the rig and the emulator."""
     stand, rig, time = bench()
     emulator = KpzEmulator(stand, "")
     line = EmulatedLine(emulator, time)
@@ -39,16 +39,16 @@ def ksg(
 
 
 def instead(ident: int, answer: bytes) -> Callable[[bytes], bytes]:
-    """Return what puts an answer in the place of those of a kind."""
+    """Return a function that replaces replies of a kind by another reply."""
     return lambda reply: answer if codec.ident_of(reply) == ident else reply
 
 
 def answering(ident: int, value: int) -> Callable[[bytes], bytes]:
-    """Return what puts a parameter in the place of answers of a kind."""
+    """Return a function that replaces the parameter in replies of a kind."""
     return instead(ident, codec.short(ident, 1, value, to=HOST, source=UNIT))
 
 
 def answering_words(ident: int, channel: int, *values: int) -> Callable[[bytes], bytes]:
-    """Return what puts numbers of a channel in the place of answers of a kind."""
+    """Return a function that replaces the numbers of a channel in replies of a kind."""
     answer = codec.long(ident, codec.words(channel, *values), to=HOST, source=UNIT)
     return instead(ident, answer)

@@ -30,17 +30,17 @@ LISTENED: Mapping[str, object] = {
     "errors": ({"pattern": "saturated", "flag": "saturated"},),
     "timeout_ms": 50.0,
 }
-"""Options of a sensor that sends unasked."""
+"""Options of a sensor that sends by itself."""
 
 
 def device(line: Line, wiring: Wiring = Wiring.both("x"), /, **options: object) -> BusDevice:  # noqa: B008 - it never changes
-    """Construct a device at a line: `PLAIN`, but for what is given."""
+    """Construct a device at a line, with `PLAIN` options and the given ones."""
     model = AsciiOptions.model_validate({**PLAIN, **options})
     return BusDevice("ASCII", AsciiDialogue(line, model, wiring))
 
 
 def sensor(line: Line, **options: object) -> BusDevice:
-    """Construct a sensor at a line: `LISTENED`, but for what is given."""
+    """Construct a sensor at a line, with `LISTENED` options and the given ones."""
     model = AsciiOptions.model_validate({**LISTENED, **options})
     assert model.stream is not None
     wiring = Wiring(tuple(model.inputs), ())

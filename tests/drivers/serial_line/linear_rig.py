@@ -1,4 +1,4 @@
-"""A rig without physics: each axis goes where it is driven, in a straight line and at once."""
+"""A rig without physics: each axis follows its drive voltage linearly and at once."""
 
 from collections.abc import Sequence
 
@@ -15,14 +15,14 @@ class LinearRig:
 
     Args:
         n_axes: Number of axes.
-        um_per_v: How far they go, in µm/V.
+        um_per_v: Displacement per volt, in µm/V.
 
     Attributes:
         at_um: Displacement of each axis at 0 V, in µm.
         drive_v: Voltage of each axis, in V, in force as soon as it is written.
-        driven_v: All that were written, in V, in order.
-        valid: Whether its samples are.
-        highest_v: No voltage above this is taken, in V.
+        driven_v: All written voltages, in V, in order.
+        valid: Whether its samples are valid.
+        highest_v: Higher voltages are refused, in V.
     """
 
     def __init__(self, n_axes: int = 1, um_per_v: float = UM_PER_V) -> None:
@@ -70,7 +70,7 @@ class LinearRig:
 
 
 def bench(n_axes: int = 1, time: TestTime | None = None) -> tuple[SharedRig, LinearRig, TestTime]:
-    """Return a bench, the rig behind it and the clock of both."""
+    """Return a shared rig, the rig behind it and the clock of both."""
     clock = time or TestTime()
     rig = LinearRig(n_axes)
     return SharedRig(rig, clock.now_ns), rig, clock

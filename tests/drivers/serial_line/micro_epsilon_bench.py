@@ -1,4 +1,4 @@
-"""Micro-Epsilon sensors that exist in numbers or in a script, with drivers for them."""
+"""Emulated and scripted Micro-Epsilon sensors and their drivers."""
 
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import Wiring
@@ -35,9 +35,9 @@ def emulated(model: str = "ILD1420") -> tuple[BusDevice, EmulatedLine, LinearRig
 
 
 def scripted(model: str = "ILD1420", **more: object) -> tuple[BusDevice, ScriptedLine]:
-    """Return an active sensor that sends what the test says."""
+    """Return an active sensor that sends the bytes of the test."""
     line = ScriptedLine()
-    if PROFILES[model].talks:
+    if PROFILES[model].answers_commands:
         line.then(says(GETINFO, WORD + ANSWER.replace(b"ILD1420", model.encode()) + WORD))
     device = BusDevice(model, MicroEpsilonDialogue(options(model, **more), WIRING, line))
     line.comes(codec.pack(COUNT >> 4, PROFILES[model].word_bytes), 200 * US)

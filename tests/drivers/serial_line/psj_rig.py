@@ -5,39 +5,39 @@ from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.psj.dialogue import PsjDialogue
 from piezod_drivers.serial_line.psj.emulator import PsjEmulator
-from piezod_drivers.serial_line.psj.profiles import MODELS, Profile, Reads
+from piezod_drivers.serial_line.psj.profiles import PROFILES, ProfileName, ReadingUse
 from tests.drivers.serial_line.linear_rig import bench
 from tests.drivers.serial_line.scripted_line import EmulatedLine, TestTime
 
 RANGE_V = (-20.0, 130.0)
-ALL: list[Profile] = ["ddrive", "30dv", "nv40", "nv40-1", "nv200"]
+ALL: list[ProfileName] = ["ddrive", "30dv", "nv40", "nv40-1", "nv200"]
 
 
 class Rig:
-    """A device, the emulator that it talks to, and all between them."""
+    """A device, its emulator, and the line between them."""
 
     def __init__(
         self,
-        profile: Profile,
-        reads: Reads | None = None,
+        profile: ProfileName,
+        reads: ReadingUse | None = None,
         wiring: Wiring | None = None,
         *,
         remote: bool = True,
     ) -> None:
-        model = MODELS[profile]
-        model = model._replace(reads=reads or model.reads)
+        psj_profile = PROFILES[profile]
+        psj_profile = psj_profile._replace(reads=reads or psj_profile.reads)
         self.time = TestTime()
-        self.bench, self.rig, _ = bench(model.channels, self.time)
+        self.bench, self.rig, _ = bench(psj_profile.channels, self.time)
         self.emulator = PsjEmulator(profile, self.bench, "4711")
-        self.emulator.reads = "position" if model.reads == "nothing" else model.reads
+        self.emulator.reads = "position" if psj_profile.reads == "nothing" else psj_profile.reads
         self.line = EmulatedLine(self.emulator, self.time)
-        inputs = ("ch0",) if model.reads == "position" else ()
+        inputs = ("ch0",) if psj_profile.reads == "position" else ()
         wanted = wiring or Wiring(inputs, ("ch0",))
-        dialogue = PsjDialogue(self.line, model, wanted, RANGE_V, 0.05, remote=remote)
+        dialogue = PsjDialogue(self.line, psj_profile, wanted, RANGE_V, 0.05, remote=remote)
         self.device = BusDevice("psj", dialogue)
 
     def send(self, text: bytes) -> None:
-        """Do at the device what a user would do."""
+        """Send a command as the user of the device would."""
         self.emulator.receive(text)
 
     def started(self) -> BusDevice:
@@ -51,5 +51,5 @@ class Rig:
         return self.time.t_ns
 
     def flags(self) -> frozenset[DeviceFlag]:
-        """Return what its last channel says."""
+        """Return the flags of its last channel."""
         return self.device.status(self.now_ns())[-1]

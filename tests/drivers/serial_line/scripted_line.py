@@ -1,4 +1,4 @@
-"""Lines of a test, in a time of their own: one plays a script, one leads to an emulator."""
+"""Lines of a test, in virtual time: one plays a script, one leads to an emulator."""
 
 from collections import deque
 from collections.abc import Callable
@@ -16,25 +16,25 @@ MS: Final = 1_000_000
 
 
 class TestTime:
-    """A clock that stands still until somebody waits."""
+    """A clock that only advances while a line waits."""
 
-    __test__ = False  # it is no test, whatever its name says
+    __test__ = False  # not a test, in spite of its name
 
     def __init__(self) -> None:
         self.t_ns = T0_NS
 
     def now_ns(self) -> int:
-        """Tell the instant."""
+        """Return the instant."""
         return self.t_ns
 
 
 @dataclass(frozen=True)
 class Step:
-    """What a script expects, and what it answers.
+    """An expected request of a script, and its replies.
 
     Attributes:
-        sent: All that the driver sends in this step, byte for byte.
-        replies: What comes back, each part with a delay to the one before it, in ns.
+        sent: All bytes that the driver sends in this step.
+        replies: Parts of the reply, each with a delay to the one before it, in ns.
     """
 
     sent: bytes
@@ -42,15 +42,15 @@ class Step:
 
 
 def says(sent: bytes, *replies: bytes, after_ns: int = 100 * US) -> Step:
-    """Return a step in which each part of the answer comes after the same delay."""
+    """Return a step in which each part of the reply comes after the same delay."""
     return Step(sent, tuple((after_ns, reply) for reply in replies))
 
 
 class _PlayedLine:
-    """What lines of a test have in common: parts that arrive when they are due.
+    """The common part of the lines: bytes that arrive when they are due.
 
     Args:
-        time: The line's clock.
+        time: Clock of the line.
     """
 
     def __init__(self, time: TestTime) -> None:
@@ -76,7 +76,7 @@ class _PlayedLine:
         return self.time.t_ns
 
     def comes(self, data: bytes, after_ns: int = 0) -> None:
-        """Let bytes arrive unasked, so long after the last that are on their way, or after now."""
+        """Let bytes arrive unrequested, this time after the last pending ones, or after now."""
         now_ns = self.time.t_ns
         last_ns = max(self._coming[-1][0], now_ns) if self._coming else now_ns
         self._coming.append((last_ns + after_ns, data))
@@ -99,10 +99,10 @@ class _PlayedLine:
 
 
 class ScriptedLine(_PlayedLine):
-    """Implements `Line`; fails at the first byte that the script does not have.
+    """Implements `Line`; fails at the first byte that differs from the script.
 
     Args:
-        *steps: What is expected, in order; more can be added with `then`.
+        *steps: The expected requests, in order; `then` adds more.
     """
 
     def __init__(self, *steps: Step) -> None:
@@ -110,7 +110,7 @@ class ScriptedLine(_PlayedLine):
         self._steps = deque(steps)
 
     def then(self, *steps: Step) -> None:
-        """Add to the script."""
+        """Add steps to the script."""
         self._steps.extend(steps)
 
     def send(self, data: bytes) -> None:
@@ -122,26 +122,26 @@ class ScriptedLine(_PlayedLine):
             self.comes(reply, delay_ns)
 
     def assert_done(self) -> None:
-        """Fail if the driver has not sent all that the script expects."""
+        """Fail if the driver has not sent everything in the script."""
         assert not self._steps, f"never sent: {[step.sent for step in self._steps]}"
 
 
 class EmulatedLine(_PlayedLine):
-    """Implements `Line` to an emulator in this process, on the clock of the emulator's bench.
+    """Implements `Line` to an emulator in this process, with the clock of the emulator's rig.
 
     Args:
         emulator: The device.
-        time: The clock that the device's bench looks at.
-        delay_ns: After what time each reply comes.
+        time: Clock of the device's rig.
+        delay_ns: Delay of each reply, in ns.
     """
 
     def __init__(self, emulator: Emulator, time: TestTime, delay_ns: int = 100 * US) -> None:
         super().__init__(time)
         self._emulator, self._delay_ns = emulator, delay_ns
         self.sent: list[bytes] = []
-        """Everything that the driver has sent, write by write."""
+        """All writes of the driver."""
         self.change: Callable[[bytes], bytes] = lambda reply: reply
-        """What becomes of each reply on its way; b"" where it gets lost."""
+        """Changes each reply on its way; b"" loses it."""
 
     def send(self, data: bytes) -> None:
         self._require()

@@ -1,4 +1,4 @@
-"""Messages of the APT protocol, against another reading of it and against garbage."""
+"""Messages of the APT protocol agree with thorlabs-apt-protocol and survive garbage."""
 
 from collections.abc import Callable
 from typing import Any
@@ -41,7 +41,7 @@ SENT = [
 
 @pytest.mark.parametrize(("theirs", "ours"), SENT)
 def test_messages_are_those_of_another_reading(theirs: bytes, ours: bytes) -> None:
-    """Every request and setting that drivers send is what thorlabs-apt-protocol sends."""
+    """Every request and setting of the drivers equals that of thorlabs-apt-protocol."""
     assert ours == theirs
 
 
@@ -52,8 +52,8 @@ def test_voltage_is_set_as_by_another_reading(counts: int) -> None:
     assert ours == peer.pz_set_outputvolts(UNIT, HOST, CHANNEL, counts)
 
 
-def _told(frame: bytes) -> dict[str, Any]:
-    """Return what thorlabs-apt-protocol reads in a message to the host."""
+def _their_fields(frame: bytes) -> dict[str, Any]:
+    """Return the fields that thorlabs-apt-protocol reads in a message to the host."""
     unpacker = peer.Unpacker(on_error="raise")
     unpacker.feed(frame)
     told: dict[str, Any] = next(iter(unpacker))._asdict()
@@ -65,7 +65,7 @@ def test_status_reads_the_same(output: int, position: int, bits: int) -> None:
     """A status is read as thorlabs-apt-protocol reads it."""
     status = codec.CubeStatus(output, position, bits)
     frame = codec.long(Id.GET_STATUS, codec.pack_status(1, status), to=HOST, source=UNIT)
-    theirs = _told(frame)
+    theirs = _their_fields(frame)
     assert codec.status_of(frame) == status
     assert (theirs["output_voltage"], theirs["position"]) == (output, position)
     assert theirs["enabled"] == bool(bits & codec.StatusBit.ENABLED)
@@ -76,7 +76,7 @@ def test_status_reads_the_same(output: int, position: int, bits: int) -> None:
 def test_reading_reads_the_same(reading: int, smoothed: int) -> None:
     """A reading of a strain gauge is read as thorlabs-apt-protocol reads it."""
     frame = codec.long(Id.READING_7DF, codec.words(1, reading, smoothed), to=HOST, source=UNIT)
-    theirs = _told(frame)
+    theirs = _their_fields(frame)
     assert codec.words_of(frame, 1, 2) == (theirs["reading"], theirs["smoothed"])
 
 
@@ -84,7 +84,7 @@ def test_identity_reads_the_same() -> None:
     """An identity is read as thorlabs-apt-protocol reads it."""
     hardware = Hardware(29_000_123, "KPZ101", "1.2.3")
     frame = codec.long(Id.GET_INFO, codec.pack_hardware(hardware), to=HOST, source=UNIT)
-    theirs = _told(frame)
+    theirs = _their_fields(frame)
     assert codec.hardware_of(frame) == hardware
     assert theirs["serial_number"] == hardware.serial
     assert theirs["model_number"].rstrip(b"\0") == b"KPZ101"
@@ -102,7 +102,7 @@ DECODERS: list[Callable[[bytes], object]] = [
 
 @given(st.binary(max_size=300))
 def test_garbage_is_refused_by_the_documented_error(garbage: bytes) -> None:
-    """Arbitrary bytes are decoded, or refused by `AptFrameError` and nothing else."""
+    """Any bytes are decoded or refused by `AptFrameError`, and raise nothing else."""
     for decode in DECODERS:
         try:
             decode(garbage)
@@ -112,22 +112,22 @@ def test_garbage_is_refused_by_the_documented_error(garbage: bytes) -> None:
 
 @given(st.binary(max_size=300))
 def test_frames_are_found_within_what_has_come(garbage: bytes) -> None:
-    """Whatever comes, a frame is no longer than that, and garbage is dropped byte by byte."""
+    """A frame is never longer than the bytes that have come, and garbage is dropped by bytes."""
     for length_of in (codec.length_to_host, codec.length_to_unit):
         rest = garbage
         while length := length_of(rest):
             assert -1 <= length <= len(rest)
             rest = rest[abs(length) :]
-        assert len(rest) < 6 + codec.MOST_DATA
+        assert len(rest) < 6 + codec.MAX_DATA_BYTES
 
 
 FRAME = codec.long(Id.GET_OUTPUT, codec.words(1, 12345), to=HOST, source=UNIT)
 
 
 def test_flipped_bits_of_a_header_are_seen() -> None:
-    """With a bit of its header or channel flipped, a voltage is not taken for one of the channel.
+    """A voltage with a flipped bit in its header or channel is refused.
 
-    A flipped bit of the voltage itself cannot be told: the protocol has no checksum.
+    A flipped bit in the voltage itself cannot be detected: the protocol has no checksum.
     """
     unseen = []
     for bit in range(len(FRAME) * 8):
@@ -142,13 +142,13 @@ def test_flipped_bits_of_a_header_are_seen() -> None:
             continue
         unseen.append(bit)
     data_bits = set(range(64, 80))
-    sender_bits = {44, 46}  # the sender 0x50 becomes 0x40 or 0x10, which are none
+    sender_bits = {44, 46}  # the sender 0x50 becomes 0x40 or 0x10, which are no senders
     assert data_bits <= set(unseen)
     assert set(unseen) - data_bits <= {32, *sender_bits}
 
 
 def test_next_message_is_found_after_garbage() -> None:
-    """After bytes that are no message the next message is found."""
+    """The next message is found behind garbage."""
     rest = b"\xff\x00\x45\x06" + FRAME
     while (length := codec.length_to_host(rest)) < 0:
         rest = rest[-length:]
@@ -165,7 +165,7 @@ HEADS = st.builds(
 def test_emulators_survive_whatever_comes(
     cube: type[KpzEmulator | KsgEmulator], parts: list[bytes]
 ) -> None:
-    """Emulated cubes answer arbitrary bytes, or not, and raise nothing."""
+    """Any bytes make the emulated cubes raise nothing."""
     stand, _, _ = bench()
     emulator = cube(stand, "")
     for part in parts:

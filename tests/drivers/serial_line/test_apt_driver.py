@@ -1,4 +1,4 @@
-"""Thorlabs cubes: what drivers say to them, and whom they refuse."""
+"""Drivers for Thorlabs cubes: their requests, and the cubes that they refuse."""
 
 from collections.abc import Callable
 
@@ -8,7 +8,7 @@ from piezod.devices.interface import Wiring
 from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import HOST, UNIT, Id
-from piezod_drivers.serial_line.thorlabs_apt.cube_line import wake
+from piezod_drivers.serial_line.thorlabs_apt.cube_line import wake_cube
 from piezod_drivers.serial_line.thorlabs_apt.driver import PLUGIN
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 from tests.drivers.serial_line.apt_bench import NOW, answering, answering_words, instead, kpz, ksg
@@ -16,7 +16,7 @@ from tests.drivers.serial_line.linear_rig import UM_PER_V
 
 
 def test_amplifier_says_who_it_is_and_holds() -> None:
-    """An amplifier tells model and serial number, its range follows its limit, and it holds."""
+    """An amplifier reports model and serial number; its range is its limit, and it holds."""
     device, _, _, _ = kpz(max_v=150)
     assert device.open() == ("Thorlabs", "KPZ101", "29000001", "1.0.3")
     able = device.capabilities()
@@ -27,7 +27,7 @@ def test_amplifier_says_who_it_is_and_holds() -> None:
 
 
 def test_voltage_goes_through_to_the_actuator() -> None:
-    """A voltage that is written is in force, at the actuator and as told."""
+    """A written voltage is at the actuator and is read back."""
     device, _, rig, _ = kpz()
     device.open()
     device.activate(NOW)
@@ -37,7 +37,7 @@ def test_voltage_goes_through_to_the_actuator() -> None:
 
 
 def test_output_that_is_off_is_enabled_from_zero() -> None:
-    """An output that is off, with a voltage set, does not jump when it is enabled."""
+    """A disabled output with a voltage set does not jump when it is enabled."""
     device, line, rig, emulator = kpz()
     device.open()
     emulator.receive(codec.long(Id.SET_OUTPUT, codec.words(1, 20_000)))
@@ -49,7 +49,7 @@ def test_output_that_is_off_is_enabled_from_zero() -> None:
 
 
 def test_output_that_is_on_stays() -> None:
-    """Taking control of an output that is on leaves its voltage, as does giving it back."""
+    """Activating and deactivating leave an enabled output at its voltage."""
     device, _, rig, emulator = kpz()
     emulator.receive(codec.short(Id.SET_ENABLED, 1, 1))
     emulator.receive(codec.long(Id.SET_OUTPUT, codec.words(1, 10_000)))
@@ -62,7 +62,7 @@ def test_output_that_is_on_stays() -> None:
 
 @pytest.mark.parametrize("mode", [2, 4])
 def test_closed_loop_is_refused(mode: int) -> None:
-    """Nobody knows the voltage that comes of opening the loop: nothing is set, and it says how."""
+    """Closed loop prevents activation with the remedy, and nothing is set."""
     device, line, rig, emulator = kpz()
     emulator.receive(codec.short(Id.SET_CONTROL_MODE, 1, mode))
     rig.drive_v[0] = 40.0
@@ -75,7 +75,7 @@ def test_closed_loop_is_refused(mode: int) -> None:
 
 
 def test_knob_that_adds_nothing_is_switched_off() -> None:
-    """An input that adds nothing is switched off; the host alone sets the voltage then."""
+    """An input that adds nothing is switched off; then only the host sets the voltage."""
     device, _, _, emulator = kpz()
     emulator.source = 2
     device.open()
@@ -84,33 +84,33 @@ def test_knob_that_adds_nothing_is_switched_off() -> None:
 
 
 def test_knob_that_adds_a_voltage_is_told() -> None:
-    """An input that adds a voltage is not switched off, which would jump: the user has to."""
+    """An input that adds a voltage prevents activation, because switching it off is a jump."""
     device, _, rig, emulator = kpz()
     emulator.receive(codec.short(Id.SET_ENABLED, 1, 1))
     emulator.source = 2
     rig.drive_v = [30.0]
     device.open()
-    with pytest.raises(DeviceError, match=r"adds 30\.0 V: turn it to zero"):
+    with pytest.raises(DeviceError, match=r"adds 30\.0 V, .* turn it to zero"):
         device.activate(NOW)
     assert rig.drive_v == [30.0]
 
 
 def test_other_limit_is_refused() -> None:
-    """An amplifier that is set to another voltage limit than the configuration says is refused."""
+    """An amplifier with another voltage limit than configured is refused."""
     device, _, _, _ = kpz(max_v=75)
-    with pytest.raises(DeviceError, match="limited to 150 V, the configuration says max_v: 75"):
+    with pytest.raises(DeviceError, match="limited to 150 V, configured is max_v: 75"):
         device.open()
 
 
 def test_other_model_is_refused() -> None:
-    """A cube of another model than the configuration says is refused."""
+    """A cube of another model than configured is refused."""
     device, _, _ = ksg(model="TSG001")
-    with pytest.raises(DeviceError, match="leads to a KSG101, the configuration says TSG001"):
+    with pytest.raises(DeviceError, match="leads to KSG101, configured is TSG001"):
         device.open()
 
 
 def test_silent_port_is_told() -> None:
-    """A port at which nobody answers is an absent device."""
+    """A port without reply is an unavailable device."""
     device, line, _, _ = kpz()
     line.change = lambda _: b""
     with pytest.raises(DeviceUnavailableError, match="no reply within 500 ms"):
@@ -119,7 +119,7 @@ def test_silent_port_is_told() -> None:
 
 @pytest.mark.parametrize("request_id", [Id.READING_7DE, Id.READING_7DD])
 def test_reader_gives_displacement_in_either_form(request_id: int) -> None:
-    """A reader is understood in both forms that sources tell of, and gives µm."""
+    """A reader with either form of readings gives its displacement in µm."""
     device, _, rig = ksg(request_id)
     device.open()
     device.activate(NOW)
@@ -130,7 +130,7 @@ def test_reader_gives_displacement_in_either_form(request_id: int) -> None:
 
 
 def test_scale_of_readings_can_be_set() -> None:
-    """The displacement at full scale is the configuration's where it says so."""
+    """A configured displacement at full scale replaces the reported one."""
     device, _, rig = ksg(full_scale_um=60.0)
     device.open()
     device.activate(NOW)
@@ -142,13 +142,13 @@ def test_scale_of_readings_can_be_set() -> None:
     ("change", "what"),
     [
         (answering(Id.GET_ENABLED, 2), "does not enable its output"),
-        (answering_words(Id.GET_SOURCE, 1, 2), "goes on obeying its knob or input"),
+        (answering_words(Id.GET_SOURCE, 1, 2), "still obeys its knob or input"),
     ],
 )
 def test_amplifier_that_gives_no_control_is_refused(
     change: Callable[[bytes], bytes], what: str
 ) -> None:
-    """An amplifier that does not do what arming needs is refused, with what to do."""
+    """An amplifier that refuses a step of the activation is refused with the remedy."""
     device, line, _, _ = kpz()
     device.open()
     line.change = change
@@ -157,7 +157,7 @@ def test_amplifier_that_gives_no_control_is_refused(
 
 
 def test_unknown_limit_is_refused() -> None:
-    """An amplifier with a voltage limit that nobody knows is refused: its scale is not known."""
+    """An amplifier with an unknown voltage limit is refused: its scale is unknown."""
     device, line, _, _ = kpz()
     answer = codec.long(Id.GET_IO, bytes((1, 0, 9, *[0] * 7)), to=HOST, source=UNIT)
     line.change = instead(Id.GET_IO, answer)
@@ -166,7 +166,7 @@ def test_unknown_limit_is_refused() -> None:
 
 
 def test_reader_without_travel_needs_a_scale() -> None:
-    """A reader that knows no travel is refused as long as the scale is not set."""
+    """A reader without a travel is refused unless the scale is configured."""
     device, line, _ = ksg()
     line.change = answering_words(Id.GET_MAX_TRAVEL, 1, 0)
     with pytest.raises(DeviceError, match="set full_scale_um"):
@@ -174,7 +174,7 @@ def test_reader_without_travel_needs_a_scale() -> None:
 
 
 def test_port_that_goes_while_opening_is_told() -> None:
-    """A reader whose port goes while it is asked for readings is an absent one."""
+    """A reader whose port is lost during opening is unavailable."""
     device, line, _ = ksg()
 
     def pull(reply: bytes) -> bytes:
@@ -187,7 +187,7 @@ def test_port_that_goes_while_opening_is_told() -> None:
 
 
 def test_cube_is_woken_by_rts() -> None:
-    """RTS goes on, what has come is dropped, RTS goes off, with 50 ms after each."""
+    """RTS goes on, pending bytes are dropped, RTS goes off, with 50 ms after each."""
     done: list[object] = []
 
     class Port:
@@ -197,7 +197,7 @@ def test_cube_is_woken_by_rts() -> None:
         def __setattr__(self, name: str, value: object) -> None:
             done.append((name, value))
 
-    wake(Port(), done.append)  # type: ignore[arg-type]  # as much of a port as is used
+    wake_cube(Port(), done.append)  # type: ignore[arg-type]  # as much of a port as is used
     assert done == [("rts", True), 0.05, "dropped", ("rts", False), 0.05]
 
 

@@ -1,4 +1,4 @@
-"""Thorlabs cubes: what drivers make of faults of the wire and of the device."""
+"""Drivers for Thorlabs cubes with faults of the line and of the device."""
 
 from math import isnan
 
@@ -15,7 +15,7 @@ from tests.drivers.serial_line.scripted_line import MS
 
 @pytest.mark.sees("thorlabs_apt", "S7")
 def test_end_of_range_is_told() -> None:
-    """A reading at the end of the range is invalid, and said to be saturated."""
+    """A reading at the end of the range is invalid and reported as saturated."""
     device, _, rig = ksg()
     device.open()
     device.activate(NOW)
@@ -28,7 +28,7 @@ def test_end_of_range_is_told() -> None:
 
 @pytest.mark.sees("thorlabs_apt", "A8")
 def test_disabled_output_is_told() -> None:
-    """An output that is switched off at the device is told by the next update."""
+    """An output that is switched off at the device is reported with the next status."""
     device, line, _, emulator = kpz()
     device.open()
     device.activate(NOW)
@@ -45,7 +45,7 @@ def _switch_off_and_on(emulator: KpzEmulator) -> None:
 
 @pytest.mark.sees("thorlabs_apt", "A7")
 def test_amplifier_that_was_off_is_told() -> None:
-    """An amplifier that has forgotten its voltage was switched off and on: that is told, once."""
+    """An amplifier that has lost its voltage is reported as restarted, once."""
     device, line, _, emulator = kpz()
     device.open()
     device.activate(NOW)
@@ -60,7 +60,7 @@ def test_amplifier_that_was_off_is_told() -> None:
 
 @pytest.mark.sees("thorlabs_apt", "A7")
 def test_amplifier_that_was_off_takes_no_voltage_unnoticed() -> None:
-    """After a time-out nothing is set before it is known that nothing was forgotten."""
+    """After a time-out nothing is set before the voltage in force was read."""
     device, line, _, emulator = kpz()
     device.open()
     device.activate(NOW)
@@ -76,7 +76,7 @@ def test_amplifier_that_was_off_takes_no_voltage_unnoticed() -> None:
 
 
 def test_unacknowledged_zero_is_no_restart() -> None:
-    """A voltage of 0 that was set, and not acknowledged, may be in force: nothing is forgotten."""
+    """A voltage of 0 after an unconfirmed setpoint of 0 is no restart."""
     device, line, _, _ = kpz()
     device.open()
     device.activate(NOW)
@@ -92,7 +92,7 @@ def test_unacknowledged_zero_is_no_restart() -> None:
 @pytest.mark.sees("thorlabs_apt", "A1")
 @pytest.mark.sees("thorlabs_apt", "A8")
 def test_voltage_that_is_not_set_is_refused() -> None:
-    """A write is refused where the amplifier tells another voltage than was set."""
+    """A write fails if the amplifier reads back another voltage."""
     device, line, _, _ = kpz()
     device.open()
     device.activate(NOW)
@@ -103,7 +103,7 @@ def test_voltage_that_is_not_set_is_refused() -> None:
 
 @pytest.mark.sees("thorlabs_apt", "B10")
 def test_complaint_is_told() -> None:
-    """An error that the device reports by itself is told, and disturbs no exchange."""
+    """An error message of the device is reported and disturbs no exchange."""
     device, line, _, _ = kpz()
     device.open()
     device.activate(NOW)
@@ -115,7 +115,7 @@ def test_complaint_is_told() -> None:
 @pytest.mark.sees("thorlabs_apt", "B3")
 @pytest.mark.parametrize("garbage", [b"\xff", b"\x45\x06\x04", b"?" * 300])
 def test_garbage_before_an_answer_is_told(garbage: bytes) -> None:
-    """Garbage before an answer is told, and the answer is found behind it."""
+    """Garbage before a reply is reported, and the reply is found behind it."""
     device, line, _, _ = kpz()
     device.open()
     device.activate(NOW)
@@ -125,7 +125,7 @@ def test_garbage_before_an_answer_is_told(garbage: bytes) -> None:
 
 
 def test_updates_are_never_taken_for_answers() -> None:
-    """Updates that come with each answer, in front of it or behind it, change nothing."""
+    """Statuses before or behind a reply are never taken for it."""
     device, line, rig, emulator = kpz()
     device.open()
     device.activate(NOW)
@@ -139,7 +139,7 @@ def test_updates_are_never_taken_for_answers() -> None:
 
 
 def test_half_a_message_does_not_block_for_ever() -> None:
-    """Half a message without the rest is garbage after a while, and is not glued to later ones."""
+    """Half a message becomes garbage after a while and does not join later ones."""
     device, line, _, _ = kpz()
     device.open()
     device.activate(NOW)
@@ -156,7 +156,7 @@ def test_half_a_message_does_not_block_for_ever() -> None:
 @pytest.mark.sees("thorlabs_apt", "B6")
 @pytest.mark.parametrize("cycles", [2000, pytest.param(50_000, marks=pytest.mark.stress)])
 def test_late_answers_are_never_taken_for_the_next(cycles: int) -> None:
-    """With answers up to ten time-outs late, or twice, no voltage of another instant is told."""
+    """With replies up to ten time-outs late, or doubled, no voltage of another instant is read."""
     device, line, _, emulator = kpz()
     device.open()
     device.activate(NOW)
@@ -182,7 +182,7 @@ def test_late_answers_are_never_taken_for_the_next(cycles: int) -> None:
 
 
 def test_answer_of_another_channel_is_garbage() -> None:
-    """A reading of a channel that the cube does not have is not taken."""
+    """A reading of another channel is refused."""
     device, line, _ = ksg()
     device.open()
     device.activate(NOW)
@@ -192,10 +192,10 @@ def test_answer_of_another_channel_is_garbage() -> None:
 
 
 def test_enabled_state_of_another_channel_is_garbage() -> None:
-    """Neither is the state of another channel."""
+    """The enabled state of another channel is refused."""
     device, line, _, _ = kpz()
     device.open()
     other = codec.short(Id.GET_ENABLED, 2, 1, to=HOST, source=UNIT)
     line.change = instead(Id.GET_ENABLED, other)
-    with pytest.raises(DeviceUnavailableError, match="of channel 2, not 1"):
+    with pytest.raises(DeviceUnavailableError, match="channel 2 instead of 1"):
         device.activate(NOW)

@@ -1,4 +1,4 @@
-"""The emulated cubes over a pty: a host that is not ours, thorlabs-apt-protocol, and our own."""
+"""The emulated cubes at a pty, with thorlabs-apt-protocol and with our driver as the host."""
 
 import time
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ CUBE, HOST, CHANNEL = 0x50, 0x01, 1
 
 @pytest.fixture(scope="module")
 def cubes() -> Iterator[Emulated]:
-    """Serve an amplifier and a strain gauge reader on one bench."""
+    """Serve an amplifier and a strain gauge reader on one rig."""
     with emulated("kpz101", "ksg101") as served:
         yield served
 
@@ -48,13 +48,13 @@ class Host:
         self._serial.write(message)
 
     def ask(self, message: bytes, name: str) -> Any:
-        """Return the message of that name that comes next."""
+        """Return the next message with this name."""
         self.say(message)
         return eventually(lambda: next((told for told in self._unpacker if told.msg == name), None))
 
 
 def test_host_drives_the_amplifier_and_reads_the_gauge(cubes: Emulated) -> None:
-    """It identifies both, enables the output, sets a voltage, and sees the stage move."""
+    """Thorlabs-apt-protocol identifies both cubes, sets a voltage and reads the motion."""
     amplifier, gauge = cubes.where
     with Host(amplifier) as kpz, Host(gauge) as ksg:
         assert kpz.ask(peer.hw_req_info(CUBE, HOST), "hw_get_info").model_number.startswith(
@@ -77,7 +77,7 @@ def test_host_drives_the_amplifier_and_reads_the_gauge(cubes: Emulated) -> None:
 
 
 def test_host_gets_updates_as_long_as_it_wants_them(cubes: Emulated) -> None:
-    """Updates come until they are stopped, and tell state and voltage."""
+    """Statuses come until they are stopped, with state and voltage."""
     with Host(cubes.where[0]) as kpz:
         kpz.say(peer.mod_set_chanenablestate(CUBE, HOST, CHANNEL, 1))
         kpz.say(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 0))
@@ -90,7 +90,7 @@ def test_host_gets_updates_as_long_as_it_wants_them(cubes: Emulated) -> None:
 
 @pytest.mark.sees("thorlabs_apt", "A7")
 def test_amplifier_that_is_switched_off_and_on_is_told(cubes: Emulated) -> None:
-    """Our driver tells, across processes, of an amplifier that was off; armed again it obeys."""
+    """Our driver reports a restarted amplifier across processes; activated again, it obeys."""
     options = {"port": cubes.where[0], "model": "KPZ101", "timeout_ms": 100.0}
     device: Any = PLUGIN.create(AptOptions.model_validate(options), Wiring((), ("1",)), 1)
     with closing(device):

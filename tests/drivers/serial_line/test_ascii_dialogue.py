@@ -1,4 +1,4 @@
-"""What is said to a device whose commands and answers are options."""
+"""The conversation with a device whose commands and replies are options."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError, DeviceUnavailableError
-from piezod_drivers.serial_line.ascii_line.emulator import V_PER_UM, Nanopositioner
+from piezod_drivers.serial_line.ascii_line.emulator import V_PER_UM, NanopositionerEmulator
 from tests.drivers.serial_line.ascii_rig import device, started
 from tests.drivers.serial_line.linear_rig import UM_PER_V, bench
 from tests.drivers.serial_line.scripted_line import MS, ScriptedLine, says
@@ -15,7 +15,7 @@ IDENTIFY = {"send": "*IDN?", "reply": r"(?P<maker>[^,]+),(?P<model>[^,]+),(?P<se
 
 
 def test_a_setpoint_is_written_as_its_command_says() -> None:
-    """The value stands in the command in its format, and the answer acknowledges it."""
+    """The value is in the command in its format, and the reply acknowledges it."""
     dut, line = started(says(b"V 12.35\n", b"OK\n"))
 
     assert dut.write([12.345678], line.now_ns())
@@ -23,7 +23,7 @@ def test_a_setpoint_is_written_as_its_command_says() -> None:
 
 
 def test_a_sample_is_read_as_its_pattern_says() -> None:
-    """The named group of the answer is the value."""
+    """The named group of the reply is the value."""
     dut, line = started(says(b"P?\n", b"  -1.25 \r\n"))
 
     (sample,) = dut.read(line.now_ns())
@@ -32,7 +32,7 @@ def test_a_sample_is_read_as_its_pattern_says() -> None:
 
 
 def test_all_channels_can_be_in_one_line() -> None:
-    """One command sets all outputs, and one answer tells all inputs."""
+    """One command sets all outputs, and one reply has all inputs."""
     line = ScriptedLine(says(b"V 1.0 2.0\n", b"OK\n"), says(b"P?\n", b"3.5;4.5\n"))
     dut = device(
         line,
@@ -50,14 +50,14 @@ def test_all_channels_can_be_in_one_line() -> None:
 
 
 def test_a_command_never_sets_a_channel_that_nobody_uses() -> None:
-    """A command for two outputs of which one serves no axis is an error with its remedy."""
+    """A command that also sets an unused output is refused with the remedy."""
     dut = device(
         ScriptedLine(),
         outputs={name: {"lowest": 0.0, "highest": 9.0} for name in "xy"},
         set=({"send": "V {x} {y}", "reply": "OK"},),
     )
 
-    with pytest.raises(DeviceError, match=r"channel y too.*name it in an axis"):
+    with pytest.raises(DeviceError, match=r"also sets channel y.*use it in an axis"):
         dut.open()
 
 
@@ -74,7 +74,7 @@ def test_a_command_never_sets_a_channel_that_nobody_uses() -> None:
     ],
 )
 def test_what_is_no_acknowledgement_refuses_the_setpoint(answer: bytes, flag: DeviceFlag) -> None:
-    """An error, or a line of another kind, refuses the write and is told as what it is."""
+    """An error, or another line, fails the write with its flag."""
     dut, line = started(says(b"V 1.00\n", answer))
 
     assert not dut.write([1.0], line.now_ns())
@@ -85,7 +85,7 @@ def test_what_is_no_acknowledgement_refuses_the_setpoint(answer: bytes, flag: De
 def test_a_connection_on_which_nothing_is_acknowledged_is_lost(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """What a line over TCP notices is told, and nothing is tried any more."""
+    """A fault that a TCP line notices is reported and loses the device."""
 
     def fail(_data: bytes) -> None:
         raise LineFault(DeviceFlag.HALF_OPEN, "nothing is acknowledged")
@@ -101,7 +101,7 @@ def test_a_connection_on_which_nothing_is_acknowledged_is_lost(
 @pytest.mark.sees("ascii", "A3")
 @pytest.mark.sees("ascii", "A12")
 def test_what_is_in_force_comes_from_the_device() -> None:
-    """A voltage that somebody else has changed is told as it is."""
+    """A voltage that another program has set is read back."""
     dut, line = started(
         says(b"V 1.00\n", b"OK\n"),
         says(b"V?\n", b"7.50\n"),
@@ -113,7 +113,7 @@ def test_what_is_in_force_comes_from_the_device() -> None:
 
 
 def test_no_answer_is_late_and_nothing_is_asked_until_it_cannot_come() -> None:
-    """The answer to one command is never taken for that of the next."""
+    """A late reply is never taken for the reply to the next command."""
     dut, line = started(says(b"V 1.00\n"))
 
     assert not dut.write([1.0], line.now_ns())
@@ -123,7 +123,7 @@ def test_no_answer_is_late_and_nothing_is_asked_until_it_cannot_come() -> None:
 
 
 def test_numbers_that_go_round_tell_a_late_answer_from_the_next() -> None:
-    """Where answers name their command by its number, a late one is dropped."""
+    """A late reply with a running number is dropped."""
     dut, line = started(
         says(b"000 V 1.00\n"),
         says(b"001 V 2.00\n", b"000 OK\n", b"? OK\n", b"001 OK\n"),
@@ -137,7 +137,7 @@ def test_numbers_that_go_round_tell_a_late_answer_from_the_next() -> None:
 
 
 def test_a_device_that_does_not_answer_is_asked_what_is_in_force() -> None:
-    """A setpoint without an answer has been taken when the device tells what is in force."""
+    """A setpoint without reply counts as accepted when it can be read back."""
     dut, line = started(
         says(b"V 1.00\n"),
         says(b"V?\n", b"1.00\n"),
@@ -152,7 +152,7 @@ def test_a_device_that_does_not_answer_is_asked_what_is_in_force() -> None:
 
 
 def test_identity_comes_from_the_groups_of_its_answer() -> None:
-    """Groups called maker, model, serial and firmware tell who is there, the others nothing."""
+    """The groups maker, model, serial and firmware give the identity."""
     line = ScriptedLine(says(b"*IDN?\n", b"Acme,Mover 3,\n"))
 
     identity = device(line, identify=IDENTIFY).open()
@@ -161,7 +161,7 @@ def test_identity_comes_from_the_groups_of_its_answer() -> None:
 
 
 def test_another_device_is_refused() -> None:
-    """Who answers otherwise than the pattern says is not opened."""
+    """A device whose identity does not match the pattern is refused."""
     line = ScriptedLine(says(b"*IDN?\n", b"hello\n"))
 
     with pytest.raises(DeviceError, match="another device"):
@@ -170,13 +170,13 @@ def test_another_device_is_refused() -> None:
 
 
 def test_nobody_is_an_absent_device() -> None:
-    """Who does not say who it is, is not there."""
+    """A device that does not reply to `identify` is unavailable."""
     with pytest.raises(DeviceUnavailableError):
         device(ScriptedLine(says(b"*IDN?\n")), identify=IDENTIFY).open()
 
 
 def test_start_and_stop_are_sent_around_the_run() -> None:
-    """What the options send at the start and at the end is sent once each."""
+    """The commands of `start` and `stop` are sent once each."""
     dut, line = started(
         says(b"REMOTE 1\n", b"OK\n"),
         says(b"REMOTE 0\n"),
@@ -195,7 +195,7 @@ START = {
 
 
 def test_a_device_that_is_only_read_is_not_started() -> None:
-    """Without an output of its own an axis sends nothing that could change the outputs."""
+    """With inputs only, nothing is sent that could change the outputs."""
     line = ScriptedLine(says(b"P?\n", b"1.5\n"))
     dut = device(line, Wiring(("x",), ()), **START)
     dut.open()
@@ -207,7 +207,7 @@ def test_a_device_that_is_only_read_is_not_started() -> None:
 
 
 def test_a_device_without_outputs_is_started() -> None:
-    """A sensor has no outputs that could change, and may have to be started."""
+    """A sensor without outputs is started."""
     line = ScriptedLine(says(b"SERVO OFF\n"), says(b"REMOTE 1\n", b"OK\n"))
     dut = device(line, Wiring(("x",), ()), outputs={}, set=(), **START)
     dut.open()
@@ -217,7 +217,7 @@ def test_a_device_without_outputs_is_started() -> None:
 
 @pytest.mark.parametrize("stray", [b"Temp warning\n", b"OK\n", b"\xff\n"])
 def test_a_line_that_is_no_such_answer_ends_no_waiting(stray: bytes) -> None:
-    """After a time-out only what can be the late answer ends the waiting; so it is not the next."""
+    """After a time-out only a line that matches the reply ends the wait."""
     dut, line = started(says(b"P?\n"))
     assert not dut.read(line.now_ns())[0].valid
     line.comes(stray)
@@ -231,7 +231,7 @@ def test_a_line_that_is_no_such_answer_ends_no_waiting(stray: bytes) -> None:
 
 
 def test_a_line_that_is_no_such_answer_is_not_taken_for_it() -> None:
-    """It may come before the answer, which is found behind it."""
+    """Another line before the reply is skipped."""
     dut, line = started(says(b"P?\n", b"Temp warning\n", b"1.5\n"))
 
     assert dut.read(line.now_ns())[0].position_um == 1.5
@@ -241,7 +241,7 @@ def test_a_line_that_is_no_such_answer_is_not_taken_for_it() -> None:
 @pytest.mark.sees("ascii", "A8")
 @pytest.mark.parametrize(("told", "taken"), [(b"1.04\n", True), (b"60.0\n", False)])
 def test_a_setpoint_that_is_read_back_otherwise_is_refused(told: bytes, taken: bool) -> None:
-    """Where a tolerance is given, a device that refuses in silence is found out at once."""
+    """With a tolerance, a setpoint that reads back differently fails at once."""
     dut, line = started(
         says(b"V 1.00\n"),
         says(b"V?\n", told),
@@ -259,7 +259,7 @@ def test_a_setpoint_that_is_read_back_otherwise_is_refused(told: bytes, taken: b
 def test_half_a_command_is_made_an_unknown_one(
     monkeypatch: pytest.MonkeyPatch, *, read_back: bool
 ) -> None:
-    """A device of which a command went out in part is lost; opened again, it forgets that part."""
+    """Half a sent command loses the device, and becomes an unknown one at reopening."""
 
     def fail(_data: bytes) -> None:
         raise LineFault(DeviceFlag.PARTIAL_WRITE, "3 of 7 bytes went out")
@@ -283,7 +283,7 @@ def test_half_a_command_is_made_an_unknown_one(
 
 
 def test_the_status_is_asked_after_a_setpoint_when_it_is_due() -> None:
-    """What the answer matches is told of every channel, as long as it matches."""
+    """Flags whose patterns match the status are reported for every channel."""
     dut, line = started(
         says(b"V 1.00\n", b"OK\n"),
         says(b"S?\n", b"remote,hot\n"),
@@ -315,7 +315,7 @@ def test_the_status_is_asked_after_a_setpoint_when_it_is_due() -> None:
 def test_after_half_a_question_for_the_status_nothing_is_sent(
     monkeypatch: pytest.MonkeyPatch, flag: DeviceFlag
 ) -> None:
-    """A line that is lost with the status is lost: no setpoint is glued to the half of it."""
+    """Half a sent status request loses the device: no setpoint follows it."""
     status = {"send": "S?", "flags": ({"pattern": "bad", "flag": "overload"},)}
     dut, line = started(says(b"V 1.00\n", b"OK\n"), status=status)
     send = line.send
@@ -349,7 +349,7 @@ def test_after_half_a_question_for_the_status_nothing_is_sent(
     ],
 )
 def test_every_flag_can_be_told_by_the_status(flag: DeviceFlag) -> None:
-    """A configuration says which lines mean what."""
+    """Every flag can be reported by the status."""
     status = {"send": "S?", "flags": ({"pattern": "bad", "flag": str(flag)},)}
     dut, line = started(says(b"V 1.00\n", b"OK\n"), says(b"S?\n", b"bad\n"), status=status)
     dut.write([1.0], line.now_ns())
@@ -358,7 +358,7 @@ def test_every_flag_can_be_told_by_the_status(flag: DeviceFlag) -> None:
 
 
 def test_other_terminators_and_encodings() -> None:
-    """Commands and answers end, and are written, as the options say."""
+    """Terminators and encoding are those of the options."""
     dut, line = started(
         says("V 1.00 µm\r".encode("latin-1"), "OK µm\r\n".encode("latin-1")),
         terminator="\r",
@@ -371,9 +371,9 @@ def test_other_terminators_and_encodings() -> None:
 
 
 def test_the_emulated_nanopositioner_goes_where_it_is_sent() -> None:
-    """The example's device moves its stage, tells where it is, and refuses what it cannot do."""
+    """The emulated nanopositioner moves, reports its position and refuses bad commands."""
     there, rig, _ = bench()
-    emulator = Nanopositioner(there, "7")
+    emulator = NanopositionerEmulator(there, "7")
 
     replies = [
         emulator.receive(request)

@@ -21,12 +21,12 @@ EXAMPLES = [
 
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_examples_of_the_page_are_valid(example: str) -> None:
-    """Whoever copies an example has a device whose commands and patterns are accepted."""
+    """Each example of the page is valid."""
     device = validate(parse_yaml(example, "example"), DeviceConfig, Context(drivers=registry))
 
     assert device.driver == "ascii"
 
 
 def test_there_are_examples() -> None:
-    """A positioner, two channels in a line, and a stream."""
+    """The page has examples of a positioner, of two channels in a line, and of a stream."""
     assert len(EXAMPLES) == 3

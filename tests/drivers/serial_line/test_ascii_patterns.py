@@ -1,4 +1,4 @@
-"""Which regular expressions are allowed for answers."""
+"""The regular expressions that are allowed for replies."""
 
 from contextlib import suppress
 
@@ -29,7 +29,7 @@ from piezod_drivers.serial_line.ascii_line.patterns import compiled
     ],
 )
 def test_usual_patterns_are_allowed(pattern: str) -> None:
-    """Numbers, fields between commas, alternatives and one .* are no trouble."""
+    """Numbers, fields between commas, alternatives and one .* are allowed."""
     assert compiled(pattern).pattern == pattern
 
 
@@ -38,13 +38,13 @@ def test_usual_patterns_are_allowed(pattern: str) -> None:
     [
         ("(a+)+b", "so is the group around it"),
         (r"(\d+)*", "so is the group around it"),
-        ("((a*))*", "may match nothing"),
-        (r"(?:x?\d*)+", "may match nothing"),
-        ("(?:a?){9}", "may match nothing"),
+        ("((a*))*", "may match the empty text"),
+        (r"(?:x?\d*)+", "may match the empty text"),
+        ("(?:a?){9}", "may match the empty text"),
         ("(a|a)*b", "may take long"),
         ("(.*a){9}", "may take long"),
         ("a?a?a?aaa", "may take long"),
-        (".*,.*,.*", "may take long.*have no character in common"),
+        (".*,.*,.*", "may take long.*without common characters"),
         ("(?:a*b*a*c)*", "may take long"),
         ("^x", "matched as a whole"),
         ("x$", "matched as a whole"),
@@ -59,7 +59,7 @@ def test_usual_patterns_are_allowed(pattern: str) -> None:
     ],
 )
 def test_patterns_that_may_take_long_are_refused(pattern: str, what: str) -> None:
-    """Nested and neighbouring choices are refused, with what to do; so is what is not needed."""
+    """Nested and neighbouring ambiguities and needless constructs are refused with the remedy."""
     with pytest.raises(ValueError, match=what):
         compiled(pattern)
 
@@ -69,7 +69,7 @@ PIECES = ["a", "b", ".", "[ab]", "(", "(?:", ")", "|", "*", "+", "?", "{2}", "{1
 
 @given(st.lists(st.sampled_from(PIECES), max_size=14).map("".join), st.sampled_from("ab1"))
 def test_no_pattern_that_is_allowed_takes_long(pattern: str, char: str) -> None:
-    """What is allowed is done with the worst of lines, and longer ones than it will ever see."""
+    """Allowed patterns are fast with the worst lines, even with too long ones."""
     with suppress(ValueError):
         regex = compiled(pattern)
 
@@ -79,6 +79,6 @@ def test_no_pattern_that_is_allowed_takes_long(pattern: str, char: str) -> None:
 
 @given(st.text(max_size=30))
 def test_any_text_is_a_pattern_or_refused(pattern: str) -> None:
-    """No text makes the check raise anything but what it promises."""
+    """Any text is a valid pattern or raises the documented error."""
     with suppress(ValueError):
         compiled(pattern)

@@ -1,11 +1,11 @@
-"""Listening to a sensor that sends lines unasked."""
+"""Reading a sensor that sends lines by itself."""
 
 import pytest
 
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceUnavailableError
-from piezod_drivers.serial_line.ascii_line.emulator import Reporter
+from piezod_drivers.serial_line.ascii_line.emulator import StreamingSensor
 from tests.drivers.serial_line.ascii_rig import sensor
 from tests.drivers.serial_line.linear_rig import UM_PER_V, bench
 from tests.drivers.serial_line.scripted_line import MS, ScriptedLine
@@ -25,7 +25,7 @@ def listening(**options: object) -> tuple[BusDevice, ScriptedLine]:
 
 
 def test_a_sample_is_the_newest_line() -> None:
-    """Of several lines that have come, the last complete one counts."""
+    """Of several pending lines the last complete one counts."""
     dut, line = listening()
     line.comes(b"P 3.0 um\nP 4.5 um\nP 5.")
 
@@ -35,7 +35,7 @@ def test_a_sample_is_the_newest_line() -> None:
 
 
 def test_without_a_new_line_the_sample_is_the_old_one_of_then() -> None:
-    """A value that was told before keeps its instant, and is not called new."""
+    """Without a new line the sample keeps its value and its instant."""
     dut, line = listening()
     (before,) = dut.read(line.now_ns())
     line.time.t_ns += 10 * MS
@@ -47,7 +47,7 @@ def test_without_a_new_line_the_sample_is_the_old_one_of_then() -> None:
 
 
 def test_a_sensor_that_falls_silent_has_no_sample() -> None:
-    """After the time-out nothing is said of the position any more."""
+    """After the time-out without a line the sample is invalid."""
     dut, line = listening()
     line.time.t_ns += 60 * MS
 
@@ -58,7 +58,7 @@ def test_a_sensor_that_falls_silent_has_no_sample() -> None:
 
 
 def test_a_line_in_two_parts_is_one_line() -> None:
-    """What has come of a line is kept until the rest comes."""
+    """The first part of a line is kept until the rest comes."""
     dut, line = listening()
     line.comes(b"P 7")
     dut.read(line.now_ns())
@@ -71,7 +71,7 @@ def test_a_line_in_two_parts_is_one_line() -> None:
 
 @pytest.mark.parametrize("noise", [b"\xff\xfe\n", b"P um\n", b"\n", b"x" * 500 + b"\n"])
 def test_garbage_is_told_and_the_line_before_it_counts(noise: bytes) -> None:
-    """A line that is none spoils no other."""
+    """A garbage line is reported, and the line before it counts."""
     dut, line = listening()
     line.comes(b"P 3.0 um\n" + noise)
 
@@ -83,7 +83,7 @@ def test_garbage_is_told_and_the_line_before_it_counts(noise: bytes) -> None:
 
 @pytest.mark.sees("ascii", "S7")
 def test_a_line_that_is_an_error_has_no_sample() -> None:
-    """What the sensor says of itself is told, and the line before it is not used."""
+    """An error line is reported, and the line before it is not used."""
     dut, line = listening()
     line.comes(b"P 3.0 um\nsaturated\n")
 
@@ -95,7 +95,7 @@ def test_a_line_that_is_an_error_has_no_sample() -> None:
 
 @pytest.mark.sees("ascii", "S7")
 def test_after_an_error_nothing_is_valid_until_a_line_comes() -> None:
-    """What was true before an error is not true again because nothing else has come."""
+    """After an error line samples are invalid until another line comes."""
     dut, line = listening()
     dut.read(line.now_ns())
     line.comes(b"saturated\n")
@@ -125,27 +125,27 @@ def test_more_than_can_be_read_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_silence_is_an_absent_sensor() -> None:
-    """A port from which nothing comes has no sensor."""
+    """A port without any line is an unavailable sensor."""
     line = ScriptedLine()
     line.comes(b"half a line")
 
-    with pytest.raises(DeviceUnavailableError, match="nothing comes"):
+    with pytest.raises(DeviceUnavailableError, match="no line from"):
         sensor(line).open()
 
 
 def test_a_sensor_that_falls_silent_cannot_be_activated() -> None:
-    """Without a line there is nothing to begin with."""
+    """A sensor that sends no line cannot be activated."""
     line = ScriptedLine()
     line.comes(OPENING)
     dut = sensor(line)
     dut.open()
 
-    with pytest.raises(DeviceUnavailableError, match="nothing comes"):
+    with pytest.raises(DeviceUnavailableError, match="no line from"):
         dut.activate(line.now_ns())
 
 
 def test_a_lost_port_is_told() -> None:
-    """A port that is unplugged gives no samples until it is opened again."""
+    """A lost port gives no samples until it is opened again."""
     dut, line = listening()
     line.unplugged = True
 
@@ -154,7 +154,7 @@ def test_a_lost_port_is_told() -> None:
 
 
 def test_start_and_stop_are_sent_to_a_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sensor may be told to begin and to stop sending."""
+    """The commands of `start` and `stop` are sent to a streaming sensor."""
     sent: list[bytes] = []
     line = ScriptedLine()
     monkeypatch.setattr(line, "send", sent.append)
@@ -169,10 +169,10 @@ def test_start_and_stop_are_sent_to_a_sensor(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_the_emulated_sensor_sends_a_line_every_2_ms() -> None:
-    """The example's sensor tells the displacement, or that it is saturated, never twice."""
+    """The emulated sensor sends its displacement, or that it is saturated, every 2 ms."""
     there, rig, time = bench()
     rig.drive_v = [10.0]
-    reporter = Reporter(there)
+    reporter = StreamingSensor(there)
 
     first, none = reporter.due(), reporter.due()
     time.t_ns += 7 * MS

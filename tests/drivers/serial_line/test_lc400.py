@@ -1,4 +1,4 @@
-"""nPoint's LC.400: frames, what the driver says, and what it makes of the answers."""
+"""nPoint's LC.400: frames, requests of the driver, and its use of the replies."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -23,14 +23,14 @@ from tests.drivers.serial_line.scripted_line import MS, EmulatedLine
 
 NOW = 5
 BOTH = Wiring.both(("1", "2"))
-SERVO_1 = codec.address(1, Lc400Register.SERVO)
-POSITION_1 = codec.address(1, Lc400Register.POSITION)
+SERVO_1 = codec.register_address(1, Lc400Register.SERVO)
+POSITION_1 = codec.register_address(1, Lc400Register.POSITION)
 
 
 def lc400(
     wiring: Wiring = BOTH, **options: object
 ) -> tuple[ExchangingBusDevice, EmulatedLine, LinearRig, Lc400]:
-    """Return a controller, the line to it, and what is behind the line."""
+    """Return a controller, the line to it, and the rig behind the line."""
     stand, rig, time = bench(2)
     emulator = Lc400(stand, "")
     line = EmulatedLine(emulator, time)
@@ -39,16 +39,16 @@ def lc400(
 
 
 def test_frames_are_those_of_the_source() -> None:
-    """Requests are, byte for byte, what the EPICS module's structures are in memory."""
+    """Requests equal the structures of the EPICS module byte for byte."""
     assert codec.read(POSITION_1) == bytes.fromhex("a0 34138311 55")
-    assert codec.write(codec.address(3, Lc400Register.SETPOINT), -2) == bytes.fromhex(
+    assert codec.write(codec.register_address(3, Lc400Register.SETPOINT), -2) == bytes.fromhex(
         "a2 18328311 feffffff 55"
     )
     assert codec.read_array(codec.FIRMWARE, 5) == bytes.fromhex("a4 28008311 05000000 55")
 
 
 def test_voltages_and_positions_go_through() -> None:
-    """Commands reach both actuators, their read-back is that, and positions come back in µm."""
+    """Commands reach both actuators and are read back; positions are in µm."""
     device, _, rig, _ = lc400()
     device.open()
     device.activate(NOW)
@@ -60,7 +60,7 @@ def test_voltages_and_positions_go_through() -> None:
 
 
 def test_one_exchange_sets_and_reads_all_channels() -> None:
-    """Writing and reading two channels is one write to the line, as is reading with read-back."""
+    """One write to the line sets and reads two channels."""
     device, line, rig, _ = lc400()
     device.open()
     device.activate(NOW)
@@ -76,7 +76,7 @@ def test_one_exchange_sets_and_reads_all_channels() -> None:
 
 
 def test_taking_control_moves_nothing() -> None:
-    """Opening, activating and closing write nothing at all."""
+    """Opening, activating and closing write nothing."""
     device, line, rig, _ = lc400()
     before = list(rig.drive_v)
     device.open()
@@ -88,7 +88,7 @@ def test_taking_control_moves_nothing() -> None:
 
 
 def test_servo_that_is_on_is_refused() -> None:
-    """A channel in closed loop is not taken: switching its servo off would make it jump."""
+    """A channel in closed loop prevents activation, because its output would jump."""
     device, _, _, emulator = lc400()
     emulator.receive(codec.write(SERVO_1, 1))
     device.open()
@@ -98,7 +98,7 @@ def test_servo_that_is_on_is_refused() -> None:
 
 @pytest.mark.sees("npoint_lc400", "A8")
 def test_servo_that_is_switched_on_is_told() -> None:
-    """A servo that somebody switches on is told of its output."""
+    """A servo that is switched on later is reported for its output."""
     device, _, _, emulator = lc400()
     device.open()
     device.activate(NOW)
@@ -114,11 +114,11 @@ def test_servo_that_is_switched_on_is_told() -> None:
 
 @pytest.mark.sees("npoint_lc400", "A1")
 def test_command_that_is_not_there_is_refused() -> None:
-    """A write is refused where the same exchange tells another command."""
+    """A write fails if the same exchange reads another command."""
     device, line, _, _ = lc400(Wiring.both(("1",)))
     device.open()
     device.activate(NOW)
-    other = codec.reply(codec.address(1, Lc400Register.SETPOINT), 7)
+    other = codec.read_reply(codec.register_address(1, Lc400Register.SETPOINT), 7)
     line.change = lambda reply: reply[:10] + other + reply[20:]
     assert not device.write([10.0], NOW)
     assert set(device.status(NOW)[1]) == {DeviceFlag.LOCAL_MODE}
@@ -126,7 +126,7 @@ def test_command_that_is_not_there_is_refused() -> None:
 
 @pytest.mark.sees("npoint_lc400", "S7")
 def test_end_of_range_is_told() -> None:
-    """A position at the end of the range is invalid and said to be saturated."""
+    """A position at the end of the range is invalid and reported as saturated."""
     device, _, rig, _ = lc400()
     device.open()
     device.activate(NOW)
@@ -136,13 +136,13 @@ def test_end_of_range_is_told() -> None:
 
 
 def test_range_of_another_unit_has_to_be_set() -> None:
-    """A range that is not told in µm is asked for; one that is set is not."""
+    """A range that is not in µm has to be configured; a configured range is not read."""
     device, _, _, emulator = lc400()
-    emulator.receive(codec.write(codec.address(1, Lc400Register.RANGE_TYPE), 2))
+    emulator.receive(codec.write(codec.register_address(1, Lc400Register.RANGE_TYPE), 2))
     with pytest.raises(DeviceError, match="set range_um"):
         device.open()
     set_, _, _, emulator = lc400(range_um=60.0)
-    emulator.receive(codec.write(codec.address(1, Lc400Register.RANGE_TYPE), 2))
+    emulator.receive(codec.write(codec.register_address(1, Lc400Register.RANGE_TYPE), 2))
     assert "60" in set_.open().serial
 
 
@@ -150,7 +150,7 @@ def test_range_of_another_unit_has_to_be_set() -> None:
 @pytest.mark.sees("npoint_lc400", "B6")
 @pytest.mark.parametrize("cycles", [2000, pytest.param(50_000, marks=pytest.mark.stress)])
 def test_late_answers_are_never_taken_for_the_next(cycles: int) -> None:
-    """With answers of any lateness, or twice, no command of another instant is told."""
+    """With replies that are late or doubled, no command of another instant is read."""
     device, line, rig, _ = lc400(Wiring.both(("1",)))
     device.open()
     device.activate(NOW)
@@ -173,7 +173,7 @@ def test_late_answers_are_never_taken_for_the_next(cycles: int) -> None:
 
 @pytest.mark.sees("npoint_lc400", "B3")
 def test_flipped_bits_are_seen_where_they_can_be() -> None:
-    """Of all single bits of an exchange, the 19 of a position within range go unseen."""
+    """Of all single bits of an exchange, only 19 of a position go undetected."""
     unseen = []
     for bit in range(40 * 8):
         device, line, rig, _ = lc400(Wiring.both(("1",)))
@@ -191,7 +191,7 @@ def test_flipped_bits_are_seen_where_they_can_be() -> None:
         told = device.status(NOW)
         if taken and sample.valid and not any(told):
             unseen.append(bit)
-    position = range(3 * 80 + 40, 3 * 80 + 59)  # of -524288 to 524287 the highest bit is the sign
+    position = range(3 * 80 + 40, 3 * 80 + 59)  # the highest of the 20 bits is the sign
     tag_word = range(40, 72)
     assert unseen == [*tag_word, *position]
 
@@ -211,7 +211,7 @@ LENGTHS = [
 
 @given(st.binary(max_size=200))
 def test_garbage_is_refused_by_the_documented_error(garbage: bytes) -> None:
-    """Arbitrary bytes are decoded, or refused by `Lc400FrameError` and nothing else."""
+    """Any bytes are decoded or refused by `Lc400FrameError`, and raise nothing else."""
     for decode in DECODERS:
         with suppress(Lc400FrameError):
             decode(garbage)
@@ -219,7 +219,7 @@ def test_garbage_is_refused_by_the_documented_error(garbage: bytes) -> None:
 
 @given(st.binary(max_size=300))
 def test_frames_are_found_within_what_has_come(garbage: bytes) -> None:
-    """Whatever comes, what is dropped or taken has come, and little is kept."""
+    """A frame is never longer than the bytes that have come, and few bytes are kept."""
     for length_of in LENGTHS:
         rest = garbage
         while length := length_of(rest):
@@ -230,7 +230,7 @@ def test_frames_are_found_within_what_has_come(garbage: bytes) -> None:
 
 @given(st.lists(st.binary(max_size=60), max_size=20))
 def test_emulator_survives_whatever_comes(parts: list[bytes]) -> None:
-    """An emulator answers arbitrary bytes, or not, and raises nothing."""
+    """Any bytes make the emulator raise nothing."""
     stand, _, _ = bench(2)
     emulator = Lc400(stand, "")
     for part in parts:

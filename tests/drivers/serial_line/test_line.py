@@ -1,4 +1,4 @@
-"""Which line a configuration leads to."""
+"""The line of a configuration."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,28 +16,28 @@ ON_EITHER: Mapping[str, Mapping[str, object]] = {
     "pi_gcs2": {},
     "psj": {"profile": "nv200"},
 }
-"""Options, but for their line, of the drivers that speak over a serial port or over TCP."""
+"""Options, without their line, of the drivers for a serial port or TCP."""
 
 
 @pytest.mark.parametrize("driver", ON_EITHER)
 @pytest.mark.parametrize(
     ("where", "what"),
     [
-        ({}, "name either port"),
-        ({"port": "p", "host": "h", "tcp_port": 23}, "name either port"),
-        ({"host": "h"}, "host and tcp_port belong together"),
-        ({"port": "p", "tcp_port": 23}, "host and tcp_port belong together"),
+        ({}, "give either port"),
+        ({"port": "p", "host": "h", "tcp_port": 23}, "give either port"),
+        ({"host": "h"}, "give both host and tcp_port"),
+        ({"port": "p", "tcp_port": 23}, "give both host and tcp_port"),
     ],
 )
 def test_a_device_has_one_line(driver: str, where: Mapping[str, object], what: str) -> None:
-    """No line, two of them and half a one are errors, whatever else a driver checks."""
+    """No line, two lines or half a line are errors, besides those that a driver checks."""
     with pytest.raises(ValidationError, match=what):
         registry.load(driver).options_model.model_validate({**ON_EITHER[driver], **where})
 
 
 @pytest.mark.parametrize("driver", ["pi_gcs2", "psj"])
 def test_everything_that_is_wrong_is_told_at_once(driver: str) -> None:
-    """A range without a width is an error beside that of the line, and names its second value."""
+    """A range without width is an error besides that of the line, at its second value."""
     options = {**ON_EITHER[driver], "range_v": (5.0, 5.0)}
 
     with pytest.raises(ValidationError, match="must be above the first of the two") as caught:
@@ -63,7 +63,7 @@ def test_a_port_has_the_baud_rate_that_is_given_or_else_the_models(
     wiring: Wiring,
     baud: int,
 ) -> None:
-    """The rate of a configuration comes first; who says nothing gets what the device has."""
+    """A configured bit rate replaces that of the model."""
     made: list[int] = []
 
     class Port(SerialLine):

@@ -1,4 +1,4 @@
-"""Micro-Epsilon sensors: what the driver makes of what they send."""
+"""Micro-Epsilon sensors: the use of the stream by the driver."""
 
 from math import isnan
 
@@ -28,7 +28,7 @@ from tests.drivers.serial_line.scripted_line import MS, T0_NS, US, ScriptedLine,
 
 @pytest.mark.parametrize(("model", "resolution_um"), [("ILD1420", 0.16), ("ODC2520", 1.0)])
 def test_displacement_comes_through(model: str, resolution_um: float) -> None:
-    """A sensor in front of an axis follows it, from its place at rest on."""
+    """A sensor in front of an axis follows it, from the rest position on."""
     device, line, rig = emulated(model)
     assert device.open().model.startswith(model)
     device.activate(line.now_ns())
@@ -42,7 +42,7 @@ def test_displacement_comes_through(model: str, resolution_um: float) -> None:
 
 
 def test_identity_is_found_between_values() -> None:
-    """Who the sensor is comes out of the stream, in the middle of values."""
+    """The identity is found between the values of the stream."""
     text = b"".join(ANSWER[i : i + 1] + WORD for i in range(len(ANSWER)))
     line = ScriptedLine(says(GETINFO, WORD[1:] + WORD + text + WORD))
     line.comes(WORD, 200 * US)
@@ -51,7 +51,7 @@ def test_identity_is_found_between_values() -> None:
 
 
 def test_newest_value_wins() -> None:
-    """Of many values that have come the last one is told, at the instant of the call."""
+    """Of many pending values the last one is read, with the instant of the call."""
     device, line = scripted()
     line.comes(b"".join(codec.pack(COUNT + i, 3) for i in range(500)))
     now_ns = line.now_ns()
@@ -62,7 +62,7 @@ def test_newest_value_wins() -> None:
 
 @pytest.mark.sees("micro_epsilon", "S6")
 def test_value_that_is_not_new_keeps_its_instant() -> None:
-    """As long as no other value comes, the last one is told with the instant it came."""
+    """While no other value comes, the last one keeps its instant."""
     device, line = scripted()
     line.comes(WORD)
     (first,) = device.read(T0_NS + 5 * MS)
@@ -76,7 +76,7 @@ def test_value_that_is_not_new_keeps_its_instant() -> None:
 @pytest.mark.sees("micro_epsilon", "S5")
 @pytest.mark.sees("micro_epsilon", "B5")
 def test_silence_is_told() -> None:
-    """A stream that ends is told after a time-out, and its last value gets old."""
+    """A stream that stops is reported after a time-out, and its last value becomes invalid."""
     device, line = scripted()
     line.comes(WORD)
     device.read(T0_NS)
@@ -88,7 +88,7 @@ def test_silence_is_told() -> None:
 
 
 def test_activating_waits_for_a_value() -> None:
-    """What came before is forgotten; the first reading is of a value that came afterwards."""
+    """Activating discards pending values and waits for a new one."""
     device, line = scripted()
     device.deactivate(line.now_ns())
     line.comes(codec.pack(COUNT + 5, 3))
@@ -98,7 +98,7 @@ def test_activating_waits_for_a_value() -> None:
 
 
 def test_before_the_first_value_nothing_is_valid() -> None:
-    """A sensor that has sent nothing since it was activated has no valid sample."""
+    """Without a value since activation there is no valid sample."""
     device, _ = scripted()
     (sample,) = device.read(T0_NS + MS)
     assert not sample.valid
@@ -124,7 +124,7 @@ def test_before_the_first_value_nothing_is_valid() -> None:
     ],
 )
 def test_limits_and_codes(model: str, count: int, flags: set[DeviceFlag]) -> None:
-    """A count beyond the range, or an error code, is no displacement and says why."""
+    """A count beyond the range, or an error code, is no displacement and sets its flag."""
     device, line = scripted(model, range_mm=10.0)
     line.comes(codec.pack(count, PROFILES[model].word_bytes))
     (sample,) = device.read(T0_NS + MS)
@@ -135,7 +135,7 @@ def test_limits_and_codes(model: str, count: int, flags: set[DeviceFlag]) -> Non
 @pytest.mark.sees("micro_epsilon", "B3")
 @pytest.mark.parametrize(("model", "word_bytes"), [("ILD1420", 3), ("ILD1402", 2)])
 def test_flipped_flags_make_no_value(model: str, word_bytes: int) -> None:
-    """A word with a flipped flag is never read as another value; all but one such flip is told."""
+    """A word with a flipped flag is never read as another value; one such flip is silent."""
     counts = [8000, 8001, 8002]
     sent = b"".join(codec.pack(count, word_bytes) for count in counts)
     flags = {3: (7, 6, 15, 14, 23, 22), 2: (7, 15)}[word_bytes]
@@ -159,7 +159,7 @@ def test_flipped_flags_make_no_value(model: str, word_bytes: int) -> None:
 
 @pytest.mark.sees("micro_epsilon", "B11")
 def test_backlog_is_dropped_and_told() -> None:
-    """As much as the port's buffer holds was not read in time: it is told, and the newest taken."""
+    """A full buffer is reported, and the newest value is read."""
     device, line = scripted()
     line.comes(WORD * 1364 + codec.pack(COUNT + 1, 3))
     (sample,) = device.read(T0_NS)
@@ -168,7 +168,7 @@ def test_backlog_is_dropped_and_told() -> None:
 
 
 def test_lost_axis_is_beyond_the_range() -> None:
-    """An emulated sensor that sees nothing sends an error code, or one for beyond its range."""
+    """An emulated sensor without a target sends an error code."""
     device, line, rig = emulated()
     device.open()
     rig.valid = False
@@ -182,30 +182,30 @@ def test_lost_axis_is_beyond_the_range() -> None:
 
 
 def test_silent_sensor_is_told_with_a_remedy() -> None:
-    """A sensor that answers and sends no values is refused, with what to do."""
+    """A sensor that replies but sends no values is refused with the remedy."""
     line = ScriptedLine(says(GETINFO, ANSWER))
     device = BusDevice("ILD1420", MicroEpsilonDialogue(options(), WIRING, line))
-    with pytest.raises(DeviceUnavailableError, match="have the sensor output them at RS422"):
+    with pytest.raises(DeviceUnavailableError, match="set the sensor to output over RS-422"):
         device.open()
 
 
 def test_other_model_is_refused() -> None:
-    """A sensor of another family than the configuration says is refused."""
+    """A sensor of another family than configured is refused."""
     line = ScriptedLine(says(GETINFO, ANSWER))
     device = BusDevice("ILD1900", MicroEpsilonDialogue(options("ILD1900"), WIRING, line))
-    with pytest.raises(DeviceError, match="leads to a ILD1420-10, the configuration says ILD1900"):
+    with pytest.raises(DeviceError, match="leads to ILD1420-10, configured is ILD1900"):
         device.open()
 
 
 def test_range_has_to_be_known() -> None:
-    """A sensor that cannot be asked for its range has to have it set."""
+    """A sensor that does not report its range needs a configured one."""
     device = BusDevice("ILD1402", MicroEpsilonDialogue(options("ILD1402"), WIRING, ScriptedLine()))
     with pytest.raises(DeviceError, match="set range_mm"):
         device.open()
 
 
 def test_bit_rate_is_the_profiles_unless_set() -> None:
-    """The bit rate is as delivered for each family, unless the configuration says another."""
+    """The bit rate is that of the family unless it is configured."""
     assert options("ODC2520").bits_per_s == 115_200
     assert options("ILD1420").bits_per_s == 921_600
     assert options("ODC2520", baud=921_600).bits_per_s == 921_600

@@ -1,4 +1,4 @@
-"""The stream of Micro-Epsilon sensors as bytes, and the far end of it."""
+"""The stream of Micro-Epsilon sensors as bytes, and the emulated sensors."""
 
 from math import isnan, nan
 
@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from piezod_drivers.serial_line.micro_epsilon import codec
 from piezod_drivers.serial_line.micro_epsilon.emulator import SensorEmulator
-from piezod_drivers.serial_line.micro_epsilon.identity import info_of
+from piezod_drivers.serial_line.micro_epsilon.identity import parse_identity
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES
 from tests.drivers.serial_line.linear_rig import bench
 from tests.drivers.serial_line.scripted_line import MS, T0_NS
@@ -25,7 +25,7 @@ from tests.drivers.serial_line.scripted_line import MS, T0_NS
     ],
 )
 def test_scales(model: str, count: int, position_um: float) -> None:
-    """Counts are what the manuals' formulas make of them, for a range of 10 mm."""
+    """Counts agree with the formulas of the manuals, for a range of 10 mm."""
     assert PROFILES[model].read(count, 10_000.0)[0] == pytest.approx(position_um, abs=1e-6)
     assert PROFILES[model].count_at(position_um, 10_000.0) == count
 
@@ -35,7 +35,7 @@ def test_scales(model: str, count: int, position_um: float) -> None:
     st.floats(-1e5, 1e5) | st.just(nan),
 )
 def test_any_count_is_read_within_range_or_refused(model: str, number: float) -> None:
-    """Whatever count comes, the displacement is within the range and a half, or NaN."""
+    """Any count gives a displacement within 1.5 ranges, or NaN."""
     profile = PROFILES[model]
     count = 0 if isnan(number) else int(abs(number)) % (1 << 18 if profile.word_bytes == 3 else 14)
     position_um, flags = profile.read(count, 10_000.0)
@@ -46,11 +46,11 @@ def test_any_count_is_read_within_range_or_refused(model: str, number: float) ->
 
 @given(st.binary(max_size=400), st.sampled_from([2, 3]))
 def test_arbitrary_bytes_are_a_stream(garbage: bytes, word_bytes: int) -> None:
-    """Whatever comes, it is read without an error, and less than a word is kept."""
+    """Any bytes are read without error, and less than a word is kept."""
     value, rest, _ = codec.newest(garbage, word_bytes)
     assert len(rest) < word_bytes
     assert value is None or 0 <= value < 1 << 6 * word_bytes + (2 if word_bytes == 2 else 0)
-    info_of(codec.text_of(garbage, word_bytes))
+    parse_identity(codec.text_of(garbage, word_bytes))
 
 
 @given(
@@ -58,7 +58,7 @@ def test_arbitrary_bytes_are_a_stream(garbage: bytes, word_bytes: int) -> None:
     st.lists(st.integers(1, 40), min_size=1, max_size=60),
 )
 def test_parts_of_a_stream_give_what_the_whole_gives(counts: list[int], cuts: list[int]) -> None:
-    """However a stream is cut, its last value is found and nothing is said to be broken."""
+    """However a stream is split, its last value is found and no word is broken."""
     whole, place, rest = b"".join(codec.pack(count, 3) for count in counts), 0, b""
     last = None
     for cut in cuts * len(whole):
@@ -73,13 +73,13 @@ def test_parts_of_a_stream_give_what_the_whole_gives(counts: list[int], cuts: li
 
 
 def test_additional_values_are_passed_over() -> None:
-    """Values that are sent beside the distance are not taken for it."""
+    """Additional values are not taken for the distance."""
     both = codec.pack(5, 3) + codec.pack(9, 3, additional=True)
     assert codec.newest(both * 3, 3) == (5, b"", False)
 
 
 def test_unknown_command_is_refused() -> None:
-    """An emulated sensor answers a command that it does not know with an error and a prompt."""
+    """An emulated sensor answers an unknown command with an error and a prompt."""
     stand, _, _ = bench()
     sensor = SensorEmulator(stand, "", "ILD1420", "ILD1420-10", 10.0, 5000.0)
     assert sensor.receive(b"HE") == []
@@ -90,13 +90,13 @@ def test_unknown_command_is_refused() -> None:
 
 @pytest.mark.parametrize("text", ["", "Name: ILD1420", "Name: ILD1420\r\n->", "Serial: 1\r\n->"])
 def test_half_an_answer_tells_nothing(text: str) -> None:
-    """Who the sensor is, is known when name, serial number and prompt have come."""
-    assert info_of(text) is None
+    """An identity is complete with name, serial number and prompt."""
+    assert parse_identity(text) is None
 
 
 @given(st.lists(st.binary(max_size=60), max_size=20))
 def test_emulator_survives_whatever_comes(parts: list[bytes]) -> None:
-    """An emulator answers arbitrary bytes, or not, and raises nothing."""
+    """Any bytes make the emulator raise nothing."""
     stand, _, time = bench()
     sensor = SensorEmulator(stand, "", "ILD1420", "ILD1420-10", 10.0, 5000.0)
     for part in parts:

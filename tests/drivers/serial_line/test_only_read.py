@@ -1,4 +1,4 @@
-"""Devices of which only inputs are used, as by `piezod probe`: nothing of them is changed."""
+"""Devices of which only inputs are used, as by `piezod probe`, are not changed."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import Emulator
 from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.ascii_line.dialogue import AsciiDialogue
-from piezod_drivers.serial_line.ascii_line.emulator import Nanopositioner
+from piezod_drivers.serial_line.ascii_line.emulator import NanopositionerEmulator
 from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 from piezod_drivers.serial_line.npoint_lc400.dialogue import Lc400Dialogue
 from piezod_drivers.serial_line.npoint_lc400.emulator import Lc400
@@ -24,7 +24,7 @@ from piezod_drivers.serial_line.pi_gcs2.emulator import Gcs2Emulator
 from piezod_drivers.serial_line.pi_gcs2.options import Gcs2Options
 from piezod_drivers.serial_line.psj.dialogue import PsjDialogue
 from piezod_drivers.serial_line.psj.emulator import PsjEmulator
-from piezod_drivers.serial_line.psj.profiles import MODELS, Profile
+from piezod_drivers.serial_line.psj.profiles import PROFILES, ProfileName
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.amplifier_dialogue import AmplifierDialogue
 from piezod_drivers.serial_line.thorlabs_apt.codec import Id
@@ -38,15 +38,15 @@ HELD_V = 33.0
 
 
 class Case(NamedTuple):
-    """A device, and what must not be sent to it.
+    """A device, and the requests that must not be sent to it.
 
     Attributes:
-        name: What it is called.
-        channel: Its input; "" where it has none.
-        emulator: Makes the far end.
-        dialogue: Makes the near end.
-        before: What its user has done at it, so that there is something to change.
-        changing: What any request that changes outputs or modes begins with, or has in it.
+        name: Name of the case.
+        channel: Its input; "" if it has none.
+        emulator: Constructs the emulator.
+        dialogue: Constructs the dialogue.
+        before: Changes at the device by its user, so that the driver could undo something.
+        changing: Beginnings or parts of any request that changes outputs or modes.
     """
 
     name: str
@@ -57,15 +57,15 @@ class Case(NamedTuple):
     changing: Sequence[bytes]
 
 
-def psj(profile: Profile, before: bytes) -> Case:
+def psj(profile: ProfileName, before: bytes) -> Case:
     """Return an amplifier of piezosystem jena that reads positions."""
-    model = MODELS[profile]._replace(reads="position")
+    psj_profile = PROFILES[profile]._replace(reads="position")
     changing = (b"set,0,", b"setk", b"cl,0,", b"cl,1", b"i1", b"ol", b"modsrc,0", b"cloop,0,")
     return Case(
         f"psj {profile}",
         "ch0",
         lambda stand: PsjEmulator(profile, stand, ""),
-        lambda line, wiring: PsjDialogue(line, model, wiring, (-20.0, 130.0), 0.05),
+        lambda line, wiring: PsjDialogue(line, psj_profile, wiring, (-20.0, 130.0), 0.05),
         before,
         changing,
     )
@@ -108,7 +108,7 @@ CASES = [
     Case(
         "ascii",
         "X",
-        lambda stand: Nanopositioner(stand, ""),
+        lambda stand: NanopositionerEmulator(stand, ""),
         lambda line, wiring: AsciiDialogue(
             line,
             AsciiOptions.model_validate({"port": "p", "start": ({"send": "START"},), **ASCII_DEMO}),
@@ -135,7 +135,7 @@ CASES = [
 
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
 def test_a_device_that_is_only_read_is_not_changed(case: Case) -> None:
-    """Its voltage, its loop and its modes stay; what is sent are questions."""
+    """With inputs only, voltage, loop and modes stay, and only queries are sent."""
     stand, rig, time = bench()
     emulator = case.emulator(stand)
     emulator.receive(case.before)

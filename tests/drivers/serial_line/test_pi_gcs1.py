@@ -28,9 +28,9 @@ def emulated(names: str = "A") -> tuple[ExchangingBusDevice, EmulatedLine, GcsEm
 
 
 def test_the_bytes_of_a_cycle() -> None:
-    """Letters stand glued to values, and replies are bare."""
+    """Letters directly precede values, and replies are bare values."""
     line = ScriptedLine(
-        says(b"ERR?\n", b"-1\n"),  # the error of a controller that was just switched on
+        says(b"ERR?\n", b"-1\n"),  # the error of a controller after power-up
         says(b"*IDN?\nERR?\n", b"Physik Instrumente,E-816,107,3.20\n0\n"),
         says(b"SAI?\nERR?\n", b"A\n0\n"),
         says(b"SVO? A\nERR?\n", b"0\n", b"0\n"),
@@ -45,7 +45,7 @@ def test_the_bytes_of_a_cycle() -> None:
 
 
 def test_two_axes_in_one_write() -> None:
-    """Each axis has lines of its own, and all lines go out at once."""
+    """Each axis has lines of its own, and one write sends all of them."""
     device, line, _, rig = emulated("AB")
     device.activate(0)
     line.sent.clear()
@@ -58,7 +58,7 @@ def test_two_axes_in_one_write() -> None:
 
 @pytest.mark.sees("pi_gcs1", "A8")
 def test_activation_and_a_servo() -> None:
-    """The servo is switched off at the voltage that it gave; switched on again, it is told."""
+    """The servo is switched off at its voltage; switched on again, it is reported."""
     device, line, emulator, rig = emulated()
     rig.drive_v[0], emulator.axes[0].servo = 40.0, True
     device.activate(0)
@@ -77,7 +77,7 @@ def test_activation_and_a_servo() -> None:
     [(b"603", DeviceFlag.OVER_TEMPERATURE), (b"2", DeviceFlag.WRONG_REQUEST)],
 )
 def test_errors_of_the_controller(code: bytes, flag: DeviceFlag) -> None:
-    """An error in the place of the acknowledgement refuses the write and tells its flag."""
+    """An error in place of the acknowledgement fails the write with its flag."""
     device, line, _, _ = emulated()
     device.activate(0)
     line.change = lambda _: code + b"\n"
@@ -90,7 +90,7 @@ def test_errors_of_the_controller(code: bytes, flag: DeviceFlag) -> None:
 @pytest.mark.sees("pi_gcs1", "A3")
 @pytest.mark.sees("pi_gcs1", "A12")
 def test_faults_of_the_line() -> None:
-    """Garbage is dropped and told, a late reply is waited for, the voltage is measured."""
+    """Garbage is reported, a late reply is waited for, the voltage is measured."""
     device, line, _, rig = emulated()
     device.activate(0)
     rig.drive_v = [155.0]
@@ -107,7 +107,7 @@ def test_faults_of_the_line() -> None:
 
 
 def test_nobody_answers() -> None:
-    """A port behind which nobody answers is told as such."""
+    """A port without reply is an unavailable device."""
     line = ScriptedLine(says(b"ERR?\n"))
     device = ExchangingBusDevice("E-816", Gcs1Dialogue(line, OPTIONS, Wiring.both(["A"])))
     with pytest.raises(DeviceUnavailableError, match="no reply"):
@@ -115,7 +115,7 @@ def test_nobody_answers() -> None:
 
 
 def test_what_a_configuration_may_say() -> None:
-    """A range goes upwards; channels are the axes, in µm and V; the rate is the line's."""
+    """A range must rise; channels are the axes, in µm and V; the line limits the rate."""
     with pytest.raises(ValueError, match="must be above the first"):
         Gcs1Options(port="x", range_v=(10.0, 10.0))
     assert PLUGIN.channels(OPTIONS) == ({"A": "µm"}, {"A": "V"})

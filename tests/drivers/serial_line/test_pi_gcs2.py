@@ -29,7 +29,7 @@ from tests.drivers.serial_line.scripted_line import (
 
 
 def test_the_bytes_of_a_cycle() -> None:
-    """Opening asks who is there, and a cycle of either kind is one write and one frame."""
+    """Opening identifies the controller, and each cycle is one write and one frame."""
     line = ScriptedLine(*OPENING, *LIMITS, *AT_EASE)
     device = scripted(line)
     assert device.open() == ("(c) PI", "E-727", "1204", "14.1")
@@ -49,7 +49,7 @@ def test_the_bytes_of_a_cycle() -> None:
 
 
 def test_a_range_that_is_not_told() -> None:
-    """A controller that does not know its limits needs a range in the configuration."""
+    """A controller that does not report its limits needs a configured range."""
     unknown = (*OPENING, says(b"VMI? 1\nERR?\n", b"2\n"))
     with pytest.raises(DeviceError, match="give range_v"):
         scripted(ScriptedLine(*unknown)).open()
@@ -59,15 +59,15 @@ def test_a_range_that_is_not_told() -> None:
 
 
 def test_an_axis_that_is_missing() -> None:
-    """A controller without the axis that is configured is refused, and the line let go."""
+    """A controller without a configured axis is refused, and the line is closed."""
     line = ScriptedLine(*OPENING[:2], says(b"SAI?\nERR?\n", b"X \nY\n0\n"))
-    with pytest.raises(DeviceError, match="has axes X, Y, the configuration wants 1"):
+    with pytest.raises(DeviceError, match="has axes X, Y, but not the configured 1"):
         scripted(line).open()
     assert not line.opened
 
 
 def test_letters_have_numbered_amplifiers() -> None:
-    """An axis that is called by a letter has the amplifier of its place."""
+    """An axis named by a letter has the amplifier with its index."""
     line = ScriptedLine(
         *OPENING[:2],
         says(b"SAI?\nERR?\n", b"X \nY\n0\n"),
@@ -81,7 +81,7 @@ def test_letters_have_numbered_amplifiers() -> None:
 
 
 def test_the_set_value_as_read_back() -> None:
-    """Where the voltage is not measured, the set value is asked for, by axis."""
+    """With `read_back: SVA?` the set value is read, by axis."""
     line = ScriptedLine(*OPENING)
     device = scripted(line, range_v=(0.0, 100.0), read_back="SVA?")
     device.open()
@@ -90,7 +90,7 @@ def test_the_set_value_as_read_back() -> None:
 
 
 def test_two_axes_in_one_transaction() -> None:
-    """All axes of a controller are set and read in one write."""
+    """One write sets and reads all axes of a controller."""
     device, line, _, rig = emulated(2)
     device.activate(0)
     line.sent.clear()
@@ -105,7 +105,7 @@ def test_two_axes_in_one_transaction() -> None:
 
 @pytest.mark.sees("pi_gcs2", "A8")
 def test_somebody_switches_the_servo_on() -> None:
-    """Writes are refused while the servo is on, and the status says who drives."""
+    """While the servo is on writes fail, and the status reports local mode."""
     device, _, emulator, _ = emulated()
     device.activate(0)
     emulator.axes[0].servo = True
@@ -129,7 +129,7 @@ def test_somebody_switches_the_servo_on() -> None:
     ],
 )
 def test_errors_of_the_controller(code: bytes, flag: DeviceFlag) -> None:
-    """An error in the place of the acknowledgement refuses the write and tells its flag."""
+    """An error in place of the acknowledgement fails the write with its flag."""
     line = ScriptedLine(*OPENING, *LIMITS, *AT_EASE)
     device = scripted(line)
     device.open()
@@ -142,7 +142,7 @@ def test_errors_of_the_controller(code: bytes, flag: DeviceFlag) -> None:
 @pytest.mark.sees("pi_gcs2", "A3")
 @pytest.mark.sees("pi_gcs2", "A12")
 def test_the_voltage_is_measured() -> None:
-    """Read-back is what the amplifier gives, and not what was written."""
+    """The read-back is the voltage of the amplifier, not the written value."""
     device, _, _, rig = emulated()
     device.activate(0)
     assert device.write([10.0], 1)
@@ -151,7 +151,7 @@ def test_the_voltage_is_measured() -> None:
 
 
 def test_a_sensor_that_is_not_valid() -> None:
-    """A controller whose sensor fails gives no sample, and the driver says why."""
+    """A controller whose sensor fails gives no sample, and the flag says why."""
     device, _, _, rig = emulated()
     device.activate(0)
     rig.valid = False
@@ -161,7 +161,7 @@ def test_a_sensor_that_is_not_valid() -> None:
 
 @pytest.mark.sees("pi_gcs2", "B5")
 def test_a_late_reply_is_nobody_elses() -> None:
-    """After a time-out nothing is asked until the late reply has come; it is dropped."""
+    """After a time-out nothing is requested until the late reply has come and was dropped."""
     device, line, _, rig = emulated()
     device.activate(0)
     line.change = lambda _: b""
@@ -178,7 +178,7 @@ def test_a_late_reply_is_nobody_elses() -> None:
 
 @pytest.mark.sees("pi_gcs2", "B3")
 def test_garbage_between_replies() -> None:
-    """Bytes before the replies are noticed and cost nothing; between them, one sample."""
+    """Garbage before the replies is only reported; garbage between them costs one sample."""
     device, line, _, rig = emulated()
     device.activate(0)
     rig.drive_v = [50.0]
@@ -194,7 +194,7 @@ def test_garbage_between_replies() -> None:
 
 @pytest.mark.sees("pi_gcs2", "B7")
 def test_a_slow_reply() -> None:
-    """A reply that takes most of its time is taken, and told."""
+    """A reply that takes most of the time-out counts and is reported as slow."""
     line = ScriptedLine(*OPENING, *LIMITS, *AT_EASE)
     device = scripted(line)
     device.open()
@@ -218,7 +218,7 @@ def test_a_line_that_is_pulled() -> None:
 
 
 def test_a_sensor_only() -> None:
-    """A controller that drives nothing here is asked for positions only, and left as it is."""
+    """With inputs only, a controller is only asked for positions."""
     line = ScriptedLine(*OPENING)
     device = ExchangingBusDevice("GCS", Gcs2Dialogue(line, OPTIONS, Wiring(("2",), ())))
     device.open()
@@ -229,7 +229,7 @@ def test_a_sensor_only() -> None:
 
 
 def test_an_earlier_life() -> None:
-    """What was on its way when the port is opened disturbs nothing."""
+    """Pending bytes of an earlier connection do not disturb opening."""
     line = ScriptedLine(*OPENING, *LIMITS)
     line.comes(b"1=5.0\n0\n", 20 * MS)
     scripted(line).open()
@@ -244,15 +244,15 @@ def test_an_earlier_life() -> None:
     ],
 )
 def test_an_error_while_opening(steps: tuple[Step, ...]) -> None:
-    """An error that is not that of an unknown command makes a device unavailable."""
+    """An error other than that of an unknown command makes a device unavailable."""
     device = scripted(ScriptedLine(*steps))
-    with pytest.raises(DeviceUnavailableError, match="error 603: too hot"):
+    with pytest.raises(DeviceUnavailableError, match="error 603: temperature too high"):
         device.open()
         device.activate(0)
 
 
 def test_nobody_answers() -> None:
-    """A port behind which nobody answers is told as such."""
+    """A port without reply is an unavailable device."""
     line = ScriptedLine(says(b"ERR?\n"))
     with pytest.raises(DeviceUnavailableError, match="no reply within 500 ms"):
         scripted(line).open()
@@ -260,7 +260,7 @@ def test_nobody_answers() -> None:
 
 
 def test_what_a_configuration_may_say() -> None:
-    """A range goes upwards; channels are the axes, in µm and V."""
+    """A range must rise; channels are the axes, in µm and V."""
     with pytest.raises(ValueError, match="must be above the first"):
         Gcs2Options(port="x", range_v=(10.0, 10.0))
     units = PLUGIN.channels(Gcs2Options(host="pi", tcp_port=50_000, axes=("1", "X")))
@@ -268,7 +268,7 @@ def test_what_a_configuration_may_say() -> None:
 
 
 def test_the_rate_of_the_line() -> None:
-    """A serial line bounds the rate by its bytes, a network by a guess."""
+    """The bytes of a cycle limit the rate of a serial line, a guess that of a network."""
     serial = Gcs2Dialogue(ScriptedLine(), OPTIONS, Wiring.both(["1"])).capabilities()
     assert serial.max_rate_hz == pytest.approx(115_200 / 10 / 63)
     network = Gcs2Options(host="pi", tcp_port=50_000)

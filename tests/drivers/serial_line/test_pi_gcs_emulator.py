@@ -22,7 +22,7 @@ def e816() -> tuple[Emulator, LinearRig]:
 
 
 def error_of(emulator: Emulator, request: bytes) -> int:
-    """Send what has no reply and ask for the error."""
+    """Send a command without reply and return the error."""
     assert emulator.receive(request) == []
     (reply,) = emulator.receive(b"ERR?\n")
     assert emulator.receive(b"ERR?\n") == [b"0\n"]
@@ -46,7 +46,7 @@ def error_of(emulator: Emulator, request: bytes) -> int:
     ],
 )
 def test_replies(request_: bytes, reply: bytes) -> None:
-    """Queries are answered by a line for each item, all but the last with a space at its end."""
+    """A query has a line for each item, all but the last with a space at the end."""
     assert gcs2()[0].receive(request_) == [reply]
 
 
@@ -67,14 +67,14 @@ def test_replies(request_: bytes, reply: bytes) -> None:
     ],
 )
 def test_errors(request_: bytes, code: int) -> None:
-    """What cannot be done has no reply; the error is told once, and nothing is driven."""
+    """A refused command has no reply, drives nothing, and its error is reported once."""
     emulator, rig = gcs2()
     assert error_of(emulator, request_) == code
     assert rig.drive_v == [0.0, 0.0]
 
 
 def test_all_or_nothing() -> None:
-    """A setting of two axes of which one is wrong changes none."""
+    """A setting of two axes with one error changes none of them."""
     emulator, rig = gcs2()
     assert error_of(emulator, b"SVA 1 5 2 999\n") == 17
     assert rig.drive_v == [0.0, 0.0]
@@ -83,7 +83,7 @@ def test_all_or_nothing() -> None:
 
 
 def test_servo_and_online_mode() -> None:
-    """With the servo on SVA is refused; offline it is kept, and comes into force online."""
+    """With the servo on `SVA` is refused; offline it is stored and takes effect online."""
     emulator, rig = gcs2()
     assert error_of(emulator, b"SVO 1 1\nSVA 1 5\n") == 79
     assert error_of(emulator, b"SVO 1 0\nONL 1 0\nSVA 1 5\n") == 0
@@ -93,14 +93,14 @@ def test_servo_and_online_mode() -> None:
 
 
 def test_an_amplifier_that_cannot() -> None:
-    """A voltage that the bench's amplifier refuses is an error of its own."""
+    """A voltage that the rig refuses has its own error."""
     emulator, rig = gcs2()
     rig.highest_v = 100.0
     assert error_of(emulator, b"SVA 1 120\n") == 302
 
 
 def test_lines_may_come_in_parts() -> None:
-    """A request is obeyed when its line feed has come; a new connection begins anew."""
+    """A command runs at its line feed; a new connection discards an incomplete one."""
     emulator, _ = gcs2(1)
     assert emulator.receive(b"PO") == []
     assert emulator.receive(b"S? 1\n\n") == [b"1=0.000000\n"]
@@ -112,7 +112,7 @@ def test_lines_may_come_in_parts() -> None:
 
 
 def test_the_first_generation() -> None:
-    """The E-816 glues letters to values, answers bare, and has numbers of its own for errors."""
+    """The E-816 puts letters before values, replies bare values, and has its own errors."""
     emulator, rig = e816()
     assert error_of(emulator, b"SVA A12.5B3\n") == 0
     assert rig.drive_v == [12.5, 3.0]
@@ -124,7 +124,7 @@ def test_the_first_generation() -> None:
 
 
 def test_the_serial_number() -> None:
-    """A serial number that is asked for is told, on either wire."""
+    """A given serial number is reported, over both wires."""
     for plugin in (EMULATOR, EMULATOR_TCP, E816):
         assert plugin.create is not None
         table, _, _ = bench()
@@ -134,7 +134,7 @@ def test_the_serial_number() -> None:
 
 @given(st.lists(st.binary(max_size=60) | st.sampled_from([b"SVA 1 5\n", b"POS?\n"]), max_size=20))
 def test_any_bytes(chunks: list[bytes]) -> None:
-    """Whatever comes, the controllers go on answering."""
+    """The controllers continue to reply after any bytes."""
     for emulator in (gcs2()[0], e816()[0]):
         for chunk in chunks:
             emulator.receive(chunk)

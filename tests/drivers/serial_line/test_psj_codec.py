@@ -1,4 +1,4 @@
-"""Bytes to and from amplifiers of piezosystem jena, whatever they are."""
+"""Commands and replies of piezosystem jena's amplifiers, with any bytes."""
 
 from contextlib import suppress
 
@@ -10,7 +10,7 @@ from piezod.devices.bus.conversation import LengthOf
 from piezod.devices.bus.line import LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.psj import codec
-from piezod_drivers.serial_line.psj.profiles import MODELS, Profile
+from piezod_drivers.serial_line.psj.profiles import PROFILES, ProfileName
 from tests.drivers.serial_line.psj_rig import ALL, Rig
 
 FINDERS = [codec.framed, codec.line, codec.ended_by_cr, codec.prompt, codec.versions]
@@ -25,10 +25,10 @@ ANYTHING = st.binary(max_size=400) | st.lists(
     [("ddrive", b"set,0,12.500\r\n"), ("30dv", b"set,12.500\r\n"), ("nv40", b"set,0,12.500\r")],
 )
 def test_a_setpoint_names_the_channel_where_there_are_several(
-    profile: Profile, request_: bytes
+    profile: ProfileName, request_: bytes
 ) -> None:
-    """Commands look as the public sources show them."""
-    assert codec.command(MODELS[profile], "set", 0, 12.5) == request_
+    """Commands look as in the public sources."""
+    assert codec.command(PROFILES[profile], "set", 0, 12.5) == request_
 
 
 @pytest.mark.parametrize(
@@ -51,13 +51,13 @@ def test_a_setpoint_names_the_channel_where_there_are_several(
     ],
 )
 def test_the_end_of_an_answer_is_found(find: LengthOf, got: bytes, length: int) -> None:
-    """Every kind of answer ends where the public sources say."""
+    """Every kind of reply ends as in the public sources."""
     assert find(got) == length
 
 
 @given(ANYTHING)
 def test_any_bytes_are_a_frame_or_garbage_or_not_enough(got: bytes) -> None:
-    """No bytes make a finder raise, go beyond them, or wait for ever."""
+    """Any bytes make a finder neither raise, nor exceed them, nor wait for ever."""
     for find in FINDERS:
         length = find(got)
 
@@ -67,7 +67,7 @@ def test_any_bytes_are_a_frame_or_garbage_or_not_enough(got: bytes) -> None:
 
 @given(ANYTHING)
 def test_no_answer_raises_anything_but_a_fault_of_the_line(frame: bytes) -> None:
-    """Whatever comes back is a text with values, or a fault that says what came."""
+    """Any reply is a text with values, or raises a `LineFault`."""
     codec.serial_of(frame)
     with suppress(LineFault):
         (told,) = codec.fields(codec.text_of(frame), "mess", 0, 1)
@@ -76,10 +76,10 @@ def test_no_answer_raises_anything_but_a_fault_of_the_line(frame: bytes) -> None
 
 
 @given(st.floats(-999, 999), st.sampled_from(ALL))
-def test_a_value_comes_back_as_it_was_sent(value: float, profile: Profile) -> None:
-    """What is written with three decimals is read as the same number."""
-    text = codec.text_of(codec.command(MODELS[profile], "mess", 0, value))
-    channel = 0 if MODELS[profile].numbered else None
+def test_a_value_comes_back_as_it_was_sent(value: float, profile: ProfileName) -> None:
+    """A number with three decimals is read as the same number."""
+    text = codec.text_of(codec.command(PROFILES[profile], "mess", 0, value))
+    channel = 0 if PROFILES[profile].numbered else None
 
     assert codec.number(codec.fields(text, "mess", channel, 1)[0]) == pytest.approx(value, abs=6e-4)
 
@@ -88,7 +88,7 @@ def test_a_value_comes_back_as_it_was_sent(value: float, profile: Profile) -> No
     "text", ["", "nan", "inf", "1_0", "1,5", "0x10", "\N{ARABIC-INDIC DIGIT ONE}", "1e999", "--1"]
 )
 def test_what_is_no_number_is_garbage(text: str) -> None:
-    """Only digits, a point and an exponent make a number."""
+    """A number has only digits, a point and an exponent."""
     with pytest.raises(LineFault) as caught:
         codec.number(text)
     assert caught.value.flag is DeviceFlag.GARBAGE
@@ -96,7 +96,7 @@ def test_what_is_no_number_is_garbage(text: str) -> None:
 
 @pytest.mark.parametrize("text", ["", "-1", "xyz", "1f", "1_0"])
 def test_what_is_no_status_word_is_garbage(text: str) -> None:
-    """A decimal status word has digits only."""
+    """A decimal status word has only digits."""
     with pytest.raises(LineFault) as caught:
         codec.word(text, 10)
     assert caught.value.flag is DeviceFlag.GARBAGE
@@ -113,15 +113,17 @@ def test_what_is_no_status_word_is_garbage(text: str) -> None:
     ],
 )
 def test_an_answer_to_something_else_is_not_taken(text: str, flag: DeviceFlag) -> None:
-    """An answer names its command and channel, and they are compared."""
+    """A reply that names another command or channel is refused."""
     with pytest.raises(LineFault) as caught:
         codec.fields(text, "mess", 0, 1)
     assert caught.value.flag is flag
 
 
 @given(st.lists(ANYTHING, max_size=5), st.sampled_from(ALL))
-def test_an_emulator_answers_anything_without_raising(parts: list[bytes], profile: Profile) -> None:
-    """No bytes from a host bring an emulated device down."""
+def test_an_emulator_answers_anything_without_raising(
+    parts: list[bytes], profile: ProfileName
+) -> None:
+    """Any bytes make an emulated device raise nothing."""
     emulator = Rig(profile).emulator
 
     for part in parts:
@@ -151,7 +153,7 @@ def test_an_emulator_answers_anything_without_raising(parts: list[bytes], profil
     ],
 )
 def test_emulators_answer_as_public_sources_say(
-    profile: Profile, request_: bytes, reply: bytes
+    profile: ProfileName, request_: bytes, reply: bytes
 ) -> None:
     """Greetings, frames and errors are those of the vendor's library."""
     assert Rig(profile).emulator.receive(request_) == [reply]

@@ -3,15 +3,15 @@
 import pytest
 
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.serial_line.psj.profiles import Profile
+from piezod_drivers.serial_line.psj.profiles import ProfileName
 from tests.drivers.serial_line.linear_rig import UM_PER_V
 from tests.drivers.serial_line.psj_rig import ALL, Rig
 from tests.drivers.serial_line.scripted_line import MS
 
 
 @pytest.mark.parametrize("profile", ALL)
-def test_a_voltage_that_is_set_is_at_the_actuator(profile: Profile) -> None:
-    """Every model puts the voltage at its output that is written, and says so."""
+def test_a_voltage_that_is_set_is_at_the_actuator(profile: ProfileName) -> None:
+    """Every model drives the written voltage and confirms it."""
     rig = Rig(profile)
 
     assert rig.started().write([12.5], rig.now_ns())
@@ -19,8 +19,8 @@ def test_a_voltage_that_is_set_is_at_the_actuator(profile: Profile) -> None:
 
 
 @pytest.mark.parametrize("profile", ["nv40", "nv200"])
-def test_a_position_is_read_in_um(profile: Profile) -> None:
-    """A closed-loop model tells the displacement of its actuator in open loop too."""
+def test_a_position_is_read_in_um(profile: ProfileName) -> None:
+    """A closed-loop model reports the displacement of its actuator in open loop too."""
     rig = Rig(profile)
     device = rig.started()
     device.write([50.0], rig.now_ns())
@@ -31,7 +31,7 @@ def test_a_position_is_read_in_um(profile: Profile) -> None:
 
 
 def test_nv200_tells_its_setpoint() -> None:
-    """The setpoint of an NV200 is asked for, not remembered."""
+    """The setpoint of an NV200 is read from the device."""
     rig = Rig("nv200")
     device = rig.started()
     device.write([12.5], rig.now_ns())
@@ -41,7 +41,7 @@ def test_nv200_tells_its_setpoint() -> None:
 
 
 def test_a_setpoint_makes_what_was_told_before_it_old() -> None:
-    """What is in force after a setpoint is asked for, even at the instant of the one before."""
+    """After a setpoint the value in force is read again, even at the same instant."""
     rig = Rig("nv200")
     device = rig.started()
     now_ns = rig.now_ns()
@@ -53,7 +53,7 @@ def test_a_setpoint_makes_what_was_told_before_it_old() -> None:
 
 @pytest.mark.sees("psj", "S6")
 def test_a_d_drives_reading_carries_the_instant_of_its_refresh() -> None:
-    """What a d-Drive refreshes every 500 ms is not called new in between."""
+    """A d-Drive's reading keeps its instant until the next refresh."""
     rig = Rig("ddrive", "position")
     device = rig.started()
     device.read(rig.now_ns())
@@ -73,7 +73,7 @@ def test_a_d_drives_reading_carries_the_instant_of_its_refresh() -> None:
 
 
 def test_the_first_reading_of_a_d_drive_may_be_as_old_as_a_refresh() -> None:
-    """Nobody knows how old a reading is that was there before the first question."""
+    """The first reading of a d-Drive counts as 500 ms old."""
     rig = Rig("ddrive", "position")
     device = rig.started()
 
@@ -83,7 +83,7 @@ def test_the_first_reading_of_a_d_drive_may_be_as_old_as_a_refresh() -> None:
 
 
 def test_an_nv40_1_is_read_after_every_setpoint() -> None:
-    """A model that acknowledges nothing has taken a setpoint when it answers afterwards."""
+    """A model without acknowledgement has accepted a setpoint when it replies afterwards."""
     rig = Rig("nv40-1")
     device = rig.started()
     rig.line.change = lambda _reply: b""
@@ -95,7 +95,7 @@ def test_an_nv40_1_is_read_after_every_setpoint() -> None:
 @pytest.mark.sees("psj", "B6")
 @pytest.mark.parametrize("stray", [b"\x13\r\n\x11", b"\x13meas,7.0\r\n\x11", b"\x13hello\r\n\x11"])
 def test_an_answer_to_something_else_ends_no_waiting(stray: bytes) -> None:
-    """While the answer to `set` is owed, only that ends the waiting; and no other one is it."""
+    """Only the reply to `set` ends the wait for a late reply to `set`."""
     rig = Rig("nv200")
     device = rig.started()
     rig.line.change = lambda _reply: b""
@@ -110,7 +110,7 @@ def test_an_answer_to_something_else_ends_no_waiting(stray: bytes) -> None:
 
 
 def test_a_stray_answer_in_time_is_not_taken() -> None:
-    """What answers another command comes first, and the right answer is found behind it."""
+    """A reply to another command is skipped, and the right one is found behind it."""
     rig = Rig("nv200")
     device = rig.started()
     rig.line.change = lambda reply: b"\x13meas,7.0\r\n\x11" + reply

@@ -1,4 +1,4 @@
-"""What a configuration of an amplifier of piezosystem jena may say."""
+"""Options of an amplifier of piezosystem jena."""
 
 import pytest
 from pydantic import ValidationError
@@ -6,7 +6,7 @@ from pydantic import ValidationError
 from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.psj.driver import PLUGIN
 from piezod_drivers.serial_line.psj.options import PsjOptions
-from piezod_drivers.serial_line.psj.profiles import Profile, Reads
+from piezod_drivers.serial_line.psj.profiles import ProfileName, ReadingUse
 
 
 @pytest.mark.parametrize(
@@ -19,10 +19,10 @@ from piezod_drivers.serial_line.psj.profiles import Profile, Reads
         ("nv200", 115_200),
     ],
 )
-def test_the_baud_rate_is_the_models_unless_it_is_given(profile: Profile, baud: int) -> None:
-    """Who says nothing gets the rate that public sources use."""
-    assert PsjOptions(profile=profile, port="p").model().baud == baud
-    assert PsjOptions(profile=profile, port="p", baud=57_600).model().baud == 57_600
+def test_the_baud_rate_is_the_models_unless_it_is_given(profile: ProfileName, baud: int) -> None:
+    """Without a configured bit rate the model's is used."""
+    assert PsjOptions(profile=profile, port="p").configured_profile().baud == baud
+    assert PsjOptions(profile=profile, port="p", baud=57_600).configured_profile().baud == 57_600
 
 
 @pytest.mark.parametrize(
@@ -38,8 +38,10 @@ def test_the_baud_rate_is_the_models_unless_it_is_given(profile: Profile, baud: 
         ("nv200", "nothing", 0),
     ],
 )
-def test_only_positions_are_inputs(profile: Profile, reads: Reads | None, inputs: int) -> None:
-    """A reading is an input where it is a position, in µm; the slow one only if asked for."""
+def test_only_positions_are_inputs(
+    profile: ProfileName, reads: ReadingUse | None, inputs: int
+) -> None:
+    """A reading is an input if it is a position; a d-Drive's only if configured."""
     units = PLUGIN.channels(PsjOptions(profile=profile, port="p", reads=reads))
 
     assert units is not None
@@ -54,14 +56,14 @@ def test_a_range_has_a_width() -> None:
 
 
 def test_only_an_nv40_has_to_be_said_to_be_under_remote_control() -> None:
-    """The others are asked, and what is said of them would not count."""
+    """`remote` is refused for models whose state can be read."""
     assert PsjOptions(profile="nv40-1", port="p", remote=True).remote
-    with pytest.raises(ValidationError, match="not for nv200, which is asked"):
+    with pytest.raises(ValidationError, match="not for nv200, whose state is read"):
         PsjOptions(profile="nv200", port="p", remote=True)
 
 
 def test_a_device_is_made_without_its_port() -> None:
-    """Constructing a device opens nothing, whether it is on a port or on a network."""
+    """Constructing a device opens nothing."""
     for where in ({"port": "/nowhere"}, {"host": "127.0.0.1", "tcp_port": 23}):
         options = PsjOptions.model_validate({"profile": "nv200", **where})
 

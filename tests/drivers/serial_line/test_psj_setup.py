@@ -1,9 +1,9 @@
-"""How piezosystem jena's amplifiers are opened, and control of them taken."""
+"""Opening piezosystem jena's amplifiers and taking control of them."""
 
 import pytest
 
 from piezod.errors import DeviceError, DeviceUnavailableError
-from piezod_drivers.serial_line.psj.profiles import MODELS, Profile, Reads
+from piezod_drivers.serial_line.psj.profiles import PROFILES, ProfileName, ReadingUse
 from tests.drivers.serial_line.psj_rig import ALL, Rig
 
 
@@ -18,9 +18,9 @@ from tests.drivers.serial_line.psj_rig import ALL, Rig
     ],
 )
 def test_only_what_the_device_tells_counts_as_read_back(
-    profile: Profile, reads: Reads | None, told: bool
+    profile: ProfileName, reads: ReadingUse | None, told: bool
 ) -> None:
-    """A setpoint that cannot be asked for is not called read back."""
+    """A setpoint that cannot be read is not called read back."""
     rig = Rig(profile, reads)
     rig.device.open()
 
@@ -28,7 +28,7 @@ def test_only_what_the_device_tells_counts_as_read_back(
 
 
 def test_a_d_drive_has_no_input_unless_it_is_asked_for() -> None:
-    """Its reading is too old for a loop, and is no input unless the user wants it."""
+    """A d-Drive's reading is no input unless it is configured."""
     rig = Rig("ddrive")
     rig.started()
 
@@ -45,8 +45,10 @@ def test_a_d_drive_has_no_input_unless_it_is_asked_for() -> None:
         ("nv200", b"modsrc,1\r"),
     ],
 )
-def test_control_is_not_taken_where_the_voltage_would_jump(profile: Profile, before: bytes) -> None:
-    """In closed loop, or with another source, a device is left alone and the error says how on."""
+def test_control_is_not_taken_where_the_voltage_would_jump(
+    profile: ProfileName, before: bytes
+) -> None:
+    """In closed loop, or with another source, control is refused with the remedy."""
     rig = Rig(profile)
     rig.send(before)
     rig.device.open()
@@ -56,10 +58,10 @@ def test_control_is_not_taken_where_the_voltage_would_jump(profile: Profile, bef
 
 
 @pytest.mark.parametrize("reads", ["position", "voltage", "nothing"])
-def test_an_nv40_is_asked_for_its_loop_whatever_its_reading_is_used_for(reads: Reads) -> None:
-    """The setpoint of a closed loop is in µm, whether anybody wants the position or not."""
+def test_an_nv40_is_asked_for_its_loop_whatever_its_reading_is_used_for(reads: ReadingUse) -> None:
+    """The loop of an NV40 is read for any use of its reading."""
     rig = Rig("nv40", reads)
-    rig.emulator.reads = "position"  # a CLE, and not what the configuration makes of it
+    rig.emulator.reads = "position"  # a CLE, whatever is configured
     rig.send(b"cloop,0,1\r")
     rig.device.open()
 
@@ -68,7 +70,7 @@ def test_an_nv40_is_asked_for_its_loop_whatever_its_reading_is_used_for(reads: R
 
 
 def test_an_nv40_without_a_loop_refuses_to_be_asked_for_it() -> None:
-    """One without CLE does not know the question, and its loop cannot be closed."""
+    """An NV40 without CLE does not know the query, and has no loop to be closed."""
     rig = Rig("nv40", "voltage")
     assert rig.emulator.receive(b"cloop,0\r") == [b"\x13ErrorCode,11\r\n\x11"]
 
@@ -79,7 +81,7 @@ def test_an_nv40_without_a_loop_refuses_to_be_asked_for_it() -> None:
     ("answer", "why"), [(b"", "no reply"), (b"\x13ErrorCode,17\r\n\x11", "ErrorCode,17")]
 )
 def test_an_nv40_that_does_not_tell_of_its_loop_is_not_driven(answer: bytes, why: str) -> None:
-    """No answer, and a refusal for another reason, is no loop that is open."""
+    """No reply, or another refusal, does not count as an open loop."""
     rig = Rig("nv40", "voltage")
     rig.device.open()
     rig.line.change = lambda reply: answer if b"cloop" in rig.line.sent[-1] else reply
@@ -89,10 +91,10 @@ def test_an_nv40_that_does_not_tell_of_its_loop_is_not_driven(answer: bytes, why
 
 
 @pytest.mark.parametrize("profile", ALL)
-def test_taking_and_leaving_control_moves_nothing(profile: Profile) -> None:
-    """The voltage that was there is there while a device is opened, activated and closed."""
+def test_taking_and_leaving_control_moves_nothing(profile: ProfileName) -> None:
+    """Opening, activating and closing a device keep its voltage."""
     rig = Rig(profile, "voltage" if profile == "nv40" else None)
-    rig.send(f"{MODELS[profile].set},{'0,' if MODELS[profile].numbered else ''}33\r".encode())
+    rig.send(f"{PROFILES[profile].set},{'0,' if PROFILES[profile].numbered else ''}33\r".encode())
 
     rig.started()
     rig.device.close()
@@ -100,7 +102,7 @@ def test_taking_and_leaving_control_moves_nothing(profile: Profile) -> None:
     assert rig.rig.drive_v[:1] == [33.0]
 
 
-NV40S: list[tuple[Profile, Reads | None, bytes, bytes]] = [
+NV40S: list[tuple[ProfileName, ReadingUse | None, bytes, bytes]] = [
     ("nv40", None, b"set,0,10\r", b"setk,0,%d\r"),
     ("nv40", "voltage", b"set,0,10\r", b"setk,0,%d\r"),
     ("nv40-1", None, b"wr,10\r", b"i%d\r"),
@@ -109,9 +111,9 @@ NV40S: list[tuple[Profile, Reads | None, bytes, bytes]] = [
 
 @pytest.mark.parametrize(("profile", "reads", "put", "hand_over"), NV40S)
 def test_an_emulated_nv40_jumps_when_it_comes_under_remote_control(
-    profile: Profile, reads: Reads | None, put: bytes, hand_over: bytes
+    profile: ProfileName, reads: ReadingUse | None, put: bytes, hand_over: bytes
 ) -> None:
-    """Its knob sets the voltage until then, and a setpoint that nobody knows from then on."""
+    """An emulated NV40 jumps from its knob's voltage to an unknown setpoint."""
     rig = Rig(profile, reads)
     rig.emulator.knob_v[0] = 40.0
     seen = []
@@ -125,9 +127,9 @@ def test_an_emulated_nv40_jumps_when_it_comes_under_remote_control(
 @pytest.mark.parametrize("remote", [False, True])
 @pytest.mark.parametrize(("profile", "reads", "put", "hand_over"), NV40S)
 def test_an_nv40_is_never_put_under_remote_control(
-    profile: Profile, reads: Reads | None, put: bytes, hand_over: bytes, *, remote: bool
+    profile: ProfileName, reads: ReadingUse | None, put: bytes, hand_over: bytes, *, remote: bool
 ) -> None:
-    """Unless somebody says that it is, it is refused; its voltage stays, even if that is wrong."""
+    """Without `remote: true` an NV40 is refused, and its voltage stays."""
     rig = Rig(profile, reads, remote=remote)
     rig.emulator.knob_v[0] = 40.0
     rig.send(hand_over % 0)
@@ -144,11 +146,13 @@ def test_an_nv40_is_never_put_under_remote_control(
 
 
 @pytest.mark.parametrize("profile", ALL)
-def test_half_a_setpoint_is_not_obeyed_when_the_device_is_opened_again(profile: Profile) -> None:
-    """What did not go out as a whole is ended so that nobody takes it for a voltage."""
+def test_half_a_setpoint_is_not_obeyed_when_the_device_is_opened_again(
+    profile: ProfileName,
+) -> None:
+    """Half a sent setpoint never takes effect."""
     rig = Rig(profile)
-    numbered = MODELS[profile].numbered
-    rig.send(f"{MODELS[profile].set},{'0,' if numbered else ''}1".encode())
+    numbered = PROFILES[profile].numbered
+    rig.send(f"{PROFILES[profile].set},{'0,' if numbered else ''}1".encode())
 
     rig.device.open()
 
@@ -156,8 +160,8 @@ def test_half_a_setpoint_is_not_obeyed_when_the_device_is_opened_again(profile: 
 
 
 @pytest.mark.parametrize("profile", ALL)
-def test_another_model_is_refused(profile: Profile) -> None:
-    """A device that greets as another model is not opened, and the error names both."""
+def test_another_model_is_refused(profile: ProfileName) -> None:
+    """A device that greets as another model is refused, and the error names both."""
     rig = Rig(profile)
     rig.line.change = lambda _reply: b"\x13OTHER>\r\n\x11"
 
@@ -166,8 +170,8 @@ def test_another_model_is_refused(profile: Profile) -> None:
 
 
 @pytest.mark.parametrize("profile", ALL)
-def test_nobody_is_an_absent_device(profile: Profile) -> None:
-    """A port that never answers is no device."""
+def test_nobody_is_an_absent_device(profile: ProfileName) -> None:
+    """A port without reply is an unavailable device."""
     rig = Rig(profile)
     rig.line.change = lambda _reply: b""
 
@@ -176,7 +180,7 @@ def test_nobody_is_an_absent_device(profile: Profile) -> None:
 
 
 def test_leftover_bytes_do_not_spoil_the_greeting() -> None:
-    """What was typed before, or came before, is answered by the first of two questions."""
+    """Pending bytes are answered by the first of two requests."""
     rig = Rig("nv40")
     rig.send(b"se")
     rig.line.open()
@@ -189,14 +193,14 @@ def test_leftover_bytes_do_not_spoil_the_greeting() -> None:
     ("profile", "serial"),
     [("ddrive", "actuator EMULATED #4711"), ("nv40", "4711"), ("nv200", "actuator 4711")],
 )
-def test_devices_of_a_kind_are_told_apart(profile: Profile, serial: str) -> None:
-    """The serial number, or the actuator, tells a device from another of its kind."""
+def test_devices_of_a_kind_are_told_apart(profile: ProfileName, serial: str) -> None:
+    """The serial number, or the actuator, distinguishes devices of a model."""
     assert serial == Rig(profile).device.open().serial
 
 
 @pytest.mark.parametrize("profile", ["ddrive", "nv40"])
-def test_a_serial_number_that_is_not_told_is_unknown(profile: Profile) -> None:
-    """Firmware that does not know the question is served nevertheless."""
+def test_a_serial_number_that_is_not_told_is_unknown(profile: ProfileName) -> None:
+    """Firmware without a serial number command is accepted."""
     rig = Rig(profile)
     rig.line.change = lambda reply: b"" if b"4711" in reply else reply
 
@@ -206,7 +210,7 @@ def test_a_serial_number_that_is_not_told_is_unknown(profile: Profile) -> None:
 
 
 def test_a_line_that_goes_while_the_serial_number_is_asked_for_is_told() -> None:
-    """A device that is gone is not opened as one that tells no serial number."""
+    """A line that is lost while the serial number is read makes the device unavailable."""
     rig = Rig("ddrive")
 
     def pull(reply: bytes) -> bytes:
@@ -219,8 +223,8 @@ def test_a_line_that_goes_while_the_serial_number_is_asked_for_is_told() -> None
 
 
 def test_the_devices_own_limits_narrow_the_range() -> None:
-    """What the device says that it cannot do is refused without asking it."""
-    rig = Rig("nv200")  # it says 0 to 150 V, the configuration -20 to 130 V
+    """Values beyond the device's own limits are refused without asking it."""
+    rig = Rig("nv200")  # it reports 0 to 150 V, configured are -20 to 130 V
     device = rig.started()
 
     answers = [device.write([drive_v], rig.now_ns()) for drive_v in (-1.0, 0.0, 130.0, 131.0)]
@@ -230,7 +234,7 @@ def test_the_devices_own_limits_narrow_the_range() -> None:
 
 
 def test_limits_that_leave_nothing_are_an_error() -> None:
-    """A range in which the device can do nothing is told when it is opened."""
+    """A range without a possible voltage is refused at opening."""
     rig = Rig("nv200")
     rig.line.change = lambda reply: reply.replace(b"150.000", b"-30.000")
 
@@ -240,9 +244,9 @@ def test_limits_that_leave_nothing_are_an_error() -> None:
 
 @pytest.mark.parametrize(("profile", "low_hz", "high_hz"), [("nv40", 24, 40), ("nv200", 100, 150)])
 def test_the_fastest_loop_is_what_the_wire_allows(
-    profile: Profile, low_hz: float, high_hz: float
+    profile: ProfileName, low_hz: float, high_hz: float
 ) -> None:
-    """No loop is promised whose bytes do not fit through the line."""
+    """The highest rate is limited by the bytes of a cycle."""
     rig = Rig(profile)
     rig.device.open()
 

@@ -1,11 +1,11 @@
-"""What piezosystem jena's amplifiers say is the matter."""
+"""The status of piezosystem jena's amplifiers."""
 
 import pytest
 
 from piezod.devices.bus.line import LineFault
 from piezod.devices.interface import Wiring
 from piezod.devices.status import DeviceFlag
-from piezod_drivers.serial_line.psj.profiles import Profile
+from piezod_drivers.serial_line.psj.profiles import ProfileName
 from tests.drivers.serial_line.psj_rig import Rig
 from tests.drivers.serial_line.scripted_line import MS
 
@@ -37,9 +37,9 @@ from tests.drivers.serial_line.scripted_line import MS
     ],
 )
 def test_status_bits_become_flags_within_a_tenth_of_a_second(
-    profile: Profile, bits: int, flag: DeviceFlag
+    profile: ProfileName, bits: int, flag: DeviceFlag
 ) -> None:
-    """What the status word says is told as long as it says so."""
+    """A fault in the status word is reported as long as it lasts."""
     rig = Rig(profile)
     device = rig.started()
     assert frozenset() == rig.flags()
@@ -69,7 +69,7 @@ def test_the_status_is_asked_after_a_setpoint_and_seldom() -> None:
 
 
 def test_the_channels_take_turns_with_their_status() -> None:
-    """With more channels the status of each still comes within a tenth of a second."""
+    """With more channels the status of each is still read within 0.1 s."""
     rig = Rig("ddrive", wiring=Wiring((), ("ch0", "ch2")))
     device = rig.started()
 
@@ -82,7 +82,7 @@ def test_the_channels_take_turns_with_their_status() -> None:
 
 
 def test_a_status_that_fails_does_not_refuse_the_setpoint_before_it() -> None:
-    """A setpoint that was acknowledged is taken, whatever becomes of the status after it."""
+    """A failed status request does not fail the acknowledged setpoint before it."""
     rig = Rig("nv200")
     device = rig.started()
     rig.line.change = lambda reply: b"" if b"stat" in reply else reply
@@ -98,7 +98,7 @@ def test_a_status_that_fails_does_not_refuse_the_setpoint_before_it() -> None:
 def test_after_half_a_question_for_the_status_nothing_is_sent(
     monkeypatch: pytest.MonkeyPatch, flag: DeviceFlag
 ) -> None:
-    """A line that is lost with the status is lost: no setpoint is glued to the half of it."""
+    """Half a sent status request loses the device: no setpoint follows it."""
     rig = Rig("nv200")
     device = rig.started()
     rig.time.t_ns += 100 * MS
@@ -131,9 +131,9 @@ def test_after_half_a_question_for_the_status_nothing_is_sent(
     ],
 )
 def test_a_setpoint_that_the_device_refuses_is_refused(
-    profile: Profile, error: bytes, flag: DeviceFlag
+    profile: ProfileName, error: bytes, flag: DeviceFlag
 ) -> None:
-    """An error in place of an acknowledgement refuses the write and says what it was."""
+    """An error in place of an acknowledgement fails the write with its flag."""
     rig = Rig(profile)
     device = rig.started()
     rig.line.change = lambda _reply: b"\x13" + error + b"\r\n\x11"

@@ -22,17 +22,17 @@ DRIVEN_V = 100.1234
 
 
 def gcs2_of(line: EmulatedLine, names: str) -> Any:
-    """Return what is said to an E-727."""
+    """Return the conversation with an E-727."""
     return Gcs2Dialogue(line, Gcs2Options(port="x"), Wiring.both(names))
 
 
 def gcs1_of(line: EmulatedLine, names: str) -> Any:
-    """Return what is said to an E-816."""
+    """Return the conversation with an E-816."""
     return Gcs1Dialogue(line, Gcs1Options(port="x"), Wiring.both(names))
 
 
 def mdt_of(line: EmulatedLine, names: str) -> Any:
-    """Return what is said to an MDT."""
+    """Return the conversation with an MDT."""
     return MdtDialogue(line, 0.1, Wiring((), tuple(names)))
 
 

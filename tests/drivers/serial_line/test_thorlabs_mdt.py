@@ -52,7 +52,7 @@ def emulated(
 def test_one_output(
     model: MdtModel, change_mode: bool, outputs: str, put: list[bytes], get: list[bytes]
 ) -> None:
-    """Each model, and each mode, is set and read back in its own words."""
+    """Each model and mode is set and read back by its own commands."""
     device, line, emulator, rig = emulated(model, outputs, change_mode)
     assert not emulator.echo
     assert device.write([12.5], 1)
@@ -64,7 +64,7 @@ def test_one_output(
 
 
 def test_three_outputs_at_once() -> None:
-    """All axes of a B model are set by one command and read by another, in any order of names."""
+    """One command sets all axes of a B model and one reads them, in any order of names."""
     device, line, _, rig = emulated(B3, "zxy")
     assert device.write([3.0, 1.0, 2.0], 1)
     assert rig.drive_v == [1.0, 2.0, 3.0]
@@ -74,7 +74,7 @@ def test_three_outputs_at_once() -> None:
 
 @pytest.mark.parametrize("model", [A3, MdtModel("MDT693B", "XYZ", "1.05")])
 def test_three_outputs_one_by_one(model: MdtModel) -> None:
-    """Where there is no command for all axes, each has one of its own."""
+    """Without a command for all axes, each axis has its own."""
     device, line, _, rig = emulated(model, "xyz")
     assert device.write([3.0, 1.0, 2.0], 1)
     assert rig.drive_v == [3.0, 1.0, 2.0]
@@ -83,7 +83,7 @@ def test_three_outputs_one_by_one(model: MdtModel) -> None:
 
 
 def test_opening_moves_nothing() -> None:
-    """Outputs stay as they are through opening, activation and closing."""
+    """Opening, activating and closing keep the outputs."""
     table, rig, time = bench(3)
     rig.drive_v = [10.0, 20.0, 30.0]
     line = EmulatedLine(MdtEmulator(B3, table, "S-1"), time)
@@ -97,7 +97,7 @@ def test_opening_moves_nothing() -> None:
 
 @pytest.mark.parametrize("value", [-0.001, 150.001, float("nan")])
 def test_beyond_the_range(value: float) -> None:
-    """What the amplifier cannot give is refused without asking it: up to its switch, not beyond."""
+    """A voltage beyond the switch's limit is refused without asking the amplifier."""
     device, line, _, _ = emulated(B3, "x")
     assert not device.write([value], 1)
     assert line.sent == []
@@ -107,7 +107,7 @@ def test_beyond_the_range(value: float) -> None:
 @pytest.mark.sees("thorlabs_mdt", "A1")
 @pytest.mark.parametrize(("model", "reply"), [(B3, b"CMD_ARG_INVALID>"), (A3, b"!")])
 def test_the_amplifier_refuses(model: MdtModel, reply: bytes) -> None:
-    """An error in the place of the prompt refuses the write, and the status says so."""
+    """An error in place of the prompt fails the write with its flag."""
     device, line, _, _ = emulated(model, "x")
     line.change = lambda _: reply
     assert not device.write([1.0], 1)
@@ -117,7 +117,7 @@ def test_the_amplifier_refuses(model: MdtModel, reply: bytes) -> None:
 
 @pytest.mark.sees("thorlabs_mdt", "A7")
 def test_a_restart() -> None:
-    """An amplifier that repeats what it hears again was switched off and on."""
+    """An amplifier that echoes commands again has restarted."""
     device, _, emulator, _ = emulated(B3, "x")
     emulator.echo = True
     assert device.write([1.0], 1)
@@ -128,7 +128,7 @@ def test_a_restart() -> None:
 @pytest.mark.sees("thorlabs_mdt", "A3")
 @pytest.mark.sees("thorlabs_mdt", "A12")
 def test_the_voltage_is_measured() -> None:
-    """Read-back is what the amplifier gives, and not what was written."""
+    """The read-back is the voltage of the amplifier, not the written value."""
     device, _, _, rig = emulated(B3, "x")
     assert device.write([10.0], 1)
     rig.drive_v[0] = 155.0
@@ -137,7 +137,7 @@ def test_the_voltage_is_measured() -> None:
 
 @pytest.mark.sees("thorlabs_mdt", "B5")
 def test_a_late_reply_is_nobody_elses() -> None:
-    """After a time-out nothing is asked until the late reply has come; it is dropped."""
+    """After a time-out nothing is requested until the late reply has come and was dropped."""
     device, line, _, rig = emulated(B3, "x")
     line.change = lambda _: b""
     assert isnan(device.read_back(1)[0])
@@ -152,7 +152,7 @@ def test_a_late_reply_is_nobody_elses() -> None:
 
 @pytest.mark.sees("thorlabs_mdt", "B3")
 def test_garbage_before_a_reply() -> None:
-    """Bytes that are no reply are noticed; the voltage behind them is right."""
+    """Garbage is reported, and the voltage behind it is right."""
     device, line, _, rig = emulated(B3, "x")
     rig.drive_v[0] = 50.0
     line.change = lambda reply: b"\xff\x00>" + reply
@@ -162,7 +162,7 @@ def test_garbage_before_a_reply() -> None:
 
 @pytest.mark.sees("thorlabs_mdt", "B7")
 def test_a_slow_reply() -> None:
-    """A reply that takes most of its time is taken, and told."""
+    """A reply that takes most of the time-out counts and is reported as slow."""
     device, line, emulator, _ = emulated(B3, "x")
     slow = EmulatedLine(emulator, line.time, delay_ns=90 * MS)
     device = BusDevice("MDT", MdtDialogue(slow, TIMEOUT_S, Wiring((), ("x",))))
@@ -188,7 +188,7 @@ def device_on(line: ScriptedLine, outputs: str = "x") -> BusDevice:
 
 
 def test_the_first_firmware_of_a_b_model() -> None:
-    """A B model that ends its replies as an A model does is talked to in its own words."""
+    """A B model whose replies end like an A model's is driven by its own commands."""
     line = ScriptedLine(
         says(b"~\r", b"\r*"),
         says(b"ID?\r", b"ID?\r", b"*\r\r\rModel MDT693B Piezo\rFirmware Version: 1.05\r"),
@@ -210,7 +210,7 @@ def test_the_first_firmware_of_a_b_model() -> None:
 
 
 def test_nobody_answers() -> None:
-    """A port behind which nobody answers is told as such, and let go."""
+    """A port without reply is an unavailable device, and the port is closed."""
     line = ScriptedLine(says(b"~\r"))
     with pytest.raises(DeviceUnavailableError, match="no reply within 500 ms"):
         device_on(line).open()
@@ -220,13 +220,13 @@ def test_nobody_answers() -> None:
 @pytest.mark.parametrize(
     ("steps", "what"),
     [
-        ([says(b"~\r", b"hello")], "does not answer as an MDT does"),
+        ([says(b"~\r", b"hello")], "does not reply like an MDT"),
         ([says(b"~\r", b">"), says(b"ID?\r", b"BPC>"), says(b"I\r", b"?>")], "is no MDT693"),
-        ([says(b"~\r", b">"), says(b"ID?\r", b"Model MDT694B>")], "has axes x, not y"),
+        ([says(b"~\r", b">"), says(b"ID?\r", b"Model MDT694B>")], "has axes x, but not y"),
     ],
 )
 def test_another_device(steps: list[Step], what: str) -> None:
-    """What is no MDT, or has not the axis that is configured, is refused and let go."""
+    """A device that is no MDT, or lacks a configured axis, is refused and its port closed."""
     line = ScriptedLine(*steps)
     with pytest.raises(DeviceError, match=what):
         device_on(line, "y").open()
@@ -236,12 +236,12 @@ def test_another_device(steps: list[Step], what: str) -> None:
 @pytest.mark.parametrize(
     ("steps", "what"),
     [
-        ([says(b"XVOLTAGE?\r", b"CMD_NOT_DEFINED>")], "tells no voltage"),
+        ([says(b"XVOLTAGE?\r", b"CMD_NOT_DEFINED>")], "reports no voltage"),
         ([says(b"XVOLTAGE?\r", b"[ 0.0]\r>"), says(b"VLIMIT?\r", b"Error>")], "answers VLIMIT"),
     ],
 )
 def test_a_device_that_does_not_tell(steps: list[Step], what: str) -> None:
-    """An MDT that does not tell its voltage or its limits is not used."""
+    """An MDT that does not report its voltage or its limits is refused."""
     begin = (
         says(b"~\r", b">"),
         says(b"ID?\r", b"Model MDT693B>"),
@@ -252,7 +252,7 @@ def test_a_device_that_does_not_tell(steps: list[Step], what: str) -> None:
 
 
 def test_the_plug_in() -> None:
-    """The driver has three outputs in V and no input; nothing is opened by construction."""
+    """The driver has three outputs in V and no input; construction opens nothing."""
     options = MdtOptions(port="/dev/ttyUSB0")
     assert PLUGIN.channels(options) == ({}, {"x": "V", "y": "V", "z": "V"})
     PLUGIN.create(options, Wiring((), ("x",)), 1).close()

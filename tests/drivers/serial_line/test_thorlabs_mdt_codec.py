@@ -29,7 +29,7 @@ BYTES = st.binary(max_size=300) | st.text("[]012.,*!>\r CMD_", max_size=300).map
     ],
 )
 def test_values(replies: Replies, frame: bytes, values: list[float]) -> None:
-    """Voltages stand in brackets, whatever stands around them; a part of it is not yet a reply."""
+    """Voltages in brackets are read, whatever is around them; an incomplete reply is none."""
     assert replies.values_length(frame + b"rest") == len(frame)
     assert replies.values(frame, len(values)) == values
     assert [replies.values_length(frame[:n]) for n in range(len(frame))] == [0] * len(frame)
@@ -42,8 +42,8 @@ def test_values(replies: Replies, frame: bytes, values: list[float]) -> None:
     ("replies", "frame"), [(MODERN, b">"), (MODERN, b"XVOLTAGE=1.000\r>"), (LEGACY, b"*")]
 )
 def test_settings_that_are_taken(replies: Replies, frame: bytes) -> None:
-    """A prompt without words says that a setting was taken."""
-    assert replies.taken_length(frame) == len(frame)
+    """A prompt without text acknowledges a setting."""
+    assert replies.acknowledgement_length(frame) == len(frame)
     replies.check(frame)
 
 
@@ -57,8 +57,8 @@ def test_settings_that_are_taken(replies: Replies, frame: bytes) -> None:
     ],
 )
 def test_what_is_refused(replies: Replies, frame: bytes) -> None:
-    """The device's words for what it does not do are a wrong request, as are exclamation marks."""
-    for length in (replies.taken_length(frame), replies.values_length(frame)):
+    """A refusal, by text or exclamation mark, is a wrong request."""
+    for length in (replies.acknowledgement_length(frame), replies.values_length(frame)):
         assert length == len(frame)
     for read in (replies.check, lambda got: replies.values(got, 1)):
         with pytest.raises(LineFault, match="the amplifier refuses") as caught:
@@ -70,27 +70,27 @@ def test_what_is_refused(replies: Replies, frame: bytes) -> None:
     ("data", "length"), [(b">", -1), (b"ab>[ 1.0]\r>", -3), (b"[junk]\r>", -8), (b"[", 0)]
 )
 def test_what_is_no_value(data: bytes, length: int) -> None:
-    """The reply to a setting, or a value that is none, is dropped when a value is expected."""
+    """The reply to a setting, or an invalid value, is dropped when a value is expected."""
     assert MODERN.values_length(data) == length
 
 
 def test_a_value_is_no_acknowledgement() -> None:
-    """A voltage that comes late is not taken for the reply to a setting."""
-    assert MODERN.taken_length(b"[ 12.30]\r>") == -10
+    """A late voltage is not taken for the reply to a setting."""
+    assert MODERN.acknowledgement_length(b"[ 12.30]\r>") == -10
 
 
 def test_endless_noise_is_dropped() -> None:
-    """What goes on without an end is dropped before it costs time."""
+    """Noise without an end is dropped before it takes time."""
     for replies in (MODERN, LEGACY):
-        assert replies.taken_length(b"x" * 600) == -600
+        assert replies.acknowledgement_length(b"x" * 600) == -600
         assert replies.values_length(b"x" * 600) == -600
 
 
 @given(data=BYTES)
 def test_any_bytes(data: bytes) -> None:
-    """Arbitrary bytes are frames, garbage or not yet anything; they raise line faults only."""
+    """Any bytes are frames, garbage or incomplete, and raise only line faults."""
     for replies in (MODERN, LEGACY):
-        for length_of in (replies.taken_length, replies.values_length):
+        for length_of in (replies.acknowledgement_length, replies.values_length):
             rest = data
             while length := length_of(rest):
                 frame, rest = rest[: abs(length)], rest[abs(length) :]
@@ -103,7 +103,7 @@ def test_any_bytes(data: bytes) -> None:
 
 @given(told=BYTES)
 def test_any_bytes_while_opening(told: bytes) -> None:
-    """Arbitrary bytes say something or nothing about the device, and raise nothing."""
+    """Any bytes raise nothing while the device is opened."""
     assert prompt_in(told) in {b"", b">", b"*"}
     number_in(told, b"XMIN?\r")
     tail_in(told)
@@ -129,7 +129,7 @@ def test_who_it_is() -> None:
     [(b"*0", 0.0), (b"[ 150]\r>", 150.0), (b"%\r*[ 100]\r*", 100.0), (b"!", None), (b"", None)],
 )
 def test_numbers(told: bytes, number: float | None) -> None:
-    """A limit stands in brackets or bare; an error has none."""
+    """A limit is in brackets or bare; an error has none."""
     assert number_in(told, b"%\r") == number
 
 
@@ -146,14 +146,14 @@ def test_numbers(told: bytes, number: float | None) -> None:
     ],
 )
 def test_what_can_answer_a_setting(frame: bytes, taken: bool) -> None:
-    """A prompt alone, behind the repeated request, or a refusal; nothing else."""
-    assert Replies(b">", b"").is_taken(frame, b"XVOLTAGE=1.000\r") == taken
+    """Only a prompt, a prompt behind the echo, or a refusal answers a setting."""
+    assert Replies(b">", b"").is_acknowledgement(frame, b"XVOLTAGE=1.000\r") == taken
 
 
 def test_what_can_answer_a_query() -> None:
-    """As many voltages as are asked for, or a refusal."""
+    """The requested number of voltages, or a refusal, answers a query."""
     replies = Replies(b">", b"\r>")
-    assert replies.tells(b"[ 1.00, 2.00, 3.00]\r>", 3)
-    assert not replies.tells(b"[ 1.00]\r>", 3)
-    assert not replies.tells(b"[ 1.00, 2.00, 3.00]\r>", 1)
-    assert replies.tells(b"CMD_ARG_RANGE_ERR>", 1)
+    assert replies.has_values(b"[ 1.00, 2.00, 3.00]\r>", 3)
+    assert not replies.has_values(b"[ 1.00]\r>", 3)
+    assert not replies.has_values(b"[ 1.00, 2.00, 3.00]\r>", 1)
+    assert replies.has_values(b"CMD_ARG_RANGE_ERR>", 1)

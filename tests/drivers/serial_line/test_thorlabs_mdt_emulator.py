@@ -10,7 +10,7 @@ PLUGINS = {"mdt693a": MDT693A, "mdt693b": MDT693B, "mdt694b": MDT694B}
 
 
 def emulated(profile: str, n_axes: int = 3) -> tuple[Emulator, LinearRig]:
-    """Return an amplifier that repeats nothing, and the rig that it drives."""
+    """Return an amplifier without echo, and the rig that it drives."""
     table, rig, _ = bench(n_axes)
     create = PLUGINS[profile].create
     assert create is not None
@@ -47,14 +47,14 @@ def emulated(profile: str, n_axes: int = 3) -> tuple[Emulator, LinearRig]:
     ],
 )
 def test_replies(profile: str, request_: bytes, reply: bytes) -> None:
-    """B models end a reply with >, A models begin it with *; both say what is wrong."""
+    """B models end a reply with >, A models begin it with *; both report errors."""
     emulator, _ = emulated(profile)
     assert emulator.receive(request_) == [reply]
     assert emulator.due() == []
 
 
 def test_what_is_driven() -> None:
-    """Voltages go to the axes by name; a command for all axes is obeyed as a whole or not."""
+    """Voltages reach the axes by name; a command for all axes takes effect as a whole or not."""
     emulator, rig = emulated("mdt693b")
     emulator.receive(b"XVOLTAGE=1\rYVOLTAGE=2\nZ")
     assert rig.drive_v == [1.0, 0.0, 0.0]
@@ -65,7 +65,7 @@ def test_what_is_driven() -> None:
 
 
 def test_echo_is_on_at_first() -> None:
-    """Switched on, it repeats what it hears."""
+    """After power-up the echo is on."""
     table, _, _ = bench()
     assert MDT694B.create is not None
     emulator = MDT694B.create(table, "S-9")
@@ -76,7 +76,7 @@ def test_echo_is_on_at_first() -> None:
 
 
 def test_compatibility_mode() -> None:
-    """A B model in compatibility mode ends its replies with * and has ! for what is wrong."""
+    """A B model in compatibility mode ends its replies with * and reports errors by !."""
     emulator, _ = emulated("mdt693b")
     assert emulator.receive(b"CM=1\r") == [b"[MDT693A Compatibility Mode On]\r*"]
     assert emulator.receive(b"XV5\rXR?\rQ\r") == [b"*", b"[  5.00]\r*", b"!"]
@@ -84,7 +84,7 @@ def test_compatibility_mode() -> None:
 
 @given(st.lists(st.binary(max_size=60) | st.sampled_from([b"XVOLTAGE=1\r", b"XR?\r"]), max_size=20))
 def test_any_bytes(chunks: list[bytes]) -> None:
-    """Whatever comes, the amplifiers go on answering."""
+    """The amplifiers continue to reply after any bytes."""
     for profile in PLUGINS:
         emulator, _ = emulated(profile)
         for chunk in chunks:

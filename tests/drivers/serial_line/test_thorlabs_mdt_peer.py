@@ -1,4 +1,4 @@
-"""Somebody else's client, `mdt69x`, on the emulated amplifier: both read the protocol alike."""
+"""An independent client, `mdt69x`, with the emulated amplifier."""
 
 import warnings
 from collections.abc import Iterator
@@ -17,13 +17,13 @@ with warnings.catch_warnings():
     from mdt69x import Controller  # type: ignore[import-untyped] # it has no types
 
 REPLY_S, NO_REPLY_S = 5.0, 0.2
-"""How long the client waits, and where it waits for a prompt that does not come: after a change of
-mode, and after a refusal in compatibility mode."""
+"""Time-outs of the client: the usual one, and one for a prompt that does not come. The latter is for
+a change of mode, and for a refusal in compatibility mode."""
 
 
 @pytest.fixture(scope="module")
 def port() -> Iterator[str]:
-    """Serve an MDT693B that repeats nothing: our driver has been there before."""
+    """Serve an MDT693B without echo, as our driver leaves it."""
     with emulated("mdt693b", arguments=("--axes", "3")) as device:
         plugin = registry.load("thorlabs_mdt")
         options = plugin.options_model.model_validate({"port": device.where[0]})
@@ -35,7 +35,7 @@ def port() -> Iterator[str]:
 
 @pytest.fixture
 def peer(port: str) -> Iterator[Any]:
-    """Give the client, in compatibility mode as it begins."""
+    """Return the client, which starts in compatibility mode."""
     client = Controller(port)
     client._ser.timeout = REPLY_S  # noqa: SLF001 - it has no other way
     yield client
@@ -46,14 +46,14 @@ def peer(port: str) -> Iterator[Any]:
 
 @contextmanager
 def hurried(client: Any) -> Iterator[None]:
-    """Have the client not wait for long while the block runs."""
+    """Shorten the client's time-out while the block runs."""
     client._ser.timeout = NO_REPLY_S  # noqa: SLF001 - it has no other way
     yield
     client._ser.timeout = REPLY_S  # noqa: SLF001 - it has no other way
 
 
 def test_compatibility_mode(peer: Any) -> None:
-    """It sets and reads a voltage and its limits by the words of the A models."""
+    """The client sets and reads a voltage and its limits by the commands of the A models."""
     assert peer.get_compatibility() == peer.COMPATIBILITY_ON
     assert peer.set_x_voltage(12.5) == peer.SUCCESS
     eventually(lambda: peer.get_x_voltage() == pytest.approx(12.5, abs=0.5))
@@ -64,7 +64,7 @@ def test_compatibility_mode(peer: Any) -> None:
 
 
 def test_own_mode(peer: Any) -> None:
-    """It sets and reads all three axes by the words of the B models."""
+    """The client sets and reads all three axes by the commands of the B models."""
     with hurried(peer):
         peer.set_compatibility_off()
     assert peer.set_xyz_voltage(5, 10, 15) == peer.SUCCESS

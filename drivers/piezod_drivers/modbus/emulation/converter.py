@@ -1,26 +1,26 @@
-"""Converters on a bench: an output drives an amplifier, an input measures a sensor's voltage."""
+"""Converters on the rig: an output drives an amplifier, an input measures a sensor's voltage."""
 
 from collections.abc import Callable
 from math import isfinite
 from typing import Final
 
 from piezod.devices.emulation.bench import SharedRig
-from piezod_drivers.modbus.emulation.unit import FAILURE, NO_VALUE, ModbusRefusal
+from piezod_drivers.modbus.emulation.unit import DEVICE_FAILURE, ILLEGAL_VALUE, ModbusRefusal
 
 FULL_V: Final = 150.0
-"""What the amplifier behind an output gives at the end of the output's range."""
+"""Voltage of the amplifier behind an output at the end of the output's range."""
 OVERLOAD_V: Final = 1000.0
-"""What an input measures that is far beyond its range."""
+"""Voltage at an input that is far beyond its range."""
 
 
 class ConverterOutput:
-    """A digital-to-analogue converter, with an amplifier behind it if the bench has the axis.
+    """A digital-to-analogue converter, with an amplifier behind it if the rig has the axis.
 
     Args:
-        bench: The bench.
-        axis: Which of its axes.
+        bench: The rig.
+        axis: Index of the axis.
         highest: Highest value, in V or mA; the lowest is 0.
-        n_codes: Into how many steps it is divided.
+        n_codes: Number of steps of the converter.
     """
 
     def __init__(self, bench: SharedRig, axis: int, highest: float, n_codes: int) -> None:
@@ -28,26 +28,26 @@ class ConverterOutput:
         self.value = 0.0
 
     def set(self, value: float) -> None:
-        """Set it; what is beyond its range becomes the end of the range.
+        """Set the output; a value beyond the range is limited to it.
 
         Raises:
-            ModbusRefusal: If it is no number, or the amplifier cannot give it.
+            ModbusRefusal: If it is not a number, or the amplifier refuses it.
         """
         if not isfinite(value):
-            raise ModbusRefusal(NO_VALUE)
+            raise ModbusRefusal(ILLEGAL_VALUE)
         part = min(max(value / self._highest, 0.0), 1.0)
         part = round(part * self._n_codes) / self._n_codes
         if self._axis < self._bench.n_axes and not self._bench.drive(self._axis, part * FULL_V):
-            raise ModbusRefusal(FAILURE)
+            raise ModbusRefusal(DEVICE_FAILURE)
         self.value = part * self._highest
 
     def set_code(self, scale: float) -> Callable[[float], None]:
-        """Return what sets it to a code of so much each."""
+        """Return a function that sets the output to a code; `scale` is the value of one count."""
         return lambda code: self.set(code * scale)
 
 
 def measured_v(bench: SharedRig, axis: int) -> float:
-    """Give the voltage at an input; 0 V where nothing is connected."""
+    """Return the voltage at an input; 0 V if nothing is connected."""
     if axis >= bench.n_axes:
         return 0.0
     value_v = bench.conditioned_v(axis)

@@ -6,7 +6,12 @@ from typing import Final
 from piezod.devices.emulation.bench import SharedRig
 from piezod_drivers.modbus.emulation.converter import ConverterOutput, measured_v
 from piezod_drivers.modbus.emulation.servers import RtuServer, TcpServer
-from piezod_drivers.modbus.emulation.unit import FAILURE, NO_VALUE, EmulatedUnit, ModbusRefusal
+from piezod_drivers.modbus.emulation.unit import (
+    DEVICE_FAILURE,
+    ILLEGAL_VALUE,
+    EmulatedUnit,
+    ModbusRefusal,
+)
 from piezod_drivers.modbus.emulation.watchdog import TRIPPED, Watchdog
 from piezod_drivers.modbus.profiles import advantech, icp_das, wago, waveshare
 
@@ -16,13 +21,13 @@ _REGISTERS: Final = frozenset({1, 3, 4, 6, 16})
 
 
 def _measured(bench: SharedRig, axis: int, scale: float, offset: float = 0.0) -> float:
-    """Give the code of an input, value = scale · code + offset, within ±10 V."""
+    """Return the code of an input within ±10 V; value = scale · code + offset."""
     value_v = min(max(measured_v(bench, axis), -_HIGHEST_V), _HIGHEST_V)
     return (value_v - offset) / scale
 
 
 def _output(unit: EmulatedUnit, address: int, output: ConverterOutput, scale: float) -> None:
-    unit.has("holding", address, "uint16", partial(_code, output, scale), output.set_code(scale))
+    unit.add("holding", address, "uint16", partial(_code, output, scale), output.set_code(scale))
 
 
 def _code(output: ConverterOutput, scale: float) -> float:
@@ -30,12 +35,12 @@ def _code(output: ConverterOutput, scale: float) -> float:
 
 
 def adam_6024(bench: SharedRig, _serial: str) -> TcpServer:
-    """Make an ADAM-6024: input and output i are sensor and amplifier of axis i."""
+    """Construct an ADAM-6024: input and output i are sensor and amplifier of axis i."""
     unit = EmulatedUnit(_REGISTERS)
     for i in range(6):
         scale = 20 / 65_535
-        unit.has("holding", i, "uint16", partial(_measured, bench, i, scale, -_HIGHEST_V))
-        unit.has("holding", 20 + i, "uint16", partial(_over_or_under, bench, i))
+        unit.add("holding", i, "uint16", partial(_measured, bench, i, scale, -_HIGHEST_V))
+        unit.add("holding", 20 + i, "uint16", partial(_over_or_under, bench, i))
     for i in range(2):
         output = ConverterOutput(bench, i, _HIGHEST_V, advantech.CODES_12_BIT)
         _output(unit, 10 + i, output, _HIGHEST_V / advantech.CODES_12_BIT)
@@ -48,85 +53,88 @@ def _over_or_under(bench: SharedRig, axis: int) -> float:
 
 
 def adam_4024(bench: SharedRig, _serial: str) -> RtuServer:
-    """Make an ADAM-4024 at address 1: output i is the amplifier of axis i."""
+    """Construct an ADAM-4024 at address 1: output i is the amplifier of axis i."""
     unit = EmulatedUnit(_REGISTERS)
     for i in range(4):
         output = ConverterOutput(bench, i, _HIGHEST_V, advantech.CODES_12_BIT)
         _output(unit, i, output, _HIGHEST_V / advantech.CODES_12_BIT)
-    unit.has("holding", advantech.MODULE_NAME, "uint16", lambda: 0x4024)
-    unit.has("holding", advantech.VERSION, "uint16", lambda: 0xA200)
-    unit.has("holding", advantech.COMM_SAFETY, "uint16", lambda: 0)
+    unit.add("holding", advantech.MODULE_NAME, "uint16", lambda: 0x4024)
+    unit.add("holding", advantech.VERSION, "uint16", lambda: 0xA200)
+    unit.add("holding", advantech.COMM_SAFETY, "uint16", lambda: 0)
     return RtuServer({1: unit}, bench.now_ns)
 
 
 def icpdas(bench: SharedRig, _serial: str) -> RtuServer:
-    """Make an M-7017C at address 1 and an M-7024R at address 2 on one line."""
+    """Construct an M-7017C at address 1 and an M-7024R at address 2 on one line."""
     inputs, outputs = EmulatedUnit(_REGISTERS), EmulatedUnit(_REGISTERS)
     for i in range(8):
-        inputs.has("input", i, "int16", partial(_measured, bench, i, _MV))
+        inputs.add("input", i, "int16", partial(_measured, bench, i, _MV))
     for i in range(4):
         _output(outputs, i, ConverterOutput(bench, i, _HIGHEST_V, (1 << 14) - 1), _MV)
-    outputs.has("coil", icp_das.WATCHDOG_TRIPPED, "uint16", lambda: 0)
+    outputs.add("coil", icp_das.WATCHDOG_TRIPPED, "uint16", lambda: 0)
     for unit in (inputs, outputs):
-        unit.has("coil", icp_das.FORMAT, "uint16", lambda: 1)
-        unit.has("holding", icp_das.FIRMWARE, "uint16", lambda: 0x0220)
+        unit.add("coil", icp_das.FORMAT, "uint16", lambda: 1)
+        unit.add("holding", icp_das.FIRMWARE, "uint16", lambda: 0x0220)
     return RtuServer({1: inputs, 2: outputs}, bench.now_ns)
 
 
 def waveshare_b(bench: SharedRig, _serial: str) -> RtuServer:
-    """Make an Analog Input 8CH (B) at address 1 and an Analog Output 8CH (B) at address 2."""
+    """Construct an Analog Input 8CH (B) at address 1 and an Analog Output 8CH (B) at address 2."""
     inputs, outputs = EmulatedUnit(_REGISTERS), EmulatedUnit(_REGISTERS)
     for i in range(8):
-        inputs.has("input", i, "uint16", partial(_measured, bench, i, _MV))
+        inputs.add("input", i, "uint16", partial(_measured, bench, i, _MV))
         _output(outputs, i, ConverterOutput(bench, i, _HIGHEST_V, (1 << 12) - 1), _MV)
     for unit in (inputs, outputs):
-        unit.has("holding", waveshare.VERSION, "uint16", lambda: 100)
+        unit.add("holding", waveshare.VERSION, "uint16", lambda: 100)
     return RtuServer({1: inputs, 2: outputs}, bench.now_ns)
 
 
 def wago_750(bench: SharedRig, _serial: str) -> TcpServer:
-    """Make a coupler with four inputs and four outputs of 10 V."""
+    """Construct a coupler with four inputs and four outputs of 10 V."""
     unit = EmulatedUnit(_REGISTERS | {23})
     scale = _HIGHEST_V / wago.CODES
     outputs = [ConverterOutput(bench, i, _HIGHEST_V, (1 << 12) - 1) for i in range(4)]
     watchdog = _wago_watchdog(unit, bench, outputs)
     for i, output in enumerate(outputs):
         get = partial(_measured, bench, i, scale)
-        unit.has("input", i, "int16", get)
-        unit.has("holding", i, "int16", get, partial(_unless_tripped, watchdog, output, scale))
-        unit.has("holding", wago.READ_BACK + i, "int16", partial(_code, output, scale))
+        unit.add("input", i, "int16", get)
+        unit.add("holding", i, "int16", get, partial(_set_unless_tripped, watchdog, output, scale))
+        unit.add("holding", wago.READ_BACK + i, "int16", partial(_code, output, scale))
     for i, number in enumerate(wago.CONSTANTS):
-        unit.has("holding", wago.CONSTANTS_AT + i, "uint16", partial(float, number))
+        unit.add("holding", wago.CONSTANTS_AT + i, "uint16", partial(float, number))
     for address, number in ((wago.FIRMWARE, 5), (wago.SERIES, 750), (wago.ITEM, 352)):
-        unit.has("holding", address, "uint16", partial(float, number))
-    return TcpServer(unit, watchdog.heard)
+        unit.add("holding", address, "uint16", partial(float, number))
+    return TcpServer(unit, watchdog.update)
 
 
-def _unless_tripped(watchdog: Watchdog, output: ConverterOutput, scale: float, code: float) -> None:
+def _set_unless_tripped(
+    watchdog: Watchdog, output: ConverterOutput, scale: float, code: float
+) -> None:
     if watchdog.state == TRIPPED:
-        raise ModbusRefusal(FAILURE)
+        raise ModbusRefusal(DEVICE_FAILURE)
     output.set(code * scale)
 
 
 def _wago_watchdog(
     unit: EmulatedUnit, bench: SharedRig, outputs: list[ConverterOutput]
 ) -> Watchdog:
-    time = unit.stores("holding", wago.WATCHDOG_TIME, "uint16", 100)
-    unit.stores("holding", wago.WATCHDOG_MASK, "uint16")
+    time = unit.add_stored("holding", wago.WATCHDOG_TIME, "uint16", 100)
+    unit.add_stored("holding", wago.WATCHDOG_MASK, "uint16")
 
-    def trips() -> None:
+    def on_trip() -> None:
         for output in outputs:
             output.set(0.0)
 
     def stop(number: float) -> None:
+        # WAGO's manual allows both orders of the bytes.
         if number not in {0xAA55, 0x55AA}:
-            raise ModbusRefusal(NO_VALUE)
+            raise ModbusRefusal(ILLEGAL_VALUE)
         watchdog.stop()
 
-    watchdog = Watchdog(bench.now_ns, lambda: time() / 10, trips)
-    unit.has(
+    watchdog = Watchdog(bench.now_ns, lambda: time() / 10, on_trip)
+    unit.add(
         "holding", wago.WATCHDOG_TRIGGER, "uint16", lambda: 0.0, lambda _number: watchdog.start()
     )
-    unit.has("holding", wago.WATCHDOG_STATUS, "uint16", lambda: watchdog.state)
-    unit.has("holding", wago.WATCHDOG_STOP, "uint16", lambda: 0.0, stop)
+    unit.add("holding", wago.WATCHDOG_STATUS, "uint16", lambda: watchdog.state)
+    unit.add("holding", wago.WATCHDOG_STOP, "uint16", lambda: 0.0, stop)
     return watchdog

@@ -14,22 +14,22 @@ from piezod_drivers.modbus.profiles import labjack
 from piezod_drivers.modbus.register import Table
 
 FUNCTIONS: Final = frozenset({3, 4, 6, 16, FEEDBACK})
-_NO_VALUE: Final = -9999.0
+_INVALID_V: Final = -9999.0
 _RANGE_V: Final = 10.1
 _LOW_RANGE_V: Final = 2.5
 _WRAPS_AT: Final = 1 << 32
 
 
 class LabJackModel(NamedTuple):
-    """What differs.
+    """Properties in which the models differ.
 
     Attributes:
         product: Number of the product.
         n_inputs: Number of inputs.
-        n_low_inputs: How many of them, the last ones, end at 0 and 2.5 V.
-        highest_v: Of the outputs, in V.
-        n_codes: Steps of the outputs.
-        usual_serial: Serial number unless told otherwise.
+        n_low_inputs: Number of them, the last ones, whose range is 0 to 2.5 V.
+        highest_v: Highest voltage of the outputs, in V.
+        n_codes: Number of steps of the outputs.
+        usual_serial: Serial number if no other is given.
     """
 
     product: int
@@ -46,32 +46,32 @@ T8: Final = LabJackModel(8, 8, 0, 10.0, (1 << 16) - 1, 480_010_001)
 
 
 def emulator(model: LabJackModel, bench: SharedRig, serial: str) -> TcpServer:
-    """Make one: input and output i are sensor and amplifier of axis i."""
+    """Construct a LabJack: input and output i are sensor and amplifier of axis i."""
     unit = EmulatedUnit(FUNCTIONS)
     outputs = [ConverterOutput(bench, axis, model.highest_v, model.n_codes) for axis in range(2)]
     for i in range(model.n_inputs):
         is_low = i >= model.n_inputs - model.n_low_inputs
         value_v = (_low_input if is_low else _input)(bench, i)
-        unit.has("holding", 2 * i, "float32", value_v)
-        unit.has("input", 2 * i, "float32", value_v)
+        unit.add("holding", 2 * i, "float32", value_v)
+        unit.add("input", 2 * i, "float32", value_v)
     for i, output in enumerate(outputs):
-        unit.has("holding", 1000 + 2 * i, "float32", _value_of(output), output.set)
-    _add_facts(unit, model, bench, serial)
+        unit.add("holding", 1000 + 2 * i, "float32", _value_of(output), output.set)
+    _add_identity(unit, model, bench, serial)
     watchdog = _watchdog(unit, bench, outputs)
-    return TcpServer(unit, watchdog.heard)
+    return TcpServer(unit, watchdog.update)
 
 
-def _add_facts(unit: EmulatedUnit, model: LabJackModel, bench: SharedRig, serial: str) -> None:
+def _add_identity(unit: EmulatedUnit, model: LabJackModel, bench: SharedRig, serial: str) -> None:
     born_ns = bench.now_ns()
     number = int(serial) if serial.isdigit() else crc32(serial.encode()) % 10**9
     number = number % _WRAPS_AT if serial else model.usual_serial
     tables: tuple[Table, ...] = ("holding", "input")
     for table in tables:
-        unit.has(table, labjack.PRODUCT_ID, "float32", lambda: model.product)
-        unit.has(table, labjack.FIRMWARE, "float32", lambda: 1.0300)
-        unit.has(table, labjack.SERIAL, "uint32", lambda: number)
-        unit.has(table, labjack.TEST, "uint32", lambda: labjack.TEST_NUMBER)
-        unit.has(
+        unit.add(table, labjack.PRODUCT_ID, "float32", lambda: model.product)
+        unit.add(table, labjack.FIRMWARE, "float32", lambda: 1.0300)
+        unit.add(table, labjack.SERIAL, "uint32", lambda: number)
+        unit.add(table, labjack.TEST, "uint32", lambda: labjack.TEST_NUMBER)
+        unit.add(
             table,
             labjack.COUNTER_10KHZ,
             "uint32",
@@ -80,24 +80,24 @@ def _add_facts(unit: EmulatedUnit, model: LabJackModel, bench: SharedRig, serial
 
 
 def _watchdog(unit: EmulatedUnit, bench: SharedRig, outputs: list[ConverterOutput]) -> Watchdog:
-    timeout_s = unit.stores("holding", labjack.WATCHDOG_TIMEOUT_S, "uint32", 3600)
+    timeout_s = unit.add_stored("holding", labjack.WATCHDOG_TIMEOUT_S, "uint32", 3600)
     safe = [
         (
-            unit.stores("holding", enable, "uint32"),
-            unit.stores("holding", value, "float32"),
+            unit.add_stored("holding", enable, "uint32"),
+            unit.add_stored("holding", value, "float32"),
             output,
         )
         for (enable, value), output in zip(labjack.WATCHDOG_DACS, outputs, strict=True)
     ]
 
-    def trips() -> None:
+    def on_trip() -> None:
         for enabled, value, output in safe:
             if enabled():
                 output.set(value())
-        watchdog.start()  # it goes on, and would do it again
+        watchdog.start()  # it keeps running and can trip again
 
-    watchdog = Watchdog(bench.now_ns, timeout_s, trips)
-    unit.has(
+    watchdog = Watchdog(bench.now_ns, timeout_s, on_trip)
+    unit.add(
         "holding",
         labjack.WATCHDOG_ENABLE,
         "uint32",
@@ -110,7 +110,7 @@ def _watchdog(unit: EmulatedUnit, bench: SharedRig, outputs: list[ConverterOutpu
 def _input(bench: SharedRig, axis: int) -> Callable[[], float]:
     def value_v() -> float:
         value = measured_v(bench, axis)
-        return value if abs(value) <= _RANGE_V else _NO_VALUE
+        return value if abs(value) <= _RANGE_V else _INVALID_V
 
     return value_v
 

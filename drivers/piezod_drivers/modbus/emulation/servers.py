@@ -4,34 +4,34 @@ from collections.abc import Callable, Mapping
 from struct import Struct
 from typing import Final
 
-from piezod_drivers.modbus.checksum import checksum, is_whole
+from piezod_drivers.modbus.checksum import checksum, has_valid_checksum
 from piezod_drivers.modbus.emulation.unit import EmulatedUnit
 
 _HEADER: Final = Struct(">HHHB")
 _MOST: Final = 512
 _QUIET_NS: Final = 20_000_000
-"""A frame on a serial line ends when nothing has come for so long; an emulator is not exact."""
+"""A frame on a serial line ends after a silence of this length; an emulator is not exact."""
 
 
 class TcpServer:
-    """Implements `Emulator`: one device, whatever unit is asked for.
+    """Implements `Emulator`: one device, which replies under any unit address.
 
     Args:
         unit: The device.
-        heard: Called whenever a request is answered, and by `due`.
+        on_request: Called with True for each request, and with False by `due`.
     """
 
     def __init__(
-        self, unit: EmulatedUnit, heard: Callable[[bool], None] = lambda _asked: None
+        self, unit: EmulatedUnit, on_request: Callable[[bool], None] = lambda _asked: None
     ) -> None:
-        self._unit, self._heard, self._got = unit, heard, b""
+        self._unit, self._on_request, self._got = unit, on_request, b""
 
     def connected(self) -> None:
-        """Begin anew."""
+        """Discard bytes of an earlier connection."""
         self._got = b""
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Answer every whole request; what is no header is dropped."""
+        """Reply to every complete request; bytes that are no header are dropped."""
         self._got += data
         replies = []
         while len(self._got) >= _HEADER.size:
@@ -42,14 +42,14 @@ class TcpServer:
             if len(self._got) < length + 6:
                 break
             pdu, self._got = self._got[_HEADER.size : length + 6], self._got[length + 6 :]
-            self._heard(True)
+            self._on_request(True)
             answer = self._unit.answer(pdu)
             replies.append(_HEADER.pack(number, 0, len(answer) + 1, unit) + answer)
         return replies
 
     def due(self) -> list[bytes]:
-        """Send nothing unasked; let time pass for the watchdog."""
-        self._heard(False)
+        """Send nothing; let time pass for the watchdog."""
+        self._on_request(False)
         return []
 
 
@@ -66,7 +66,7 @@ class RtuServer:
         self._got, self._until_ns = b"", 0
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Answer every whole request to one of the devices; nobody answers to damaged ones."""
+        """Reply to every complete request to one of the devices; damaged ones have no reply."""
         now_ns = self._now_ns()
         if now_ns > self._until_ns:
             self._got = b""
@@ -75,7 +75,7 @@ class RtuServer:
         replies = []
         while size := _size(self._got):
             frame, self._got = self._got[:size], self._got[size:]
-            if not is_whole(frame):
+            if not has_valid_checksum(frame):
                 self._got = b""
                 break
             unit = self._units.get(frame[0])
@@ -85,12 +85,12 @@ class RtuServer:
         return replies
 
     def due(self) -> list[bytes]:
-        """Send nothing unasked."""
+        """Send nothing."""
         return []
 
 
 def _size(got: bytes) -> int:
-    """Tell how long the request is that has come, 0 as long as more has to come."""
+    """Return the length of the request that has come, 0 if it is incomplete."""
     if len(got) < 8:
         return 0
     size = 8

@@ -1,26 +1,26 @@
-"""The registers of an emulated device, and its answers to requests without their frames."""
+"""The registers of an emulated device, and its replies without their frames."""
 
 from collections.abc import Callable
 from struct import Struct
 from typing import Final, NamedTuple
 
-from piezod_drivers.modbus.codec import FAILED
+from piezod_drivers.modbus.codec import EXCEPTION_BIT
 from piezod_drivers.modbus.register import STRUCTS, NumberType, Table
 
-NO_FUNCTION, NO_REGISTER, NO_VALUE, FAILURE = 1, 2, 3, 4
+ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE = 1, 2, 3, 4
 """Exception codes."""
 READS: Final[dict[int, Table]] = {1: "coil", 3: "holding", 4: "input"}
-_TWO: Final = Struct(">HH")
+_ADDRESS_COUNT: Final = Struct(">HH")
 _SET_MANY: Final = Struct(">HHB")
 _SET_AND_READ: Final = Struct(">HHHHB")
 _FEEDBACK: Final = Struct(">BHB")
 
 
-class ModbusRefusal(Exception):  # noqa: N818 - an answer that a device gives
-    """Raised where a device refuses.
+class ModbusRefusal(Exception):  # noqa: N818 - a reply of the device
+    """Raised if a device refuses a request.
 
     Args:
-        code: Its exception code.
+        code: Exception code.
     """
 
     def __init__(self, code: int) -> None:
@@ -32,9 +32,9 @@ class RegisterCell(NamedTuple):
     """A number in one or two registers.
 
     Attributes:
-        layout: How it is coded.
-        get: Gives the number.
-        set: Takes one, or raises `ModbusRefusal`; None where it cannot be written.
+        layout: Coding of the number.
+        get: Returns the number.
+        set: Stores a number, or raises `ModbusRefusal`; None if it cannot be written.
     """
 
     layout: Struct
@@ -43,17 +43,17 @@ class RegisterCell(NamedTuple):
 
 
 class EmulatedUnit:
-    """Answers requests.
+    """Replies to requests from its registers.
 
     Args:
-        functions: Those that it has.
+        functions: Function codes that it supports.
     """
 
     def __init__(self, functions: frozenset[int]) -> None:
         self._functions = functions
         self._cells: dict[tuple[Table, int], RegisterCell] = {}
 
-    def has(
+    def add(
         self,
         table: Table,
         address: int,
@@ -64,49 +64,49 @@ class EmulatedUnit:
         """Add a number."""
         self._cells[table, address] = RegisterCell(STRUCTS[kind], get, set_)
 
-    def stores(
+    def add_stored(
         self, table: Table, address: int, kind: NumberType, number: float = 0
     ) -> Callable[[], float]:
-        """Add a number that is kept; return what tells it."""
+        """Add a number that is stored; return a function that returns it."""
         kept = [number]
-        self.has(table, address, kind, lambda: kept[0], lambda value: kept.__setitem__(0, value))
+        self.add(table, address, kind, lambda: kept[0], lambda value: kept.__setitem__(0, value))
         return lambda: kept[0]
 
     def answer(self, pdu: bytes) -> bytes:
-        """Return the answer to any request; never raises."""
+        """Return the reply to any request. Never raises."""
         if not pdu:
             return b""
         function = pdu[0]
         if function not in self._functions:
-            return bytes((function | FAILED, NO_FUNCTION))
+            return bytes((function | EXCEPTION_BIT, ILLEGAL_FUNCTION))
         try:
-            return bytes((function,)) + self._do(function, pdu[1:])
+            return bytes((function,)) + self._run(function, pdu[1:])
         except ModbusRefusal as refusal:
-            return bytes((function | FAILED, refusal.code))
+            return bytes((function | EXCEPTION_BIT, refusal.code))
 
-    def _do(self, function: int, data: bytes) -> bytes:
+    def _run(self, function: int, data: bytes) -> bytes:
         if function in READS:
-            return self._counted(READS[function], *_unpack(_TWO, data))
+            return self._counted(READS[function], *_unpack(_ADDRESS_COUNT, data))
         if function == 6:
-            address, _ = _unpack(_TWO, data)
+            address, _ = _unpack(_ADDRESS_COUNT, data)
             self._write(address, data[2:])
             return data
         if function == 16:
             address, count, n_bytes = _unpack(_SET_MANY, data, exact=False)
             words = data[_SET_MANY.size :]
-            _check(1 <= count <= 123 and 2 * count == n_bytes == len(words))
+            _require(1 <= count <= 123 and 2 * count == n_bytes == len(words))
             self._write(address, words)
             return data[:4]
         if function == 23:
             read, n_read, address, count, n_bytes = _unpack(_SET_AND_READ, data, exact=False)
             words = data[_SET_AND_READ.size :]
-            _check(1 <= count <= 121 and 2 * count == n_bytes == len(words))
+            _require(1 <= count <= 121 and 2 * count == n_bytes == len(words))
             self._write(address, words)
             return self._counted("holding", read, n_read)
         return self._feedback(data)
 
     def _counted(self, table: Table, address: int, count: int) -> bytes:
-        _check(1 <= count <= 125)
+        _require(1 <= count <= 125)
         if table == "coil":
             bits = [self._cell(table, address + i).get() for i in range(count)]
             packed = sum(1 << i for i, bit in enumerate(bits) if bit)
@@ -116,23 +116,23 @@ class EmulatedUnit:
         return bytes((len(data),)) + data
 
     def _feedback(self, data: bytes) -> bytes:
-        """Do LabJack's reads and writes one after the other."""
-        told = b""
+        """Run LabJack's reads and writes one after the other."""
+        data_read = b""
         while data:
             kind, address, count = _unpack(_FEEDBACK, data, exact=False)
             data = data[_FEEDBACK.size :]
             if kind == 0:
-                told += self._read("holding", address, count)
+                data_read += self._read("holding", address, count)
             else:
-                _check(kind == 1 and len(data) >= 2 * count > 0)
+                _require(kind == 1 and len(data) >= 2 * count > 0)
                 self._write(address, data[: 2 * count])
                 data = data[2 * count :]
-        return told
+        return data_read
 
     def _cell(self, table: Table, address: int) -> RegisterCell:
         cell = self._cells.get((table, address))
         if cell is None:
-            raise ModbusRefusal(NO_REGISTER)
+            raise ModbusRefusal(ILLEGAL_ADDRESS)
         return cell
 
     def _read(self, table: Table, address: int, count: int) -> bytes:
@@ -140,18 +140,19 @@ class EmulatedUnit:
         while len(words) < 2 * count:
             cell = self._cell(table, address + len(words) // 2)
             words += _pack(cell)
+        # The last number is longer than the request: half of it cannot be read.
         if len(words) > 2 * count:
-            raise ModbusRefusal(NO_REGISTER)
+            raise ModbusRefusal(ILLEGAL_ADDRESS)
         return words
 
     def _write(self, address: int, words: bytes) -> None:
-        """Set numbers; none if one of them cannot be set."""
+        """Write numbers; none is written if one of them is refused."""
         cells = []
         at = 0
         while at < len(words):
             cell = self._cell("holding", address + at // 2)
             if cell.set is None or at + cell.layout.size > len(words):
-                raise ModbusRefusal(NO_REGISTER)
+                raise ModbusRefusal(ILLEGAL_ADDRESS)
             cells.append((cell.set, cell.layout.unpack_from(words, at)[0]))
             at += cell.layout.size
         for set_, number in cells:
@@ -168,10 +169,10 @@ def _pack(cell: RegisterCell) -> bytes:
 
 
 def _unpack(layout: Struct, data: bytes, *, exact: bool = True) -> tuple[int, ...]:
-    _check(len(data) == layout.size if exact else len(data) >= layout.size)
+    _require(len(data) == layout.size if exact else len(data) >= layout.size)
     return layout.unpack_from(data)
 
 
-def _check(true: bool) -> None:
+def _require(true: bool) -> None:
     if not true:
-        raise ModbusRefusal(NO_VALUE)
+        raise ModbusRefusal(ILLEGAL_VALUE)

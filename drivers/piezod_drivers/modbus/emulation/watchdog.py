@@ -8,34 +8,34 @@ OFF, RUNNING, TRIPPED = 0, 1, 2
 
 
 class Watchdog:
-    """Trips when nobody has asked for too long.
+    """Trips after a time without requests.
 
     Args:
         now_ns: The clock.
-        timeout_s: Tells after how long, in s.
-        trips: Called when it does.
+        timeout_s: Returns the time-out, in s.
+        on_trip: Called when it trips.
     """
 
     def __init__(
-        self, now_ns: Callable[[], int], timeout_s: Callable[[], float], trips: Callable[[], None]
+        self, now_ns: Callable[[], int], timeout_s: Callable[[], float], on_trip: Callable[[], None]
     ) -> None:
-        self._now_ns, self._timeout_s, self._trips = now_ns, timeout_s, trips
-        self._heard_ns = 0
+        self._now_ns, self._timeout_s, self._on_trip = now_ns, timeout_s, on_trip
+        self._requested_ns = 0
         self.state = OFF
 
     def start(self) -> None:
         """Arm it."""
-        self._heard_ns, self.state = self._now_ns(), RUNNING
+        self._requested_ns, self.state = self._now_ns(), RUNNING
 
     def stop(self) -> None:
         """Disarm it."""
         self.state = OFF
 
-    def heard(self, asked: bool) -> None:
-        """Let time pass; somebody has asked, or not."""
+    def update(self, asked: bool) -> None:
+        """Let time pass; `asked` says whether a request has come."""
         now_ns = self._now_ns()
-        if self.state == RUNNING and now_ns - self._heard_ns > self._timeout_s() * NS_PER_S:
+        if self.state == RUNNING and now_ns - self._requested_ns > self._timeout_s() * NS_PER_S:
             self.state = TRIPPED
-            self._trips()
+            self._on_trip()
         if asked:
-            self._heard_ns = now_ns
+            self._requested_ns = now_ns

@@ -1,29 +1,34 @@
 """ICP DAS M-7017C and M-7024R on RS-485 (Modbus RTU), in the format of engineering units.
 
-Addresses after ICP DAS' public "M-7000 Address Mapping" and quick start guides: coil 269 chooses
-the format, coil 270 tells of the host watchdog. The scale of 1 mV, for ±10 V and 0 to 10 V, is not
+Addresses are from ICP DAS' public "M-7000 Address Mapping" and quick start guides: coil 269 chooses
+the format, coil 270 reports the host watchdog. The scale of 1 mV, for ±10 V and 0 to 10 V, is not
 confirmed on hardware.
 """
 
 from typing import Final
 
-from piezod_drivers.modbus.profiles.profile import Constant, Fact, ModbusProfile, row
+from piezod_drivers.modbus.profiles.profile import (
+    Constant,
+    IdentityField,
+    ModbusProfile,
+    register_row,
+)
 
 FORMAT: Final = 268
-"""Coil: 0 hexadecimal, 1 engineering units."""
+"""Coil: 0 for hexadecimal, 1 for engineering units. Counted from 0, hence 268 for coil 269."""
 WATCHDOG_TRIPPED: Final = 269
-"""Coil: whether the host watchdog has put the outputs to their safe values."""
+"""Coil: 1 if the host watchdog has set the outputs to their safe values."""
 FIRMWARE: Final = 480
 
 _FACTS: Final = (
-    ("firmware", Fact("holding", FIRMWARE, "uint16", lambda number: f"{int(number):04X}")),
+    ("firmware", IdentityField("holding", FIRMWARE, "uint16", lambda number: f"{int(number):04X}")),
 )
 
 M_7017: Final = ModbusProfile(
     name="icpdas-m7017",
     maker="ICP DAS",
     model="M-7017C",
-    registers=row(
+    registers=register_row(
         [f"AI{i}" for i in range(8)],
         0,
         role="input",
@@ -33,8 +38,8 @@ M_7017: Final = ModbusProfile(
         range=(-9.999, 9.999),
     ),
     constants=(Constant("coil", FORMAT, "uint16", 1),),
-    facts=_FACTS,
-    max_rate_hz=10.0,  # so often it is said to convert; not confirmed
+    identity_fields=_FACTS,
+    max_rate_hz=10.0,  # conversions per second according to public sources; not confirmed
 )
 
 M_7024: Final = ModbusProfile(
@@ -42,7 +47,7 @@ M_7024: Final = ModbusProfile(
     maker="ICP DAS",
     model="M-7024R",
     registers=(
-        *row(
+        *register_row(
             [f"AO{i}" for i in range(4)],
             0,
             role="output",
@@ -50,11 +55,13 @@ M_7024: Final = ModbusProfile(
             scale=1e-3,
             range=(0.0, 10.0),
         ),
-        *row([f"AO{i}" for i in range(4)], 0, role="read-back", type="int16", scale=1e-3),
-        *row([None], WATCHDOG_TRIPPED, role="status", table="coil", flag="watchdog tripped"),
+        *register_row([f"AO{i}" for i in range(4)], 0, role="read-back", type="int16", scale=1e-3),
+        *register_row(
+            [None], WATCHDOG_TRIPPED, role="status", table="coil", flag="watchdog tripped"
+        ),
     ),
     constants=(Constant("coil", FORMAT, "uint16", 1),),
-    facts=_FACTS,
+    identity_fields=_FACTS,
     max_rate_hz=100.0,  # not documented; at 115200 bit/s the line is slower
 )
 

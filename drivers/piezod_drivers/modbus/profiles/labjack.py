@@ -1,8 +1,8 @@
 """LabJack T4, T7 and T8 over Modbus TCP: FLOAT32 volts, a combined function, a watchdog.
 
-Addresses after LabJack's public register list (ljm_constants); frames of the combined function
-after LabJack's page on direct Modbus TCP and the public crate async_labjack. That a T8 gives 0 to
-10 V follows from the 160 µV of its steps. Not confirmed on hardware.
+Addresses are from LabJack's public register list (ljm_constants), frames of the combined function
+from LabJack's page on direct Modbus TCP and the public crate async_labjack. The 10 V range of a T8
+output follows from its steps of 160 µV. Not confirmed on hardware.
 """
 
 from collections.abc import Sequence
@@ -10,11 +10,11 @@ from typing import Final
 
 from piezod_drivers.modbus.profiles.profile import (
     Constant,
-    Fact,
+    IdentityField,
     ModbusProfile,
     Setting,
     WatchdogPlan,
-    row,
+    register_row,
 )
 from piezod_drivers.modbus.register import Register
 
@@ -24,15 +24,15 @@ SERIAL: Final = 60_028
 TEST: Final = 55_100
 TEST_NUMBER: Final = 0x00112233
 COUNTER_10KHZ: Final = 61_502
-"""Counts since the start; it begins at 0 again after a reset."""
+"""Counts since the start; a reset sets it to 0."""
 WATCHDOG_ENABLE: Final = 61_600
 WATCHDOG_TIMEOUT_S: Final = 61_604
 WATCHDOG_DACS: Final = ((61_640, 61_642), (61_650, 61_652))
-"""For each output: whether it is set, and to what."""
+"""For each output: address of the enable register, address of the safe value."""
 WIDE_V: Final = (-11.0, 11.0)
-"""Inputs give up to 10.1 V in the largest range, and -9999 where there is nothing to give."""
+"""Inputs report up to 10.1 V in the largest range, and -9999 without a valid reading."""
 LOW_V: Final = (0.0, 2.44)
-"""T-Series datasheet, T4 low-voltage analog inputs: 0 to 2.5 V; they may end a little below."""
+"""T4 low-voltage analog inputs, 0 to 2.5 V (T-Series datasheet); they may end a little lower."""
 
 
 def _settings(timeout_s: float, safe_v: float) -> Sequence[Setting]:
@@ -49,7 +49,7 @@ def _settings(timeout_s: float, safe_v: float) -> Sequence[Setting]:
 def _watchdog(highest_v: float) -> WatchdogPlan:
     def objection(timeout_s: float, safe_v: float) -> str:
         if timeout_s != round(timeout_s) or timeout_s < 1:
-            return f"timeout_s counts whole seconds (got {timeout_s:g}), allowed: 1, 2, 3 … s"
+            return f"timeout_s must be whole seconds (got {timeout_s:g}), allowed: 1, 2, 3 … s"
         if not 0 <= safe_v <= highest_v:
             return f"safe is out of range (got {safe_v:g}), allowed range 0 to {highest_v:g} V"
         return ""
@@ -64,7 +64,7 @@ def _watchdog(highest_v: float) -> WatchdogPlan:
 
 
 def _inputs(first: int, end: int, range_v: tuple[float, float]) -> tuple[Register, ...]:
-    return row(
+    return register_row(
         [f"AIN{i}" for i in range(first, end)],
         2 * first,
         step=2,
@@ -83,7 +83,7 @@ def _profile(product: int, highest_v: float, n_inputs: int, n_low_inputs: int = 
         registers=(
             *_inputs(0, n_high, WIDE_V),
             *_inputs(n_high, n_inputs, LOW_V),
-            *row(
+            *register_row(
                 ["DAC0", "DAC1"],
                 1000,
                 step=2,
@@ -98,10 +98,16 @@ def _profile(product: int, highest_v: float, n_inputs: int, n_low_inputs: int = 
             Constant("holding", TEST, "uint32", TEST_NUMBER),
             Constant("holding", PRODUCT_ID, "float32", product),
         ),
-        facts=(
-            ("model", Fact("holding", PRODUCT_ID, "float32", lambda number: f"T{number:.0f}")),
-            ("serial", Fact("holding", SERIAL, "uint32", lambda number: f"{number:.0f}")),
-            ("firmware", Fact("holding", FIRMWARE, "float32", lambda number: f"{number:.4f}")),
+        identity_fields=(
+            (
+                "model",
+                IdentityField("holding", PRODUCT_ID, "float32", lambda number: f"T{number:.0f}"),
+            ),
+            ("serial", IdentityField("holding", SERIAL, "uint32", lambda number: f"{number:.0f}")),
+            (
+                "firmware",
+                IdentityField("holding", FIRMWARE, "float32", lambda number: f"{number:.4f}"),
+            ),
         ),
         max_rate_hz=1000.0,  # LabJack: an exchange over Ethernet takes 1.0 ms
         watchdog=_watchdog(highest_v),

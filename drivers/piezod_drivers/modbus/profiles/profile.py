@@ -7,30 +7,30 @@ from typing import NamedTuple
 from piezod_drivers.modbus.register import NumberType, Register, Table
 
 
-class Fact(NamedTuple):
-    """Where a device tells who it is.
+class IdentityField(NamedTuple):
+    """The register that holds a part of the identity.
 
     Attributes:
-        table: Of the register.
-        address: Of the register.
-        type: Of the number.
-        show: Makes a text of the number.
+        table: Table of the register.
+        address: Address of the register.
+        type: Coding of the number.
+        to_text: Converts the number to text.
     """
 
     table: Table
     address: int
     type: NumberType
-    show: Callable[[float], str]
+    to_text: Callable[[float], str]
 
 
 class Constant(NamedTuple):
-    """A register that always holds the same number, by which words in a wrong order show.
+    """A register that always holds the same number; it reveals a wrong order of words.
 
     Attributes:
-        table: Of the register.
-        address: Of the register.
-        type: Of the number.
-        number: What it holds.
+        table: Table of the register.
+        address: Address of the register.
+        type: Coding of the number.
+        number: The number that it holds.
     """
 
     table: Table
@@ -43,29 +43,30 @@ class Setting(NamedTuple):
     """A holding register of a watchdog.
 
     Attributes:
-        address: Of the register.
-        type: Of the number.
-        number: What it is set to.
-        is_set: Whether it is written; a status is not.
-        is_told: Whether it can be read back; a command cannot.
+        address: Address of the register.
+        type: Coding of the number.
+        number: The number that it is set to.
+        is_written: Whether it is written; a status is not.
+        is_readable: Whether it can be read back; a command cannot.
     """
 
     address: int
     type: NumberType
     number: float
-    is_set: bool = True
-    is_told: bool = True
+    is_written: bool = True
+    is_readable: bool = True
 
 
 class WatchdogPlan(NamedTuple):
     """How a device's watchdog is armed.
 
     Attributes:
-        off: Stops it, first of all where a setting differs, and at the end.
-        settings: Its settings, from the time in s and the safe value.
-        on: Starts it.
-        objection: Tells why a time in s or a safe value is impossible, "" where they are not.
-        writes: The functions for writing that it notices.
+        off: Settings that stop it: at first if another setting differs, and at the end.
+        settings: Returns its settings for a time-out in s and a safe value.
+        on: Settings that start it.
+        objection: Returns why a time-out in s or a safe value is impossible, "" if both are
+            possible.
+        writes: The functions for writing that the watchdog notices.
     """
 
     off: Sequence[Setting]
@@ -77,19 +78,19 @@ class WatchdogPlan(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ModbusProfile:
-    """A device that needs only its name.
+    """A device whose registers are known.
 
     Attributes:
-        name: As configurations call it.
-        maker: Who makes it.
-        model: What they call it.
-        registers: All that can be used.
+        name: Name in configurations.
+        maker: Maker.
+        model: Name of the model.
+        registers: All registers that can be used.
         write_functions: Functions that it has for writing.
         feedback: Whether it has LabJack's combined function.
-        constants: What it always holds.
-        facts: Where it tells its model, serial number and firmware, by these words.
-        max_rate_hz: How often it can be asked at most, whatever the line takes.
-        watchdog: How to arm its watchdog; None where that is not known.
+        constants: Registers that always hold the same number.
+        identity_fields: Registers with model, serial number and firmware, by these words.
+        max_rate_hz: Highest rate of requests, independent of the line.
+        watchdog: How to arm its watchdog; None if that is unknown.
     """
 
     name: str
@@ -99,25 +100,25 @@ class ModbusProfile:
     write_functions: tuple[int, ...] = (6, 16)
     feedback: bool = False
     constants: tuple[Constant, ...] = ()
-    facts: tuple[tuple[str, Fact], ...] = ()
+    identity_fields: tuple[tuple[str, IdentityField], ...] = ()
     max_rate_hz: float = 1000.0
     watchdog: WatchdogPlan | None = None
 
 
-def row(
+def register_row(
     names: Sequence[str | None],
     first: int,
     *,
     step: int = 1,
     **columns: object,
 ) -> tuple[Register, ...]:
-    """Return registers that differ in name and address only.
+    """Return registers that differ only in name and address.
 
     Args:
-        names: Of the channels, in the order of their addresses.
-        first: Address of the first.
-        step: From address to address.
-        **columns: What they have in common.
+        names: Names of the channels, in the order of their addresses.
+        first: Address of the first register.
+        step: Distance of the addresses.
+        **columns: Fields that the registers have in common.
     """
     return tuple(
         Register.model_validate({"channel": name, "address": first + step * i, **columns})

@@ -1,8 +1,8 @@
-"""WAGO 750 couplers with one analogue input and one analogue output module, over Modbus TCP or RTU.
+"""WAGO 750 couplers with one analogue input and one analogue output module, over TCP or RTU.
 
-The process image begins with the analogue modules: inputs at 0x0000, outputs are written there and
-read back from 0x0200. The watchdog, constants and item number after WAGO's public manuals; modules
-of other kinds lie behind and are reached by registers of one's own. Not confirmed on hardware.
+The process image begins with the analogue modules: inputs are at 0x0000, outputs are written there
+and read back from 0x0200. Watchdog, constants and item number are from WAGO's public manuals.
+Modules of other kinds follow behind these; use a register map for them. Not confirmed on hardware.
 """
 
 from collections.abc import Sequence
@@ -10,15 +10,15 @@ from typing import Final
 
 from piezod_drivers.modbus.profiles.profile import (
     Constant,
-    Fact,
+    IdentityField,
     ModbusProfile,
     Setting,
     WatchdogPlan,
-    row,
+    register_row,
 )
 
 CODES: Final = 0x7FF0
-"""Of 10 V: 12 bits, left-adjusted, the lowest three are not used."""
+"""Code of 10 V: 12 bits, left-adjusted; the lowest three bits are not used."""
 READ_BACK: Final = 0x0200
 WATCHDOG_TIME: Final = 0x1000
 WATCHDOG_MASK: Final = 0x1001
@@ -26,7 +26,7 @@ WATCHDOG_TRIGGER: Final = 0x1003
 WATCHDOG_STATUS: Final = 0x1006
 """0 not active, 1 active, 2 tripped."""
 WATCHDOG_STOP: Final = 0x1008
-STOP_NUMBER: Final = 0xAA55
+STOP_NUMBER: Final = 0xAA55  # written to WATCHDOG_STOP, it stops the watchdog
 CONSTANTS: Final = (0x0000, 0xFFFF, 0x1234, 0xAAAA, 0x5555, 0x7FFF, 0x8000, 0x3FFF, 0x4000)
 CONSTANTS_AT: Final = 0x2000
 FIRMWARE, SERIES, ITEM = 0x2010, 0x2011, 0x2012
@@ -41,8 +41,8 @@ def _settings(timeout_s: float, _safe_v: float) -> Sequence[Setting]:
 
 def _objection(timeout_s: float, safe_v: float) -> str:
     if abs(10 * timeout_s - round(10 * timeout_s)) > 1e-6:
-        return f"timeout_s counts tenths of a second (got {timeout_s:g}), allowed: 0.1, 0.2 … s"
-    return "" if safe_v == 0 else f"safe must be 0, which is all it can do (got {safe_v:g} V)"
+        return f"timeout_s must be tenths of a second (got {timeout_s:g}), allowed: 0.1, 0.2 … s"
+    return "" if safe_v == 0 else f"safe must be 0, the only value it supports (got {safe_v:g} V)"
 
 
 _NAMES: Final = [f"AO{i}" for i in range(4)]
@@ -53,7 +53,7 @@ WAGO: Final = (
         maker="WAGO",
         model="750",
         registers=(
-            *row(
+            *register_row(
                 [f"AI{i}" for i in range(4)],
                 0,
                 role="input",
@@ -62,29 +62,37 @@ WAGO: Final = (
                 scale=10 / CODES,
                 range=(-9.999, 9.999),
             ),
-            *row(_NAMES, 0, role="output", type="int16", scale=10 / CODES, range=(0.0, 10.0)),
-            *row(_NAMES, READ_BACK, role="read-back", type="int16", scale=10 / CODES),
-            *row([None], WATCHDOG_STATUS, role="status", flag="watchdog tripped", mask=2),
+            *register_row(
+                _NAMES, 0, role="output", type="int16", scale=10 / CODES, range=(0.0, 10.0)
+            ),
+            *register_row(_NAMES, READ_BACK, role="read-back", type="int16", scale=10 / CODES),
+            *register_row([None], WATCHDOG_STATUS, role="status", flag="watchdog tripped", mask=2),
         ),
         write_functions=(6, 16, 23),
         constants=tuple(
             Constant("holding", CONSTANTS_AT + i, "uint16", number)
             for i, number in enumerate(CONSTANTS)
         ),
-        facts=(
-            ("model", Fact("holding", ITEM, "uint16", lambda number: f"750-{int(number)}")),
-            ("firmware", Fact("holding", FIRMWARE, "uint16", lambda number: f"{int(number)}")),
+        identity_fields=(
+            (
+                "model",
+                IdentityField("holding", ITEM, "uint16", lambda number: f"750-{int(number)}"),
+            ),
+            (
+                "firmware",
+                IdentityField("holding", FIRMWARE, "uint16", lambda number: f"{int(number)}"),
+            ),
         ),
         max_rate_hz=500.0,  # not documented
         watchdog=WatchdogPlan(
-            off=[Setting(WATCHDOG_STOP, "uint16", STOP_NUMBER, is_told=False)],
+            off=[Setting(WATCHDOG_STOP, "uint16", STOP_NUMBER, is_readable=False)],
             settings=_settings,
             on=[
-                Setting(WATCHDOG_TRIGGER, "uint16", 1, is_told=False),
-                Setting(WATCHDOG_STATUS, "uint16", 1, is_set=False),
+                Setting(WATCHDOG_TRIGGER, "uint16", 1, is_readable=False),
+                Setting(WATCHDOG_STATUS, "uint16", 1, is_written=False),
             ],
             objection=_objection,
-            writes=(6, 16),  # its mask knows the functions 1 to 16
+            writes=(6, 16),  # its mask covers only the functions 1 to 16
         ),
     ),
 )

@@ -1,17 +1,20 @@
 """Waveshare Modbus RTU Analog Input 8CH and Analog Output 8CH, and the (B) versions for volts.
 
-After Waveshare's public wiki: inputs by function 4, in µA or mV; outputs by functions 3, 6, 16, in
-µA or mV; version at 0x8000. An input is taken to be in its usual mode, 0 to 20 mA or 0 to 10 V. Not
+From Waveshare's public wiki: inputs by function 4 and outputs by functions 3, 6, 16, in µA or mV;
+version at 0x8000. Inputs are assumed to be in their default mode, 0 to 20 mA or 0 to 10 V. Not
 confirmed on hardware.
 """
 
 from typing import Final, Literal
 
-from piezod_drivers.modbus.profiles.profile import Fact, ModbusProfile, row
+from piezod_drivers.modbus.profiles.profile import IdentityField, ModbusProfile, register_row
 
 VERSION: Final = 0x8000
 _FACTS: Final = (
-    ("firmware", Fact("holding", VERSION, "uint16", lambda number: f"V{number / 100:.2f}")),
+    (
+        "firmware",
+        IdentityField("holding", VERSION, "uint16", lambda number: f"V{number / 100:.2f}"),
+    ),
 )
 
 
@@ -20,16 +23,17 @@ def _input(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> M
         name=name,
         maker="Waveshare",
         model=model,
-        registers=row(
+        registers=register_row(
             [f"AI{i}" for i in range(1, 9)],
             0,
             role="input",
             table="input",
             scale=1e-3,
             unit=unit,
+            # At the end of its range the converter is saturated.
             range=(0.0, 0.9999 * highest),
         ),
-        facts=_FACTS,
+        identity_fields=_FACTS,
         max_rate_hz=100.0,  # not documented; at 115200 bit/s the line is slower
     )
 
@@ -41,10 +45,10 @@ def _output(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> 
         maker="Waveshare",
         model=model,
         registers=(
-            *row(names, 0, role="output", scale=1e-3, unit=unit, range=(0.0, highest)),
-            *row(names, 0, role="read-back", scale=1e-3, unit=unit),
+            *register_row(names, 0, role="output", scale=1e-3, unit=unit, range=(0.0, highest)),
+            *register_row(names, 0, role="read-back", scale=1e-3, unit=unit),
         ),
-        facts=_FACTS,
+        identity_fields=_FACTS,
         max_rate_hz=100.0,  # not documented; at 115200 bit/s the line is slower
     )
 

@@ -1,8 +1,8 @@
-"""The choices that a regular expression leaves, read from its text.
+"""Finds ambiguities in a regular expression, from its text.
 
-Which characters may follow which is Glushkov's automaton: every character, class or `.` of the
-expression is a place, and from each place it is known which places may come next. Where two of
-them match the same character there is a clash: whoever matches has to try both.
+Glushkov's automaton states which characters may follow which. Every character, class or `.` of the
+expression is a position, and each position has a set of positions that may come next. If two of
+these match the same character, the expression is ambiguous there: the engine has to try both.
 """
 
 import re
@@ -14,13 +14,13 @@ _ALPHABET: Final = (*map(chr, range(_OTHER)), "\u2603")  # the last stands for a
 _PLAIN_ESCAPES: Final = frozenset("dDsSwWtnrfvx")
 
 
-class Clash(NamedTuple):
-    """Two places that may come next and match the same character.
+class Ambiguity(NamedTuple):
+    """Two positions that may come next and match the same character.
 
     Attributes:
-        first: The one that comes first in the expression.
-        texts: Both, as they are written.
-        repeated: Whether a repeated group holds both, so that the choice comes again and again.
+        first: The position that comes first in the expression.
+        texts: The text of both positions.
+        repeated: Whether a repeated group contains both, so that the choice recurs.
     """
 
     first: int
@@ -29,7 +29,7 @@ class Clash(NamedTuple):
 
 
 class _Part(NamedTuple):
-    nothing: bool  # whether it may match nothing
+    nothing: bool  # whether it may match the empty text
     first: frozenset[int]
     last: frozenset[int]
 
@@ -37,42 +37,43 @@ class _Part(NamedTuple):
 _NOTHING: Final = _Part(True, frozenset(), frozenset())
 
 
-def clashes_of(pattern: str) -> list[Clash]:
-    """Find the choices that a regular expression leaves; Python's `re` must have compiled it.
+def find_ambiguities(pattern: str) -> list[Ambiguity]:
+    """Return the ambiguities of a regular expression that Python's `re` has compiled.
 
     Raises:
-        ValueError: If it has what cannot be judged: the error says what, and what to do.
+        ValueError: If it has an unsupported construct; the text has the remedy.
     """
-    return _Reader(pattern).clashes()
+    return _Reader(pattern).ambiguities()
 
 
 class _Reader:
     def __init__(self, pattern: str) -> None:
-        self._pattern, self._at = pattern, 0
+        self._pattern, self._index = pattern, 0
         self._texts: list[str] = []
         self._chars: list[frozenset[int]] = []
         self._follow: list[set[int]] = []
         self._groups: list[set[int]] = []
         self._n_groups = 0
 
-    def clashes(self) -> list[Clash]:
+    def ambiguities(self) -> list[Ambiguity]:
         whole = self._alternatives()
         found = set()
+        # Any two positions that may be next compete for the next character.
         for nexts in [whole.first, *self._follow]:
             for first, second in combinations(sorted(nexts), 2):
                 if self._chars[first] & self._chars[second]:
                     texts = self._texts[first], self._texts[second]
                     repeated = bool(self._groups[first] & self._groups[second])
-                    found.add(Clash(first, texts, repeated))
+                    found.add(Ambiguity(first, texts, repeated))
         return sorted(found)
 
-    def _next(self, length: int = 1) -> str:
-        return self._pattern[self._at : self._at + length]
+    def _peek(self, length: int = 1) -> str:
+        return self._pattern[self._index : self._index + length]
 
     def _alternatives(self) -> _Part:
         part = self._sequence()
-        while self._next() == "|":
-            self._at += 1
+        while self._peek() == "|":
+            self._index += 1
             other = self._sequence()
             part = _Part(
                 part.nothing or other.nothing, part.first | other.first, part.last | other.last
@@ -81,7 +82,7 @@ class _Reader:
 
     def _sequence(self) -> _Part:
         part = _NOTHING
-        while self._next() not in {"", "|", ")"}:
+        while self._peek() not in {"", "|", ")"}:
             part = self._joined(part, self._element())
         return part
 
@@ -96,36 +97,37 @@ class _Reader:
 
     def _element(self) -> _Part:
         begin = len(self._texts)
-        grouped = self._next() == "("
+        grouped = self._peek() == "("
         part = self._group() if grouped else self._place()
         low, high = self._quantifier()
+        # x{3} leaves no choice: it is as good as xxx.
         if high > 1 and (grouped or low != high):
             part = self._repeated(part, range(begin, len(self._texts)), grouped)
         return part._replace(nothing=part.nothing or low == 0)
 
     def _group(self) -> _Part:
-        opening = re.compile(r"\((?:\?:|\?P<\w+>|(?!\?))").match(self._pattern, self._at)
+        opening = re.compile(r"\((?:\?:|\?P<\w+>|(?!\?))").match(self._pattern, self._index)
         if opening is None:
             raise ValueError(
-                f"{self._next(4)}… is not allowed: of groups only (…), (?:…), (?P<…>…)"
+                f"{self._peek(4)}… is not allowed: the only groups are (…), (?:…), (?P<…>…)"
             )
-        self._at = opening.end()
+        self._index = opening.end()
         part = self._alternatives()
-        self._at += 1  # the closing parenthesis
+        self._index += 1  # the closing parenthesis
         return part
 
     def _place(self) -> _Part:
         found = re.compile(r"\[\^?\]?(?:\\.|[^\]\\])*\]|\\x..|\\.|.", re.DOTALL).match(
-            self._pattern, self._at
+            self._pattern, self._index
         )
-        assert found is not None  # noqa: S101 - the expression has been compiled, and goes on here
+        assert found is not None  # noqa: S101 - `re` has compiled the expression
         text = found[0]
         if text in "^${" or (
             text[0] == "\\" and text[1].isalnum() and text[1] not in _PLAIN_ESCAPES
         ):
-            remedy = "an answer is matched as a whole, characters stand for themselves"
+            remedy = "a reply is matched as a whole, and characters stand for themselves"
             raise ValueError(f"{text} is not allowed: {remedy}")
-        self._at = found.end()
+        self._index = found.end()
         chars = re.compile(text, re.ASCII)
         self._texts.append(text)
         self._chars.append(
@@ -136,10 +138,10 @@ class _Reader:
         return _Part(False, *[frozenset({len(self._texts) - 1})] * 2)
 
     def _quantifier(self) -> tuple[int, float]:
-        found = re.compile(r"([*+?]|\{(\d*)(,?)(\d*)\})([?+]?)").match(self._pattern, self._at)
+        found = re.compile(r"([*+?]|\{(\d*)(,?)(\d*)\})([?+]?)").match(self._pattern, self._index)
         if found is None:
             return 1, 1
-        self._at = found.end()
+        self._index = found.end()
         if found[5] == "+":
             raise ValueError(f"{found[0]} is not allowed: leave out the second +")
         if found[2] is None:
@@ -149,11 +151,11 @@ class _Reader:
 
     def _repeated(self, part: _Part, places: range, grouped: bool) -> _Part:
         if grouped and part.nothing:
-            raise ValueError("a group that may match nothing is repeated: let it match something")
+            raise ValueError("a repeated group may match the empty text: let it match a character")
         for place in part.last:
             if part.first & self._follow[place]:
                 what = f"{self._texts[place]} is repeated, and so is the group around it"
-                raise ValueError(f"{what}: leave out one of the two")
+                raise ValueError(f"{what}: leave out one repetition")
             self._follow[place] |= part.first
         if grouped:
             self._n_groups += 1

@@ -1,4 +1,4 @@
-"""Lines of text to and from a device, as options describe them; no state, no time."""
+"""Lines of text to and from a device, as the options describe them. Pure."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -11,31 +11,31 @@ from piezod_drivers.serial_line.ascii_line.patterns import compiled
 from piezod_drivers.serial_line.ascii_line.templates import (
     TAG,
     Placeholder,
-    filled,
+    fill,
     names_of,
     parsed,
 )
 
 TAGS: Final = 1000
-"""A command's number goes from 0 to below this, and begins anew."""
+"""The running number is below this limit, and then starts at 0 again."""
 
 _NUMBER: Final = re.compile(
     r"[-+]?(?:\d{1,15}(?:\.\d{0,15})?|\.\d{1,15})(?:[eE][-+]?\d{1,2})?", re.ASCII
 )
 
 Found: TypeAlias = Mapping[str, str]
-"""What the named groups of a pattern have matched."""
-Flagging: TypeAlias = Sequence[tuple[re.Pattern[str], DeviceFlag]]
+"""Texts that the named groups of a pattern have matched."""
+FlagPatterns: TypeAlias = Sequence[tuple[re.Pattern[str], DeviceFlag]]
 
 
 class Exchange(NamedTuple):
-    """A command and its answer.
+    """A compiled command and its reply.
 
     Attributes:
-        places: The command.
-        reply: What the answer must be, None for no answer.
-        names: Whose values are in the command or in its answer, but for the tag.
-        tagged: Whether the answer names the command by its number.
+        places: The placeholders of the command.
+        reply: Pattern of the reply, None if there is none.
+        names: Channels whose values are in the command or in its reply.
+        tagged: Whether the reply repeats the running number of the command.
     """
 
     places: tuple[Placeholder, ...]
@@ -44,8 +44,8 @@ class Exchange(NamedTuple):
     tagged: bool
 
 
-def exchange(ask: AskConfig) -> Exchange:
-    """Compile a command and its answer."""
+def compiled_exchange(ask: AskConfig) -> Exchange:
+    """Compile a command and its reply."""
     reply = None if ask.reply is None else compiled(ask.reply)
     names = [*names_of(ask.send), *(reply.groupindex if reply else ())]
     return Exchange(
@@ -56,16 +56,16 @@ def exchange(ask: AskConfig) -> Exchange:
     )
 
 
-def flagging(configs: Sequence[FlagConfig]) -> Flagging:
-    """Compile what lines mean that something is the matter."""
+def compiled_flags(configs: Sequence[FlagConfig]) -> FlagPatterns:
+    """Compile the patterns of lines that report faults."""
     return [(compiled(config.pattern), DeviceFlag(config.flag)) for config in configs]
 
 
 class AsciiLines:
-    """How lines are made of text, and text of lines.
+    """Converts text to lines, and lines to text.
 
     Args:
-        options: Terminators, encoding, longest answer.
+        options: Terminators, encoding, length of the longest reply.
     """
 
     def __init__(self, options: AsciiFields) -> None:
@@ -74,18 +74,18 @@ class AsciiLines:
         self._reply_ending = options.reply_ending.encode(self._encoding)
 
     def request(self, places: tuple[Placeholder, ...], values: Mapping[str, float]) -> bytes:
-        """Return a command with its values and terminator; may be called in the loop."""
-        return filled(places, values).encode(self._encoding) + self._ending
+        """Return a command with its values and terminator. Real-time safe."""
+        return fill(places, values).encode(self._encoding) + self._ending
 
     def length(self, got: bytes) -> int:
-        """Find a line; a `LengthOf`: garbage is what is longer than an answer can be."""
+        """Return the length of a line, as a `LengthOf`; a longer one is garbage. Real-time safe."""
         end = got.find(self._reply_ending, 0, self._longest + len(self._reply_ending))
         if end >= 0:
             return end + len(self._reply_ending)
         return 0 if len(got) <= self._longest + len(self._reply_ending) else -self._longest
 
     def text(self, line: bytes) -> str:
-        """Return a line without its terminator, and without spaces around it.
+        """Return a line without terminator and surrounding spaces. Real-time safe.
 
         Raises:
             LineFault: `GARBAGE` if it is not in the encoding.
@@ -96,30 +96,30 @@ class AsciiLines:
             raise LineFault(DeviceFlag.GARBAGE, f"not {self._encoding}: {line[:40]!r}") from error
 
 
-def matched(text: str, reply: re.Pattern[str], errors: Flagging) -> Found:
-    """Return what the groups of an answer's pattern have matched; may be called in the loop.
+def match_reply(text: str, reply: re.Pattern[str], errors: FlagPatterns) -> Found:
+    """Return the texts of the groups in a reply. Real-time safe.
 
     Raises:
-        LineFault: What an error means, `GARBAGE` where the line is neither error nor answer.
+        LineFault: The fault of an error line; `GARBAGE` if the line is neither error nor reply.
     """
     for pattern, flag in errors:
         if pattern.fullmatch(text):
-            raise LineFault(flag, f"the device says: {text[:80]}")
+            raise LineFault(flag, f"the device reports: {text[:80]}")
     found = reply.fullmatch(text)
     if found is None:
         raise LineFault(
-            DeviceFlag.GARBAGE, f"an answer like {reply.pattern} was expected, not {text[:80]!r}"
+            DeviceFlag.GARBAGE, f"expected a reply like {reply.pattern}, got {text[:80]!r}"
         )
     return found.groupdict("")
 
 
 def number(text: str) -> float:
-    """Read a number; may be called in the loop.
+    """Return the number in a text. Real-time safe.
 
     Raises:
-        LineFault: `GARBAGE` if it is none.
+        LineFault: `GARBAGE` if it is not a number.
     """
     text = text.strip()
     if _NUMBER.fullmatch(text) is None:
-        raise LineFault(DeviceFlag.GARBAGE, f"no number came, but {text[:40]!r}")
+        raise LineFault(DeviceFlag.GARBAGE, f"expected a number, got {text[:40]!r}")
     return float(text)

@@ -1,4 +1,4 @@
-"""What is said to a device that speaks in lines of text, as its options have it."""
+"""The conversation with a device that speaks in lines of text, as the options describe it."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -17,213 +17,221 @@ from piezod_drivers.serial_line.ascii_line.codec import (
     AsciiLines,
     Exchange,
     Found,
-    exchange,
-    flagging,
-    matched,
+    compiled_exchange,
+    compiled_flags,
+    match_reply,
     number,
 )
 from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 from piezod_drivers.serial_line.ascii_line.templates import TAG, parsed
-from piezod_drivers.serial_line.quiet import until_quiet
+from piezod_drivers.serial_line.quiet import read_until_quiet
 
 UNKNOWN: Final = "unknown"
 _ANY_TEXT: Final = re.compile(".*", re.DOTALL)
-_NO_COMMAND: Final = parsed("~")
+_NO_COMMAND: Final = parsed("~")  # makes half a command before it an unknown one
 _QUIET_NS: Final = 100_000_000
 _MOST_CHUNKS: Final = 20
 
 
 class AsciiDialogue:
-    """Implements `Dialogue` for a device that answers what it is asked.
+    """Implements `Dialogue` for a device that replies to commands.
 
     Args:
         line: The line, not open.
-        options: What a configuration says, which fits together.
-        wiring: Which channels are used.
+        options: Valid options.
+        wiring: The channels in use.
     """
 
     def __init__(self, line: Line, options: AsciiOptions, wiring: Wiring) -> None:
         self._line, self._options, self._wiring = line, options, wiring
-        self._talk = Conversation(line, options.timeout_ms * 1e-3)
+        self._conversation = Conversation(line, options.timeout_ms * 1e-3)
         self._lines = AsciiLines(options)
-        self._errors = flagging(options.errors)
-        self._set = _using([exchange(ask) for ask in options.set], wiring.outputs)
-        self._read = _using([exchange(ask) for ask in options.read], wiring.inputs)
-        self._back = _using([exchange(ask) for ask in options.read_back], wiring.outputs)
-        only_read = bool(options.outputs) and not wiring.outputs  # as `piezod probe` does
-        self._start = [] if only_read else [exchange(ask) for ask in options.start]
-        self._stop = [] if only_read else [exchange(ask) for ask in options.stop]
+        self._errors = compiled_flags(options.errors)
+        self._set = _serving([compiled_exchange(ask) for ask in options.set], wiring.outputs)
+        self._read = _serving([compiled_exchange(ask) for ask in options.read], wiring.inputs)
+        self._read_back = _serving(
+            [compiled_exchange(ask) for ask in options.read_back], wiring.outputs
+        )
+        # `start` and `stop` may change outputs, modes or loops.
+        only_read = bool(options.outputs) and not wiring.outputs  # e.g. `piezod probe`
+        self._start = [] if only_read else [compiled_exchange(ask) for ask in options.start]
+        self._stop = [] if only_read else [compiled_exchange(ask) for ask in options.stop]
         self._tolerances = {name: output.tolerance for name, output in options.outputs.items()}
         status = options.status
         self._status_ns = 0
         self._status_every_ns = 0 if status is None else round(status.every_ms * 1e6)
         self._status_places = () if status is None else parsed(status.send)
-        self._status_flags = () if status is None else flagging(status.flags)
+        self._status_flags = () if status is None else compiled_flags(status.flags)
         self._flags = NO_FLAGS
-        self._broken = False
+        self._half_sent = False
         self._tags = count()
         self._noticed: set[DeviceFlag] = set()
 
     def open(self) -> Identity:
-        """Connect and ask who is there, where the options say how.
+        """Connect and identify the device, if the options have a command for it.
 
         Raises:
-            DeviceError: If another device answers, or a command would set a channel of no axis.
+            DeviceError: If another device replies, or a command would set a channel of no axis.
         """
-        for each in self._set:
-            if unused := [name for name in each.names if name not in self._wiring.outputs]:
-                what = f"a command sets channel {unused[0]} too, which serves no axis"
-                raise DeviceError(
-                    f"{what}: name it in an axis, or write its value into the command"
-                )
+        for exchange in self._set:
+            if unused := [name for name in exchange.names if name not in self._wiring.outputs]:
+                what = f"a command also sets channel {unused[0]}, which no axis uses"
+                raise DeviceError(f"{what}: use it in an axis, or write its value into the command")
         self._line.open()
-        self._talk.restart()
-        self._abort()
+        self._conversation.restart()
+        self._end_half_command()
         self._flags = NO_FLAGS
         if self._options.identify is None:
             return Identity(UNKNOWN, f"device at {self._line.where}", UNKNOWN, UNKNOWN)
-        who = exchange(self._options.identify)
+        who = compiled_exchange(self._options.identify)
         try:
-            found = self._exchange(who, {}, anybody=True)
+            found = self._exchange(who, {}, any_reply=True)
         except LineFault as fault:
             if fault.flag is DeviceFlag.GARBAGE:
                 raise DeviceError(f"{self._line.where} is another device: {fault}") from fault
             raise
-        told = [found.get(name, "").strip() or UNKNOWN for name in Identity._fields]
-        return Identity(*told)
+        values_read = [found.get(name, "").strip() or UNKNOWN for name in Identity._fields]
+        return Identity(*values_read)
 
     def close(self) -> None:
-        """Let go of the line; the outputs stay as they are."""
+        """Disconnect; the outputs keep their values."""
         self._line.close()
 
     def capabilities(self) -> Capabilities:
-        """Tell what the options say."""
+        """Return the capabilities of the options."""
         return Capabilities(
             inputs=self._wiring.inputs,
             outputs=self._wiring.outputs,
-            read_back=bool(self._back),
+            read_back=bool(self._read_back),
             max_rate_hz=self._options.max_rate_hz,
             holds=True,
         )
 
     def ranges(self) -> Sequence[tuple[float, float]]:
-        """Tell what the options say."""
+        """Return the range of each output, in its unit."""
         outputs = [self._options.outputs[name] for name in self._wiring.outputs]
         return [(output.lowest, output.highest) for output in outputs]
 
     def activate(self) -> None:
-        """Send what comes at the start."""
-        for each in self._start:
-            self._exchange(each, {})
+        """Send the commands of `start`."""
+        for exchange in self._start:
+            self._exchange(exchange, {})
 
     def deactivate(self) -> None:
-        """Send what comes at the end."""
-        for each in self._stop:
-            self._exchange(each, {})
+        """Send the commands of `stop`."""
+        for exchange in self._stop:
+            self._exchange(exchange, {})
 
     def sample(self, now_ns: int) -> Reading:
-        """Read every input."""
-        told = self._numbers(self._read, self._wiring.inputs)
-        self._look_after()
-        return now_ns, [told[name] for name in self._wiring.inputs]
+        """Read every input. Real-time safe."""
+        values_read = self._numbers(self._read, self._wiring.inputs)
+        self._poll_status()
+        return now_ns, [values_read[name] for name in self._wiring.inputs]
 
     def put(self, values: Sequence[float]) -> None:
-        """Set every output; where a device does not answer, ask what is in force.
+        """Set every output; without a reply, read the outputs back. Real-time safe.
 
         Raises:
-            LineFault: If an exchange fails; `LOCAL_MODE` if it reads back another setpoint.
+            LineFault: If an exchange fails; `LOCAL_MODE` if another setpoint is read back.
         """
         named = dict(zip(self._wiring.outputs, values, strict=True))
         answered = True
-        for each in self._set:
-            self._exchange(each, named)
-            answered &= each.reply is not None
+        for exchange in self._set:
+            self._exchange(exchange, named)
+            answered &= exchange.reply is not None
         if not answered:
-            self._compare(named, self._numbers(self._back, self._wiring.outputs))
-        self._look_after()
+            self._check_setpoints(named, self._numbers(self._read_back, self._wiring.outputs))
+        self._poll_status()
 
     def in_force(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - it is asked every time
-        """Ask what is in force on each output."""
-        told = self._numbers(self._back, self._wiring.outputs)
-        return [told[name] for name in self._wiring.outputs]
+        """Read back every output. Real-time safe."""
+        values_read = self._numbers(self._read_back, self._wiring.outputs)
+        return [values_read[name] for name in self._wiring.outputs]
 
     def flags(self) -> Sequence[Flags]:
-        """Tell what the status said last; of every channel, as it names none."""
+        """Return the last status, for every channel: it names none. Real-time safe."""
         return [self._flags] * (len(self._wiring.inputs) + len(self._wiring.outputs))
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail."""
-        noticed, self._noticed = self._noticed | self._talk.take_noticed(), set()
+        """Return and clear the flags of faults that no call has raised. Real-time safe."""
+        noticed, self._noticed = self._noticed | self._conversation.take_noticed(), set()
         return noticed
 
     def _numbers(self, exchanges: Sequence[Exchange], channels: Sequence[str]) -> dict[str, float]:
-        told = {}
-        for each in exchanges:
-            found = self._exchange(each, {})
-            told.update({name: number(found[name]) for name in each.names if name in channels})
-        return told
+        values_read = {}
+        for exchange in exchanges:
+            found = self._exchange(exchange, {})
+            values_read.update(
+                {name: number(found[name]) for name in exchange.names if name in channels}
+            )
+        return values_read
 
-    def _compare(self, wanted: Mapping[str, float], told: Mapping[str, float]) -> None:
+    def _check_setpoints(
+        self, wanted: Mapping[str, float], values_read: Mapping[str, float]
+    ) -> None:
         for name, value in wanted.items():
             tolerance = self._tolerances[name]
-            if tolerance is not None and abs(told[name] - value) > tolerance:
-                what = f"{name} was set to {value:g}, {told[name]:g} is told: it does not obey"
+            if tolerance is not None and abs(values_read[name] - value) > tolerance:
+                what = f"{name} was set to {value:g}, reads back {values_read[name]:g}: not obeyed"
                 raise LineFault(DeviceFlag.LOCAL_MODE, what)
 
     def _exchange(
-        self, each: Exchange, values: Mapping[str, float], *, anybody: bool = False
+        self, exchange: Exchange, values: Mapping[str, float], *, any_reply: bool = False
     ) -> Found:
-        """Send a command and return what the groups of its answer match; call it in the loop.
+        """Send a command and return the texts of the groups in its reply. Real-time safe.
 
         Args:
-            each: The command and its answer.
-            values: What stands in the command.
-            anybody: Whether another answer is one too, as another device gives it.
+            exchange: The command and its reply.
+            values: Values for the command.
+            any_reply: Whether a reply that does not match ends the wait, because another device
+                sent it.
 
         Raises:
-            LineFault: If it is not answered as it should be.
+            LineFault: If the reply is missing or does not match.
         """
         tag = next(self._tags) % TAGS
-        request = self._lines.request(each.places, {**values, TAG: tag})
-        reply = each.reply
+        request = self._lines.request(exchange.places, {**values, TAG: tag})
+        reply = exchange.reply
         if reply is None:
             self._tell(request)
             return {}
 
         def fits(line: bytes) -> bool:
             try:
-                found = matched(self._lines.text(line), reply, self._errors)
+                found = match_reply(self._lines.text(line), reply, self._errors)
             except LineFault as fault:
                 return fault.flag is not DeviceFlag.GARBAGE
-            return not each.tagged or (found[TAG].strip().isdecimal() and int(found[TAG]) == tag)
+            return not exchange.tagged or (
+                found[TAG].strip().isdecimal() and int(found[TAG]) == tag
+            )
 
-        is_reply = fits if each.tagged else None
-        line = self._ask(request, is_reply, None if anybody else fits)
-        return matched(self._lines.text(line), reply, self._errors)
+        is_reply = fits if exchange.tagged else None
+        line = self._ask(request, is_reply, None if any_reply else fits)
+        return match_reply(self._lines.text(line), reply, self._errors)
 
     def _ask(self, request: bytes, is_reply: Fits | None = None, fits: Fits | None = None) -> bytes:
         try:
-            return self._talk.ask(request, self._lines.length, is_reply, fits=fits)
+            return self._conversation.ask(request, self._lines.length, is_reply, fits=fits)
         except LineFault as fault:
-            self._broken |= fault.flag is DeviceFlag.PARTIAL_WRITE
+            self._half_sent |= fault.flag is DeviceFlag.PARTIAL_WRITE
             raise
 
     def _tell(self, request: bytes) -> None:
         try:
-            self._talk.tell(request)
+            self._conversation.tell(request)
         except LineFault as fault:
-            self._broken |= fault.flag is DeviceFlag.PARTIAL_WRITE
+            self._half_sent |= fault.flag is DeviceFlag.PARTIAL_WRITE
             raise
 
-    def _abort(self) -> None:
-        """Make half a command that went out one that nobody knows, and read away what it says."""
-        if self._broken:
+    def _end_half_command(self) -> None:
+        """Make half a command that was sent an unknown one, and discard its reply."""
+        if self._half_sent:
             self._line.send(self._lines.request(_NO_COMMAND, {}))
-            self._broken = False
-            until_quiet(self._line, _QUIET_NS, _MOST_CHUNKS)
+            self._half_sent = False
+            read_until_quiet(self._line, _QUIET_NS, _MOST_CHUNKS)
 
-    def _look_after(self) -> None:
-        """Ask for a status that is due; never before a setpoint."""
+    def _poll_status(self) -> None:
+        """Read the status if it is due; never before a setpoint."""
         now_ns = self._line.now_ns()
         if not self._status_flags or now_ns - self._status_ns < self._status_every_ns:
             return
@@ -231,7 +239,7 @@ class AsciiDialogue:
         request = self._lines.request(self._status_places, {TAG: next(self._tags) % TAGS})
         try:
             text = self._lines.text(self._ask(request))
-            matched(text, _ANY_TEXT, self._errors)
+            match_reply(text, _ANY_TEXT, self._errors)
         except LineFault as fault:
             if fault.flag in LOSING:
                 raise
@@ -242,6 +250,6 @@ class AsciiDialogue:
         )
 
 
-def _using(exchanges: Sequence[Exchange], channels: Sequence[str]) -> list[Exchange]:
-    """Return the exchanges that serve one of these channels."""
-    return [each for each in exchanges if set(each.names) & set(channels)]
+def _serving(exchanges: Sequence[Exchange], channels: Sequence[str]) -> list[Exchange]:
+    """Return the exchanges that concern one of these channels."""
+    return [exchange for exchange in exchanges if set(exchange.names) & set(channels)]

@@ -1,4 +1,4 @@
-"""Devices that speak in lines of text, as their options describe them."""
+"""The driver `ascii`: devices that speak in lines of text."""
 
 from typing import Final
 
@@ -29,7 +29,7 @@ def _create(options: AsciiOptions, wiring: Wiring, _seed: int) -> BusDevice:
 
 PLUGIN: Final = DriverPlugin(
     name="ascii",
-    summary="any device that speaks in lines of text: commands and answers are written in YAML",
+    summary="any device that speaks in lines of text: the configuration has commands and replies",
     options_model=AsciiOptions,
     create=_create,
     confirmed_on_hardware=False,

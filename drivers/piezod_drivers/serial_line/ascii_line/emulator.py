@@ -1,4 +1,4 @@
-"""Two devices for the examples: a nanopositioner that is asked, a sensor that sends unasked."""
+"""Two emulated devices for the examples: a nanopositioner with commands, a streaming sensor."""
 
 import re
 from math import isfinite
@@ -9,22 +9,22 @@ from piezod.devices.emulation.emulator import EmulatorPlugin
 
 MOST_BYTES: Final = 256
 V_PER_UM: Final = 150 / 26
-"""What the nanopositioner gives its actuator for a µm that it is sent to."""
+"""Voltage at the actuator per µm of the setpoint."""
 TRAVEL_UM: Final = 26.0
 LINE_NS: Final = 2_000_000
-"""How often the sensor sends."""
+"""Period of the sensor's lines."""
 
 _MOVE: Final = re.compile(r"MOVE([XYZ]) (-?\d{1,4}(?:\.\d{1,6})?)u", re.ASCII)
 
 
-class Nanopositioner:
-    """Implements `Emulator`; its commands look like PiezoConcept's, after micro-manager's source.
+class NanopositionerEmulator:
+    """Implements `Emulator`; its commands look like PiezoConcept's (source: micro-manager).
 
-    `INFOX` tells what it is, `MOVEX 1.2340u` is answered by `Ok`, `GET_X` tells where it is. It has
-    no closed loop: a stage with hysteresis is behind it.
+    `INFOX` returns its identity, `MOVEX 1.2340u` is acknowledged by `Ok`, `GET_X` returns the
+    position. It has no closed loop: a stage with hysteresis is behind it.
 
     Args:
-        bench: Its bench; axes X, Y and Z are the first three.
+        bench: The rig; axes X, Y and Z are the first three.
         serial: Serial number.
     """
 
@@ -34,13 +34,13 @@ class Nanopositioner:
         self._rest = b""
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Take what has come; answer every command that is complete."""
+        """Reply to every complete command."""
         *lines, rest = (self._rest + data).split(b"\n")
         self._rest = rest[-MOST_BYTES:]
         return [self._answer(line.decode("latin-1")).encode("ascii") + b"\n" for line in lines]
 
     def due(self) -> list[bytes]:
-        """Send nothing unasked."""
+        """Send nothing."""
         return []
 
     def _answer(self, command: str) -> str:
@@ -60,38 +60,41 @@ class Nanopositioner:
         return "Error: out of range"
 
 
-class Reporter:
-    """Implements `Emulator`; a sensor as somebody builds one: `P 12.3456 um` every 2 ms.
+class StreamingSensor:
+    """Implements `Emulator`: a home-made sensor that sends `P 12.3456 um` every 2 ms.
 
     Args:
-        bench: Its bench; it measures the first axis.
+        bench: The rig; the first axis is measured.
     """
 
     def __init__(self, bench: SharedRig) -> None:
         self._bench, self._sent_ns = bench, 0
 
-    def receive(self, data: bytes) -> list[bytes]:  # noqa: ARG002 - it hears nothing
-        """Answer nothing."""
+    def receive(self, data: bytes) -> list[bytes]:  # noqa: ARG002 - it has no commands
+        """Return nothing."""
         return []
 
     def due(self) -> list[bytes]:
-        """Return a line if it is time for one; those that were missed are never sent."""
+        """Return a line if it is due; missed lines are not sent."""
         now_ns = self._bench.now_ns()
         if now_ns - self._sent_ns < LINE_NS:
             return []
         self._sent_ns = now_ns
         position_um = self._bench.position_um(0)
-        told = f"{position_um:.4f} um" if isfinite(position_um) else "saturated"
-        return [f"P {told}\r\n".encode("ascii")]
+        text = f"{position_um:.4f} um" if isfinite(position_um) else "saturated"
+        return [f"P {text}\r\n".encode("ascii")]
 
 
-def _reporter(bench: SharedRig, _serial: str) -> Reporter:
-    return Reporter(bench)
+def _streaming_sensor(bench: SharedRig, _serial: str) -> StreamingSensor:
+    return StreamingSensor(bench)
 
 
 DEMO: Final = EmulatorPlugin(
-    "ascii-demo", "a nanopositioner with commands like PiezoConcept's", "serial", Nanopositioner
+    "ascii-demo",
+    "a nanopositioner with commands like PiezoConcept's",
+    "serial",
+    NanopositionerEmulator,
 )
 SENSOR: Final = EmulatorPlugin(
-    "ascii-sensor", "a sensor that sends a line every 2 ms", "serial", _reporter
+    "ascii-sensor", "a sensor that sends a line every 2 ms", "serial", _streaming_sensor
 )

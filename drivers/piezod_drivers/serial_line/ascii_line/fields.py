@@ -1,4 +1,4 @@
-"""What may be said of a device that speaks in lines of text, before the rules that span fields."""
+"""The single options of a device that speaks in lines of text, without the rules between them."""
 
 from collections.abc import Mapping
 from typing import Annotated, Literal, TypeAlias
@@ -11,7 +11,7 @@ from piezod_drivers.serial_line.ascii_line.templates import Template
 from piezod_drivers.serial_line.options import LineOptions
 
 Key: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,30}$")]
-"""A channel's name, as it stands in commands and patterns."""
+"""Name of a channel, as used in commands and patterns."""
 Unit: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=10)]
 Terminator: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=4)]
 Value: TypeAlias = Annotated[float, Quantity(-1e9, 1e9)]
@@ -30,108 +30,106 @@ FlagName: TypeAlias = Literal[
 
 
 class AskConfig(ConfigModel):
-    """A command and its answer."""
+    """Options of a command and its reply."""
 
     send: Template = Field(
-        description="The command; {x:.3f} is the value of channel x, {n} a number that goes round."
+        description="Command; {x:.3f} is the value of channel x, {n} a running number."
     )
     reply: Pattern | None = Field(
         default=None,
-        description="Regular expression for the whole answer; (?P<x>…) is the value of channel x, "
-        "(?P<n>…) the number that was sent. Left out: the device does not answer.",
+        description="Regular expression for the whole reply; (?P<x>…) is the value of channel x, "
+        "(?P<n>…) the running number. Left out: the command has no reply.",
     )
 
 
 class FlagConfig(ConfigModel):
-    """What a line means."""
+    """Options of a line that reports a fault."""
 
     pattern: Pattern = Field(description="Regular expression for the whole line.")
-    flag: FlagName = Field(description="What is the matter with the device.")
+    flag: FlagName = Field(description="Fault that the line reports.")
 
 
 class StatusConfig(ConfigModel):
-    """A question for the status."""
+    """Options of the status request."""
 
-    send: Template = Field(description="The command.")
+    send: Template = Field(description="Command.")
     every_ms: Annotated[float, Quantity(10, 10_000, "ms")] = Field(
-        default=100.0, description="How often it is sent, after a setpoint or a sample, ms."
+        default=100.0, description="Period of the request, ms; it follows a setpoint or a sample."
     )
     flags: tuple[FlagConfig, ...] = Field(
-        min_length=1, max_length=20, description="What the answer means; all that match are told."
+        min_length=1, max_length=20, description="Faults; all whose pattern matches are reported."
     )
 
 
 class AsciiOutputConfig(ConfigModel):
-    """A channel that is driven."""
+    """Options of an output."""
 
-    unit: Unit = Field(default="V", description="Unit of its values: V, µm, %, ….")
+    unit: Unit = Field(default="V", description="Unit of the values: V, µm, %, ….")
     lowest: Value = Field(description="Lowest value that is sent.")
     highest: Value = Field(description="Highest value that is sent.")
     tolerance: Annotated[float, Quantity(0, 1e9)] | None = Field(
         default=None,
-        description="How far from a setpoint without an answer the value read back may be, just "
-        "after it; for a device that reads the setpoint back. Left out: not compared.",
+        description="Largest difference between a setpoint without reply and the value that is "
+        "read back just after it, for a device that reads back the setpoint. Left out: no check.",
     )
 
 
 class AsciiInputConfig(ConfigModel):
-    """A channel that is read."""
+    """Options of an input."""
 
-    unit: Unit = Field(default="µm", description="Unit of its values: µm, V, counts, ….")
+    unit: Unit = Field(default="µm", description="Unit of the values: µm, V, counts, ….")
 
 
 class AsciiFields(LineOptions):
-    """The fields of the options."""
+    """The options."""
 
-    terminator: Terminator = Field(default="\n", description="What ends a command.")
+    terminator: Terminator = Field(default="\n", description="End of a command.")
     reply_terminator: Terminator | None = Field(
-        default=None, description="What ends an answer; left out: the same."
+        default=None, description="End of a reply; left out: the same."
     )
     encoding: Literal["ascii", "latin-1", "utf-8"] = Field(
-        default="ascii", description="How characters become bytes."
+        default="ascii", description="Encoding of characters."
     )
     longest_reply: Annotated[int, Quantity(1, 250, "bytes")] = Field(
-        default=120, description="A longer line is garbage."
+        default=120, description="Length of the longest reply; a longer line is garbage."
     )
     max_rate_hz: Annotated[float, Quantity(0.1, 20_000, "Hz")] = Field(
-        default=50.0, description="The fastest loop that device and line can follow, Hz."
+        default=50.0, description="Highest rate that device and line allow, Hz."
     )
-    inputs: Mapping[Key, AsciiInputConfig] = Field(
-        default={}, description="Channels that are read."
-    )
-    outputs: Mapping[Key, AsciiOutputConfig] = Field(
-        default={}, description="Channels that are driven."
-    )
+    inputs: Mapping[Key, AsciiInputConfig] = Field(default={}, description="Inputs by name.")
+    outputs: Mapping[Key, AsciiOutputConfig] = Field(default={}, description="Outputs by name.")
     identify: AskConfig | None = Field(
         default=None,
-        description="Asks who is there; groups maker, model, serial, firmware tell, others match.",
+        description="Requests the identity; groups of the reply: maker, model, serial, firmware.",
     )
     start: tuple[AskConfig, ...] = Field(
         default=(),
         max_length=20,
-        description="Sent before the first setpoint or sample; not if none of the outputs is used.",
+        description="Sent before the first setpoint or sample, unless none of the outputs is used.",
     )
     stop: tuple[AskConfig, ...] = Field(
-        default=(), max_length=20, description="Sent at the end, likewise."
+        default=(),
+        max_length=20,
+        description="Sent at the end, unless none of the outputs is used.",
     )
     set: tuple[AskConfig, ...] = Field(
-        default=(), max_length=20, description="Set the outputs, one or several at a time."
+        default=(), max_length=20, description="Set the outputs, one or several per command."
     )
     read: tuple[AskConfig, ...] = Field(
-        default=(), max_length=20, description="Read the inputs, one or several at a time."
+        default=(), max_length=20, description="Read the inputs, one or several per command."
     )
     read_back: tuple[AskConfig, ...] = Field(
-        default=(), max_length=20, description="Ask what is in force at the outputs."
+        default=(), max_length=20, description="Read back the outputs."
     )
-    status: StatusConfig | None = Field(default=None, description="Asks what is the matter.")
+    status: StatusConfig | None = Field(default=None, description="Requests the status.")
     errors: tuple[FlagConfig, ...] = Field(
-        default=(), max_length=20, description="Lines that come in place of any answer."
+        default=(), max_length=20, description="Lines that may replace any reply."
     )
     stream: Pattern | None = Field(
-        default=None, description="A line that comes unasked, again and again; instead of `read`."
+        default=None, description="Line that the device sends by itself; instead of `read`."
     )
 
     @property
     def reply_ending(self) -> str:
-        """What ends an answer."""
+        """End of a reply."""
         return self.terminator if self.reply_terminator is None else self.reply_terminator

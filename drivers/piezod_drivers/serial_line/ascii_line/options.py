@@ -1,4 +1,4 @@
-"""What a configuration may say about a device that speaks in lines of text."""
+"""Options of a device that speaks in lines of text."""
 
 from typing import Self
 

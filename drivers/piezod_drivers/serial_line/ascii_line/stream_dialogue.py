@@ -1,4 +1,4 @@
-"""Listening to a sensor that sends lines of text unasked."""
+"""The conversation with a sensor that sends lines of text by itself."""
 
 import re
 from collections.abc import Sequence
@@ -11,33 +11,34 @@ from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod_drivers.serial_line.ascii_line.codec import (
     AsciiLines,
-    exchange,
-    flagging,
-    matched,
+    compiled_exchange,
+    compiled_flags,
+    match_reply,
     number,
 )
 from piezod_drivers.serial_line.ascii_line.options import AsciiOptions
 
 UNKNOWN: Final = "unknown"
 MOST_READS: Final = 4
-"""If the line has still more after so many reads, more comes than can be read."""
+"""If more bytes come after this number of reads, the line is overloaded."""
 MOST_BYTES: Final = 4096
-"""Only the newest lines matter: of what has come, no more than this is looked at."""
+"""Only the newest lines matter: at most this number of bytes is searched."""
 
-_NEVER: Final[Reading] = (0, ())
+_NO_READING: Final[Reading] = (0, ())
 
 
 class AsciiStreamDialogue:
-    """Implements `Dialogue` for a device that is only listened to.
+    """Implements `Dialogue` for a device that is only read.
 
-    A sample is the newest line; where none has come since the last call, the same again with the
-    same instant. The first bytes after opening belong to a line that began before, and are dropped.
+    A sample is the newest line. If none has come since the last call, it is the same sample with
+    the same instant. The first bytes after opening belong to a line that began earlier, and are
+    dropped.
 
     Args:
         line: The line, not open.
-        options: What a configuration says, which fits together.
-        wiring: Which channels are used.
-        pattern: What a line must be.
+        options: Valid options.
+        wiring: The channels in use.
+        pattern: Pattern of a line.
     """
 
     def __init__(
@@ -45,10 +46,10 @@ class AsciiStreamDialogue:
     ) -> None:
         self._line, self._options, self._wiring, self._pattern = line, options, wiring, pattern
         self._lines = AsciiLines(options)
-        self._errors = flagging(options.errors)
+        self._errors = compiled_flags(options.errors)
         self._timeout_ns = round(options.timeout_ms * 1e6)
         self._rest = b""
-        self._last = _NEVER
+        self._newest = _NO_READING
         self._noticed: set[DeviceFlag] = set()
 
     def open(self) -> Identity:
@@ -63,100 +64,102 @@ class AsciiStreamDialogue:
         end_ns = self._line.now_ns() + 2 * self._timeout_ns
         while (left_ns := end_ns - self._line.now_ns()) > 0:
             self._rest += self._line.receive(left_ns)
-            lines = self._complete()
+            lines = self._complete_lines()
+            # The first line is complete only from its second terminator on: its beginning may be
+            # missing.
             if (synchronous and lines) or len(lines) > 1:
                 return Identity(UNKNOWN, f"device at {self._line.where}", UNKNOWN, UNKNOWN)
             synchronous |= bool(lines)
-        what = f"nothing comes from {self._line.where}"
+        what = f"no line from {self._line.where}"
         raise LineFault(DeviceFlag.LATE_REPLY, what)
 
     def close(self) -> None:
-        """Let go of the line."""
+        """Disconnect."""
         self._line.close()
 
     def capabilities(self) -> Capabilities:
-        """Tell what the options say."""
+        """Return the capabilities of the options."""
         return Capabilities(self._wiring.inputs, (), False, self._options.max_rate_hz)
 
     def ranges(self) -> Sequence[tuple[float, float]]:
-        """Tell that it has no outputs."""
+        """Return nothing: there are no outputs."""
         return ()
 
     def activate(self) -> None:
-        """Send what comes at the start, and wait for a line.
+        """Send the commands of `start`, and wait for a line.
 
         Raises:
-            LineFault: `LATE_REPLY` if none comes; what an error means.
+            LineFault: `LATE_REPLY` if none comes; the fault of an error line.
         """
-        for each in self._options.start:
-            self._line.send(self._lines.request(exchange(each).places, {}))
-        self._last = _NEVER
+        for ask in self._options.start:
+            self._line.send(self._lines.request(compiled_exchange(ask).places, {}))
+        self._newest = _NO_READING
         end_ns = self._line.now_ns() + self._timeout_ns
-        while not self._last[1] and (left_ns := end_ns - self._line.now_ns()) > 0:
+        while not self._newest[1] and (left_ns := end_ns - self._line.now_ns()) > 0:
             self._rest += self._line.receive(left_ns)
-            self._take(self._line.now_ns())
-        if not self._last[1]:
-            raise LineFault(DeviceFlag.LATE_REPLY, f"nothing comes from {self._line.where}")
+            self._use_newest(self._line.now_ns())
+        if not self._newest[1]:
+            raise LineFault(DeviceFlag.LATE_REPLY, f"no line from {self._line.where}")
 
     def deactivate(self) -> None:
-        """Send what comes at the end."""
-        for each in self._options.stop:
-            self._line.send(self._lines.request(exchange(each).places, {}))
+        """Send the commands of `stop`."""
+        for ask in self._options.stop:
+            self._line.send(self._lines.request(compiled_exchange(ask).places, {}))
 
     def sample(self, now_ns: int) -> Reading:
-        """Return what the newest line tells, with the instant of the call that found it.
+        """Return the values of the newest line, with the instant it was found. Real-time safe.
 
         Raises:
-            LineFault: `LATE_REPLY` if none has come for the time-out; what an error means.
+            LineFault: `LATE_REPLY` if none has come for the time-out; the fault of an error line.
         """
-        self._listen()
-        self._take(now_ns)
-        t_ns, values = self._last
+        self._read_pending()
+        self._use_newest(now_ns)
+        t_ns, values = self._newest
         if now_ns - t_ns > self._timeout_ns:
-            raise LineFault(DeviceFlag.LATE_REPLY, "no line has come")
+            raise LineFault(DeviceFlag.LATE_REPLY, "no line within the time-out")
         return min(t_ns, now_ns), values
 
     def put(self, values: Sequence[float]) -> None:
         """Do nothing: there are no outputs."""
 
     def in_force(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's
-        """Tell nothing: there are no outputs."""
+        """Return nothing: there are no outputs."""
         return ()
 
     def flags(self) -> Sequence[Flags]:
-        """Tell nothing of what lasts."""
+        """Return no flags: errors fail the sample. Real-time safe."""
         return [NO_FLAGS] * len(self._wiring.inputs)
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what was wrong with lines, and with the line itself."""
+        """Return and clear the flags of faulty lines and of the line. Real-time safe."""
         noticed, self._noticed = self._noticed, set()
         if isinstance(self._line, NoticingLine):
             noticed |= self._line.take_noticed()
         return noticed
 
-    def _take(self, now_ns: int) -> None:
-        """Take the newest line that is none of garbage; call it in the loop.
+    def _use_newest(self, now_ns: int) -> None:
+        """Use the newest line that is not garbage. Real-time safe.
 
-        After an error nothing is valid until another line comes.
+        After an error line samples are invalid until another line comes.
 
         Raises:
-            LineFault: If that line is an error.
+            LineFault: If the newest line is an error.
         """
-        lines = self._complete()
+        lines = self._complete_lines()
         while lines:
             try:
-                found = matched(self._lines.text(lines.pop()), self._pattern, self._errors)
+                found = match_reply(self._lines.text(lines.pop()), self._pattern, self._errors)
                 values = [number(found[name]) for name in self._wiring.inputs]
             except LineFault as fault:
                 if fault.flag is not DeviceFlag.GARBAGE:
-                    self._last = now_ns, [nan] * len(self._wiring.inputs)
+                    self._newest = now_ns, [nan] * len(self._wiring.inputs)
                     raise
                 self._noticed.add(fault.flag)
             else:
-                self._last = now_ns, values
+                self._newest = now_ns, values
                 return
 
-    def _listen(self) -> None:
+    def _read_pending(self) -> None:
         for _ in range(MOST_READS):
             got = self._line.receive(0)
             if not got:
@@ -164,8 +167,8 @@ class AsciiStreamDialogue:
             self._rest = (self._rest + got)[-MOST_BYTES:]
         self._noticed.add(DeviceFlag.BUS_OVERLOADED)
 
-    def _complete(self) -> list[bytes]:
-        """Take the complete lines out of what has come; the rest stays."""
+    def _complete_lines(self) -> list[bytes]:
+        """Remove the complete lines from the pending bytes and return them."""
         lines = []
         while length := self._lines.length(self._rest):
             if length > 0:

@@ -1,4 +1,4 @@
-"""Commands with places for values: `MOVEX {x:.3f}u`."""
+"""Commands with placeholders for values, such as `MOVEX {x:.3f}u`."""
 
 import re
 from collections.abc import Mapping
@@ -9,21 +9,21 @@ from pydantic import AfterValidator, StringConstraints
 
 from piezod.config.fields import broken_rule
 
-USUAL_SPEC: Final = ".4f"
+DEFAULT_SPEC: Final = ".4f"
 TAG: Final = "n"
-"""The name of the number that goes round, so that an answer names its command."""
+"""Name of the running number, which relates a reply to its command."""
 
 _SPEC: Final = re.compile(r"[+ ]?0?\d{0,2}(?:\.\d{1,2})?[feEgG]", re.ASCII)
 _TAG_SPEC: Final = re.compile(r"(?:0\dd?)?", re.ASCII)
 
 
 class Placeholder(NamedTuple):
-    """A place for a value.
+    """A placeholder for a value, and the text before it.
 
     Attributes:
-        before: What is sent before it.
-        name: Whose value it is, "" for none after the last text.
-        spec: How it is written, as Python's `format` takes it.
+        before: Text before it.
+        name: Name of the value, "" for the end of the command.
+        spec: Format as in Python's `format`.
     """
 
     before: str
@@ -32,36 +32,36 @@ class Placeholder(NamedTuple):
 
 
 def parsed(template: str) -> tuple[Placeholder, ...]:
-    """Read a command.
+    """Return the placeholders of a command.
 
     Raises:
-        ValueError: If it has anything but names and formats of numbers in braces.
+        ValueError: If braces contain anything but names and formats of numbers.
     """
     places = []
     for before, name, spec, conversion in Formatter().parse(template):
         if name is not None:
             _check(name, spec or "", conversion)
-        written = "" if name is None else spec or ("" if name == TAG else USUAL_SPEC)
+        written = "" if name is None else spec or ("" if name == TAG else DEFAULT_SPEC)
         places.append(Placeholder(before, name or "", written))
     return tuple(places)
 
 
 def _check(name: str, spec: str, conversion: str | None) -> None:
     if not name.isidentifier():
-        raise ValueError(f"{{{name}}} names no channel; write {{{{ and }}}} for braces themselves")
+        raise ValueError(f"{{{name}}} names no channel; write {{{{ and }}}} for braces")
     allowed = _TAG_SPEC if name == TAG else _SPEC
     if conversion or (spec and allowed.fullmatch(spec) is None):
         example = "{n} or {n:03d}" if name == TAG else f"{{{name}:.3f}}"
-        raise ValueError(f"{name} has a format that is not allowed, write it as {example}")
+        raise ValueError(f"the format of {name} is not allowed, use for example {example}")
 
 
 def names_of(template: str) -> list[str]:
-    """Return whose values a command has, in their order; one that `parsed` accepts."""
+    """Return the names of the values of a command, in order; `parsed` must accept it."""
     return [place.name for place in parsed(template) if place.name]
 
 
-def filled(places: tuple[Placeholder, ...], values: Mapping[str, float]) -> str:
-    """Return a command with its values; may be called in the loop."""
+def fill(places: tuple[Placeholder, ...], values: Mapping[str, float]) -> str:
+    """Return a command with its values. Real-time safe."""
     return "".join(
         place.before + (format(values[place.name], place.spec) if place.name else "")
         for place in places

@@ -1,4 +1,4 @@
-"""Which channels a PI controller has."""
+"""The channels of a PI controller."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -11,10 +11,10 @@ class HasAxes(Protocol):
 
     @property
     def axes(self) -> Sequence[str]:
-        """Identifiers of the axes that the controller has."""
+        """Identifiers of the axes of the controller."""
         ...
 
 
 def channels(options: HasAxes) -> ChannelUnits:
-    """Tell the channels: each axis has a position in µm and a voltage in V."""
+    """Return the channels: each axis has a position in µm and a voltage in V."""
     return ChannelUnits(dict.fromkeys(options.axes, "µm"), dict.fromkeys(options.axes, "V"))

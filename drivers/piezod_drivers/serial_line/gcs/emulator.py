@@ -1,4 +1,4 @@
-"""A PI controller's end of the wire, of either generation."""
+"""The emulated PI controller, of either generation."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -9,6 +9,7 @@ from typing import Final, NamedTuple, Protocol
 from piezod.devices.emulation.bench import SharedRig
 
 _LONGEST: Final = 256
+# Commands of a single byte, which need no line feed.
 _STOP: Final = 0x18
 _IS_MOVING: Final = 0x05
 _IS_READY: Final = 0x07
@@ -19,11 +20,11 @@ _NUMBER: Final = re.compile(r"[+-]?[0-9]{1,12}(\.[0-9]{0,12})?([eE][+-]?[0-9]{1,
 _Handler = Callable[[str], bytes]
 
 
-class GcsRefusal(Exception):  # noqa: N818 - an answer of the protocol, not an error of ours
-    """Raised where a command is not carried out.
+class GcsRefusal(Exception):  # noqa: N818 - a reply of the device
+    """Raised if a command is refused.
 
     Args:
-        code: What `ERR?` tells then.
+        code: Error code that `ERR?` then reports.
     """
 
     def __init__(self, code: int) -> None:
@@ -35,10 +36,10 @@ class ProtocolQuirks(Protocol):
     """How a generation reads arguments and writes replies."""
 
     def ids(self, text: str, every: Sequence[str]) -> Sequence[str]:
-        """Return the identifiers in the arguments of a query; all there are where none is given.
+        """Return the identifiers in the arguments of a query; all of them if there are none.
 
         Raises:
-            GcsRefusal: If it cannot be read.
+            GcsRefusal: If the arguments are invalid.
         """
         ...
 
@@ -46,7 +47,7 @@ class ProtocolQuirks(Protocol):
         """Return the identifiers and values in the arguments of a setting.
 
         Raises:
-            GcsRefusal: If it cannot be read.
+            GcsRefusal: If the arguments are invalid.
         """
         ...
 
@@ -54,22 +55,22 @@ class ProtocolQuirks(Protocol):
         """Return the reply to a query."""
         ...
 
-    def listed(self, ids: Sequence[str]) -> bytes:
+    def axes_reply(self, ids: Sequence[str]) -> bytes:
         """Return the reply to `SAI?`."""
         ...
 
 
-class GcsKind(NamedTuple):
-    """What differs between controllers.
+class GcsModel(NamedTuple):
+    """Properties in which controllers differ.
 
     Attributes:
-        identity: Reply to `*IDN?`, with a place for the serial number.
-        ids: Identifiers of the axes, in order; as many as the bench has are used.
-        serial: Its usual serial number.
+        identity: Reply to `*IDN?`, with a placeholder for the serial number.
+        ids: Identifiers of the axes in order; the rig's number of axes is used.
+        serial: Usual serial number.
         number: Format of a measured value.
-        servo_error: What `SVA` with the servo on gives.
-        lowest_v: Lowest voltage that it drives.
-        highest_v: Highest voltage that it drives.
+        servo_error: Error code of `SVA` while the servo is on.
+        lowest_v: Lowest voltage.
+        highest_v: Highest voltage.
     """
 
     identity: str
@@ -83,69 +84,69 @@ class GcsKind(NamedTuple):
 
 @dataclass
 class GcsAxis:
-    """State of an axis; it drives while it is online."""
+    """State of an axis; `SVA` drives it while it is online."""
 
     servo: bool = False
     online: bool = True
-    wanted_v: float = 0.0
+    setpoint_v: float = 0.0
 
 
 class GcsEmulator:
     """Implements `Emulator`: the commands that open-loop drive needs.
 
-    A set command has no reply, nor has a query that it does not understand; `ERR?` tells the last
-    error and clears it. With the servo on an axis stays where it is: there is no closed loop.
+    A set command has no reply, nor has an unknown query; `ERR?` reports the last error and clears
+    it. With the servo on, an axis keeps its voltage: there is no closed loop.
 
     Args:
-        bench: What it is connected to.
-        manners: Of its generation.
-        kind: Which controller it is.
-        serial: Its serial number, "" for its usual one.
+        bench: The rig.
+        quirks: Text format of the generation.
+        model: Properties of the controller.
+        serial: Serial number, "" for its usual one.
     """
 
     def __init__(
-        self, bench: SharedRig, manners: ProtocolQuirks, kind: GcsKind, serial: str
+        self, bench: SharedRig, quirks: ProtocolQuirks, model: GcsModel, serial: str
     ) -> None:
-        self._bench, self._manners, self._kind = bench, manners, kind
-        self._serial = serial or kind.serial
-        self._ids = tuple(kind.ids[: bench.n_axes])
-        self.axes = [GcsAxis(wanted_v=bench.drive_v(i)) for i in range(len(self._ids))]
+        self._bench, self._quirks, self._model = bench, quirks, model
+        self._serial = serial or model.serial
+        self._ids = tuple(model.ids[: bench.n_axes])
+        self.axes = [GcsAxis(setpoint_v=bench.drive_v(i)) for i in range(len(self._ids))]
         self._error = 0
         self._line = b""
         self._handlers: dict[str, _Handler] = {
-            "*IDN?": lambda _: f"{kind.identity.format(serial=self._serial)}\n".encode("cp1252"),
-            "ERR?": self._tell_error,
-            "SAI?": lambda _: manners.listed(self._ids),
+            "*IDN?": lambda _: f"{model.identity.format(serial=self._serial)}\n".encode("cp1252"),
+            "ERR?": self._report_error,
+            "SAI?": lambda _: quirks.axes_reply(self._ids),
             "POS?": self._query(self._position),
             "VOL?": self._query(bench.drive_v),
-            "SVA?": self._query(lambda i: self.axes[i].wanted_v),
+            "SVA?": self._query(lambda i: self.axes[i].setpoint_v),
             "SVO?": self._query(lambda i: self.axes[i].servo),
             "SVA": self._set_voltages,
             "SVO": self._set_servos,
         }
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Take what has come from the host; return the replies."""
+        """Process bytes of the host; return the replies."""
         replies = []
         for chunk in re.split(rb"([\n\x05\x07\x18])", data):
             if chunk == b"\n":
                 line, self._line = self._line, b""
-                replies.append(self._obey(line))
+                replies.append(self._execute(line))
             elif chunk and chunk[0] in {_STOP, _IS_MOVING, _IS_READY}:
-                replies.append(self._at_once(chunk[0]))
+                replies.append(self._execute_byte(chunk[0]))
             else:
                 self._line = (self._line + chunk)[: _LONGEST + 1]
         return [reply for reply in replies if reply]
 
     def connected(self) -> None:
-        """Forget the part of a line that came over a connection that is gone."""
+        """Discard an incomplete line of an earlier connection."""
         self._line = b""
 
     def due(self) -> list[bytes]:
-        """Return nothing: a controller speaks when it is asked."""
+        """Return nothing: a controller only replies."""
         return []
 
-    def _obey(self, line: bytes) -> bytes:
+    def _execute(self, line: bytes) -> bytes:
         if len(line) > _LONGEST:
             self._error = 3
             return b""
@@ -158,26 +159,26 @@ class GcsEmulator:
             self._error = refusal.code
             return b""
 
-    def _at_once(self, byte: int) -> bytes:
+    def _execute_byte(self, byte: int) -> bytes:
         if byte == _STOP:
             self._error = 10
             return b""
         return _READY if byte == _IS_READY else b"0\n"
 
-    def _tell_error(self, _arguments: str) -> bytes:
+    def _report_error(self, _arguments: str) -> bytes:
         error, self._error = self._error, 0
         return f"{error}\n".encode()
 
     def _query(self, value_of: Callable[[int], float]) -> _Handler:
         def answer(arguments: str) -> bytes:
-            ids = self._manners.ids(arguments, self._ids)
+            ids = self._quirks.ids(arguments, self._ids)
             values = [self._text(value_of(self._index(axis))) for axis in ids]
-            return self._manners.reply(ids, values)
+            return self._quirks.reply(ids, values)
 
         return answer
 
     def _text(self, value: float) -> str:
-        return str(int(value)) if isinstance(value, bool) else self._kind.number.format(value)
+        return str(int(value)) if isinstance(value, bool) else self._model.number.format(value)
 
     def _position(self, axis: int) -> float:
         position_um = self._bench.position_um(axis)
@@ -186,31 +187,31 @@ class GcsEmulator:
         return position_um
 
     def _set_voltages(self, arguments: str) -> bytes:
-        wanted = [
-            (self._index(axis), number_in(text)) for axis, text in self._manners.pairs(arguments)
+        setpoints = [
+            (self._index(axis), number_in(text)) for axis, text in self._quirks.pairs(arguments)
         ]
-        for i, value_v in wanted:
+        for i, value_v in setpoints:
             if self.axes[i].servo:
-                raise GcsRefusal(self._kind.servo_error)
-            if not self._kind.lowest_v <= value_v <= self._kind.highest_v:
+                raise GcsRefusal(self._model.servo_error)
+            if not self._model.lowest_v <= value_v <= self._model.highest_v:
                 raise GcsRefusal(17)
-        for i, value_v in wanted:
-            self.axes[i].wanted_v = value_v
+        for i, value_v in setpoints:
+            self.axes[i].setpoint_v = value_v
             self._drive(i)
         return b""
 
     def _set_servos(self, arguments: str) -> bytes:
-        for axis, text in self._manners.pairs(arguments):
+        for axis, text in self._quirks.pairs(arguments):
             self.axes[self._index(axis)].servo = switch_in(text)
         return b""
 
     def _drive(self, i: int) -> None:
-        """Drive an axis to what is wanted of it, unless something else drives it.
+        """Drive an axis to its setpoint, unless it is offline.
 
         Raises:
-            GcsRefusal: If the amplifier cannot.
+            GcsRefusal: If the amplifier refuses the voltage.
         """
-        if self.axes[i].online and not self._bench.drive(i, self.axes[i].wanted_v):
+        if self.axes[i].online and not self._bench.drive(i, self.axes[i].setpoint_v):
             raise GcsRefusal(302)
 
     def _index(self, axis: str) -> int:
@@ -227,7 +228,7 @@ def number_in(text: str) -> float:
     """Return the number in an argument.
 
     Raises:
-        GcsRefusal: If there is none.
+        GcsRefusal: If it is not a number.
     """
     if not _NUMBER.fullmatch(text):
         raise GcsRefusal(25)
@@ -235,10 +236,10 @@ def number_in(text: str) -> float:
 
 
 def switch_in(text: str) -> bool:
-    """Return the 0 or 1 in an argument.
+    """Return the switch, 0 or 1, in an argument.
 
     Raises:
-        GcsRefusal: If there is something else.
+        GcsRefusal: If it is another value.
     """
     if text not in {"0", "1"}:
         raise GcsRefusal(17)

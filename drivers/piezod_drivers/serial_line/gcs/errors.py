@@ -1,4 +1,4 @@
-"""What the numbers mean that a GCS controller answers to `ERR?`."""
+"""The error codes of GCS controllers, as `ERR?` reports them."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -10,21 +10,21 @@ _WRONG, _BUSY = DeviceFlag.WRONG_REQUEST, DeviceFlag.BUSY
 _FAILED, _LOCAL = DeviceFlag.DEVICE_FAILURE, DeviceFlag.LOCAL_MODE
 
 ERRORS: Final[Mapping[int, tuple[DeviceFlag, str]]] = {
-    1: (_WRONG, "syntax of a parameter"),
+    1: (_WRONG, "invalid syntax of a parameter"),
     2: (_WRONG, "unknown command"),
     3: (_WRONG, "command too long"),
-    5: (_WRONG, "move without servo"),
+    5: (_WRONG, "move with the servo off"),
     7: (_WRONG, "beyond the position limits"),
     8: (_WRONG, "velocity not allowed"),
-    10: (_LOCAL, "stopped by a command of somebody else"),
+    10: (_LOCAL, "stopped by another program"),
     15: (_WRONG, "no such axis"),
     17: (_WRONG, "parameter out of range"),
-    23: (_WRONG, "axis not allowed here"),
+    23: (_WRONG, "axis not allowed for this command"),
     24: (_WRONG, "wrong number of parameters"),
     25: (_WRONG, "not a number"),
     26: (_WRONG, "parameter missing"),
     27: (_WRONG, "beyond the soft limits"),
-    53: (_BUSY, "another movement goes on"),
+    53: (_BUSY, "another motion is in progress"),
     54: (_WRONG, "unknown parameter"),
     60: (_WRONG, "protected by a password"),
     61: (_BUSY, "auto-zero is running"),
@@ -34,30 +34,30 @@ ERRORS: Final[Mapping[int, tuple[DeviceFlag, str]]] = {
     72: (_LOCAL, "driven by an analog input"),
     73: (_LOCAL, "driven by the wave generator"),
     76: (_BUSY, "buffer overrun"),
-    79: (_LOCAL, "somebody has switched the servo on"),
+    79: (_LOCAL, "the servo was switched on by another program"),
     93: (_BUSY, "not possible while moving"),
     98: (_FAILED, "auto-zero failed"),
     99: (_FAILED, "the sensor is switched off"),
-    215: (_FAILED, "connection between the modules"),
+    215: (_FAILED, "no connection between the modules"),
     301: (_BUSY, "send buffer overflow"),
     302: (_WRONG, "voltage beyond the limits"),
-    303: (_LOCAL, "somebody has switched the servo on"),
+    303: (_LOCAL, "the servo was switched on by another program"),
     304: (_BUSY, "receive buffer overflow"),
     307: (_BUSY, "the controller waited too long for a command"),
     308: (_BUSY, "the controller waited too long for another module"),
     333: (_FAILED, "internal hardware error"),
-    505: (_FAILED, "the sensor's signal is not valid"),
+    505: (_FAILED, "the sensor signal is invalid"),
     555: (_FAILED, "unknown error"),
     602: (_FAILED, "supply voltage out of range"),
-    603: (DeviceFlag.OVER_TEMPERATURE, "too hot"),
-    652: (_FAILED, "the sensor cannot be set up"),
-    653: (_FAILED, "the sensor does not answer its controller"),
+    603: (DeviceFlag.OVER_TEMPERATURE, "temperature too high"),
+    652: (_FAILED, "the sensor cannot be configured"),
+    653: (_FAILED, "the sensor does not respond to its controller"),
     654: (_FAILED, "the power amplifier has failed"),
 }
-"""What is told of each error, and its name in our words."""
+"""Flag and description of each error."""
 
 
 def fault_of(code: int) -> LineFault:
-    """Return the fault that an error other than 0 is; one that is not listed is a failure."""
-    flag, what = ERRORS.get(code, (_FAILED, "an error that piezod has no name for"))
+    """Return the fault of an error code other than 0; an unknown code is a device failure."""
+    flag, what = ERRORS.get(code, (_FAILED, "unknown to piezod"))
     return LineFault(flag, f"error {code}: {what}")

@@ -1,4 +1,4 @@
-"""Which faults of `docs/faults.md` show on a PI controller."""
+"""The faults of `docs/faults.md` that the drivers for PI controllers detect."""
 
 from typing import Final
 
@@ -10,4 +10,4 @@ SEES: Final = frozenset(
         *(Fault.A1, Fault.A2, Fault.A3, Fault.A8, Fault.A12, Fault.A13, Fault.S10),
     }
 )
-"""On either generation: the line's own, missing acknowledgements, errors told, the voltage."""
+"""For both generations: faults of the line, missing replies, reported errors, and the voltage."""

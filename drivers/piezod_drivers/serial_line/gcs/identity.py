@@ -1,17 +1,17 @@
-"""Who a PI controller says it is."""
+"""Reads the identity of a PI controller."""
 
 from piezod.devices.interface import Identity
 
 _UNKNOWN = "unknown"
 
 
-def identity_of(told: bytes) -> Identity:
-    """Read the reply to `*IDN?`: maker, model, serial number and firmware, apart by commas.
+def identity_of(reply: bytes) -> Identity:
+    """Read the reply to `*IDN?`: maker, model, serial number and firmware, separated by commas.
 
-    What is missing is called unknown. PI writes in code page 1252; the maker may have commas of
-    its own.
+    Missing parts are "unknown". PI uses code page 1252. The maker's name may contain commas, so the
+    reply is split from its end.
     """
-    parts = [part.strip() for part in told.decode("cp1252", "replace").rsplit(",", 3)]
+    parts = [part.strip() for part in reply.decode("cp1252", "replace").rsplit(",", 3)]
     if len(parts) < 4:
         model, *rest = (part for part in parts if part) if any(parts) else (_UNKNOWN,)
         parts = ["Physik Instrumente", model, *rest]

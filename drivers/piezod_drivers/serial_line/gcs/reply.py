@@ -1,4 +1,4 @@
-"""Finds the replies to a request that ends with `ERR?`."""
+"""Finds and reads the replies to a request that ends with `ERR?`."""
 
 import re
 from itertools import islice
@@ -11,20 +11,20 @@ from piezod_drivers.serial_line.gcs.errors import fault_of
 
 _CODE: Final = r"([+-]?[0-9]{1,5})\n"
 _END: Final = re.compile(rb"(?<! )\n")
-"""A line feed ends a reply, unless a space stands before it: then the reply has another line."""
+"""A line feed ends a reply, unless a space precedes it: then the reply has another line."""
 _LONGEST: Final = 4096
-"""No reply of which something is needed is longer, in bytes."""
+"""Length of the longest reply, in bytes."""
 
 
 class GcsReply:
     r"""The replies to some queries and to the `ERR?` behind them, taken as one frame.
 
-    A query that the controller does not understand has no reply. A line that can be none of the
+    A query that the controller does not understand has no reply. A line that cannot be one of the
     replies is garbage.
 
     Args:
         *parts: Regular expression of each reply, with a group for each value; it ends with `\n`.
-        whole: Whether none may be missing: where a reply looks like that to `ERR?`.
+        whole: Whether every reply must be present, because one looks like the reply to `ERR?`.
     """
 
     def __init__(self, *parts: str, whole: bool = False) -> None:
@@ -34,25 +34,27 @@ class GcsReply:
         self._n_replies = len(parts) + 1
 
     def length_of(self, data: bytes) -> int:
-        """Find the frame at the beginning, as `Conversation.ask` wants it; call it in the loop."""
+        """Return the length of the frame, as `Conversation.ask` requires. Real-time safe."""
         if match := self._frame.match(data):
             return match.end()
         if len(data) > _LONGEST:
             return -len(data)
+        # Enough lines for all replies without a match, or a first line that fits none: it is
+        # garbage.
         ends = [end.end() for end in islice(_END.finditer(data), self._n_replies)]
         if ends and (len(ends) == self._n_replies or not self._any.fullmatch(data, 0, ends[0])):
             return -ends[0]
         return 0
 
     def texts(self, frame: bytes) -> list[bytes]:
-        """Return the values in a frame; may be called in the loop.
+        """Return the values of a frame. Real-time safe.
 
         Raises:
-            LineFault: The controller's error, or `GARBAGE` where a reply is missing without one.
+            LineFault: The controller's error, or `GARBAGE` if a reply is missing without an error.
         """
         match = self._frame.fullmatch(frame)
         if match is None:
-            raise LineFault(DeviceFlag.GARBAGE, f"no reply of a controller: {frame[:80]!r}")
+            raise LineFault(DeviceFlag.GARBAGE, f"not a reply of a controller: {frame[:80]!r}")
         *values, code = match.groups()
         if error := int(code):
             raise fault_of(error)
@@ -61,12 +63,12 @@ class GcsReply:
         return values
 
     def numbers(self, frame: bytes) -> list[float]:
-        """Return the values in a frame, all of them finite; may be called in the loop.
+        """Return the values of a frame as finite numbers. Real-time safe.
 
         Raises:
-            LineFault: As `texts` does; `GARBAGE` where a number is beyond all bounds.
+            LineFault: As `texts`; `GARBAGE` if a number is not finite.
         """
         numbers = [float(text) for text in self.texts(frame)]
         if not all(map(isfinite, numbers)):
-            raise LineFault(DeviceFlag.GARBAGE, f"no voltage or position: {frame[:80]!r}")
+            raise LineFault(DeviceFlag.GARBAGE, f"not a voltage or position: {frame[:80]!r}")
         return numbers

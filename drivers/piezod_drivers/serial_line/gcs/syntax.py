@@ -1,4 +1,4 @@
-"""What differs between the generations: how requests are written and replies look."""
+"""The interface to the text format of a generation: requests and patterns of replies."""
 
 from collections.abc import Sequence
 from typing import Final, Protocol
@@ -8,39 +8,39 @@ ASK_ERROR: Final = b"ERR?\n"
 
 
 class Syntax(Protocol):
-    """Pure; every method may be called in the loop.
+    """How a generation writes requests and replies. Pure. Real-time safe.
 
     Attributes:
-        bare: Whether the reply to a query of a switch looks like that to `ERR?`.
+        bare: Whether the reply to the query of a switch looks like the reply to `ERR?`.
     """
 
     bare: bool
 
     def query(self, command: str, ids: Sequence[str]) -> bytes:
-        """Return the request for something of some axes, as POS? of 1 and 2."""
+        """Return the query of some axes, such as `POS?` for 1 and 2."""
         ...
 
     def setting(self, command: str, ids: Sequence[str], values: Sequence[str]) -> bytes:
-        """Return the request that sets something of some axes."""
+        """Return the command that sets some axes."""
         ...
 
     def numbers(self, ids: Sequence[str]) -> Sequence[str]:
-        """Return the patterns of the replies to a query of measured values."""
+        """Return the patterns of the replies to a query of numbers."""
         ...
 
     def switches(self, ids: Sequence[str]) -> Sequence[str]:
-        """Return the patterns of the replies to a query of what is 0 or 1."""
+        """Return the patterns of the replies to a query of values that are 0 or 1."""
         ...
 
     def axes(self) -> str:
         """Return the pattern of the reply to `SAI?`, with one group."""
         ...
 
-    def axes_in(self, told: str) -> Sequence[str]:
-        """Return the axes in that group."""
+    def axes_in(self, reply: str) -> Sequence[str]:
+        """Return the axes in this group."""
         ...
 
 
 def volts(values: Sequence[float]) -> list[str]:
-    """Write voltages with steps of 0.1 mV, finer than any converter here."""
+    """Return voltages as text with steps of 0.1 mV, finer than any converter of these devices."""
     return [f"{value:.4f}" for value in values]

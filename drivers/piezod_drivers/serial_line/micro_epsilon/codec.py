@@ -1,16 +1,16 @@
-"""The stream of measured values; everything is pure and may be called in the loop.
+"""The stream of measured values. Everything is pure. Real-time safe.
 
-A value of 18 bits comes as three bytes, whose upper two bits say which one they are: 00, then 01,
-then 10 for the first value of a measurement or 11 for additional ones. One of 14 bits comes as two,
-told apart by the top bit: 1, then 0. Any flipped bit among these flags breaks the word, which is
-dropped; a flipped bit of the value cannot be told.
+A value of 18 bits consists of three bytes, whose upper two bits give their order: 00, then 01, then
+10 for the first value of a measurement or 11 for an additional one. A value of 14 bits consists of
+two bytes with the top bits 1 and 0. Any flipped bit among these flags breaks the word, which is
+then dropped. A flipped bit in the value cannot be detected.
 """
 
 import re
 from typing import Final, NamedTuple
 
-MOST_BYTES: Final = 4095
-"""A port's buffer in the kernel is full with so many: what came then was lost."""
+MAX_BYTES: Final = 4095
+"""A kernel buffer of a port is full at this size: later bytes were lost."""
 
 _WORD: Final = {
     2: re.compile(rb"[\x80-\xff][\x00-\x7f]"),
@@ -20,15 +20,15 @@ _BEGUN: Final = {
     2: re.compile(rb"[\x80-\xff]?"),
     3: re.compile(rb"(?:[\x00-\x3f][\x40-\x7f]?)?"),
 }
-_ADDITIONAL: Final = 0xC0
+_ADDITIONAL: Final = 0xC0  # both top bits of the third byte
 
 
-class Newest(NamedTuple):
-    """What a part of a stream tells.
+class NewestValue(NamedTuple):
+    """The result of searching a part of a stream.
 
     Attributes:
-        value: The last one that is whole, None where there is none.
-        rest: The bytes of a word that is not whole yet.
+        value: The last complete value, None if there is none.
+        rest: The bytes of an incomplete word at the end.
         broken: Whether there were bytes that belong to no word.
     """
 
@@ -37,14 +37,14 @@ class Newest(NamedTuple):
     broken: bool
 
 
-def newest(got: bytes, word_bytes: int) -> Newest:
+def newest(got: bytes, word_bytes: int) -> NewestValue:
     """Return the last value in a part of a stream that begins with a word, and the rest.
 
     Args:
-        got: Bytes; of very many only the last `MOST_BYTES` are looked at.
-        word_bytes: 2 or 3.
+        got: Bytes; at most the last `MAX_BYTES` are searched.
+        word_bytes: Number of bytes of a word, 2 or 3.
     """
-    got = got[-MOST_BYTES:]
+    got = got[-MAX_BYTES:]
     value, end, words = None, 0, 0
     for found in _WORD[word_bytes].finditer(got):
         word, end = found[0], found.end()
@@ -52,25 +52,26 @@ def newest(got: bytes, word_bytes: int) -> Newest:
         if word_bytes == 2 or word[2] < _ADDITIONAL:
             value = count_of(word)
     if end == words == len(got):
-        return Newest(value, b"", False)
+        return NewestValue(value, b"", False)
     rest = got[end:]
+    # The longest end of the rest that may be the start of a word.
     begun = next(
         part
         for part in (rest[max(len(rest) - n, 0) :] for n in range(word_bytes - 1, -1, -1))
         if _BEGUN[word_bytes].fullmatch(part)
     )
-    return Newest(value, begun, end > words or len(begun) < len(rest))
+    return NewestValue(value, begun, end > words or len(begun) < len(rest))
 
 
 def count_of(word: bytes) -> int:
-    """Return the value in a word."""
+    """Return the value of a word."""
     if len(word) == 2:
         return (word[0] & 0x7F) << 7 | word[1]
     return word[0] | (word[1] & 0x3F) << 6 | (word[2] & 0x3F) << 12
 
 
 def pack(count: int, word_bytes: int, *, additional: bool = False) -> bytes:
-    """Return a value as a word."""
+    """Return the word of a value."""
     if word_bytes == 2:
         return bytes((0x80 | count >> 7 & 0x7F, count & 0x7F))
     top = _ADDITIONAL if additional else 0x80
@@ -78,5 +79,5 @@ def pack(count: int, word_bytes: int, *, additional: bool = False) -> bytes:
 
 
 def text_of(got: bytes, word_bytes: int) -> str:
-    """Return the text that comes between the words of a stream."""
+    """Return the text between the words of a stream."""
     return _WORD[word_bytes].sub(b"", got).decode("ascii", "ignore")

@@ -1,4 +1,4 @@
-"""Micro-Epsilon's optical sensors as devices."""
+"""The driver `micro_epsilon`: Micro-Epsilon's optical sensors."""
 
 from typing import Final
 
@@ -11,7 +11,7 @@ from piezod_drivers.serial_line.options import make_line
 
 
 def channels(_options: MicroEpsilonOptions) -> ChannelUnits:
-    """Tell the only channel, the distance from the beginning of the measuring range."""
+    """Return the only channel, the distance from the beginning of the measuring range."""
     return ChannelUnits({"distance": "µm"}, {})
 
 
@@ -23,7 +23,7 @@ def _create(options: MicroEpsilonOptions, wiring: Wiring, _seed: int) -> BusDevi
 
 PLUGIN: Final = DriverPlugin(
     name="micro_epsilon",
-    summary="Micro-Epsilon ILD1220 to ILD1900, ODC2520: a stream of values at RS422",
+    summary="Micro-Epsilon ILD1220 to ILD1900, ODC2520: a stream of values over RS-422",
     options_model=MicroEpsilonOptions,
     create=_create,
     confirmed_on_hardware=False,

@@ -1,4 +1,4 @@
-"""Sensors that exist in numbers: each sends a value per period and says who it is between them."""
+"""Emulated sensors: each sends a value per period, and its identity in between."""
 
 from math import isfinite
 from typing import Final
@@ -11,9 +11,9 @@ from piezod_drivers.serial_line.micro_epsilon.identity import PROMPT
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES, UM_PER_MM
 
 RATE_HZ: Final = 1000
-_BEHIND: Final = 262_078
+_BEHIND_RANGE: Final = 262_078
 _MOST_WORDS: Final = 64
-"""More are not sent at once: a sensor does not make up for a pause."""
+"""No more words are sent at once: a sensor does not catch up after a pause."""
 _LONGEST_LINE: Final = 256
 
 
@@ -21,11 +21,11 @@ class SensorEmulator:
     """A sensor in front of the first axis.
 
     Args:
-        bench: The axis, and the clock.
-        serial: The number that it tells, "" for its usual one.
-        model: Its family, a key of `PROFILES` whose words have three bytes.
-        name: What it calls itself.
-        range_mm: Its measuring range, in mm.
+        bench: The rig; its clock is used.
+        serial: Serial number, "" for the usual one.
+        model: Family, a key of `PROFILES` whose words have three bytes.
+        name: Reported model.
+        range_mm: Measuring range, in mm.
         rest_um: Distance from the beginning of the range to the axis at rest, in µm.
     """
 
@@ -44,13 +44,13 @@ class SensorEmulator:
         )
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Answer every command that is complete; the stream goes on."""
+        """Reply to every complete command; the stream continues."""
         *commands, self._line = (self._line + data).replace(b"\r", b"\n").split(b"\n")
         self._line = self._line[-_LONGEST_LINE:]
         return [self._answer(command) for command in commands if command]
 
     def due(self) -> list[bytes]:
-        """Return the values since the last call, as words."""
+        """Return the words of the values since the last call."""
         now_ns = self._bench.now_ns()
         n = (now_ns - self._next_ns) // self._period_ns + 1
         if n <= 0:
@@ -61,10 +61,10 @@ class SensorEmulator:
     def _word(self) -> bytes:
         position_um = self._bench.position_um(0)
         if not isfinite(position_um):
-            return codec.pack(_BEHIND, self._profile.word_bytes)
+            return codec.pack(_BEHIND_RANGE, self._profile.word_bytes)
         count = self._profile.count_at(self._rest_um + position_um, self._range_um)
         if not self._profile.lowest <= count <= self._profile.highest:
-            count = _BEHIND
+            count = _BEHIND_RANGE
         return codec.pack(count, self._profile.word_bytes)
 
     def _answer(self, command: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""The answer to `GETINFO`: who a sensor is, in lines of text."""
+"""Reads the reply to `GETINFO`, lines of text with the identity of a sensor."""
 
 import re
 from typing import Final, NamedTuple
@@ -12,14 +12,14 @@ _FIELD: Final = re.compile(
 _MILLIMETRES: Final = re.compile(r"([0-9]{1,6}(?:\.[0-9]{1,6})?) *mm")
 
 
-class Info(NamedTuple):
-    """Who a sensor says it is.
+class SensorIdentity(NamedTuple):
+    """Identity of a sensor.
 
     Attributes:
-        name: Its model.
-        serial: Its serial number.
-        version: Of its software.
-        range_mm: Its measuring range, 0 where it is not told.
+        name: Model.
+        serial: Serial number.
+        version: Version of its software.
+        range_mm: Measuring range in mm, 0 if it is not reported.
     """
 
     name: str
@@ -28,14 +28,16 @@ class Info(NamedTuple):
     range_mm: float
 
 
-def info_of(text: str) -> Info | None:
-    """Return what a text tells, None as long as the answer is not complete."""
+def parse_identity(text: str) -> SensorIdentity | None:
+    """Return the identity in a text, None while the reply is incomplete."""
     begin = text.rfind("Name")
     if begin < 0 or PROMPT not in text[begin:]:
         return None
     fields = dict(_FIELD.findall(text[begin : text.index(PROMPT, begin)]))
     if "Name" not in fields or "Serial" not in fields:
         return None
-    told = _MILLIMETRES.match(fields.get("Measuring range", ""))
-    range_mm = float(told[1]) if told else 0.0
-    return Info(fields["Name"], fields["Serial"], fields.get("Version", "not told"), range_mm)
+    range_ = _MILLIMETRES.match(fields.get("Measuring range", ""))
+    range_mm = float(range_[1]) if range_ else 0.0
+    return SensorIdentity(
+        fields["Name"], fields["Serial"], fields.get("Version", "not told"), range_mm
+    )

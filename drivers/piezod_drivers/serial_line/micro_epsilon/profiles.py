@@ -1,7 +1,7 @@
-"""What the streams of the sensors differ in, as data.
+"""Properties in which the streams of the sensors differ, as data.
 
-Scales and ranges after the manuals of ILD1420, ILD1402, ILD1700, ILD1750, ILD1900 and ODC2520. What
-single error codes mean was not found in any of them that is public: not confirmed.
+Scales and ranges are from the manuals of ILD1420, ILD1402, ILD1700, ILD1750, ILD1900 and ODC2520.
+No public manual explains the single error codes; their meaning is not confirmed.
 """
 
 from collections.abc import Mapping
@@ -19,11 +19,11 @@ _OVERLOADED: Final = frozenset({DeviceFlag.BUS_OVERLOADED})
 
 _CODES_3: Final[Mapping[int, Flags]] = MappingProxyType(
     {
-        262_073: _SATURATED,  # below what can be sent
-        262_074: _SATURATED,  # above it
+        262_073: _SATURATED,  # below the lowest value that can be sent
+        262_074: _SATURATED,  # above the highest
         262_075: _OVERLOADED,  # too much data for the bit rate
         262_076: _LOW_LIGHT,  # no peak
-        262_077: _SATURATED,  # before the range
+        262_077: _SATURATED,  # in front of the measuring range
         262_078: _SATURATED,  # behind it
         262_081: _LOW_LIGHT,  # the peak is too wide
         262_082: _LOW_LIGHT,  # the laser is off
@@ -31,10 +31,10 @@ _CODES_3: Final[Mapping[int, Flags]] = MappingProxyType(
 )
 _CODES_2: Final[Mapping[int, Flags]] = MappingProxyType(
     {
-        16_370: _LOW_LIGHT,  # nothing there
+        16_370: _LOW_LIGHT,  # no target
         16_372: _SATURATED,  # too near
         16_374: _SATURATED,  # too far
-        16_376: _LOW_LIGHT,  # it cannot be evaluated
+        16_376: _LOW_LIGHT,  # the target cannot be evaluated
         16_378: _LOW_LIGHT,  # the laser is off
     }
 )
@@ -44,17 +44,17 @@ class SensorProfile(NamedTuple):
     """The stream of a family of sensors; displacement = count · `per_count` + `offset`.
 
     Attributes:
-        word_bytes: 3 with 18 bits, or 2 with 14.
+        word_bytes: Bytes of a word: 3 with 18 bits, or 2 with 14.
         baud: Bits per second as delivered.
-        per_count: Displacement of a count: a part of the measuring range, or µm where the range
-            does not matter.
-        offset: Likewise, at a count of 0.
+        per_count: Displacement of a count: a fraction of the measuring range, or in µm if not
+            `scaled`.
+        offset: Displacement at count 0, in the same unit.
         lowest: Lowest count within the range.
-        highest: Highest count within it.
-        first_code: From here on counts are error codes.
-        codes: What some of them say.
-        scaled: Whether the measuring range matters.
-        talks: Whether it understands commands in text.
+        highest: Highest count within the range.
+        first_code: Counts from here on are error codes.
+        codes: Meaning of some of them.
+        scaled: Whether displacements scale with the measuring range.
+        answers_commands: Whether the sensor answers text commands.
     """
 
     word_bytes: int
@@ -66,10 +66,10 @@ class SensorProfile(NamedTuple):
     first_code: int
     codes: Mapping[int, Flags]
     scaled: bool = True
-    talks: bool = True
+    answers_commands: bool = True
 
     def read(self, count: int, range_um: float) -> tuple[float, Flags]:
-        """Return what a count means: a displacement in µm, NaN where it is none, and why."""
+        """Return the displacement of a count in µm, NaN if it has none, and its flags."""
         if count >= self.first_code:
             return nan, self.codes.get(count, NO_FLAGS)
         if not self.lowest <= count <= self.highest:
@@ -87,7 +87,7 @@ _ILD1X50: Final = SensorProfile(
     3, 921_600, 1 / 65_536, -98_232 / 65_536, 0, 230_604, 262_072, _CODES_3
 )
 _ILD14: Final = SensorProfile(
-    2, 115_200, 1.02 / 16_368, -0.01, 161, 16_207, 16_368, _CODES_2, talks=False
+    2, 115_200, 1.02 / 16_368, -0.01, 161, 16_207, 16_368, _CODES_2, answers_commands=False
 )
 
 PROFILES: Final[Mapping[str, SensorProfile]] = MappingProxyType(

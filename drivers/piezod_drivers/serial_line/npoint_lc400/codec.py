@@ -1,11 +1,12 @@
-"""Frames of an LC.400 as bytes; every function is pure and may be called in the loop.
+"""Frames of an LC.400 as bytes. Every function is pure. Real-time safe.
 
-A frame begins with a command and ends with 0x55; between them are an address and words of 32 bits,
-all little-endian. There is no checksum and no escape: a frame is told by its command, its address,
-its end and its length, and a flipped bit of a word cannot be told.
+A frame begins with a command and ends with 0x55; between them are an address and 32-bit words, all
+little-endian. There is no checksum and no escape sequence: a frame is recognized by its command,
+its address, its end and its length. A flipped bit in a word cannot be detected.
 
-A reply repeats the address that was read. So each exchange also reads one address that changes from
-exchange to exchange, in the memory of the wavetable: its reply is the tag of all that come with it.
+A reply repeats the address that was read. Therefore each exchange also reads one address in the
+memory of the wavetable that changes from exchange to exchange. Its reply serves as the tag of all
+replies of the exchange.
 """
 
 import re
@@ -20,7 +21,7 @@ HALF_SCALE: Final = FULL_SCALE // 2
 FIRMWARE: Final = 0x11830028
 FIRMWARE_WORDS: Final = 5
 TAGS: Final = 0x4000
-"""So many exchanges have different tags."""
+"""Number of different tags."""
 MOST_WORDS: Final = 83_300
 
 _READ, _WRITE, _WRITE_NEXT, _READ_ARRAY, _END = 0xA0, 0xA2, 0xA3, 0xA4, 0x55
@@ -36,7 +37,7 @@ _REPLY_BYTES: Final = _WORD.size
 
 
 class Lc400FrameError(ValueError):
-    """Raised where bytes are not the frame that they are taken for."""
+    """Raised if bytes are not the expected frame."""
 
 
 class Lc400Register(IntEnum):
@@ -49,55 +50,57 @@ class Lc400Register(IntEnum):
     POSITION = 0x334
 
 
-def address(channel: int, register: int) -> int:
-    """Tell where a register of a channel is; channels are counted from 1."""
+def register_address(channel: int, register: int) -> int:
+    """Return the address of a channel's register; channels are counted from 1."""
     return _CHANNEL_0 + channel * _CHANNEL_STEP + register
 
 
 def tag_address(number: int) -> int:
-    """Tell which address is read as the tag of an exchange."""
+    """Return the address that is read as the tag of an exchange."""
     return _WAVETABLE + 4 * (number % TAGS)
 
 
-def read(where: int) -> bytes:
+def read(address: int) -> bytes:
     """Return the request for a word."""
-    return _REQUEST.pack(_READ, where, _END)
+    return _REQUEST.pack(_READ, address, _END)
 
 
-def write(where: int, value: int) -> bytes:
-    """Return the request to write a word, which is not answered."""
-    return _WORD.pack(_WRITE, where, value, _END)
+def write(address: int, value: int) -> bytes:
+    """Return the request that writes a word; it has no reply."""
+    return _WORD.pack(_WRITE, address, value, _END)
 
 
-def read_array(where: int, n: int) -> bytes:
+def read_array(address: int, n: int) -> bytes:
     """Return the request for n words."""
-    return _ARRAY_REQUEST.pack(_READ_ARRAY, where, n, _END)
+    return _ARRAY_REQUEST.pack(_READ_ARRAY, address, n, _END)
 
 
-def reply(where: int, value: int) -> bytes:
-    """Return the answer to `read`."""
-    return _WORD.pack(_READ, where, value, _END)
+def read_reply(address: int, value: int) -> bytes:
+    """Return the reply to `read`."""
+    return _WORD.pack(_READ, address, value, _END)
 
 
-def array_reply(where: int, words: Sequence[int]) -> bytes:
-    """Return the answer to `read_array`."""
+def array_reply(address: int, words: Sequence[int]) -> bytes:
+    """Return the reply to `read_array`."""
     data = b"".join(word.to_bytes(4, "little", signed=True) for word in words)
-    return bytes((_READ_ARRAY,)) + where.to_bytes(4, "little") + data + bytes((_END,))
+    return bytes((_READ_ARRAY,)) + address.to_bytes(4, "little") + data + bytes((_END,))
 
 
 class Poll:
-    """The addresses that an exchange reads beside its tag.
+    """The addresses that an exchange reads in addition to its tag.
 
     Args:
-        addresses: In their order.
+        addresses: The addresses, in order.
     """
 
     def __init__(self, addresses: Sequence[int]) -> None:
         self._requests = b"".join(map(read, addresses))
         begin, end = bytes((_READ,)), bytes((_END,))
+        # Bytes that are the same in every exchange, with their positions: they reveal garbage
+        # before the replies are complete. The two low bytes of the tag's address change.
         fixed = [(0, begin), (3, _TAG_END), (_REPLY_BYTES - 1, end)]
-        for i, where in enumerate(addresses, 1):
-            fixed.append((i * _REPLY_BYTES, begin + where.to_bytes(4, "little")))
+        for i, address in enumerate(addresses, 1):
+            fixed.append((i * _REPLY_BYTES, begin + address.to_bytes(4, "little")))
             fixed.append(((i + 1) * _REPLY_BYTES - 1, end))
         self._fixed, self._length = fixed, _REPLY_BYTES * (len(addresses) + 1)
         bodies = (re.escape(begin + one.to_bytes(4, "little")) + b".{4}U" for one in addresses)
@@ -106,11 +109,12 @@ class Poll:
         self._values = Struct(f"<{_REPLY_BYTES}x" + "5xix" * len(addresses))
 
     def request(self, number: int) -> bytes:
-        """Return what is sent in the exchange of a number."""
+        """Return the request of the exchange with this number."""
         return read(tag_address(number)) + self._requests
 
     def length_of(self, got: bytes) -> int:
-        """Find the replies of an exchange, whatever its number, as a `LengthOf`."""
+        """Return the length of the replies of an exchange with any number, as a `LengthOf`."""
+        # Nearly always all replies have come at once: one match instead of many comparisons.
         if self._whole.match(got):
             return self._length
         for place, wanted in self._fixed:
@@ -126,18 +130,18 @@ class Poll:
             Lc400FrameError: If these are not the replies.
         """
         if len(frame) != self._length:
-            raise Lc400FrameError(f"no replies: {frame.hex()}")
+            raise Lc400FrameError(f"not the replies: {frame.hex()}")
         return self._values.unpack(frame)
 
 
 def has_tag(frame: bytes, number: int) -> bool:
-    """Tell whether replies are those of an exchange."""
+    """Return whether replies belong to the exchange with this number."""
     return frame[1:5] == tag_address(number).to_bytes(4, "little")
 
 
-def array_length(where: int, n: int) -> Callable[[bytes], int]:
-    """Return a `LengthOf` for the answer to `read_array`."""
-    begin = bytes((_READ_ARRAY,)) + where.to_bytes(4, "little")
+def array_length(address: int, n: int) -> Callable[[bytes], int]:
+    """Return a `LengthOf` for the reply to `read_array`."""
+    begin = bytes((_READ_ARRAY,)) + address.to_bytes(4, "little")
     length = len(begin) + 4 * n + 1
 
     def length_of(got: bytes) -> int:
@@ -151,18 +155,18 @@ def array_length(where: int, n: int) -> Callable[[bytes], int]:
 
 
 def _garbage(got: bytes, start: int) -> int:
-    """Return, negative, how many bytes there are before another one that may begin a frame."""
+    """Return the negative number of bytes before the next possible start of a frame."""
     place = got.find(start, 1)
     return -len(got) if place < 0 else -place
 
 
 def text_of(frame: bytes) -> str:
-    """Return the words of an array as text: what can be printed of it."""
+    """Return the printable characters of the words of an array."""
     return "".join(chr(code) for code in frame[5:-1] if 32 <= code < 127).strip()
 
 
 def request_length(got: bytes) -> int:
-    """Find the first frame to a controller, as a `LengthOf`."""
+    """Return the length of the first frame to a controller, as a `LengthOf`."""
     if not got:
         return 0
     sizes = {
@@ -180,7 +184,7 @@ def request_length(got: bytes) -> int:
 
 
 class Lc400Request(IntEnum):
-    """What a frame to a controller wants."""
+    """Kinds of frames to a controller."""
 
     READ = _READ
     WRITE = _WRITE
@@ -189,17 +193,19 @@ class Lc400Request(IntEnum):
 
 
 def parse_request(frame: bytes) -> tuple[Lc400Request, int, int]:
-    """Return what a frame to a controller wants, the address, and the value or number of words.
+    """Return kind, address, and value or number of words of a frame to a controller.
 
     Raises:
-        Lc400FrameError: If it is none.
+        Lc400FrameError: If it is not a request.
     """
     if request_length(frame) != len(frame) or not frame:
-        raise Lc400FrameError(f"no request: {frame.hex()}")
+        raise Lc400FrameError(f"not a request: {frame.hex()}")
     request = Lc400Request(frame[0])
     if request is Lc400Request.READ:
         return request, _REQUEST.unpack(frame)[1], 0
     if request is Lc400Request.WRITE_NEXT:
         return request, 0, _NEXT.unpack(frame)[1]
-    _, where, value, _ = (_WORD if request is Lc400Request.WRITE else _ARRAY_REQUEST).unpack(frame)
-    return request, where, value
+    _, address, value, _ = (_WORD if request is Lc400Request.WRITE else _ARRAY_REQUEST).unpack(
+        frame
+    )
+    return request, address, value

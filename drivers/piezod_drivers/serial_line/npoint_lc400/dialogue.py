@@ -1,4 +1,4 @@
-"""What goes over the wire to an LC.400: commands in open loop, positions, one exchange for all."""
+"""The conversation with an LC.400: commands in open loop and positions, in one exchange."""
 
 from collections.abc import Sequence
 from math import nan
@@ -15,7 +15,7 @@ from piezod_drivers.serial_line.npoint_lc400.codec import FULL_SCALE, HALF_SCALE
 from piezod_drivers.serial_line.npoint_lc400.options import Lc400Options
 
 HALF_PCT: Final = 50.0
-"""Outputs go from minus that to plus that, in % of the command's span."""
+"""Outputs go from minus to plus this value, in % of the command's span."""
 _RANGE_IN_UM: Final = 0
 _SERVO_OFF: Final = 0
 _SATURATED: Final = frozenset({DeviceFlag.SATURATED})
@@ -25,13 +25,13 @@ _LOCAL: Final = frozenset({DeviceFlag.LOCAL_MODE})
 class Lc400Dialogue:
     """Implements `ExchangingDialogue`.
 
-    Each exchange reads the command and the servo's state of every output and the position of every
-    input: a write, which has no acknowledgement, is verified within the same exchange. The tag that
-    it reads as well makes late replies harmless.
+    Each exchange reads command and servo state of every output and the position of every input. A
+    write has no reply; the command that is read in the same exchange verifies it. The tag of an
+    exchange makes late replies harmless.
 
     Args:
-        options: What a configuration says.
-        wiring: The channels that are used: "1", "2", "3".
+        options: Options of the controller.
+        wiring: The channels in use: "1", "2", "3".
         line: The line to the controller.
     """
 
@@ -40,27 +40,29 @@ class Lc400Dialogue:
         self._conversation = Conversation(line, options.timeout_ms * 1e-3)
         self._outputs, self._inputs = _numbers(wiring.outputs), _numbers(wiring.inputs)
         watched = (Lc400Register.SETPOINT, Lc400Register.SERVO)
-        addresses = [codec.address(i, register) for i in self._outputs for register in watched]
-        addresses += [codec.address(i, Lc400Register.POSITION) for i in self._inputs]
+        addresses = [
+            codec.register_address(i, register) for i in self._outputs for register in watched
+        ]
+        addresses += [codec.register_address(i, Lc400Register.POSITION) for i in self._inputs]
         self._poll = codec.Poll(addresses)
         self._number = 0
         self._um_per_count: list[float] = []
         self._setpoints: tuple[int, ...] = ()
-        self._told_ns: int | None = None
-        self._well = [NO_FLAGS] * (len(self._inputs) + len(self._outputs))
-        self._flags: Sequence[Flags] = self._well
+        self._read_ns: int | None = None
+        self._no_flags = [NO_FLAGS] * (len(self._inputs) + len(self._outputs))
+        self._flags: Sequence[Flags] = self._no_flags
 
     def open(self) -> Identity:
-        """Connect, and ask for the firmware and the ranges.
+        """Connect, and read firmware and ranges.
 
         Raises:
-            DeviceUnavailableError: If nobody is there.
-            DeviceError: If the range of a stage is not told in µm.
-            LineFault: If nobody answers.
+            DeviceUnavailableError: If the port is absent.
+            DeviceError: If the range of a stage is not reported in µm.
+            LineFault: If the controller does not reply.
         """
         self._line.open()
         self._conversation.restart()
-        self._told_ns = None
+        self._read_ns = None
         request = codec.read_array(codec.FIRMWARE, codec.FIRMWARE_WORDS)
         length_of = codec.array_length(codec.FIRMWARE, codec.FIRMWARE_WORDS)
         frame = self._conversation.ask(request, length_of, is_reply=lambda _frame: True)
@@ -68,29 +70,30 @@ class Lc400Dialogue:
         self._conversation.forget_noticed()
         self._um_per_count = [self._range_um(i) / FULL_SCALE for i in self._inputs]
         ranges = " ".join(f"{scale * FULL_SCALE:g}" for scale in self._um_per_count)
-        told = f"ranges {ranges} µm" if ranges else "not told"
-        return Identity("nPoint", "LC.400", told, firmware or "not told")
+        # There is no serial number: the ranges at least distinguish stages of different range.
+        serial = f"ranges {ranges} µm" if ranges else "not told"
+        return Identity("nPoint", "LC.400", serial, firmware or "not told")
 
     def close(self) -> None:
-        """Let go; commands stay. Never raises."""
+        """Disconnect; the commands keep their values. Never raises."""
         self._line.close()
 
     def capabilities(self) -> Capabilities:
-        """Tell what it can do."""
+        """Return the channels and the highest rate that the bit rate allows."""
         n = 1 + 2 * len(self._outputs) + len(self._inputs)
         rate_hz = self._options.baud / (10 * (16 * n + 10 * len(self._outputs)))
         return Capabilities(*self._wiring, True, rate_hz, holds=True, quality=True)
 
     def ranges(self) -> Sequence[tuple[float, float]]:
-        """Tell the range of the commands, in %."""
+        """Return the range of the commands, in %."""
         return [(-HALF_PCT, HALF_PCT)] * len(self._outputs)
 
     def activate(self) -> None:
-        """Take control of what is in open loop already.
+        """Take control of outputs that are in open loop already.
 
         Raises:
-            DeviceError: If a servo is on: what its output is then nobody can ask, and switching it
-                off would make that jump.
+            DeviceError: If a servo is on. Its present output cannot be read, so switching the servo
+                off would make the output jump.
             LineFault: If the exchange fails.
         """
         self._exchange(b"")
@@ -100,81 +103,81 @@ class Lc400Dialogue:
                 raise DeviceError(f"{what}: switch it off at rest, with the maker's program")
 
     def deactivate(self) -> None:
-        """Hold the outputs."""
+        """Do nothing: the outputs hold."""
 
     def sample(self, now_ns: int) -> Reading:
-        """Read every input, in µm; NaN at the ends of the range; may be called in the loop.
+        """Read every input, in µm; NaN at the ends of the range. Real-time safe.
 
         Raises:
             LineFault: If the exchange fails.
         """
         reading = now_ns, self._exchange(b"")
-        self._told_ns = now_ns
+        self._read_ns = now_ns
         return reading
 
     def put(self, values: Sequence[float]) -> None:
-        """Set every output, in %; may be called in the loop.
+        """Set every output, in %. Real-time safe.
 
         Raises:
-            LineFault: If the exchange fails, or tells other commands than those.
+            LineFault: If the exchange fails, or reads other commands than these.
         """
         self._set(values)
 
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
-        """Set every output and read every input; may be called in the loop.
+        """Set every output and read every input. Real-time safe.
 
         Raises:
-            LineFault: If the exchange fails, or tells other commands than those.
+            LineFault: If the exchange fails, or reads other commands than these.
         """
         reading = now_ns, self._set(values)
-        self._told_ns = now_ns
+        self._read_ns = now_ns
         return reading
 
     def in_force(self, now_ns: int) -> Sequence[float]:
-        """Tell the command in force on each output, in %; may be called in the loop.
+        """Return the command in force on each output, in %. Real-time safe.
 
         Raises:
             LineFault: If the exchange fails.
         """
-        if now_ns != self._told_ns:
+        if now_ns != self._read_ns:
             self._exchange(b"")
-            self._told_ns = now_ns
+            self._read_ns = now_ns
         return [setpoint / FULL_SCALE * 100.0 for setpoint in self._setpoints]
 
     def flags(self) -> Sequence[Flags]:
-        """Tell which inputs are saturated, which servos are on; may be called in the loop."""
+        """Return which inputs are saturated and which servos are on. Real-time safe."""
         return self._flags
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail; and forget it."""
+        """Return and clear the flags of faults that no call has raised. Real-time safe."""
         return self._conversation.take_noticed()
 
     def _set(self, values: Sequence[float]) -> list[float]:
         counts = tuple(round(value / 100.0 * FULL_SCALE) for value in values)
         writes = b"".join(
-            codec.write(codec.address(i, Lc400Register.SETPOINT), count)
+            codec.write(codec.register_address(i, Lc400Register.SETPOINT), count)
             for i, count in zip(self._outputs, counts, strict=True)
         )
         positions_um = self._exchange(writes)
         if self._setpoints != counts:
-            what = f"{counts} was set, {self._setpoints} is told: somebody else sets it"
+            what = f"set to {counts}, reads back {self._setpoints}: another program sets it"
             raise LineFault(DeviceFlag.LOCAL_MODE, what)
         return positions_um
 
     def _exchange(self, writes: bytes) -> list[float]:
         """Write, then read everything; return the positions, in µm."""
-        self._told_ns = None
-        told = self._ask(writes, self._poll)
+        self._read_ns = None
+        words = self._ask(writes, self._poll)
         after = 2 * len(self._outputs)
-        self._setpoints, positions = told[:after:2], told[after:]
-        servos = told[1:after:2]
+        self._setpoints, positions = words[:after:2], words[after:]
+        servos = words[1:after:2]
         saturated = [abs(position) >= HALF_SCALE for position in positions]
         if any(servos) or any(saturated):
             self._flags = [_SATURATED if ends else NO_FLAGS for ends in saturated] + [
                 NO_FLAGS if servo == _SERVO_OFF else _LOCAL for servo in servos
             ]
         else:
-            self._flags = self._well
+            self._flags = self._no_flags
         return [
             nan if ends else position * scale
             for position, ends, scale in zip(positions, saturated, self._um_per_count, strict=True)
@@ -188,21 +191,22 @@ class Lc400Dialogue:
         return poll.values(frame)
 
     def _range_um(self, channel: int) -> float:
-        """Tell the range of a stage, in µm.
+        """Return the range of a stage, in µm.
 
         Raises:
-            DeviceError: If it is not told in µm.
+            DeviceError: If it is not reported in µm.
             LineFault: If the exchange fails.
         """
         if self._options.range_um is not None:
             return self._options.range_um
         wanted = [
-            codec.address(channel, one) for one in (Lc400Register.RANGE_TYPE, Lc400Register.RANGE)
+            codec.register_address(channel, one)
+            for one in (Lc400Register.RANGE_TYPE, Lc400Register.RANGE)
         ]
         kind, size = self._ask(b"", codec.Poll(wanted))
         if kind != _RANGE_IN_UM or size <= 0:
             where, what = self._line.where, f"range {size} of kind {kind}"
-            raise DeviceError(f"{where} tells a {what} for channel {channel}: set range_um")
+            raise DeviceError(f"{where} reports {what} for channel {channel}: set range_um")
         return float(size)
 
 

@@ -1,4 +1,4 @@
-"""nPoint's LC.400 controllers as devices."""
+"""The driver `npoint_lc400`: nPoint's LC.400 controllers."""
 
 from typing import Final
 
@@ -11,7 +11,7 @@ from piezod_drivers.serial_line.options import make_line
 
 
 def channels(options: Lc400Options) -> ChannelUnits:
-    """Tell the channels: each has a position in µm and a command in %."""
+    """Return the channels: each has a position in µm and a command in %."""
     names = [str(i) for i in range(1, options.axes + 1)]
     return ChannelUnits(dict.fromkeys(names, "µm"), dict.fromkeys(names, "%"))
 

@@ -1,4 +1,4 @@
-"""An LC.400 that exists in numbers: its registers, and the stages behind some of them."""
+"""The emulated LC.400: its registers, and the stages behind some of them."""
 
 from collections.abc import Sequence
 from math import isfinite
@@ -16,25 +16,25 @@ from piezod_drivers.serial_line.npoint_lc400.codec import (
 )
 
 RANGE_UM: Final = 30
-"""Positions go from minus to plus half of it."""
+"""Positions go from minus to plus half of this range."""
 MID_UM: Final = 13.0
 """Displacement from rest at position 0, in µm."""
 MID_V: Final = 75.0
 V_PER_PCT: Final = 1.5
-"""Commands of -50 % and 50 % are 0 V and 150 V at the actuator."""
+"""Commands of -50 % and 50 % drive 0 V and 150 V at the actuator."""
 _WORD_BYTES: Final = 4
 _MOST_WORDS: Final = 1 << 16
-"""More are not kept, and read as 0."""
-_PATIENCE_NS: Final = 50_000_000
-"""A request whose rest does not come within that time is forgotten; not confirmed."""
+"""Further words are not stored and read as 0."""
+_INCOMPLETE_NS: Final = 50_000_000
+"""An incomplete request is dropped after this time; not confirmed."""
 
 
 class Lc400:
     """A controller whose servos are off.
 
     Args:
-        bench: Its first channels are those of its axes.
-        serial: What its firmware calls itself, "" for its usual name.
+        bench: The rig; its axes are the first channels.
+        serial: Version in the firmware's name, "" for the usual one.
     """
 
     def __init__(self, bench: SharedRig, serial: str) -> None:
@@ -43,12 +43,12 @@ class Lc400:
         self._next = 0
         self._words: dict[int, int] = {}
         axes = range(bench.n_axes)
-        self._positions = {codec.address(i + 1, Lc400Register.POSITION): i for i in axes}
-        self._setpoints = {codec.address(i + 1, Lc400Register.SETPOINT): i for i in axes}
+        self._positions = {codec.register_address(i + 1, Lc400Register.POSITION): i for i in axes}
+        self._setpoints = {codec.register_address(i + 1, Lc400Register.SETPOINT): i for i in axes}
         for i in axes:
-            self._words[codec.address(i + 1, Lc400Register.RANGE)] = RANGE_UM
+            self._words[codec.register_address(i + 1, Lc400Register.RANGE)] = RANGE_UM
             counts = round((bench.drive_v(i) - MID_V) / V_PER_PCT / 100 * FULL_SCALE)
-            self._words[codec.address(i + 1, Lc400Register.SETPOINT)] = counts
+            self._words[codec.register_address(i + 1, Lc400Register.SETPOINT)] = counts
         name = f"LC400 {serial or '1.0'}".ljust(4 * codec.FIRMWARE_WORDS)[
             : 4 * codec.FIRMWARE_WORDS
         ]
@@ -56,54 +56,54 @@ class Lc400:
             self._words[codec.FIRMWARE + _WORD_BYTES * i] = word
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Answer every request that is complete, all of them at once."""
+        """Reply to every complete request, with all replies in one piece."""
         now_ns = self._bench.now_ns()
-        if now_ns - self._got_ns > _PATIENCE_NS:
+        if now_ns - self._got_ns > _INCOMPLETE_NS:
             self._got = b""
         self._got, self._got_ns = self._got + data, now_ns
         replies: list[bytes] = []
         while length := codec.request_length(self._got):
             frame, self._got = self._got[: abs(length)], self._got[abs(length) :]
             if length > 0:
-                replies += self._obey(frame)
+                replies += self._execute(frame)
         return [b"".join(replies)] if replies else []
 
     def due(self) -> list[bytes]:
-        """Return nothing: it only speaks when asked."""
+        """Return nothing: the controller only replies."""
         return []
 
-    def _obey(self, frame: bytes) -> list[bytes]:
+    def _execute(self, frame: bytes) -> list[bytes]:
         try:
-            request, where, value = codec.parse_request(frame)
+            request, address, value = codec.parse_request(frame)
         except Lc400FrameError:
             return []
         if request is Lc400Request.READ:
-            return [codec.reply(where, self._read(where))]
+            return [codec.read_reply(address, self._read(address))]
         if request is Lc400Request.READ_ARRAY:
             n = value if value <= codec.MOST_WORDS else 0
-            addresses = (where + _WORD_BYTES * i & 0xFFFFFFFF for i in range(n))
-            return [codec.array_reply(where, [self._read(one) for one in addresses])]
-        self._write(self._next if request is Lc400Request.WRITE_NEXT else where, value)
+            addresses = (address + _WORD_BYTES * i & 0xFFFFFFFF for i in range(n))
+            return [codec.array_reply(address, [self._read(one) for one in addresses])]
+        self._write(self._next if request is Lc400Request.WRITE_NEXT else address, value)
         return []
 
-    def _read(self, where: int) -> int:
-        axis = self._positions.get(where)
+    def _read(self, address: int) -> int:
+        axis = self._positions.get(address)
         if axis is None:
-            return self._words.get(where, 0)
+            return self._words.get(address, 0)
         position_um = self._bench.position_um(axis)
         if not isfinite(position_um):
             return HALF_SCALE
         counts = round((position_um - MID_UM) / RANGE_UM * FULL_SCALE)
         return max(-HALF_SCALE, min(counts, HALF_SCALE))
 
-    def _write(self, where: int, value: int) -> None:
-        self._next = where + _WORD_BYTES & 0xFFFFFFFF
-        axis = self._setpoints.get(where)
+    def _write(self, address: int, value: int) -> None:
+        self._next = address + _WORD_BYTES & 0xFFFFFFFF
+        axis = self._setpoints.get(address)
         if axis is not None:
             value = max(-HALF_SCALE, min(value, HALF_SCALE))
             self._bench.drive(axis, MID_V + value / FULL_SCALE * 100 * V_PER_PCT)
-        if where in self._words or len(self._words) < _MOST_WORDS:
-            self._words[where] = value
+        if address in self._words or len(self._words) < _MOST_WORDS:
+            self._words[address] = value
 
 
 def _words_of(text: bytes) -> Sequence[int]:

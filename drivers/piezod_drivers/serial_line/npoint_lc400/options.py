@@ -1,4 +1,4 @@
-"""What a configuration may say about an nPoint LC.400."""
+"""Options of an nPoint LC.400."""
 
 from typing import Annotated
 
@@ -13,9 +13,9 @@ class Lc400Options(PortOptions):
 
     baud: Baud = Field(default=230_400, description="Bits per second, as set on the device.")
     axes: Annotated[int, Quantity(1, 3)] = Field(
-        default=3, description="How many channels it has: 1, 2 or 3."
+        default=3, description="Number of channels: 1, 2 or 3."
     )
     range_um: Annotated[float, Quantity(0.1, 100_000, "µm")] | None = Field(
         default=None,
-        description="Range of the stages, µm; left out: as the controller tells, if in µm.",
+        description="Range of the stages, µm; left out: as the controller reports it, if in µm.",
     )

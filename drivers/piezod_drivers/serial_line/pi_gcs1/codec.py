@@ -1,23 +1,23 @@
-"""GCS 1 as text: the axis letter stands glued to the value, `SVA A12.5`, and replies are bare."""
+"""GCS 1 as text: the axis letter directly precedes the value, `SVA A12.5`; replies are bare."""
 
 from collections.abc import Sequence
 from typing import Final
 
 _VALUE: Final = r" {0,8}([+-]?[0-9]{1,12}\.[0-9]{0,12}(?:[eE][+-]?[0-9]{1,3})?)\n"
-"""Has a point always, as `+0000.0000`, and so is no reply to `ERR?`."""
+"""A number with a decimal point, such as `+0000.0000`; a reply to `ERR?` has none."""
 
 
-class Gcs1:
-    """Implements `Syntax`; each axis is asked and set by a line of its own."""
+class Gcs1Syntax:
+    """Implements `Syntax`; each axis has a line of its own in queries and settings."""
 
     bare = True
 
     def query(self, command: str, ids: Sequence[str]) -> bytes:
-        """Return as `POS? A`."""
+        """Return a query such as `POS? A`."""
         return "".join(f"{command} {axis}\n" for axis in ids).encode()
 
     def setting(self, command: str, ids: Sequence[str], values: Sequence[str]) -> bytes:
-        """Return as `SVA A12.5`."""
+        """Return a setting such as `SVA A12.5`."""
         each = zip(ids, values, strict=True)
         return "".join(f"{command} {axis}{value}\n" for axis, value in each).encode()
 
@@ -30,9 +30,9 @@ class Gcs1:
         return [r"([01])\n"] * len(ids)
 
     def axes(self) -> str:
-        """Return the pattern of letters in a row."""
+        """Return the pattern of the letters in a row."""
         return r"([A-Z]{1,16})\n"
 
-    def axes_in(self, told: str) -> Sequence[str]:
+    def axes_in(self, reply: str) -> Sequence[str]:
         """Return the letters."""
-        return list(told)
+        return list(reply)

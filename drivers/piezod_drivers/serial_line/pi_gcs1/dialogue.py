@@ -6,26 +6,26 @@ from piezod.devices.bus.line import Line
 from piezod.devices.interface import Wiring
 from piezod_drivers.serial_line.gcs.dialogue import MEASURED, GcsDialogue, GcsDrive
 from piezod_drivers.serial_line.gcs.rate import wire_rate_hz
-from piezod_drivers.serial_line.pi_gcs1.codec import Gcs1
+from piezod_drivers.serial_line.pi_gcs1.codec import Gcs1Syntax
 from piezod_drivers.serial_line.pi_gcs1.options import Gcs1Options
 
 
 class Gcs1Dialogue(GcsDialogue):
-    """What is said to a GCS 1 controller, which does not tell the range of its outputs.
+    """The conversation with a GCS 1 controller, which does not report the range of its outputs.
 
     Args:
         line: The line.
-        options: What a configuration says.
-        wiring: The channels that are used.
+        options: Options of the device.
+        wiring: The channels in use.
     """
 
     def __init__(self, line: Line, options: Gcs1Options, wiring: Wiring) -> None:
         drive = GcsDrive(MEASURED, wire_rate_hz(options.baud, len(wiring.channels)))
-        super().__init__(line, options.timeout_ms * 1e-3, Gcs1(), wiring, drive)
+        super().__init__(line, options.timeout_ms * 1e-3, Gcs1Syntax(), wiring, drive)
         self._range_v = options.range_v
 
-    def _voltage_ids(self, axes: Sequence[str]) -> Sequence[str]:  # noqa: ARG002 - the generation's
-        """Return the axes: their voltages are asked for by the same letters."""
+    def _output_ids(self, axes: Sequence[str]) -> Sequence[str]:  # noqa: ARG002 - the generation's
+        """Return the axes: their voltages have the same letters."""
         return self._wiring.outputs
 
     def _find_ranges(self) -> list[tuple[float, float]]:

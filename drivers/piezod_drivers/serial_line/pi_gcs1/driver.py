@@ -1,4 +1,4 @@
-"""PI controllers that speak GCS 1, over a serial port."""
+"""The driver `pi_gcs1`: PI controllers with GCS 1, over a serial port."""
 
 from typing import Final
 
@@ -18,7 +18,7 @@ def _create(options: Gcs1Options, wiring: Wiring, _seed: int) -> ExchangingBusDe
 
 PLUGIN: Final = DriverPlugin(
     name="pi_gcs1",
-    summary="PI controllers by GCS 1: E-816 (E-621, E-625, E-665), E-516",
+    summary="PI controllers with GCS 1: E-816 (E-621, E-625, E-665), E-516",
     options_model=Gcs1Options,
     create=_create,
     confirmed_on_hardware=False,

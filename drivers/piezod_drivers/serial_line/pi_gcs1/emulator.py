@@ -1,4 +1,4 @@
-"""An E-816 piezo controller, GCS 1 over a serial port."""
+"""The emulated E-816 piezo controller, GCS 1 over a serial port."""
 
 import re
 from collections.abc import Sequence
@@ -6,9 +6,9 @@ from typing import Final
 
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
-from piezod_drivers.serial_line.gcs.emulator import GcsEmulator, GcsKind, GcsRefusal
+from piezod_drivers.serial_line.gcs.emulator import GcsEmulator, GcsModel, GcsRefusal
 
-_KIND: Final = GcsKind(
+_MODEL: Final = GcsModel(
     identity="Physik Instrumente,E-816,{serial},3.20",
     ids=tuple("ABCDEFGH"),
     serial="107032415",
@@ -20,16 +20,16 @@ _KIND: Final = GcsKind(
 
 
 class _Quirks:
-    """Implements `Manners`: letters glued to values, replies without the letter."""
+    """Implements `ProtocolQuirks`: letters directly before values, replies without the letter."""
 
     def ids(self, text: str, every: Sequence[str]) -> Sequence[str]:  # noqa: ARG002 - the protocol's
-        """Return the one letter that is asked for."""
+        """Return the one requested letter."""
         if not text:
             raise GcsRefusal(26)
         return [text]
 
     def pairs(self, text: str) -> Sequence[tuple[str, str]]:
-        """Return letters and what is glued to them."""
+        """Return the letters and the values behind them."""
         if not re.fullmatch(r"([A-Z][^A-Z]+)+", text):
             raise GcsRefusal(24)
         return [(pair[0], pair[1:].strip()) for pair in re.findall(r"[A-Z][^A-Z]+", text)]
@@ -38,13 +38,13 @@ class _Quirks:
         """Return the bare value."""
         return f"{values[0]}\n".encode()
 
-    def listed(self, ids: Sequence[str]) -> bytes:
+    def axes_reply(self, ids: Sequence[str]) -> bytes:
         """Return the letters in a row."""
         return f"{''.join(ids)}\n".encode()
 
 
 def _create(bench: SharedRig, serial: str) -> GcsEmulator:
-    return GcsEmulator(bench, _Quirks(), _KIND, serial)
+    return GcsEmulator(bench, _Quirks(), _MODEL, serial)
 
 
 EMULATOR: Final = EmulatorPlugin(

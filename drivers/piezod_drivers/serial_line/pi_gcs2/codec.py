@@ -1,4 +1,4 @@
-"""GCS 2.0 as text: `SVA 1 2.5 2 3.1`, and replies with a line `axis=value` for each axis."""
+"""GCS 2.0 as text: `SVA 1 2.5 2 3.1`; replies have a line `axis=value` for each axis."""
 
 import re
 from collections.abc import Sequence
@@ -9,32 +9,32 @@ from piezod_drivers.serial_line.gcs.syntax import NUMBER
 _AXIS: Final = r"[!-<>-~]{1,8}"
 
 
-class Gcs2:
+class Gcs2Syntax:
     """Implements `Syntax`."""
 
     bare = False
 
     def query(self, command: str, ids: Sequence[str]) -> bytes:
-        """Return as `POS? 1 2`."""
+        """Return a query such as `POS? 1 2`."""
         return f"{' '.join((command, *ids))}\n".encode()
 
     def setting(self, command: str, ids: Sequence[str], values: Sequence[str]) -> bytes:
-        """Return as `SVA 1 2.5 2 3.1`."""
+        """Return a setting such as `SVA 1 2.5 2 3.1`."""
         pairs = (f" {axis} {value}" for axis, value in zip(ids, values, strict=True))
         return f"{command}{''.join(pairs)}\n".encode()
 
     def numbers(self, ids: Sequence[str]) -> Sequence[str]:
-        """Return one pattern: all axes are in one reply."""
+        """Return one pattern: one reply has all axes."""
         return [r" \n".join(f"{re.escape(axis)}={NUMBER}" for axis in ids) + r"\n"]
 
     def switches(self, ids: Sequence[str]) -> Sequence[str]:
-        """Return one pattern, likewise."""
+        """Return one pattern: one reply has all axes."""
         return [r" \n".join(f"{re.escape(axis)}=([01])" for axis in ids) + r"\n"]
 
     def axes(self) -> str:
-        """Return the pattern of axes, each on a line of its own."""
+        """Return the pattern of the axes, each on a line of its own."""
         return rf"((?:{_AXIS} \n){{0,31}}{_AXIS})\n"
 
-    def axes_in(self, told: str) -> Sequence[str]:
+    def axes_in(self, reply: str) -> Sequence[str]:
         """Return the lines."""
-        return told.split()
+        return reply.split()

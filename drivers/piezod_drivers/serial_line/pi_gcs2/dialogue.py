@@ -11,32 +11,32 @@ from piezod.errors import DeviceError
 from piezod_drivers.serial_line.gcs.dialogue import MEASURED, GcsDialogue, GcsDrive
 from piezod_drivers.serial_line.gcs.rate import NETWORK_RATE_HZ, wire_rate_hz
 from piezod_drivers.serial_line.gcs.reply import GcsReply
-from piezod_drivers.serial_line.pi_gcs2.codec import Gcs2
+from piezod_drivers.serial_line.pi_gcs2.codec import Gcs2Syntax
 from piezod_drivers.serial_line.pi_gcs2.options import Gcs2Options
 
 _REFUSALS: Final = frozenset({DeviceFlag.WRONG_REQUEST, DeviceFlag.LOCAL_MODE})
 
 
 class Gcs2Dialogue(GcsDialogue):
-    """What is said to a GCS 2.0 controller.
+    """The conversation with a GCS 2.0 controller.
 
     Args:
         line: The line.
-        options: What a configuration says.
-        wiring: The channels that are used.
+        options: Options of the device.
+        wiring: The channels in use.
     """
 
     def __init__(self, line: Line, options: Gcs2Options, wiring: Wiring) -> None:
         serial_hz = wire_rate_hz(options.baud, len(wiring.channels))
         rate_hz = serial_hz if options.host is None else NETWORK_RATE_HZ
         drive = GcsDrive(options.read_back, rate_hz)
-        super().__init__(line, options.timeout_ms * 1e-3, Gcs2(), wiring, drive)
+        super().__init__(line, options.timeout_ms * 1e-3, Gcs2Syntax(), wiring, drive)
         self._range_v = options.range_v
         self._by_channel = options.read_back == MEASURED
         self._amplifiers: Sequence[str] = ()
 
-    def _voltage_ids(self, axes: Sequence[str]) -> Sequence[str]:
-        """Return the numbers of the piezo channels: an axis' own number, or its place."""
+    def _output_ids(self, axes: Sequence[str]) -> Sequence[str]:
+        """Return the numbers of the piezo channels: an axis' own number, or its index from 1."""
         outputs = self._wiring.outputs
         self._amplifiers = [a if a.isdigit() else str(axes.index(a) + 1) for a in outputs]
         return self._amplifiers if self._by_channel else outputs
@@ -49,16 +49,16 @@ class Gcs2Dialogue(GcsDialogue):
         except LineFault as fault:
             if fault.flag is not DeviceFlag.WRONG_REQUEST:
                 raise
-            what = f"{self._line.where} does not tell the range of its outputs, give range_v"
+            what = f"{self._line.where} does not report the range of its outputs: give range_v"
             raise DeviceError(what) from fault
         return list(zip(lowest, highest, strict=True))
 
     def _limits(self, query: str) -> list[float]:
         reply = GcsReply(*self._syntax.numbers(self._amplifiers))
         request = self._syntax.query(query, self._amplifiers)
-        limits = [float(text) for text in self._ask_once(request, reply)]
+        limits = [float(text) for text in self._ask_slowly(request, reply)]
         if not all(map(isfinite, limits)):
-            what = f"{self._line.where} tells no range of its outputs: {limits}; give range_v"
+            what = f"{self._line.where} reports an infinite range: {limits}; give range_v"
             raise DeviceError(what)
         return limits
 
@@ -67,15 +67,16 @@ class Gcs2Dialogue(GcsDialogue):
         return [axis for axis in self._wiring.outputs if axis in others]
 
     def _offline(self) -> Sequence[str]:
-        """Return the outputs that an analog input drives; none where there is no such mode."""
+        """Return the outputs that an analog input drives; none if there is no such mode."""
         try:
-            return self._switched("ONL?", self._amplifiers, on=0)
+            return self._outputs_switched("ONL?", self._amplifiers, on=0)
         except LineFault as fault:
             if fault.flag is not DeviceFlag.WRONG_REQUEST:
                 raise
             return ()
 
     def _take_over(self, held: Mapping[str, float]) -> None:
+        # Offline channels first: if one refuses, no servo was switched off and nothing has moved.
         offline = [axis for axis in self._offline() if axis in held]
         if offline:
             self._bring_online({axis: held[axis] for axis in offline})
@@ -83,11 +84,11 @@ class Gcs2Dialogue(GcsDialogue):
             super()._take_over(others)
 
     def _bring_online(self, held: Mapping[str, float]) -> None:
-        """Make `SVA` drive channels instead of their analog inputs, at the voltages that they have.
+        """Make `SVA` drive channels instead of their analog inputs, at the same voltages.
 
-        What is set while a channel is offline waits there: it drives from `ONL` on, and nothing
-        older ever does. A servo that is on too is not switched off, as the analog input would be
-        left; then the controller refuses to be set.
+        A value that is set while a channel is offline takes effect with `ONL`; no older setpoint
+        ever does. A servo that is on as well is not switched off, because then the analog input
+        would drive the output. The controller then refuses the setpoint.
 
         Raises:
             DeviceError: If it refuses; nothing has moved.
@@ -95,13 +96,13 @@ class Gcs2Dialogue(GcsDialogue):
         """
         axes = list(held)
         try:
-            self._ask_once(self._setpoints(axes, list(held.values())), GcsReply())
+            self._ask_slowly(self._setpoints(axes, list(held.values())), GcsReply())
         except LineFault as fault:
             if fault.flag not in _REFUSALS:
                 raise
             what = f"{self._line.where}: axis {', '.join(axes)} is driven by its analog input"
-            remedy = "switch its analog input, and its servo, off at rest"
-            raise DeviceError(f"{what} and refuses to be set ({fault}): {remedy}") from fault
+            remedy = "switch off its analog input and its servo at rest"
+            raise DeviceError(f"{what} and refuses a setpoint ({fault}): {remedy}") from fault
         channels_of = dict(zip(self._wiring.outputs, self._amplifiers, strict=True))
         online = [channels_of[axis] for axis in axes]
-        self._ask_once(self._syntax.setting("ONL", online, ["1"] * len(online)), GcsReply())
+        self._ask_slowly(self._syntax.setting("ONL", online, ["1"] * len(online)), GcsReply())

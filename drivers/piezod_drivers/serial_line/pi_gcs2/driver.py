@@ -1,4 +1,4 @@
-"""PI controllers that speak GCS 2.0, over a serial port, USB's virtual one, or TCP."""
+"""The driver `pi_gcs2`: PI controllers with GCS 2.0, over a serial port, a USB one or TCP."""
 
 from typing import Final
 
@@ -19,7 +19,7 @@ def _create(options: Gcs2Options, wiring: Wiring, _seed: int) -> ExchangingBusDe
 
 PLUGIN: Final = DriverPlugin(
     name="pi_gcs2",
-    summary="PI controllers by GCS 2.0: E-517, E-709, E-712, E-727, E-754; serial or TCP",
+    summary="PI controllers with GCS 2.0: E-517, E-709, E-712, E-727, E-754; serial or TCP",
     options_model=Gcs2Options,
     create=_create,
     confirmed_on_hardware=False,

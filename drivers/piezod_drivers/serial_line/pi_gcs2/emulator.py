@@ -1,13 +1,13 @@
-"""A GCS 2.0 controller with piezo amplifiers and sensors, as an E-727 over serial, USB or TCP."""
+"""The emulated GCS 2.0 controller, an E-727 with piezo amplifiers and sensors, serial or TCP."""
 
 from collections.abc import Sequence
 from typing import Final
 
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import EmulatorPlugin
-from piezod_drivers.serial_line.gcs.emulator import GcsEmulator, GcsKind, GcsRefusal, switch_in
+from piezod_drivers.serial_line.gcs.emulator import GcsEmulator, GcsModel, GcsRefusal, switch_in
 
-_KIND: Final = GcsKind(
+_MODEL: Final = GcsModel(
     identity="(c)2015-2018 Physik Instrumente (PI) GmbH & Co. KG, E-727.3CDA, {serial}, "
     "14.11.01.05",
     ids=tuple("12345678"),
@@ -19,30 +19,30 @@ _KIND: Final = GcsKind(
 )
 _TRAVEL_UM: Final = 30.0
 _NEXT: Final = " \n"
-"""Ends a line of a reply that has another one."""
+"""Ends a line of a reply that another line follows."""
 
 
 class _Quirks:
-    """Implements `Manners`: arguments apart by spaces, replies with a line for each axis."""
+    """Implements `ProtocolQuirks`: spaces between arguments, a line for each axis in replies."""
 
     def ids(self, text: str, every: Sequence[str]) -> Sequence[str]:
         """Return the words."""
         return text.split() or every
 
     def pairs(self, text: str) -> Sequence[tuple[str, str]]:
-        """Return the words two by two."""
+        """Return the words in pairs."""
         words = text.split()
         if not words or len(words) % 2:
             raise GcsRefusal(24)
         return list(zip(words[::2], words[1::2], strict=True))
 
     def reply(self, ids: Sequence[str], values: Sequence[str]) -> bytes:
-        """Return lines as `1=2.5`, all but the last with a space before the line feed."""
+        """Return lines such as `1=2.5`; all but the last have a space before the line feed."""
         lines = (f"{axis}={value}" for axis, value in zip(ids, values, strict=True))
         return (_NEXT.join(lines) + "\n").encode()
 
-    def listed(self, ids: Sequence[str]) -> bytes:
-        """Return a line for each axis, likewise."""
+    def axes_reply(self, ids: Sequence[str]) -> bytes:
+        """Return a line for each axis, ended in the same way."""
         return (_NEXT.join(ids) + "\n").encode()
 
 
@@ -50,23 +50,23 @@ class Gcs2Emulator(GcsEmulator):
     """Adds what only GCS 2.0 has: online mode, voltage limits and travel.
 
     Args:
-        bench: What it is connected to.
-        serial: Its serial number, "" for its usual one.
+        bench: The rig.
+        serial: Serial number, "" for its usual one.
     """
 
     def __init__(self, bench: SharedRig, serial: str) -> None:
-        super().__init__(bench, _Quirks(), _KIND, serial)
+        super().__init__(bench, _Quirks(), _MODEL, serial)
         self._handlers |= {
             "ONL": self._set_online,
             "ONL?": self._query(lambda i: self.axes[i].online),
-            "VMI?": self._query(lambda _: _KIND.lowest_v),
-            "VMA?": self._query(lambda _: _KIND.highest_v),
+            "VMI?": self._query(lambda _: _MODEL.lowest_v),
+            "VMA?": self._query(lambda _: _MODEL.highest_v),
             "TMN?": self._query(lambda _: 0.0),
             "TMX?": self._query(lambda _: _TRAVEL_UM),
         }
 
     def _set_online(self, arguments: str) -> bytes:
-        for channel, text in self._manners.pairs(arguments):
+        for channel, text in self._quirks.pairs(arguments):
             i = self._index(channel)
             self.axes[i].online = switch_in(text)
             self._drive(i)

@@ -1,4 +1,4 @@
-"""What a configuration may say about a controller that speaks GCS 2.0."""
+"""Options of a controller with GCS 2.0."""
 
 from collections.abc import Iterator
 from typing import Annotated, Literal, TypeAlias
@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field, StringConstraints
 
 from piezod.config.fields import BrokenRule, Quantity
-from piezod_drivers.serial_line.options import LineOptions, ordered
+from piezod_drivers.serial_line.options import LineOptions, range_rules
 
 Axis: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]{1,8}$")]
 Volts: TypeAlias = Annotated[float, Quantity(-1000, 1000, "V")]
@@ -16,18 +16,18 @@ class Gcs2Options(LineOptions):
     """Options of `pi_gcs2`; over TCP the controllers listen at port 50000."""
 
     axes: tuple[Axis, ...] = Field(
-        default=("1",), min_length=1, max_length=8, description="Axes that the controller has."
+        default=("1",), min_length=1, max_length=8, description="Axes of the controller."
     )
     range_v: tuple[Volts, Volts] | None = Field(
         default=None,
-        description="Lowest and highest open-loop value; left out: what VMI? and VMA? tell.",
+        description="Lowest and highest open-loop value; left out: as VMI? and VMA? report.",
     )
     read_back: Literal["VOL?", "SVA?"] = Field(
         default="VOL?",
-        description="Which query tells what is in force: the measured voltage, or the value set.",
+        description="Query of the value in force: the measured voltage, or the value that was set.",
     )
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         yield from super()._broken_rules()
         if self.range_v is not None:
-            yield from ordered(self.range_v)
+            yield from range_rules(self.range_v)

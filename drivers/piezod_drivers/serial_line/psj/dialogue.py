@@ -1,4 +1,4 @@
-"""What is said to an amplifier of piezosystem jena."""
+"""The conversation with an amplifier of piezosystem jena."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -9,163 +9,170 @@ from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.interface import Capabilities, Identity, Wiring
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
 from piezod_drivers.serial_line.psj import codec
-from piezod_drivers.serial_line.psj.profiles import PsjModel
-from piezod_drivers.serial_line.psj.reading_age import Freshness
+from piezod_drivers.serial_line.psj.profiles import PsjProfile
+from piezod_drivers.serial_line.psj.reading_age import ReadingAge
 from piezod_drivers.serial_line.psj.session import PsjSession
 from piezod_drivers.serial_line.psj.setup import identity_of, limits_of
 from piezod_drivers.serial_line.psj.takeover import take_over
 
 STATUS_NS: Final = 100_000_000
-"""The status is asked for this often, after a setpoint or a sample."""
+"""Period of status requests, which follow a setpoint or a sample."""
 BITS_PER_BYTE: Final = 10
 STATUS_BYTES: Final = 24
-"""What asking for the status costs at most, both ways."""
-_NOTHING: Final[tuple[int, Sequence[float]]] = (-1, ())
-"""Of no instant: what was told is not in force any more."""
+"""Highest number of bytes of a status exchange, in both directions."""
+_NOT_READ: Final[tuple[int, Sequence[float]]] = (-1, ())
+"""No instant: the value in force is unknown."""
 
 
 class PsjDialogue:
     """Implements `Dialogue`; the amplifier is driven in open loop, in V.
 
-    Outputs hold their voltage when control ends: nothing is given back to the front panel, whose
-    knob may stand elsewhere. A model that does not acknowledge a setpoint is read after it.
+    Outputs hold their voltage when control ends. Control is not returned to the front panel, whose
+    knob may be at another voltage. A model that does not acknowledge a setpoint is read after it.
 
     Args:
         line: The line, not open.
-        model: Which model it is.
-        wiring: Which channels are used.
+        profile: The model.
+        wiring: The channels in use.
         range_v: Lowest and highest voltage, in V.
-        timeout_s: How long to wait for a reply, in s.
-        remote: Whether an NV40 is under remote control, as the configuration says.
+        timeout_s: Longest wait for a reply, in s.
+        remote: Whether the configuration confirms that an NV40 is under remote control.
     """
 
     def __init__(
         self,
         line: Line,
-        model: PsjModel,
+        profile: PsjProfile,
         wiring: Wiring,
         range_v: tuple[float, float],
         timeout_s: float,
         *,
         remote: bool = False,
     ) -> None:
-        self._line, self._model, self._wiring, self._range_v = line, model, wiring, range_v
-        self._talk, self._remote = PsjSession(line, model, timeout_s), remote
+        self._line, self._profile, self._wiring, self._range_v = line, profile, wiring, range_v
+        self._session, self._remote = PsjSession(line, profile, timeout_s), remote
         self._inputs = [int(name[2:]) for name in wiring.inputs]
         self._outputs = [int(name[2:]) for name in wiring.outputs]
-        self._all = [int(name[2:]) for name in wiring.channels]
-        self._reads_back = model.tells_setpoint or model.reads == "voltage"
+        self._channels = [int(name[2:]) for name in wiring.channels]
+        self._reads_back = profile.tells_setpoint or profile.reads == "voltage"
         self._ranges: list[tuple[float, float]] = []
-        self._fresh: list[Freshness] = []
+        self._ages: list[ReadingAge] = []
         self._flags: dict[int, Flags] = {}
         self._status_ns, self._status_turn = 0, 0
         self._noticed: set[DeviceFlag] = set()
-        self._told_v = _NOTHING
+        self._in_force_v = _NOT_READ
 
     def open(self) -> Identity:
-        """Connect and ask who is there; the outputs stay as they are."""
+        """Connect, identify the device and read its limits; the outputs keep their values."""
         self._line.open()
-        self._talk.restart()
-        identity = identity_of(self._talk, self._model, self._line.where)
+        self._session.restart()
+        identity = identity_of(self._session, self._profile, self._line.where)
         self._ranges = [
-            limits_of(self._talk, self._model, channel, self._range_v) for channel in self._outputs
+            limits_of(self._session, self._profile, channel, self._range_v)
+            for channel in self._outputs
         ]
-        self._flags = dict.fromkeys(self._all, NO_FLAGS)
-        self._fresh = [Freshness(round(self._model.refresh_s * 1e9)) for _ in self._inputs]
-        self._talk.forget_noticed()
+        self._flags = dict.fromkeys(self._channels, NO_FLAGS)
+        self._ages = [ReadingAge(round(self._profile.refresh_s * 1e9)) for _ in self._inputs]
+        self._session.forget_noticed()
         return identity
 
     def close(self) -> None:
-        """Let go of the line; the outputs hold."""
+        """Disconnect; the outputs hold."""
         self._line.close()
 
     def capabilities(self) -> Capabilities:
-        """Tell what it can do; the rate is what the bytes of a cycle allow at this baud rate."""
+        """Return the channels and the highest rate that the bit rate allows."""
         return Capabilities(
             inputs=self._wiring.inputs,
             outputs=self._wiring.outputs,
             read_back=self._reads_back,
-            max_rate_hz=self._model.baud / BITS_PER_BYTE / (self._bytes() + STATUS_BYTES),
+            max_rate_hz=self._profile.baud
+            / BITS_PER_BYTE
+            / (self._bytes_per_cycle() + STATUS_BYTES),
             holds=True,
         )
 
     def ranges(self) -> Sequence[tuple[float, float]]:
-        """Tell the voltages of each output: as configured, narrowed by what the device says."""
+        """Return the range of each output, in V: as configured, within the device's limits."""
         return self._ranges
 
     def activate(self) -> None:
-        """See that the outputs can be driven from where they are; see `takeover`.
+        """Check that the outputs can be driven from their present voltages; see `takeover`.
 
         Raises:
-            DeviceError: If that is not possible without a jump.
+            DeviceError: If that is impossible without a jump.
         """
-        take_over(self._model, self._outputs, self._talk, remote=self._remote)
-        for _ in self._all:
-            self._look_after(at_once=True)
-        self._talk.forget_noticed()
+        take_over(self._profile, self._outputs, self._session, remote=self._remote)
+        for _ in self._channels:
+            self._poll_status(now=True)
+        self._session.forget_noticed()
 
     def deactivate(self) -> None:
         """Do nothing: the outputs hold."""
 
     def sample(self, now_ns: int) -> Reading:
-        """Read every input, in µm; with the instant at which a slow one has changed last."""
+        """Read every input, in µm, with the instant of its last refresh. Real-time safe."""
         values, t_ns = [], now_ns
-        for channel, fresh in zip(self._inputs, self._fresh, strict=True):
-            value = codec.number(self._talk.value(self._model.read, channel))
+        for channel, age in zip(self._inputs, self._ages, strict=True):
+            value = codec.number(self._session.value(self._profile.read, channel))
             values.append(value)
-            t_ns = min(t_ns, fresh.taken_ns(value, now_ns))
-        self._look_after()
+            t_ns = min(t_ns, age.taken_ns(value, now_ns))
+        self._poll_status()
         return t_ns, values
 
     def put(self, values: Sequence[float]) -> None:
-        """Set every output, in V; each is acknowledged, or read where it is not.
+        """Set every output, in V; read outputs that do not acknowledge. Real-time safe.
 
-        What an NV40/1 reads is measured, and follows the setpoint later: that it does is watched
-        by whoever reads back.
+        The voltage that an NV40/1 reports is measured and follows the setpoint later. The read-back
+        watch checks that it does.
         """
-        self._told_v = _NOTHING
-        model = self._model
+        self._in_force_v = _NOT_READ
+        profile = self._profile
         for channel, value in zip(self._outputs, values, strict=True):
-            if model.acknowledges:
-                self._talk.ask(model.set, channel, value)
+            if profile.acknowledges:
+                self._session.ask(profile.set, channel, value)
             else:
-                self._talk.tell(model.set, channel, value)
-                codec.number(self._talk.value(model.read, channel))
-        self._look_after()
+                self._session.tell(profile.set, channel, value)
+                codec.number(self._session.value(profile.read, channel))
+        self._poll_status()
 
     def in_force(self, now_ns: int) -> Sequence[float]:
-        """Tell the setpoints, or the voltages, in V; asked once for an instant."""
-        if self._told_v[0] != now_ns:
-            name = self._model.set if self._model.tells_setpoint else self._model.read
-            told = [codec.number(self._talk.value(name, channel)) for channel in self._outputs]
-            self._told_v = now_ns, told
-        return self._told_v[1]
+        """Return the setpoints or the voltages, in V; read once per instant. Real-time safe."""
+        if self._in_force_v[0] != now_ns:
+            name = self._profile.set if self._profile.tells_setpoint else self._profile.read
+            values_v = [
+                codec.number(self._session.value(name, channel)) for channel in self._outputs
+            ]
+            self._in_force_v = now_ns, values_v
+        return self._in_force_v[1]
 
     def flags(self) -> Sequence[Flags]:
-        """Tell what the status said last, of each channel."""
+        """Return the last status of each channel. Real-time safe."""
         return [self._flags[channel] for channel in (*self._inputs, *self._outputs)]
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail."""
-        noticed, self._noticed = self._noticed | self._talk.take_noticed(), set()
+        """Return and clear the flags of faults that no call has raised. Real-time safe."""
+        noticed, self._noticed = self._noticed | self._session.take_noticed(), set()
         return noticed
 
-    def _bytes(self) -> int:
-        """Return how many bytes a cycle has at most, both ways, but for the status."""
-        model = self._model
-        setpoint = len(codec.command(model, model.set, 0, -100.0)) + len(b"\x13\x11")
-        asked = len(codec.command(model, model.read, 0))
+    def _bytes_per_cycle(self) -> int:
+        """Return the highest number of bytes of a cycle, both ways, without the status."""
+        profile = self._profile
+        setpoint = len(codec.command(profile, profile.set, 0, -100.0)) + len(b"\x13\x11")
+        asked = len(codec.command(profile, profile.read, 0))
         answer = asked + len(b"\x13,-100.0000\r\n\x11")
         n_reads = len(self._inputs)
-        if self._reads_back or not model.acknowledges:
+        if self._reads_back or not profile.acknowledges:
             n_reads += len(self._outputs)
         return len(self._outputs) * setpoint + n_reads * (asked + answer)
 
-    def _look_after(self, *, at_once: bool = False) -> None:
-        """Ask for a status that is due: of one channel at a time, and never before a setpoint."""
-        now_ns, model = self._line.now_ns(), self._model
-        turns = len(self._all) if model.status_per_channel else 1
-        if not model.status or not (at_once or now_ns - self._status_ns >= STATUS_NS // turns):
+    def _poll_status(self, *, now: bool = False) -> None:
+        """Read the status of one channel if it is due; never before a setpoint."""
+        now_ns, profile = self._line.now_ns(), self._profile
+        # With several channels one is read at a time, so that each has a new status every
+        # STATUS_NS.
+        turns = len(self._channels) if profile.status_per_channel else 1
+        if not profile.status or not (now or now_ns - self._status_ns >= STATUS_NS // turns):
             return
         self._status_ns = now_ns
         try:
@@ -176,14 +183,14 @@ class PsjDialogue:
             self._noticed.add(fault.flag)
 
     def _ask_status(self) -> None:
-        model = self._model
-        if not model.status_per_channel:
-            words = self._talk.values(model.status, None, model.channels)
-            for channel in self._all:
+        profile = self._profile
+        if not profile.status_per_channel:
+            words = self._session.values(profile.status, None, profile.channels)
+            for channel in self._channels:
                 status = codec.word(words[channel], 16)
-                self._flags[channel] = codec.flags_of(status, model.status_bits)
+                self._flags[channel] = codec.flags_of(status, profile.status_bits)
             return
-        channel = self._all[self._status_turn]
-        self._status_turn = (self._status_turn + 1) % len(self._all)
-        status = codec.word(self._talk.value(model.status, channel), 10)
-        self._flags[channel] = codec.flags_of(status, model.status_bits)
+        channel = self._channels[self._status_turn]
+        self._status_turn = (self._status_turn + 1) % len(self._channels)
+        status = codec.word(self._session.value(profile.status, channel), 10)
+        self._flags[channel] = codec.flags_of(status, profile.status_bits)

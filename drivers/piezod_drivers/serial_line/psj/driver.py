@@ -1,4 +1,4 @@
-"""Amplifiers of piezosystem jena as devices."""
+"""The driver `psj`: amplifiers of piezosystem jena."""
 
 from typing import Final
 
@@ -12,18 +12,18 @@ from piezod_drivers.serial_line.psj.profiles import channel_names
 
 
 def _channels(options: PsjOptions) -> ChannelUnits:
-    model = options.model()
-    names = channel_names(model)
-    inputs = dict.fromkeys(names, "µm") if model.reads == "position" else {}
+    profile = options.configured_profile()
+    names = channel_names(profile)
+    inputs = dict.fromkeys(names, "µm") if profile.reads == "position" else {}
     return ChannelUnits(inputs, dict.fromkeys(names, "V"))
 
 
 def _create(options: PsjOptions, wiring: Wiring, _seed: int) -> BusDevice:
-    model = options.model()
-    line = make_line(options, model.baud)
+    profile = options.configured_profile()
+    line = make_line(options, profile.baud)
     timeout_s = options.timeout_ms * 1e-3
-    dialogue = PsjDialogue(line, model, wiring, options.range_v, timeout_s, remote=options.remote)
-    return BusDevice(model.title, dialogue)
+    dialogue = PsjDialogue(line, profile, wiring, options.range_v, timeout_s, remote=options.remote)
+    return BusDevice(profile.title, dialogue)
 
 
 PLUGIN: Final = DriverPlugin(

@@ -1,4 +1,4 @@
-"""Amplifiers of piezosystem jena, from the far end of the wire; as public sources describe them."""
+"""Emulated amplifiers of piezosystem jena, as public sources describe them."""
 
 from collections.abc import Callable, Mapping
 from math import isfinite
@@ -8,13 +8,13 @@ from typing import Final, Literal
 from piezod.devices.emulation.bench import SharedRig
 from piezod.devices.emulation.emulator import Emulator, EmulatorPlugin
 from piezod.units import NS_PER_S
-from piezod_drivers.serial_line.psj.profiles import MODELS, Profile
+from piezod_drivers.serial_line.psj.profiles import PROFILES, ProfileName
 
-MOST_BYTES: Final = 512
+MAX_BYTES: Final = 512
 LOWEST_V, HIGHEST_V = 0.0, 150.0
-"""What the emulated devices say that they can do."""
+"""Limits that the emulated devices report."""
 
-_GREETINGS: Final[Mapping[Profile, str]] = MappingProxyType(
+_GREETINGS: Final[Mapping[ProfileName, str]] = MappingProxyType(
     {
         "ddrive": "DSM V6.000",
         "30dv": "AP V1.000",
@@ -24,11 +24,11 @@ _GREETINGS: Final[Mapping[Profile, str]] = MappingProxyType(
     }
 )
 _ENDS_WITH_CR: Final = frozenset({"modon", "monsrc", "sr", "kp", "ki", "kd", "tf", "ktemp"})
-"""Some of the commands whose answer a d-Drive ends with CR only, where it tells a value."""
+"""Some of the commands for which a d-Drive ends a value with CR only."""
 
 
 class PsjRefusedError(Exception):
-    """Raised where a command is answered by an error; its argument is a key of `_ERRORS`."""
+    """Raised if a command is refused; its argument is a key of `_ERRORS`."""
 
 
 _ERRORS: Final[Mapping[str, tuple[str, str, str]]] = MappingProxyType(
@@ -47,64 +47,64 @@ class PsjEmulator:
     """Implements `Emulator` for every model; an NV40 is under remote control already.
 
     Args:
-        profile: Which model it is.
-        bench: Its bench; axis i is channel i.
+        profile_name: Name of the model's profile.
+        bench: The rig; axis i is channel i.
         serial: Serial number of the actuators.
     """
 
-    def __init__(self, profile: Profile, bench: SharedRig, serial: str) -> None:
-        self._profile, self._model, self._bench = profile, MODELS[profile], bench
+    def __init__(self, profile_name: ProfileName, bench: SharedRig, serial: str) -> None:
+        self._profile_name, self._profile, self._bench = profile_name, PROFILES[profile_name], bench
         self._serial = serial or "85533"
-        self._channels = min(self._model.channels, bench.n_axes)
+        self._channels = min(self._profile.channels, bench.n_axes)
         self._rest = b""
         self._setpoint = [0.0] * self._channels
         self._settings: dict[tuple[str, int], float] = {}
-        self._shown: list[tuple[int, float]] = [(-NS_PER_S, 0.0)] * self._channels
-        self.reads = self._model.reads
-        """What its reading tells: an NV40/3 without CLE tells the voltage, and has no loop."""
+        self._readings: list[tuple[int, float]] = [(-NS_PER_S, 0.0)] * self._channels
+        self.reads = self._profile.reads
+        """Meaning of its reading: an NV40/3 without CLE reads the voltage, and has no loop."""
         self.remote = [True] * self._channels
-        """Whether an NV40's voltage is the port's; else its knob's."""
+        """Whether the port sets the voltage of an NV40; else its knob does."""
         self.knob_v = [0.0] * self._channels
-        """What the knobs of an NV40 are turned to, in V."""
+        """Voltages of the knobs of an NV40, in V."""
         self.fault_bits = 0
-        """Bits of the status word that are inverted, so that tests see every fault."""
+        """Bits of the status word that are inverted, so that tests can cause every fault."""
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Take what has come; answer every command that is complete, in the order they came."""
+        """Reply to every complete command, in order."""
         *lines, rest = (self._rest + data).replace(b"\n", b"").split(b"\r")
-        self._rest = rest[-MOST_BYTES:]
+        self._rest = rest[-MAX_BYTES:]
         return [reply for line in lines if (reply := self._answer(line))]
 
     def due(self) -> list[bytes]:
-        """Send nothing unasked."""
+        """Send nothing."""
         return []
 
     def _answer(self, line: bytes) -> bytes:
         name, *values = line.decode("latin-1").strip(" \x11\x13").split(",")
         try:
-            text = self._obey(name, values)
+            text = self._execute(name, values)
         except PsjRefusedError as refused:
             text = _ERRORS[refused.args[0]][self._family()]
-        if not self._model.frames:
+        if not self._profile.frames:
             return f"{text}\r\n".encode("ascii") if text else b""
         if self._family() == 0 and name in _ENDS_WITH_CR and text.startswith(name):
             return f"{text}\r".encode("ascii")
         return f"\x13{text}\r\n\x11".encode("ascii") if text else b"\x13\x11"
 
     def _family(self) -> int:
-        """Return the column of `_ERRORS` and `_SETTINGS`."""
-        return {"ddrive": 0, "30dv": 0, "nv200": 2}.get(self._profile, 1)
+        """Return the column of the model in `_ERRORS` and `_SETTINGS`."""
+        return {"ddrive": 0, "30dv": 0, "nv200": 2}.get(self._profile_name, 1)
 
-    def _obey(self, name: str, values: list[str]) -> str:
+    def _execute(self, name: str, values: list[str]) -> str:
         if not name:
-            return _GREETINGS[self._profile]
-        if name == "ERROR" and self._profile == "nv40":
+            return _GREETINGS[self._profile_name]
+        if name == "ERROR" and self._profile_name == "nv40":
             words = [f"{self.fault_bits:x}"] * self._channels
-            return ",".join(["ERROR", *words, *["1"] * (self._model.channels - self._channels)])
-        if name in {"i1", "i0", "ol", "cl"} and self._profile == "nv40-1":
+            return ",".join(["ERROR", *words, *["1"] * (self._profile.channels - self._channels)])
+        if name in {"i1", "i0", "ol", "cl"} and self._profile_name == "nv40-1":
             self._hand_over(0, name)
             return ""
-        if name == "ver" and self._profile == "nv40":
+        if name == "ver" and self._profile_name == "nv40":
             return f"ver,V1.03\r\nsdate,2026-01-01\r\nserno,{self._serial}"
         commands = self._commands()
         if name not in commands:
@@ -113,31 +113,31 @@ class PsjEmulator:
         if len(given) > 1:
             raise PsjRefusedError("many")
         value = _number(given[0]) if given else None
-        told = commands[name](channel, value)
-        if told is None:
+        value_text = commands[name](channel, value)
+        if value_text is None:
             return ""
-        return ",".join([name, *([str(channel)] if self._model.numbered else []), told])
+        return ",".join([name, *([str(channel)] if self._profile.numbered else []), value_text])
 
     def _commands(self) -> Mapping[str, Callable[[int, float | None], str | None]]:
-        model = self._model
+        profile = self._profile
         commands: dict[str, Callable[[int, float | None], str | None]] = {
-            model.set: self._set,
-            model.read: self._read,
+            profile.set: self._set,
+            profile.read: self._read,
         }
-        if model.status == "stat":
+        if profile.status == "stat":
             commands["stat"] = self._status
-        if model.limits is not None:
-            commands[model.limits[0]] = lambda _channel, _value: f"{LOWEST_V:.3f}"
-            commands[model.limits[1]] = lambda _channel, _value: f"{HIGHEST_V:.3f}"
+        if profile.limits is not None:
+            commands[profile.limits[0]] = lambda _channel, _value: f"{LOWEST_V:.3f}"
+            commands[profile.limits[1]] = lambda _channel, _value: f"{HIGHEST_V:.3f}"
         for setting in _SETTINGS[self._family()]:
-            if setting != "cloop" or self.reads == "position":  # without CLE it is not known
+            if setting != "cloop" or self.reads == "position":  # without CLE the command is unknown
                 commands[setting] = self._setting(setting)
         commands["acdescr"] = lambda _channel, _value: f"EMULATED #{self._serial}"
         commands["acserno"] = lambda _channel, _value: self._serial
         return commands
 
     def _channel(self, values: list[str]) -> tuple[int, list[str]]:
-        if not self._model.numbered:
+        if not self._profile.numbered:
             return 0, values
         if not values or not values[0]:
             raise PsjRefusedError("missing")
@@ -147,10 +147,10 @@ class PsjEmulator:
 
     def _set(self, channel: int, value: float | None) -> str | None:
         if value is None:
-            if not self._model.tells_setpoint:
+            if not self._profile.tells_setpoint:
                 raise PsjRefusedError("missing")
             return f"{self._setpoint[channel]:.3f}"
-        if self._family() == 0:  # it limits, without a word of it
+        if self._family() == 0:  # a d-Drive limits the value without an error
             value = min(max(value, LOWEST_V), HIGHEST_V)
         if not LOWEST_V <= value <= HIGHEST_V:
             raise PsjRefusedError("range")
@@ -160,27 +160,27 @@ class PsjEmulator:
         return None
 
     def _hand_over(self, channel: int, word: str) -> None:
-        """Obey i1, i0, setk 1, setk 0: the voltage is that of whoever sets it from now on."""
+        """Execute i1, i0, setk 1 or setk 0: change the source of the voltage."""
         if word in {"i1", "i0"}:
             self.remote[channel] = word == "i1"
             source = self._setpoint if self.remote[channel] else self.knob_v
             self._bench.drive(channel, source[channel])
 
     def _read(self, channel: int, _value: float | None) -> str:
-        t_ns, shown = self._shown[channel]
+        t_ns, reading = self._readings[channel]
         now_ns = self._bench.now_ns()
-        if now_ns - t_ns >= self._model.refresh_s * NS_PER_S:
+        if now_ns - t_ns >= self._profile.refresh_s * NS_PER_S:
             if self.reads == "voltage":
-                shown = self._bench.drive_v(channel)
+                reading = self._bench.drive_v(channel)
             else:
                 position_um = self._bench.position_um(channel)
-                shown = position_um if isfinite(position_um) else shown
-            self._shown[channel] = now_ns, shown
-        return f"{shown:.4f}"
+                reading = position_um if isfinite(position_um) else reading
+            self._readings[channel] = now_ns, reading
+        return f"{reading:.4f}"
 
     def _status(self, channel: int, _value: float | None) -> str:
         closed = bool(self._settings.get(("cl", channel), 0.0))
-        if self._profile == "nv200":
+        if self._profile_name == "nv200":
             status = 1 | 1 << 1 | closed << 3
         else:
             status = 1 | 1 << 1 | 1 << 6 | closed << 7
@@ -203,7 +203,7 @@ _SETTINGS: Final = (
     ("cloop", "setk", "monwpa"),
     ("cl", "modsrc", "sr", "notchon", "setlpon"),
 )
-"""Commands whose only effect is that they tell what was set, by family."""
+"""Commands that only store and return a value, by family."""
 
 
 def _number(text: str) -> float:
@@ -217,13 +217,15 @@ def _number(text: str) -> float:
 
 
 def _plugin(
-    name: str, profile: Profile, wire: Literal["serial", "tcp"] = "serial"
+    name: str, profile_name: ProfileName, wire: Literal["serial", "tcp"] = "serial"
 ) -> EmulatorPlugin:
     def create(bench: SharedRig, serial: str) -> Emulator:
-        return PsjEmulator(profile, bench, serial)
+        return PsjEmulator(profile_name, bench, serial)
 
     how = " over TCP" if wire == "tcp" else ""
-    return EmulatorPlugin(name, f"piezosystem jena {MODELS[profile].title}{how}", wire, create)
+    return EmulatorPlugin(
+        name, f"piezosystem jena {PROFILES[profile_name].title}{how}", wire, create
+    )
 
 
 D_DRIVE: Final = _plugin("psj-ddrive", "ddrive")

@@ -1,4 +1,4 @@
-"""How the models of piezosystem jena's amplifiers differ."""
+"""The models of piezosystem jena's amplifiers, as data."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -6,17 +6,17 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 
 from piezod.devices.status import DeviceFlag
 
-Profile: TypeAlias = Literal["ddrive", "30dv", "nv40", "nv40-1", "nv200"]
-Reads: TypeAlias = Literal["nothing", "position", "voltage"]
+ProfileName: TypeAlias = Literal["ddrive", "30dv", "nv40", "nv40-1", "nv200"]
+ReadingUse: TypeAlias = Literal["nothing", "position", "voltage"]
 
 
-class Bits(NamedTuple):
-    """What some bits of a status word mean.
+class StatusBits(NamedTuple):
+    """A fault in a status word.
 
     Attributes:
-        mask: The bits.
-        present: Whether it is meant by one of them that is set, or by none.
-        flag: What is told of it.
+        mask: Bits of the fault.
+        present: Whether the fault is present if one of these bits is set, or if none is.
+        flag: The fault.
     """
 
     mask: int
@@ -24,35 +24,35 @@ class Bits(NamedTuple):
     flag: DeviceFlag
 
 
-class PsjModel(NamedTuple):
-    """A model, as seen from the wire.
+class PsjProfile(NamedTuple):
+    """A model, as it appears on the line.
 
     Attributes:
-        title: Its name for people.
-        greetings: How the answer to an empty command begins; that of another model is refused.
-        baud: Bits per second unless set otherwise.
-        read: The command that reads a channel.
-        reads: What that tells in open loop, as far as the public sources say.
-        set: The command that sets a voltage, in V in open loop.
-        ending: What ends a command.
-        frames: Whether every answer ends with XON; else it is a line.
-        channels: How many there may be.
+        title: Name of the model for people.
+        greetings: Possible beginnings of the reply to an empty command; another model is refused.
+        baud: Default bit rate, in bit/s.
+        read: Command that reads a channel.
+        reads: What this reading is in open loop, according to the public sources.
+        set: Command that sets a voltage, in V in open loop.
+        ending: End of a command.
+        frames: Whether each reply ends with XON; else it is a line.
+        channels: Highest number of channels.
         numbered: Whether commands name the channel.
-        acknowledges: Whether a setpoint is answered.
-        tells_setpoint: Whether the command that sets, without a value, tells the setpoint.
-        refresh_s: How old what is read may be, in s.
-        status: The command that tells the status, "" for none.
-        status_bits: What it means.
-        status_per_channel: Whether it is asked channel by channel.
-        serial: The command that tells a serial number, or what actuator is there; "" for none.
-        limits: The commands that tell the lowest and the highest voltage, if there are any.
+        acknowledges: Whether a setpoint has a reply.
+        tells_setpoint: Whether the command `set` without a value returns the setpoint.
+        refresh_s: Highest age of a reading, in s.
+        status: Command that reads the status, "" for none.
+        status_bits: Meaning of the status.
+        status_per_channel: Whether the status is read channel by channel.
+        serial: Command that reads a serial number or the actuator's identity; "" for none.
+        limits: Commands that read the lowest and the highest voltage, if there are any.
     """
 
     title: str
     greetings: tuple[str, ...]
     baud: int
     read: str
-    reads: Reads
+    reads: ReadingUse
     set: str = "set"
     ending: bytes = b"\r"
     frames: bool = True
@@ -62,34 +62,34 @@ class PsjModel(NamedTuple):
     tells_setpoint: bool = False
     refresh_s: float = 0.0
     status: str = ""
-    status_bits: tuple[Bits, ...] = ()
+    status_bits: tuple[StatusBits, ...] = ()
     status_per_channel: bool = True
     serial: str = ""
     limits: tuple[str, str] | None = None
 
 
 _D_DRIVE_BITS: Final = (
-    Bits(1 << 0, False, DeviceFlag.SHORT_OR_OPEN),  # no actuator is plugged in
-    Bits(1 << 6, False, DeviceFlag.LOCAL_MODE),  # the high voltage is not enabled
-    Bits(1 << 7, True, DeviceFlag.LOCAL_MODE),  # somebody has closed the device's own loop
-    Bits(0b111 << 9, True, DeviceFlag.LOCAL_MODE),  # its generator runs
+    StatusBits(1 << 0, False, DeviceFlag.SHORT_OR_OPEN),  # no actuator is plugged in
+    StatusBits(1 << 6, False, DeviceFlag.LOCAL_MODE),  # the high voltage is not enabled
+    StatusBits(1 << 7, True, DeviceFlag.LOCAL_MODE),  # the device's own loop was closed
+    StatusBits(0b111 << 9, True, DeviceFlag.LOCAL_MODE),  # its generator runs
 )
 _NV40_BITS: Final = (
-    Bits(0x0003, True, DeviceFlag.SHORT_OR_OPEN),  # not plugged in; shorted
-    Bits(0x0010, True, DeviceFlag.DEVICE_FAILURE),  # its memory
-    Bits(0x3000, True, DeviceFlag.OVERLOAD),  # under-load, overload
-    Bits(0x4000, True, DeviceFlag.OTHER_DEVICE),  # another actuator than it is set up for
-    Bits(0x8000, True, DeviceFlag.OVER_TEMPERATURE),
+    StatusBits(0x0003, True, DeviceFlag.SHORT_OR_OPEN),  # not plugged in; shorted
+    StatusBits(0x0010, True, DeviceFlag.DEVICE_FAILURE),  # memory failure
+    StatusBits(0x3000, True, DeviceFlag.OVERLOAD),  # under-load, overload
+    StatusBits(0x4000, True, DeviceFlag.OTHER_DEVICE),  # not the actuator it is configured for
+    StatusBits(0x8000, True, DeviceFlag.OVER_TEMPERATURE),
 )
 _NV200_BITS: Final = (
-    Bits(1 << 0, False, DeviceFlag.SHORT_OR_OPEN),
-    Bits(1 << 3, True, DeviceFlag.LOCAL_MODE),  # somebody has closed the device's own loop
-    Bits(1 << 10, True, DeviceFlag.OVER_TEMPERATURE),
-    Bits(1 << 11, True, DeviceFlag.SHORT_OR_OPEN),  # actuator error
-    Bits(0b11 << 12, True, DeviceFlag.DEVICE_FAILURE),  # hardware, I2C
+    StatusBits(1 << 0, False, DeviceFlag.SHORT_OR_OPEN),
+    StatusBits(1 << 3, True, DeviceFlag.LOCAL_MODE),  # the device's own loop was closed
+    StatusBits(1 << 10, True, DeviceFlag.OVER_TEMPERATURE),
+    StatusBits(1 << 11, True, DeviceFlag.SHORT_OR_OPEN),  # actuator error
+    StatusBits(0b11 << 12, True, DeviceFlag.DEVICE_FAILURE),  # hardware, I2C
 )
 
-_D_DRIVE: Final = PsjModel(
+_D_DRIVE: Final = PsjProfile(
     title="d-Drive",
     greetings=("DSM V",),
     baud=115_200,
@@ -104,13 +104,13 @@ _D_DRIVE: Final = PsjModel(
     serial="acdescr",
 )
 
-MODELS: Final[Mapping[Profile, PsjModel]] = MappingProxyType(
+PROFILES: Final[Mapping[ProfileName, PsjProfile]] = MappingProxyType(
     {
         "ddrive": _D_DRIVE,
         "30dv": _D_DRIVE._replace(
             title="30DV50/300", greetings=("AP V",), channels=1, numbered=False
         ),
-        "nv40": PsjModel(
+        "nv40": PsjProfile(
             title="NV40/3",
             greetings=("NV403CLE>", "NV403>"),
             baud=19_200,
@@ -124,7 +124,7 @@ MODELS: Final[Mapping[Profile, PsjModel]] = MappingProxyType(
             serial="ver",
             limits=("dspvmin", "dspvmax"),
         ),
-        "nv40-1": PsjModel(
+        "nv40-1": PsjProfile(
             title="NV40/1 CL",
             greetings=("NV40",),
             baud=9600,
@@ -134,7 +134,7 @@ MODELS: Final[Mapping[Profile, PsjModel]] = MappingProxyType(
             frames=False,
             acknowledges=False,
         ),
-        "nv200": PsjModel(
+        "nv200": PsjProfile(
             title="NV200/D",
             greetings=("NV200",),
             baud=115_200,
@@ -150,6 +150,6 @@ MODELS: Final[Mapping[Profile, PsjModel]] = MappingProxyType(
 )
 
 
-def channel_names(model: PsjModel) -> tuple[str, ...]:
-    """Return the names of a model's channels: ch0, ch1, …, numbered as its commands number them."""
+def channel_names(model: PsjProfile) -> tuple[str, ...]:
+    """Return the names of a model's channels: ch0, ch1, …, numbered as in its commands."""
     return tuple(f"ch{number}" for number in range(model.channels))

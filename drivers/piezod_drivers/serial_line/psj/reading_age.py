@@ -1,15 +1,15 @@
-"""How old a reading is that a device refreshes by itself, seldom."""
+"""The age of a reading that the device refreshes seldom."""
 
 from math import nan
 
 
-class Freshness:
-    """Tells when a value was taken: when it was first seen, as it changes with every refresh.
+class ReadingAge:
+    """Dates a value by the instant at which it was first seen: each refresh changes it.
 
-    A value that stays the same to its last digit looks older than it is; it is never called new.
+    A value that does not change in its last digit looks older than it is, but never newer.
 
     Args:
-        refresh_ns: How long the device keeps a value, in ns; 0 where every reading is a new one.
+        refresh_ns: Time for which the device keeps a value, in ns; 0 if every reading is new.
     """
 
     def __init__(self, refresh_ns: int) -> None:
@@ -17,9 +17,9 @@ class Freshness:
         self._value, self._seen_ns = nan, -1
 
     def taken_ns(self, value: float, now_ns: int) -> int:
-        """Return the instant from which on a value was shown, `now_ns` at the latest.
+        """Return the instant since which a value was shown, at most `now_ns`. Real-time safe.
 
-        May be called in the loop. The first value may be as old as a refresh.
+        The first value may be as old as `refresh_ns`.
         """
         if not self._refresh_ns:
             return now_ns

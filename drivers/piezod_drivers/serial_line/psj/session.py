@@ -1,4 +1,4 @@
-"""Questions to an amplifier of piezosystem jena and what they are answered, one at a time."""
+"""Requests to an amplifier of piezosystem jena and its replies, one at a time."""
 
 from functools import partial
 from typing import Final
@@ -7,99 +7,99 @@ from piezod.devices.bus.conversation import PATIENCE, Conversation, LengthOf
 from piezod.devices.bus.line import Line, LineFault
 from piezod.devices.status import DeviceFlag
 from piezod_drivers.serial_line.psj import codec
-from piezod_drivers.serial_line.psj.profiles import PsjModel
+from piezod_drivers.serial_line.psj.profiles import PsjProfile
 
-SLOW: Final = 2
-"""While a device is opened it may take so many times as long for an answer as in the loop."""
+SLOW_FACTOR: Final = 2
+"""While a device is opened, its time-out is longer than in the loop by this factor."""
 
 
 class PsjSession:
-    """Asks in the words of a model.
+    """Sends the commands of a model and reads the replies.
 
     Args:
-        line: The line, opened and closed by whoever owns it.
-        model: Which model it is.
-        timeout_s: How long to wait for an answer, in s.
+        line: The line; its owner opens and closes it.
+        profile: The model.
+        timeout_s: Longest wait for a reply, in s.
     """
 
-    def __init__(self, line: Line, model: PsjModel, timeout_s: float) -> None:
-        self._line, self._model, self._timeout_s = line, model, timeout_s
-        self._slow_ns = round(SLOW * timeout_s * 1e9)
+    def __init__(self, line: Line, profile: PsjProfile, timeout_s: float) -> None:
+        self._line, self._profile, self._timeout_s = line, profile, timeout_s
+        self._slow_ns = round(SLOW_FACTOR * timeout_s * 1e9)
         self._conversation = Conversation(line, timeout_s)
-        self._frame: LengthOf = codec.framed if model.frames else codec.line
+        self._frame: LengthOf = codec.framed if profile.frames else codec.line
 
     def restart(self) -> None:
-        """Begin anew; to be called whenever the line was opened."""
+        """Forget earlier exchanges; call it whenever the line was opened."""
         self._conversation.restart()
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail, since the last call."""
+        """Return and clear the flags of faults that no call has raised. Real-time safe."""
         return self._conversation.take_noticed()
 
     def forget_noticed(self) -> None:
-        """Forget what came before the device was asked; that is no fault."""
+        """Clear the flags of bytes that came before the first request; they are no fault."""
         self._conversation.forget_noticed()
 
     def command(self, name: str, channel: int | None = None, *values: float) -> bytes:
-        """Make a command, as `codec.command` does."""
-        return codec.command(self._model, name, channel, *values)
+        """Return a command, as `codec.command` does."""
+        return codec.command(self._profile, name, channel, *values)
 
     def tell(self, name: str, channel: int | None = None, *values: float) -> None:
-        """Send what is not answered; may be called in the loop.
+        """Send a command that has no reply. Real-time safe.
 
         Raises:
-            LineFault: If it did not go out.
+            LineFault: If it was not sent.
         """
         self._conversation.tell(self.command(name, channel, *values))
 
     def ask(self, name: str, channel: int | None = None, *values: float) -> str:
-        """Return the text of an answer; may be called in the loop.
+        """Return the text of the reply to a setting. Real-time safe.
 
         Raises:
-            LineFault: If none comes, or it tells an error.
+            LineFault: If no reply comes, or it reports an error.
         """
         request = self.command(name, channel, *values)
-        fits = partial(codec.acknowledges, name)
+        fits = partial(codec.is_acknowledgement_of, name)
         return codec.text_of(self._conversation.ask(request, self._frame, fits=fits))
 
     def value(self, name: str, channel: int | None = None) -> str:
-        """Return the one value that a question is answered; may be called in the loop.
+        """Return the only value of the reply to a query. Real-time safe.
 
         Raises:
-            LineFault: If none comes.
+            LineFault: If no reply comes.
         """
         return self.values(name, channel, 1)[0]
 
     def values(
         self, name: str, channel: int | None, count: int, length_of: LengthOf | None = None
     ) -> list[str]:
-        """Return the values that a question is answered; may be called in the loop.
+        """Return the values of the reply to a query. Real-time safe.
 
         Args:
             name: The command.
-            channel: Of which channel, None for none.
-            count: How many values there must be.
-            length_of: How the answer ends, if not as usual.
+            channel: Number of the channel, None for none.
+            count: Required number of values.
+            length_of: Finds the end of the reply, if it differs from the usual one.
 
         Raises:
-            LineFault: If none come.
+            LineFault: If no reply comes.
         """
         request = self.command(name, channel)
-        named = channel if self._model.numbered else None
-        fits = partial(codec.tells, name, named)
+        named = channel if self._profile.numbered else None
+        fits = partial(codec.is_reply_to, name, named)
         frame = self._conversation.ask(request, length_of or self._frame, fits=fits)
         return codec.fields(codec.text_of(frame), name, named, count)
 
-    def ask_once(
+    def ask_slowly(
         self, name: str, channel: int | None = None, length_of: LengthOf | None = None
     ) -> bytes:
-        """Ask what may stay without an answer; waits long and is not for the loop.
+        """Send a command that may have no reply. Waits long, so not real-time safe.
 
         Returns:
-            The answer, nothing where none came: then so much time has passed that none can come.
+            The reply, b"" if none came. Then enough time has passed that none can come.
 
         Raises:
-            LineFault: If the line is gone.
+            LineFault: If the line is lost.
         """
         request, find = self.command(name, channel), length_of or self._frame
         try:
@@ -110,5 +110,6 @@ class PsjSession:
         end_ns = self._line.now_ns() + PATIENCE * self._slow_ns
         while (left_ns := end_ns - self._line.now_ns()) > 0:
             self._line.receive(left_ns)
+        # A new conversation: the old one would still wait for the missing reply.
         self._conversation = Conversation(self._line, self._timeout_s)
         return b""

@@ -1,4 +1,4 @@
-"""Who an amplifier of piezosystem jena is, and what it says that it can do."""
+"""Identity and voltage limits of an amplifier of piezosystem jena."""
 
 from contextlib import suppress
 
@@ -7,72 +7,72 @@ from piezod.devices.interface import Identity
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.serial_line.psj import codec
-from piezod_drivers.serial_line.psj.profiles import PsjModel
+from piezod_drivers.serial_line.psj.profiles import PsjProfile
 from piezod_drivers.serial_line.psj.session import PsjSession
 
 UNKNOWN = "unknown"
 _NO_COMMAND = "~"
-"""Makes what is left of a setpoint that did not go out as a whole a command that nobody knows."""
+"""Together with this, half a setpoint that was sent before becomes an unknown command."""
 
 
-def identity_of(talk: PsjSession, model: PsjModel, where: str) -> Identity:
-    """Ask who is there, after something that ends half a command without obeying it.
+def identity_of(session: PsjSession, profile: PsjProfile, where: str) -> Identity:
+    """Identify the device, after making half a command that was sent before harmless.
 
     Args:
-        talk: To the device.
-        model: Which one it should be.
-        where: The port, for errors.
+        session: The exchanges with the device.
+        profile: The configured model.
+        where: The port, for error messages.
 
     Raises:
-        DeviceError: If another model answers.
-        LineFault: If nobody does.
+        DeviceError: If another model replies.
+        LineFault: If the device does not reply.
     """
-    length_of = None if model.frames else codec.prompt
-    talk.ask_once(_NO_COMMAND, None, length_of)
-    frame = talk.ask_once("", None, length_of)
+    length_of = None if profile.frames else codec.prompt
+    session.ask_slowly(_NO_COMMAND, None, length_of)
+    frame = session.ask_slowly("", None, length_of)
     if not frame:
-        raise LineFault(DeviceFlag.LATE_REPLY, f"nobody answers at {where}")
+        raise LineFault(DeviceFlag.LATE_REPLY, f"no reply at {where}")
     greeting = codec.text_of(frame)
-    if not greeting.startswith(model.greetings):
-        wanted = " or ".join(f"{known}…" for known in model.greetings)
-        what = f"{greeting[:40]!r} answered, a {model.title} says {wanted}"
-        raise DeviceError(f"{where}: {what}; set `profile` to the device's")
+    if not greeting.startswith(profile.greetings):
+        wanted = " or ".join(f"{known}…" for known in profile.greetings)
+        what = f"the device replied {greeting[:40]!r}, expected {wanted} of a {profile.title}"
+        raise DeviceError(f"{where}: {what}; set `profile` to the right model")
     name, _, version = greeting.rstrip(">").partition(" ")
-    return Identity("piezosystem jena", name, serial_of(talk, model), version or UNKNOWN)
+    return Identity("piezosystem jena", name, serial_of(session, profile), version or UNKNOWN)
 
 
-def serial_of(talk: PsjSession, model: PsjModel) -> str:
-    """Ask for what tells a device from another of its kind; "unknown" where it tells nothing.
+def serial_of(session: PsjSession, profile: PsjProfile) -> str:
+    """Read an identifier that distinguishes devices of the model; "unknown" if there is none.
 
     Raises:
-        LineFault: If the line is gone.
+        LineFault: If the line is lost.
     """
-    if not model.serial:
+    if not profile.serial:
         return UNKNOWN
-    if model.serial == "ver":
-        frame = talk.ask_once(model.serial, None, codec.versions)
+    if profile.serial == "ver":
+        frame = session.ask_slowly(profile.serial, None, codec.versions)
         return codec.serial_of(frame) or UNKNOWN
-    frame = talk.ask_once(model.serial, 0)
+    frame = session.ask_slowly(profile.serial, 0)
     with suppress(LineFault):
         text = codec.text_of(frame)
-        channel = 0 if model.numbered else None
-        return f"actuator {codec.fields(text, model.serial, channel, 1)[0]}"
+        channel = 0 if profile.numbered else None
+        return f"actuator {codec.fields(text, profile.serial, channel, 1)[0]}"
     return UNKNOWN
 
 
 def limits_of(
-    talk: PsjSession, model: PsjModel, channel: int, range_v: tuple[float, float]
+    session: PsjSession, profile: PsjProfile, channel: int, range_v: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the voltages that a channel can be set to, in V: as configured, and as it says.
+    """Return the range of a channel, in V: the configured range within the device's limits.
 
     Raises:
-        DeviceError: If that leaves none.
-        LineFault: If it does not say.
+        DeviceError: If no voltage is left.
+        LineFault: If the device does not report its limits.
     """
     low, high = range_v
-    if model.limits is not None:
-        told = [codec.number(talk.value(name, channel)) for name in model.limits]
-        low, high = max(low, told[0]), min(high, told[1])
+    if profile.limits is not None:
+        device_limits = [codec.number(session.value(name, channel)) for name in profile.limits]
+        low, high = max(low, device_limits[0]), min(high, device_limits[1])
     if not low < high:
-        raise DeviceError(f"no voltage of range_v is within what channel {channel} says it can do")
+        raise DeviceError(f"range_v and the limits of channel {channel} have no voltage in common")
     return low, high

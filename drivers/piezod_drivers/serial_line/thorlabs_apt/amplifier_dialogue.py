@@ -1,4 +1,4 @@
-"""What goes over the wire to a KPZ101 or TPZ001: voltages, in open loop."""
+"""The conversation with a KPZ101 or TPZ001: voltages, in open loop."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -11,136 +11,139 @@ from piezod.errors import DeviceError
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import FULL_SCALE, Id, StatusBit
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
-from piezod_drivers.serial_line.thorlabs_apt.session import CHANNEL, Cube
+from piezod_drivers.serial_line.thorlabs_apt.session import CHANNEL, AptSession
 
 LIMIT_V: Final = {1: 75, 2: 100, 3: 150}
-"""The voltage limits that an amplifier can be set to, by their codes."""
+"""The voltage limits of an amplifier, by their codes."""
+# Codes of the control mode, the voltage source and the output.
 OPEN: Final = 1
 OPEN_SMOOTH: Final = 3
 SOFTWARE: Final = 0
 ENABLED: Final = 1
 
 _BYTES_PER_CYCLE: Final = 16 + 26
-"""A voltage is asked for (6 + 10), then one is set and asked for (10 + 6 + 10)."""
+"""The voltage is read (6 + 10), then set and read (10 + 6 + 10)."""
 _TOLERANCE: Final = FULL_SCALE // 1000
 _REQUEST: Final = codec.short(Id.REQ_OUTPUT, CHANNEL)
 _REQUEST_STATUS: Final = codec.short(Id.REQ_STATUS, CHANNEL)
 _STATUS_NS: Final = 100_000_000
-"""How often the status is asked for: its answer is put aside, and the next one found behind it."""
+"""Period of status requests; the reply is set aside, and the next reply is found behind it."""
 _LOCAL: Final = frozenset({DeviceFlag.LOCAL_MODE})
 
 
 class AmplifierDialogue:
     """Implements `Dialogue`.
 
-    A setting has no acknowledgement: the voltage is asked for in the same breath, and what the
-    amplifier tells then must be what was set. After an exchange that failed, what is in force is
-    asked for before anything else is set: an amplifier that was off meanwhile has forgotten it.
+    A setting has no reply. The voltage is requested in the same write, and must be the one that was
+    set. After an exchange that failed, the voltage is read before another one is set: an amplifier
+    that was switched off meanwhile has lost it.
 
     Args:
-        options: What a configuration says.
-        wiring: The channels that are used: the output or none.
+        options: Options of the cube.
+        wiring: The channels in use: the output or none.
         line: The line to the amplifier.
     """
 
     def __init__(self, options: AptOptions, wiring: Wiring, line: Line) -> None:
         self._options, self._outputs = options, wiring.outputs
-        self._cube = Cube(options, line)
+        self._session = AptSession(options, line)
         self._max_v = 0
         self._expected_bits = 0
         self._status_due_ns = 0
-        self._least, self._doubtful = 0, False
+        self._lowest_set, self._unverified = 0, False
 
     def open(self) -> Identity:
-        """Connect, and ask who is there and what the voltage limit is.
+        """Connect, identify the cube and read its voltage limit.
 
         Raises:
-            DeviceUnavailableError: If nobody is there.
-            DeviceError: If it is another model, or set to another limit.
+            DeviceUnavailableError: If the port is absent.
+            DeviceError: If it is another model, or has another limit.
             LineFault: If an exchange fails.
         """
-        identity = self._cube.open()
-        (code,) = self._cube.ask_words(codec.short(Id.REQ_IO, CHANNEL), Id.GET_IO)
+        identity = self._session.open()
+        (code,) = self._session.ask_words(codec.short(Id.REQ_IO, CHANNEL), Id.GET_IO)
         max_v = LIMIT_V.get(code)
         if max_v is None:
-            raise DeviceError(f"{self._cube.line.where} tells an unknown voltage limit: {code}")
+            raise DeviceError(
+                f"{self._session.line.where} reports an unknown voltage limit: {code}"
+            )
         if self._options.max_v not in {None, max_v}:
             raise DeviceError(
-                f"{self._cube.line.where} is limited to {max_v} V, the configuration says max_v: "
-                f"{self._options.max_v}; set one of them to what the actuator stands"
+                f"{self._session.line.where} is limited to {max_v} V, configured is max_v: "
+                f"{self._options.max_v}; set both to the limit of the actuator"
             )
         self._max_v = max_v
         return identity
 
     def close(self) -> None:
-        """Let go; the voltage stays. Never raises."""
-        self._cube.close()
+        """Disconnect; the output keeps its voltage. Never raises."""
+        self._session.close()
 
     def capabilities(self) -> Capabilities:
-        """Tell what it can do."""
+        """Return the channel and the highest rate that the bit rate allows."""
         rate_hz = self._options.baud / (10 * _BYTES_PER_CYCLE)
         return Capabilities((), self._outputs, True, rate_hz, holds=True)
 
     def ranges(self) -> Sequence[tuple[float, float]]:
-        """Tell the range of the voltage, in V."""
+        """Return the range of the voltage, in V."""
         return [(0.0, float(self._max_v))] * len(self._outputs)
 
     def activate(self) -> None:
-        """Take control without a jump: of the input, of the output that is off.
+        """Take control without a jump: of the voltage source, and of a disabled output.
 
         Raises:
-            DeviceError: If it does not give control, or not without a jump: in closed loop nobody
-                knows which voltage comes of opening it.
+            DeviceError: If the amplifier does not give control, or only with a jump. In closed loop
+                the voltage after opening the loop is unknown.
             LineFault: If an exchange fails.
         """
         if not self._outputs:
             return
-        cube = self._cube
-        mode = cube.ask_parameter(Id.REQ_CONTROL_MODE, Id.GET_CONTROL_MODE)
+        session = self._session
+        mode = session.ask_parameter(Id.REQ_CONTROL_MODE, Id.GET_CONTROL_MODE)
         if mode not in {OPEN, OPEN_SMOOTH}:
             what = "the amplifier is in closed loop, and its voltage would jump"
             raise DeviceError(f"{what}: open the loop at rest, at the device or with Kinesis")
-        self._take_input(self._ask_status().output)
+        self._take_source(self._ask_status().output)
         self._enable()
         self._expected_bits = self._ask_status().bits & StatusBit.ENABLED
-        self._least, self._doubtful, cube.line.status = 0, False, None
+        self._lowest_set, self._unverified, session.line.status = 0, False, None
 
     def deactivate(self) -> None:
-        """Hold the voltage."""
+        """Do nothing: the output holds its voltage."""
 
     def sample(self, now_ns: int) -> Reading:
-        """Read nothing: it has no inputs."""
+        """Return no values: there are no inputs."""
         return now_ns, ()
 
     def put(self, values: Sequence[float]) -> None:
-        """Set the voltage, in V; may be called in the loop.
+        """Set the voltage, in V. Real-time safe.
 
         Raises:
-            LineFault: If the amplifier does not tell that it is set.
+            LineFault: If the amplifier does not confirm it.
         """
-        if self._doubtful:
-            self._check(self._ask_output(b""))
+        if self._unverified:
+            self._check_not_restarted(self._ask_output(b""))
         counts = round(values[0] / self._max_v * FULL_SCALE)
-        self._least = min(self._least, counts)
-        told = self._ask_output(codec.long(Id.SET_OUTPUT, codec.words(CHANNEL, counts)))
-        if abs(told - counts) > _TOLERANCE:
-            what = f"{counts} was set, {told} is told: somebody else sets it, or it does not obey"
+        self._lowest_set = min(self._lowest_set, counts)
+        counts_now = self._ask_output(codec.long(Id.SET_OUTPUT, codec.words(CHANNEL, counts)))
+        if abs(counts_now - counts) > _TOLERANCE:
+            what = f"set to {counts}, reads back {counts_now}: other source, or disabled"
             raise LineFault(DeviceFlag.LOCAL_MODE, what)
-        self._least = counts
+        self._lowest_set = counts
 
     def in_force(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's
-        """Ask for the voltage, in V; may be called in the loop.
+        """Read the voltage, in V. Real-time safe.
 
         Raises:
-            LineFault: If no answer comes, or the amplifier has forgotten what was set.
+            LineFault: If no reply comes, or the amplifier has lost its voltage.
         """
-        told = self._ask_output(b"")
-        self._check(told)
-        return [told * self._max_v / FULL_SCALE]
+        counts_now = self._ask_output(b"")
+        self._check_not_restarted(counts_now)
+        return [counts_now * self._max_v / FULL_SCALE]
 
     def flags(self) -> Sequence[Flags]:
-        """Tell whether it was disabled, or put into closed loop; may be called in the loop."""
-        status = self._cube.line.status
+        """Return whether the output was disabled or put into closed loop. Real-time safe."""
+        status = self._session.line.status
         if status is None:
             return [NO_FLAGS] * len(self._outputs)
         disabled = self._expected_bits & ~status.bits
@@ -148,57 +151,63 @@ class AmplifierDialogue:
         return [_LOCAL if local else NO_FLAGS] * len(self._outputs)
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail; and forget it."""
-        return self._cube.take_noticed()
+        """Return and clear the flags of faults that no call has raised."""
+        return self._session.take_noticed()
 
     def _ask_output(self, before: bytes) -> int:
-        """Send, and ask for the voltage in counts; now and then ask for the status beside it."""
-        now_ns = self._cube.line.now_ns()
+        """Send `before` and read the voltage in counts; request the status if it is due."""
+        now_ns = self._session.line.now_ns()
         if now_ns >= self._status_due_ns:
             self._status_due_ns = now_ns + _STATUS_NS
             before = _REQUEST_STATUS + before
-        doubtful, self._doubtful = self._doubtful, True
-        (told,) = self._cube.ask_words(before + _REQUEST, Id.GET_OUTPUT)
-        self._doubtful = doubtful
-        return told
+        # Set before the exchange: if it fails, the voltage in force is unknown.
+        unverified, self._unverified = self._unverified, True
+        (counts_now,) = self._session.ask_words(before + _REQUEST, Id.GET_OUTPUT)
+        self._unverified = unverified
+        return counts_now
 
-    def _check(self, told: int) -> None:
-        """Tell from a voltage of 0, where only others can be in force, that the amplifier was off.
+    def _check_not_restarted(self, counts_now: int) -> None:
+        """Detect a restart: the voltage is 0, although only others were set.
 
         Raises:
             LineFault: `RESTARTED`, once.
         """
-        forgotten = self._least > _TOLERANCE and told == 0
-        self._doubtful = False
-        if forgotten:
-            self._least = 0
-            raise LineFault(DeviceFlag.RESTARTED, "the voltage that was set is forgotten")
+        lost = self._lowest_set > _TOLERANCE and counts_now == 0
+        self._unverified = False
+        if lost:
+            self._lowest_set = 0
+            raise LineFault(DeviceFlag.RESTARTED, "the amplifier has lost its voltage")
 
     def _ask_status(self) -> codec.CubeStatus:
-        """Ask for what updates tell; none of these can be on its way, the last answer was later."""
-        return codec.status_of(self._cube.ask(codec.short(Id.REQ_STATUS, CHANNEL), Id.GET_STATUS))
+        """Read the status; no unrequested one is pending, as the last reply came later."""
+        return codec.status_of(
+            self._session.ask(codec.short(Id.REQ_STATUS, CHANNEL), Id.GET_STATUS)
+        )
 
-    def _take_input(self, output: int) -> None:
-        """Let nothing but the host set the voltage."""
-        (source,) = self._cube.ask_words(codec.short(Id.REQ_SOURCE, CHANNEL), Id.GET_SOURCE)
+    def _take_source(self, output: int) -> None:
+        """Make the host the only source of the voltage."""
+        (source,) = self._session.ask_words(codec.short(Id.REQ_SOURCE, CHANNEL), Id.GET_SOURCE)
         if source == SOFTWARE:
             return
         added = output - self._ask_output(b"")
+        # Up to 1 % of the range may lie between the measured and the set voltage.
         if abs(added) > FULL_SCALE // 100:
             added_v = added * self._max_v / FULL_SCALE
-            what = f"the knob or the input of the amplifier adds {added_v:.1f} V: turn it to zero"
-            raise DeviceError(f"{what}, the voltage would jump")
-        self._cube.tell(codec.long(Id.SET_SOURCE, codec.words(CHANNEL, SOFTWARE)))
-        (source,) = self._cube.ask_words(codec.short(Id.REQ_SOURCE, CHANNEL), Id.GET_SOURCE)
+            what = f"the knob or the input of the amplifier adds {added_v:.1f} V"
+            raise DeviceError(f"{what}, and the voltage would jump: turn it to zero")
+        self._session.tell(codec.long(Id.SET_SOURCE, codec.words(CHANNEL, SOFTWARE)))
+        (source,) = self._session.ask_words(codec.short(Id.REQ_SOURCE, CHANNEL), Id.GET_SOURCE)
         if source != SOFTWARE:
-            raise DeviceError("the amplifier goes on obeying its knob or input: set it to software")
+            raise DeviceError(
+                "the amplifier still obeys its knob or input: set its source to software"
+            )
 
     def _enable(self) -> None:
-        """Enable the output where it is not, from 0 V."""
-        cube = self._cube
-        if cube.ask_parameter(Id.REQ_ENABLED, Id.GET_ENABLED) == ENABLED:
+        """Enable a disabled output, starting from 0 V."""
+        session = self._session
+        if session.ask_parameter(Id.REQ_ENABLED, Id.GET_ENABLED) == ENABLED:
             return
         self.put([0.0])
-        cube.tell(codec.short(Id.SET_ENABLED, CHANNEL, ENABLED))
-        if cube.ask_parameter(Id.REQ_ENABLED, Id.GET_ENABLED) != ENABLED:
-            raise DeviceError("the amplifier does not enable its output: see what its display says")
+        session.tell(codec.short(Id.SET_ENABLED, CHANNEL, ENABLED))
+        if session.ask_parameter(Id.REQ_ENABLED, Id.GET_ENABLED) != ENABLED:
+            raise DeviceError("the amplifier does not enable its output: read its display")

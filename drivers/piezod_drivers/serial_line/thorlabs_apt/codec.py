@@ -1,9 +1,9 @@
-"""Messages of the APT protocol as bytes; every function is pure and may be called in the loop.
+"""Messages of the APT protocol as bytes. Every function is pure. Real-time safe.
 
-A short message is a header of 6 bytes: what it is, two parameters, to whom, from whom. A long one
-has the number of bytes that follow in place of the parameters, and the top bit of the address set.
-Numbers are little-endian. There is no checksum: a header is told from garbage by its addresses, its
-length and, where it is known, what it is; a flipped bit in the data cannot be told.
+A short message is a header of 6 bytes: identifier, two parameters, receiver, sender. A long message
+has the number of data bytes in place of the parameters, and the top bit of the receiver set.
+Numbers are little-endian. There is no checksum. A header is distinguished from garbage by its
+addresses, its length and, if known, its identifier. A flipped bit in the data cannot be detected.
 """
 
 from enum import IntEnum
@@ -12,33 +12,33 @@ from typing import Final, NamedTuple
 
 HOST: Final = 0x01
 UNIT: Final = 0x50
-"""A device with a USB port of its own."""
+"""Address of a device with a USB port of its own."""
 
 FULL_SCALE: Final = 32767
-"""Counts of 100 % of voltage, and of travel."""
-MOST_DATA: Final = 255
-"""No message has more data."""
+"""Counts at 100 % of voltage and of travel."""
+MAX_DATA_BYTES: Final = 255
+"""No message has more data bytes."""
 
 _HEADER: Final = Struct("<HBBBB")
 _LONG_HEADER: Final = Struct("<HHBB")
-MOST_BYTES: Final = _HEADER.size + MOST_DATA
+MAX_MESSAGE_BYTES: Final = _HEADER.size + MAX_DATA_BYTES
 """No message is longer."""
 _WORDS: Final = {n: Struct("<H" + n * "h") for n in (1, 2)}
 _STATUS: Final = Struct("<HhhL")
 _HARDWARE: Final = Struct("<l8sH4B48s12sHHH")
 _RICH_BYTES: Final = 68
-"""What it is about, a code and a text."""
-_LONG: Final = 0x80
+"""An identifier, a code and a text."""
+_LONG: Final = 0x80  # set in the receiver's address of a message with data
 _HOSTS: Final = frozenset({0x00, HOST})
 _UNITS: Final = frozenset({0x00, 0x11, *range(0x21, 0x2B), UNIT})
 
 
 class AptFrameError(ValueError):
-    """Raised where bytes are not the message that they are taken for."""
+    """Raised if bytes are not the expected message."""
 
 
 class Id(IntEnum):
-    """What a message is: a set, a request, or what answers the request."""
+    """Identifiers of messages: SET messages, requests (REQ), and replies to these (GET)."""
 
     START_UPDATES = 0x0011
     STOP_UPDATES = 0x0012
@@ -85,11 +85,11 @@ _DATA_BYTES: Final[dict[int, int]] = {
     Id.READING_7DE: 6,
     Id.READING_7DF: 6,
 }
-"""How much data the messages to the host have; those that are not listed may have any."""
+"""Number of data bytes of messages to the host; messages that are not listed may have any."""
 
 
 class Hardware(NamedTuple):
-    """Who a device says it is."""
+    """Identity of a device."""
 
     serial: int
     model: str
@@ -97,12 +97,12 @@ class Hardware(NamedTuple):
 
 
 class CubeStatus(NamedTuple):
-    """What a piezo amplifier tells of itself.
+    """Status of a piezo amplifier.
 
     Attributes:
-        output: Voltage in counts, `FULL_SCALE` for the highest.
-        position: Of a strain gauge that belongs to it, in counts.
-        bits: What is the matter, as `StatusBit`.
+        output: Voltage in counts, `FULL_SCALE` at the highest voltage.
+        position: Reading of its own strain gauge, in counts.
+        bits: Status bits, see `StatusBit`.
     """
 
     output: int
@@ -133,14 +133,15 @@ def words(channel: int, *values: int) -> bytes:
 
 
 def ident_of(frame: bytes) -> int:
-    """Tell what a message of at least two bytes is."""
+    """Return the identifier of a message of at least two bytes."""
     return frame[0] | frame[1] << 8
 
 
 def length_to_host(got: bytes) -> int:
-    """Find the first message to the host, as a `LengthOf`."""
+    """Return the length of the first message to the host, as a `LengthOf`."""
     length = _length(got, _HOSTS, _UNITS)
     if length >= 0 and len(got) >= _HEADER.size:
+        # A known message with a wrong length is garbage that looks like a header.
         wanted = _DATA_BYTES.get(got[0] | got[1] << 8)
         if wanted is not None and _data_bytes(got) != wanted:
             return -1
@@ -148,12 +149,12 @@ def length_to_host(got: bytes) -> int:
 
 
 def length_of_whole(got: bytes) -> int:
-    """Tell the length of the first of several messages that are whole, as a `LengthOf`."""
+    """Return the length of the first of several complete messages, as a `LengthOf`."""
     return _HEADER.size + _data_bytes(got) if got else 0
 
 
 def length_to_unit(got: bytes) -> int:
-    """Find the first message to a device, as a `LengthOf`."""
+    """Return the length of the first message to a device, as a `LengthOf`."""
     return _length(got, _UNITS, _HOSTS)
 
 
@@ -164,7 +165,7 @@ def short_of(frame: bytes) -> tuple[int, int]:
         AptFrameError: If it has data, or is too short.
     """
     if len(frame) != _HEADER.size or frame[4] & _LONG:
-        raise AptFrameError(f"no short message: {frame.hex()}")
+        raise AptFrameError(f"not a short message: {frame.hex()}")
     return frame[2], frame[3]
 
 
@@ -172,14 +173,14 @@ def words_of(frame: bytes, channel: int, n: int = 1) -> tuple[int, ...]:
     """Return the first signed numbers of a message that begins with a channel.
 
     Raises:
-        AptFrameError: If there are not as many, or they are another channel's.
+        AptFrameError: If there are too few, or they belong to another channel.
     """
     data = frame[_HEADER.size :]
     if len(data) < _WORDS[n].size:
         raise AptFrameError(f"too short: {frame.hex()}")
-    told, *values = _WORDS[n].unpack_from(data)
-    if told != channel:
-        raise AptFrameError(f"of channel {told}, not {channel}")
+    found, *values = _WORDS[n].unpack_from(data)
+    if found != channel:
+        raise AptFrameError(f"channel {found} instead of {channel}")
     return tuple(values)
 
 
@@ -187,10 +188,10 @@ def status_of(frame: bytes) -> CubeStatus:
     """Return the status in a message.
 
     Raises:
-        AptFrameError: If it holds none.
+        AptFrameError: If it holds no status.
     """
     if len(frame) != _HEADER.size + _STATUS.size:
-        raise AptFrameError(f"no status: {frame.hex()}")
+        raise AptFrameError(f"not a status: {frame.hex()}")
     _, *values = _STATUS.unpack_from(frame, _HEADER.size)
     return CubeStatus(*values)
 
@@ -201,13 +202,13 @@ def pack_status(channel: int, status: CubeStatus) -> bytes:
 
 
 def hardware_of(frame: bytes) -> Hardware:
-    """Return who a device says it is.
+    """Return the identity in a message.
 
     Raises:
-        AptFrameError: If the message does not tell.
+        AptFrameError: If it holds no identity.
     """
     if len(frame) != _HEADER.size + _HARDWARE.size:
-        raise AptFrameError(f"no identity: {frame.hex()}")
+        raise AptFrameError(f"not an identity: {frame.hex()}")
     fields = _HARDWARE.unpack_from(frame, _HEADER.size)
     minor, interim, major = fields[3], fields[4], fields[5]
     return Hardware(fields[0], _text(fields[1]), f"{major}.{interim}.{minor}")
@@ -231,9 +232,11 @@ def _data_bytes(got: bytes) -> int:
 
 def _length(got: bytes, receivers: frozenset[int], senders: frozenset[int]) -> int:
     if len(got) < _HEADER.size:
+        # With a wrong receiver no message can start here: skip one byte without waiting for the
+        # sixth.
         return -1 if len(got) == 5 and got[4] & ~_LONG not in receivers else 0
     data = _data_bytes(got)
-    if got[4] & ~_LONG not in receivers or got[5] not in senders or data > MOST_DATA:
+    if got[4] & ~_LONG not in receivers or got[5] not in senders or data > MAX_DATA_BYTES:
         return -1
     length = _HEADER.size + data
     return length if len(got) >= length else 0

@@ -16,27 +16,27 @@ if TYPE_CHECKING:
 _PULSE_S: Final = 0.05
 
 
-class CubePort(SerialLine):
-    """A serial port whose RTS goes on and off after opening, which makes the cube listen."""
+class CubeLine(SerialLine):
+    """A serial port that wakes the cube after opening, by a pulse of RTS."""
 
     def open(self) -> None:
-        """Open the port, wake the cube and forget what it has said before: takes 0.1 s.
+        """Open the port, wake the cube and discard pending bytes; takes 0.1 s.
 
         Raises:
-            DeviceUnavailableError: If it is absent, held by somebody else, or no serial port.
+            DeviceUnavailableError: If the port is absent, locked, or no serial port.
         """
         super().open()
-        assert self._serial is not None  # noqa: S101 - it was opened
+        assert self._serial is not None  # noqa: S101 - `open` has set it
         with suppress(OSError):  # a pty has no RTS
-            wake(self._serial, time.sleep)
+            wake_cube(self._serial, time.sleep)
 
 
-def wake(port: Serial, sleep: Callable[[float], None]) -> None:
-    """Switch RTS on and off, and drop what comes in between.
+def wake_cube(port: Serial, sleep: Callable[[float], None]) -> None:
+    """Switch RTS on and off, and discard the bytes that come in between.
 
     Args:
         port: The open port.
-        sleep: Waits so long, in s.
+        sleep: Waits for a time in s.
 
     Raises:
         OSError: If the port has no RTS.

@@ -1,4 +1,4 @@
-"""Thorlabs' piezo amplifiers and strain gauge readers as devices."""
+"""The driver `thorlabs_apt`: Thorlabs' piezo amplifiers and strain gauge readers."""
 
 from typing import Final
 
@@ -6,7 +6,7 @@ from piezod.config.faults import Fault
 from piezod.devices.bus.bus_device import BusDevice
 from piezod.devices.interface import ChannelUnits, DriverPlugin, Wiring
 from piezod_drivers.serial_line.thorlabs_apt.amplifier_dialogue import AmplifierDialogue
-from piezod_drivers.serial_line.thorlabs_apt.cube_line import CubePort
+from piezod_drivers.serial_line.thorlabs_apt.cube_line import CubeLine
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 from piezod_drivers.serial_line.thorlabs_apt.reader_dialogue import ReaderDialogue
 
@@ -14,14 +14,14 @@ CHANNEL: Final = "1"
 
 
 def channels(options: AptOptions) -> ChannelUnits:
-    """Tell the channels of a cube: its only one is an output or an input."""
+    """Return the channel of a cube: one output or one input."""
     if options.is_amplifier:
         return ChannelUnits({}, {CHANNEL: "V"})
     return ChannelUnits({CHANNEL: "µm"}, {})
 
 
 def _create(options: AptOptions, wiring: Wiring, _seed: int) -> BusDevice:
-    line = CubePort(options.port, options.baud, rtscts=options.rtscts)
+    line = CubeLine(options.port, options.baud, rtscts=options.rtscts)
     name = f"{options.model} at {options.port}"
     if options.is_amplifier:
         return BusDevice(name, AmplifierDialogue(options, wiring, line))

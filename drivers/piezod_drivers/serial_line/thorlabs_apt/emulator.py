@@ -1,6 +1,6 @@
-"""A KPZ101 and a KSG101 that exist in numbers, at the far end of a wire.
+"""The emulated KPZ101 and KSG101.
 
-They answer as our reading of the public sources has it: no request that is not known is answered.
+They behave as we understand the public sources. An unknown request has no reply.
 """
 
 import zlib
@@ -26,25 +26,25 @@ MAX_V: Final = 150
 TRAVEL_UM: Final = 30.0
 _LIMIT_150_V: Final = 3
 _UPDATE_NS: Final = 100_000_000
-_UPDATES_UNHEARD: Final = 50
-"""So many updates are sent to a host that does not acknowledge them."""
-_PATIENCE_NS: Final = 50_000_000
-"""A message whose rest does not come within that time is forgotten; not confirmed."""
+_MAX_UNACKNOWLEDGED: Final = 50
+"""Statuses that are sent without an acknowledgement of the host."""
+_INCOMPLETE_NS: Final = 50_000_000
+"""An incomplete message is dropped after this time; not confirmed."""
 _CHANNEL: Final = 1
 _ENABLED: Final = 1
 _DISABLED: Final = 2
 _SOFTWARE: Final = 0
-_OPEN_MODES: Final = frozenset({1, 3})
+_OPEN_LOOP_MODES: Final = frozenset({1, 3})
 
 _Handler = Callable[[bytes], list[bytes]]
 
 
-class _Cube:
-    """What both cubes do.
+class _CubeEmulator:
+    """The common part of both cubes.
 
     Args:
-        bench: Its clock.
-        hardware: Who it says it is.
+        bench: The rig; its clock is used.
+        hardware: Identity.
     """
 
     def __init__(self, bench: SharedRig, hardware: Hardware) -> None:
@@ -53,9 +53,9 @@ class _Cube:
         self._handlers: dict[int, _Handler] = {Id.REQ_INFO: self._info}
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Answer every message that is complete."""
+        """Reply to every complete message."""
         now_ns = self._bench.now_ns()
-        if now_ns - self._got_ns > _PATIENCE_NS:
+        if now_ns - self._got_ns > _INCOMPLETE_NS:
             self._got = b""
         self._got, self._got_ns = self._got + data, now_ns
         replies: list[bytes] = []
@@ -70,26 +70,26 @@ class _Cube:
         return replies
 
     def due(self) -> list[bytes]:
-        """Return nothing: it only speaks when asked."""
+        """Return nothing: the cube only replies."""
         return []
 
     def _info(self, _frame: bytes) -> list[bytes]:
         return [_answer(Id.GET_INFO, codec.pack_hardware(self._hardware))]
 
 
-class KpzEmulator(_Cube):
-    """A KPZ101: off and at 0 V when it is switched on, and obeying the host alone.
+class KpzEmulator(_CubeEmulator):
+    """A KPZ101. After power-up it is disabled at 0 V, and only the host sets its voltage.
 
     Args:
-        bench: Its actuator is that of the first axis.
-        serial: The number that it tells, "" for its usual one.
+        bench: The rig; its first axis is the actuator.
+        serial: Serial number, "" for the usual one.
     """
 
     def __init__(self, bench: SharedRig, serial: str) -> None:
         super().__init__(bench, Hardware(_number(serial, 29_000_001), "KPZ101", "1.0.3"))
         self._output, self._enabled, self._mode = 0, _DISABLED, 1
         self.source = _SOFTWARE
-        self._updating, self._unheard, self._update_ns = False, 0, 0
+        self._updating, self._unacknowledged, self._update_ns = False, 0, 0
         self._handlers |= {
             Id.SET_OUTPUT: self._set_output,
             Id.REQ_OUTPUT: lambda _: [_answer_words(Id.GET_OUTPUT, self._output)],
@@ -103,16 +103,20 @@ class KpzEmulator(_Cube):
             Id.REQ_STATUS: lambda _: [self._status()],
             Id.START_UPDATES: self._start_updates,
             Id.STOP_UPDATES: self._stop_updates,
-            Id.ACK_STATUS: self._hear,
+            Id.ACK_STATUS: self._acknowledge_status,
         }
 
     def due(self) -> list[bytes]:
-        """Return a status ten times a second, while the host listens."""
+        """Return a status ten times a second while the host acknowledges them."""
         now_ns = self._bench.now_ns()
-        if not self._updating or self._unheard >= _UPDATES_UNHEARD or now_ns < self._update_ns:
+        if (
+            not self._updating
+            or self._unacknowledged >= _MAX_UNACKNOWLEDGED
+            or now_ns < self._update_ns
+        ):
             return []
         self._update_ns = now_ns + _UPDATE_NS
-        self._unheard += 1
+        self._unacknowledged += 1
         return [self._status()]
 
     def _set_output(self, frame: bytes) -> list[bytes]:
@@ -137,37 +141,38 @@ class KpzEmulator(_Cube):
         return []
 
     def _drive(self) -> None:
-        if self._mode in _OPEN_MODES:
+        if self._mode in _OPEN_LOOP_MODES:
             on = self._enabled == _ENABLED
             self._bench.drive(0, self._output / FULL_SCALE * MAX_V if on else 0.0)
 
     def _status(self) -> bytes:
         counts = round(self._bench.drive_v(0) / MAX_V * FULL_SCALE)
         bits = StatusBit.ENABLED if self._enabled == _ENABLED else 0
-        bits |= 0 if self._mode in _OPEN_MODES else StatusBit.CLOSED_LOOP
+        bits |= 0 if self._mode in _OPEN_LOOP_MODES else StatusBit.CLOSED_LOOP
         status = CubeStatus(max(-FULL_SCALE, min(counts, FULL_SCALE)), 0, bits)
         return _answer(Id.GET_STATUS, codec.pack_status(_CHANNEL, status))
 
     def _start_updates(self, _frame: bytes) -> list[bytes]:
-        self._updating, self._unheard = True, 0
+        self._updating, self._unacknowledged = True, 0
         return []
 
     def _stop_updates(self, _frame: bytes) -> list[bytes]:
         self._updating = False
         return []
 
-    def _hear(self, _frame: bytes) -> list[bytes]:
-        self._unheard = 0
+    def _acknowledge_status(self, _frame: bytes) -> list[bytes]:
+        self._unacknowledged = 0
         return []
 
 
-class KsgEmulator(_Cube):
-    """A KSG101 whose actuator travels 30 µm.
+class KsgEmulator(_CubeEmulator):
+    """A KSG101 whose actuator has a travel of 30 µm.
 
     Args:
-        bench: Its gauge is that of the first axis.
-        serial: The number that it tells, "" for its usual one.
-        request: What it wants to be asked for readings, the answer being one more: sources differ.
+        bench: The rig; its first axis has the gauge.
+        serial: Serial number, "" for the usual one.
+        request: Identifier of a request for readings; that of the reply is one higher. Sources
+            differ.
     """
 
     def __init__(self, bench: SharedRig, serial: str, request: int = Id.READING_7DE) -> None:

@@ -1,4 +1,4 @@
-"""What goes over the wire to a KSG101 or TSG001: readings of a strain gauge."""
+"""The conversation with a KSG101 or TSG001: readings of a strain gauge."""
 
 from collections.abc import Sequence
 from math import nan
@@ -12,15 +12,15 @@ from piezod.errors import DeviceError
 from piezod_drivers.serial_line.thorlabs_apt import codec
 from piezod_drivers.serial_line.thorlabs_apt.codec import FULL_SCALE, Id
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
-from piezod_drivers.serial_line.thorlabs_apt.session import CHANNEL, Cube
+from piezod_drivers.serial_line.thorlabs_apt.session import CHANNEL, AptSession
 
 _BYTES_PER_CYCLE: Final = 6 + 12
-_UM_PER_TRAVEL: Final = 0.1
+_UM_PER_TRAVEL: Final = 0.1  # the travel is reported in steps of 100 nm
 _SATURATED: Final = frozenset({DeviceFlag.SATURATED})
 
 
 class _Form(NamedTuple):
-    """A request for a reading, and what answers it."""
+    """Identifiers of a request for a reading and of its reply."""
 
     request: int
     answer: int
@@ -30,63 +30,63 @@ _FORMS: Final = (
     _Form(Id.READING_7DE, Id.READING_7DF),
     _Form(Id.READING_7DD, Id.READING_7DE),
 )
-"""Sources do not agree: the first is thorlabs-apt-protocol's, the second is seen in others."""
+"""Sources differ: the first form is that of thorlabs-apt-protocol, the second of others."""
 
 
 class ReaderDialogue:
     """Implements `Dialogue`.
 
     Args:
-        options: What a configuration says.
-        wiring: The channels that are used: the input or none.
+        options: Options of the cube.
+        wiring: The channels in use: the input or none.
         line: The line to the reader.
     """
 
     def __init__(self, options: AptOptions, wiring: Wiring, line: Line) -> None:
         self._options, self._inputs = options, wiring.inputs
-        self._cube = Cube(options, line)
+        self._session = AptSession(options, line)
         self._um_per_count = 0.0
         self._form = _FORMS[0]
         self._saturated = False
 
     def open(self) -> Identity:
-        """Connect, and ask who is there, how far it goes, and in which form it gives readings.
+        """Connect, identify the cube, read its travel and find the form of its readings.
 
         Raises:
-            DeviceUnavailableError: If nobody is there.
-            DeviceError: If it is another model, or knows no travel.
+            DeviceUnavailableError: If the port is absent.
+            DeviceError: If it is another model, or has no travel.
             LineFault: If an exchange fails.
         """
-        identity = self._cube.open()
+        identity = self._session.open()
         full_scale_um = self._options.full_scale_um or self._travel_um()
         self._um_per_count = full_scale_um / FULL_SCALE
         self._find_form()
         return identity
 
     def close(self) -> None:
-        """Let go. Never raises."""
-        self._cube.close()
+        """Disconnect. Never raises."""
+        self._session.close()
 
     def capabilities(self) -> Capabilities:
-        """Tell what it can do."""
+        """Return the channel and the highest rate that the bit rate allows."""
         rate_hz = self._options.baud / (10 * _BYTES_PER_CYCLE)
         return Capabilities(self._inputs, (), False, rate_hz, quality=True)
 
     def ranges(self) -> Sequence[tuple[float, float]]:
-        """Tell nothing: it has no outputs."""
+        """Return nothing: there are no outputs."""
         return ()
 
     def activate(self) -> None:
-        """Do nothing: it reads as soon as it is asked."""
+        """Do nothing: the reader always replies."""
 
     def deactivate(self) -> None:
         """Do nothing."""
 
     def sample(self, now_ns: int) -> Reading:
-        """Read the gauge, in µm; NaN at the end of its range; may be called in the loop.
+        """Read the gauge, in µm; NaN at the end of its range. Real-time safe.
 
         Raises:
-            LineFault: If no answer comes.
+            LineFault: If no reply comes.
         """
         count = self._read()
         self._saturated = abs(count) >= FULL_SCALE
@@ -94,39 +94,41 @@ class ReaderDialogue:
         return now_ns, [position_um] * len(self._inputs)
 
     def put(self, values: Sequence[float]) -> None:
-        """Do nothing: it has no outputs."""
+        """Do nothing: there are no outputs."""
 
     def in_force(self, now_ns: int) -> Sequence[float]:  # noqa: ARG002 - the interface's
-        """Tell nothing: it has no outputs."""
+        """Return nothing: there are no outputs."""
         return ()
 
     def flags(self) -> Sequence[Flags]:
-        """Tell whether the last reading was at an end of the range; may be called in the loop."""
+        """Return whether the last reading was at an end of the range. Real-time safe."""
         return [_SATURATED if self._saturated else NO_FLAGS] * len(self._inputs)
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail; and forget it."""
-        return self._cube.take_noticed()
+        """Return and clear the flags of faults that no call has raised."""
+        return self._session.take_noticed()
 
     def _read(self) -> int:
         request = codec.short(self._form.request, CHANNEL)
-        return self._cube.ask_words(request, self._form.answer, n=2)[0]
+        return self._session.ask_words(request, self._form.answer, n=2)[0]
 
     def _travel_um(self) -> float:
         request = codec.short(Id.REQ_MAX_TRAVEL, CHANNEL)
-        (travel,) = self._cube.ask_words(request, Id.GET_MAX_TRAVEL)
+        (travel,) = self._session.ask_words(request, Id.GET_MAX_TRAVEL)
         if travel == 0:
-            where = self._cube.line.where
-            raise DeviceError(f"{where} knows no travel of an actuator: set full_scale_um")
+            where = self._session.line.where
+            raise DeviceError(
+                f"{where} does not report the travel of an actuator: set full_scale_um"
+            )
         return (travel & 0xFFFF) * _UM_PER_TRAVEL
 
     def _find_form(self) -> None:
-        """Find out how it wants to be asked for readings.
+        """Find the request for readings that the reader answers.
 
         Raises:
-            LineFault: If it answers in no way.
+            LineFault: If it answers none.
         """
         first, other = _FORMS
-        known = self._cube.answers(codec.short(first.request, CHANNEL), first.answer)
+        known = self._session.answers(codec.short(first.request, CHANNEL), first.answer)
         self._form = first if known else other
         self._read()

@@ -1,4 +1,4 @@
-"""What amplifiers and strain gauge readers have in common in talking."""
+"""Requests and replies of both kinds of cubes."""
 
 from typing import Final
 
@@ -13,20 +13,20 @@ from piezod_drivers.serial_line.thorlabs_apt.filtered_line import FilteredLine
 from piezod_drivers.serial_line.thorlabs_apt.options import AptOptions
 
 CHANNEL: Final = 1
-"""A cube has one."""
+"""A cube has only this channel."""
 _MAKER: Final = "Thorlabs"
 _OPENING_NS: Final = 500_000_000
-"""How long it may take a cube that has just been woken to say who it is."""
+"""Longest time for the identity; the cube has just been woken."""
 
 
-class Cube:
-    """One cube at the end of a line.
+class AptSession:
+    """The exchanges with one cube.
 
-    Replies do not tell which request they answer, only of which kind it was: after a time-out
-    nothing is asked until the late reply has come or can no longer come.
+    A reply has the identifier of its kind, but not that of its request. Therefore, after a
+    time-out, nothing is requested until the late reply has come or counts as lost.
 
     Args:
-        options: What a configuration says.
+        options: Options of the cube.
         line: The line to the cube.
     """
 
@@ -36,36 +36,35 @@ class Cube:
         self._conversation = Conversation(self.line, options.timeout_ms * 1e-3)
 
     def open(self) -> Identity:
-        """Connect, and ask who is there.
+        """Connect and identify the cube.
 
         Raises:
-            DeviceUnavailableError: If nobody is there.
+            DeviceUnavailableError: If the port is absent.
             DeviceError: If it is another model.
-            LineFault: If nobody answers.
+            LineFault: If the cube does not reply.
         """
         self.line.open()
         self._conversation.restart()
         self._conversation.wait_out()
+        # No firmware update follows, and periodic statuses are not wanted.
         self.line.send(codec.short(Id.NO_FLASH_PROGRAMMING) + codec.short(Id.STOP_UPDATES))
         self.line.wanted = Id.GET_INFO
         request = codec.short(Id.REQ_INFO)
         frame = self._conversation.ask(request, codec.length_of_whole, timeout_ns=_OPENING_NS)
         hardware = codec.hardware_of(frame)
         if hardware.model != self._options.model:
-            told, wanted = hardware.model, self._options.model
-            raise DeviceError(
-                f"{self.line.where} leads to a {told}, the configuration says {wanted}"
-            )
+            found, wanted = hardware.model, self._options.model
+            raise DeviceError(f"{self.line.where} leads to {found}, configured is {wanted}")
         self._conversation.forget_noticed()
         self.line.forget_noticed()
         return Identity(_MAKER, hardware.model, str(hardware.serial), hardware.firmware)
 
     def close(self) -> None:
-        """Let go of the line. Never raises."""
+        """Disconnect. Never raises."""
         self.line.close()
 
     def ask(self, request: bytes, wanted: int) -> bytes:
-        """Return the message that answers a request; may be called in the loop.
+        """Return the reply to a request. Real-time safe.
 
         Raises:
             LineFault: If none comes.
@@ -74,10 +73,10 @@ class Cube:
         return self._conversation.ask(request, codec.length_of_whole)
 
     def answers(self, request: bytes, wanted: int) -> bool:
-        """Tell whether a request is answered, whose late answer nobody would take for another.
+        """Return whether a request has a reply; a late reply must not look like another one.
 
         Raises:
-            LineFault: If it cannot be sent.
+            LineFault: If the request cannot be sent.
         """
         self.line.wanted = wanted
         try:
@@ -89,10 +88,10 @@ class Cube:
         return True
 
     def ask_words(self, request: bytes, wanted: int, n: int = 1) -> tuple[int, ...]:
-        """Return the first numbers after the channel in an answer; may be called in the loop.
+        """Return the first numbers behind the channel in a reply. Real-time safe.
 
         Raises:
-            LineFault: If no answer comes, or it is another channel's.
+            LineFault: If no reply comes, or it belongs to another channel.
         """
         frame = self.ask(request, wanted)
         try:
@@ -101,19 +100,19 @@ class Cube:
             raise LineFault(DeviceFlag.GARBAGE, str(error)) from error
 
     def ask_parameter(self, request: int, wanted: int) -> int:
-        """Return what an answer without data tells of the channel.
+        """Return the parameter of the channel in a reply without data.
 
         Raises:
-            LineFault: If no answer comes, or it is another channel's.
+            LineFault: If no reply comes, or it belongs to another channel.
         """
         frame = self.ask(codec.short(request, CHANNEL), wanted)
         channel, value = frame[2], frame[3]
         if channel != CHANNEL:
-            raise LineFault(DeviceFlag.GARBAGE, f"of channel {channel}, not {CHANNEL}")
+            raise LineFault(DeviceFlag.GARBAGE, f"channel {channel} instead of {CHANNEL}")
         return value
 
     def tell(self, message: bytes) -> None:
-        """Send what has no answer.
+        """Send a message that has no reply.
 
         Raises:
             LineFault: If it cannot be sent.
@@ -121,5 +120,5 @@ class Cube:
         self._conversation.tell(message)
 
     def take_noticed(self) -> set[DeviceFlag]:
-        """Return what went wrong without making an exchange fail; and forget it."""
+        """Return and clear the flags of faults that no call has raised. Real-time safe."""
         return self._conversation.take_noticed()

@@ -1,6 +1,7 @@
 """Thorlabs MDT693A, MDT693B, MDT694A and MDT694B: open-loop amplifiers with an ASCII protocol.
 
-Facts are from the public sources of pylablib, mdt69x and others who talk to them, not confirmed on
-hardware. They differ in how a reply ends: `>` in the B models, `*` in the A models, in the B
-models' compatibility mode and in their first firmware; and in words: `XVOLTAGE=12.3` or `XV12.3`.
+Facts are from the public sources of pylablib, mdt69x and other clients, and not confirmed on
+hardware. The models differ in two ways. A reply ends with `>` in the B models, and with `*` in the
+A models, in the B models' compatibility mode and in their first firmware. Commands are long,
+`XVOLTAGE=12.3`, or short, `XV12.3`.
 """

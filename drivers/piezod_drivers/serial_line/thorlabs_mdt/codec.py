@@ -1,4 +1,4 @@
-"""Words of the MDT amplifiers, and their replies. Pure; what the loop needs may be called in it."""
+"""Commands of the MDT amplifiers and their replies. Pure."""
 
 import re
 from collections.abc import Sequence
@@ -17,20 +17,20 @@ _FIRMWARE: Final = re.compile(r"Firmware Version:\s{0,8}(\S{1,32})", re.IGNORECA
 _SERIAL: Final = re.compile(r"Serial\s{0,8}(?:#|Number)?\s{0,8}:?\s{0,8}(\S{1,32})", re.IGNORECASE)
 _END: Final = re.compile(rb"[!>]")
 _LONGEST: Final = 512
-"""No reply of which something is needed in the loop is longer, in bytes."""
+"""Length of the longest reply in the loop, in bytes."""
 
 
-class Words(NamedTuple):
-    """How commands are written; a place for the axis, X, Y or Z, and for the voltage.
+class MdtCommands(NamedTuple):
+    """The commands, with placeholders for the axis (X, Y or Z) and the voltage.
 
     Attributes:
-        identity: Asks who it is.
-        echo_off: Makes it not repeat what it hears.
-        limit: Asks for the switch at the back: 75, 100 or 150 V.
-        lowest: Asks for the lowest voltage of an axis.
-        highest: Asks for the highest.
-        get: Asks for the voltage of an axis.
-        put: Sets it.
+        identity: Query of the identity.
+        echo_off: Switches off the echo of commands.
+        limit: Query of the switch at the back: 75, 100 or 150 V.
+        lowest: Query of the lowest voltage of an axis.
+        highest: Query of the highest voltage of an axis.
+        get: Query of the voltage of an axis.
+        put: Sets the voltage of an axis.
     """
 
     identity: str
@@ -42,15 +42,15 @@ class Words(NamedTuple):
     put: str
 
 
-LONG: Final = Words(
+LONG_COMMANDS: Final = MdtCommands(
     "ID?", "ECHO=0", "VLIMIT?", "{}MIN?", "{}MAX?", "{}VOLTAGE?", "{}VOLTAGE={:.3f}"
 )
-"""Of the B models."""
-SHORT: Final = Words("I", "E0", "%", "{}L?", "{}H?", "{}R?", "{}V{:.3f}")
-"""Of the A models, and of the B models in compatibility mode."""
+"""Commands of the B models."""
+SHORT_COMMANDS: Final = MdtCommands("I", "E0", "%", "{}L?", "{}H?", "{}R?", "{}V{:.3f}")
+"""Commands of the A models, and of the B models in compatibility mode."""
 GET_ALL: Final = "XYZVOLTAGE?"
 PUT_ALL: Final = "XYZVOLTAGE={:.3f},{:.3f},{:.3f}"
-"""Of B models with three axes, from their second firmware on."""
+"""Commands of B models with three axes, from their second firmware on."""
 
 
 def line_of(command: str) -> bytes:
@@ -59,94 +59,96 @@ def line_of(command: str) -> bytes:
 
 
 class Replies:
-    """Finds replies that end with a prompt.
+    """Finds and reads replies that end with a prompt.
 
     Args:
-        prompt: What ends the reply to a setting: `>` or `*`.
-        tail: What comes behind the bracket of a value; it was seen when the device was opened.
+        prompt: End of the reply to a setting: `>` or `*`.
+        tail: Bytes behind the bracket of a value, as found when the device was opened.
     """
 
     def __init__(self, prompt: bytes, tail: bytes) -> None:
         end = re.escape(prompt)
-        self._taken = re.compile(rb"([^!" + end + rb"]*)([!" + end + rb"])")
+        self._acknowledgement = re.compile(rb"([^!" + end + rb"]*)([!" + end + rb"])")
         refused = rb"[!" + (end if prompt == b">" else b"") + rb"]"
         self._values = re.compile(
             rb"[^\[!>]*(?:" + _VALUES + re.escape(tail) + rb"|" + refused + rb")"
         )
 
-    def taken_length(self, data: bytes) -> int:
-        """Find the reply to a setting, as `Conversation.ask` wants it; call it in the loop."""
-        match = self._taken.match(data)
+    def acknowledgement_length(self, data: bytes) -> int:
+        """Return the length of the reply to a setting, as a `LengthOf`. Real-time safe."""
+        match = self._acknowledgement.match(data)
         if match is None:
             return -len(data) if len(data) > _LONGEST else 0
+        # A bracket belongs to the reply of a query, which cannot acknowledge a setting.
         return -match.end() if b"[" in match.group(1) else match.end()
 
     def values_length(self, data: bytes) -> int:
-        """Find the reply to a query of voltages, likewise; call it in the loop."""
+        """Return the length of the reply to a query of voltages. Real-time safe."""
         match = self._values.match(data)
         if match is not None:
-            told = match.group(1) is not None or _is_refusal(match.group())
-            return match.end() if told else -match.end()
+            is_reply = match.group(1) is not None or _is_refusal(match.group())
+            return match.end() if is_reply else -match.end()
         return -len(data) if len(data) > _LONGEST else _garbage(data)
 
-    def is_taken(self, frame: bytes, request: bytes) -> bool:
-        """Tell whether a frame answers a setting: a prompt, behind the request or a refusal."""
+    def is_acknowledgement(self, frame: bytes, request: bytes) -> bool:
+        """Return whether a frame answers a setting: a prompt, perhaps an echo, or a refusal."""
         return _is_refusal(frame) or not frame[:-1].replace(request, b"").strip(b"\0\r\n ")
 
-    def tells(self, frame: bytes, n_values: int) -> bool:
-        """Tell whether a frame answers a query: so many voltages, or a refusal."""
+    def has_values(self, frame: bytes, n_values: int) -> bool:
+        """Return whether a frame answers a query: this number of voltages, or a refusal."""
         match = _ANY_VALUES.search(frame)
         return match is None or match.group(1).count(b",") == n_values - 1
 
     def check(self, frame: bytes) -> None:
-        """Look whether a setting was taken; may be called in the loop.
+        """Check that a setting was accepted. Real-time safe.
 
         Raises:
-            LineFault: `WRONG_REQUEST` with the device's words if it was not.
+            LineFault: `WRONG_REQUEST` with the device's text if it was refused.
         """
         if _is_refusal(frame):
             raise _refused(frame)
 
     def values(self, frame: bytes, n_values: int) -> list[float]:
-        """Return the voltages in a reply, in V; may be called in the loop.
+        """Return the voltages in a reply, in V. Real-time safe.
 
         Raises:
-            LineFault: `WRONG_REQUEST` with the device's words, `GARBAGE` if they are not so many.
+            LineFault: `WRONG_REQUEST` with the device's text, `GARBAGE` if their number is wrong.
         """
         match = _ANY_VALUES.search(frame)
         if match is None:
             raise _refused(frame)
         values = [float(text) for text in match.group(1).split(b",")]
         if len(values) != n_values:
-            raise LineFault(DeviceFlag.GARBAGE, f"not {n_values} voltages: {frame[:80]!r}")
+            raise LineFault(DeviceFlag.GARBAGE, f"expected {n_values} voltages: {frame[:80]!r}")
         return values
 
 
-def prompt_in(told: bytes) -> bytes:
-    """Return the prompt in the reply to an empty command; nothing where it is none."""
-    if b">" in told:
+def prompt_in(reply: bytes) -> bytes:
+    """Return the prompt in the reply to an empty command; b"" if there is none."""
+    if b">" in reply:
         return b">"
-    return b"*" if b"*" in told or b"!" in told else b""
+    # In compatibility mode an unknown command is answered by `!`.
+    return b"*" if b"*" in reply or b"!" in reply else b""
 
 
-def tail_in(told: bytes) -> bytes | None:
-    """Return what comes behind the bracket in a whole reply, None where there is no value."""
-    match = _ANY_VALUES.search(told)
-    return told[match.end() :][:8] if match else None
+def tail_in(reply: bytes) -> bytes | None:
+    """Return the bytes behind the bracket in a complete reply, None if it has no value."""
+    match = _ANY_VALUES.search(reply)
+    return reply[match.end() :][:8] if match else None
 
 
-def number_in(told: bytes, asked: bytes) -> float | None:
-    """Return the first number in a whole reply, which may begin with an echo of what was asked."""
-    match = _ANY_NUMBER.search(told.replace(asked, b""))
-    return float(match.group()) if match and not _is_refusal(told) else None
+def number_in(reply: bytes, asked: bytes) -> float | None:
+    """Return the first number in a complete reply, which may begin with an echo of `asked`."""
+    match = _ANY_NUMBER.search(reply.replace(asked, b""))
+    return float(match.group()) if match and not _is_refusal(reply) else None
 
 
-def identity_in(told: bytes) -> Identity | None:
-    """Return who a reply says that the device is, None where it does not say.
+def identity_in(reply: bytes) -> Identity | None:
+    """Return the identity in a reply, None if there is none.
 
-    The A models tell less: what is missing is called unknown.
+    The A models report less: missing parts are "unknown".
     """
-    text = told.decode("ascii", "replace")
+    text = reply.decode("ascii", "replace")
     model = _MODEL.search(text)
     if model is None:
         return None
@@ -160,12 +162,12 @@ def identity_in(told: bytes) -> Identity | None:
 
 
 def axes_of(model: str) -> Sequence[str]:
-    """Return the axes of a model: an MDT694 has one, an MDT693 three."""
+    """Return the axes of a model: one of an MDT694, three of an MDT693."""
     return ("x",) if "694" in model else ("x", "y", "z")
 
 
 def _garbage(data: bytes) -> int:
-    """Drop what has ended without a value: a part of a reply, or noise."""
+    """Return the negative length of a reply that ends without a value: a part of one, or noise."""
     end = _END.search(data)
     return -end.end() if end else 0
 
@@ -176,5 +178,5 @@ def _is_refusal(frame: bytes) -> bool:
 
 
 def _refused(frame: bytes) -> LineFault:
-    words = frame.decode("ascii", "replace").strip("\r\n >*")
-    return LineFault(DeviceFlag.WRONG_REQUEST, f"the amplifier refuses: {words[:80]}")
+    commands = frame.decode("ascii", "replace").strip("\r\n >*")
+    return LineFault(DeviceFlag.WRONG_REQUEST, f"the amplifier refuses: {commands[:80]}")

@@ -1,4 +1,4 @@
-"""Thorlabs MDT693A, MDT693B, MDT694A and MDT694B, over a serial port or USB's virtual one."""
+"""The driver `thorlabs_mdt`: Thorlabs MDT amplifiers, over a serial port or a USB one."""
 
 from typing import Final
 

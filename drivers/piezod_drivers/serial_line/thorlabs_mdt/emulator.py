@@ -1,4 +1,4 @@
-"""An MDT693A, MDT693B or MDT694B amplifier."""
+"""The emulated MDT693A, MDT693B and MDT694B amplifiers."""
 
 import re
 from collections.abc import Callable
@@ -15,18 +15,18 @@ _UNKNOWN, _INVALID = "CMD_NOT_DEFINED", "CMD_ARG_INVALID"
 _NUMBER: Final = re.compile(r"[+-]?[0-9]{1,6}(\.[0-9]{0,9})?")
 
 
-class _Refused(Exception):  # noqa: N818 - an answer of the protocol, not an error of ours
-    """Raised where a command is not carried out, with the device's word for it."""
+class _RefusalError(Exception):
+    """Raised if a command is refused, with the device's text."""
 
 
 class MdtModel(NamedTuple):
-    """Which amplifier it is.
+    """Properties in which the amplifiers differ.
 
     Attributes:
-        name: As it tells.
+        name: Reported model.
         axes: Names of its axes.
-        firmware: As it tells.
-        legacy: Whether it is an A model, always in what B models call compatibility mode.
+        firmware: Reported firmware.
+        legacy: Whether it is an A model, whose protocol B models call compatibility mode.
     """
 
     name: str
@@ -39,9 +39,9 @@ class MdtEmulator:
     """Implements `Emulator`: voltages, their limits, identity, echo and compatibility mode.
 
     Args:
-        model: Which amplifier it is.
-        bench: What it is connected to.
-        serial: Its serial number, "" for its usual one.
+        model: Properties of the amplifier.
+        bench: The rig.
+        serial: Serial number, "" for its usual one.
     """
 
     def __init__(self, model: MdtModel, bench: SharedRig, serial: str) -> None:
@@ -72,7 +72,7 @@ class MdtEmulator:
             self._long.clear()
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Take what has come from the host; return the replies."""
+        """Process bytes of the host; return the replies."""
         replies = []
         for byte in data:
             if byte == ord("\r"):
@@ -83,15 +83,15 @@ class MdtEmulator:
         return replies
 
     def due(self) -> list[bytes]:
-        """Return nothing: it speaks when it is asked."""
+        """Return nothing: the amplifier only replies."""
         return []
 
     def _answer(self, line: bytes) -> bytes:
         text = line.decode("ascii", "replace")
         echo = f"{text}\r" if self.echo else ""
         try:
-            body, refused = self._obey(text.strip().upper()), False
-        except _Refused as refusal:
+            body, refused = self._execute(text.strip().upper()), False
+        except _RefusalError as refusal:
             body, refused = str(refusal), True
         if not self.compatible:
             return f"{echo}{body}>".encode("ascii", "replace")
@@ -100,12 +100,12 @@ class MdtEmulator:
         reply = f"*{body}" if self._model.legacy else f"{body}*"
         return f"{echo}{reply}".encode("ascii", "replace")
 
-    def _obey(self, text: str) -> str:
-        for words in (self._long, self._short):
-            for word in sorted(words, key=len, reverse=True):
+    def _execute(self, text: str) -> str:
+        for commands in (self._long, self._short):
+            for word in sorted(commands, key=len, reverse=True):
                 if text == word or (text.startswith(word) and word[-1] not in "?IR%"):
-                    return words[word](text.removeprefix(word).strip())
-        raise _Refused(_UNKNOWN)
+                    return commands[word](text.removeprefix(word).strip())
+        raise _RefusalError(_UNKNOWN)
 
     def _add_axis(self, i: int, name: str) -> None:
         get, put = partial(self._get, i), partial(self._set, i)
@@ -140,7 +140,7 @@ class MdtEmulator:
     def _set(self, axis: int, text: str) -> str:
         value_v = _volts(text)
         if not self._bench.drive(axis, value_v):
-            raise _Refused(_INVALID)
+            raise _RefusalError(_INVALID)
         return ""
 
     def _get_all(self, _text: str) -> str:
@@ -150,19 +150,19 @@ class MdtEmulator:
     def _set_all(self, text: str) -> str:
         values_v = [_volts(part.strip()) for part in text.split(",")]
         if len(values_v) != len(self._axes) or not self._bench.drive_all(values_v):
-            raise _Refused(_INVALID)
+            raise _RefusalError(_INVALID)
         return ""
 
 
 def _switch(text: str) -> bool:
     if text not in {"0", "1"}:
-        raise _Refused(_INVALID)
+        raise _RefusalError(_INVALID)
     return text == "1"
 
 
 def _volts(text: str) -> float:
     if not _NUMBER.fullmatch(text) or not 0.0 <= float(text) <= _LIMIT_V:
-        raise _Refused(_INVALID)
+        raise _RefusalError(_INVALID)
     return float(text)
 
 

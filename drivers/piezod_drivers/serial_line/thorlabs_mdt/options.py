@@ -1,4 +1,4 @@
-"""What a configuration may say about an MDT amplifier."""
+"""Options of an MDT amplifier."""
 
 from pydantic import Field
 
@@ -6,6 +6,6 @@ from piezod_drivers.serial_line.options import PortOptions, TimeoutMs
 
 
 class MdtOptions(PortOptions):
-    """Options of `thorlabs_mdt`; the model, and how it talks, is found out when it is opened."""
+    """Options of `thorlabs_mdt`; the model and its protocol are detected at opening."""
 
-    timeout_ms: TimeoutMs = Field(default=100.0, description="How long to wait for each reply, ms.")
+    timeout_ms: TimeoutMs = Field(default=100.0, description="Longest wait for each reply, ms.")
