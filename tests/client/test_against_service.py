@@ -10,10 +10,10 @@ import pytest
 
 from piezod.client import AsyncStageClient, StageClient
 from piezod.config import requests
+from piezod.config.endpoints import Role
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.daemon.service.peer_protocol import ConnectionLimits
-from piezod.daemon.service.stage_service import Role
 from piezod.errors import NotAllowedError, NotRunningError, RefusedError
 from piezod.telemetry.layout import record_dtype
 from tests.daemon.service.fakes import Served

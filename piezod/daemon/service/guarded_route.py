@@ -12,6 +12,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
+from piezod.config.endpoints import SMALL_BODY, Access
 from piezod.daemon.logging import logger
 from piezod.daemon.service.answers import mistake_answer
 from piezod.daemon.service.peer_protocol import connection_of
@@ -22,26 +23,24 @@ from piezod.daemon.service.refusals import (
     TooLargeError,
 )
 from piezod.daemon.service.request_context import RequestContext, RequestQueue
-from piezod.daemon.service.roles import ACCESS, SMALL_BODY, Access
+from piezod.daemon.service.route_table import ROUTES
 from piezod.daemon.service.stage_service import BadValueError, Peer, StageError
 from piezod.daemon.service.strict_json import loads
 
-STREAMED: Final = "/v1/stream"
-"""The endpoint that reads its body itself."""
 _LOG: Final = logger("service")
 _CLIENT: Final = re.compile(r"[A-Za-z0-9_.:@-]{0,64}")
 _JSON_TYPE: Final = (b"content-type", b"application/json")
 
 
 class GuardedRoute(APIRoute):
-    """An endpoint that is in the table of `roles.ACCESS`."""
+    """An endpoint of the table of commands."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """Put role and body before what FastAPI does."""
         handler = super().get_route_handler()
         method = "".join(self.methods or ())  # they have one each
-        access = ACCESS[method, self.path]
-        reads_body = method == "POST" and self.path != STREAMED
+        row = ROUTES[method, self.path]
+        access, reads_body = row.access, method == "POST" and not row.streamed
         model = self.body_field.field_info.annotation if self.body_field else None
 
         async def guarded(request: Request) -> Response:

@@ -6,10 +6,11 @@ from typing import Annotated, Any, Final, NamedTuple, TypeVar
 from fastapi import Depends
 from fastapi import Request as HttpRequest
 
+from piezod.config.endpoints import Access
 from piezod.config.requests import Request
 from piezod.control.stage.record import Answer
 from piezod.daemon.service.lease import Lease
-from piezod.daemon.service.roles import Access, Roles
+from piezod.daemon.service.roles import Roles
 from piezod.daemon.service.stage_service import (
     AuditEntry,
     NotNowError,

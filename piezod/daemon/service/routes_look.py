@@ -9,57 +9,57 @@ from piezod.daemon.service.answers import JsonAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.request_context import VisitOf
-from piezod.daemon.service.routes_commands import ERRORS
+from piezod.daemon.service.route_table import PREFIX, endpoint
 from piezod.daemon.service.stage_service import UnknownNameError
 from piezod.daemon.service.telemetry_stream import TelemetryAnswer
 
-router: Final = APIRouter(prefix="/v1", route_class=GuardedRoute)
+router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 
 
-@router.get("/status", responses=ERRORS, response_model=None)
+@endpoint(router, "status")
 async def status(visit: VisitOf) -> JsonAnswer:
     """Return state, mode, faults, and each axis in the newest cycle."""
     return JsonAnswer(visit.stage.status())
 
 
-@router.get("/health", responses=ERRORS, response_model=None)
+@endpoint(router, "health")
 async def health(visit: VisitOf) -> JsonAnswer:
     """Return whether the loop runs on schedule; with status 503 where it does not."""
     healthy, document = visit.stage.health()
     return JsonAnswer({"healthy": healthy, **document}, 200 if healthy else 503)
 
 
-@router.get("/faults", responses=ERRORS, response_model=None)
+@endpoint(router, "faults")
 async def faults(visit: VisitOf) -> JsonAnswer:
     """Return what is present or latched, and what to do about it."""
     return JsonAnswer({"faults": visit.stage.faults()})
 
 
-@router.get("/realtime", responses=ERRORS, response_model=None)
+@endpoint(router, "realtime")
 async def realtime(visit: VisitOf) -> JsonAnswer:
     """Return what the loop asked of the operating system, and what it obtained."""
     return JsonAnswer(visit.stage.realtime())
 
 
-@router.get("/config", responses=ERRORS, response_model=None)
+@endpoint(router, "config")
 async def config(visit: VisitOf) -> JsonAnswer:
     """Return the configuration in force."""
     return JsonAnswer(visit.stage.config())
 
 
-@router.get("/audit", responses=ERRORS, response_model=None)
+@endpoint(router, "audit")
 async def audit(visit: VisitOf, limit: Annotated[int, Query(ge=1, le=1000)] = 100) -> JsonAnswer:
     """Return who asked for what, newest first."""
     return JsonAnswer({"audit": await visit.stage.audit_log(limit)})
 
 
-@router.get("/openapi", response_model=None)
+@endpoint(router, "openapi", responses=None)
 async def openapi(request: HttpRequest) -> JsonAnswer:
     """Return this description."""
     return JsonAnswer(request.app.openapi())
 
 
-@router.get("/telemetry", responses=ERRORS, response_model=None)
+@endpoint(router, "telemetry")
 async def telemetry(
     request: HttpRequest,
     visit: VisitOf,

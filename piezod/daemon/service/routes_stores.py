@@ -13,10 +13,11 @@ from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.recording_files import RecordingAnswer, open_recording
 from piezod.daemon.service.refusals import TooManyError
 from piezod.daemon.service.request_context import VisitOf
-from piezod.daemon.service.routes_commands import ERRORS, Nothing
+from piezod.daemon.service.route_table import PREFIX, endpoint
+from piezod.daemon.service.routes_commands import Nothing
 from piezod.daemon.service.stage_service import NotNowError
 
-router: Final = APIRouter(prefix="/v1", route_class=GuardedRoute)
+router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 
 
 # What may be part of the name of a recording.
@@ -35,33 +36,33 @@ class StartRecording(ConfigModel):
     label: Label | None = Field(default=None, description="Becomes part of the name.")
 
 
-@router.get("/params", responses=ERRORS, response_model=None)
+@endpoint(router, "params")
 async def params(visit: VisitOf) -> JsonAnswer:
     """Return the parameters in use."""
     return JsonAnswer(await visit.stage.params())
 
 
-@router.get("/params/history", responses=ERRORS, response_model=None)
+@endpoint(router, "params_history")
 async def params_history(visit: VisitOf) -> JsonAnswer:
     """Return what is saved, newest first."""
     return JsonAnswer({"history": await visit.stage.params_history()})
 
 
-@router.post("/params/save", responses=ERRORS, response_model=None)
+@endpoint(router, "save_params")
 async def save_params(_body: Nothing, visit: VisitOf) -> JsonAnswer:
     """Save the parameters in use."""
     saving = visit.perform("params save", lambda: visit.stage.save_params(visit.peer))
     return JsonAnswer(await saving)
 
 
-@router.post("/params/load", responses=ERRORS, response_model=None)
+@endpoint(router, "load_params")
 async def load_params(_body: Nothing, visit: VisitOf) -> JsonAnswer:
     """Use the parameters that were saved last."""
     loading = visit.perform("params load", lambda: visit.stage.load_params(None, visit.peer))
     return JsonAnswer(await loading)
 
 
-@router.post("/params/restore", responses=ERRORS, response_model=None)
+@endpoint(router, "restore_params")
 async def restore_params(body: Restore, visit: VisitOf) -> JsonAnswer:
     """Use parameters that were saved earlier."""
     what = f"params restore {body.sequence}"
@@ -69,20 +70,20 @@ async def restore_params(body: Restore, visit: VisitOf) -> JsonAnswer:
     return JsonAnswer(await loading)
 
 
-@router.post("/reload", responses=ERRORS, response_model=None)
+@endpoint(router, "reload")
 async def reload(_body: Nothing, visit: VisitOf) -> JsonAnswer:
     """Read the configuration again; one that is not valid changes nothing."""
     return JsonAnswer(await visit.perform("reload", lambda: visit.stage.reload(visit.peer)))
 
 
-@router.get("/recordings", responses=ERRORS, response_model=None)
+@endpoint(router, "recordings")
 async def recordings(visit: VisitOf) -> JsonAnswer:
     """Return the recording that is being made, and those that are finished."""
     running, finished = await visit.stage.recordings()
     return JsonAnswer({"running": running, "recordings": finished})
 
 
-@router.post("/recordings/start", responses=ERRORS, response_model=None)
+@endpoint(router, "start_recording")
 async def start_recording(body: StartRecording, visit: VisitOf) -> JsonAnswer:
     """Start recording every cycle."""
     starting = visit.perform(
@@ -92,14 +93,14 @@ async def start_recording(body: StartRecording, visit: VisitOf) -> JsonAnswer:
     return JsonAnswer(await starting)
 
 
-@router.post("/recordings/stop", responses=ERRORS, response_model=None)
+@endpoint(router, "stop_recording")
 async def stop_recording(_body: Nothing, visit: VisitOf) -> JsonAnswer:
     """End the recording and close its file."""
     stopping = visit.perform("recordings stop", lambda: visit.stage.stop_recording(visit.peer))
     return JsonAnswer(await stopping)
 
 
-@router.get("/recordings/{name}", responses=ERRORS, response_model=None)
+@endpoint(router, "fetch_recording")
 async def recording(name: str, request: HttpRequest, visit: VisitOf) -> RecordingAnswer:
     """Return the HDF5 file of a recording that is finished; one at a time for each user."""
     downloads, uid = visit.office.downloads, visit.peer.uid

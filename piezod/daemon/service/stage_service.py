@@ -5,29 +5,18 @@ block for more than a few milliseconds unless it is `async`: all clients share o
 """
 
 from collections.abc import Mapping, Sequence
-from enum import IntEnum
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
+from piezod.config.endpoints import Role
 from piezod.config.requests import Request
 from piezod.control.stage.record import Answer
 from piezod.errors import PiezodError
 
 Document: TypeAlias = dict[str, Any]
 """What becomes a JSON object; a number that is not finite becomes null."""
-
-
-class Role(IntEnum):
-    """What somebody may do; a larger one may do all that a smaller one may."""
-
-    VIEWER = 1
-    """Look."""
-    OPERATOR = 2
-    """Arm, move, stop, reset, record and save."""
-    ENGINEER = 3
-    """Identify, change model and configuration, reset what is latched until service, shut down."""
 
 
 class Peer(NamedTuple):

@@ -12,6 +12,7 @@ import httpx
 import numpy as np
 from numpy.typing import NDArray
 
+from piezod.config.endpoints import Role
 from piezod.config.requests import Request
 from piezod.control.stage.record import Answer
 from piezod.daemon.service.app import create_app
@@ -25,7 +26,6 @@ from piezod.daemon.service.stage_service import (
     Document,
     NotNowError,
     Peer,
-    Role,
     UnavailableError,
     UnknownNameError,
 )

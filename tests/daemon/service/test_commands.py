@@ -2,9 +2,9 @@ import httpx
 import pytest
 
 from piezod.config import requests
+from piezod.config.endpoints import Endpoint, Role
 from piezod.config.modes import Mode
-from piezod.daemon.service.routes_commands import COMMANDS
-from piezod.daemon.service.stage_service import Role
+from piezod.config.requests import TABLE
 from tests.daemon.service.bodies import BODIES
 from tests.daemon.service.fakes import Served
 
@@ -17,14 +17,17 @@ def test_goto_is_carried_out(served: Served, client: httpx.Client) -> None:
     assert served.stage.requests == [requests.Goto(position_um=12.5, axis="x")]
 
 
-@pytest.mark.parametrize("path", sorted(COMMANDS))
-def test_every_command_reaches_the_stage(served: Served, path: str) -> None:
-    """The path says what kind of request the body is."""
+COMMANDS = [row for row in TABLE.values() if row.request and not row.streamed]
+
+
+@pytest.mark.parametrize("row", COMMANDS, ids=lambda row: row.path)
+def test_every_command_reaches_the_stage(served: Served, row: Endpoint) -> None:
+    """The path of a row takes its request as the body."""
     with served.client() as client:
-        answer = client.post(path, json=BODIES.get(path, {}))
+        answer = client.post(row.path, json=BODIES.get(row.path, {}))
 
     assert answer.status_code == 200, answer.text
-    assert type(served.stage.requests[0]) is COMMANDS[path]
+    assert type(served.stage.requests[0]) is row.request
 
 
 def test_empty_body_is_an_empty_object(served: Served, client: httpx.Client) -> None:

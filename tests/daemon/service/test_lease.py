@@ -3,17 +3,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from piezod.config.endpoints import Role
 from piezod.daemon.service.lease import LEASE_S, Lease
 from piezod.daemon.service.refusals import LeaseHeldError
-from piezod.daemon.service.roles import ACCESS
-from piezod.daemon.service.stage_service import Peer, Role
+from piezod.daemon.service.route_table import ROUTES
+from piezod.daemon.service.stage_service import Peer
 from tests.daemon.service.bodies import answer_of
 from tests.daemon.service.fakes import FakeNow, Served
 
 PEERS = [Peer(1000, 1, "ann", "", Role.OPERATOR), Peer(1000, 2, "ann", "b", Role.OPERATOR)]
 PEERS.append(Peer(1001, 3, "bob", "", Role.OPERATOR))
-NEEDS_LEASE = sorted(key for key, access in ACCESS.items() if access.lease)
-NEEDS_NONE = sorted(ACCESS.keys() - set(NEEDS_LEASE))
+NEEDS_LEASE = sorted(key for key, row in ROUTES.items() if row.access.lease)
+NEEDS_NONE = sorted(ROUTES.keys() - set(NEEDS_LEASE))
 STEPS = st.lists(
     st.tuples(st.sampled_from(["claim", "release", "wait"]), st.integers(0, 2), st.floats(0, 40))
 )

@@ -6,10 +6,10 @@ import httpx
 import numpy as np
 import pytest
 
+from piezod.config.endpoints import LARGE_BODY, SMALL_BODY, Role
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.rate_limit import CLIENT_BURST, TOTAL_BURST, RateLimit
-from piezod.daemon.service.roles import ACCESS, LARGE_BODY, SMALL_BODY, URGENT
-from piezod.daemon.service.stage_service import Role
+from piezod.daemon.service.route_table import ROUTES, URGENT
 from piezod.daemon.service.urgent_notes import BURST
 from piezod.telemetry.layout import record_dtype
 from tests.daemon.service.conftest import Serve
@@ -85,7 +85,7 @@ def test_commands_are_small(client: httpx.Client) -> None:
 @pytest.mark.fault("C2")
 def test_only_waveforms_and_models_are_large() -> None:
     """Whatever needs no limit of rate has nothing in it that takes long to read."""
-    large = {path for (_, path), access in ACCESS.items() if access.most_bytes > SMALL_BODY}
+    large = {path for (_, path), row in ROUTES.items() if row.access.most_bytes > SMALL_BODY}
 
     assert large == {"/v1/wave", "/v1/identify", "/v1/model"}
 

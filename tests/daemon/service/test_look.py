@@ -7,7 +7,7 @@ import httpx
 import pytest
 
 from piezod.daemon.service.peer_protocol import ConnectionLimits
-from piezod.daemon.service.roles import ACCESS
+from piezod.daemon.service.route_table import ROUTES
 from piezod.daemon.service.server import bind, make_server
 from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually
@@ -57,7 +57,7 @@ def test_description_has_every_endpoint(client: httpx.Client) -> None:
     }
     body = document["paths"]["/v1/goto"]["post"]["requestBody"]["content"]["application/json"]
 
-    assert found == ACCESS.keys()
+    assert found == ROUTES.keys()
     assert body["schema"] == {"$ref": "#/components/schemas/Goto"}
 
 

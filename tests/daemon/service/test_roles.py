@@ -9,15 +9,16 @@ import httpx
 import pytest
 from fastapi.routing import APIRoute
 
+from piezod.config.endpoints import LOOK, Role
 from piezod.daemon.service import routes_commands, routes_look, routes_stores
 from piezod.daemon.service.peer_protocol import Credentials
-from piezod.daemon.service.roles import ACCESS, GroupRoles
-from piezod.daemon.service.stage_service import Role
+from piezod.daemon.service.roles import GroupRoles
+from piezod.daemon.service.route_table import ROUTES
 from tests.daemon.service.bodies import answer_of
 from tests.daemon.service.fakes import FakeNow, Served
 
 STRANGER = Credentials(1, 54321, 54321)
-ENDPOINTS = sorted(ACCESS)
+ENDPOINTS = sorted(ROUTES)
 
 
 def test_every_route_is_in_the_table() -> None:
@@ -31,7 +32,26 @@ def test_every_route_is_in_the_table() -> None:
         for method in route.methods or ()
     }
 
-    assert found == ACCESS.keys()
+    assert found == ROUTES.keys()
+
+
+def test_the_table_gives_these_rights() -> None:
+    """A right changes only together with this list."""
+    post = {row.path: row.access for row in ROUTES.values() if row.method == "POST"}
+    others = {row.name for row in ROUTES.values() if row.method == "GET" and row.access != LOOK}
+
+    assert {path for path, access in post.items() if access.role is Role.ENGINEER} == {
+        *("condition", "identify", "model", "params/load", "params/restore", "reload", "shutdown")
+    }
+    assert {path for path, access in post.items() if access.role is Role.VIEWER} == {"estop"}
+    assert {path for path, access in post.items() if access.urgent} == {
+        *("hold", "stop", "estop", "disarm")
+    }
+    assert {path for path, access in post.items() if not access.lease} == {
+        *("hold", "stop", "estop", "disarm", "params/save", "shutdown"),
+        *("recordings/start", "recordings/stop"),
+    }
+    assert others == {"audit"}
 
 
 @pytest.mark.fault("C6")
@@ -48,7 +68,7 @@ def test_every_endpoint_asks_for_its_role(served: Served, role: Role) -> None:
         if answer.status_code == 403:
             refused.add(endpoint)
 
-    assert refused == {endpoint for endpoint, access in ACCESS.items() if access.role > role}
+    assert refused == {endpoint for endpoint, row in ROUTES.items() if row.access.role > role}
 
 
 @pytest.mark.fault("C6")
