@@ -1,6 +1,7 @@
 """What becomes of a request: carried out, or refused with a reason and what would help."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final
 
 from piezod.config import requests
 from piezod.config.modes import Mode
@@ -21,7 +22,7 @@ AT_REST_PART = 0.01
 """A stage is at rest when its voltage is the rest voltage within this part of its range."""
 
 
-def execute(stage: Stage, request: requests.Request, t_ns: int) -> Answer:  # noqa: PLR0911 - a table
+def execute(stage: Stage, request: requests.Request, t_ns: int) -> Answer:
     """Carry out a request; may be called in the loop, between cycles.
 
     Args:
@@ -29,29 +30,7 @@ def execute(stage: Stage, request: requests.Request, t_ns: int) -> Answer:  # no
         request: What is asked for; its numbers are finite and within their ranges.
         t_ns: Now.
     """
-    match request:
-        case requests.Arm():
-            return _arm(stage, request, t_ns)
-        case requests.SelectMode():
-            return _select(stage, request, t_ns)
-        case requests.Goto():
-            return _goto(stage, request, t_ns)
-        case requests.Wave():
-            return _wave(stage, request, t_ns)
-        case requests.Stream():
-            return _stream(stage, request, t_ns)
-        case requests.Follow():
-            return _follow(stage, request, t_ns)
-        case requests.Condition():
-            return _condition(stage, request, t_ns)
-        case requests.Identify():
-            return _identify(stage, request, t_ns)
-        case requests.Zero():
-            return _zero(stage, request, t_ns)
-        case requests.AdoptModel():
-            return _adopt(stage, request)
-        case _:
-            return _plain(stage, request, t_ns)
+    return HANDLERS[type(request)](stage, request, t_ns)
 
 
 def _plain(stage: Stage, request: requests.Request, t_ns: int) -> Answer:
@@ -291,7 +270,7 @@ def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
     return Answer(True)
 
 
-def _adopt(stage: Stage, request: requests.AdoptModel) -> Answer:
+def _adopt(stage: Stage, request: requests.AdoptModel, _t_ns: int) -> Answer:
     axes, why = _chosen(stage, request.axis)
     if not why and len(axes) > 1:
         why = f"axis must be one of {', '.join(stage.names)}: a model belongs to one"
@@ -323,3 +302,25 @@ def _chosen(stage: Stage, name: str | None) -> tuple[list[int], str]:
 
 def _no_such(stage: Stage, name: str) -> str:
     return f"no axis {name!r}; this stage has {', '.join(stage.names)}"
+
+
+# Each handler takes the request class of its row, which a mapping's type cannot express.
+HANDLERS: Final[Mapping[type[requests.Request], Callable[[Stage, Any, int], Answer]]] = {
+    requests.Arm: _arm,
+    requests.Disarm: _plain,
+    requests.SelectMode: _select,
+    requests.Goto: _goto,
+    requests.Wave: _wave,
+    requests.Stream: _stream,
+    requests.Follow: _follow,
+    requests.Hold: _plain,
+    requests.Resume: _plain,
+    requests.Stop: _plain,
+    requests.Estop: _plain,
+    requests.Reset: _plain,
+    requests.Condition: _condition,
+    requests.Zero: _zero,
+    requests.Identify: _identify,
+    requests.AdoptModel: _adopt,
+    requests.Shutdown: _plain,
+}
