@@ -1,27 +1,28 @@
 """The client for programs that run under asyncio; `StageClient` is the same for all others."""
 
 import time
-from collections.abc import AsyncGenerator, AsyncIterable, Callable, Coroutine, Mapping, Sequence
+from collections.abc import AsyncGenerator, AsyncIterable, Mapping, Sequence
 from contextlib import aclosing
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Concatenate, ParamSpec, Self, TypeVar
+from typing import Self, TypeVar
 
-import httpx
-
-from piezod.client import calls
 from piezod.client.arrival import Arrival, arrival, too_late
 from piezod.client.calls import Call
+from piezod.client.commands import StageCommands
 from piezod.client.errors import ended, translated
+from piezod.client.methods import AsyncCaller
 from piezod.client.places import check_socket, find_socket
-from piezod.client.results import StreamEnd
+from piezod.client.reports import StageReports
+from piezod.client.results import StreamEnd, reader
 from piezod.client.telemetry import Telemetry, TelemetryReader
 from piezod.client.wire import (
     BASE_URL,
     NDJSON,
-    TIMEOUT,
+    STREAM,
+    TELEMETRY,
+    TIMEOUT_S,
     WAITING_RATE_HZ,
-    as_method,
     check,
     headers,
     no_tls,
@@ -33,22 +34,10 @@ from piezod.client.wire import (
     whole_file,
 )
 
-ParametersT = ParamSpec("ParametersT")
 ResultT = TypeVar("ResultT")
 
 
-def _method(
-    make: Callable[ParametersT, Call[ResultT]],
-) -> Callable[Concatenate["AsyncStageClient", ParametersT], Coroutine[Any, Any, ResultT]]:
-    async def method(
-        self: "AsyncStageClient", /, *args: ParametersT.args, **kwargs: ParametersT.kwargs
-    ) -> ResultT:
-        return await self.call(make(*args, **kwargs))
-
-    return as_method(method, make)
-
-
-class AsyncStageClient:
+class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
     """A connection to the daemon of one stage; use it in an `async with` statement.
 
     ::
@@ -78,11 +67,13 @@ class AsyncStageClient:
     ) -> None:
         self.socket = check_socket(socket or find_socket(stage))
         self.name = name
+        import httpx
+
         self._http = httpx.AsyncClient(
             transport=httpx.AsyncHTTPTransport(uds=str(self.socket), verify=no_tls()),
             base_url=BASE_URL,
             headers=headers(self.name),
-            timeout=TIMEOUT,
+            timeout=TIMEOUT_S,
             trust_env=False,
         )
 
@@ -152,7 +143,7 @@ class AsyncStageClient:
         """
         reader, query = TelemetryReader(), telemetry_query(rate_hz, axes)
         with translated(self.socket):
-            async with self._http.stream("GET", "telemetry", params=query) as response:
+            async with self._http.stream("GET", TELEMETRY, params=query) as response:
                 if response.is_error:
                     await response.aread()
                 check(response)
@@ -171,8 +162,8 @@ class AsyncStageClient:
         """
         lines = (setpoint_line(each) async for each in setpoints_um)
         with translated(self.socket):
-            response = await self._http.post("stream", content=lines, headers=NDJSON)
-        return calls.stream_end(read_document(response))
+            response = await self._http.post(STREAM, content=lines, headers=NDJSON)
+        return reader(StreamEnd)(read_document(response))
 
     async def fetch_recording(self, name: str, file: Path) -> int:
         """Copy a recording; return its size in bytes.
@@ -194,37 +185,3 @@ class AsyncStageClient:
                     async for block in response.aiter_bytes():
                         opened.write(block)
                     return opened.tell()
-
-    status = _method(calls.status)
-    faults = _method(calls.faults)
-    health = _method(calls.health)
-    realtime = _method(calls.realtime)
-    config = _method(calls.config)
-    audit = _method(calls.audit)
-    arm = _method(calls.arm)
-    disarm = _method(calls.disarm)
-    mode = _method(calls.mode)
-    goto = _method(calls.goto)
-    wave = _method(calls.wave)
-    follow = _method(calls.follow)
-    hold = _method(calls.hold)
-    resume = _method(calls.resume)
-    condition = _method(calls.condition)
-    zero = _method(calls.zero)
-    stop = _method(calls.stop)
-    estop = _method(calls.estop)
-    reset = _method(calls.reset)
-    identify = _method(calls.identify)
-    adopt = _method(calls.adopt)
-    shutdown = _method(calls.shutdown)
-    reload = _method(calls.reload)
-    params = _method(calls.params)
-    params_history = _method(calls.params_history)
-    save_params = _method(calls.save_params)
-    load_params = _method(calls.load_params)
-    restore_params = _method(calls.restore_params)
-    start_recording = _method(calls.start_recording)
-    stop_recording = _method(calls.stop_recording)
-    recordings = _method(calls.recordings)
-    renew_lease = _method(calls.renew_lease)
-    release_lease = _method(calls.release_lease)

@@ -5,8 +5,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-import httpx
-
 from piezod.errors import ClientError, NotAllowedError, NotRunningError, RefusedError
 
 OTHER_VERSION = "are client and daemon of the same version?"
@@ -41,6 +39,8 @@ def translated(socket: Path) -> Iterator[None]:
     Raises:
         ClientError: The more specific ones where that is known.
     """
+    import httpx
+
     try:
         yield
     except httpx.TimeoutException as error:

@@ -5,11 +5,12 @@ Every result keeps the daemon's whole `document`: a newer daemon may tell more t
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias, TypeVar
-
-from pydantic import TypeAdapter, ValidationError
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 from piezod.client.errors import unexpected
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
 
 Document: TypeAlias = dict[str, Any]
 ResultT = TypeVar("ResultT", bound="Result")
@@ -246,16 +247,30 @@ class Recordings(Result):
 
 
 def reader(result: type[ResultT]) -> Callable[[Document], ResultT]:
-    """Return a function that makes a result of a document.
+    """Return a function that makes a result from a document.
 
-    The function raises ClientError where the document does not fit.
+    The function raises ClientError if the document does not fit.
     """
-    adapter = TypeAdapter(result)
 
     def read(document: Document) -> ResultT:
+        from pydantic import ValidationError
+
         try:
-            return adapter.validate_python({**document, "document": document})
+            made: ResultT = _adapter(result).validate_python({**document, "document": document})
         except ValidationError as error:
             raise unexpected(document, str(error)) from error
+        return made
 
     return read
+
+
+def _adapter(result: type[Result]) -> "TypeAdapter[Any]":
+    """Return the adapter of a result, made at first use: pydantic takes long to import."""
+    if result not in _ADAPTERS:
+        from pydantic import TypeAdapter
+
+        _ADAPTERS[result] = TypeAdapter(result)
+    return _ADAPTERS[result]
+
+
+_ADAPTERS: "Final[dict[type[Result], TypeAdapter[Any]]]" = {}

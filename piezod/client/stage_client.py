@@ -1,27 +1,28 @@
 """The client for ordinary programs and scripts; `AsyncStageClient` is the same for asyncio."""
 
 import time
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from types import TracebackType
-from typing import Concatenate, ParamSpec, Self, TypeVar
+from typing import Self, TypeVar
 
-import httpx
-
-from piezod.client import calls
 from piezod.client.arrival import Arrival, arrival, too_late
 from piezod.client.calls import Call
+from piezod.client.commands import StageCommands
 from piezod.client.errors import ended, translated
+from piezod.client.methods import SyncCaller
 from piezod.client.places import check_socket, find_socket
-from piezod.client.results import StreamEnd
+from piezod.client.reports import StageReports
+from piezod.client.results import StreamEnd, reader
 from piezod.client.telemetry import Telemetry, TelemetryReader
 from piezod.client.wire import (
     BASE_URL,
     NDJSON,
-    TIMEOUT,
+    STREAM,
+    TELEMETRY,
+    TIMEOUT_S,
     WAITING_RATE_HZ,
-    as_method,
     check,
     headers,
     no_tls,
@@ -33,22 +34,10 @@ from piezod.client.wire import (
     whole_file,
 )
 
-ParametersT = ParamSpec("ParametersT")
 ResultT = TypeVar("ResultT")
 
 
-def _method(
-    make: Callable[ParametersT, Call[ResultT]],
-) -> Callable[Concatenate["StageClient", ParametersT], ResultT]:
-    def method(
-        self: "StageClient", /, *args: ParametersT.args, **kwargs: ParametersT.kwargs
-    ) -> ResultT:
-        return self.call(make(*args, **kwargs))
-
-    return as_method(method, make)
-
-
-class StageClient:
+class StageClient(StageCommands, StageReports, SyncCaller):
     """A connection to the daemon of one stage; use it in a `with` statement.
 
     ::
@@ -78,11 +67,13 @@ class StageClient:
     ) -> None:
         self.socket = check_socket(socket or find_socket(stage))
         self.name = name
+        import httpx
+
         self._http = httpx.Client(
             transport=httpx.HTTPTransport(uds=str(self.socket), verify=no_tls()),
             base_url=BASE_URL,
             headers=headers(self.name),
-            timeout=TIMEOUT,
+            timeout=TIMEOUT_S,
             trust_env=False,
         )
 
@@ -153,7 +144,7 @@ class StageClient:
         reader, query = TelemetryReader(), telemetry_query(rate_hz, axes)
         with (
             translated(self.socket),
-            self._http.stream("GET", "telemetry", params=query) as response,
+            self._http.stream("GET", TELEMETRY, params=query) as response,
         ):
             if response.is_error:
                 response.read()
@@ -173,8 +164,8 @@ class StageClient:
         """
         lines = map(setpoint_line, setpoints_um)
         with translated(self.socket):
-            response = self._http.post("stream", content=lines, headers=NDJSON)
-        return calls.stream_end(read_document(response))
+            response = self._http.post(STREAM, content=lines, headers=NDJSON)
+        return reader(StreamEnd)(read_document(response))
 
     def fetch_recording(self, name: str, file: Path) -> int:
         """Copy a recording; return its size in bytes.
@@ -198,37 +189,3 @@ class StageClient:
                 for block in response.iter_bytes():
                     opened.write(block)
                 return opened.tell()
-
-    status = _method(calls.status)
-    faults = _method(calls.faults)
-    health = _method(calls.health)
-    realtime = _method(calls.realtime)
-    config = _method(calls.config)
-    audit = _method(calls.audit)
-    arm = _method(calls.arm)
-    disarm = _method(calls.disarm)
-    mode = _method(calls.mode)
-    goto = _method(calls.goto)
-    wave = _method(calls.wave)
-    follow = _method(calls.follow)
-    hold = _method(calls.hold)
-    resume = _method(calls.resume)
-    condition = _method(calls.condition)
-    zero = _method(calls.zero)
-    stop = _method(calls.stop)
-    estop = _method(calls.estop)
-    reset = _method(calls.reset)
-    identify = _method(calls.identify)
-    adopt = _method(calls.adopt)
-    shutdown = _method(calls.shutdown)
-    reload = _method(calls.reload)
-    params = _method(calls.params)
-    params_history = _method(calls.params_history)
-    save_params = _method(calls.save_params)
-    load_params = _method(calls.load_params)
-    restore_params = _method(calls.restore_params)
-    start_recording = _method(calls.start_recording)
-    stop_recording = _method(calls.stop_recording)
-    recordings = _method(calls.recordings)
-    renew_lease = _method(calls.renew_lease)
-    release_lease = _method(calls.release_lease)

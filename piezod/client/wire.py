@@ -1,31 +1,33 @@
 """What both clients do with a call before and after it is on the wire."""
 
-import functools
-import inspect
 import json
 import ssl
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, Final, TypeVar, get_args
+from typing import TYPE_CHECKING, BinaryIO, Final, TypeVar
 from urllib.parse import quote
-
-import httpx
 
 from piezod.client.calls import Call
 from piezod.client.errors import error_of, unexpected
 from piezod.client.results import Document
+from piezod.config.endpoints import ENDPOINTS
 from piezod.errors import RefusedError
+
+if TYPE_CHECKING:
+    import httpx
 
 BASE_URL: Final = "http://piezod/v1/"
 """The host's name means nothing on a unix socket."""
-TIMEOUT: Final = httpx.Timeout(10.0, connect=2.0)
+TIMEOUT_S: Final = (2.0, 10.0, 10.0, 10.0)
+"""To connect, read, write, and get a connection of the pool, in s."""
+TELEMETRY: Final = ENDPOINTS["telemetry"].path
+STREAM: Final = ENDPOINTS["stream"].path
 NDJSON: Final = {"Content-Type": "application/x-ndjson"}
 WAITING_RATE_HZ: Final = 20.0
 """How often telemetry is looked at while a movement is waited for."""
 
 ResultT = TypeVar("ResultT")
-FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
 
 def no_tls() -> ssl.SSLContext:
@@ -46,7 +48,7 @@ def telemetry_query(rate_hz: float, axes: Sequence[str]) -> dict[str, str]:
 
 def recording_path(name: str) -> str:
     """Return the path of a recording."""
-    return f"recordings/{quote(name, safe='')}"
+    return ENDPOINTS["fetch_recording"].path.format(name=quote(name, safe=""))
 
 
 def setpoint_line(setpoints_um: Mapping[str, float]) -> bytes:
@@ -78,7 +80,7 @@ def whole_file(file: Path) -> Iterator[BinaryIO]:
         partial.unlink(missing_ok=True)
 
 
-def read_answer(call: Call[ResultT], response: httpx.Response) -> ResultT:
+def read_answer(call: Call[ResultT], response: "httpx.Response") -> ResultT:
     """Return the result that an answer, read to its end, holds.
 
     Raises:
@@ -87,7 +89,7 @@ def read_answer(call: Call[ResultT], response: httpx.Response) -> ResultT:
     return call.read(read_document(response, call.also_fine))
 
 
-def read_document(response: httpx.Response, also_fine: int = 200) -> Document:
+def read_document(response: "httpx.Response", also_fine: int = 200) -> Document:
     """Return the object that an answer, read to its end, holds.
 
     Raises:
@@ -104,7 +106,7 @@ def read_document(response: httpx.Response, also_fine: int = 200) -> Document:
     return document
 
 
-def check(response: httpx.Response) -> None:
+def check(response: "httpx.Response") -> None:
     """Raise the error that an answer, read to its end, tells, if it does.
 
     Raises:
@@ -112,16 +114,3 @@ def check(response: httpx.Response) -> None:
     """
     if response.is_error:
         raise error_of(response.status_code, response.content)
-
-
-def as_method(method: FunctionT, make: Callable[..., Call[Any]]) -> FunctionT:
-    """Give the method of a client the name, text and signature of the call that it carries out."""
-    functools.update_wrapper(method, make)
-    signature = inspect.signature(make)
-    this = inspect.Parameter("self", inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    (result,) = get_args(signature.return_annotation)
-    signature = signature.replace(
-        parameters=(this, *signature.parameters.values()), return_annotation=result
-    )
-    vars(method)["__signature__"] = signature
-    return method

@@ -115,6 +115,20 @@ _ROWS: Final = (
         Group.LOOK,
         "watch",
     ),
+    Endpoint(
+        "stream",
+        "POST",
+        "stream",
+        MOVE,
+        "Follow setpoints of another program, one line of JSON each.\n\nA line such as "
+        '{"x": 12.5} has a position in µm for each axis and takes effect when it arrives, at up to '
+        "some thousand lines per second. The command line reads the lines from stdin. If no line "
+        "arrives for 0.1 s, or 5 cycles if that is longer, the stage goes to HOLD; `resume` before "
+        "the next movement.",
+        Group.MOVE,
+        "stream",
+        streamed=True,
+    ),
     _get("health", "Return whether the loop runs on schedule, with HTTP status 503 if not."),
     _get("realtime", "Return the real-time settings that the loop requested and obtained."),
     _get("config", "Return the configuration in force."),

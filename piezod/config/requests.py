@@ -93,13 +93,7 @@ class Wave(ConfigModel):
 
 
 class Stream(ConfigModel):
-    """Follow setpoints of another program, one line of JSON each.
-
-    A line such as {"x": 12.5} has a position in µm for each axis and takes effect when it arrives,
-    at up to some thousand lines per second. The command line reads the lines from stdin. If no line
-    arrives for 0.1 s, or 5 cycles if that is longer, the stage goes to HOLD; `resume` before the
-    next movement.
-    """
+    """Follow the setpoints of a stream; the service sends this when a stream begins."""
 
     kind: Literal["stream"] = "stream"
     axes: tuple[Name, ...] = Field(min_length=1)
@@ -226,15 +220,12 @@ def _row(
     *,
     done: str = "",
     path: str = "",
-    streamed: bool = False,
 ) -> Endpoint:
     """Return the row of a request; name, path and verb are its kind if nothing else is given."""
     kind: str = request.model_fields["kind"].default
     help = cleandoc(request.__doc__ or "")
     verb = kind if group else ""
-    return Endpoint(
-        kind, "POST", path or kind, access, help, group, verb, done, request, streamed=streamed
-    )
+    return Endpoint(kind, "POST", path or kind, access, help, group, verb, done, request)
 
 
 _ROWS: Final = (
@@ -255,7 +246,6 @@ _ROWS: Final = (
     ),
     _row(Goto, MOVE, Group.MOVE),
     _row(Wave, MOVE_BY_POINTS, Group.MOVE),
-    _row(Stream, MOVE, Group.MOVE, streamed=True),
     _row(Follow, MOVE, Group.MOVE, done="following the command input"),
     _row(Hold, TOWARDS_SAFETY, Group.MOVE, done="holding the voltage; `piezod resume` continues"),
     _row(Resume, MOVE, Group.MOVE, done="going on from where the stage is"),
@@ -268,3 +258,5 @@ _ROWS: Final = (
 )
 TABLE: Final[Mapping[str, Endpoint]] = {row.name: row for row in _ROWS} | dict(ENDPOINTS)
 """The table of commands: every endpoint, by name."""
+REQUESTS: Final = {row.name: row.request for row in _ROWS if row.request is not None}
+"""The request classes, by name."""

@@ -1,6 +1,8 @@
 """Both clients against a daemon that answers what a test tells it to."""
 
 import asyncio
+import subprocess
+import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import closing
 from pathlib import Path
@@ -139,7 +141,7 @@ def test_daemon_that_has_gone(tmp_path: Path) -> None:
 def test_daemon_that_does_not_answer(daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody waits for ever."""
     daemon.answering.clear()
-    monkeypatch.setattr("piezod.client.stage_client.TIMEOUT", 0.01)
+    monkeypatch.setattr("piezod.client.stage_client.TIMEOUT_S", (0.01,) * 4)
 
     with (
         StageClient(socket=daemon.socket_path) as stage,
@@ -325,3 +327,13 @@ def test_async_client_has_the_same_errors(daemon: FakeDaemon, tmp_path: Path) ->
                 await stage.goto_and_wait(12.5, timeout_s=0.0)
 
     asyncio.run(use())
+
+
+def test_import_is_quick() -> None:
+    """Importing the client imports neither httpx nor pydantic; its first use does."""
+    slow = "{'h5py', 'httpx', 'numba', 'numpy', 'pydantic', 'rich', 'typer', 'yaml'}"
+    code = f"import sys; import piezod.client; print({slow} & set(sys.modules))"
+
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+
+    assert ended.stdout == b"set()\n"

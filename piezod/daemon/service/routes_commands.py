@@ -52,7 +52,7 @@ def _allowed(command: Request, visit: RequestContext) -> Request:
 
 
 for _row in TABLE.values():
-    if _row.request is not None and not _row.streamed:
+    if _row.request is not None:
         _add_command(_row)
 
 
