@@ -6,8 +6,9 @@ to be quick.
 
 import os
 import sys
+from collections.abc import Callable, Mapping, Sequence
 from io import TextIOWrapper
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -19,6 +20,7 @@ from piezod.cli.drivers import drivers
 from piezod.cli.emulate import emulate
 from piezod.cli.exit_codes import exit_code, text_of
 from piezod.cli.experiment import experiment
+from piezod.cli.grouped_help import GroupedHelp
 from piezod.cli.identify import identify
 from piezod.cli.init import init
 from piezod.cli.install_service import install_service
@@ -30,6 +32,7 @@ from piezod.errors import PiezodError
 
 # Plain help and plain tracebacks: drawing them with rich costs twice the start of the command.
 app = typer.Typer(
+    cls=GroupedHelp,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -38,20 +41,15 @@ app = typer.Typer(
     "running, 77 permission, 78 configuration, 130 interrupted, 1 anything else. Errors go to "
     "stderr; so does progress, on a terminal.",
 )
-for verb in (
-    experiment,
-    identify,
-    check,
-    drivers,
-    emulate,
-    probe,
-    commission,
-    init,
-    safe,
-    install_service,
-):
-    app.command()(verb)
-app.command(name="run")(run_daemon)
+OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
+    "Experiments and models": (experiment, identify, check),
+    "Devices": (drivers, emulate, probe, commission),
+    "Daemon of a stage": (init, run_daemon, safe, install_service),
+}
+"""Verbs that need no running daemon, by their heading in help."""
+for heading, verbs in OWN_VERBS.items():
+    for verb in verbs:
+        app.command(rich_help_panel=heading)(verb)
 add_client_verbs(app)
 
 

@@ -1,4 +1,4 @@
-"""`piezod goto`, `piezod wave` and `piezod follow`: movements."""
+"""`piezod goto` and `piezod wave`: movements."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
@@ -8,12 +8,11 @@ import typer
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import existing_file
 from piezod.cli.stage_options import (
-    AxesOption,
     AxisOption,
     SocketOption,
     StageOption,
     connect,
-    tell,
+    print_answer,
 )
 
 if TYPE_CHECKING:
@@ -33,7 +32,12 @@ def goto(  # noqa: PLR0913, PLR0917 - an argument is an option of the command
         typer.Option(metavar="UM_PER_S", help="How fast, µm/s; left out: as configured."),
     ] = None,
     wait: Annotated[
-        bool, typer.Option("--wait", help="Return when it is there, or say why it is not.")
+        bool,
+        typer.Option(
+            "--wait",
+            help="Return when the position has been within its tolerance for the settling time; "
+            "exit with 1 if that does not happen.",
+        ),
     ] = False,
     timeout: Annotated[
         float, typer.Option(metavar="S", min=0.0, help="How long to wait at most, s.")
@@ -42,20 +46,16 @@ def goto(  # noqa: PLR0913, PLR0917 - an argument is an option of the command
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Move to a position and stay there.
-
-    With --wait it exits with 0 once the position has been within its tolerance for the settling
-    time, and with 1 if that does not come about.
-    """
+    """Start a movement to a position, and with --wait return at its end."""
     with connect(stage, socket) as client:
         if wait:
             there = client.goto_and_wait(
                 position_um, axis=axis, speed_um_per_s=speed, timeout_s=timeout
             )
-            tell(there, f"at {there.position_um:.3f} µm", json=json)
+            print_answer(there, f"at {there.position_um:.3f} µm", json=json)
         else:
             answer = client.goto(position_um, axis=axis, speed_um_per_s=speed)
-            tell(answer, f"going to {position_um:g} µm", json=json)
+            print_answer(answer, f"going to {position_um:g} µm", json=json)
 
 
 def wave(  # noqa: PLR0913, PLR0917 - likewise
@@ -82,10 +82,7 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Follow the waveform of a file, or a sine or triangle.
-
-    Its last position is held at the end.
-    """
+    """Follow the waveform of a file, or a sine or triangle."""
     if [file, sine, triangle].count(None) != 2:
         raise typer.BadParameter("give one of FILE, --sine and --triangle")
     if file is None and duration is None:
@@ -103,23 +100,7 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
             waveforms = {axis or _only_axis(client): command_um}
         duration_s = duration or (loaded.duration_s if loaded else 0.0)
         answer = client.wave(waveforms, duration_s)
-    tell(answer, f"following for {duration_s:g} s", json=json)
-
-
-def follow(
-    axis: AxesOption = None,
-    stage: StageOption = None,
-    socket: SocketOption = None,
-    json: JsonOption = False,
-) -> None:
-    """Follow the command input of the axis.
-
-    It is an input of a device, as an analogue signal, which the configuration names. The stage
-    holds as soon as it tells nothing, or nothing within the range of commands.
-    """
-    with connect(stage, socket) as client:
-        answer = client.follow(axis=axis)
-    tell(answer, "following the command input", json=json)
+    print_answer(answer, f"following for {duration_s:g} s", json=json)
 
 
 def _load(file: Path) -> "WaveFile":

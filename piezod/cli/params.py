@@ -5,17 +5,9 @@ from typing import Annotated
 import typer
 
 from piezod.cli.options import JsonOption
-from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
-
-params = typer.Typer(
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    help="List, save and restore learned parameters.\n\n"
-    "Offset and scale are saved and not restored: they are the drift of a day.",
-)
+from piezod.cli.stage_options import SocketOption, StageOption, connect, print_answer
 
 
-@params.command("list")
 def list_params(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
@@ -41,7 +33,6 @@ def _shown(value: object) -> object:
     return "–" if value is None else value
 
 
-@params.command()
 def save(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:
     """Save the parameters in use, for the next start too.
 
@@ -49,18 +40,16 @@ def save(stage: StageOption = None, socket: SocketOption = None, json: JsonOptio
     """
     with connect(stage, socket) as client:
         saved = client.save_params()
-    tell(saved, f"saved as {saved.sequence}", json=json)
+    print_answer(saved, f"saved as {saved.sequence}", json=json)
 
 
-@params.command()
 def load(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:
     """Use the parameters that were saved last; only while disarmed."""
     with connect(stage, socket) as client:
         loaded = client.load_params()
-    tell(loaded, f"loaded {loaded.sequence}", json=json)
+    print_answer(loaded, f"loaded {loaded.sequence}", json=json)
 
 
-@params.command()
 def restore(
     sequence: Annotated[
         int, typer.Argument(metavar="NUMBER", min=1, help="As `piezod params history` lists it.")
@@ -72,10 +61,9 @@ def restore(
     """Use parameters that were saved earlier; only while disarmed."""
     with connect(stage, socket) as client:
         restored = client.restore_params(sequence)
-    tell(restored, f"restored {restored.sequence}", json=json)
+    print_answer(restored, f"restored {restored.sequence}", json=json)
 
 
-@params.command()
 def history(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:

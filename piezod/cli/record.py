@@ -6,17 +6,11 @@ from typing import Annotated
 import typer
 
 from piezod.cli.options import JsonOption
-from piezod.cli.stage_options import SocketOption, StageOption, completion, connect, tell
-
-record = typer.Typer(
-    no_args_is_help=True, rich_markup_mode=None, help="Record every cycle, list and get records."
-)
-
+from piezod.cli.stage_options import SocketOption, StageOption, completion, connect, print_answer
 
 _names = completion(lambda client: [each.name for each in client.recordings().recordings])
 
 
-@record.command()
 def start(
     label: Annotated[
         str | None, typer.Argument(metavar="[LABEL]", help="Becomes part of the file's name.")
@@ -28,20 +22,18 @@ def start(
     """Start recording every cycle."""
     with connect(stage, socket) as client:
         started = client.start_recording(label)
-    tell(started, f"recording {started.name}", json=json)
+    print_answer(started, f"recording {started.name}", json=json)
 
 
-@record.command()
 def stop(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:
     """End the recording and close its file."""
     with connect(stage, socket) as client:
         ended = client.stop_recording()
     lost = f"{ended.lost} were lost" if ended.lost else ""
     text = f"recorded {ended.records} cycles as {ended.name}"
-    tell(ended, "; ".join(filter(None, (text, lost, ended.why))), json=json)
+    print_answer(ended, "; ".join(filter(None, (text, lost, ended.why))), json=json)
 
 
-@record.command("list")
 def list_records(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
@@ -62,7 +54,6 @@ def list_records(
         console.print("nothing is recorded")
 
 
-@record.command()
 def get(
     name: Annotated[
         str,

@@ -1,7 +1,7 @@
 """`piezod reload`: a daemon takes its configuration anew."""
 
 from piezod.cli.options import JsonOption
-from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
+from piezod.cli.stage_options import SocketOption, StageOption, connect, print_answer
 
 
 def reload(
@@ -13,4 +13,4 @@ def reload(
     """
     with connect(stage, socket) as client:
         answer = client.reload()
-    tell(answer, "the configuration has been read again", json=json)
+    print_answer(answer, "the configuration has been read again", json=json)

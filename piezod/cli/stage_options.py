@@ -87,7 +87,7 @@ def connect(stage: str | None, socket: Path | None) -> "StageClient":
     return StageClient(stage, socket=socket)
 
 
-def tell(answer: "Result", text: str, *, json: bool) -> None:
+def print_answer(answer: "Result", text: str, *, json: bool) -> None:
     """Print what a request has led to.
 
     Args:

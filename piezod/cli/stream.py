@@ -4,7 +4,7 @@ import sys
 from collections.abc import Iterable, Iterator
 
 from piezod.cli.options import JsonOption
-from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
+from piezod.cli.stage_options import SocketOption, StageOption, connect, print_answer
 from piezod.errors import DataError
 
 
@@ -18,7 +18,7 @@ def stream(
     """
     with connect(stage, socket) as client:
         ended = client.stream(_setpoints(sys.stdin))
-    tell(ended, f"{ended.setpoints} setpoints followed, the stage holds", json=json)
+    print_answer(ended, f"{ended.setpoints} setpoints followed, the stage holds", json=json)
 
 
 def _setpoints(lines: Iterable[str]) -> Iterator[dict[str, float]]:

@@ -114,7 +114,7 @@ class StageCommands:
 
     @ClientMethod
     def reset(self, *, engineer: bool = False) -> Call[Answer]:
-        """Leave FAULT or ESTOP for SAFE, if no fault is present any more.
+        """Leave FAULT for SAFE, if no fault is present any more.
 
         Args:
             engineer: Reset level 3 latches too, which only an engineer may.

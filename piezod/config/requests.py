@@ -53,15 +53,19 @@ class Arm(ConfigModel):
 
 
 class Disarm(ConfigModel):
-    """Ramp to the safe voltage, then write nothing more."""
+    """Ramp to the safe voltage, then write nothing more.
+
+    It needs no lease.
+    """
 
     kind: Literal["disarm"] = "disarm"
 
 
 class SelectMode(ConfigModel):
-    """Select how piezod computes the drive voltage.
+    """Select the mode: how piezod computes the drive voltage.
 
-    In READY this starts RUN.
+    The modes are `uncompensated`, `feedforward`, `adaptive` and `trimmed`. In READY this starts
+    RUN.
     """
 
     kind: Literal["mode"] = "mode"
@@ -113,7 +117,10 @@ class Follow(ConfigModel):
 
 
 class Hold(ConfigModel):
-    """Hold the present voltage."""
+    """Hold the present voltage.
+
+    It needs no lease.
+    """
 
     kind: Literal["hold"] = "hold"
 
@@ -125,7 +132,10 @@ class Resume(ConfigModel):
 
 
 class Stop(ConfigModel):
-    """Ramp to the safe voltage, then SAFE."""
+    """Ramp to the safe voltage, then go to SAFE.
+
+    It needs no lease.
+    """
 
     kind: Literal["stop"] = "stop"
 
@@ -133,14 +143,18 @@ class Stop(ConfigModel):
 class Estop(ConfigModel):
     """Stop in an emergency.
 
-    The stage ramps to the safe voltage, or the amplifier cuts its output, as configured.
+    The stage ramps to the safe voltage, or the amplifier cuts its output, as configured. It needs
+    no lease.
     """
 
     kind: Literal["estop"] = "estop"
 
 
 class Reset(ConfigModel):
-    """Leave FAULT or ESTOP for SAFE, if no fault is present any more."""
+    """Leave FAULT for SAFE, if no fault is present any more.
+
+    This is also the way out after an emergency stop.
+    """
 
     kind: Literal["reset"] = "reset"
     engineer: bool = Field(
@@ -236,7 +250,7 @@ _ROWS: Final = (
         Condition,
         CHANGE,
         Group.OPERATE,
-        done="conditioning; `piezod status` shows READY at its end",
+        done="conditioning; `piezod status` shows READY when it is over",
     ),
     _row(
         Zero,
@@ -248,7 +262,7 @@ _ROWS: Final = (
     _row(Wave, MOVE_BY_POINTS, Group.MOVE),
     _row(Follow, MOVE, Group.MOVE, done="following the command input"),
     _row(Hold, TOWARDS_SAFETY, Group.MOVE, done="holding the voltage; `piezod resume` continues"),
-    _row(Resume, MOVE, Group.MOVE, done="going on from where the stage is"),
+    _row(Resume, MOVE, Group.MOVE, done="continuing from the present position"),
     _row(Stop, TOWARDS_SAFETY, Group.STOP, done="ramping to the safe voltage"),
     _row(Estop, EMERGENCY, Group.STOP, done="emergency stop; `piezod reset` ends it"),
     _row(Reset, MOVE, Group.STOP),
