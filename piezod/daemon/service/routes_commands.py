@@ -59,8 +59,8 @@ for _row in TABLE.values():
 @endpoint(router, "stream", responses={200: {"model": Accepted}, **ERRORS})
 async def stream(request: HttpRequest, visit: VisitOf) -> JsonAnswer:
     """Follow setpoints in µm, a line `{"x": 12.5}` for each, for as long as the body goes on."""
-    following = SetpointStream(visit, connection_of(request.scope)).follow(request)
-    return JsonAnswer(await following)
+    stream = SetpointStream(visit, connection_of(request.scope))
+    return JsonAnswer(await stream.run(request))
 
 
 @endpoint(router, "renew_lease")

@@ -32,7 +32,7 @@ class SetpointStream:
         self._axes: frozenset[str] = frozenset()
         self.count = 0
 
-    async def follow(self, request: Request) -> Document:
+    async def run(self, request: Request) -> Document:
         """Take setpoints until the client ends the stream.
 
         Returns:
