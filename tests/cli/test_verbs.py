@@ -244,9 +244,9 @@ def test_refusal(piezod: Command, daemon: FakeDaemon) -> None:
 
 def test_user_without_the_right(piezod: Command, daemon: FakeDaemon) -> None:
     """Who may not do it gets 77."""
-    daemon.refuse("POST arm", 403, "forbidden", "eve is viewer here, this needs operator")
+    daemon.refuse("POST arm", 403, "forbidden", "eve has the role viewer, this needs operator")
 
-    assert piezod("arm") == (77, "", "eve is viewer here, this needs operator\n")
+    assert piezod("arm") == (77, "", "eve has the role viewer, this needs operator\n")
 
 
 def test_no_daemon(piezod: Command, folder: Path) -> None:

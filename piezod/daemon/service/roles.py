@@ -11,22 +11,22 @@ from piezod.config.endpoints import Role
 from piezod.daemon.service.peer_protocol import Credentials
 
 GROUPS: Final = {"piezod-eng": Role.ENGINEER, "piezod": Role.OPERATOR}
-"""Whose members are more than viewers; whoever reaches the socket is one of those at least."""
+"""Groups and the roles of their members; every other user of the socket is a viewer."""
 _KNOWN_FOR_S: Final = 30.0
 
 
 class User(NamedTuple):
-    """A user, as the service names him and lets him do things."""
+    """Name and role of a user."""
 
     name: str
     role: Role
 
 
 class Roles(Protocol):
-    """Who is who."""
+    """Gives the role of each user."""
 
     async def user(self, credentials: Credentials) -> User:
-        """Return the user at the other end of a connection."""
+        """Return name and role of the user of a connection."""
         ...
 
 
@@ -35,7 +35,7 @@ class GroupRoles:
 
     Args:
         owner_uid: User of the daemon.
-        now_s: A clock that never goes back, in s; what is known is looked up again after 30 s.
+        now_s: Monotonic clock, in s; a role is looked up again after 30 s.
     """
 
     def __init__(self, owner_uid: int, now_s: Callable[[], float]) -> None:
@@ -43,11 +43,11 @@ class GroupRoles:
         self._known: dict[tuple[int, int], tuple[float, User]] = {}
 
     async def user(self, credentials: Credentials) -> User:
-        """Return the user at the other end of a connection."""
+        """Return name and role of the user of a connection."""
         key = credentials.uid, credentials.gid
         until_s, user = self._known.get(key, (0.0, None))
         if user is None or self._now_s() >= until_s:
-            # A directory service may take its time, hence a thread.
+            # A directory service may be slow, hence a thread.
             user = await asyncio.to_thread(self._look_up, *key)
             self._known[key] = self._now_s() + _KNOWN_FOR_S, user
         return user
@@ -56,7 +56,7 @@ class GroupRoles:
         try:
             name = pwd.getpwuid(uid).pw_name
             groups = {*os.getgrouplist(name, gid), gid}
-        except (KeyError, OSError):  # a container's user may have no entry
+        except (KeyError, OSError):  # the user of a container may have no entry
             name, groups = str(uid), {gid}
         if uid in (0, self._owner_uid):
             return User(name, Role.ENGINEER)
