@@ -1,7 +1,6 @@
-"""The `piezod` command: its verbs, and what becomes of an error.
+"""The `piezod` command: its verbs, and the exit codes of errors.
 
-Each verb has a module of its own, which imports what it works with only when it runs: `--help` has
-to be quick.
+The module of a verb imports heavy libraries only when the verb runs, so that `--help` is quick.
 """
 
 import os
@@ -30,7 +29,7 @@ from piezod.cli.run import run as run_daemon
 from piezod.cli.safe import safe
 from piezod.errors import PiezodError
 
-# Plain help and plain tracebacks: drawing them with rich costs twice the start of the command.
+# Plain help and plain tracebacks, because rich doubles the time that help takes.
 app = typer.Typer(
     cls=GroupedHelp,
     no_args_is_help=True,
@@ -72,10 +71,10 @@ def _piezod(
 
 
 def run() -> None:
-    """Run the command of this process's arguments and exit; what `piezod` starts."""
-    # The matrices of a fit are small: threads that share one would mostly wait for each other.
+    """Run the command with the arguments of this process and exit; the entry point of `piezod`."""
+    # The matrices of a fit are small: several threads would mostly wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # A path may hold bytes that no encoding has letters for; better a ? than no output.
+    # A path may have bytes that are not text; they are printed as a ?.
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")

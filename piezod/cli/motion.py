@@ -24,12 +24,12 @@ Swing: TypeAlias = tuple[float, float, float]
 """Lowest and highest position in µm, frequency in Hz."""
 
 
-def goto(  # noqa: PLR0913, PLR0917 - an argument is an option of the command
-    position_um: Annotated[float, typer.Argument(metavar="POSITION", help="Where to, in µm.")],
+def goto(  # noqa: PLR0913, PLR0917 - each argument is an option
+    position_um: Annotated[float, typer.Argument(metavar="POSITION", help="Target, in µm.")],
     axis: AxisOption = None,
     speed: Annotated[
         float | None,
-        typer.Option(metavar="UM_PER_S", help="How fast, µm/s; left out: as configured."),
+        typer.Option(metavar="UM_PER_S", help="Speed, µm/s; default: as configured."),
     ] = None,
     wait: Annotated[
         bool,
@@ -40,7 +40,7 @@ def goto(  # noqa: PLR0913, PLR0917 - an argument is an option of the command
         ),
     ] = False,
     timeout: Annotated[
-        float, typer.Option(metavar="S", min=0.0, help="How long to wait at most, s.")
+        float, typer.Option(metavar="S", min=0.0, help="Longest time to wait, s.")
     ] = 30.0,
     stage: StageOption = None,
     socket: SocketOption = None,
@@ -49,10 +49,10 @@ def goto(  # noqa: PLR0913, PLR0917 - an argument is an option of the command
     """Start a movement to a position, and with --wait return at its end."""
     with connect(stage, socket) as client:
         if wait:
-            there = client.goto_and_wait(
+            arrival = client.goto_and_wait(
                 position_um, axis=axis, speed_um_per_s=speed, timeout_s=timeout
             )
-            print_answer(there, f"at {there.position_um:.3f} µm", json=json)
+            print_answer(arrival, f"at {arrival.position_um:.3f} µm", json=json)
         else:
             answer = client.goto(position_um, axis=axis, speed_um_per_s=speed)
             print_answer(answer, f"going to {position_um:g} µm", json=json)
@@ -65,17 +65,18 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
             metavar="[FILE]",
             readable=False,
             callback=existing_file,
-            help="YAML with `command_um`, as a case of an experiment has it, and `duration_s`.",
+            help="YAML with `command_um`, as in a case of an experiment, and `duration_s`.",
         ),
     ] = None,
     sine: Annotated[
         Swing | None, typer.Option(metavar="LOW HIGH HZ", help="A sine between two positions, µm.")
     ] = None,
     triangle: Annotated[
-        Swing | None, typer.Option(metavar="LOW HIGH HZ", help="The same, with straight lines.")
+        Swing | None,
+        typer.Option(metavar="LOW HIGH HZ", help="A triangle between two positions, µm."),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(metavar="S", help="How long, s; in place of the file's.")
+        float | None, typer.Option(metavar="S", help="Duration, s; replaces that of FILE.")
     ] = None,
     axis: AxisOption = None,
     stage: StageOption = None,

@@ -1,4 +1,4 @@
-"""`piezod params`: the parameters that a stage has learned, and those that are saved."""
+"""`piezod params`: the learned and the saved parameters of a stage."""
 
 from typing import Annotated
 
@@ -11,7 +11,7 @@ from piezod.cli.stage_options import SocketOption, StageOption, connect, print_a
 def list_params(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
-    """Show the parameters in use."""
+    """Print the parameters in use."""
     from piezod.cli.output import new_console, print_json
 
     with connect(stage, socket) as client:
@@ -29,22 +29,19 @@ def list_params(
 
 def _shown(value: object) -> object:
     if isinstance(value, dict):
-        return value.get("method", "…")  # a model: its weights are not for people
+        return value.get("method", "…")  # a model; people do not read its weights
     return "–" if value is None else value
 
 
 def save(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:
-    """Save the parameters in use, for the next start too.
-
-    Offset and scale are saved to be looked at and not restored: they are the drift of a day.
-    """
+    """Save the parameters in use and print their number."""
     with connect(stage, socket) as client:
         saved = client.save_params()
     print_answer(saved, f"saved as {saved.sequence}", json=json)
 
 
 def load(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:
-    """Use the parameters that were saved last; only while disarmed."""
+    """Load the newest saved parameters and print their number."""
     with connect(stage, socket) as client:
         loaded = client.load_params()
     print_answer(loaded, f"loaded {loaded.sequence}", json=json)
@@ -52,13 +49,13 @@ def load(stage: StageOption = None, socket: SocketOption = None, json: JsonOptio
 
 def restore(
     sequence: Annotated[
-        int, typer.Argument(metavar="NUMBER", min=1, help="As `piezod params history` lists it.")
+        int, typer.Argument(metavar="NUMBER", min=1, help="Number in `piezod params history`.")
     ],
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Use parameters that were saved earlier; only while disarmed."""
+    """Load earlier saved parameters and print their number."""
     with connect(stage, socket) as client:
         restored = client.restore_params(sequence)
     print_answer(restored, f"restored {restored.sequence}", json=json)
@@ -67,7 +64,7 @@ def restore(
 def history(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
-    """List what is saved, newest first."""
+    """Print a table of the saved parameters."""
     from rich import box
     from rich.table import Table
 

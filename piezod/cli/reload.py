@@ -1,4 +1,4 @@
-"""`piezod reload`: a daemon takes its configuration anew."""
+"""`piezod reload`: the daemon reads its configuration again."""
 
 from piezod.cli.options import JsonOption
 from piezod.cli.stage_options import SocketOption, StageOption, connect, print_answer
@@ -7,10 +7,7 @@ from piezod.cli.stage_options import SocketOption, StageOption, connect, print_a
 def reload(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
-    """Have the daemon read its configuration again.
-
-    One that is not valid changes nothing.
-    """
+    """Reload the configuration."""
     with connect(stage, socket) as client:
         answer = client.reload()
     print_answer(answer, "the configuration has been read again", json=json)

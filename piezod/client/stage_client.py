@@ -1,4 +1,4 @@
-"""The client for ordinary programs and scripts; `AsyncStageClient` is the same for asyncio."""
+"""The client for scripts and other programs; `AsyncStageClient` is the one for asyncio."""
 
 import time
 from collections.abc import Generator, Iterable, Mapping, Sequence
@@ -47,19 +47,19 @@ class StageClient(StageCommands, StageReports, SyncCaller):
             stage.mode("adaptive")
             stage.goto_and_wait(12.5)
 
-    Not for several threads at a time. Every method raises ClientError, or one of its kinds, where
-    the daemon cannot be reached or refuses.
+    A client must not be used by several threads at the same time. Every method raises ClientError,
+    or a subclass, if it cannot reach the daemon or the daemon refuses.
 
     Args:
-        stage: Name of the stage; left out: `PIEZOD_STAGE`, or the only one that runs.
+        stage: Name of the stage; None for `PIEZOD_STAGE`, or the only stage that runs.
         socket: Path of the daemon's socket, in place of a name.
-        name: What the daemon calls this client. The lease belongs to user and name: with one of its
-            own, a client shares it with no other; left out, with the user's shell and scripts.
+        name: Name of this client, up to 64 letters, digits and _.:@-. The lease belongs to user and
+            name: clients of one user without a name, such as shell and scripts, share it.
 
     Raises:
         NotRunningError: If no daemon listens.
         NotAllowedError: If this user may not connect.
-        AmbiguousStageError: If several do, and none is named.
+        AmbiguousStageError: If several daemons listen and no stage is named.
     """
 
     def __init__(
@@ -89,11 +89,11 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         self.close()
 
     def close(self) -> None:
-        """Close the connection; the stage goes on with what it does."""
+        """Close the connection; the stage continues."""
         self._http.close()
 
     def call(self, call: Call[ResultT]) -> ResultT:
-        """Carry out one call of `piezod.client.calls`."""
+        """Send one call and return its result; all other methods use this one."""
         with translated(self.socket):
             response = self._http.request(call.method, call.path, json=call.body)
         return read_answer(call, response)
@@ -106,40 +106,41 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         speed_um_per_s: float | None = None,
         timeout_s: float = 30.0,
     ) -> Arrival:
-        """Move to a position, and return once it has been reached and held.
+        """Move to a position; return when it has been within its tolerance for the settling time.
 
         Args:
-            position_um: Where to, in µm.
-            axis: Left out: the only one.
-            speed_um_per_s: How fast, in µm/s; left out: as the configuration says.
-            timeout_s: How long to wait at most, in s; the stage goes on after that.
+            position_um: Target, in µm.
+            axis: Name of the axis; None for the only axis.
+            speed_um_per_s: Speed, in µm/s; None for the configured speed.
+            timeout_s: Longest time to wait, in s; after that the stage continues.
 
         Raises:
-            NotReachedError: If it is not reached, or not in time; the text says why.
-            ClientError: As for every method.
+            NotReachedError: If the movement ends before its target or takes too long; the text
+                has the reason.
+            ClientError: As in every method.
         """
-        begun_s = time.monotonic()
+        start_s = time.monotonic()
         motion = self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s).motion
         with closing(self.telemetry(WAITING_RATE_HZ)) as intervals:
             while True:
-                told = next(intervals)
-                if there := arrival(told, motion, axis):
-                    return there
-                if time.monotonic() - begun_s > timeout_s:
-                    raise too_late(told, axis, timeout_s)
+                interval = next(intervals)
+                if arrived := arrival(interval, motion, axis):
+                    return arrived
+                if time.monotonic() - start_s > timeout_s:
+                    raise too_late(interval, axis, timeout_s)
 
     def telemetry(
         self, rate_hz: float = 10.0, axes: Sequence[str] = ()
     ) -> Generator[Telemetry, None, None]:
-        """Yield what happens, interval by interval, until the generator is closed.
+        """Yield the telemetry of each interval, until the generator is closed.
 
         Args:
             rate_hz: Intervals per second, 1 to 50.
-            axes: Which axes; none: all of them.
+            axes: Names of the axes; all axes if empty.
 
         Raises:
             NotRunningError: If the daemon ends.
-            ClientError: As for every method.
+            ClientError: As in every method.
         """
         reader, query = TelemetryReader(), telemetry_query(rate_hz, axes)
         with (
@@ -150,17 +151,17 @@ class StageClient(StageCommands, StageReports, SyncCaller):
                 response.read()
             check(response)
             for line in response.iter_lines():
-                if told := reader.feed(line):
-                    yield told
+                if interval := reader.feed(line):
+                    yield interval
         raise ended(self.socket)
 
     def stream(self, setpoints_um: Iterable[Mapping[str, float]]) -> StreamEnd:
-        """Have the stage follow setpoints, each from the moment at which it is sent.
+        """Let the stage follow setpoints; each takes effect when it is sent.
 
-        The stage goes to HOLD as soon as they stop.
+        The stage goes to HOLD when the setpoints end.
 
         Args:
-            setpoints_um: Axis: position in µm; each should come at the instant it is meant for.
+            setpoints_um: Axis: position in µm; the iterable yields each setpoint at its time.
         """
         lines = map(setpoint_line, setpoints_um)
         with translated(self.socket):
@@ -171,12 +172,12 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         """Copy a recording; return its size in bytes.
 
         Args:
-            name: As `recordings` tells it.
-            file: Where to; what is there is replaced.
+            name: Name in `recordings`.
+            file: File to write; an existing one is replaced.
 
         Raises:
             OSError: If the file cannot be written.
-            ClientError: As for every method.
+            ClientError: As in every method.
         """
         with (
             translated(self.socket),

@@ -1,4 +1,4 @@
-"""What both clients do with a call before and after it is on the wire."""
+"""HTTP details that both clients share: addresses, headers, bodies and answers."""
 
 import json
 import ssl
@@ -18,25 +18,25 @@ if TYPE_CHECKING:
     import httpx
 
 BASE_URL: Final = "http://piezod/v1/"
-"""The host's name means nothing on a unix socket."""
+"""On a unix socket the host name has no meaning."""
 TIMEOUT_S: Final = (2.0, 10.0, 10.0, 10.0)
 """To connect, read, write, and get a connection of the pool, in s."""
 TELEMETRY: Final = ENDPOINTS["telemetry"].path
 STREAM: Final = ENDPOINTS["stream"].path
 NDJSON: Final = {"Content-Type": "application/x-ndjson"}
 WAITING_RATE_HZ: Final = 20.0
-"""How often telemetry is looked at while a movement is waited for."""
+"""Rate of telemetry while a method waits for a movement, in Hz."""
 
 ResultT = TypeVar("ResultT")
 
 
 def no_tls() -> ssl.SSLContext:
-    """Return an empty context: httpx else loads certificates that a unix socket has no use for."""
+    """Return an empty context, so that httpx loads no certificates: a unix socket needs none."""
     return ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 
 
 def headers(name: str) -> dict[str, str]:
-    """Return what every request of a client carries."""
+    """Return the headers of every request of a client."""
     return {"X-Piezod-Client": name}
 
 
@@ -66,10 +66,10 @@ def setpoint_line(setpoints_um: Mapping[str, float]) -> bytes:
 
 @contextmanager
 def whole_file(file: Path) -> Iterator[BinaryIO]:
-    """Open a file that gets its name once it is complete; what was there is replaced then.
+    """Open a file that replaces the one of its name when it is complete.
 
     Raises:
-        OSError: If it cannot be written.
+        OSError: If the file cannot be written.
     """
     partial = file.with_name(f".{file.name}.part")
     try:
@@ -81,19 +81,19 @@ def whole_file(file: Path) -> Iterator[BinaryIO]:
 
 
 def read_answer(call: Call[ResultT], response: "httpx.Response") -> ResultT:
-    """Return the result that an answer, read to its end, holds.
+    """Return the result of a complete answer.
 
     Raises:
-        ClientError: If it is an error, or nothing that the call could lead to.
+        ClientError: If the answer is an error, or has an unexpected form.
     """
     return call.read(read_document(response, call.also_fine))
 
 
 def read_document(response: "httpx.Response", also_fine: int = 200) -> Document:
-    """Return the object that an answer, read to its end, holds.
+    """Return the JSON object of a complete answer.
 
     Raises:
-        ClientError: If it is an error, or no object.
+        ClientError: If the answer is an error, or not an object.
     """
     if response.status_code != also_fine:
         check(response)
@@ -107,10 +107,10 @@ def read_document(response: "httpx.Response", also_fine: int = 200) -> Document:
 
 
 def check(response: "httpx.Response") -> None:
-    """Raise the error that an answer, read to its end, tells, if it does.
+    """Raise the error of a complete answer, if it is one.
 
     Raises:
-        ClientError: If so.
+        ClientError: If the HTTP status is an error.
     """
     if response.is_error:
         raise error_of(response.status_code, response.content)

@@ -111,7 +111,8 @@ _ROWS: Final = (
     _get(
         "telemetry",
         "Show a stage as it moves.\n\nEach update has the minimum, the maximum and the last value "
-        "of all cycles since the update before, so that no spike is lost.",
+        "of all cycles since the update before, so that no spike is lost. `piezod watch` shows the "
+        "worst error, prints one line per update if stdout is no terminal, and ends with Ctrl-C.",
         Group.LOOK,
         "watch",
     ),

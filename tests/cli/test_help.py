@@ -1,4 +1,4 @@
-"""The help of the command: verbs under the headings of the table of commands."""
+"""The help of the command, and the verbs that the table of commands makes."""
 
 import pytest
 
