@@ -21,7 +21,7 @@ def unindented(text: str) -> str:
 
 @pytest.mark.parametrize("measure", MEASURES, ids=lambda measure: measure.__name__)
 def test_measure_is_within_its_limit(measure: Callable[[], Measure]) -> None:
-    """What was once made simple stays simple."""
+    """No count exceeds its limit."""
     measured = measure()
 
     assert len(measured.found) <= measured.limit, measured

@@ -66,7 +66,10 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
     ) -> None:
         self.socket = check_socket(socket or find_socket(stage))
         self.name = name
+        # Slow imports belong here: no command, least of all an emergency stop, may wait for them.
         import httpx
+
+        import piezod.client.request_bodies  # noqa: F401 - the first command uses it
 
         self._http = httpx.AsyncClient(
             transport=httpx.AsyncHTTPTransport(uds=str(self.socket), verify=no_tls()),

@@ -6,11 +6,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from piezod.client.results import Answer, Document, reader
 from piezod.config.endpoints import Endpoint
-from piezod.errors import RefusedError
 
 if TYPE_CHECKING:
-    from pydantic import ValidationError
-
     from piezod.config.combined_waveforms import WaveformConfig
 
 ResultT = TypeVar("ResultT")
@@ -56,26 +53,7 @@ def command(name: str, /, **fields: object) -> Call[Answer]:
     Raises:
         RefusedError: If the request class does not accept the fields; the code is "value".
     """
-    # Pydantic and the models take 0.6 s to import, which a program pays with its first command.
-    from pydantic import ValidationError
+    from piezod.client.request_bodies import checked
 
-    from piezod.client.waveforms import sendable, tupled
-    from piezod.config.requests import REQUESTS, TABLE
-
-    given = {key: tupled(value) for key, value in fields.items() if value is not None}
-    try:
-        request = REQUESTS[name](**given)
-        body = {key: sendable(value) for key, value in request if value is not None}
-    except ValidationError as error:
-        raise _refused(error) from error
-    del body["kind"]
-    return Call(TABLE[name], reader(Answer), body)
-
-
-def _refused(error: "ValidationError") -> RefusedError:
-    from piezod.config.messages import describe
-
-    problems = (
-        f"{'.'.join(map(str, each['loc']))}: {describe(each, ())}" for each in error.errors()
-    )
-    return RefusedError("; ".join(problems), code="value")
+    endpoint, body = checked(name, fields)
+    return Call(endpoint, reader(Answer), body)

@@ -334,7 +334,7 @@ def test_async_client_has_the_same_errors(daemon: FakeDaemon, tmp_path: Path) ->
 
 
 def test_import_is_quick() -> None:
-    """Importing the client imports neither httpx nor pydantic; its first use does."""
+    """Importing the client imports neither httpx nor pydantic; making a client does."""
     slow = "{'h5py', 'httpx', 'numba', 'numpy', 'pydantic', 'rich', 'typer', 'yaml'}"
     code = f"import sys; import piezod.client; print({slow} & set(sys.modules))"
 
