@@ -11,7 +11,6 @@ import sys
 import time
 from pathlib import Path
 
-from piezod.client import calls
 from piezod.client.async_stage_client import AsyncStageClient
 from piezod.errors import RefusedError
 
@@ -32,7 +31,7 @@ async def asking(socket: Path, counts: dict[str, int]) -> None:
         next_s = time.monotonic()
         while True:
             try:
-                await stage.call(calls.status())
+                await stage.status()
                 counts["requests"] += 1
             except RefusedError:
                 counts["refused"] += 1

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks.jitter.contenders import Lateness, Pacing
-from piezod.client import calls
 from piezod.client.stage_client import StageClient
 from piezod.config.modes import Mode
 from piezod.config.states import State
@@ -66,7 +65,7 @@ class Stage:
         records = reader.last(reader.newest - before)
         wrote = records[records["write_late_ns"] >= 0]
         if not np.all(records["state"] == list(State).index(State.RUN)):
-            status = self._client.call(calls.status())
+            status = self._client.status()
             faults = ", ".join(str(fault) for fault in status.faults)
             self.left_run.append(f"not in RUN all the time, now {status.state}: {faults}")
         skipped = int(records["skipped"][-1] - records["skipped"][0])
@@ -77,13 +76,13 @@ class Stage:
 
     def _follow(self) -> None:
         end_s = time.monotonic() + ARMED_WITHIN_S
-        while self._client.call(calls.status()).state != State.RUN:
+        while self._client.status().state != State.RUN:
             try:
-                if self._client.call(calls.status()).state == State.FAULT:
-                    self._client.call(calls.reset(engineer=True))
-                self._client.call(calls.arm())
-                self._client.call(calls.mode(Mode.ADAPTIVE))
-                self._client.call(calls.wave(WAVE, 3600.0))
+                if self._client.status().state == State.FAULT:
+                    self._client.reset(engineer=True)
+                self._client.arm()
+                self._client.mode(Mode.ADAPTIVE)
+                self._client.wave(WAVE, 3600.0)
             except ClientError:
                 if time.monotonic() > end_s:
                     raise
@@ -94,7 +93,7 @@ class Stage:
     def loaded(self) -> Iterator[Mapping[str, float]]:
         """Put load on the daemon; afterwards the mapping has the actual load."""
         told: Counter[str] = Counter()
-        self._client.call(calls.start_recording("jitter"))
+        self._client.start_recording("jitter")
         with ExitStack() as loads:
             burdens = [loads.enter_context(self._burden(what)) for what in LOAD]
             pipes = [(one.stdin, one.stdout) for one in burdens if one.stdin and one.stdout]
@@ -107,7 +106,7 @@ class Stage:
                     ended_by.close()
                 for _, told_by in pipes:
                     told.update(json.loads(told_by.read()))
-        recording = self._client.call(calls.stop_recording())
+        recording = self._client.stop_recording()
         told.update({"recorded": recording.records, "recording lost": recording.lost})
 
     def _burden(self, what: str) -> "subprocess.Popen[str]":

@@ -1,32 +1,76 @@
-"""The verbs that talk to a running daemon."""
+"""The verbs for a running daemon: those of the table of commands, under its headings."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Final
 
 import typer
 
-from piezod.cli.arm import arm, disarm, estop, hold, reset, resume, stop
-from piezod.cli.modes import condition, mode, zero
-from piezod.cli.motion import follow, goto, wave
-from piezod.cli.params import params
-from piezod.cli.record import record
+from piezod.cli.motion import goto, wave
+from piezod.cli.operation import arm, mode, reset
+from piezod.cli.params import history, list_params, load, restore, save
+from piezod.cli.plain_verb import Verb, plain_verb
+from piezod.cli.record import get, list_records, start, stop
 from piezod.cli.reload import reload
 from piezod.cli.status import faults, status
 from piezod.cli.stream import stream
+from piezod.cli.verb_list import REQUEST_VERBS
 from piezod.cli.watch import watch
+from piezod.config.endpoints import ENDPOINTS, Group
+
+OWN_FUNCTIONS: Final[Mapping[str, Callable[..., None]]] = {
+    "status": status,
+    "faults": faults,
+    "watch": watch,
+    "arm": arm,
+    "mode": mode,
+    "goto": goto,
+    "wave": wave,
+    "stream": stream,
+    "reset": reset,
+    "params list": list_params,
+    "params save": save,
+    "params load": load,
+    "params restore": restore,
+    "params history": history,
+    "record start": start,
+    "record stop": stop,
+    "record list": list_records,
+    "record get": get,
+    "reload": reload,
+}
+"""Verbs that do more than send a request without fields or for an axis."""
+FAMILIES: Final = {
+    "params": "List, save and restore learned parameters.\n\n"
+    "Offset and scale are saved and not restored, because they drift within a day.",
+    "record": "Record every cycle, list and copy recordings.",
+}
+"""Verbs of two words, by the first one, and its help."""
+NEGATIVE_NUMBERS: Final = ("goto", "wave")
+"""Verbs with positions, of which a negative one begins with a dash, as options do."""
+
+
+def client_verbs() -> list[Verb]:
+    """Return the verbs of the table of commands, in the order of their headings."""
+    others = (Verb(row.verb, row.group, row.help) for row in ENDPOINTS.values() if row.group)
+    order = list(Group)
+    return sorted((*REQUEST_VERBS, *others), key=lambda verb: order.index(verb.group))
 
 
 def add_client_verbs(app: typer.Typer) -> None:
-    """Add them to the command, in the order in which help lists them."""
-    _add(app, status, faults, watch, arm, disarm, mode)
-    # A negative position begins with a dash, as options do.
-    app.command(context_settings={"ignore_unknown_options": True})(goto)
-    app.command(context_settings={"ignore_unknown_options": True})(wave)
-    _add(app, stream, follow, hold, resume, condition, zero, stop, estop, reset)
-    app.add_typer(params, name="params")
-    app.add_typer(record, name="record")
-    _add(app, reload)
-
-
-def _add(app: typer.Typer, *verbs: Callable[..., None]) -> None:
+    """Add all verbs of the table of commands, in its order."""
+    verbs = client_verbs()
+    families = {
+        word: typer.Typer(no_args_is_help=True, rich_markup_mode=None, help=help)
+        for word, help in FAMILIES.items()
+    }
     for verb in verbs:
-        app.command()(verb)
+        family, _, word = verb.words.rpartition(" ")
+        settings = {"ignore_unknown_options": True} if word in NEGATIVE_NUMBERS else None
+        function = OWN_FUNCTIONS.get(verb.words) or plain_verb(verb)
+        target = families[family] if family else app
+        target.command(word, help=verb.help, rich_help_panel=verb.group, context_settings=settings)(
+            function
+        )
+    headings = {verb.words.partition(" ")[0]: verb.group for verb in verbs}
+    for word, commands in families.items():
+        app.add_typer(commands, name=word, rich_help_panel=headings.get(word))

@@ -1,13 +1,13 @@
-"""The `piezod` command: its verbs, and what becomes of an error.
+"""The `piezod` command: its verbs, and the exit codes of errors.
 
-Each verb has a module of its own, which imports what it works with only when it runs: `--help` has
-to be quick.
+The module of a verb imports heavy libraries only when the verb runs, so that `--help` is quick.
 """
 
 import os
 import sys
+from collections.abc import Callable, Mapping, Sequence
 from io import TextIOWrapper
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -19,6 +19,7 @@ from piezod.cli.drivers import drivers
 from piezod.cli.emulate import emulate
 from piezod.cli.exit_codes import exit_code, text_of
 from piezod.cli.experiment import experiment
+from piezod.cli.grouped_help import GroupedHelp
 from piezod.cli.identify import identify
 from piezod.cli.init import init
 from piezod.cli.install_service import install_service
@@ -28,8 +29,9 @@ from piezod.cli.run import run as run_daemon
 from piezod.cli.safe import safe
 from piezod.errors import PiezodError
 
-# Plain help and plain tracebacks: drawing them with rich costs twice the start of the command.
+# Plain help and plain tracebacks, because rich doubles the time that help takes.
 app = typer.Typer(
+    cls=GroupedHelp,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -38,20 +40,15 @@ app = typer.Typer(
     "running, 77 permission, 78 configuration, 130 interrupted, 1 anything else. Errors go to "
     "stderr; so does progress, on a terminal.",
 )
-for verb in (
-    experiment,
-    identify,
-    check,
-    drivers,
-    emulate,
-    probe,
-    commission,
-    init,
-    safe,
-    install_service,
-):
-    app.command()(verb)
-app.command(name="run")(run_daemon)
+OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
+    "Experiments and models": (experiment, identify, check),
+    "Devices": (drivers, emulate, probe, commission),
+    "Daemon of a stage": (init, run_daemon, safe, install_service),
+}
+"""Verbs that need no running daemon, by their heading in help."""
+for heading, verbs in OWN_VERBS.items():
+    for verb in verbs:
+        app.command(rich_help_panel=heading)(verb)
 add_client_verbs(app)
 
 
@@ -74,10 +71,10 @@ def _piezod(
 
 
 def run() -> None:
-    """Run the command of this process's arguments and exit; what `piezod` starts."""
-    # The matrices of a fit are small: threads that share one would mostly wait for each other.
+    """Run the command with the arguments of this process and exit; the entry point of `piezod`."""
+    # The matrices of a fit are small: several threads would mostly wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # A path may hold bytes that no encoding has letters for; better a ? than no output.
+    # A path may have bytes that are not text; they are printed as a ?.
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")

@@ -1,4 +1,4 @@
-"""`piezod goto`, `piezod wave` and `piezod follow`: movements."""
+"""`piezod goto` and `piezod wave`: movements."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
@@ -8,12 +8,11 @@ import typer
 from piezod.cli.options import JsonOption
 from piezod.cli.paths import existing_file
 from piezod.cli.stage_options import (
-    AxesOption,
     AxisOption,
     SocketOption,
     StageOption,
     connect,
-    tell,
+    print_answer,
 )
 
 if TYPE_CHECKING:
@@ -25,37 +24,38 @@ Swing: TypeAlias = tuple[float, float, float]
 """Lowest and highest position in µm, frequency in Hz."""
 
 
-def goto(  # noqa: PLR0913, PLR0917 - an argument is an option of the command
-    position_um: Annotated[float, typer.Argument(metavar="POSITION", help="Where to, in µm.")],
+def goto(  # noqa: PLR0913, PLR0917 - each argument is an option
+    position_um: Annotated[float, typer.Argument(metavar="POSITION", help="Target, in µm.")],
     axis: AxisOption = None,
     speed: Annotated[
         float | None,
-        typer.Option(metavar="UM_PER_S", help="How fast, µm/s; left out: as configured."),
+        typer.Option(metavar="UM_PER_S", help="Speed, µm/s; default: as configured."),
     ] = None,
     wait: Annotated[
-        bool, typer.Option("--wait", help="Return when it is there, or say why it is not.")
+        bool,
+        typer.Option(
+            "--wait",
+            help="Return when the position has been within its tolerance for the settling time; "
+            "exit with 1 if that does not happen.",
+        ),
     ] = False,
     timeout: Annotated[
-        float, typer.Option(metavar="S", min=0.0, help="How long to wait at most, s.")
+        float, typer.Option(metavar="S", min=0.0, help="Longest time to wait, s.")
     ] = 30.0,
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Move to a position and stay there.
-
-    With --wait it exits with 0 once the position has been within its tolerance for the settling
-    time, and with 1 if that does not come about.
-    """
+    """Start a movement to a position, and with --wait return at its end."""
     with connect(stage, socket) as client:
         if wait:
-            there = client.goto_and_wait(
+            arrival = client.goto_and_wait(
                 position_um, axis=axis, speed_um_per_s=speed, timeout_s=timeout
             )
-            tell(there, f"at {there.position_um:.3f} µm", json=json)
+            print_answer(arrival, f"at {arrival.position_um:.3f} µm", json=json)
         else:
             answer = client.goto(position_um, axis=axis, speed_um_per_s=speed)
-            tell(answer, f"going to {position_um:g} µm", json=json)
+            print_answer(answer, f"going to {position_um:g} µm", json=json)
 
 
 def wave(  # noqa: PLR0913, PLR0917 - likewise
@@ -65,27 +65,25 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
             metavar="[FILE]",
             readable=False,
             callback=existing_file,
-            help="YAML with `command_um`, as a case of an experiment has it, and `duration_s`.",
+            help="YAML with `command_um`, as in a case of an experiment, and `duration_s`.",
         ),
     ] = None,
     sine: Annotated[
         Swing | None, typer.Option(metavar="LOW HIGH HZ", help="A sine between two positions, µm.")
     ] = None,
     triangle: Annotated[
-        Swing | None, typer.Option(metavar="LOW HIGH HZ", help="The same, with straight lines.")
+        Swing | None,
+        typer.Option(metavar="LOW HIGH HZ", help="A triangle between two positions, µm."),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(metavar="S", help="How long, s; in place of the file's.")
+        float | None, typer.Option(metavar="S", help="Duration, s; replaces that of FILE.")
     ] = None,
     axis: AxisOption = None,
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Follow the waveform of a file, or a sine or triangle.
-
-    Its last position is held at the end.
-    """
+    """Follow the waveform of a file, or a sine or triangle."""
     if [file, sine, triangle].count(None) != 2:
         raise typer.BadParameter("give one of FILE, --sine and --triangle")
     if file is None and duration is None:
@@ -103,23 +101,7 @@ def wave(  # noqa: PLR0913, PLR0917 - likewise
             waveforms = {axis or _only_axis(client): command_um}
         duration_s = duration or (loaded.duration_s if loaded else 0.0)
         answer = client.wave(waveforms, duration_s)
-    tell(answer, f"following for {duration_s:g} s", json=json)
-
-
-def follow(
-    axis: AxesOption = None,
-    stage: StageOption = None,
-    socket: SocketOption = None,
-    json: JsonOption = False,
-) -> None:
-    """Follow the command input of the axis.
-
-    It is an input of a device, as an analogue signal, which the configuration names. The stage
-    holds as soon as it tells nothing, or nothing within the range of commands.
-    """
-    with connect(stage, socket) as client:
-        answer = client.follow(axis=axis)
-    tell(answer, "following the command input", json=json)
+    print_answer(answer, f"following for {duration_s:g} s", json=json)
 
 
 def _load(file: Path) -> "WaveFile":

@@ -1,4 +1,4 @@
-"""Options that several verbs have."""
+"""Options of several verbs."""
 
 from typing import Annotated, TypeAlias
 
@@ -8,5 +8,5 @@ JsonOption: TypeAlias = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")
 ]
 JsonLinesOption: TypeAlias = Annotated[
-    bool, typer.Option("--json", help="Print one JSON document in each line of stdout.")
+    bool, typer.Option("--json", help="Print one JSON document per line of stdout.")
 ]

@@ -1,25 +1,17 @@
-"""`piezod params`: the parameters that a stage has learned, and those that are saved."""
+"""`piezod params`: the learned and the saved parameters of a stage."""
 
 from typing import Annotated
 
 import typer
 
 from piezod.cli.options import JsonOption
-from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
-
-params = typer.Typer(
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    help="List, save and restore learned parameters.\n\n"
-    "Offset and scale are saved and not restored: they are the drift of a day.",
-)
+from piezod.cli.stage_options import SocketOption, StageOption, connect, print_answer
 
 
-@params.command("list")
 def list_params(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
-    """Show the parameters in use."""
+    """Print the parameters in use."""
     from piezod.cli.output import new_console, print_json
 
     with connect(stage, socket) as client:
@@ -37,49 +29,42 @@ def list_params(
 
 def _shown(value: object) -> object:
     if isinstance(value, dict):
-        return value.get("method", "…")  # a model: its weights are not for people
+        return value.get("method", "…")  # a model; people do not read its weights
     return "–" if value is None else value
 
 
-@params.command()
 def save(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:
-    """Save the parameters in use, for the next start too.
-
-    Offset and scale are saved to be looked at and not restored: they are the drift of a day.
-    """
+    """Save the parameters in use and print their number."""
     with connect(stage, socket) as client:
         saved = client.save_params()
-    tell(saved, f"saved as {saved.sequence}", json=json)
+    print_answer(saved, f"saved as {saved.sequence}", json=json)
 
 
-@params.command()
 def load(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:
-    """Use the parameters that were saved last; only while disarmed."""
+    """Load the newest saved parameters and print their number."""
     with connect(stage, socket) as client:
         loaded = client.load_params()
-    tell(loaded, f"loaded {loaded.sequence}", json=json)
+    print_answer(loaded, f"loaded {loaded.sequence}", json=json)
 
 
-@params.command()
 def restore(
     sequence: Annotated[
-        int, typer.Argument(metavar="NUMBER", min=1, help="As `piezod params history` lists it.")
+        int, typer.Argument(metavar="NUMBER", min=1, help="Number in `piezod params history`.")
     ],
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Use parameters that were saved earlier; only while disarmed."""
+    """Load earlier saved parameters and print their number."""
     with connect(stage, socket) as client:
         restored = client.restore_params(sequence)
-    tell(restored, f"restored {restored.sequence}", json=json)
+    print_answer(restored, f"restored {restored.sequence}", json=json)
 
 
-@params.command()
 def history(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
-    """List what is saved, newest first."""
+    """Print a table of the saved parameters."""
     from rich import box
     from rich.table import Table
 

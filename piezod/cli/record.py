@@ -1,4 +1,4 @@
-"""`piezod record`: every cycle of a stage, in a file."""
+"""`piezod record`: recordings of every cycle."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,17 +6,11 @@ from typing import Annotated
 import typer
 
 from piezod.cli.options import JsonOption
-from piezod.cli.stage_options import SocketOption, StageOption, completion, connect, tell
-
-record = typer.Typer(
-    no_args_is_help=True, rich_markup_mode=None, help="Record every cycle, list and get records."
-)
-
+from piezod.cli.stage_options import SocketOption, StageOption, completion, connect, print_answer
 
 _names = completion(lambda client: [each.name for each in client.recordings().recordings])
 
 
-@record.command()
 def start(
     label: Annotated[
         str | None, typer.Argument(metavar="[LABEL]", help="Becomes part of the file's name.")
@@ -25,27 +19,25 @@ def start(
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Start recording every cycle."""
+    """Start a recording and print its name."""
     with connect(stage, socket) as client:
         started = client.start_recording(label)
-    tell(started, f"recording {started.name}", json=json)
+    print_answer(started, f"recording {started.name}", json=json)
 
 
-@record.command()
 def stop(stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False) -> None:
-    """End the recording and close its file."""
+    """End the recording and print its length and its losses."""
     with connect(stage, socket) as client:
         ended = client.stop_recording()
     lost = f"{ended.lost} were lost" if ended.lost else ""
     text = f"recorded {ended.records} cycles as {ended.name}"
-    tell(ended, "; ".join(filter(None, (text, lost, ended.why))), json=json)
+    print_answer(ended, "; ".join(filter(None, (text, lost, ended.why))), json=json)
 
 
-@record.command("list")
 def list_records(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
-    """List the records, and the one that is being made."""
+    """Print the finished recordings and the one in progress."""
     from piezod.cli.output import new_console, print_json
 
     with connect(stage, socket) as client:
@@ -57,28 +49,25 @@ def list_records(
     for each in found.recordings:
         console.print(f"{each.name}  {(each.size_bytes or 0) / 1e6:.1f} MB")
     if found.running:
-        console.print(f"{found.running.name}  {found.running.records} cycles, going on")
+        console.print(f"{found.running.name}  {found.running.records} cycles, in progress")
     elif not found.recordings:
         console.print("nothing is recorded")
 
 
-@record.command()
 def get(
     name: Annotated[
         str,
-        typer.Argument(
-            metavar="NAME", autocompletion=_names, help="As `piezod record list` tells it."
-        ),
+        typer.Argument(metavar="NAME", autocompletion=_names, help="Name in `piezod record list`."),
     ],
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Where to; left out: NAME.h5 in the current folder."),
+        typer.Option(metavar="FILE", help="File to write; default: NAME.h5 in the current folder."),
     ] = None,
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Copy a record, an HDF5 file."""
+    """Copy the file of a recording and print its size."""
     from piezod.cli.output import new_console, print_json
 
     file = out or Path(f"{name}.h5")

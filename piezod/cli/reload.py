@@ -1,16 +1,13 @@
-"""`piezod reload`: a daemon takes its configuration anew."""
+"""`piezod reload`: the daemon reads its configuration again."""
 
 from piezod.cli.options import JsonOption
-from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
+from piezod.cli.stage_options import SocketOption, StageOption, connect, print_answer
 
 
 def reload(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
-    """Have the daemon read its configuration again.
-
-    One that is not valid changes nothing.
-    """
+    """Reload the configuration."""
     with connect(stage, socket) as client:
         answer = client.reload()
-    tell(answer, "the configuration has been read again", json=json)
+    print_answer(answer, "the configuration has been read again", json=json)

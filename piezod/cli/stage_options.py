@@ -1,4 +1,4 @@
-"""Which stage a verb talks to, and what verbs that talk to one have in common."""
+"""The choice of the stage, and other parts that verbs for a running stage share."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -20,10 +20,10 @@ def _stages(incomplete: str) -> list[str]:
 def completion(
     names: "Callable[[StageClient], Iterable[str]]",
 ) -> Callable[[typer.Context, str], list[str]]:
-    """Return what completes a word with names that a stage has.
+    """Return a function that completes a word with names of a stage.
 
     Args:
-        names: Asks the stage for them.
+        names: Gets the names from the stage.
     """
 
     def complete(context: typer.Context, incomplete: str) -> list[str]:
@@ -33,7 +33,7 @@ def completion(
             with connect(context.params.get("stage"), context.params.get("socket")) as client:
                 return [name for name in names(client) if name.startswith(incomplete)]
         except PiezodError:
-            return []  # an error text would be taken for what is completed
+            return []  # the shell would take an error text for a completion
 
     return complete
 
@@ -47,8 +47,8 @@ StageOption: TypeAlias = Annotated[
         "--stage",
         metavar="NAME",
         autocompletion=_stages,
-        help="Stage: the name of its configuration file, without the ending. Left out: "
-        "$PIEZOD_STAGE, or the only one that runs.",
+        help="Stage: the name of its configuration file without the ending. Default: "
+        "$PIEZOD_STAGE, or the only stage that runs.",
     ),
 ]
 SocketOption: TypeAlias = Annotated[
@@ -56,29 +56,27 @@ SocketOption: TypeAlias = Annotated[
     typer.Option(
         "--socket",
         metavar="PATH",
-        help="Socket of the daemon, in place of a name. Left out: $PIEZOD_SOCKET.",
+        help="Socket of the daemon, in place of a name. Default: $PIEZOD_SOCKET.",
     ),
 ]
 AxisOption: TypeAlias = Annotated[
     str | None,
     typer.Option(
-        "--axis", metavar="NAME", autocompletion=_axes, help="Axis; left out: the only one."
+        "--axis", metavar="NAME", autocompletion=_axes, help="Axis; default: the only one."
     ),
 ]
 AxesOption: TypeAlias = Annotated[
     str | None,
-    typer.Option(
-        "--axis", metavar="NAME", autocompletion=_axes, help="Axis; left out: all of them."
-    ),
+    typer.Option("--axis", metavar="NAME", autocompletion=_axes, help="Axis; default: all axes."),
 ]
 
 
 def connect(stage: str | None, socket: Path | None) -> "StageClient":
-    """Return a client of the stage that is meant.
+    """Return a client of the chosen stage.
 
     Raises:
         typer.BadParameter: If both a name and a socket are given.
-        ClientError: If there is no such stage.
+        ClientError: If the stage does not run.
     """
     from piezod.client import StageClient
 
@@ -87,12 +85,12 @@ def connect(stage: str | None, socket: Path | None) -> "StageClient":
     return StageClient(stage, socket=socket)
 
 
-def tell(answer: "Result", text: str, *, json: bool) -> None:
-    """Print what a request has led to.
+def print_answer(answer: "Result", text: str, *, json: bool) -> None:
+    """Print the outcome of a request.
 
     Args:
-        answer: The daemon's answer.
-        text: For people.
+        answer: Answer of the daemon.
+        text: Text for people.
         json: Whether to print the answer in place of the text.
     """
     from piezod.cli.output import new_console, print_json

@@ -1,4 +1,4 @@
-"""`piezod status` and `piezod faults`: how a stage is now."""
+"""`piezod status` and `piezod faults`: the present state of a stage."""
 
 from typing import TYPE_CHECKING, Final
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def status(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
-    """Tell state, mode, faults, and where each axis is."""
+    """Print the state, a table of the axes, and the faults."""
     from piezod.cli.output import new_console, print_json
 
     with connect(stage, socket) as client:
@@ -30,7 +30,9 @@ def status(
     if devices := found.document.get("devices"):
         console.print(_devices(devices))
     if missing := found.document.get("not_realtime"):
-        console.print(f"Not real-time: {', '.join(missing)} not obtained; docs/stage.md says why.")
+        console.print(
+            f"Not real-time: {', '.join(missing)} not obtained; docs/stage.md has the reasons."
+        )
     if found.faults:
         console.print(_faults(found.faults))
 
@@ -38,7 +40,7 @@ def status(
 def faults(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
-    """List the faults, and what to do about them."""
+    """Print a table of the faults with their remedies."""
     from piezod.cli.output import new_console, print_json
 
     with connect(stage, socket) as client:
@@ -103,11 +105,11 @@ _ABLE: Final = {
     "watchdog": "watchdog",
     "quality": "quality",
 }
-"""What a device can do, and how that is said."""
+"""Capabilities of a device, and the words for them."""
 
 
 def number(value: float | None, decimals: int) -> str:
-    """Return a number as people read it; a dash where there is none."""
+    """Return a number as text; a dash if it is unknown."""
     return "–" if value is None else f"{value:.{decimals}f}"
 
 

@@ -1,24 +1,20 @@
-"""`piezod stream`: setpoints of another program."""
+"""`piezod stream`: setpoints of another program, from stdin."""
 
 import sys
 from collections.abc import Iterable, Iterator
 
 from piezod.cli.options import JsonOption
-from piezod.cli.stage_options import SocketOption, StageOption, connect, tell
+from piezod.cli.stage_options import SocketOption, StageOption, connect, print_answer
 from piezod.errors import DataError
 
 
 def stream(
     stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
 ) -> None:
-    """Follow setpoints from stdin, one in a line.
-
-    A line is a JSON object as in {"x": 12.3}, position by axis in µm. It counts from the moment at
-    which it is read, at up to some thousand lines a second. The stage holds when they end.
-    """
+    """Send the setpoints of stdin and print their number."""
     with connect(stage, socket) as client:
         ended = client.stream(_setpoints(sys.stdin))
-    tell(ended, f"{ended.setpoints} setpoints followed, the stage holds", json=json)
+    print_answer(ended, f"{ended.setpoints} setpoints followed, the stage holds", json=json)
 
 
 def _setpoints(lines: Iterable[str]) -> Iterator[dict[str, float]]:
@@ -39,7 +35,7 @@ def _setpoint(line: str, number: int) -> dict[str, float]:
         or not setpoint
         or not all(map(_is_number, setpoint.values()))
     ):
-        what = f'stdin:{number}: must be positions by axis, as in {{"x": 12.3}}'
+        what = f'stdin:{number}: must be positions by axis, for example {{"x": 12.3}}'
         raise DataError(f"{what} (got {line.strip()[:40]})")
     return setpoint
 

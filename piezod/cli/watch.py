@@ -1,4 +1,4 @@
-"""`piezod watch`: a stage as it moves."""
+"""`piezod watch`: telemetry of a stage."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,11 +21,7 @@ def watch(
     socket: SocketOption = None,
     json: JsonLinesOption = False,
 ) -> None:
-    """Show what the stage does, until Ctrl-C.
-
-    Between two updates no spike is lost: the worst error of all cycles is shown. With --json, and
-    where stdout is no terminal, each update is one line.
-    """
+    """Print updates until Ctrl-C: a table on a terminal, otherwise one line each."""
     axes = [axis] if axis else []
     with connect(stage, socket) as client:
         try:
@@ -34,14 +30,14 @@ def watch(
             else:
                 _show(client, rate, axes)
         except Interrupted:
-            return  # this is how watching ends
+            return  # Ctrl-C is the normal end
 
 
 def _print_lines(client: "StageClient", rate_hz: float, axes: list[str]) -> None:
     from piezod.cli.output import print_json_line
 
-    for told in client.telemetry(rate_hz, axes):
-        print_json_line(told.document)
+    for interval in client.telemetry(rate_hz, axes):
+        print_json_line(interval.document)
 
 
 def _show(client: "StageClient", rate_hz: float, axes: list[str]) -> None:
@@ -54,8 +50,8 @@ def _show(client: "StageClient", rate_hz: float, axes: list[str]) -> None:
     if console.is_terminal:
         ranges, loop_rate = ranges_of(client.config()), LoopRate()
         with Live(console=console, auto_refresh=False) as live:
-            for told in client.telemetry(rate_hz, axes):
-                live.update(view(told, ranges, loop_rate.hz(told)), refresh=True)
+            for interval in client.telemetry(rate_hz, axes):
+                live.update(view(interval, ranges, loop_rate.hz(interval)), refresh=True)
     else:
-        for told in client.telemetry(rate_hz, axes):
-            console.print(view_line(told), soft_wrap=True)
+        for interval in client.telemetry(rate_hz, axes):
+            console.print(view_line(interval), soft_wrap=True)

@@ -1,4 +1,4 @@
-"""What `piezod watch` shows of one interval of time."""
+"""The view of one interval of telemetry in `piezod watch`."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
@@ -29,11 +29,11 @@ _STYLES: Mapping[str, str] = {
 
 
 class AxisRanges(NamedTuple):
-    """What the bars of an axis span; None where that is not known.
+    """The ranges of the bars of an axis; None if unknown.
 
     Attributes:
-        position_um: Range of the command.
-        drive_v: Range of the voltage.
+        position_um: Range of the command, in µm.
+        drive_v: Range of the drive voltage, in V.
     """
 
     position_um: Bounds | None
@@ -56,52 +56,52 @@ def _bounds(found: Sequence[float | None] | None) -> Bounds | None:
 
 
 class LoopRate:
-    """How many cycles the loop runs in a second."""
+    """Computes the rate of the loop from successive intervals."""
 
     def __init__(self) -> None:
         self._before_s: float | None = None
 
-    def hz(self, told: Telemetry) -> float | None:
-        """Return the rate in the interval that is told, in Hz; None for the first."""
-        before_s, self._before_s = self._before_s, told.t_s
-        if before_s is None or told.t_s <= before_s:
+    def hz(self, interval: Telemetry) -> float | None:
+        """Return the rate in an interval, in Hz; None for the first interval."""
+        before_s, self._before_s = self._before_s, interval.t_s
+        if before_s is None or interval.t_s <= before_s:
             return None
-        return (told.cycles + told.lost) / (told.t_s - before_s)
+        return (interval.cycles + interval.lost) / (interval.t_s - before_s)
 
 
 def view(
-    told: Telemetry, ranges: Mapping[str, AxisRanges], rate_hz: float | None
+    interval: Telemetry, ranges: Mapping[str, AxisRanges], rate_hz: float | None
 ) -> RenderableType:
-    """Return what is shown of an interval on a terminal.
+    """Return the view of an interval for a terminal.
 
     Args:
-        told: The interval.
-        ranges: What the bars span, by axis.
-        rate_hz: Cycles of the loop per second, None where that is not known.
+        interval: The interval.
+        ranges: Ranges of the bars, by axis.
+        rate_hz: Rate of the loop, in Hz; None if unknown.
     """
-    state = Text(told.state, _STYLES.get(told.state, "bold yellow"))
-    shadow = ", in shadow: nothing is written" if told.shadow else ""
-    loop = f"   {number(rate_hz, 0)} Hz, {told.skipped_cycles} skipped cycles"
-    return Group(Text.assemble(state, shadow, loop), _table(told, ranges), _faults(told))
+    state = Text(interval.state, _STYLES.get(interval.state, "bold yellow"))
+    shadow = ", in shadow: nothing is written" if interval.shadow else ""
+    loop = f"   {number(rate_hz, 0)} Hz, {interval.skipped_cycles} skipped cycles"
+    return Group(Text.assemble(state, shadow, loop), _table(interval, ranges), _faults(interval))
 
 
-def view_line(told: Telemetry) -> str:
-    """Return the same as one line."""
+def view_line(interval: Telemetry) -> str:
+    """Return the view of an interval as one line."""
     axes = (
         f"{name}: {number(axis.position_um.last, 3)} µm, error {number(axis.error_um.last, 3)} µm, "
         f"{number(axis.drive_v.last, 2)} V"
-        for name, axis in told.axes.items()
+        for name, axis in interval.axes.items()
     )
-    faults = f"faults {', '.join(told.faults)}" if told.faults else ""
-    return "; ".join(filter(None, (told.state, *axes, faults)))
+    faults = f"faults {', '.join(interval.faults)}" if interval.faults else ""
+    return "; ".join(filter(None, (interval.state, *axes, faults)))
 
 
-def _table(told: Telemetry, ranges: Mapping[str, AxisRanges]) -> Table:
+def _table(interval: Telemetry, ranges: Mapping[str, AxisRanges]) -> Table:
     table = Table(box=box.SIMPLE_HEAD)
     table.add_column("axis")
     for heading in ("position/µm", "command/µm", "error/µm", "worst", "drive/V"):
         table.add_column(heading, justify="right")
-    for name, axis in told.axes.items():
+    for name, axis in interval.axes.items():
         table.add_row(*_cells(name, axis, ranges.get(name, AxisRanges(None, None))))
     return table
 
@@ -121,7 +121,7 @@ def _worst(error_um: Range) -> float | None:
 
 
 def _with_bar(value: float | None, decimals: int, bounds: Bounds | None) -> RenderableType:
-    """Return a number, and below it a bar as long as its share of the range."""
+    """Return a number above a bar that shows its share of the range."""
     text = Text(number(value, decimals), justify="right")
     if value is None or bounds is None:
         return text
@@ -131,7 +131,7 @@ def _with_bar(value: float | None, decimals: int, bounds: Bounds | None) -> Rend
     return Group(text, bar)
 
 
-def _faults(told: Telemetry) -> Text:
-    if not told.faults:
+def _faults(interval: Telemetry) -> Text:
+    if not interval.faults:
         return Text("no fault")
-    return Text(f"faults {', '.join(told.faults)}: `piezod faults` tells more", "bold red")
+    return Text(f"faults {', '.join(interval.faults)}: `piezod faults` shows more", "bold red")

@@ -1,4 +1,4 @@
-"""The typed client of a running daemon, the way for scripts and other programs to move a stage."""
+"""The typed client of a running daemon, with which scripts and other programs move a stage."""
 
 from piezod.client.async_stage_client import AsyncStageClient
 from piezod.client.places import find_socket, running_stages

@@ -1,4 +1,4 @@
-"""Whether a movement has come to its target, told by telemetry."""
+"""Whether a movement has reached its target, from telemetry."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ class Arrival(Result):
     Attributes:
         axis: Name of the axis.
         motion: Number of the movement.
-        position_um: Where the stage is, µm.
+        position_um: Measured position, in µm.
     """
 
     axis: str
@@ -23,47 +23,49 @@ class Arrival(Result):
     position_um: float
 
 
-def arrival(told: Telemetry, motion: int, axis: str | None) -> Arrival | None:
-    """Return the arrival that telemetry tells, None as long as the movement goes on.
+def arrival(interval: Telemetry, motion: int, axis: str | None) -> Arrival | None:
+    """Return the arrival of a movement, or None while the movement continues.
 
     Args:
-        told: The newest interval.
+        interval: The newest interval of telemetry.
         motion: Number of the movement.
-        axis: Name of its axis; None for the only one.
+        axis: Name of its axis; None for the only axis.
 
     Raises:
-        NotReachedError: If the movement has ended otherwise.
+        NotReachedError: If the movement has ended before its target.
     """
-    name = axis or next(iter(told.axes))
-    now = told.axes[name]
+    name = axis or next(iter(interval.axes))
+    now = interval.axes[name]
     if now.motion < motion:
         return None  # an interval before the movement began
     if now.motion > motion:
-        what = f"axis {name}: another movement has taken the place of this one"
+        what = f"axis {name}: another movement has replaced this one"
         raise NotReachedError(what, code="superseded")
     position_um = now.position_um.last
     if now.on_target and position_um is not None:
         document = {"axis": name, "motion": motion, "position_um": position_um}
         return Arrival(document=document, axis=name, motion=motion, position_um=position_um)
-    if told.state != State.RUN:
-        because = f" because of {', '.join(told.faults)}" if told.faults else ""
-        what = f"axis {name}: the stage went to {told.state}{because} before it was there"
-        raise NotReachedError(what, "`piezod faults` tells more", "state")
+    if interval.state != State.RUN:
+        because = f" because of {', '.join(interval.faults)}" if interval.faults else ""
+        what = (
+            f"axis {name}: the stage went to {interval.state}{because} before it reached the target"
+        )
+        raise NotReachedError(what, "`piezod faults` shows more", "state")
     return None
 
 
-def too_late(told: Telemetry, axis: str | None, timeout_s: float) -> NotReachedError:
+def too_late(interval: Telemetry, axis: str | None, timeout_s: float) -> NotReachedError:
     """Return the error of a movement that takes too long.
 
     Args:
-        told: The newest interval.
-        axis: Name of the axis; None for the only one.
-        timeout_s: How long it has been waited for, s.
+        interval: The newest interval of telemetry.
+        axis: Name of the axis; None for the only axis.
+        timeout_s: The time-out that has passed, in s.
     """
-    name = axis or next(iter(told.axes))
+    name = axis or next(iter(interval.axes))
     what = f"axis {name}: not on target within {timeout_s:g} s"
-    error_um = told.axes[name].error_um.last
+    error_um = interval.axes[name].error_um.last
     if error_um is not None:
         what += f", the error is {error_um:+.3f} µm"
-    remedy = "the stage goes on; is the speed low, or the tolerance below the noise?"
+    remedy = "the stage continues; check the speed, and that the tolerance is above the noise"
     return NotReachedError(what, remedy, "timeout")

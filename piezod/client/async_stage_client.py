@@ -1,27 +1,28 @@
-"""The client for programs that run under asyncio; `StageClient` is the same for all others."""
+"""The client for programs under asyncio; `StageClient` is the one for all others."""
 
 import time
-from collections.abc import AsyncGenerator, AsyncIterable, Callable, Coroutine, Mapping, Sequence
+from collections.abc import AsyncGenerator, AsyncIterable, Mapping, Sequence
 from contextlib import aclosing
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Concatenate, ParamSpec, Self, TypeVar
+from typing import Self, TypeVar
 
-import httpx
-
-from piezod.client import calls
 from piezod.client.arrival import Arrival, arrival, too_late
 from piezod.client.calls import Call
+from piezod.client.commands import StageCommands
 from piezod.client.errors import ended, translated
+from piezod.client.methods import AsyncCaller
 from piezod.client.places import check_socket, find_socket
-from piezod.client.results import StreamEnd
+from piezod.client.reports import StageReports
+from piezod.client.results import StreamEnd, reader
 from piezod.client.telemetry import Telemetry, TelemetryReader
 from piezod.client.wire import (
     BASE_URL,
     NDJSON,
-    TIMEOUT,
+    STREAM,
+    TELEMETRY,
+    TIMEOUT_S,
     WAITING_RATE_HZ,
-    as_method,
     check,
     headers,
     no_tls,
@@ -33,22 +34,10 @@ from piezod.client.wire import (
     whole_file,
 )
 
-ParametersT = ParamSpec("ParametersT")
 ResultT = TypeVar("ResultT")
 
 
-def _method(
-    make: Callable[ParametersT, Call[ResultT]],
-) -> Callable[Concatenate["AsyncStageClient", ParametersT], Coroutine[Any, Any, ResultT]]:
-    async def method(
-        self: "AsyncStageClient", /, *args: ParametersT.args, **kwargs: ParametersT.kwargs
-    ) -> ResultT:
-        return await self.call(make(*args, **kwargs))
-
-    return as_method(method, make)
-
-
-class AsyncStageClient:
+class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
     """A connection to the daemon of one stage; use it in an `async with` statement.
 
     ::
@@ -58,19 +47,18 @@ class AsyncStageClient:
             await stage.mode("adaptive")
             await stage.goto_and_wait(12.5)
 
-    For several tasks at a time, in one event loop. Arguments, results and errors are those of
-    `StageClient`.
+    Several tasks of one event loop may use it at the same time. Arguments, results and errors are
+    those of `StageClient`.
 
     Args:
-        stage: Name of the stage; left out: `PIEZOD_STAGE`, or the only one that runs.
+        stage: Name of the stage; None for `PIEZOD_STAGE`, or the only stage that runs.
         socket: Path of the daemon's socket, in place of a name.
-        name: What the daemon calls this client, as for `StageClient`; up to 64 letters, digits and
-            _.:@-.
+        name: Name of this client, as in `StageClient`.
 
     Raises:
         NotRunningError: If no daemon listens.
         NotAllowedError: If this user may not connect.
-        AmbiguousStageError: If several do, and none is named.
+        AmbiguousStageError: If several daemons listen and no stage is named.
     """
 
     def __init__(
@@ -78,11 +66,16 @@ class AsyncStageClient:
     ) -> None:
         self.socket = check_socket(socket or find_socket(stage))
         self.name = name
+        # Slow imports belong here: no command, least of all an emergency stop, may wait for them.
+        import httpx
+
+        import piezod.client.request_bodies  # noqa: F401 - the first command uses it
+
         self._http = httpx.AsyncClient(
             transport=httpx.AsyncHTTPTransport(uds=str(self.socket), verify=no_tls()),
             base_url=BASE_URL,
             headers=headers(self.name),
-            timeout=TIMEOUT,
+            timeout=TIMEOUT_S,
             trust_env=False,
         )
 
@@ -98,11 +91,11 @@ class AsyncStageClient:
         await self.close()
 
     async def close(self) -> None:
-        """Close the connection; the stage goes on with what it does."""
+        """Close the connection; the stage continues."""
         await self._http.aclose()
 
     async def call(self, call: Call[ResultT]) -> ResultT:
-        """Carry out one call of `piezod.client.calls`."""
+        """Send one call and return its result; all other methods use this one."""
         with translated(self.socket):
             response = await self._http.request(call.method, call.path, json=call.body)
         return read_answer(call, response)
@@ -115,75 +108,76 @@ class AsyncStageClient:
         speed_um_per_s: float | None = None,
         timeout_s: float = 30.0,
     ) -> Arrival:
-        """Move to a position, and return once it has been reached and held.
+        """Move to a position; return when it has been within its tolerance for the settling time.
 
         Args:
-            position_um: Where to, in µm.
-            axis: Left out: the only one.
-            speed_um_per_s: How fast, in µm/s; left out: as the configuration says.
-            timeout_s: How long to wait at most, in s; the stage goes on after that.
+            position_um: Target, in µm.
+            axis: Name of the axis; None for the only axis.
+            speed_um_per_s: Speed, in µm/s; None for the configured speed.
+            timeout_s: Longest time to wait, in s; after that the stage continues.
 
         Raises:
-            NotReachedError: If it is not reached, or not in time; the text says why.
-            ClientError: As for every method.
+            NotReachedError: If the movement ends before its target or takes too long; the text
+                has the reason.
+            ClientError: As in every method.
         """
-        begun_s = time.monotonic()
+        start_s = time.monotonic()
         answer = await self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s)
         async with aclosing(self.telemetry(WAITING_RATE_HZ)) as intervals:
             while True:
-                told = await anext(intervals)
-                if there := arrival(told, answer.motion, axis):
-                    return there
-                if time.monotonic() - begun_s > timeout_s:
-                    raise too_late(told, axis, timeout_s)
+                interval = await anext(intervals)
+                if arrived := arrival(interval, answer.motion, axis):
+                    return arrived
+                if time.monotonic() - start_s > timeout_s:
+                    raise too_late(interval, axis, timeout_s)
 
     async def telemetry(
         self, rate_hz: float = 10.0, axes: Sequence[str] = ()
     ) -> AsyncGenerator[Telemetry, None]:
-        """Yield what happens, interval by interval, until the generator is closed.
+        """Yield the telemetry of each interval, until the generator is closed.
 
         Args:
             rate_hz: Intervals per second, 1 to 50.
-            axes: Which axes; none: all of them.
+            axes: Names of the axes; all axes if empty.
 
         Raises:
             NotRunningError: If the daemon ends.
-            ClientError: As for every method.
+            ClientError: As in every method.
         """
         reader, query = TelemetryReader(), telemetry_query(rate_hz, axes)
         with translated(self.socket):
-            async with self._http.stream("GET", "telemetry", params=query) as response:
+            async with self._http.stream("GET", TELEMETRY, params=query) as response:
                 if response.is_error:
                     await response.aread()
                 check(response)
                 async for line in response.aiter_lines():
-                    if told := reader.feed(line):
-                        yield told
+                    if interval := reader.feed(line):
+                        yield interval
         raise ended(self.socket)
 
     async def stream(self, setpoints_um: AsyncIterable[Mapping[str, float]]) -> StreamEnd:
-        """Have the stage follow setpoints, each from the moment at which it is sent.
+        """Let the stage follow setpoints; each takes effect when it is sent.
 
-        The stage goes to HOLD as soon as they stop.
+        The stage goes to HOLD when the setpoints end.
 
         Args:
-            setpoints_um: Axis: position in µm; each should come at the instant it is meant for.
+            setpoints_um: Axis: position in µm; the iterable yields each setpoint at its time.
         """
         lines = (setpoint_line(each) async for each in setpoints_um)
         with translated(self.socket):
-            response = await self._http.post("stream", content=lines, headers=NDJSON)
-        return calls.stream_end(read_document(response))
+            response = await self._http.post(STREAM, content=lines, headers=NDJSON)
+        return reader(StreamEnd)(read_document(response))
 
     async def fetch_recording(self, name: str, file: Path) -> int:
         """Copy a recording; return its size in bytes.
 
         Args:
-            name: As `recordings` tells it.
-            file: Where to; what is there is replaced.
+            name: Name in `recordings`.
+            file: File to write; an existing one is replaced.
 
         Raises:
             OSError: If the file cannot be written.
-            ClientError: As for every method.
+            ClientError: As in every method.
         """
         with translated(self.socket):
             async with self._http.stream("GET", recording_path(name)) as response:
@@ -194,37 +188,3 @@ class AsyncStageClient:
                     async for block in response.aiter_bytes():
                         opened.write(block)
                     return opened.tell()
-
-    status = _method(calls.status)
-    faults = _method(calls.faults)
-    health = _method(calls.health)
-    realtime = _method(calls.realtime)
-    config = _method(calls.config)
-    audit = _method(calls.audit)
-    arm = _method(calls.arm)
-    disarm = _method(calls.disarm)
-    mode = _method(calls.mode)
-    goto = _method(calls.goto)
-    wave = _method(calls.wave)
-    follow = _method(calls.follow)
-    hold = _method(calls.hold)
-    resume = _method(calls.resume)
-    condition = _method(calls.condition)
-    zero = _method(calls.zero)
-    stop = _method(calls.stop)
-    estop = _method(calls.estop)
-    reset = _method(calls.reset)
-    identify = _method(calls.identify)
-    adopt = _method(calls.adopt)
-    shutdown = _method(calls.shutdown)
-    reload = _method(calls.reload)
-    params = _method(calls.params)
-    params_history = _method(calls.params_history)
-    save_params = _method(calls.save_params)
-    load_params = _method(calls.load_params)
-    restore_params = _method(calls.restore_params)
-    start_recording = _method(calls.start_recording)
-    stop_recording = _method(calls.stop_recording)
-    recordings = _method(calls.recordings)
-    renew_lease = _method(calls.renew_lease)
-    release_lease = _method(calls.release_lease)

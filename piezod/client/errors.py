@@ -1,27 +1,25 @@
-"""What a failed conversation with a daemon becomes: one of piezod's errors, with a remedy."""
+"""Errors of the connection and of answers, as errors of piezod with a remedy."""
 
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-import httpx
-
 from piezod.errors import ClientError, NotAllowedError, NotRunningError, RefusedError
 
-OTHER_VERSION = "are client and daemon of the same version?"
+OTHER_VERSION = "check that client and daemon have the same version"
 
 
 def error_of(status: int, body: bytes) -> ClientError:
-    """Return the error that an answer tells.
+    """Return the error of an answer.
 
     Args:
         status: HTTP status, 400 to 599.
-        body: The answer, an error document where it is the daemon's.
+        body: The answer; an error document if the daemon itself answered.
     """
     try:
-        told = json.loads(body)["error"]
-        code, what, remedy = (str(told.get(key) or "") for key in ("code", "what", "remedy"))
+        error = json.loads(body)["error"]
+        code, what, remedy = (str(error.get(key) or "") for key in ("code", "what", "remedy"))
     except (ValueError, LookupError, TypeError, AttributeError):
         return ClientError(f"the daemon answered with HTTP status {status}", OTHER_VERSION)
     if status in (401, 403):
@@ -33,31 +31,34 @@ def error_of(status: int, body: bytes) -> ClientError:
 
 @contextmanager
 def translated(socket: Path) -> Iterator[None]:
-    """Raise what goes wrong on the way to a daemon, and back, as piezod's errors.
+    """Raise errors of the connection to a daemon as errors of piezod.
 
     Args:
-        socket: The daemon's socket, for the text.
+        socket: Socket of the daemon, for the text.
 
     Raises:
-        ClientError: The more specific ones where that is known.
+        NotRunningError: If the daemon has ended.
+        ClientError: If it does not answer in time.
     """
+    import httpx
+
     try:
         yield
     except httpx.TimeoutException as error:
         what = f"{socket}: the daemon does not answer in time"
-        raise ClientError(what, "try again, and look at its log") from error
+        raise ClientError(what, "try again, and look at the log of the daemon") from error
     except httpx.TransportError as error:
         raise ended(socket) from error
 
 
 def ended(socket: Path) -> NotRunningError:
-    """Return the error of a daemon that has gone after it was found."""
-    return NotRunningError(f"{socket}: the daemon has gone", "is it still running?")
+    """Return the error of a daemon that has ended since the client connected."""
+    return NotRunningError(f"{socket}: the daemon has ended", "check that it still runs")
 
 
 def unexpected(document: object, why: str) -> ClientError:
-    """Return the error of an answer that does not look as it should."""
+    """Return the error of an answer with an unexpected form."""
     keys = (
         ", ".join(map(str, document)) if isinstance(document, Mapping) else type(document).__name__
     )
-    return ClientError(f"the daemon's answer ({keys}) is not understood: {why}", OTHER_VERSION)
+    return ClientError(f"the daemon's answer ({keys}) has an unexpected form: {why}", OTHER_VERSION)

@@ -1,4 +1,4 @@
-"""Where the daemons of a machine listen, and which of them is meant."""
+"""The sockets of the daemons of this machine, and the choice of one."""
 
 import errno
 import os
@@ -21,20 +21,20 @@ def find_socket(
     environ: Mapping[str, str] = os.environ,
     system: Path = _SYSTEM,
 ) -> Path:
-    """Return the socket of the stage that is meant.
+    """Return the socket of the chosen stage.
 
-    A path in `PIEZOD_SOCKET` is taken as it is, unless a stage is named. A stage, named here or in
-    `PIEZOD_STAGE`, is looked for where services and where this user's daemons have their files.
-    Without a name, the only one that runs is meant.
+    If no stage is named, `PIEZOD_SOCKET` gives the path of the socket. Otherwise the name is
+    `stage` or `PIEZOD_STAGE`; its socket is in the runtime folder of services or of this user.
+    Without a name the only running stage is chosen.
 
     Args:
-        stage: Name of the stage, the stem of its configuration's file name.
+        stage: Name of the stage: the stem of the file name of its configuration.
         environ: Environment variables.
         system: Folder of the services.
 
     Raises:
         NotRunningError: If no daemon listens, or none of that name.
-        AmbiguousStageError: If several do, and none was named.
+        AmbiguousStageError: If several daemons listen and no name is given.
     """
     if stage is None and (path := environ.get("PIEZOD_SOCKET")):
         return Path(path)
@@ -56,7 +56,7 @@ def find_socket(
 def running_stages(
     environ: Mapping[str, str] = os.environ, system: Path = _SYSTEM
 ) -> dict[str, Path]:
-    """Return the sockets on which somebody listens, by the names of their stages, sorted."""
+    """Return the sockets on which daemons listen, by the sorted names of their stages."""
     found: dict[str, Path] = {}
     for folder in _folders(environ, system):
         for path in sorted(folder.glob(f"*/{SOCKET_NAME}")):
@@ -75,7 +75,7 @@ def _folders(environ: Mapping[str, str], system: Path) -> Iterator[Path]:
 
 
 def _is_ours(folder: Path) -> bool:
-    # Anybody can make a folder in /tmp, and wait there for commands that are meant for a stage.
+    # Any user can make a folder in /tmp, and receive commands there that are for a stage.
     try:
         found = folder.lstat()
     except OSError:
@@ -89,15 +89,15 @@ def check_socket(path: Path) -> Path:
     """Return the path of a socket on which a daemon listens.
 
     Raises:
-        NotRunningError: If nobody does.
+        NotRunningError: If no daemon listens.
         NotAllowedError: If this user may not connect to it.
     """
     code = _probe(path)
     if code in (errno.EACCES, errno.EPERM):
-        what = f"{path}: this user may not talk to the daemon"
+        what = f"{path}: this user may not connect to the daemon"
         remedy = (
             "become a member of the group piezod-view, which opens the socket; to do more than "
-            "look, of piezod or piezod-eng too"
+            "look, also of piezod or piezod-eng"
         )
         raise NotAllowedError(what, remedy)
     if code not in (0, errno.EAGAIN):
@@ -106,7 +106,7 @@ def check_socket(path: Path) -> Path:
 
 
 def _is_alive(path: Path) -> bool:
-    # What a killed daemon left refuses connections; one that keeps us out is alive.
+    # The socket of a killed daemon refuses connections; a daemon that denies access is alive.
     return _probe(path) in (0, errno.EACCES, errno.EPERM, errno.EAGAIN)
 
 

@@ -1,15 +1,16 @@
-"""What a daemon answers, typed. Numbers are None where there is none, as JSON has no NaN.
+"""Answers of a daemon, typed. An unknown number is None, because JSON has no NaN.
 
-Every result keeps the daemon's whole `document`: a newer daemon may tell more than is named here.
+Every result keeps the complete `document`: a newer daemon may report more than these fields.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias, TypeVar
-
-from pydantic import TypeAdapter, ValidationError
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 from piezod.client.errors import unexpected
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
 
 Document: TypeAlias = dict[str, Any]
 ResultT = TypeVar("ResultT", bound="Result")
@@ -17,10 +18,10 @@ ResultT = TypeVar("ResultT", bound="Result")
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """Base of everything that a daemon answers.
+    """Base of all answers.
 
     Attributes:
-        document: The answer as it came.
+        document: The complete answer.
     """
 
     document: Document
@@ -28,10 +29,10 @@ class Result:
 
 @dataclass(frozen=True, kw_only=True)
 class Answer(Result):
-    """A request that is being carried out.
+    """A request that the loop has accepted.
 
     Attributes:
-        motion: Number of the movement that it started, 0 where it started none.
+        motion: Number of the movement that it started, 0 if it started none.
     """
 
     motion: int = 0
@@ -42,7 +43,7 @@ class StreamEnd(Result):
     """A stream of setpoints that has ended.
 
     Attributes:
-        setpoints: How many there were.
+        setpoints: Number of setpoints.
     """
 
     setpoints: int
@@ -50,14 +51,14 @@ class StreamEnd(Result):
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """A fault that is present, or was and is latched.
+    """A fault that is present or latched.
 
     Attributes:
-        id: As in docs/faults.md, "S5".
-        name: What it is, in a few words.
-        present: Whether it is there now.
-        latched: Whether it stays until it is reset.
-        remedy: What to do about it.
+        id: Id in docs/faults.md, for example "S5".
+        name: Short description.
+        present: Whether the fault is present now.
+        latched: Whether the fault stays until it is reset.
+        remedy: What the user can do.
     """
 
     id: str
@@ -72,12 +73,12 @@ class AxisStatus:
     """One axis in the newest cycle.
 
     Attributes:
-        position_um: Measured displacement.
-        command_um: Displacement asked for.
-        drive_v: Voltage in force.
-        target_um: Where the movement ends.
-        mode: How the drive is made from the command.
-        on_target: Whether the target has been reached, and held.
+        position_um: Measured position, in µm.
+        command_um: Commanded position, in µm.
+        drive_v: Drive voltage, in V.
+        target_um: Target of the movement, in µm.
+        mode: Mode of the compensator.
+        on_target: Whether the position has been within its tolerance for the settling time.
         motion: Number of the movement.
     """
 
@@ -91,7 +92,7 @@ class AxisStatus:
 
     @property
     def error_um(self) -> float | None:
-        """The command less the position, None where one of them is missing."""
+        """Command minus position, in µm; None if one of them is unknown."""
         if self.command_um is None or self.position_um is None:
             return None
         return self.command_um - self.position_um
@@ -103,13 +104,13 @@ class Status(Result):
 
     Attributes:
         state: One of `piezod.config.states.State`.
-        shadow: Whether everything is computed and nothing written.
-        mode: Of the only axis; "mixed" where axes differ.
-        faults: What is present or latched.
-        skipped_cycles: Cycles that the loop has missed since it started.
-        axes: By name.
+        shadow: Whether the stage is in shadow mode: everything is computed, nothing written.
+        mode: Mode of all axes; "mixed" if they differ.
+        faults: Faults that are present or latched.
+        skipped_cycles: Number of skipped cycles since the loop started.
+        axes: Axes by name.
         stage: Name of the stage.
-        title: What it is, for people.
+        title: Title of the stage, for people.
     """
 
     state: str
@@ -124,10 +125,10 @@ class Status(Result):
 
 @dataclass(frozen=True, kw_only=True)
 class Health(Result):
-    """How the loop is.
+    """The health of the loop.
 
     Attributes:
-        healthy: Whether it runs on schedule; `document` has what tells so.
+        healthy: Whether the loop runs on schedule; `document` has the measured values.
     """
 
     healthy: bool
@@ -135,7 +136,7 @@ class Health(Result):
 
 @dataclass(frozen=True, kw_only=True)
 class Faults(Result):
-    """What is present or latched.
+    """Faults that are present or latched.
 
     Attributes:
         faults: The faults.
@@ -146,11 +147,11 @@ class Faults(Result):
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters(Result):
-    """The parameters that the loop uses now.
+    """The parameters in use.
 
     Attributes:
-        axes: By name: what belongs to the axis, as the daemon names it.
-        sequence: Number under which they were saved last, None where they never were.
+        axes: Parameters of each axis, by the name of the axis, with the keys of the daemon.
+        sequence: Number under which they were saved last, None if they were never saved.
     """
 
     axes: dict[str, Document]
@@ -159,7 +160,7 @@ class Parameters(Result):
 
 @dataclass(frozen=True, kw_only=True)
 class Saved(Result):
-    """Parameters in the daemon's store.
+    """Saved parameters.
 
     Attributes:
         sequence: Their number, larger for later ones.
@@ -174,10 +175,10 @@ class HistoryEntry:
 
     Attributes:
         sequence: Their number.
-        saved_at: When, ISO 8601.
-        saved_by: By whom.
-        axes: Of which axes.
-        why: What is wrong with them; empty where they can be used.
+        saved_at: Time, ISO 8601.
+        saved_by: User.
+        axes: Names of the axes.
+        why: Why they cannot be used; empty if they can.
     """
 
     sequence: int
@@ -189,7 +190,7 @@ class HistoryEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class History(Result):
-    """What is saved.
+    """All saved parameters.
 
     Attributes:
         history: Newest first.
@@ -200,13 +201,13 @@ class History(Result):
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingFile:
-    """A recording that is finished, or the one that is being made.
+    """A finished recording, or the one in progress.
 
     Attributes:
-        name: The daemon made it.
-        size_bytes: Its size, None while it is being made.
-        records: How many cycles are in it, None once it is finished.
-        lost: How many are missing, likewise.
+        name: Name, from the daemon.
+        size_bytes: Size in bytes, None while in progress.
+        records: Number of recorded cycles, None if finished.
+        lost: Number of lost cycles, None if finished.
     """
 
     name: str
@@ -217,13 +218,13 @@ class RecordingFile:
 
 @dataclass(frozen=True, kw_only=True)
 class Recording(Result):
-    """A recording that was begun or ended.
+    """A recording that was started or ended.
 
     Attributes:
-        name: Its name.
-        records: How many cycles are in it.
-        lost: How many are missing.
-        why: Why it ended by itself; empty where it did not.
+        name: Name.
+        records: Number of recorded cycles.
+        lost: Number of lost cycles.
+        why: Why it ended by itself; empty if it did not.
     """
 
     name: str
@@ -234,11 +235,11 @@ class Recording(Result):
 
 @dataclass(frozen=True, kw_only=True)
 class Recordings(Result):
-    """What is recorded.
+    """All recordings.
 
     Attributes:
-        running: The one that is being made, None where there is none.
-        recordings: Those that are finished.
+        running: The recording in progress, None if there is none.
+        recordings: The finished recordings.
     """
 
     running: RecordingFile | None
@@ -246,16 +247,30 @@ class Recordings(Result):
 
 
 def reader(result: type[ResultT]) -> Callable[[Document], ResultT]:
-    """Return a function that makes a result of a document.
+    """Return a function that makes a result from a document.
 
-    The function raises ClientError where the document does not fit.
+    The function raises ClientError if the document does not fit.
     """
-    adapter = TypeAdapter(result)
 
     def read(document: Document) -> ResultT:
+        from pydantic import ValidationError
+
         try:
-            return adapter.validate_python({**document, "document": document})
+            made: ResultT = _adapter(result).validate_python({**document, "document": document})
         except ValidationError as error:
             raise unexpected(document, str(error)) from error
+        return made
 
     return read
+
+
+def _adapter(result: type[Result]) -> "TypeAdapter[Any]":
+    """Return the adapter of a result, made at first use: pydantic takes long to import."""
+    if result not in _ADAPTERS:
+        from pydantic import TypeAdapter
+
+        _ADAPTERS[result] = TypeAdapter(result)
+    return _ADAPTERS[result]
+
+
+_ADAPTERS: "Final[dict[type[Result], TypeAdapter[Any]]]" = {}

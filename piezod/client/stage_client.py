@@ -1,27 +1,28 @@
-"""The client for ordinary programs and scripts; `AsyncStageClient` is the same for asyncio."""
+"""The client for scripts and other programs; `AsyncStageClient` is the one for asyncio."""
 
 import time
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from types import TracebackType
-from typing import Concatenate, ParamSpec, Self, TypeVar
+from typing import Self, TypeVar
 
-import httpx
-
-from piezod.client import calls
 from piezod.client.arrival import Arrival, arrival, too_late
 from piezod.client.calls import Call
+from piezod.client.commands import StageCommands
 from piezod.client.errors import ended, translated
+from piezod.client.methods import SyncCaller
 from piezod.client.places import check_socket, find_socket
-from piezod.client.results import StreamEnd
+from piezod.client.reports import StageReports
+from piezod.client.results import StreamEnd, reader
 from piezod.client.telemetry import Telemetry, TelemetryReader
 from piezod.client.wire import (
     BASE_URL,
     NDJSON,
-    TIMEOUT,
+    STREAM,
+    TELEMETRY,
+    TIMEOUT_S,
     WAITING_RATE_HZ,
-    as_method,
     check,
     headers,
     no_tls,
@@ -33,22 +34,10 @@ from piezod.client.wire import (
     whole_file,
 )
 
-ParametersT = ParamSpec("ParametersT")
 ResultT = TypeVar("ResultT")
 
 
-def _method(
-    make: Callable[ParametersT, Call[ResultT]],
-) -> Callable[Concatenate["StageClient", ParametersT], ResultT]:
-    def method(
-        self: "StageClient", /, *args: ParametersT.args, **kwargs: ParametersT.kwargs
-    ) -> ResultT:
-        return self.call(make(*args, **kwargs))
-
-    return as_method(method, make)
-
-
-class StageClient:
+class StageClient(StageCommands, StageReports, SyncCaller):
     """A connection to the daemon of one stage; use it in a `with` statement.
 
     ::
@@ -58,19 +47,19 @@ class StageClient:
             stage.mode("adaptive")
             stage.goto_and_wait(12.5)
 
-    Not for several threads at a time. Every method raises ClientError, or one of its kinds, where
-    the daemon cannot be reached or refuses.
+    A client must not be used by several threads at the same time. Every method raises ClientError,
+    or a subclass, if it cannot reach the daemon or the daemon refuses.
 
     Args:
-        stage: Name of the stage; left out: `PIEZOD_STAGE`, or the only one that runs.
+        stage: Name of the stage; None for `PIEZOD_STAGE`, or the only stage that runs.
         socket: Path of the daemon's socket, in place of a name.
-        name: What the daemon calls this client. The lease belongs to user and name: with one of its
-            own, a client shares it with no other; left out, with the user's shell and scripts.
+        name: Name of this client, up to 64 letters, digits and _.:@-. The lease belongs to user and
+            name: clients of one user without a name, such as shell and scripts, share it.
 
     Raises:
         NotRunningError: If no daemon listens.
         NotAllowedError: If this user may not connect.
-        AmbiguousStageError: If several do, and none is named.
+        AmbiguousStageError: If several daemons listen and no stage is named.
     """
 
     def __init__(
@@ -78,11 +67,16 @@ class StageClient:
     ) -> None:
         self.socket = check_socket(socket or find_socket(stage))
         self.name = name
+        # Slow imports belong here: no command, least of all an emergency stop, may wait for them.
+        import httpx
+
+        import piezod.client.request_bodies  # noqa: F401 - the first command uses it
+
         self._http = httpx.Client(
             transport=httpx.HTTPTransport(uds=str(self.socket), verify=no_tls()),
             base_url=BASE_URL,
             headers=headers(self.name),
-            timeout=TIMEOUT,
+            timeout=TIMEOUT_S,
             trust_env=False,
         )
 
@@ -98,11 +92,11 @@ class StageClient:
         self.close()
 
     def close(self) -> None:
-        """Close the connection; the stage goes on with what it does."""
+        """Close the connection; the stage continues."""
         self._http.close()
 
     def call(self, call: Call[ResultT]) -> ResultT:
-        """Carry out one call of `piezod.client.calls`."""
+        """Send one call and return its result; all other methods use this one."""
         with translated(self.socket):
             response = self._http.request(call.method, call.path, json=call.body)
         return read_answer(call, response)
@@ -115,77 +109,78 @@ class StageClient:
         speed_um_per_s: float | None = None,
         timeout_s: float = 30.0,
     ) -> Arrival:
-        """Move to a position, and return once it has been reached and held.
+        """Move to a position; return when it has been within its tolerance for the settling time.
 
         Args:
-            position_um: Where to, in µm.
-            axis: Left out: the only one.
-            speed_um_per_s: How fast, in µm/s; left out: as the configuration says.
-            timeout_s: How long to wait at most, in s; the stage goes on after that.
+            position_um: Target, in µm.
+            axis: Name of the axis; None for the only axis.
+            speed_um_per_s: Speed, in µm/s; None for the configured speed.
+            timeout_s: Longest time to wait, in s; after that the stage continues.
 
         Raises:
-            NotReachedError: If it is not reached, or not in time; the text says why.
-            ClientError: As for every method.
+            NotReachedError: If the movement ends before its target or takes too long; the text
+                has the reason.
+            ClientError: As in every method.
         """
-        begun_s = time.monotonic()
+        start_s = time.monotonic()
         motion = self.goto(position_um, axis=axis, speed_um_per_s=speed_um_per_s).motion
         with closing(self.telemetry(WAITING_RATE_HZ)) as intervals:
             while True:
-                told = next(intervals)
-                if there := arrival(told, motion, axis):
-                    return there
-                if time.monotonic() - begun_s > timeout_s:
-                    raise too_late(told, axis, timeout_s)
+                interval = next(intervals)
+                if arrived := arrival(interval, motion, axis):
+                    return arrived
+                if time.monotonic() - start_s > timeout_s:
+                    raise too_late(interval, axis, timeout_s)
 
     def telemetry(
         self, rate_hz: float = 10.0, axes: Sequence[str] = ()
     ) -> Generator[Telemetry, None, None]:
-        """Yield what happens, interval by interval, until the generator is closed.
+        """Yield the telemetry of each interval, until the generator is closed.
 
         Args:
             rate_hz: Intervals per second, 1 to 50.
-            axes: Which axes; none: all of them.
+            axes: Names of the axes; all axes if empty.
 
         Raises:
             NotRunningError: If the daemon ends.
-            ClientError: As for every method.
+            ClientError: As in every method.
         """
         reader, query = TelemetryReader(), telemetry_query(rate_hz, axes)
         with (
             translated(self.socket),
-            self._http.stream("GET", "telemetry", params=query) as response,
+            self._http.stream("GET", TELEMETRY, params=query) as response,
         ):
             if response.is_error:
                 response.read()
             check(response)
             for line in response.iter_lines():
-                if told := reader.feed(line):
-                    yield told
+                if interval := reader.feed(line):
+                    yield interval
         raise ended(self.socket)
 
     def stream(self, setpoints_um: Iterable[Mapping[str, float]]) -> StreamEnd:
-        """Have the stage follow setpoints, each from the moment at which it is sent.
+        """Let the stage follow setpoints; each takes effect when it is sent.
 
-        The stage goes to HOLD as soon as they stop.
+        The stage goes to HOLD when the setpoints end.
 
         Args:
-            setpoints_um: Axis: position in µm; each should come at the instant it is meant for.
+            setpoints_um: Axis: position in µm; the iterable yields each setpoint at its time.
         """
         lines = map(setpoint_line, setpoints_um)
         with translated(self.socket):
-            response = self._http.post("stream", content=lines, headers=NDJSON)
-        return calls.stream_end(read_document(response))
+            response = self._http.post(STREAM, content=lines, headers=NDJSON)
+        return reader(StreamEnd)(read_document(response))
 
     def fetch_recording(self, name: str, file: Path) -> int:
         """Copy a recording; return its size in bytes.
 
         Args:
-            name: As `recordings` tells it.
-            file: Where to; what is there is replaced.
+            name: Name in `recordings`.
+            file: File to write; an existing one is replaced.
 
         Raises:
             OSError: If the file cannot be written.
-            ClientError: As for every method.
+            ClientError: As in every method.
         """
         with (
             translated(self.socket),
@@ -198,37 +193,3 @@ class StageClient:
                 for block in response.iter_bytes():
                     opened.write(block)
                 return opened.tell()
-
-    status = _method(calls.status)
-    faults = _method(calls.faults)
-    health = _method(calls.health)
-    realtime = _method(calls.realtime)
-    config = _method(calls.config)
-    audit = _method(calls.audit)
-    arm = _method(calls.arm)
-    disarm = _method(calls.disarm)
-    mode = _method(calls.mode)
-    goto = _method(calls.goto)
-    wave = _method(calls.wave)
-    follow = _method(calls.follow)
-    hold = _method(calls.hold)
-    resume = _method(calls.resume)
-    condition = _method(calls.condition)
-    zero = _method(calls.zero)
-    stop = _method(calls.stop)
-    estop = _method(calls.estop)
-    reset = _method(calls.reset)
-    identify = _method(calls.identify)
-    adopt = _method(calls.adopt)
-    shutdown = _method(calls.shutdown)
-    reload = _method(calls.reload)
-    params = _method(calls.params)
-    params_history = _method(calls.params_history)
-    save_params = _method(calls.save_params)
-    load_params = _method(calls.load_params)
-    restore_params = _method(calls.restore_params)
-    start_recording = _method(calls.start_recording)
-    stop_recording = _method(calls.stop_recording)
-    recordings = _method(calls.recordings)
-    renew_lease = _method(calls.renew_lease)
-    release_lease = _method(calls.release_lease)

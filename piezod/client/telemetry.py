@@ -1,4 +1,4 @@
-"""What a daemon tells all the time: server-sent events, each of one interval of time."""
+"""Telemetry: server-sent events, each for one interval of time."""
 
 import json
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ from piezod.client.results import Result, reader
 
 @dataclass(frozen=True, kw_only=True)
 class Range:
-    """A quantity in one interval: no spike is lost, however slowly it is told.
+    """A quantity in one interval; no spike is lost at any rate of events.
 
     Attributes:
-        min: Least value of all cycles.
-        max: Largest value of all cycles.
+        min: Minimum of all cycles.
+        max: Maximum of all cycles.
         last: Value in the last cycle.
     """
 
@@ -27,13 +27,14 @@ class AxisTelemetry:
     """One axis in one interval.
 
     Attributes:
-        position_um: Measured displacement.
-        command_um: Displacement asked for.
-        drive_v: Voltage written.
-        error_um: Command less position.
-        target_um: Where the movement ends.
-        mode: How the drive is made from the command.
-        on_target: Whether the target had been reached in the last cycle, and held.
+        position_um: Measured position, in µm.
+        command_um: Commanded position, in µm.
+        drive_v: Drive voltage, in V.
+        error_um: Command minus position, in µm.
+        target_um: Target of the movement, in µm.
+        mode: Mode of the compensator.
+        on_target: Whether in the last cycle the position had been within its tolerance for the
+            settling time.
         motion: Number of the movement in the last cycle.
     """
 
@@ -52,14 +53,14 @@ class Telemetry(Result):
     """All axes in one interval.
 
     Attributes:
-        t_s: Instant of the last cycle, s, on a clock of the daemon that never goes back.
-        cycles: How many cycles the interval had.
-        lost: How many more it had, which this client was too slow for.
-        state: In the last cycle.
-        shadow: Whether everything is computed and nothing written.
+        t_s: Time of the last cycle on the monotonic clock of the daemon, in s.
+        cycles: Number of cycles in the interval.
+        lost: Number of further cycles, lost because this client was too slow.
+        state: State in the last cycle.
+        shadow: Whether the stage is in shadow mode: everything is computed, nothing written.
         faults: Ids of the faults that were present in any cycle or are latched.
-        skipped_cycles: Cycles that the loop has missed since it started.
-        axes: By name.
+        skipped_cycles: Number of skipped cycles since the loop started.
+        axes: Axes by name.
     """
 
     t_s: float
@@ -76,19 +77,19 @@ _read = reader(Telemetry)
 
 
 class TelemetryReader:
-    """Makes telemetry of the lines of an event stream."""
+    """Makes telemetry from the lines of an event stream."""
 
     def __init__(self) -> None:
         self._data: list[str] = []
 
     def feed(self, line: str) -> Telemetry | None:
-        """Take the next line; return what it completes, if it does.
+        """Take the next line; return the interval if the line completes one.
 
         Args:
-            line: Without its end.
+            line: The line without its end.
 
         Raises:
-            ClientError: If the event is none that is known.
+            ClientError: If the event has an unexpected form.
         """
         if line:
             name, _, value = line.partition(":")

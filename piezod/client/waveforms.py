@@ -1,4 +1,4 @@
-"""Requests as they are sent: with points in place of files, which a daemon does not read."""
+"""Requests as plain data to send, with points in place of files, which a daemon does not read."""
 
 from collections.abc import Mapping
 
@@ -8,17 +8,17 @@ from piezod.config.waveforms import Csv, Points
 
 
 def tupled(value: object) -> object:
-    """Return plain data with tuples in place of lists, as strict validation wants it."""
+    """Return plain data with tuples in place of lists, which strict validation requires."""
     if isinstance(value, Mapping):
         return {key: tupled(each) for key, each in value.items()}
     return tuple(map(tupled, value)) if isinstance(value, list | tuple) else value
 
 
 def sendable(value: object) -> object:
-    """Return a request, or anything it is made of, as plain data; files become their points.
+    """Return a request or a part of it as plain data; a file becomes its points.
 
     Args:
-        value: Models, mappings, tuples and plain values, nested in any way.
+        value: Models, mappings, tuples and plain values, nested at any depth.
 
     Raises:
         ValidationError: If a file has more points than may be sent.

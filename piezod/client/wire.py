@@ -1,40 +1,42 @@
-"""What both clients do with a call before and after it is on the wire."""
+"""HTTP details that both clients share: addresses, headers, bodies and answers."""
 
-import functools
-import inspect
 import json
 import ssl
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, Final, TypeVar, get_args
+from typing import TYPE_CHECKING, BinaryIO, Final, TypeVar
 from urllib.parse import quote
-
-import httpx
 
 from piezod.client.calls import Call
 from piezod.client.errors import error_of, unexpected
 from piezod.client.results import Document
+from piezod.config.endpoints import ENDPOINTS
 from piezod.errors import RefusedError
 
+if TYPE_CHECKING:
+    import httpx
+
 BASE_URL: Final = "http://piezod/v1/"
-"""The host's name means nothing on a unix socket."""
-TIMEOUT: Final = httpx.Timeout(10.0, connect=2.0)
+"""On a unix socket the host name has no meaning."""
+TIMEOUT_S: Final = (2.0, 10.0, 10.0, 10.0)
+"""To connect, read, write, and get a connection of the pool, in s."""
+TELEMETRY: Final = ENDPOINTS["telemetry"].path
+STREAM: Final = ENDPOINTS["stream"].path
 NDJSON: Final = {"Content-Type": "application/x-ndjson"}
 WAITING_RATE_HZ: Final = 20.0
-"""How often telemetry is looked at while a movement is waited for."""
+"""Rate of telemetry while a method waits for a movement, in Hz."""
 
 ResultT = TypeVar("ResultT")
-FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
 
 def no_tls() -> ssl.SSLContext:
-    """Return an empty context: httpx else loads certificates that a unix socket has no use for."""
+    """Return an empty context, so that httpx loads no certificates: a unix socket needs none."""
     return ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 
 
 def headers(name: str) -> dict[str, str]:
-    """Return what every request of a client carries."""
+    """Return the headers of every request of a client."""
     return {"X-Piezod-Client": name}
 
 
@@ -46,7 +48,7 @@ def telemetry_query(rate_hz: float, axes: Sequence[str]) -> dict[str, str]:
 
 def recording_path(name: str) -> str:
     """Return the path of a recording."""
-    return f"recordings/{quote(name, safe='')}"
+    return ENDPOINTS["fetch_recording"].path.format(name=quote(name, safe=""))
 
 
 def setpoint_line(setpoints_um: Mapping[str, float]) -> bytes:
@@ -64,10 +66,10 @@ def setpoint_line(setpoints_um: Mapping[str, float]) -> bytes:
 
 @contextmanager
 def whole_file(file: Path) -> Iterator[BinaryIO]:
-    """Open a file that gets its name once it is complete; what was there is replaced then.
+    """Open a file that replaces the one of its name when it is complete.
 
     Raises:
-        OSError: If it cannot be written.
+        OSError: If the file cannot be written.
     """
     partial = file.with_name(f".{file.name}.part")
     try:
@@ -78,20 +80,20 @@ def whole_file(file: Path) -> Iterator[BinaryIO]:
         partial.unlink(missing_ok=True)
 
 
-def read_answer(call: Call[ResultT], response: httpx.Response) -> ResultT:
-    """Return the result that an answer, read to its end, holds.
+def read_answer(call: Call[ResultT], response: "httpx.Response") -> ResultT:
+    """Return the result of a complete answer.
 
     Raises:
-        ClientError: If it is an error, or nothing that the call could lead to.
+        ClientError: If the answer is an error, or has an unexpected form.
     """
     return call.read(read_document(response, call.also_fine))
 
 
-def read_document(response: httpx.Response, also_fine: int = 200) -> Document:
-    """Return the object that an answer, read to its end, holds.
+def read_document(response: "httpx.Response", also_fine: int = 200) -> Document:
+    """Return the JSON object of a complete answer.
 
     Raises:
-        ClientError: If it is an error, or no object.
+        ClientError: If the answer is an error, or not an object.
     """
     if response.status_code != also_fine:
         check(response)
@@ -104,24 +106,11 @@ def read_document(response: httpx.Response, also_fine: int = 200) -> Document:
     return document
 
 
-def check(response: httpx.Response) -> None:
-    """Raise the error that an answer, read to its end, tells, if it does.
+def check(response: "httpx.Response") -> None:
+    """Raise the error of a complete answer, if it is one.
 
     Raises:
-        ClientError: If so.
+        ClientError: If the HTTP status is an error.
     """
     if response.is_error:
         raise error_of(response.status_code, response.content)
-
-
-def as_method(method: FunctionT, make: Callable[..., Call[Any]]) -> FunctionT:
-    """Give the method of a client the name, text and signature of the call that it carries out."""
-    functools.update_wrapper(method, make)
-    signature = inspect.signature(make)
-    this = inspect.Parameter("self", inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    (result,) = get_args(signature.return_annotation)
-    signature = signature.replace(
-        parameters=(this, *signature.parameters.values()), return_annotation=result
-    )
-    vars(method)["__signature__"] = signature
-    return method

@@ -1,45 +1,72 @@
-"""What the owner of a stage may be asked to do, as clients, the service and the loop write it.
+"""The requests to the owner of a stage, and their rows in the table of commands.
 
-Every request is a small model with a `kind`. `axis` names the axis that is meant; left out, it is
-the only one, or all of them where that makes sense.
+Clients, the service and the loop use the same classes: each is a small model with a `kind`. The
+docstring of a class is the help of the command line, of OpenAPI and of docs/client.md. `axis` names
+one axis; if it is None, the request is for the only axis, or for all axes if the request allows
+several.
 """
 
-from typing import Annotated, Literal, TypeAlias
+from collections.abc import Mapping
+from inspect import cleandoc
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field
 
 from piezod.config.combined_waveforms import WaveformConfig
+from piezod.config.endpoints import (
+    CHANGE,
+    CHANGE_BY_POINTS,
+    EMERGENCY,
+    END,
+    ENDPOINTS,
+    MOVE,
+    MOVE_BY_POINTS,
+    TOWARDS_SAFETY,
+    Access,
+    Endpoint,
+    Group,
+)
 from piezod.config.fields import ConfigModel, Quantity
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.quantities import DurationS, Name, PositionUm
 
-# Files and clients have a mode's name; strict validation would ask for the enumeration's member.
+# Files and clients write a mode as text; strict validation would require the enumeration's member.
 ModeName: TypeAlias = Annotated[Mode, Field(strict=False)]
 Waveforms: TypeAlias = Annotated[dict[Name, WaveformConfig], Field(min_length=1)]
 AxisName: TypeAlias = Name | None
 
 
 class Arm(ConfigModel):
-    """SAFE to READY: take over the voltage that is read back, hold it."""
+    """Take over the read-back voltage and hold it.
+
+    SAFE becomes READY. In shadow mode piezod computes everything and writes nothing.
+    """
 
     kind: Literal["arm"] = "arm"
     shadow: bool = Field(default=False, description="Compute everything, write nothing.")
     confirm_output: bool = Field(
         default=False,
-        description="Somebody has seen that the output is at the safe voltage: for amplifiers that "
-        "do not read back.",
+        description="You have seen that the output is at the safe voltage: for an amplifier "
+        "without read-back.",
     )
 
 
 class Disarm(ConfigModel):
-    """Ramp to the safe voltage, then SAFE."""
+    """Ramp to the safe voltage, then write nothing more.
+
+    It needs no lease.
+    """
 
     kind: Literal["disarm"] = "disarm"
 
 
 class SelectMode(ConfigModel):
-    """Choose how the drive is made from the command; from READY on this starts RUN."""
+    """Select the mode: how piezod computes the drive voltage.
+
+    The modes are `uncompensated`, `feedforward`, `adaptive` and `trimmed`. In READY this starts
+    RUN.
+    """
 
     kind: Literal["mode"] = "mode"
     mode: ModeName
@@ -47,7 +74,10 @@ class SelectMode(ConfigModel):
 
 
 class Goto(ConfigModel):
-    """Move to a position and stay; from READY on this starts RUN in the mode chosen last."""
+    """Move to a position and stay there.
+
+    In READY this starts RUN in the mode selected last.
+    """
 
     kind: Literal["goto"] = "goto"
     axis: AxisName = None
@@ -56,7 +86,10 @@ class Goto(ConfigModel):
 
 
 class Wave(ConfigModel):
-    """Follow a waveform, from where the stage is; its last value is held at the end."""
+    """Follow a waveform, then hold its last position.
+
+    The stage first moves from its present position to the start of the waveform.
+    """
 
     kind: Literal["wave"] = "wave"
     command_um: Waveforms = Field(description="Axis: position over time, µm.")
@@ -64,69 +97,96 @@ class Wave(ConfigModel):
 
 
 class Stream(ConfigModel):
-    """Follow the setpoints of a stream; HOLD as soon as they stop."""
+    """Follow the setpoints of a stream; the service sends this when a stream begins."""
 
     kind: Literal["stream"] = "stream"
     axes: tuple[Name, ...] = Field(min_length=1)
 
 
 class Follow(ConfigModel):
-    """Follow what the command inputs of axes tell; HOLD as soon as one tells nothing usable."""
+    """Follow the command input of the axis.
+
+    The command input is an input of a device, for instance an analogue signal, that the
+    configuration names (`command_input`). If it has no usable value within the range of commands
+    for 0.1 s, or 5 cycles if that is longer, the stage goes to HOLD; `resume` before the next
+    movement.
+    """
 
     kind: Literal["follow"] = "follow"
     axis: AxisName = None
 
 
 class Hold(ConfigModel):
-    """Hold the voltage that is in force."""
+    """Hold the present voltage.
+
+    It needs no lease.
+    """
 
     kind: Literal["hold"] = "hold"
 
 
 class Resume(ConfigModel):
-    """HOLD to RUN: go on from where the stage is."""
+    """Continue after HOLD, from the present position."""
 
     kind: Literal["resume"] = "resume"
 
 
 class Stop(ConfigModel):
-    """Ramp to the safe voltage, then SAFE."""
+    """Ramp to the safe voltage, then go to SAFE.
+
+    It needs no lease.
+    """
 
     kind: Literal["stop"] = "stop"
 
 
 class Estop(ConfigModel):
-    """Emergency stop."""
+    """Stop in an emergency.
+
+    The stage ramps to the safe voltage, or the amplifier cuts its output, as configured. It needs
+    no lease.
+    """
 
     kind: Literal["estop"] = "estop"
 
 
 class Reset(ConfigModel):
-    """FAULT to SAFE, where no fault is present any more."""
+    """Leave FAULT for SAFE, if no fault is present any more.
+
+    This is also the way out after an emergency stop.
+    """
 
     kind: Literal["reset"] = "reset"
-    engineer: bool = Field(default=False, description="Whether latches of level 3 may be reset.")
+    engineer: bool = Field(
+        default=False, description="Reset level 3 latches too; only an engineer may."
+    )
 
 
 class Condition(ConfigModel):
-    """Drive a decaying swing, so that the hysteresis' memory is known; ends at the rest voltage."""
+    """Drive a decaying swing, which makes the hysteresis memory known.
+
+    The stage ends at the rest voltage.
+    """
 
     kind: Literal["condition"] = "condition"
     axis: AxisName = None
 
 
 class Zero(ConfigModel):
-    """Call the displacement at the rest voltage zero."""
+    """Make the displacement at the rest voltage the sensor zero."""
 
     kind: Literal["zero"] = "zero"
     axis: AxisName = None
 
 
 class Identify(ConfigModel):
-    """Drive voltages from rest, for a record to fit a model to; ends at the rest voltage."""
+    """Drive voltage waveforms, to record data for a model.
+
+    The stage begins and ends at the rest voltage.
+    """
 
     kind: Literal["identify"] = "identify"
-    drive_v: Waveforms = Field(description="Axis: drive over time, V; others rest.")
+    drive_v: Waveforms = Field(description="Axis: drive voltage over time, V; all others rest.")
     duration_s: DurationS
 
 
@@ -140,7 +200,7 @@ class AdoptModel(ConfigModel):
 
 
 class Shutdown(ConfigModel):
-    """Ramp to the safe voltage and end."""
+    """Ramp to the safe voltage and end the daemon."""
 
     kind: Literal["shutdown"] = "shutdown"
 
@@ -165,3 +225,52 @@ Request: TypeAlias = Annotated[
     | Shutdown,
     Field(discriminator="kind"),
 ]
+
+
+def _row(
+    request: type[ConfigModel],
+    access: Access,
+    group: Group | None = None,
+    *,
+    done: str = "",
+    path: str = "",
+) -> Endpoint:
+    """Return the row of a request; name, path and verb are its kind if nothing else is given."""
+    kind: str = request.model_fields["kind"].default
+    help = cleandoc(request.__doc__ or "")
+    verb = kind if group else ""
+    return Endpoint(kind, "POST", path or kind, access, help, group, verb, done, request)
+
+
+_ROWS: Final = (
+    _row(Arm, MOVE, Group.OPERATE),
+    _row(Disarm, TOWARDS_SAFETY, Group.OPERATE, done="ramping to the safe voltage, then disarmed"),
+    _row(SelectMode, MOVE, Group.OPERATE),
+    _row(
+        Condition,
+        CHANGE,
+        Group.OPERATE,
+        done="conditioning; `piezod status` shows READY when it is over",
+    ),
+    _row(
+        Zero,
+        MOVE,
+        Group.OPERATE,
+        done="the displacement at the rest voltage is zero from now on",
+    ),
+    _row(Goto, MOVE, Group.MOVE),
+    _row(Wave, MOVE_BY_POINTS, Group.MOVE),
+    _row(Follow, MOVE, Group.MOVE, done="following the command input"),
+    _row(Hold, TOWARDS_SAFETY, Group.MOVE, done="holding the voltage; `piezod resume` continues"),
+    _row(Resume, MOVE, Group.MOVE, done="continuing from the present position"),
+    _row(Stop, TOWARDS_SAFETY, Group.STOP, done="ramping to the safe voltage"),
+    _row(Estop, EMERGENCY, Group.STOP, done="emergency stop; `piezod reset` ends it"),
+    _row(Reset, MOVE, Group.STOP),
+    _row(Identify, CHANGE_BY_POINTS),
+    _row(AdoptModel, CHANGE_BY_POINTS, path="model"),
+    _row(Shutdown, END),
+)
+TABLE: Final[Mapping[str, Endpoint]] = {row.name: row for row in _ROWS} | dict(ENDPOINTS)
+"""The table of commands: every endpoint, by name."""
+REQUESTS: Final = {row.name: row.request for row in _ROWS if row.request is not None}
+"""The request classes, by name."""

@@ -1,4 +1,4 @@
-"""The verbs that talk to a running daemon."""
+"""The verbs for a running daemon."""
 
 import json
 from pathlib import Path
@@ -7,34 +7,7 @@ from typing import Any
 import pytest
 
 from tests.cli.conftest import Command
-from tests.client.fake_daemon import ACCEPTED, STATUS, FakeDaemon, told
-
-VERBS = (
-    *("status", "faults", "watch", "arm", "disarm", "mode", "goto", "wave", "stream", "hold"),
-    *(
-        "follow",
-        "resume",
-        "condition",
-        "zero",
-        "stop",
-        "estop",
-        "reset",
-        "reload",
-        "params",
-        "record",
-    ),
-)
-
-
-@pytest.mark.parametrize("verb", VERBS)
-def test_help_lists_the_verb(piezod: Command, verb: str) -> None:
-    """Every verb has a line in the help that is not cut off, and help of its own."""
-    _, out, _ = piezod("--help")
-    (line,) = [line for line in out.splitlines() if line.split()[:1] == [verb]]
-    assert not line.endswith("...")
-
-    code, out, err = piezod(verb, "--help")
-    assert (code, err) == (0, "")
+from tests.client.fake_daemon import ACCEPTED, STATUS, FakeDaemon, interval
 
 
 @pytest.mark.parametrize(
@@ -56,7 +29,7 @@ def test_help_lists_the_verb(piezod: Command, verb: str) -> None:
         ("follow", "follow", {}, "following the command input"),
         ("follow --axis x", "follow", {"axis": "x"}, "following the command input"),
         ("hold", "hold", {}, "holding the voltage"),
-        ("resume", "resume", {}, "going on"),
+        ("resume", "resume", {}, "continuing"),
         ("condition --axis x", "condition", {"axis": "x"}, "conditioning"),
         ("zero", "zero", {}, "zero from now on"),
         ("stop", "stop", {}, "ramping"),
@@ -69,7 +42,7 @@ def test_help_lists_the_verb(piezod: Command, verb: str) -> None:
 def test_command(
     piezod: Command, daemon: FakeDaemon, arguments: str, what: str, body: object, text: str
 ) -> None:
-    """A verb posts its request, and says in a line what it has led to."""
+    """A verb posts its request, and prints one line when it is accepted."""
     code, out, err = piezod(*arguments.split())
 
     assert (code, err) == (0, "")
@@ -81,14 +54,14 @@ def test_command(
 @pytest.mark.usefixtures("daemon")
 @pytest.mark.parametrize("verb", ["arm", "stop", "goto 1", "mode adaptive", "reload", "zero"])
 def test_command_as_json(piezod: Command, verb: str) -> None:
-    """With --json the daemon's answer is on stdout and nothing else."""
+    """With --json stdout has the answer of the daemon and nothing else."""
     code, out, err = piezod(*verb.split(), "--json")
 
     assert (code, json.loads(out), err) == (0, ACCEPTED, "")
 
 
 def test_commands_have_no_name(piezod: Command, daemon: FakeDaemon) -> None:
-    """One command follows another: they share the lease, among them and with a user's scripts."""
+    """Verbs have no client name, so that they share the lease with the scripts of the user."""
     piezod("arm")
     piezod("goto", "1")
 
@@ -97,7 +70,7 @@ def test_commands_have_no_name(piezod: Command, daemon: FakeDaemon) -> None:
 
 @pytest.mark.usefixtures("daemon")
 def test_status(piezod: Command) -> None:
-    """People see state, axes and faults at a glance."""
+    """Status shows state, axes and faults."""
     code, out, _ = piezod("status")
 
     assert code == 0
@@ -109,7 +82,7 @@ def test_status(piezod: Command) -> None:
 
 
 def test_status_without_positions(piezod: Command, daemon: FakeDaemon) -> None:
-    """Where there is no number there is a dash."""
+    """An unknown number is shown as a dash."""
     axis = {"position_um": None, "command_um": None, "drive_v": 0.0}
     daemon.answers["GET status"] = {**STATUS, "shadow": True, "faults": [], "axes": {"x": axis}}
 
@@ -120,7 +93,7 @@ def test_status_without_positions(piezod: Command, daemon: FakeDaemon) -> None:
 
 
 def test_status_tells_how_each_device_is_used(piezod: Command, daemon: FakeDaemon) -> None:
-    """Who it is, where it is used, what its round trips take, and what it can do."""
+    """Status shows identity, placement, round trips and capabilities of each device."""
     able = {"read_back": True, "holds": True, "enables": False, "soft_disable": False}
     device = {
         "name": "amp",
@@ -139,14 +112,14 @@ def test_status_tells_how_each_device_is_used(piezod: Command, daemon: FakeDaemo
 
 @pytest.mark.usefixtures("daemon")
 def test_status_as_json(piezod: Command) -> None:
-    """The document is the daemon's."""
+    """Status as JSON is the document of the daemon."""
     code, out, _ = piezod("status", "--json")
 
     assert (code, json.loads(out)) == (0, STATUS)
 
 
 def test_faults(piezod: Command, daemon: FakeDaemon) -> None:
-    """Each fault comes with its remedy; none is said, too."""
+    """Each fault is shown with its remedy; without faults one line says so."""
     daemon.answers["GET faults"] = {"faults": STATUS["faults"]}
     _, out, _ = piezod("faults")
     assert "S5" in out
@@ -160,8 +133,8 @@ def test_faults(piezod: Command, daemon: FakeDaemon) -> None:
 
 
 def test_goto_that_waits(piezod: Command, daemon: FakeDaemon) -> None:
-    """It ends when the position is reached, and says where the stage is."""
-    daemon.telemetry = [told(), told(12.51, on_target=True)]
+    """With --wait goto ends when the stage has arrived, and prints the position."""
+    daemon.telemetry = [interval(), interval(12.51, on_target=True)]
 
     assert piezod("goto", "12.5", "--wait") == (0, "at 12.510 µm\n", "")
     _, out, _ = piezod("goto", "12.5", "--wait", "--json")
@@ -169,15 +142,15 @@ def test_goto_that_waits(piezod: Command, daemon: FakeDaemon) -> None:
 
 
 def test_goto_that_waits_in_vain(piezod: Command, daemon: FakeDaemon) -> None:
-    """What ended the movement is on stderr, and the exit code is not 0."""
-    daemon.telemetry = [told(), told(state="HOLD", faults=["S5"])]
+    """If the movement ends early the reason is on stderr, and the exit code is 1."""
+    daemon.telemetry = [interval(), interval(state="HOLD", faults=["S5"])]
 
     code, out, err = piezod("goto", "12.5", "--wait", "--timeout", "5")
 
     assert (code, out) == (1, "")
     assert err == (
-        "axis x: the stage went to HOLD because of S5 before it was there; "
-        "`piezod faults` tells more\n"
+        "axis x: the stage went to HOLD because of S5 before it reached the target; "
+        "`piezod faults` shows more\n"
     )
 
 
@@ -188,13 +161,13 @@ duration_s: 5
 
 
 def wave_of(daemon: FakeDaemon) -> Any:
-    """Return what was posted last."""
+    """Return the body of the last request, a wave."""
     assert daemon.asked[-1].what == "POST wave"
     return daemon.asked[-1].body
 
 
 def test_wave_of_a_file(piezod: Command, daemon: FakeDaemon, folder: Path) -> None:
-    """A file has waveforms as experiments have them; files that it names lie beside it."""
+    """A file has the waveforms of experiments; paths in it are relative to its folder."""
     (folder / "wave.yaml").write_text(WAVE, encoding="utf-8")
     assert piezod("wave", "wave.yaml") == (0, "following for 5 s\n", "")
     assert wave_of(daemon)["command_um"]["x"]["frequency_hz"] == 2
@@ -213,7 +186,7 @@ def test_wave_of_a_file(piezod: Command, daemon: FakeDaemon, folder: Path) -> No
 
 @pytest.mark.parametrize("kind", ["sine", "triangle"])
 def test_wave_of_the_command_line(piezod: Command, daemon: FakeDaemon, kind: str) -> None:
-    """A swing is named in numbers; the only axis need not be."""
+    """A sine or triangle needs numbers only, for the only axis."""
     arguments = ("wave", f"--{kind}", "-1", "10", "0.5", "--duration", "3")
 
     assert piezod(*arguments).code == 0
@@ -238,7 +211,7 @@ def test_wave_of_the_command_line(piezod: Command, daemon: FakeDaemon, kind: str
 def test_wave_used_wrongly(
     piezod: Command, daemon: FakeDaemon, folder: Path, arguments: str, text: str
 ) -> None:
-    """What cannot be meant is wrong usage."""
+    """Contradictory options are wrong usage."""
     (folder / "wave.yaml").write_text(WAVE, encoding="utf-8")
     axis = STATUS["axes"]["x"]
     daemon.answers["GET status"] = {**STATUS, "axes": {"x": axis, "y": axis}}
@@ -250,7 +223,7 @@ def test_wave_used_wrongly(
 
 
 def test_wave_that_is_not_valid(piezod: Command, daemon: FakeDaemon, folder: Path) -> None:
-    """A file is checked before it is sent; every problem has its place."""
+    """A file is checked before anything is sent; every problem has its place."""
     text = WAVE.replace("high: 10", "high: -1").replace("5", "five")
     (folder / "wave.yaml").write_text(text, encoding="utf-8")
 
@@ -263,17 +236,17 @@ def test_wave_that_is_not_valid(piezod: Command, daemon: FakeDaemon, folder: Pat
 
 
 def test_refusal(piezod: Command, daemon: FakeDaemon) -> None:
-    """What the daemon refuses exits with 1; its reason and remedy are on stderr."""
+    """A refused request exits with 1; reason and remedy are on stderr."""
     daemon.refuse("POST goto", 409, "refused", "the stage is SAFE", "piezod arm")
 
     assert piezod("goto", "1") == (1, "", "the stage is SAFE; piezod arm\n")
 
 
 def test_user_without_the_right(piezod: Command, daemon: FakeDaemon) -> None:
-    """Who may not do it gets 77."""
-    daemon.refuse("POST arm", 403, "forbidden", "eve is viewer here, this needs operator")
+    """A request that the role does not allow exits with 77."""
+    daemon.refuse("POST arm", 403, "forbidden", "eve has the role viewer, this needs operator")
 
-    assert piezod("arm") == (77, "", "eve is viewer here, this needs operator\n")
+    assert piezod("arm") == (77, "", "eve has the role viewer, this needs operator\n")
 
 
 def test_no_daemon(piezod: Command, folder: Path) -> None:
@@ -287,7 +260,7 @@ def test_no_daemon(piezod: Command, folder: Path) -> None:
 def test_several_daemons(
     piezod: Command, daemon: FakeDaemon, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Which one is meant is a matter of usage."""
+    """With several daemons and no name the usage is wrong."""
     monkeypatch.delenv("PIEZOD_SOCKET")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
     for name in ("afm", "bench"):
@@ -302,7 +275,7 @@ def test_several_daemons(
 
 
 def test_impossible_value(piezod: Command, daemon: FakeDaemon) -> None:
-    """What no daemon would accept is not sent."""
+    """An impossible value is not sent."""
     code, _, err = piezod("goto", "nan")
 
     assert code == 1

@@ -26,7 +26,7 @@ HISTORY = {
     ],
 )
 def test_params(piezod: Command, daemon: FakeDaemon, arguments: str, what: str, text: str) -> None:
-    """Each says which parameters it was."""
+    """Each verb prints the number of the parameters."""
     daemon.answers[what] = {"sequence": 4}
 
     assert piezod("params", *arguments.split()) == (0, text, "")
@@ -36,7 +36,7 @@ def test_params(piezod: Command, daemon: FakeDaemon, arguments: str, what: str, 
 
 
 def test_params_in_use(piezod: Command, daemon: FakeDaemon) -> None:
-    """What belongs to an axis is listed; lists of weights are not for people."""
+    """The parameters of an axis are listed, except the weights of its model."""
     axis = {"zero_um": 1.5, "offset": None, "model": {"method": "lms", "right_stop_weights": [1.0]}}
     daemon.answers["GET params"] = {"sequence": 4, "axes": {"x": axis}}
 
@@ -48,14 +48,14 @@ def test_params_in_use(piezod: Command, daemon: FakeDaemon) -> None:
 
 
 def test_params_never_saved(piezod: Command, daemon: FakeDaemon) -> None:
-    """That they are not saved is said."""
+    """Parameters that were never saved are shown as not saved."""
     daemon.answers["GET params"] = {"sequence": None, "axes": {}}
 
     assert piezod("params", "list") == (0, "not saved\n", "")
 
 
 def test_history(piezod: Command, daemon: FakeDaemon) -> None:
-    """Newest first, and what is wrong with those that cannot be used."""
+    """The history is newest first, with the reason if parameters cannot be used."""
     daemon.answers["GET params/history"] = HISTORY
     _, out, _ = piezod("params", "history")
     assert out.index("eva") < out.index("the checksum is wrong")
@@ -67,7 +67,7 @@ def test_history(piezod: Command, daemon: FakeDaemon) -> None:
 
 
 def test_recording(piezod: Command, daemon: FakeDaemon) -> None:
-    """It is started with a label, and ends with what is in it."""
+    """A recording starts with a label; its end prints the number of cycles."""
     daemon.answers["POST recordings/start"] = {"name": f"{NAME}-creep"}
     daemon.answers["POST recordings/stop"] = {"name": f"{NAME}-creep", "records": 5, "lost": 0}
 
@@ -77,7 +77,7 @@ def test_recording(piezod: Command, daemon: FakeDaemon) -> None:
 
 
 def test_recording_with_losses(piezod: Command, daemon: FakeDaemon) -> None:
-    """What is missing is said, and why it ended."""
+    """Lost cycles are printed, and the reason of an end by itself."""
     answer = {"name": NAME, "records": 5, "lost": 2, "why": "the disk is full"}
     daemon.answers["POST recordings/stop"] = answer
 
@@ -88,12 +88,12 @@ def test_recording_with_losses(piezod: Command, daemon: FakeDaemon) -> None:
 
 
 def test_recordings(piezod: Command, daemon: FakeDaemon) -> None:
-    """Those that are finished are listed, and the one that goes on."""
+    """The finished recordings are listed, and the one in progress."""
     running = {"name": NAME, "records": 7, "lost": 0}
     finished = [{"name": f"{NAME}-creep", "size_bytes": 2_500_000}]
     daemon.answers["GET recordings"] = {"running": running, "recordings": finished}
     _, out, _ = piezod("record", "list")
-    assert out == f"{NAME}-creep  2.5 MB\n{NAME}  7 cycles, going on\n"
+    assert out == f"{NAME}-creep  2.5 MB\n{NAME}  7 cycles, in progress\n"
     daemon.answers["GET recordings"] = {"running": None, "recordings": finished}
     assert piezod("record", "list").out == f"{NAME}-creep  2.5 MB\n"
     _, out, _ = piezod("record", "list", "--json")
@@ -104,7 +104,7 @@ def test_recordings(piezod: Command, daemon: FakeDaemon) -> None:
 
 
 def test_recording_is_copied(piezod: Command, daemon: FakeDaemon, folder: Path) -> None:
-    """It gets its own name in the current folder, or the one that is given."""
+    """A recording is copied to its own name in the current folder, or to a given file."""
     daemon.answers[f"GET recordings/{NAME}"] = Raw(200, b"HDF")
 
     assert piezod("record", "get", NAME) == (0, f"{NAME}.h5: 3 bytes\n", "")
@@ -115,7 +115,7 @@ def test_recording_is_copied(piezod: Command, daemon: FakeDaemon, folder: Path) 
 
 
 def test_recording_to_nowhere(piezod: Command, daemon: FakeDaemon) -> None:
-    """A folder that is not there is an error with its name."""
+    """A missing folder is an error with its name."""
     daemon.answers[f"GET recordings/{NAME}"] = Raw(200, b"HDF")
 
     code, _, err = piezod("record", "get", NAME, "--out", "no/a.h5")
@@ -125,7 +125,7 @@ def test_recording_to_nowhere(piezod: Command, daemon: FakeDaemon) -> None:
 
 
 def test_help_says_what_is_not_restored(piezod: Command) -> None:
-    """Nobody shall rely on the drift of another day."""
+    """Help says that offset and scale are not restored."""
     _, out, _ = piezod("params", "--help")
 
     assert "saved and not restored" in out

@@ -1,4 +1,4 @@
-"""A daemon to talk to."""
+"""A fake daemon and a client of it."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A daemon that answers what a test tells it to, on a real socket."""
+"""A daemon on a real socket, with answers that a test sets."""
 
 import json
 import socketserver
@@ -15,12 +15,12 @@ ACCEPTED = {"accepted": True, "motion": 7}
 
 
 class Asked(NamedTuple):
-    """A request that came.
+    """A received request.
 
     Attributes:
-        what: Method and path with its query, as in "GET status".
-        body: The document, or those of the lines; None for none.
-        client: What the client calls itself.
+        what: Method and path with its query, for example "GET status".
+        body: The document, or the documents of the lines; None for none.
+        client: Name of the client.
     """
 
     what: str
@@ -32,8 +32,8 @@ class Raw(NamedTuple):
     """An answer that is not a document.
 
     Attributes:
-        status: Of HTTP.
-        body: What follows.
+        status: HTTP status.
+        body: Content.
         kind: Media type.
     """
 
@@ -43,10 +43,10 @@ class Raw(NamedTuple):
 
 
 class FakeDaemon(socketserver.ThreadingMixIn, socketserver.UnixStreamServer):
-    """Notes what it is asked; `answers` has what it says, by method and path, while `answering`.
+    """Records requests; answers them from `answers`, by method and path, while `answering` is set.
 
     Args:
-        socket: Where to listen.
+        socket: Path of its socket.
     """
 
     def __init__(self, socket: Path) -> None:
@@ -73,7 +73,7 @@ class FakeDaemon(socketserver.ThreadingMixIn, socketserver.UnixStreamServer):
             self.socket_path.unlink()
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Say nothing of a client that has gone: that is what a test wants."""
+        """Print nothing about a client that has disconnected."""
 
     def refuse(self, what: str, status: int, code: str, text: str, remedy: str = "") -> None:
         """Answer a request with an error from now on."""
@@ -99,7 +99,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._handle(json.loads(self.rfile.read(length) or b"null"))
 
     def log_message(self, format: str, *args: object) -> None:
-        """Say nothing."""
+        """Print nothing."""
 
     def _chunks(self) -> Iterator[bytes]:
         while size := int(self.rfile.readline(), 16):
@@ -124,7 +124,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def events(documents: Sequence[Document]) -> bytes:
-    """Return documents as an event stream, with what else may be in one between them."""
+    """Return documents as an event stream, with comments between them."""
     texts = (
         f"event: telemetry\ndata: {json.dumps(each)}\n\n: nothing new\n\n" for each in documents
     )
@@ -132,11 +132,11 @@ def events(documents: Sequence[Document]) -> bytes:
 
 
 def ranged(value: float | None) -> Document:
-    """Return a quantity that did not change in an interval."""
+    """Return a quantity that is constant in an interval."""
     return {"min": value, "max": value, "last": value}
 
 
-def told(
+def interval(
     position_um: float | None = 12.4,
     *,
     state: str = "RUN",
@@ -146,7 +146,7 @@ def told(
     axis: str = "x",
     t_s: float = 100.0,
 ) -> Document:
-    """Return the telemetry of an interval in which axis x stood still."""
+    """Return the telemetry of an interval with constant quantities."""
     error_um = None if position_um is None else 12.5 - position_um
     return {
         "t_s": t_s,

@@ -1,4 +1,4 @@
-"""The clients against the daemon's own service: both mean the same by what they send."""
+"""The clients with the service of the daemon."""
 
 import asyncio
 from collections.abc import Iterator
@@ -10,10 +10,10 @@ import pytest
 
 from piezod.client import AsyncStageClient, StageClient
 from piezod.config import requests
+from piezod.config.endpoints import Role
 from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.daemon.service.peer_protocol import ConnectionLimits
-from piezod.daemon.service.stage_service import Role
 from piezod.errors import NotAllowedError, NotRunningError, RefusedError
 from piezod.telemetry.layout import record_dtype
 from tests.daemon.service.fakes import Served
@@ -38,7 +38,7 @@ def stage(served: Served) -> Iterator[StageClient]:
 
 
 def test_every_request_arrives_as_it_was_meant(served: Served, stage: StageClient) -> None:
-    """The loop gets the request that the method stands for, with all that belongs to it."""
+    """Each method sends its request with all fields."""
     model = load_model(ROOT / "config" / "models" / "simulated-stack.yaml")
 
     stage.arm(shadow=True)
@@ -72,8 +72,8 @@ def test_every_request_arrives_as_it_was_meant(served: Served, stage: StageClien
     assert adopted == requests.AdoptModel(axis="x", model=model, zero_um=1.5)
 
 
-def test_what_is_told(served: Served, stage: StageClient) -> None:
-    """Everything that can be asked is understood."""
+def test_reports(served: Served, stage: StageClient) -> None:
+    """The client reads every report of the service."""
     served.stage.healthy = False
 
     assert stage.status().axes["x"].position_um is None
@@ -101,7 +101,7 @@ def test_recordings(served: Served, stage: StageClient, tmp_path: Path) -> None:
 
 
 def test_telemetry(served: Served, stage: StageClient) -> None:
-    """Records become ranges; what a cycle cannot tell is None."""
+    """Records become ranges; an unknown value is None."""
     records = np.zeros(3, record_dtype(2))
     records["t_ns"] = [1_000_000_000, 1_500_000_000, 2_000_000_000]
     records["axes"]["position_um"][:, 0] = [1.0, 9.0, 2.0]
@@ -109,15 +109,15 @@ def test_telemetry(served: Served, stage: StageClient) -> None:
     served.stage.reader.waiting = [records]
 
     with closing(stage.telemetry(50, ["x", "y"])) as intervals:
-        told = next(intervals)
+        interval = next(intervals)
 
-    assert (told.t_s, told.cycles, told.state) == (2.0, 3, "BOOT")
-    assert (told.axes["x"].position_um.max, told.axes["x"].position_um.last) == (9.0, 2.0)
-    assert told.axes["y"].position_um.max is None
+    assert (interval.t_s, interval.cycles, interval.state) == (2.0, 3, "BOOT")
+    assert (interval.axes["x"].position_um.max, interval.axes["x"].position_um.last) == (9.0, 2.0)
+    assert interval.axes["y"].position_um.max is None
 
 
 def test_stream(served: Served, stage: StageClient) -> None:
-    """Each setpoint arrives; the first one says which axes."""
+    """Each setpoint arrives; the first one names the axes."""
     ended = stage.stream({"x": float(number)} for number in range(5))
 
     assert ended.setpoints == 5
@@ -126,7 +126,7 @@ def test_stream(served: Served, stage: StageClient) -> None:
 
 
 def test_refused_stream_ends_while_setpoints_come(served: Served, stage: StageClient) -> None:
-    """The reason arrives, although the client has not said all that it wanted to."""
+    """The client reads the refusal while it is still sending."""
     served.stage.refusal = "the stage is SAFE"
 
     def endless() -> Iterator[dict[str, float]]:
@@ -138,7 +138,7 @@ def test_refused_stream_ends_while_setpoints_come(served: Served, stage: StageCl
 
 
 def test_refusals(served: Served, stage: StageClient) -> None:
-    """State, lease, role and unknown names are told by errors with a code."""
+    """Refusals for state, lease, role and unknown names are errors with a code."""
     with (
         StageClient(socket=served.socket, name="other") as other,
         pytest.raises(RefusedError, match=r"somebody \(test\) holds the lease") as held,
@@ -161,7 +161,7 @@ def test_refusals(served: Served, stage: StageClient) -> None:
 
 
 def test_async_client(served: Served) -> None:
-    """The other client speaks the same language."""
+    """The async client works with the service."""
 
     async def use() -> None:
         async with AsyncStageClient(socket=served.socket) as stage:
@@ -174,7 +174,7 @@ def test_async_client(served: Served) -> None:
 
 
 def test_service_that_ends(tmp_path: Path) -> None:
-    """Telemetry ends with the daemon, and says so."""
+    """The end of the service ends telemetry with an error."""
     served = Served(tmp_path, ConnectionLimits())
     with served.running():
         served.stage.reader.waiting = [np.zeros(1, record_dtype(2))]
@@ -182,5 +182,5 @@ def test_service_that_ends(tmp_path: Path) -> None:
         intervals = stage.telemetry(50)
         next(intervals)
 
-    with stage, pytest.raises(NotRunningError, match="the daemon has gone"):
+    with stage, pytest.raises(NotRunningError, match="the daemon has ended"):
         next(intervals)

@@ -1,6 +1,8 @@
-"""Both clients against a daemon that answers what a test tells it to."""
+"""Both clients with a fake daemon."""
 
 import asyncio
+import subprocess
+import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import closing
 from pathlib import Path
@@ -15,11 +17,11 @@ from piezod.errors import (
     NotRunningError,
     RefusedError,
 )
-from tests.client.fake_daemon import ACCEPTED, STATUS, Asked, FakeDaemon, Raw, told
+from tests.client.fake_daemon import ACCEPTED, STATUS, Asked, FakeDaemon, Raw, interval
 
 
 def test_status_is_typed(stage: StageClient, daemon: FakeDaemon) -> None:
-    """Numbers have names and types, and the daemon's document is there, too."""
+    """Results have typed fields, and keep the document of the daemon."""
     daemon.answers["GET status"] = {**STATUS, "later": "unknown"}
 
     status = stage.status()
@@ -31,7 +33,7 @@ def test_status_is_typed(stage: StageClient, daemon: FakeDaemon) -> None:
 
 
 def test_missing_number_is_none(stage: StageClient, daemon: FakeDaemon) -> None:
-    """Where a sample may not be used there is no position, and no error either."""
+    """Without a valid sample position and error are None."""
     axis = {"position_um": None, "command_um": 1.0, "drive_v": 0.0}
     daemon.answers["GET status"] = {**STATUS, "axes": {"x": axis}}
 
@@ -42,15 +44,15 @@ def test_missing_number_is_none(stage: StageClient, daemon: FakeDaemon) -> None:
 
 
 def test_command_carries_the_clients_name(stage: StageClient, daemon: FakeDaemon) -> None:
-    """The lease belongs to user and name."""
+    """Each request has the name of the client."""
     answer = stage.goto(12.5)
 
     assert daemon.asked == [Asked("POST goto", {"position_um": 12.5}, "test")]
     assert (answer.motion, answer.document) == (7, ACCEPTED)
 
 
-def test_a_name_is_only_for_who_wants_a_lease_of_his_own(daemon: FakeDaemon) -> None:
-    """Without one, a user's shell and scripts are one and the same to the daemon."""
+def test_name_is_empty_by_default(daemon: FakeDaemon) -> None:
+    """The name is empty unless a client has one of its own."""
     with (
         StageClient(socket=daemon.socket_path) as one,
         StageClient(socket=one.socket, name="scanner") as other,
@@ -62,7 +64,7 @@ def test_a_name_is_only_for_who_wants_a_lease_of_his_own(daemon: FakeDaemon) -> 
 
 
 def test_unhealthy_is_an_answer(stage: StageClient, daemon: FakeDaemon) -> None:
-    """That the loop does not run on schedule is no error of the question."""
+    """HTTP status 503 of `health` is an answer, not an error."""
     daemon.answers["GET health"] = Raw(503, b'{"healthy": false, "cycle_age_s": 2.5}')
 
     assert stage.health().healthy is False
@@ -85,7 +87,7 @@ def test_unhealthy_is_an_answer(stage: StageClient, daemon: FakeDaemon) -> None:
 def test_error_documents_become_errors(
     stage: StageClient, daemon: FakeDaemon, status: int, error: type[ClientError]
 ) -> None:
-    """What is wrong, the remedy and the code arrive whole."""
+    """An error has the text, the remedy and the code of the daemon."""
     daemon.refuse("POST goto", status, "refused", "the stage is SAFE", "piezod arm")
 
     with pytest.raises(ClientError) as caught:
@@ -107,39 +109,39 @@ def test_error_documents_become_errors(
         {**STATUS, "skipped_cycles": "many"},
     ],
 )
-def test_strange_answers_are_told(
+def test_answer_of_unexpected_form(
     stage: StageClient, daemon: FakeDaemon, answer: Raw | dict[str, object]
 ) -> None:
-    """An answer that no daemon of this version gives suggests to compare the versions."""
+    """An answer with an unexpected form suggests to compare the versions."""
     daemon.answers["GET status"] = answer
 
-    with pytest.raises(ClientError, match="of the same version"):
+    with pytest.raises(ClientError, match="the same version"):
         stage.status()
 
 
 @pytest.mark.parametrize("client", [StageClient, AsyncStageClient])
 def test_no_daemon(tmp_path: Path, client: type[StageClient | AsyncStageClient]) -> None:
-    """A socket without anybody behind it means that no daemon runs."""
+    """A socket on which nothing listens means that no daemon runs."""
     with pytest.raises(NotRunningError, match=r"api.sock: no daemon is running there; start it"):
         client(socket=tmp_path / "api.sock")
 
 
-# httpcore leaves the socket to the garbage collector where it cannot connect.
+# httpcore leaves the socket to the garbage collector if it cannot connect.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_daemon_that_has_gone(tmp_path: Path) -> None:
-    """A daemon may end after it was found."""
+    """A daemon that ends after the client was made leads to NotRunningError."""
     daemon = FakeDaemon(tmp_path / "gone.sock")
     with daemon.running():
         stage = StageClient(socket=daemon.socket_path)
 
-    with stage, pytest.raises(NotRunningError, match=r"gone.sock: the daemon has gone"):
+    with stage, pytest.raises(NotRunningError, match=r"gone.sock: the daemon has ended"):
         stage.stop()
 
 
 def test_daemon_that_does_not_answer(daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody waits for ever."""
+    """A daemon that does not answer leads to an error after the time-out."""
     daemon.answering.clear()
-    monkeypatch.setattr("piezod.client.stage_client.TIMEOUT", 0.01)
+    monkeypatch.setattr("piezod.client.stage_client.TIMEOUT_S", (0.01,) * 4)
 
     with (
         StageClient(socket=daemon.socket_path) as stage,
@@ -149,8 +151,8 @@ def test_daemon_that_does_not_answer(daemon: FakeDaemon, monkeypatch: pytest.Mon
 
 
 def test_telemetry_is_typed(stage: StageClient, daemon: FakeDaemon) -> None:
-    """Each event has the range of every quantity."""
-    daemon.telemetry = [told(1.0), told(None)]
+    """Each interval has the range of every quantity."""
+    daemon.telemetry = [interval(1.0), interval(None)]
 
     with closing(stage.telemetry(5, ["x"])) as intervals:
         first, second = next(intervals), next(intervals)
@@ -162,24 +164,24 @@ def test_telemetry_is_typed(stage: StageClient, daemon: FakeDaemon) -> None:
 
 
 def test_telemetry_ends_with_the_daemon(stage: StageClient, daemon: FakeDaemon) -> None:
-    """Telemetry goes on for ever, so its end is an error."""
-    daemon.telemetry = [told()]
+    """The end of telemetry is an error."""
+    daemon.telemetry = [interval()]
 
-    with pytest.raises(NotRunningError, match="the daemon has gone"):
+    with pytest.raises(NotRunningError, match="the daemon has ended"):
         list(stage.telemetry())
 
 
 @pytest.mark.parametrize("data", [b"data: no JSON\n\n", b"data: [1]\n\n", b"data: {}\n\n"])
-def test_strange_telemetry_is_told(stage: StageClient, daemon: FakeDaemon, data: bytes) -> None:
-    """What is no telemetry of this version is an error, too."""
+def test_telemetry_of_unexpected_form(stage: StageClient, daemon: FakeDaemon, data: bytes) -> None:
+    """An event with an unexpected form is an error."""
     daemon.answers["GET telemetry"] = Raw(200, data, "text/event-stream")
 
-    with pytest.raises(ClientError, match="of the same version"):
+    with pytest.raises(ClientError, match="the same version"):
         next(stage.telemetry())
 
 
 def test_refused_telemetry(stage: StageClient, daemon: FakeDaemon) -> None:
-    """An error document is read in place of the stream."""
+    """A refused stream of telemetry raises the error of the daemon."""
     daemon.refuse("GET telemetry", 404, "not_found", "no axis 'q'", "axes: x")
 
     with pytest.raises(RefusedError, match="no axis 'q'; axes: x"):
@@ -187,11 +189,11 @@ def test_refused_telemetry(stage: StageClient, daemon: FakeDaemon) -> None:
 
 
 def test_goto_and_wait(stage: StageClient, daemon: FakeDaemon) -> None:
-    """It returns once the target of its own movement is held; what was before does not count."""
+    """goto_and_wait returns when its own movement has arrived; an earlier one does not count."""
     daemon.telemetry = [
-        told(1.0, motion=6, on_target=True, state="READY"),
-        told(12.4),
-        told(12.51, on_target=True),
+        interval(1.0, motion=6, on_target=True, state="READY"),
+        interval(12.4),
+        interval(12.51, on_target=True),
     ]
 
     there = stage.goto_and_wait(12.5)
@@ -203,17 +205,21 @@ def test_goto_and_wait(stage: StageClient, daemon: FakeDaemon) -> None:
 @pytest.mark.parametrize(
     ("last", "text", "code"),
     [
-        (told(motion=8), "axis x: another movement has taken the place of this one", "superseded"),
-        (told(state="HOLD"), "axis x: the stage went to HOLD before it was there", "state"),
-        (told(state="RAMP", faults=["S5", "L2"]), "RAMP because of S5, L2 before", "state"),
-        (told(None, state="BLIND", on_target=True), "the stage went to BLIND", "state"),
+        (interval(motion=8), "axis x: another movement has replaced this one", "superseded"),
+        (
+            interval(state="HOLD"),
+            "axis x: the stage went to HOLD before it reached the target",
+            "state",
+        ),
+        (interval(state="RAMP", faults=["S5", "L2"]), "RAMP because of S5, L2 before", "state"),
+        (interval(None, state="BLIND", on_target=True), "the stage went to BLIND", "state"),
     ],
 )
 def test_goto_that_does_not_arrive(
     stage: StageClient, daemon: FakeDaemon, last: dict[str, object], text: str, code: str
 ) -> None:
-    """What ended the movement is said."""
-    daemon.telemetry = [told(), last]
+    """The error has the reason why the movement ended."""
+    daemon.telemetry = [interval(), last]
 
     with pytest.raises(NotReachedError) as caught:
         stage.goto_and_wait(12.5, axis="x")
@@ -223,18 +229,18 @@ def test_goto_that_does_not_arrive(
 
 
 def test_goto_that_takes_too_long(stage: StageClient, daemon: FakeDaemon) -> None:
-    """The error that is left is said."""
-    daemon.telemetry = [told()]
+    """After the time-out the error has the remaining distance."""
+    daemon.telemetry = [interval()]
 
     with pytest.raises(NotReachedError, match=r"not on target within 0 s, the error is \+0.100 µm"):
         stage.goto_and_wait(12.5, timeout_s=0.0)
-    daemon.telemetry = [told(None)]
-    with pytest.raises(NotReachedError, match=r"not on target within 0 s; the stage goes on"):
+    daemon.telemetry = [interval(None)]
+    with pytest.raises(NotReachedError, match=r"not on target within 0 s; the stage continues"):
         stage.goto_and_wait(12.5, timeout_s=0.0)
 
 
 def test_stream(stage: StageClient, daemon: FakeDaemon) -> None:
-    """Each setpoint is a line of the body."""
+    """Each setpoint is one line of the body."""
     daemon.answers["POST stream"] = {"accepted": True, "setpoints": 2}
 
     ended = stage.stream([{"x": 1.0}, {"x": 2.5}])
@@ -244,13 +250,13 @@ def test_stream(stage: StageClient, daemon: FakeDaemon) -> None:
 
 
 def test_setpoint_that_is_not_finite_ends_a_stream(stage: StageClient) -> None:
-    """JSON has no NaN."""
+    """A setpoint that is not finite raises RefusedError."""
     with pytest.raises(RefusedError, match=r"setpoints must be finite \(got {'x': nan}\)"):
         stage.stream([{"x": 1.0}, {"x": float("nan")}])
 
 
 def test_recording_is_copied(stage: StageClient, daemon: FakeDaemon, tmp_path: Path) -> None:
-    """The file has its name only when it is complete."""
+    """A recording gets its name when it is complete."""
     daemon.answers["GET recordings/20261121T120000Z"] = Raw(200, b"\x89HDF" * 100_000)
 
     size_bytes = stage.fetch_recording("20261121T120000Z", tmp_path / "a.h5")
@@ -263,7 +269,7 @@ def test_recording_is_copied(stage: StageClient, daemon: FakeDaemon, tmp_path: P
 def test_recording_that_is_not_there(
     stage: StageClient, daemon: FakeDaemon, tmp_path: Path
 ) -> None:
-    """What was there before stays where there is nothing to copy; a name is no path."""
+    """An existing file stays if the recording is unknown; a name cannot be a path."""
     (tmp_path / "a.h5").write_text("before")
     daemon.refuse("GET recordings/..%2Fother", 404, "not_found", "no recording of that name")
 
@@ -277,11 +283,11 @@ Use = Callable[[AsyncStageClient], AsyncIterator[object]]
 
 
 def test_async_client_does_the_same(daemon: FakeDaemon, tmp_path: Path) -> None:
-    """Under asyncio the same calls have the same results."""
+    """The async client has the same results."""
     daemon.answers["GET status"] = STATUS
     daemon.answers["POST stream"] = {"accepted": True, "setpoints": 1}
     daemon.answers["GET recordings/a"] = Raw(200, b"HDF")
-    daemon.telemetry = [told(), told(12.49, on_target=True)]
+    daemon.telemetry = [interval(), interval(12.49, on_target=True)]
 
     async def setpoints() -> AsyncIterator[dict[str, float]]:
         yield {"x": 1.0}
@@ -306,7 +312,7 @@ def test_async_client_does_the_same(daemon: FakeDaemon, tmp_path: Path) -> None:
 
 
 def test_async_client_has_the_same_errors(daemon: FakeDaemon, tmp_path: Path) -> None:
-    """Errors are those of the other client."""
+    """The async client has the same errors."""
     daemon.refuse("GET telemetry", 403, "forbidden", "nobody may look")
     daemon.refuse("GET recordings/a", 404, "not_found", "no recording of that name")
 
@@ -317,7 +323,7 @@ def test_async_client_has_the_same_errors(daemon: FakeDaemon, tmp_path: Path) ->
             with pytest.raises(RefusedError, match="no recording"):
                 await stage.fetch_recording("a", tmp_path / "a.h5")
             del daemon.answers["GET telemetry"]
-            daemon.telemetry = [told()]
+            daemon.telemetry = [interval()]
             with pytest.raises(NotRunningError):
                 async for _ in stage.telemetry():
                     pass
@@ -325,3 +331,13 @@ def test_async_client_has_the_same_errors(daemon: FakeDaemon, tmp_path: Path) ->
                 await stage.goto_and_wait(12.5, timeout_s=0.0)
 
     asyncio.run(use())
+
+
+def test_import_is_quick() -> None:
+    """Importing the client imports neither httpx nor pydantic; making a client does."""
+    slow = "{'h5py', 'httpx', 'numba', 'numpy', 'pydantic', 'rich', 'typer', 'yaml'}"
+    code = f"import sys; import piezod.client; print({slow} & set(sys.modules))"
+
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+
+    assert ended.stdout == b"set()\n"

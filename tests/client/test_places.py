@@ -1,4 +1,4 @@
-"""Which daemon is meant."""
+"""The choice of a daemon."""
 
 import errno
 import os
@@ -17,7 +17,7 @@ Listen = Callable[[Path], Path]
 
 @pytest.fixture
 def listen() -> Iterator[Listen]:
-    """Return what makes a stage's folder with a socket on which somebody listens."""
+    """Return a function that makes the folder of a stage with a listening socket."""
     with ExitStack() as stack:
 
         def start(folder: Path) -> Path:
@@ -32,7 +32,7 @@ def listen() -> Iterator[Listen]:
 
 @pytest.fixture(autouse=True)
 def own_tmp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the folder for temporary files, in which no daemon of the tester is."""
+    """Return a folder for temporary files without other daemons."""
     folder = tmp_path / "tmp"
     folder.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(folder))
@@ -40,14 +40,14 @@ def own_tmp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_only_one_is_meant(tmp_path: Path, listen: Listen) -> None:
-    """Who has one stage need not name it."""
+    """The only running stage needs no name."""
     path = listen(tmp_path / "r" / "piezod" / "bench")
 
     assert find_socket(None, {"XDG_RUNTIME_DIR": str(tmp_path / "r")}, tmp_path) == path
 
 
 def test_one_of_several_is_named(tmp_path: Path, listen: Listen, own_tmp: Path) -> None:
-    """Services, a user's daemons and those without a runtime folder are all found by their name."""
+    """A daemon is found by name as a service, of the user, or without a runtime folder."""
     service = listen(tmp_path / "run" / "afm")
     users = listen(tmp_path / "r" / "piezod" / "bench")
     own = listen(own_tmp / f"piezod-{os.getuid()}" / "test")
@@ -67,7 +67,7 @@ def test_one_of_several_is_named(tmp_path: Path, listen: Listen, own_tmp: Path) 
 
 
 def test_socket_of_the_environment_is_taken_as_it_is(tmp_path: Path) -> None:
-    """A path in the environment counts, unless a stage is named."""
+    """PIEZOD_SOCKET applies unless a stage is named."""
     environ = {"PIEZOD_SOCKET": "/a/b.sock"}
 
     assert find_socket(None, environ, tmp_path) == Path("/a/b.sock")
@@ -76,7 +76,7 @@ def test_socket_of_the_environment_is_taken_as_it_is(tmp_path: Path) -> None:
 
 
 def test_nobody_listens(tmp_path: Path) -> None:
-    """What a killed daemon has left is none that runs."""
+    """The socket of a killed daemon does not count as running."""
     folder = tmp_path / "run" / "killed"
     folder.mkdir(parents=True)
     with socket.socket(socket.AF_UNIX) as gone:
@@ -89,7 +89,7 @@ def test_nobody_listens(tmp_path: Path) -> None:
 
 
 def test_path_longer_than_sockets_may_have(tmp_path: Path) -> None:
-    """No daemon can listen there."""
+    """A path that is too long is no running daemon."""
     with pytest.raises(NotRunningError, match="no daemon is running there"):
         check_socket(tmp_path / ("a" * 120))
 
@@ -97,7 +97,7 @@ def test_path_longer_than_sockets_may_have(tmp_path: Path) -> None:
 def test_socket_that_keeps_us_out(
     tmp_path: Path, listen: Listen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A daemon whose socket this user may not use is running; the groups are named."""
+    """A socket without permission counts as running, and the error names the groups."""
     path = listen(tmp_path / "run" / "afm")
     path.chmod(0)
     if os.getuid() == 0:  # root may connect to everything
@@ -111,7 +111,7 @@ def test_socket_that_keeps_us_out(
 def test_folder_that_everybody_may_write_to_is_not_trusted(
     tmp_path: Path, listen: Listen, own_tmp: Path
 ) -> None:
-    """Somebody else could listen there for commands that are meant for a stage."""
+    """A temporary folder that others can write to is ignored."""
     listen(own_tmp / f"piezod-{os.getuid()}" / "test")
     (own_tmp / f"piezod-{os.getuid()}").chmod(0o777)
 
@@ -119,7 +119,7 @@ def test_folder_that_everybody_may_write_to_is_not_trusted(
 
 
 def test_link_is_not_trusted(tmp_path: Path, listen: Listen, own_tmp: Path) -> None:
-    """A link in a folder for everybody may be anybody's."""
+    """A temporary folder that is a link is ignored."""
     listen(tmp_path / "elsewhere" / "test")
     (own_tmp / f"piezod-{os.getuid()}").symlink_to(tmp_path / "elsewhere")
 

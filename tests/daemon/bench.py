@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from piezod.config.daemon import DaemonConfig
+from piezod.config.endpoints import Role
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.control.stage.answer import Answer
 from piezod.daemon.paths import StagePaths
-from piezod.daemon.service.stage_service import Peer, Role
+from piezod.daemon.service.stage_service import Peer
 from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.telemetry.layout import Layout

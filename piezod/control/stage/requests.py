@@ -29,7 +29,7 @@ def execute(stage: Stage, request: requests.Request, t_ns: int) -> Answer:
         request: What is asked for; its numbers are finite and within their ranges.
         t_ns: Instant of the next cycle, or earlier.
     """
-    return _HANDLERS[type(request)](stage, request, t_ns)
+    return HANDLERS[type(request)](stage, request, t_ns)
 
 
 # ---------------------------------------------------------------------- edges of the state machine
@@ -304,7 +304,7 @@ def _names(stage: Stage) -> str:
     return ", ".join(axis.name for axis in stage.axes)
 
 
-_HANDLERS: Final[Mapping[type[requests.Request], Callable[[Stage, Any, int], Answer]]] = {
+HANDLERS: Final[Mapping[type[requests.Request], Callable[[Stage, Any, int], Answer]]] = {
     requests.Arm: _arm,
     requests.Disarm: _disarm,
     requests.SelectMode: _select,

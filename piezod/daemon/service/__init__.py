@@ -1,1 +1,1 @@
-"""The HTTP service of a daemon: who may ask for what, and how it is answered."""
+"""The HTTP service of a daemon: endpoints, roles, lease, limits and answers."""

@@ -1,4 +1,4 @@
-"""What goes back to a client: JSON, and errors that are all of one form."""
+"""Answers to clients: JSON documents, and error documents that all have the same form."""
 
 import json
 import math
@@ -16,7 +16,7 @@ from piezod.daemon.service.stage_service import Document, StageError
 
 
 class ErrorText(BaseModel):
-    """What is wrong; some errors have further keys."""
+    """Code, text and remedy of an error; some errors have further keys."""
 
     code: str
     what: str
@@ -24,21 +24,21 @@ class ErrorText(BaseModel):
 
 
 class ErrorDocument(BaseModel):
-    """The answer to what could not be done."""
+    """The answer to a request that failed."""
 
     error: ErrorText
 
 
 class JsonAnswer(JSONResponse):
-    """A JSON document in which a number that is not finite is null."""
+    """A JSON document; NaN and infinities become null."""
 
     def render(self, content: Any) -> bytes:
-        """Write it."""
+        """Return the document as bytes."""
         return dump(content)
 
 
 def dump(content: Any) -> bytes:
-    """Write compact JSON; a number that is not finite becomes null."""
+    """Return compact JSON; NaN and infinities become null."""
     try:
         text = json.dumps(content, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
     except ValueError:
@@ -55,12 +55,12 @@ def _finite(value: Any) -> Any:
 
 
 def error_answer(error: StageError) -> JsonAnswer:
-    """Make the error document of what was raised."""
+    """Return the error document of a stage error."""
     return _answer(error.status, error.code, error.what, error.remedy, error.details)
 
 
 def add_error_answers(app: FastAPI) -> None:
-    """Have an application answer every error with an error document."""
+    """Make an application answer every error with an error document."""
     app.add_exception_handler(StageError, _stage_error)
     app.add_exception_handler(RequestValidationError, _not_valid)
     app.add_exception_handler(HTTPException, _http_error)
@@ -83,18 +83,20 @@ def _not_valid(_request: Request, error: Exception) -> JsonAnswer:
         where = ".".join(str(part) for part in found["loc"][1:])
         what = describe(found, ())
         problems.append(f"{where}: {what}" if where else what)
-    return _answer(422, "invalid", "; ".join(problems), "GET /v1/openapi describes what is allowed")
+    return _answer(
+        422, "invalid", "; ".join(problems), "GET /v1/openapi describes the allowed bodies"
+    )
 
 
 def _http_error(request: Request, error: Exception) -> JsonAnswer:
     status = cast("HTTPException", error).status_code
     codes = {404: "not_found", 405: "method_not_allowed"}
     what = f"{request.method} {request.url.path}: {cast('HTTPException', error).detail}"
-    remedy = "GET /v1/openapi lists what there is"
+    remedy = "GET /v1/openapi lists all endpoints"
     return _answer(status, codes.get(status, "http"), what, remedy)
 
 
-def mistake_answer(error: Exception) -> JsonAnswer:
-    """Make the error document of what nobody meant to raise."""
-    what = f"a mistake in the daemon: {type(error).__name__}"
-    return _answer(500, "internal", what, "the daemon's log has more; please report it")
+def internal_error_answer(error: Exception) -> JsonAnswer:
+    """Return the error document of an unexpected exception."""
+    what = f"internal error of the daemon: {type(error).__name__}"
+    return _answer(500, "internal", what, "see the log of the daemon for details, and report them")

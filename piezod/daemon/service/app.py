@@ -1,4 +1,4 @@
-"""The application: all endpoints, behind the gate."""
+"""The application: all endpoints behind the gate."""
 
 import asyncio
 import time
@@ -12,7 +12,7 @@ from piezod.daemon.service.answers import add_error_answers
 from piezod.daemon.service.gate import Gate
 from piezod.daemon.service.lease import Lease
 from piezod.daemon.service.rate_limit import RateLimit
-from piezod.daemon.service.request_context import RequestQueue
+from piezod.daemon.service.request_context import ServiceState
 from piezod.daemon.service.roles import Roles
 from piezod.daemon.service.stage_service import StageService
 from piezod.daemon.service.urgent_notes import UrgentNotes
@@ -21,17 +21,17 @@ from piezod.daemon.service.urgent_notes import UrgentNotes
 def create_app(
     stage: StageService, roles: Roles, now_s: Callable[[], float] = time.monotonic
 ) -> FastAPI:
-    """Make the application of a stage.
+    """Return the application of a stage.
 
     Args:
         stage: The stage.
-        roles: Who may do what; `roles.GroupRoles`.
-        now_s: A clock that never goes back, in s.
+        roles: Gives the role of each user; `roles.GroupRoles`.
+        now_s: Monotonic clock, in s.
     """
     app = FastAPI(
         title="piezod", version=__version__, openapi_url=None, docs_url=None, redoc_url=None
     )
-    app.state.office = RequestQueue(stage, roles, Lease(now_s), set(), UrgentNotes(now_s))
+    app.state.service = ServiceState(stage, roles, Lease(now_s), set(), UrgentNotes(now_s))
     app.state.reading = asyncio.Semaphore(1)
     app.add_middleware(Gate, rate_limit=RateLimit(now_s))
     add_error_answers(app)

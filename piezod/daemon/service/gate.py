@@ -1,4 +1,4 @@
-"""The first to see a request: whoever asks too often gets no further."""
+"""The first check of a request: limits of rate and connections."""
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -6,25 +6,25 @@ from piezod.daemon.service.answers import error_answer
 from piezod.daemon.service.peer_protocol import PeerProtocol, connection_of
 from piezod.daemon.service.rate_limit import RateLimit
 from piezod.daemon.service.refusals import TooManyError
-from piezod.daemon.service.roles import URGENT
+from piezod.daemon.service.route_table import URGENT
 from piezod.daemon.service.stage_service import StageError
 
 _MALFORMED = (400, 413, 415, 422)
 
 
 class Gate:
-    """Admits requests by rate and by connection; what makes a stage safe is always admitted.
+    """Admits requests by rate and by connection; requests towards safety are always admitted.
 
     Args:
-        app: What comes next.
-        rate_limit: How often may be asked.
+        app: The application behind the gate.
+        rate_limit: Limits the rate of requests.
     """
 
     def __init__(self, app: ASGIApp, rate_limit: RateLimit) -> None:
         self._app, self._rate_limit = app, rate_limit
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve one request."""
+        """Admit one request to the application, or refuse it."""
         connection = connection_of(scope)
         try:
             self._admit(scope, connection)
@@ -32,12 +32,12 @@ class Gate:
             await error_answer(error)(scope, receive, send)
             return
 
-        async def send_and_watch(message: Message) -> None:
+        async def send_checked(message: Message) -> None:
             if message["type"] == "http.response.start":
-                _close_where_needed(message, connection)
+                _close_if_needed(message, connection)
             await send(message)
 
-        await self._app(scope, receive, send_and_watch)
+        await self._app(scope, receive, send_checked)
 
     def _admit(self, scope: Scope, connection: PeerProtocol) -> None:
         process = connection.credentials.uid, connection.credentials.pid
@@ -45,15 +45,18 @@ class Gate:
             return
         if connection.crowded:
             most = connection.limits.per_user
-            what = f"this user has more than {most} connections, all others can only stop the stage"
-            raise TooManyError(what, "close some")
+            what = f"this user has more than {most} connections; the others can only stop the stage"
+            raise TooManyError(what, "close some connections")
         if not self._rate_limit.admit(process):
             what = "too many requests, allowed: 50/s for one process and 200/s for all"
-            raise TooManyError(what, "ask less often; GET /v1/telemetry and POST /v1/stream last")
+            raise TooManyError(
+                what,
+                "send fewer requests; GET /v1/telemetry and POST /v1/stream are one request each",
+            )
 
 
-def _close_where_needed(start: Message, connection: PeerProtocol) -> None:
-    """Have a connection closed after an answer to half a body, or to the tenth malformed one."""
-    too_bad = start["status"] in _MALFORMED and connection.note_bad_request()
-    if too_bad or connection.receiving:
+def _close_if_needed(start: Message, connection: PeerProtocol) -> None:
+    """Close a connection after an answer to an incomplete body, or to the tenth bad request."""
+    too_many_bad = start["status"] in _MALFORMED and connection.note_bad_request()
+    if too_many_bad or connection.receiving:
         start["headers"] = [*start["headers"], (b"connection", b"close")]

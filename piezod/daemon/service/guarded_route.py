@@ -1,4 +1,4 @@
-"""The way of every request to its endpoint: role, then body; both before FastAPI sees it."""
+"""The checks of every request before FastAPI: first the role, then the body."""
 
 import asyncio
 import re
@@ -12,8 +12,9 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
+from piezod.config.endpoints import SMALL_BODY, Access
 from piezod.daemon.logging import logger
-from piezod.daemon.service.answers import mistake_answer
+from piezod.daemon.service.answers import internal_error_answer
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.refusals import (
     BadRequestError,
@@ -21,82 +22,80 @@ from piezod.daemon.service.refusals import (
     MediaTypeError,
     TooLargeError,
 )
-from piezod.daemon.service.request_context import RequestContext, RequestQueue
-from piezod.daemon.service.roles import ACCESS, SMALL_BODY, Access
+from piezod.daemon.service.request_context import RequestContext, ServiceState
+from piezod.daemon.service.route_table import ROUTES
 from piezod.daemon.service.stage_service import BadValueError, Peer, StageError
 from piezod.daemon.service.strict_json import loads
 
-STREAMED: Final = "/v1/stream"
-"""The endpoint that reads its body itself."""
 _LOG: Final = logger("service")
 _CLIENT: Final = re.compile(r"[A-Za-z0-9_.:@-]{0,64}")
 _JSON_TYPE: Final = (b"content-type", b"application/json")
 
 
 class GuardedRoute(APIRoute):
-    """An endpoint that is in the table of `roles.ACCESS`."""
+    """An endpoint of the table of commands."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """Put role and body before what FastAPI does."""
+        """Return a handler that checks role and body, then calls the one of FastAPI."""
         handler = super().get_route_handler()
-        method = "".join(self.methods or ())  # they have one each
-        access = ACCESS[method, self.path]
-        reads_body = method == "POST" and self.path != STREAMED
+        method = "".join(self.methods or ())  # each route has one
+        row = ROUTES[method, self.path]
+        access, reads_body = row.access, method == "POST" and not row.streamed
         model = self.body_field.field_info.annotation if self.body_field else None
 
         async def guarded(request: Request) -> Response:
-            request.state.visit = await _let_in(request, access)
+            request.state.context = await _admitted(request, access)
             try:
                 if reads_body:
                     request = await _with_body(request, access.most_bytes, model)
                 return await handler(request)
             except ClientDisconnect:
-                return Response(status_code=400)  # nobody is there to read it
+                return Response(status_code=400)  # nobody reads it
             except (StageError, RequestValidationError, HTTPException):
                 raise
-            except Exception as error:  # noqa: BLE001 - whatever it is, the client gets an answer
-                # Left to Starlette, it would also cost the connection.
-                _LOG.exception("mistake in an endpoint", endpoint=f"{method} {self.path}")
-                return mistake_answer(error)
+            except Exception as error:  # noqa: BLE001 - any error gets an answer
+                # Starlette would also close the connection.
+                _LOG.exception("internal error in an endpoint", endpoint=f"{method} {self.path}")
+                return internal_error_answer(error)
 
         return guarded
 
 
 class _StrictRequest(Request):
-    """A request whose body has been read strictly already, and validated if it is long."""
+    """A request whose body has been read strictly, and validated if it is long."""
 
     def __init__(self, request: Request, body: bytes, document: Any) -> None:
         scope = request.scope
-        if not body:  # the same as an empty object
+        if not body:  # an empty body means an empty object
             scope = {**scope, "headers": [*scope["headers"], _JSON_TYPE]}
         super().__init__(scope, request.receive)
         self._body, self._document = body or b"{}", document
 
     async def json(self) -> Any:
-        """Return the document, or the model of which it is one."""
+        """Return the document, or the model that a long document was validated to."""
         return self._document
 
 
-async def _let_in(request: Request, access: Access) -> RequestContext:
-    office: RequestQueue = request.app.state.office
-    peer = await _peer(request, office)
-    visit = RequestContext(office, peer, access)
+async def _admitted(request: Request, access: Access) -> RequestContext:
+    state: ServiceState = request.app.state.service
+    peer = await _peer(request, state)
+    context = RequestContext(state, peer, access)
     if peer.role < access.role:
         needed = access.role.name.lower()
-        what = f"{peer.user} is {peer.role.name.lower()} here, this needs {needed}"
+        what = f"{peer.user} has the role {peer.role.name.lower()}, this needs {needed}"
         if request.method != "GET":
-            visit.note(f"{request.method} {request.url.path}", what)
+            context.note(f"{request.method} {request.url.path}", what)
         raise ForbiddenError(what, "become a member of the group piezod or piezod-eng")
-    return visit
+    return context
 
 
-async def _peer(request: Request, office: RequestQueue) -> Peer:
+async def _peer(request: Request, state: ServiceState) -> Peer:
     client = request.headers.get("x-piezod-client", "")
     if not _CLIENT.fullmatch(client):
-        what = "header X-Piezod-Client: allowed are up to 64 letters, digits and _.:@-"
+        what = "header X-Piezod-Client: allowed: up to 64 letters, digits and _.:@-"
         raise BadRequestError(what)
     credentials = connection_of(request.scope).credentials
-    user = await office.roles.user(credentials)
+    user = await state.roles.user(credentials)
     return Peer(credentials.uid, credentials.pid, user.name, client, user.role)
 
 
@@ -109,7 +108,8 @@ async def _with_body(request: Request, most_bytes: int, model: Any) -> _StrictRe
         raise MediaTypeError(f"content-type {kind[:40]!r}, allowed: application/json")
     if len(body) <= SMALL_BODY:
         return _StrictRequest(request, body, _read(body))
-    # The loop sees a supervisor whose event loop is busy for too long as one that is gone.
+    # A long document would block the event loop, and the loop process would take the supervisor
+    # for dead. Hence a thread, and one document at a time.
     reading: asyncio.Semaphore = request.app.state.reading
     async with reading:
         document = await asyncio.to_thread(_read_and_validate, body, model)
@@ -134,7 +134,7 @@ def _read(body: bytes) -> Any:
 
 
 def _read_and_validate(body: bytes, model: type[BaseModel]) -> BaseModel:
-    """Do what FastAPI would; it takes a model for a document of it that is valid."""
+    """Validate a body in place of FastAPI, which accepts a model as a valid document."""
     try:
         return model.model_validate(_read(body))
     except ValidationError as error:
@@ -144,11 +144,11 @@ def _read_and_validate(body: bytes, model: type[BaseModel]) -> BaseModel:
 
 
 def _refuse_files(document: Any) -> None:
-    """Refuse waveforms from files: validation would read whatever file a client names."""
+    """Refuse waveforms from files: validation would read any file that a client names."""
     if isinstance(document, dict):
         if document.get("kind") == "csv":
-            what = "kind: csv is not allowed here, the daemon reads no files of clients"
-            raise BadValueError(what, "send the values, as a waveform of kind points")
+            what = "kind: csv is not allowed here, because the daemon reads no files of clients"
+            raise BadValueError(what, "send the values as a waveform of kind points")
         document = tuple(document.values())
     if isinstance(document, tuple):
         for entry in document:

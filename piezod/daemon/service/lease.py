@@ -1,4 +1,4 @@
-"""The lease: one client at a time moves a stage."""
+"""The lease: the exclusive right of one client to command a stage."""
 
 from collections.abc import Callable
 from typing import Final
@@ -10,10 +10,10 @@ LEASE_S: Final = 30.0
 
 
 class Lease:
-    """Belongs to a user's client; another gets it when it is given back or runs out.
+    """Belongs to a user and client name; another client gets it when it is released or expires.
 
     Args:
-        now_s: A clock that never goes back, in s.
+        now_s: Monotonic clock, in s.
     """
 
     def __init__(self, now_s: Callable[[], float]) -> None:
@@ -25,30 +25,30 @@ class Lease:
         """Take the lease or renew it, for 30 s from now.
 
         Returns:
-            Whose it is, and for how long.
+            The holder, and the time until it expires.
 
         Raises:
-            LeaseHeldError: If another has it.
+            LeaseHeldError: If another client has it.
         """
         left_s = self._until_s - self._now_s()
         if self._holder is not None and left_s > 0 and not _same(self._holder, peer):
             raise LeaseHeldError(
                 f"{_name(self._holder)} holds the lease for another {left_s:.0f} s",
-                "wait until it is given back or runs out; hold, stop, estop and disarm need none",
+                "wait until it is released or expires; hold, stop, estop and disarm need no lease",
                 _document(self._holder, left_s),
             )
         self._holder, self._until_s = peer, self._now_s() + LEASE_S
         return _document(peer, LEASE_S)
 
     def release(self, peer: Peer) -> bool:
-        """Give the lease back; tells whether he had it."""
+        """Release the lease; return whether the client had it."""
         had = self._holder is not None and _same(self._holder, peer)
         if had:
             self._holder = None
         return had
 
     def shorten(self, peer: Peer, left_s: float) -> None:
-        """Have the lease of somebody who went away run out soon, unless he renews it."""
+        """Let the lease of a client that disconnected expire in `left_s`, unless it is renewed."""
         if self._holder is not None and _same(self._holder, peer):
             self._until_s = min(self._until_s, self._now_s() + left_s)
 

@@ -1,4 +1,4 @@
-"""A connection to the service: who is at the other end, and what he may keep it busy with."""
+"""A connection to the service: the user at the other end, and limits of time and number."""
 
 import asyncio
 import json
@@ -21,12 +21,12 @@ _BAD_COUNT: Final = 10
 
 
 class ConnectionLimits(NamedTuple):
-    """What a connection may do.
+    """Limits of a connection.
 
     Attributes:
-        message_s: How long a request may take to arrive, header and body.
-        idle_s: How long nothing need arrive between requests.
-        blocked_s: How long an answer may wait for its reader.
+        message_s: Longest time for a request to arrive, header and body, in s.
+        idle_s: Longest pause between requests, in s.
+        blocked_s: Longest time that an answer waits for its reader, in s.
         per_user: Connections of one user that are served; as many more can only stop the stage.
     """
 
@@ -37,7 +37,7 @@ class ConnectionLimits(NamedTuple):
 
 
 class Credentials(NamedTuple):
-    """Who opened a connection, as the kernel tells it."""
+    """Process, user and group that opened a connection, as the kernel reports them."""
 
     pid: int
     uid: int
@@ -45,12 +45,12 @@ class Credentials(NamedTuple):
 
 
 class PeerProtocol(H11Protocol):
-    """HTTP on a unix socket; an application finds it in the extensions of its scope.
+    """HTTP on a unix socket; `connection_of` finds it in the scope of a request.
 
     Attributes:
-        limits: What it may do.
+        limits: Limits of time and number.
         crowded: Whether its user has too many connections.
-        closing: Set when the connection is gone or the server ends.
+        closing: Set when the connection is closed or the server ends.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class PeerProtocol(H11Protocol):
         self.app = self._with_connection
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override] # as the base
-        """Note who it is, and close it at once if he has far too many already."""
+        """Note the user, and close the connection if the user has far too many."""
         super().connection_made(transport)
         self._credentials = _credentials(transport.get_extra_info("socket"))
         mine = sum(
@@ -91,114 +91,115 @@ class PeerProtocol(H11Protocol):
         )
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Tell whoever is still answering."""
+        """Set `closing`, for answers that are still being sent."""
         super().connection_lost(exc)
         self._unset_keepalive_if_required()
-        self._disarm()
+        self._cancel_deadline()
         self.resume_writing()
         self.closing.set()
 
     def data_received(self, data: bytes) -> None:
-        """Take what has arrived; what began must be complete in time."""
+        """Process received data, and start the time-out of an incomplete request."""
         super().data_received(data)
-        self._watch()
+        self._update_deadline()
 
     def on_response_complete(self) -> None:
-        """Go on with the next request."""
+        """Continue with the next request."""
         self._body_may_last = False
         super().on_response_complete()
-        self._watch()
+        self._update_deadline()
 
     def pause_writing(self) -> None:
-        """Wait for a reader who is slow, but not for ever: what was made for him is dropped."""
+        """Wait for a slow reader, up to the time-out; then close the connection."""
         super().pause_writing()
-        self._give_time_to_read()
+        self._start_reader_timeout()
 
     def resume_writing(self) -> None:
-        """Go on, he has read."""
+        """Continue after the reader has read."""
         super().resume_writing()
         if self._blocked is not None:
             self._blocked.cancel()
             self._blocked = None
 
     def timeout_keep_alive_handler(self) -> None:
-        """Close what is idle; whoever has not read his answer by now does not get it."""
+        """Close an idle connection; an unread answer is dropped after the time-out."""
         super().timeout_keep_alive_handler()
-        self._give_time_to_read()
+        self._start_reader_timeout()
 
     def shutdown(self) -> None:
-        """Have long answers end, and drop who sends a long body; called when the server ends."""
+        """End long answers and abort long bodies; called when the server ends."""
         super().shutdown()
         self.closing.set()
         if self._body_may_last:
             self.abort()
-        self._give_time_to_read()
+        self._start_reader_timeout()
 
     def send_400_response(self, msg: str) -> None:
-        """Answer what is no HTTP, in the form of all errors."""
+        """Answer data that is not HTTP with an error document."""
         self.transport.write(_response("400 Bad Request", "bad_request", msg))
         self.transport.close()
 
     @property
     def credentials(self) -> Credentials:
-        """Who is at the other end.
+        """The user at the other end.
 
         Raises:
-            UnknownPeerError: If the kernel does not tell, because it is no unix socket.
+            UnknownPeerError: If the connection is not on a unix socket, so that the kernel does
+                not report the user.
         """
         if self._credentials is None:
-            raise UnknownPeerError("only connections to the unix socket tell who asks")
+            raise UnknownPeerError("the user is known on connections to the unix socket only")
         return self._credentials
 
     def is_of(self, other: Credentials | None) -> bool:
-        """Tell whether it has the same user."""
+        """Return whether the connection is of the same user."""
         mine = self._credentials
         return mine == other or (mine is not None and other is not None and mine.uid == other.uid)
 
     @property
     def receiving(self) -> bool:
-        """Whether the body of the request has not arrived completely."""
+        """Whether the body of the request is incomplete."""
         return self.conn.their_state is h11.SEND_BODY
 
     def let_body_last(self) -> None:
-        """Allow the body of this request any time; its reader watches over it from now on."""
+        """Allow the body of this request any time; from now on its reader has the time-out."""
         self._body_may_last = True
-        self._disarm()
+        self._cancel_deadline()
 
     def note_bad_request(self) -> bool:
-        """Count a request that was malformed; tells whether there were ten within 10 s."""
+        """Count a bad request; return whether there were ten within 10 s."""
         now_s = self.loop.time()
         self._bad_requests_s.append(now_s)
         full = len(self._bad_requests_s) == _BAD_COUNT
         return full and now_s - self._bad_requests_s[0] <= _BAD_WINDOW_S
 
     def abort(self) -> None:
-        """Close at once, whatever has not been sent."""
+        """Close at once and drop unsent data."""
         self.transport.abort()
 
     async def _with_connection(self, scope: Scope, receive: Receive, send: Send) -> None:
         scope["extensions"] = {_EXTENSION: self}
         await self._inner_app(scope, receive, send)
 
-    def _give_time_to_read(self) -> None:
+    def _start_reader_timeout(self) -> None:
         if self._blocked is None:
             self._blocked = self.loop.call_later(self.limits.blocked_s, self.abort)
 
-    def _watch(self) -> None:
+    def _update_deadline(self) -> None:
         waiting_for_header = self.conn.their_state is h11.IDLE and bool(self.conn.trailing_data[0])
         if not waiting_for_header and (not self.receiving or self._body_may_last):
-            self._disarm()
+            self._cancel_deadline()
         elif self._deadline is None:
             self._deadline = self.loop.call_later(self.limits.message_s, self.abort)
 
-    def _disarm(self) -> None:
+    def _cancel_deadline(self) -> None:
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None
 
 
 def connection_of(scope: Scope) -> PeerProtocol:
-    """Return the connection that a request came by."""
+    """Return the connection of a request."""
     return cast("PeerProtocol", scope["extensions"][_EXTENSION])
 
 

@@ -1,4 +1,4 @@
-"""How often clients may ask: a bucket of tokens for each process, and one for all of them."""
+"""The rate limit: a token bucket for each process, and one for all processes."""
 
 from collections.abc import Callable, Hashable
 from typing import Final
@@ -11,12 +11,12 @@ _MAX_CLIENTS: Final = 1024
 
 
 class TokenBucket:
-    """Admits so many in a burst, and so many per second in the long run.
+    """Admits a burst of limited size, and a limited rate in the long run.
 
     Args:
-        rate_hz: How fast it fills, 1/s.
-        burst: How much it holds; it is full at first.
-        now_s: The present, in s.
+        rate_hz: Rate at which it fills, in tokens per second.
+        burst: Its capacity, in tokens; it starts full.
+        now_s: Present time, in s.
     """
 
     def __init__(self, rate_hz: float, burst: float, now_s: float) -> None:
@@ -24,7 +24,7 @@ class TokenBucket:
         self._tokens, self._filled_s = burst, now_s
 
     def take(self, now_s: float) -> bool:
-        """Take a token; tells whether there was one."""
+        """Take a token; return whether there was one."""
         self._fill(now_s)
         if self._tokens < 1.0:
             return False
@@ -32,7 +32,7 @@ class TokenBucket:
         return True
 
     def is_full(self, now_s: float) -> bool:
-        """Tell whether nothing was taken for so long that it may be forgotten."""
+        """Return whether the bucket is full again, so that it need not be kept."""
         self._fill(now_s)
         return self._tokens == self._burst
 
@@ -45,7 +45,7 @@ class RateLimit:
     """Admits requests, at most 50/s from one client and 200/s from all of them.
 
     Args:
-        now_s: A clock that never goes back, in s.
+        now_s: Monotonic clock, in s.
     """
 
     def __init__(self, now_s: Callable[[], float]) -> None:
@@ -54,7 +54,7 @@ class RateLimit:
         self._clients: dict[Hashable, TokenBucket] = {}
 
     def admit(self, client: Hashable) -> bool:
-        """Tell whether a client may be served now; what he is denied is not held against others."""
+        """Return whether to serve a client now; its refused requests do not count for others."""
         now_s = self._now_s()
         bucket = self._clients.get(client) or self._new(client, now_s)
         return bucket is not None and bucket.take(now_s) and self._total.take(now_s)

@@ -1,4 +1,4 @@
-"""Recordings on their way to a client: nothing but a plain file of the one folder."""
+"""Download of recordings: plain files of one folder only."""
 
 import asyncio
 import os
@@ -18,10 +18,10 @@ _CHUNK: Final = 256 * 1024
 
 
 def open_recording(folder: Path, name: str) -> int:
-    """Open the file of a recording, and return its descriptor.
+    """Open the file of a recording; return its descriptor.
 
     Raises:
-        UnknownNameError: If it is no name of a recording, or not one of a plain file in the folder.
+        UnknownNameError: If the folder has no plain file of that name.
     """
     unknown = UnknownNameError(f"no recording {name[:100]!r}", "GET /v1/recordings lists them")
     if not _NAME.fullmatch(name):
@@ -42,13 +42,13 @@ def open_recording(folder: Path, name: str) -> int:
 
 
 class RecordingAnswer(Response):
-    """The file of a recording, as it is.
+    """The file of a recording, unchanged.
 
     Args:
         descriptor: The open file; closed at the end.
         name: Name of the recording.
-        connection: Where the client is.
-        downloads: Users who are getting a recording; he is one of them until the end.
+        connection: Connection of the client.
+        downloads: Users with a download in progress; includes this user until the end.
         uid: The user.
     """
 
@@ -81,7 +81,8 @@ class RecordingAnswer(Response):
             os.close(self._descriptor)
 
     async def _send_chunk(self, send: Send) -> bool:
-        # Never more than was announced, should the file grow; a disk may take its time.
+        # The file may grow, but the answer has its announced length. A thread, because a disk may
+        # be slow.
         chunk = await asyncio.to_thread(os.read, self._descriptor, min(_CHUNK, self._left))
         self._left -= len(chunk)
         message = {"type": "http.response.body", "body": chunk, "more_body": True}

@@ -1,44 +1,44 @@
-"""What the service itself refuses, before a stage is asked; the others are `stage_service`'s."""
+"""Errors of the service itself; `stage_service` has the errors of a stage."""
 
 from piezod.daemon.service.stage_service import StageError
 
 
 class BadRequestError(StageError):
-    """Raised when a request is not understood."""
+    """Raised when a request has no valid form."""
 
     status = 400
     code = "bad_request"
 
 
 class BadJsonError(BadRequestError):
-    """Raised when a body or a line is no JSON, or none that has one meaning."""
+    """Raised when a body or a line is not JSON, or is ambiguous JSON."""
 
     code = "bad_json"
 
 
 class UnknownPeerError(StageError):
-    """Raised when the kernel does not tell who asks."""
+    """Raised when the kernel does not report the user."""
 
     status = 401
     code = "unknown_peer"
 
 
 class ForbiddenError(StageError):
-    """Raised when somebody asks for what his role does not allow."""
+    """Raised when the role of the user does not allow the request."""
 
     status = 403
     code = "forbidden"
 
 
 class SilentError(StageError):
-    """Raised when a stream of setpoints sends none for too long."""
+    """Raised when a stream sends no setpoint for too long."""
 
     status = 408
     code = "silent"
 
 
 class LeaseHeldError(StageError):
-    """Raised when somebody else holds the lease."""
+    """Raised when another client holds the lease."""
 
     status = 409
     code = "lease_held"
@@ -52,14 +52,14 @@ class TooLargeError(StageError):
 
 
 class MediaTypeError(StageError):
-    """Raised when a body is not said to be JSON."""
+    """Raised when the content type of a body is not JSON."""
 
     status = 415
     code = "media_type"
 
 
 class TooManyError(StageError):
-    """Raised when somebody asks too often, or for too much at a time."""
+    """Raised when a client sends too many requests, or too many at the same time."""
 
     status = 429
     code = "too_many"

@@ -1,4 +1,4 @@
-"""One request of one client, on its way through role, body, lease and audit."""
+"""One request of one client: its user, its access rights, the lease and the audit."""
 
 from collections.abc import Awaitable, Callable
 from typing import Annotated, Any, Final, NamedTuple, TypeVar
@@ -6,10 +6,11 @@ from typing import Annotated, Any, Final, NamedTuple, TypeVar
 from fastapi import Depends
 from fastapi import Request as HttpRequest
 
+from piezod.config.endpoints import Access
 from piezod.config.requests import Request
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.lease import Lease
-from piezod.daemon.service.roles import Access, Roles
+from piezod.daemon.service.roles import Roles
 from piezod.daemon.service.stage_service import (
     AuditEntry,
     NotNowError,
@@ -23,15 +24,15 @@ ResultT = TypeVar("ResultT")
 _SHOWN: Final = 300
 
 
-class RequestQueue(NamedTuple):
-    """What all requests share.
+class ServiceState(NamedTuple):
+    """The state that all requests share.
 
     Attributes:
         stage: The stage.
-        roles: Who is who.
-        lease: Who moves the stage.
-        downloads: Users who are getting a recording.
-        urgent_notes: Limits what is noted of urgent requests.
+        roles: Gives the role of each user.
+        lease: The lease of the stage.
+        downloads: Users with a download in progress.
+        urgent_notes: Limits the audit entries of urgent requests.
     """
 
     stage: StageService
@@ -42,41 +43,41 @@ class RequestQueue(NamedTuple):
 
 
 class RequestContext(NamedTuple):
-    """A request that was let in.
+    """An admitted request.
 
     Attributes:
-        office: What it shares with others.
-        peer: Who asks.
-        access: What the endpoint asks of him.
+        state: The state that it shares with other requests.
+        peer: The client that sent it.
+        access: What its endpoint requires and allows.
     """
 
-    office: RequestQueue
+    state: ServiceState
     peer: Peer
     access: Access
 
     @property
     def stage(self) -> StageService:
         """The stage."""
-        return self.office.stage
+        return self.state.stage
 
     def claim(self) -> None:
-        """Take or renew the lease, where the endpoint needs it.
+        """Take or renew the lease, if the endpoint needs it.
 
         Raises:
-            LeaseHeldError: If another has it.
+            LeaseHeldError: If another client has it.
         """
         if self.access.lease:
-            self.office.lease.claim(self.peer)
+            self.state.lease.claim(self.peer)
 
     async def perform(self, what: str, action: Callable[[], Awaitable[ResultT]]) -> ResultT:
-        """Do something under the lease where one is needed, and note it.
+        """Carry out an action under the lease, if the endpoint needs it, and note it.
 
         Args:
             what: The request, for the audit.
-            action: What does it.
+            action: The action.
 
         Raises:
-            StageError: If it cannot be done.
+            StageError: If it fails.
         """
         try:
             self.claim()
@@ -88,10 +89,10 @@ class RequestContext(NamedTuple):
         return result
 
     async def ask(self, request: Request) -> Answer:
-        """Have the loop carry out a request.
+        """Send a request to the loop and return the answer.
 
         Raises:
-            StageError: If it is not carried out.
+            StageError: If the loop does not carry it out.
         """
 
         async def accepted() -> Answer:
@@ -103,24 +104,24 @@ class RequestContext(NamedTuple):
         return await self.perform(describe(request), accepted)
 
     def note(self, what: str, why: str = "") -> None:
-        """Note what was asked for, and why it was not done where it was not."""
+        """Write the request to the audit; `why` is empty if it was carried out."""
         entry = AuditEntry(self.peer, what, not why, why)
-        if not self.access.urgent:  # others are limited as requests
+        if not self.access.urgent:  # the rate limit covers all other requests
             self.stage.audit(entry)
-        elif limited := self.office.urgent_notes.limit(entry):
+        elif limited := self.state.urgent_notes.limit(entry):
             self.stage.audit(limited)
 
 
 def describe(request: Request) -> str:
-    """Describe a request for the audit, in a line of limited length."""
+    """Return a request as one line of limited length, for the audit."""
     fields = request.model_dump(exclude={"kind"}, exclude_defaults=True, mode="json")
     text = f"{request.kind} {fields}" if fields else request.kind
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
 
 
-def _visit(request: HttpRequest) -> Any:
-    return request.state.visit
+def _context(request: HttpRequest) -> Any:
+    return request.state.context
 
 
-VisitOf = Annotated[RequestContext, Depends(_visit)]
-"""What an endpoint declares to get its visit."""
+ContextOf = Annotated[RequestContext, Depends(_context)]
+"""Type of the parameter by which an endpoint gets its context."""

@@ -1,4 +1,4 @@
-"""Endpoints that tell how things are."""
+"""Endpoints that report the state of the stage and of the daemon."""
 
 from typing import Annotated, Final
 
@@ -8,69 +8,71 @@ from fastapi import Request as HttpRequest
 from piezod.daemon.service.answers import JsonAnswer
 from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
-from piezod.daemon.service.request_context import VisitOf
-from piezod.daemon.service.routes_commands import ERRORS
+from piezod.daemon.service.request_context import ContextOf
+from piezod.daemon.service.route_table import PREFIX, endpoint
 from piezod.daemon.service.stage_service import UnknownNameError
 from piezod.daemon.service.telemetry_stream import TelemetryAnswer
 
-router: Final = APIRouter(prefix="/v1", route_class=GuardedRoute)
+router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 
 
-@router.get("/status", responses=ERRORS, response_model=None)
-async def status(visit: VisitOf) -> JsonAnswer:
+@endpoint(router, "status")
+async def status(context: ContextOf) -> JsonAnswer:
     """Return state, mode, faults, and each axis in the newest cycle."""
-    return JsonAnswer(visit.stage.status())
+    return JsonAnswer(context.stage.status())
 
 
-@router.get("/health", responses=ERRORS, response_model=None)
-async def health(visit: VisitOf) -> JsonAnswer:
-    """Return whether the loop runs on schedule; with status 503 where it does not."""
-    healthy, document = visit.stage.health()
+@endpoint(router, "health")
+async def health(context: ContextOf) -> JsonAnswer:
+    """Return whether the loop runs on schedule; HTTP status 503 if not."""
+    healthy, document = context.stage.health()
     return JsonAnswer({"healthy": healthy, **document}, 200 if healthy else 503)
 
 
-@router.get("/faults", responses=ERRORS, response_model=None)
-async def faults(visit: VisitOf) -> JsonAnswer:
-    """Return what is present or latched, and what to do about it."""
-    return JsonAnswer({"faults": visit.stage.faults()})
+@endpoint(router, "faults")
+async def faults(context: ContextOf) -> JsonAnswer:
+    """Return the faults that are present or latched."""
+    return JsonAnswer({"faults": context.stage.faults()})
 
 
-@router.get("/realtime", responses=ERRORS, response_model=None)
-async def realtime(visit: VisitOf) -> JsonAnswer:
-    """Return what the loop asked of the operating system, and what it obtained."""
-    return JsonAnswer(visit.stage.realtime())
+@endpoint(router, "realtime")
+async def realtime(context: ContextOf) -> JsonAnswer:
+    """Return the real-time settings of the loop."""
+    return JsonAnswer(context.stage.realtime())
 
 
-@router.get("/config", responses=ERRORS, response_model=None)
-async def config(visit: VisitOf) -> JsonAnswer:
+@endpoint(router, "config")
+async def config(context: ContextOf) -> JsonAnswer:
     """Return the configuration in force."""
-    return JsonAnswer(visit.stage.config())
+    return JsonAnswer(context.stage.config())
 
 
-@router.get("/audit", responses=ERRORS, response_model=None)
-async def audit(visit: VisitOf, limit: Annotated[int, Query(ge=1, le=1000)] = 100) -> JsonAnswer:
-    """Return who asked for what, newest first."""
-    return JsonAnswer({"audit": await visit.stage.audit_log(limit)})
+@endpoint(router, "audit")
+async def audit(
+    context: ContextOf, limit: Annotated[int, Query(ge=1, le=1000)] = 100
+) -> JsonAnswer:
+    """Return the newest `limit` entries of the audit, newest first."""
+    return JsonAnswer({"audit": await context.stage.audit_log(limit)})
 
 
-@router.get("/openapi", response_model=None)
+@endpoint(router, "openapi", responses=None)
 async def openapi(request: HttpRequest) -> JsonAnswer:
-    """Return this description."""
+    """Return the OpenAPI description."""
     return JsonAnswer(request.app.openapi())
 
 
-@router.get("/telemetry", responses=ERRORS, response_model=None)
+@endpoint(router, "telemetry")
 async def telemetry(
     request: HttpRequest,
-    visit: VisitOf,
+    context: ContextOf,
     rate_hz: Annotated[float, Query(ge=1, le=50, allow_inf_nan=False)] = 10.0,
-    axes: Annotated[str, Query(max_length=600, description="x,y; left out: all")] = "",
+    axes: Annotated[str, Query(max_length=600, description="x,y; all axes if left out")] = "",
 ) -> TelemetryAnswer:
-    """Return server-sent events: least, largest and last value in each interval."""
-    places = {name: place for place, name in enumerate(visit.stage.axes)}
+    """Return server-sent events: minimum, maximum and last value of each interval."""
+    places = {name: place for place, name in enumerate(context.stage.axes)}
     wanted = axes.split(",") if axes else list(places)
     for name in wanted:
         if name not in places:
             raise UnknownNameError(f"no axis {name[:32]!r}", f"axes: {', '.join(places)}")
     chosen = {name: places[name] for name in wanted}
-    return TelemetryAnswer(visit.stage, chosen, rate_hz, connection_of(request.scope))
+    return TelemetryAnswer(context.stage, chosen, rate_hz, connection_of(request.scope))

@@ -1,4 +1,4 @@
-"""Endpoints for what is kept: parameters, recordings and the configuration."""
+"""Endpoints of parameters, recordings and the configuration."""
 
 from typing import Annotated, Final, TypeAlias
 
@@ -12,101 +12,104 @@ from piezod.daemon.service.guarded_route import GuardedRoute
 from piezod.daemon.service.peer_protocol import connection_of
 from piezod.daemon.service.recording_files import RecordingAnswer, open_recording
 from piezod.daemon.service.refusals import TooManyError
-from piezod.daemon.service.request_context import VisitOf
-from piezod.daemon.service.routes_commands import ERRORS, Nothing
+from piezod.daemon.service.request_context import ContextOf
+from piezod.daemon.service.route_table import PREFIX, endpoint
+from piezod.daemon.service.routes_commands import Nothing
 from piezod.daemon.service.stage_service import NotNowError
 
-router: Final = APIRouter(prefix="/v1", route_class=GuardedRoute)
+router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 
 
-# What may be part of the name of a recording.
+# The label becomes part of a file name.
 Label: TypeAlias = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$")]
 
 
 class Restore(ConfigModel):
-    """Which parameters to use."""
+    """The number of saved parameters."""
 
     sequence: Annotated[int, Quantity(1, 2**53)]
 
 
 class StartRecording(ConfigModel):
-    """What to call a recording; its name begins with the time in any case."""
+    """The label of a recording; its name always begins with the time."""
 
     label: Label | None = Field(default=None, description="Becomes part of the name.")
 
 
-@router.get("/params", responses=ERRORS, response_model=None)
-async def params(visit: VisitOf) -> JsonAnswer:
+@endpoint(router, "params")
+async def params(context: ContextOf) -> JsonAnswer:
     """Return the parameters in use."""
-    return JsonAnswer(await visit.stage.params())
+    return JsonAnswer(await context.stage.params())
 
 
-@router.get("/params/history", responses=ERRORS, response_model=None)
-async def params_history(visit: VisitOf) -> JsonAnswer:
-    """Return what is saved, newest first."""
-    return JsonAnswer({"history": await visit.stage.params_history()})
+@endpoint(router, "params_history")
+async def params_history(context: ContextOf) -> JsonAnswer:
+    """Return the saved parameters, newest first."""
+    return JsonAnswer({"history": await context.stage.params_history()})
 
 
-@router.post("/params/save", responses=ERRORS, response_model=None)
-async def save_params(_body: Nothing, visit: VisitOf) -> JsonAnswer:
+@endpoint(router, "save_params")
+async def save_params(_body: Nothing, context: ContextOf) -> JsonAnswer:
     """Save the parameters in use."""
-    saving = visit.perform("params save", lambda: visit.stage.save_params(visit.peer))
+    saving = context.perform("params save", lambda: context.stage.save_params(context.peer))
     return JsonAnswer(await saving)
 
 
-@router.post("/params/load", responses=ERRORS, response_model=None)
-async def load_params(_body: Nothing, visit: VisitOf) -> JsonAnswer:
+@endpoint(router, "load_params")
+async def load_params(_body: Nothing, context: ContextOf) -> JsonAnswer:
     """Use the parameters that were saved last."""
-    loading = visit.perform("params load", lambda: visit.stage.load_params(None, visit.peer))
+    loading = context.perform("params load", lambda: context.stage.load_params(None, context.peer))
     return JsonAnswer(await loading)
 
 
-@router.post("/params/restore", responses=ERRORS, response_model=None)
-async def restore_params(body: Restore, visit: VisitOf) -> JsonAnswer:
+@endpoint(router, "restore_params")
+async def restore_params(body: Restore, context: ContextOf) -> JsonAnswer:
     """Use parameters that were saved earlier."""
     what = f"params restore {body.sequence}"
-    loading = visit.perform(what, lambda: visit.stage.load_params(body.sequence, visit.peer))
+    loading = context.perform(what, lambda: context.stage.load_params(body.sequence, context.peer))
     return JsonAnswer(await loading)
 
 
-@router.post("/reload", responses=ERRORS, response_model=None)
-async def reload(_body: Nothing, visit: VisitOf) -> JsonAnswer:
-    """Read the configuration again; one that is not valid changes nothing."""
-    return JsonAnswer(await visit.perform("reload", lambda: visit.stage.reload(visit.peer)))
+@endpoint(router, "reload")
+async def reload(_body: Nothing, context: ContextOf) -> JsonAnswer:
+    """Read the configuration again; an invalid one changes nothing."""
+    return JsonAnswer(await context.perform("reload", lambda: context.stage.reload(context.peer)))
 
 
-@router.get("/recordings", responses=ERRORS, response_model=None)
-async def recordings(visit: VisitOf) -> JsonAnswer:
-    """Return the recording that is being made, and those that are finished."""
-    running, finished = await visit.stage.recordings()
+@endpoint(router, "recordings")
+async def recordings(context: ContextOf) -> JsonAnswer:
+    """Return the recording in progress and the finished recordings."""
+    running, finished = await context.stage.recordings()
     return JsonAnswer({"running": running, "recordings": finished})
 
 
-@router.post("/recordings/start", responses=ERRORS, response_model=None)
-async def start_recording(body: StartRecording, visit: VisitOf) -> JsonAnswer:
+@endpoint(router, "start_recording")
+async def start_recording(body: StartRecording, context: ContextOf) -> JsonAnswer:
     """Start recording every cycle."""
-    starting = visit.perform(
+    starting = context.perform(
         f"recordings start {body.label or ''}".rstrip(),
-        lambda: visit.stage.start_recording(body.label, visit.peer),
+        lambda: context.stage.start_recording(body.label, context.peer),
     )
     return JsonAnswer(await starting)
 
 
-@router.post("/recordings/stop", responses=ERRORS, response_model=None)
-async def stop_recording(_body: Nothing, visit: VisitOf) -> JsonAnswer:
+@endpoint(router, "stop_recording")
+async def stop_recording(_body: Nothing, context: ContextOf) -> JsonAnswer:
     """End the recording and close its file."""
-    stopping = visit.perform("recordings stop", lambda: visit.stage.stop_recording(visit.peer))
+    stopping = context.perform(
+        "recordings stop", lambda: context.stage.stop_recording(context.peer)
+    )
     return JsonAnswer(await stopping)
 
 
-@router.get("/recordings/{name}", responses=ERRORS, response_model=None)
-async def recording(name: str, request: HttpRequest, visit: VisitOf) -> RecordingAnswer:
-    """Return the HDF5 file of a recording that is finished; one at a time for each user."""
-    downloads, uid = visit.office.downloads, visit.peer.uid
-    running, _ = await visit.stage.recordings()
+@endpoint(router, "fetch_recording")
+async def recording(name: str, request: HttpRequest, context: ContextOf) -> RecordingAnswer:
+    """Return the HDF5 file of a finished recording; one download at a time for each user."""
+    downloads, uid = context.state.downloads, context.peer.uid
+    running, _ = await context.stage.recordings()
     if running is not None and running["name"] == name:
-        raise NotNowError(f"{name} is still being made", "stop the recording first")
+        raise NotNowError(f"{name} is still in progress", "stop the recording first")
     if uid in downloads:
-        raise TooManyError("this user is getting a recording already", "wait until it is there")
-    descriptor = open_recording(visit.stage.recordings_folder, name)
+        raise TooManyError("this user already downloads a recording", "wait for its end")
+    descriptor = open_recording(context.stage.recordings_folder, name)
     return RecordingAnswer(descriptor, name, connection_of(request.scope), downloads, uid)

@@ -17,35 +17,35 @@ if TYPE_CHECKING:
     import asyncio
 
 _MAX_HEADER: Final = 64 * 1024
-_NOT_OTHERS: Final = 0o117  # the socket is for its user and its group; the folder decides which
+_NOT_OTHERS: Final = 0o117  # user and group may use the socket; its folder sets the group
 
 
 class ApiServer(uvicorn.Server):
-    """A server that leaves the signals to the supervisor: it ends when `should_exit` is set."""
+    """A server that leaves signals to the supervisor, and ends when `should_exit` is set."""
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Capture none."""
+        """Capture no signals."""
         yield
 
 
 def make_server(app: FastAPI, limits: ConnectionLimits) -> ApiServer:
-    """Make a server; `await server.serve(sockets=[bind(path)])` runs it.
+    """Return a server; `await server.serve(sockets=[bind(path)])` runs it.
 
     Args:
-        app: What `create_app` makes.
-        limits: What a connection may do.
+        app: The application from `create_app`.
+        limits: Limits of each connection.
     """
     protocol = partial(PeerProtocol, limits=limits)
     config = uvicorn.Config(
         app,
-        # uvicorn calls it, and asks nothing else of it.
+        # uvicorn only calls it, so a partial will do.
         http=cast("type[asyncio.Protocol]", protocol),
         ws="none",
         lifespan="off",
         loop="asyncio",
         log_config=None,
-        log_level="error",  # its warnings are about clients, who could fill a log with them
+        log_level="error",  # warnings are about clients, which could fill the log
         access_log=False,
         server_header=False,
         proxy_headers=False,
@@ -57,12 +57,12 @@ def make_server(app: FastAPI, limits: ConnectionLimits) -> ApiServer:
 
 
 def bind(path: Path) -> socket.socket:
-    """Bind the socket, readable and writable for its user and group; one left behind is replaced.
+    """Bind the socket for its user and group; replace a socket that a dead daemon left.
 
-    Call it only with the daemon's lock held: what is at the path belongs to nobody then.
+    Call it only while holding the lock of the daemon: no other daemon uses the path then.
 
     Raises:
-        OSError: If it cannot be bound.
+        OSError: If the path cannot be bound.
     """
     path.unlink(missing_ok=True)
     endpoint = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)

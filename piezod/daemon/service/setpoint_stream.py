@@ -1,4 +1,4 @@
-"""A stream of setpoints from another program: lines of JSON, each takes effect as it arrives."""
+"""A stream of setpoints from another program: each line of JSON takes effect on arrival."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -23,25 +23,26 @@ class SetpointStream:
     """Follows one stream to its end.
 
     Args:
-        visit: Whose it is.
-        connection: Where it comes from.
+        context: The request.
+        connection: Its connection.
     """
 
-    def __init__(self, visit: RequestContext, connection: PeerProtocol) -> None:
-        self._visit, self._connection = visit, connection
+    def __init__(self, context: RequestContext, connection: PeerProtocol) -> None:
+        self._context, self._connection = context, connection
         self._axes: frozenset[str] = frozenset()
         self.count = 0
 
-    async def follow(self, request: Request) -> Document:
+    async def run(self, request: Request) -> Document:
         """Take setpoints until the client ends the stream.
 
         Returns:
-            How many there were.
+            The number of setpoints.
 
         Raises:
-            StageError: If the stage does not follow, a line is not valid, or none comes for 5 s.
+            StageError: If the stage does not follow, a line is not valid, or no line arrives for
+                5 s.
         """
-        self._visit.claim()
+        self._context.claim()
         self._connection.let_body_last()
         why = ""
         try:
@@ -51,30 +52,30 @@ class SetpointStream:
             why = error.what
             raise
         except ClientDisconnect:
-            why = "the client went away"
-            self._visit.office.lease.shorten(self._visit.peer, _GONE_LEASE_S)
+            why = "the client disconnected"
+            self._context.state.lease.shorten(self._context.peer, _GONE_LEASE_S)
             raise
         finally:
-            self._visit.note(f"stream ended after {self.count} setpoints", why)
+            self._context.note(f"stream ended after {self.count} setpoints", why)
         return {"accepted": True, "setpoints": self.count}
 
     async def _take(self, document: Any) -> None:
         setpoints_um = _setpoints(document)
         if not self._axes:
-            await self._visit.ask(Stream(axes=tuple(setpoints_um)))
+            await self._context.ask(Stream(axes=tuple(setpoints_um)))
             self._axes = frozenset(setpoints_um)
         if not setpoints_um.keys() <= self._axes:
-            raise BadValueError("a line names an axis that the first one does not", _REMEDY)
-        self._visit.claim()
-        self._visit.stage.stream_setpoint(setpoints_um)
+            raise BadValueError("a line names an axis that the first line does not name", _REMEDY)
+        self._context.claim()
+        self._context.stage.stream_setpoint(setpoints_um)
         self.count += 1
         if self.count % _LINES_AT_ONCE == 0:
-            await asyncio.sleep(0)  # others want to be served, too
+            await asyncio.sleep(0)  # serve other requests
 
 
 def _setpoints(document: Any) -> dict[str, float]:
     if not isinstance(document, dict) or not document:
-        raise BadValueError("a line is no object with a setpoint", _REMEDY)
+        raise BadValueError("a line is not an object with setpoints", _REMEDY)
     for axis, value in document.items():
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise BadValueError(f"{axis[:32]}: must be a number", _REMEDY)
@@ -89,8 +90,8 @@ async def _lines(request: Request, silence_s: float) -> AsyncIterator[bytes]:
             async with asyncio.timeout(silence_s):
                 chunk = await anext(chunks, None)
         except TimeoutError:
-            what = f"no setpoint came for {silence_s:g} s"
-            raise SilentError(what, "begin a new stream when there are setpoints again") from None
+            what = f"no setpoint arrived for {silence_s:g} s"
+            raise SilentError(what, "start a new stream for further setpoints") from None
         *complete, rest = (rest + (b"\n" if chunk is None else chunk)).split(b"\n")
         for line in complete:
             _check_length(line)

@@ -1,44 +1,33 @@
-"""What the HTTP service needs of a stage; the supervisor implements it.
+"""The interface of a stage that the HTTP service uses; the supervisor implements it.
 
-The service knows HTTP, roles and the lease; behind this seam nobody knows of them. No method may
-block for more than a few milliseconds unless it is `async`: all clients share one thread.
+Only the service knows HTTP, roles and the lease. No method may block for more than a few
+milliseconds unless it is `async`: all clients share one thread.
 """
 
 from collections.abc import Mapping, Sequence
-from enum import IntEnum
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
+from piezod.config.endpoints import Role
 from piezod.config.requests import Request
 from piezod.control.stage.answer import Answer
 from piezod.errors import PiezodError
 
 Document: TypeAlias = dict[str, Any]
-"""What becomes a JSON object; a number that is not finite becomes null."""
-
-
-class Role(IntEnum):
-    """What somebody may do; a larger one may do all that a smaller one may."""
-
-    VIEWER = 1
-    """Look."""
-    OPERATOR = 2
-    """Arm, move, stop, reset, record and save."""
-    ENGINEER = 3
-    """Identify, change model and configuration, reset what is latched until service, shut down."""
+"""Becomes a JSON object; NaN and infinities become null."""
 
 
 class Peer(NamedTuple):
-    """Who asks.
+    """The client that sends a request.
 
     Attributes:
-        uid: User, as the kernel tells it.
-        pid: Process, as the kernel tells it; for logs only, it may be another's by now.
-        user: Name of the user, or its number where it has none.
-        client: What the client calls itself, header `X-Piezod-Client`; "" where it does not.
-        role: What he may do.
+        uid: User, as the kernel reports it.
+        pid: Process, as the kernel reports it; for logs only, because numbers are used again.
+        user: Name of the user, or its number if it has no name.
+        client: Name of the client in the header `X-Piezod-Client`; "" if it has none.
+        role: Role of the user.
     """
 
     uid: int
@@ -49,11 +38,11 @@ class Peer(NamedTuple):
 
 
 class StageError(PiezodError):
-    """Base of what makes a request fail; becomes an error document with a status code.
+    """Base of the errors of requests; becomes an error document with a status code.
 
     Args:
-        what: What is wrong: where, what was found, what is allowed.
-        remedy: What would help.
+        what: What happened, the value found, and the allowed values.
+        remedy: What the user can do.
         details: Further keys of the error document.
     """
 
@@ -68,48 +57,48 @@ class StageError(PiezodError):
 
 
 class UnknownNameError(StageError):
-    """Raised when there is nothing of that name or number."""
+    """Raised when a name or number is unknown."""
 
     status = 404
     code = "not_found"
 
 
 class NotNowError(StageError):
-    """Raised when something cannot be done now, in this state."""
+    """Raised when the present state does not allow a request."""
 
     status = 409
     code = "refused"
 
 
 class BadValueError(StageError):
-    """Raised when a value is of the right type and not allowed."""
+    """Raised when a value has the right type but is not allowed."""
 
     status = 422
     code = "invalid"
 
 
 class UnavailableError(StageError):
-    """Raised when there is no loop that could be asked, or it has too much to do."""
+    """Raised when there is no loop, or too many requests wait for it."""
 
     status = 503
     code = "unavailable"
 
 
 class NoAnswerError(StageError):
-    """Raised when the loop did not answer in time; the request has expired, or is carried out."""
+    """Raised when the loop does not answer in time; the request has expired or is in progress."""
 
     status = 504
     code = "no_answer"
 
 
 class AuditEntry(NamedTuple):
-    """Something that somebody asked for, and what became of it.
+    """A request and its outcome, for the audit.
 
     Attributes:
-        peer: Who.
-        what: The request, as in "goto {'position_um': 12.5}".
+        peer: The client that sent it.
+        what: The request, for example "goto {'position_um': 12.5}".
         accepted: Whether it was carried out.
-        why: Why not; empty where it was.
+        why: Why not; empty if it was carried out.
     """
 
     peer: Peer
@@ -119,37 +108,37 @@ class AuditEntry(NamedTuple):
 
 
 class RecordReader(Protocol):
-    """A reader of the ring, with a place of its own; `telemetry.ring.RingReader` is one."""
+    """A reader of the ring with its own position; `telemetry.ring.RingReader` is one."""
 
     def read(self, limit: int) -> tuple[np.ndarray, int]:
-        """Return the records since the last call, and how many of them were lost.
+        """Return the records since the last call, and the number of lost records.
 
         Args:
-            limit: How many records at most; what is more stays for the next call.
+            limit: Largest number of records; further records stay for the next call.
 
         Returns:
-            An array of `telemetry.layout.record_dtype`, shape (n,), oldest first; and a count.
+            An array of `telemetry.layout.record_dtype`, shape (n,), oldest first; and the number.
         """
         ...
 
 
 class StageService(Protocol):
-    """A stage, as the HTTP service sees it."""
+    """A stage with its recordings, parameters and audit."""
 
     @property
     def axes(self) -> Sequence[str]:
-        """The names of the axes, in the order in which they are in a record."""
+        """The names of the axes, in the order of a record."""
         ...
 
     @property
     def recordings_folder(self) -> Path:
-        """Where the recordings are; the file of a recording is `NAME.h5` in it."""
+        """The folder of the recordings; the file of a recording is `NAME.h5`."""
         ...
 
     async def request(self, request: Request, peer: Peer) -> Answer:
-        """Have the loop carry out a request, and wait for its answer.
+        """Send a request to the loop, and wait for its answer.
 
-        Roles and lease have been checked; `Reset.engineer` is set only for an engineer.
+        The service has checked role and lease; `Reset.engineer` is set only for an engineer.
 
         Raises:
             UnavailableError: If there is no loop, or its mailbox is full.
@@ -158,14 +147,14 @@ class StageService(Protocol):
         ...
 
     def stream_setpoint(self, setpoints_um: Mapping[str, float]) -> None:
-        """Set the newest setpoint of a stream, for each axis named, in µm.
+        """Set the newest setpoint of a stream, in µm, for each axis in the mapping.
 
-        Called only after a `Stream` request for these axes was accepted, up to some thousand times
-        a second.
+        Called after a `Stream` request for these axes was accepted, up to some thousand times per
+        second.
 
         Raises:
-            BadValueError: If an axis' command range does not allow its value; none is set then.
-            NotNowError: If the stage does not follow the stream any more.
+            BadValueError: If a value is out of the command range of its axis; no axis is set then.
+            NotNowError: If the stage no longer follows the stream.
             UnavailableError: If there is no loop.
         """
         ...
@@ -175,11 +164,11 @@ class StageService(Protocol):
         ...
 
     def health(self) -> tuple[bool, Document]:
-        """Return whether the loop runs on schedule, and what tells so."""
+        """Return whether the loop runs on schedule, and the measured values for it."""
         ...
 
     def faults(self) -> list[Document]:
-        """Return what is present or latched: `{"id", "name", "present", "latched", "remedy"}`."""
+        """Return present and latched faults: `{"id", "name", "present", "latched", "remedy"}`."""
         ...
 
     def fault_ids(self, mask: int) -> Sequence[str]:
@@ -187,7 +176,7 @@ class StageService(Protocol):
         ...
 
     def realtime(self) -> Document:
-        """Return what the loop process asked of the operating system, and what it obtained."""
+        """Return the real-time settings that the loop requested and obtained."""
         ...
 
     def config(self) -> Document:
@@ -195,16 +184,16 @@ class StageService(Protocol):
         ...
 
     async def reload(self, peer: Peer) -> Document:
-        """Read the configuration again; it is swapped as a whole, or kept.
+        """Read the configuration again; replace all of it, or keep the present one.
 
         Raises:
-            BadValueError: If the file is not valid; the text has every problem.
-            NotNowError: If it cannot be swapped in this state.
+            BadValueError: If the file is not valid; the text lists every problem.
+            NotNowError: If the present state does not allow it.
         """
         ...
 
     def open_reader(self) -> RecordReader:
-        """Return a new reader of the ring that begins with what comes next.
+        """Return a new reader of the ring that starts with the next record.
 
         Raises:
             UnavailableError: If there is no ring yet.
@@ -212,11 +201,11 @@ class StageService(Protocol):
         ...
 
     async def params(self) -> Document:
-        """Return the parameters that the loop uses now: `{"axes": {"x": {…}}, "sequence"}`."""
+        """Return the parameters in use: `{"axes": {"x": {…}}, "sequence"}`."""
         ...
 
     async def params_history(self) -> list[Document]:
-        """Return what is saved, newest first: `{"sequence", "saved_at", "saved_by", …}`."""
+        """Return the saved parameters, newest first: `{"sequence", "saved_at", "saved_by", …}`."""
         ...
 
     async def save_params(self, peer: Peer) -> Document:
@@ -224,15 +213,16 @@ class StageService(Protocol):
         ...
 
     async def load_params(self, sequence: int | None, peer: Peer) -> Document:
-        """Have the loop use saved parameters; returns at least `{"sequence"}`.
+        """Make the loop use saved parameters; returns at least `{"sequence"}`.
 
         Args:
-            sequence: Which; None for the newest.
-            peer: Who asks.
+            sequence: Their number; None for the newest.
+            peer: The client that asks for it.
 
         Raises:
-            UnknownNameError: If there are none of that number.
-            NotNowError: If the loop does not take them now, or the file is corrupt or foreign.
+            UnknownNameError: If no parameters have that number.
+            NotNowError: If the loop does not accept them now, or the file is corrupt or of another
+                stage.
         """
         ...
 
@@ -240,7 +230,7 @@ class StageService(Protocol):
         """Start recording every cycle; returns at least `{"name"}`.
 
         Raises:
-            NotNowError: If one is under way, or there is no room.
+            NotNowError: If a recording is in progress, or the disk has no room.
         """
         ...
 
@@ -248,18 +238,18 @@ class StageService(Protocol):
         """End the recording and close its file; returns at least `{"name", "records", "lost"}`.
 
         Raises:
-            NotNowError: If none is under way.
+            NotNowError: If no recording is in progress.
         """
         ...
 
     async def recordings(self) -> tuple[Document | None, list[Document]]:
-        """Return the one under way, or None, and those that are finished; each has a "name"."""
+        """Return the recording in progress or None, and the finished ones; each has a "name"."""
         ...
 
     def audit(self, entry: AuditEntry) -> None:
-        """Note what somebody asked for; must not block."""
+        """Write an entry to the audit; must not block."""
         ...
 
     async def audit_log(self, limit: int) -> list[Document]:
-        """Return the newest entries, newest first."""
+        """Return the newest `limit` entries of the audit, newest first."""
         ...

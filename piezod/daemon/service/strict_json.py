@@ -1,4 +1,4 @@
-"""JSON as a service may take it from anybody: nothing that is read in two ways, nothing endless."""
+"""Strict JSON for bodies of unknown clients: unambiguous, finite, of limited depth."""
 
 import json
 import math
@@ -7,22 +7,22 @@ from typing import Any, Final, NoReturn
 from piezod.daemon.service.refusals import BadJsonError
 
 MAX_DEPTH: Final = 16
-_MAX_DIGITS: Final = 18  # of whole numbers: they all fit into 64 bits
+_MAX_DIGITS: Final = 18  # of whole numbers, so that they fit into 64 bits
 
 
 def loads(text: bytes) -> Any:
-    """Read a JSON document; lists become tuples, as strict validation wants them.
+    """Read a JSON document; lists become tuples, which strict validation requires.
 
     Raises:
-        BadJsonError: If it is not UTF-8 or no JSON, says a key twice, is nested deeper than 16
-            levels, or has a number that is not finite or has more than 18 digits before the point.
+        BadJsonError: If the text is not UTF-8 or not JSON, has a key twice, is nested deeper than
+            16 levels, or has a number that is not finite or a whole number of more than 18 digits.
     """
     try:
         return _tuples(_DECODER.decode(text.decode()), MAX_DEPTH)
     except RecursionError:
         raise _too_deep() from None
     except ValueError as error:  # of decoding UTF-8, and of JSON
-        raise BadJsonError(f"the body is no JSON: {error}") from error
+        raise BadJsonError(f"the body is not JSON: {error}") from error
 
 
 def _tuples(value: Any, depth: int) -> Any:
@@ -36,7 +36,7 @@ def _tuples(value: Any, depth: int) -> Any:
 
 
 def _text(text: str) -> str:
-    text.encode()  # half a surrogate pair could not be written into a log or an answer
+    text.encode()  # half a surrogate pair cannot be written to a log or an answer
     return text
 
 
@@ -49,7 +49,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) != len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for key in keys if keys.count(key) > 1)
-        raise BadJsonError(f"the key {twice[:40]!r} is there twice, allowed: once")
+        raise BadJsonError(f"the key {twice[:40]!r} occurs twice, allowed: once")
     return found
 
 
@@ -68,7 +68,7 @@ def _number(digits: str) -> float:
 
 
 def _constant(name: str) -> NoReturn:
-    raise BadJsonError(f"{name} is no JSON, allowed: finite numbers")
+    raise BadJsonError(f"{name} is not JSON, allowed: finite numbers")
 
 
 _DECODER: Final = json.JSONDecoder(

@@ -1,4 +1,4 @@
-"""What happened in an interval: least, largest and last, so that no spike is lost."""
+"""The summary of an interval: minimum, maximum and last value, so that no spike is lost."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
@@ -25,9 +25,9 @@ def summarise(
 
     Args:
         records: Of `telemetry.layout.record_dtype`, shape (n,), n at least 1, oldest first.
-        lost: How many more there were.
-        axes: Names of the axes that are wanted, and their places in a record.
-        fault_ids: Names the faults of a mask.
+        lost: Number of further records, which were lost.
+        axes: Names of the axes to report, and their places in a record.
+        fault_ids: Returns the ids of the faults in a mask.
     """
     last = records[-1]
     return {
@@ -65,7 +65,7 @@ def _axis(records: NDArray[Any]) -> Document:
 
 
 def _range(values: NDArray[Any]) -> Document:
-    """Give the range of what is a number; NaN where nothing is."""
+    """Return the range of all values that are numbers; NaN if there is none."""
     return {
         "min": float(np.fmin.reduce(values)),
         "max": float(np.fmax.reduce(values)),

@@ -1,4 +1,4 @@
-"""Telemetry as server-sent events: one for each interval, however slowly they are read."""
+"""Telemetry as server-sent events, one for each interval."""
 
 import asyncio
 from collections.abc import Mapping
@@ -14,20 +14,20 @@ from piezod.daemon.service.stage_service import RecordReader, StageService
 from piezod.daemon.service.summary import summarise
 
 _MOST_RECORDS: Final = 40_000
-"""In one event: two seconds of the fastest loop; what is more comes with the next."""
+"""Most records in one event, 2 s of the fastest loop; further records go to the next event."""
 _NOTHING_NEW: Final = b": nothing new\n\n"
 
 
 class TelemetryAnswer(Response):
-    """Goes on until the client leaves or the server ends.
+    """Events until the client disconnects or the server ends.
 
-    While a client does not read, nothing is made for him: his next event is about more cycles.
+    While a client does not read, no event is made; its next event covers more cycles.
 
     Args:
         stage: The stage.
-        axes: Names of the axes that are wanted, and their places in a record.
+        axes: Names of the axes to report, and their places in a record.
         rate_hz: Events per second.
-        connection: Where the client is.
+        connection: Connection of the client.
 
     Raises:
         UnavailableError: If there is no ring yet.
@@ -49,7 +49,7 @@ class TelemetryAnswer(Response):
         self._records: RecordReader = stage.open_reader()
 
     async def __call__(self, _scope: Scope, _receive: Receive, send: Send) -> None:
-        """Send events."""
+        """Send the events."""
         loop, closing = asyncio.get_running_loop(), self._connection.closing
         await send(
             {"type": "http.response.start", "status": 200, "headers": self.raw_headers},

@@ -1,4 +1,4 @@
-"""What is noted of urgent requests, which are served at any rate: not so many of them."""
+"""Limits the audit entries of urgent requests, because their own rate has no limit."""
 
 from collections.abc import Callable
 from typing import Final
@@ -12,10 +12,10 @@ _MOST_USERS: Final = 256
 
 
 class UrgentNotes:
-    """Lets two entries a second of each user through, and tells how many it left out.
+    """Passes two entries per second of each user, and reports the number of dropped entries.
 
     Args:
-        now_s: A clock that never goes back, in s.
+        now_s: Monotonic clock, in s.
     """
 
     def __init__(self, now_s: Callable[[], float]) -> None:
@@ -24,10 +24,10 @@ class UrgentNotes:
         self._left_out: dict[int, int] = {}
 
     def limit(self, entry: AuditEntry) -> AuditEntry | None:
-        """Return the entry, with the count of those before it that were left out; None for one."""
+        """Return the entry, with the number of entries dropped before it; None to drop it."""
         uid, now_s = entry.peer.uid, self._now_s()
         if uid not in self._users and len(self._users) >= _MOST_USERS:
-            self._users.clear()  # of a machine's users so many are no flood
+            self._users.clear()  # no machine has so many users at a time, so start anew
         bucket = self._users.setdefault(uid, TokenBucket(RATE_HZ, BURST, now_s))
         if not bucket.take(now_s):
             self._left_out[uid] = self._left_out.get(uid, 0) + 1

@@ -12,12 +12,13 @@ from collections.abc import Coroutine
 from pathlib import Path
 from typing import Final
 
+from piezod.config.endpoints import Role
 from piezod.config.states import State
 from piezod.daemon.logging import logger
 from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.roles import GroupRoles
-from piezod.daemon.service.stage_service import Document, NotNowError, Peer, Role, StageError
+from piezod.daemon.service.stage_service import Document, NotNowError, Peer, StageError
 from piezod.daemon.supervisor.api_server import Api
 from piezod.daemon.supervisor.heart import Heart
 from piezod.daemon.supervisor.housekeeping import Housekeeping

@@ -8,6 +8,7 @@ from piezod.client import calls
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import CaseConfig
 from piezod.config.modes import Mode
+from piezod.config.requests import TABLE
 from piezod.config.rules import MIN_JUDGED_SAMPLES
 from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import DataError, RefusedError
@@ -15,7 +16,7 @@ from piezod.experiment.error_rows import NEED_TRUTH
 from piezod.experiment.live.setup import LiveAxis, LiveSetup
 from piezod.experiment.virtual.case import BEYOND
 
-LARGEST_REQUEST_BYTES: Final = 256 * 1024
+LARGEST_REQUEST_BYTES: Final = TABLE["wave"].access.most_bytes
 """What a daemon takes at once."""
 
 
@@ -83,7 +84,8 @@ def _problems_of(case: CaseConfig, config: ExperimentConfig, setup: LiveSetup) -
 def _too_large(case: CaseConfig, config: ExperimentConfig) -> Iterator[str]:
     """Tell whether the points of a file are too many to be sent."""
     try:
-        body = calls.wave(case.commands(config.axes), case.duration_s).body
+        commands_um = case.commands(config.axes)
+        body = calls.command("wave", command_um=commands_um, duration_s=case.duration_s).body
     except RefusedError as error:
         yield f"{case.name} cannot be sent: {error}"
         return

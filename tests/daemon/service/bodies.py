@@ -1,4 +1,4 @@
-"""A body for each endpoint that does not take an empty one."""
+"""Bodies for the endpoints that do not accept an empty body."""
 
 import json
 from typing import Any, Final
@@ -34,7 +34,7 @@ BODIES: Final[dict[str, Any]] = {
 
 
 def answer_of(client: httpx.Client, endpoint: tuple[str, str]) -> httpx.Response:
-    """Use an endpoint with a body that it takes; of what never ends only the beginning is read."""
+    """Use an endpoint with a valid body; of telemetry only the beginning is read."""
     method, path = endpoint[0], endpoint[1].removeprefix("/v1/")
     text = json.dumps(BODIES.get(path, {})) if method == "POST" else None
     headers = {"content-type": "application/json"}

@@ -15,7 +15,7 @@ Serve = Callable[[ConnectionLimits], Served]
 
 @pytest.fixture
 def serve(tmp_path: Path) -> Iterator[Serve]:
-    """Return what starts a service with limits of one's own."""
+    """Return a function that starts a service with other limits."""
     with ExitStack() as stack:
 
         def start(limits: ConnectionLimits) -> Served:
@@ -28,7 +28,7 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
 
 @pytest.fixture(scope="session")
 def shared_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """Return a service that all tests use which do not end it."""
+    """Return a service for all tests that do not end it."""
     served = Served(tmp_path_factory.mktemp("service"), ConnectionLimits())
     with served.running():
         yield served
@@ -36,7 +36,7 @@ def shared_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]
 
 @pytest.fixture
 def served(shared_service: Served, tmp_path: Path) -> Served:
-    """Return a running service, its stage as good as new."""
+    """Return a running service with a new stage."""
     shared_service.renew(tmp_path)
     return shared_service
 

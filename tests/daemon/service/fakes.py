@@ -1,4 +1,4 @@
-"""A stage that only notes what it is asked, and its service on a real socket."""
+"""A stage that records requests only, and its service on a real socket."""
 
 import asyncio
 import os
@@ -12,12 +12,13 @@ import httpx
 import numpy as np
 from numpy.typing import NDArray
 
+from piezod.config.endpoints import Role
 from piezod.config.requests import Request
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.lease import Lease
 from piezod.daemon.service.peer_protocol import ConnectionLimits, Credentials
-from piezod.daemon.service.request_context import RequestQueue
+from piezod.daemon.service.request_context import ServiceState
 from piezod.daemon.service.roles import User
 from piezod.daemon.service.server import bind, make_server
 from piezod.daemon.service.stage_service import (
@@ -25,7 +26,6 @@ from piezod.daemon.service.stage_service import (
     Document,
     NotNowError,
     Peer,
-    Role,
     UnavailableError,
     UnknownNameError,
 )
@@ -36,7 +36,7 @@ NAN = float("nan")
 
 
 class FakeReader:
-    """Gives the records that a test has put there."""
+    """Returns the records that a test has put into `waiting`, then `else_`."""
 
     def __init__(self) -> None:
         self.waiting: list[NDArray[Any]] = []
@@ -49,7 +49,7 @@ class FakeReader:
 
 
 class FakeStage:
-    """Accepts everything, unless a test says why not."""
+    """Accepts everything, unless a test sets a refusal."""
 
     def __init__(self, folder: Path) -> None:
         self.axes: Sequence[str] = ("x", "y")
@@ -141,7 +141,7 @@ class FakeStage:
 
 
 class FakeRoles:
-    """Everybody has the role that the test gives."""
+    """Every user has the role of `role`."""
 
     def __init__(self) -> None:
         self.role = Role.ENGINEER
@@ -151,7 +151,7 @@ class FakeRoles:
 
 
 class FakeNow:
-    """A clock that goes only where a test puts it."""
+    """A clock that a test sets."""
 
     def __init__(self) -> None:
         self.now_s = 1000.0
@@ -161,7 +161,7 @@ class FakeNow:
 
 
 class Served:
-    """A service that runs in a thread, and what it was made of."""
+    """A service that runs in a thread, with its parts."""
 
     def __init__(self, folder: Path, limits: ConnectionLimits) -> None:
         self.stage, self.roles, self.now = FakeStage(folder), FakeRoles(), FakeNow()
@@ -170,10 +170,10 @@ class Served:
         self.server = make_server(self.app, limits)
 
     def renew(self, folder: Path) -> None:
-        """Begin anew with another stage; so much time passes that no limit remembers anything."""
+        """Use a new stage, and let time pass until all limits are reset."""
         self.stage, self.roles = FakeStage(folder), FakeRoles()
         self.now.now_s += 1000.0
-        self.app.state.office = RequestQueue(
+        self.app.state.service = ServiceState(
             self.stage, self.roles, Lease(self.now), set(), UrgentNotes(self.now)
         )
 
@@ -195,7 +195,7 @@ class Served:
 
     @contextmanager
     def client(self, name: str = "test") -> Iterator[httpx.Client]:
-        """Give a client of its own connection."""
+        """Yield a client with its own connection."""
         transport = httpx.HTTPTransport(uds=str(self.socket))
         headers = {"x-piezod-client": name}
         with httpx.Client(
@@ -204,5 +204,5 @@ class Served:
             yield client
 
     def called(self) -> int:
-        """Tell how many requests reached the stage."""
+        """Return the number of requests that reached the stage."""
         return len(self.stage.requests)

@@ -1,4 +1,4 @@
-"""A client that does what no decent client does."""
+"""Raw connections, for requests that no HTTP client sends."""
 
 import select
 import socket
@@ -11,7 +11,7 @@ HEAD = b"POST /v1/%s HTTP/1.1\r\nhost: piezod\r\nx-piezod-client: raw\r\n"
 
 @contextmanager
 def connected(path: Path) -> Iterator[socket.socket]:
-    """Give a connection on which nothing was sent."""
+    """Yield a connection on which nothing was sent."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
         connection.settimeout(20.0)
         connection.connect(str(path))
@@ -19,7 +19,7 @@ def connected(path: Path) -> Iterator[socket.socket]:
 
 
 def read_to_end(connection: socket.socket) -> bytes:
-    """Return all that comes until the other end closes."""
+    """Return all data until the other end closes."""
     found = b""
     while chunk := _receive(connection):
         found += chunk
@@ -34,7 +34,7 @@ def _receive(connection: socket.socket) -> bytes:
 
 
 def wait_for_hang_up(connection: socket.socket) -> None:
-    """Return when the other end has closed, without reading anything."""
+    """Wait until the other end has closed, without reading."""
     poll = select.poll()
     poll.register(connection, 0)  # POLLHUP is always told
     assert poll.poll(20_000), "the connection is still open"

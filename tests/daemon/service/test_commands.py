@@ -2,29 +2,32 @@ import httpx
 import pytest
 
 from piezod.config import requests
+from piezod.config.endpoints import Endpoint, Role
 from piezod.config.modes import Mode
-from piezod.daemon.service.routes_commands import COMMANDS
-from piezod.daemon.service.stage_service import Role
+from piezod.config.requests import TABLE
 from tests.daemon.service.bodies import BODIES
 from tests.daemon.service.fakes import Served
 
 
 def test_goto_is_carried_out(served: Served, client: httpx.Client) -> None:
-    """A request reaches the stage as a model, and its movement is told."""
+    """A request reaches the stage as a model, and the answer has the number of the movement."""
     answer = client.post("goto", json={"position_um": 12.5, "axis": "x"})
 
     assert answer.json() == {"accepted": True, "motion": 7}
     assert served.stage.requests == [requests.Goto(position_um=12.5, axis="x")]
 
 
-@pytest.mark.parametrize("path", sorted(COMMANDS))
-def test_every_command_reaches_the_stage(served: Served, path: str) -> None:
-    """The path says what kind of request the body is."""
+COMMANDS = [row for row in TABLE.values() if row.request is not None]
+
+
+@pytest.mark.parametrize("row", COMMANDS, ids=lambda row: row.path)
+def test_every_command_reaches_the_stage(served: Served, row: Endpoint) -> None:
+    """The path of a row takes its request as the body."""
     with served.client() as client:
-        answer = client.post(path, json=BODIES.get(path, {}))
+        answer = client.post(row.path, json=BODIES.get(row.path, {}))
 
     assert answer.status_code == 200, answer.text
-    assert type(served.stage.requests[0]) is COMMANDS[path]
+    assert type(served.stage.requests[0]) is row.request
 
 
 def test_empty_body_is_an_empty_object(served: Served, client: httpx.Client) -> None:
@@ -45,7 +48,7 @@ def test_lists_are_taken_by_strict_models(served: Served, client: httpx.Client) 
 
 
 def test_mode_is_a_name(served: Served, client: httpx.Client) -> None:
-    """A mode is asked for as files name it."""
+    """A mode has the same name as in configuration files."""
     client.post("mode", json={"mode": "trimmed"})
 
     assert served.stage.requests == [requests.SelectMode(mode=Mode.TRIMMED)]
@@ -53,7 +56,7 @@ def test_mode_is_a_name(served: Served, client: httpx.Client) -> None:
 
 @pytest.mark.fault("C13")
 def test_refusal_tells_the_stages_reason(served: Served, client: httpx.Client) -> None:
-    """What a state does not allow is answered with 409 and why."""
+    """A request that the state does not allow is answered with 409 and the reason."""
     served.stage.refusal = "the stage is SAFE; arm it first"
     answer = client.post("goto", json={"position_um": 1.0})
 
@@ -63,7 +66,7 @@ def test_refusal_tells_the_stages_reason(served: Served, client: httpx.Client) -
 
 
 def test_no_loop_is_503(served: Served, client: httpx.Client) -> None:
-    """Where there is no loop, that is what the error says."""
+    """Without a loop the error says so."""
     served.stage.lost_link = True
     answer = client.post("stop")
 
@@ -75,7 +78,7 @@ def test_no_loop_is_503(served: Served, client: httpx.Client) -> None:
 def test_setpoint_that_is_not_allowed_is_refused(
     served: Served, client: httpx.Client, position_um: object
 ) -> None:
-    """It is not clamped, and no text is taken for a number."""
+    """A setpoint out of range or of another type is refused, not clamped."""
     answer = client.post("goto", json={"position_um": position_um})
 
     assert answer.status_code == 422
@@ -85,7 +88,7 @@ def test_setpoint_that_is_not_allowed_is_refused(
 
 
 def test_unknown_key_is_refused(served: Served, client: httpx.Client) -> None:
-    """A key that is misspelt does not go unnoticed."""
+    """A misspelt key is refused."""
     answer = client.post("goto", json={"position_um": 1.0, "sped": 3})
 
     assert answer.json()["error"]["what"] == "sped: unknown key"
@@ -96,7 +99,7 @@ def test_unknown_key_is_refused(served: Served, client: httpx.Client) -> None:
 def test_files_are_not_read_for_clients(
     served: Served, client: httpx.Client, part: dict[str, object]
 ) -> None:
-    """A waveform from a file is refused before validation would look at the file."""
+    """A waveform from a file is refused before validation reads the file."""
     sequence = {"kind": "sequence", "parts": [{"duration_s": 1.0, "waveform": part}]}
     answer = client.post("wave", json={"command_um": {"x": sequence}, "duration_s": 1.0})
 
@@ -106,7 +109,7 @@ def test_files_are_not_read_for_clients(
 
 
 def test_only_engineers_reset_level_3(served: Served, client: httpx.Client) -> None:
-    """An operator resets what operators may, and is told what he may not."""
+    """An operator cannot reset level 3 latches."""
     served.roles.role = Role.OPERATOR
     codes = [client.post("reset", json={"engineer": asked}).status_code for asked in (True, False)]
 
@@ -115,7 +118,7 @@ def test_only_engineers_reset_level_3(served: Served, client: httpx.Client) -> N
 
 
 def test_who_did_what_is_noted(served: Served, client: httpx.Client) -> None:
-    """The audit has the user, the client, the request, and why it was not carried out."""
+    """The audit has user, client, request and the reason of a refusal."""
     client.post("goto", json={"position_um": 1.5})
     served.stage.refusal = "no"
     client.post("arm")

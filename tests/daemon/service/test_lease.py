@@ -3,17 +3,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from piezod.config.endpoints import Role
 from piezod.daemon.service.lease import LEASE_S, Lease
 from piezod.daemon.service.refusals import LeaseHeldError
-from piezod.daemon.service.roles import ACCESS
-from piezod.daemon.service.stage_service import Peer, Role
+from piezod.daemon.service.route_table import ROUTES
+from piezod.daemon.service.stage_service import Peer
 from tests.daemon.service.bodies import answer_of
 from tests.daemon.service.fakes import FakeNow, Served
 
 PEERS = [Peer(1000, 1, "ann", "", Role.OPERATOR), Peer(1000, 2, "ann", "b", Role.OPERATOR)]
 PEERS.append(Peer(1001, 3, "bob", "", Role.OPERATOR))
-NEEDS_LEASE = sorted(key for key, access in ACCESS.items() if access.lease)
-NEEDS_NONE = sorted(ACCESS.keys() - set(NEEDS_LEASE))
+NEEDS_LEASE = sorted(key for key, row in ROUTES.items() if row.access.lease)
+NEEDS_NONE = sorted(ROUTES.keys() - set(NEEDS_LEASE))
 STEPS = st.lists(
     st.tuples(st.sampled_from(["claim", "release", "wait"]), st.integers(0, 2), st.floats(0, 40))
 )
@@ -22,7 +23,7 @@ STEPS = st.lists(
 @pytest.mark.fault("C8")
 @given(STEPS)
 def test_one_at_a_time_has_the_lease(steps: list[tuple[str, int, float]]) -> None:
-    """Whatever three clients do, nobody gets it while another had it within 30 s."""
+    """No client gets the lease while another one has claimed it within 30 s."""
     now = FakeNow()
     lease = Lease(now)
     holder, until_s = -1, 0.0
@@ -44,7 +45,7 @@ def test_one_at_a_time_has_the_lease(steps: list[tuple[str, int, float]]) -> Non
 
 @pytest.mark.fault("C8")
 def test_command_of_another_is_refused_with_the_holder(served: Served) -> None:
-    """Who moves the stage is told to whoever wants to, and for how long."""
+    """The refusal has the holder of the lease and the remaining time."""
     with served.client("first") as first, served.client("second") as second:
         first.post("goto", json={"position_um": 1.0})
         served.now.now_s += 10.0
@@ -62,7 +63,7 @@ def test_command_of_another_is_refused_with_the_holder(served: Served) -> None:
 @pytest.mark.fault("C8")
 @pytest.mark.parametrize("endpoint", NEEDS_LEASE, ids=" ".join)
 def test_endpoint_that_moves_needs_the_lease(served: Served, endpoint: tuple[str, str]) -> None:
-    """Each of them is refused while another has the lease."""
+    """The endpoint is refused while another client has the lease."""
     with served.client("first") as first, served.client("second") as second:
         first.post("lease").raise_for_status()
         answer = answer_of(second, endpoint)
@@ -73,7 +74,7 @@ def test_endpoint_that_moves_needs_the_lease(served: Served, endpoint: tuple[str
 
 @pytest.mark.fault("C8")
 def test_other_endpoints_need_none(served: Served) -> None:
-    """Looking, and going towards safety, is for everybody."""
+    """Endpoints that look, or lead towards safety, need no lease."""
     with served.client("first") as first:
         first.post("lease").raise_for_status()
     for endpoint in NEEDS_NONE:
@@ -84,7 +85,7 @@ def test_other_endpoints_need_none(served: Served) -> None:
 
 @pytest.mark.fault("C9")
 def test_lease_of_nobody_runs_out(served: Served) -> None:
-    """After 30 s without a command another gets it."""
+    """After 30 s without a command another client gets the lease."""
     with served.client("first") as first, served.client("second") as second:
         first.post("lease").raise_for_status()
         served.now.now_s += LEASE_S
@@ -94,7 +95,7 @@ def test_lease_of_nobody_runs_out(served: Served) -> None:
 
 
 def test_command_renews_the_lease(served: Served) -> None:
-    """Whoever goes on commanding keeps it."""
+    """Each command renews the lease."""
     with served.client("first") as first, served.client("second") as second:
         first.post("arm")
         served.now.now_s += 20.0
@@ -106,7 +107,7 @@ def test_command_renews_the_lease(served: Served) -> None:
 
 
 def test_malformed_command_takes_no_lease(served: Served) -> None:
-    """A lease is for those who can say what they want."""
+    """A malformed command does not take the lease."""
     with served.client("first") as first, served.client("second") as second:
         first.post("goto", json={})
         answer = second.post("arm")
@@ -115,7 +116,7 @@ def test_malformed_command_takes_no_lease(served: Served) -> None:
 
 
 def test_lease_of_another_is_not_shortened() -> None:
-    """Who goes away takes nothing from whoever has the lease."""
+    """A disconnect does not shorten the lease of another client."""
     now = FakeNow()
     lease = Lease(now)
     lease.claim(PEERS[0])
@@ -127,7 +128,7 @@ def test_lease_of_another_is_not_shortened() -> None:
 
 
 def test_lease_is_given_back(served: Served, client: httpx.Client) -> None:
-    """Another need not wait for its end then."""
+    """After a release another client gets the lease at once."""
     lease = client.post("lease").json()
     released = [client.delete("lease").json()["released"] for _ in range(2)]
 

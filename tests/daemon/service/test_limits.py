@@ -6,10 +6,10 @@ import httpx
 import numpy as np
 import pytest
 
+from piezod.config.endpoints import LARGE_BODY, SMALL_BODY, Role
 from piezod.daemon.service.peer_protocol import ConnectionLimits
 from piezod.daemon.service.rate_limit import CLIENT_BURST, TOTAL_BURST, RateLimit
-from piezod.daemon.service.roles import ACCESS, LARGE_BODY, SMALL_BODY, URGENT
-from piezod.daemon.service.stage_service import Role
+from piezod.daemon.service.route_table import ROUTES, URGENT
 from piezod.daemon.service.urgent_notes import BURST
 from piezod.telemetry.layout import record_dtype
 from tests.daemon.service.conftest import Serve
@@ -22,7 +22,7 @@ JSON_TYPE = {"content-type": "application/json"}
 
 @pytest.mark.fault("C1")
 def test_malformed_body_is_refused(served: Served, client: httpx.Client) -> None:
-    """What is no strict JSON is answered with 400, and reaches nothing."""
+    """A body that is not strict JSON is answered with 400 and does not reach the stage."""
     answer = client.post("goto", content=b'{"position_um": NaN}', headers=JSON_TYPE)
 
     assert (answer.status_code, answer.json()["error"]["code"]) == (400, "bad_json")
@@ -31,7 +31,7 @@ def test_malformed_body_is_refused(served: Served, client: httpx.Client) -> None
 
 @pytest.mark.fault("C1")
 def test_body_must_be_said_to_be_json(served: Served, client: httpx.Client) -> None:
-    """A form of a web page is no command."""
+    """A form of a web page is refused."""
     answer = client.post("goto", data={"position_um": "1.0"})
 
     assert (answer.status_code, answer.json()["error"]["code"]) == (415, "media_type")
@@ -40,7 +40,7 @@ def test_body_must_be_said_to_be_json(served: Served, client: httpx.Client) -> N
 
 @pytest.mark.fault("C1")
 def test_ten_malformed_requests_close_the_connection(served: Served) -> None:
-    """Who does not know what he does may connect again."""
+    """The tenth malformed request within 10 s closes the connection."""
     with served.client() as client:
         closed = [
             client.post("goto", json={"position_um": "1"}).headers.get("connection") == "close"
@@ -52,7 +52,7 @@ def test_ten_malformed_requests_close_the_connection(served: Served) -> None:
 
 @pytest.mark.fault("C1")
 def test_what_is_no_http_is_answered_in_the_form_of_errors(served: Served) -> None:
-    """Also then a client finds an error document, and the end."""
+    """Data that is not HTTP is answered with an error document, then the connection ends."""
     with connected(served.socket) as connection:
         connection.sendall(b"hello\r\n\r\n")
         header, _, body = read_to_end(connection).partition(b"\r\n\r\n")
@@ -64,7 +64,7 @@ def test_what_is_no_http_is_answered_in_the_form_of_errors(served: Served) -> No
 @pytest.mark.fault("C2")
 @pytest.mark.parametrize("verb", ["estop", "wave"])
 def test_announced_body_that_is_too_large_is_refused(client: httpx.Client, verb: str) -> None:
-    """It is not even read."""
+    """A body whose announced length is too large is not read."""
     answer = client.post(verb, content=b" " * (LARGE_BODY + 1), headers=JSON_TYPE)
 
     assert (answer.status_code, answer.json()["error"]["code"]) == (413, "too_large")
@@ -73,7 +73,7 @@ def test_announced_body_that_is_too_large_is_refused(client: httpx.Client, verb:
 
 @pytest.mark.fault("C2")
 def test_commands_are_small(client: httpx.Client) -> None:
-    """A body that is no waveform and no model is at most 1 KiB long."""
+    """A body without waveform or model has at most 1 KiB."""
     codes = [
         client.post("estop", content=b"{}" + b" " * (size - 2), headers=JSON_TYPE).status_code
         for size in (SMALL_BODY, SMALL_BODY + 1)
@@ -84,15 +84,15 @@ def test_commands_are_small(client: httpx.Client) -> None:
 
 @pytest.mark.fault("C2")
 def test_only_waveforms_and_models_are_large() -> None:
-    """Whatever needs no limit of rate has nothing in it that takes long to read."""
-    large = {path for (_, path), access in ACCESS.items() if access.most_bytes > SMALL_BODY}
+    """Only bodies with waveforms or models may be large; urgent bodies are small."""
+    large = {path for (_, path), row in ROUTES.items() if row.access.most_bytes > SMALL_BODY}
 
     assert large == {"/v1/wave", "/v1/identify", "/v1/model"}
 
 
 @pytest.mark.fault("C2")
 def test_large_body_is_read_as_strictly_as_others(served: Served, client: httpx.Client) -> None:
-    """Its mistakes have their places, and what is valid arrives as it was meant."""
+    """Errors in a large body have their places, and a valid large body arrives unchanged."""
     points = {"kind": "points", "points": [[i / 1000, i / 1000] for i in range(2000)]}
     wave = {"command_um": {"x": points}, "duration_s": 1.0}
     wrong = [
@@ -112,7 +112,7 @@ def test_large_body_is_read_as_strictly_as_others(served: Served, client: httpx.
 def test_refusals_of_urgent_requests_do_not_fill_the_audit(
     served: Served, client: httpx.Client
 ) -> None:
-    """What is served at any rate is noted at a limited one, and what is left out is counted."""
+    """The audit of urgent requests is limited in rate, and counts the dropped entries."""
     served.roles.role = Role.VIEWER
     for _ in range(200):
         client.post("stop")
@@ -139,7 +139,7 @@ def _send_until_refused(connection: socket.socket, chunk: bytes, most: int) -> i
 
 @pytest.mark.fault("C2")
 def test_body_without_end_is_cut_off(served: Served) -> None:
-    """Of a gigabyte hardly more is taken than what is allowed; others are served meanwhile."""
+    """An endless body is cut off near the limit; other clients are served meanwhile."""
     chunk = b"10000\r\n" + b" " * 65536 + b"\r\n"
     with connected(served.socket) as connection, served.client() as client:
         connection.sendall(HEAD % b"goto" + b"transfer-encoding: chunked\r\n\r\n")
@@ -152,7 +152,7 @@ def test_body_without_end_is_cut_off(served: Served) -> None:
 
 @pytest.mark.fault("C2")
 def test_header_without_end_is_cut_off(served: Served) -> None:
-    """A header is at most 64 KiB long."""
+    """A header has at most 64 KiB."""
     with connected(served.socket) as connection:
         connection.sendall(HEAD % b"goto")
         sent = _send_until_refused(connection, b"x-a: " + b"a" * 1000 + b"\r\n", 1 << 24)
@@ -162,7 +162,7 @@ def test_header_without_end_is_cut_off(served: Served) -> None:
 
 @pytest.mark.fault("C3")
 def test_clients_that_do_not_read_are_disconnected(serve: Serve) -> None:
-    """Sixteen of them hinder nobody, and what was made for them is dropped."""
+    """Sixteen clients that do not read are disconnected and do not block others."""
     served = serve(QUICK)
     served.stage.reader.else_ = np.zeros(1, record_dtype(2))
     served.stage.more_faults = ["S" * 100_000]  # of which a socket holds only a few
@@ -178,7 +178,7 @@ def test_clients_that_do_not_read_are_disconnected(serve: Serve) -> None:
 
 @pytest.mark.fault("C3")
 def test_answers_that_are_not_read_are_dropped(serve: Serve) -> None:
-    """Who asks again and again and reads nothing is disconnected, too."""
+    """A client that sends requests and reads no answer is disconnected."""
     served = serve(QUICK)
     with connected(served.socket) as connection:
         connection.sendall(b"GET /v1/openapi HTTP/1.1\r\nhost: piezod\r\n\r\n" * 90)
@@ -189,7 +189,7 @@ def test_answers_that_are_not_read_are_dropped(serve: Serve) -> None:
 @pytest.mark.fault("C3")
 @pytest.mark.parametrize("size", [1000, 240_000, 1_000_000])
 def test_client_that_does_not_read_one_answer_is_disconnected(serve: Serve, size: int) -> None:
-    """Wherever the answer waits, in the socket or here, it does not wait for ever."""
+    """An unread answer is dropped after the time-out, whatever its size."""
     served = serve(QUICK)
     served.stage.configuration = {"title": "a" * size}
     with connected(served.socket) as connection:
@@ -205,7 +205,7 @@ def test_client_that_does_not_read_one_answer_is_disconnected(serve: Serve, size
     ids=["header", "body"],
 )
 def test_request_that_does_not_arrive_is_given_up(serve: Serve, beginning: bytes) -> None:
-    """Who begins a request and does not go on is disconnected."""
+    """An incomplete request is aborted after the time-out."""
     served = serve(QUICK)
     with connected(served.socket) as connection:
         connection.sendall(beginning)
@@ -215,7 +215,7 @@ def test_request_that_does_not_arrive_is_given_up(serve: Serve, beginning: bytes
 
 @pytest.mark.fault("C4")
 def test_body_after_the_answer_is_given_up(serve: Serve) -> None:
-    """Also a body that nobody wants any more must end."""
+    """A body must also be complete after its answer."""
     served = serve(QUICK)
     with connected(served.socket) as connection:
         head = b"GET /v1/status HTTP/1.1\r\nhost: piezod\r\ncontent-length: 10\r\n\r\n"
@@ -227,7 +227,7 @@ def test_body_after_the_answer_is_given_up(serve: Serve) -> None:
 @pytest.mark.fault("C4")
 @pytest.mark.parametrize("first", [b"", b"GET /v1/status HTTP/1.1\r\nhost: piezod\r\n\r\n"])
 def test_idle_connection_is_closed(serve: Serve, first: bytes) -> None:
-    """Who asks nothing any more, or never did, makes room."""
+    """An idle connection is closed, also one without any request."""
     served = serve(QUICK)
     with connected(served.socket) as connection:
         connection.sendall(first)
@@ -239,7 +239,7 @@ def test_idle_connection_is_closed(serve: Serve, first: bytes) -> None:
 def test_flood_is_refused_and_the_stage_can_be_stopped(
     served: Served, client: httpx.Client
 ) -> None:
-    """After a burst there is 429, but not for what makes the stage safe."""
+    """After a burst requests get 429, except those towards safety."""
     burst = int(CLIENT_BURST)
     codes = [client.get("status").status_code for _ in range(burst + 50)]
     urgent = [client.request(method, path[4:]).status_code for method, path in sorted(URGENT)]
@@ -256,7 +256,7 @@ def test_flood_is_refused_and_the_stage_can_be_stopped(
 
 @pytest.mark.fault("C5")
 def test_flood_may_go_on_slowly(served: Served, client: httpx.Client) -> None:
-    """A second later there is room for fifty more."""
+    """One second later fifty more requests are admitted."""
     codes = [client.get("status").status_code for _ in range(int(CLIENT_BURST) + 1)]
     served.now.now_s += 1.0
     later = [client.get("status").status_code for _ in range(51)]
@@ -267,7 +267,7 @@ def test_flood_may_go_on_slowly(served: Served, client: httpx.Client) -> None:
 
 @pytest.mark.fault("C5")
 def test_unknown_paths_count(client: httpx.Client) -> None:
-    """What does not exist is no way around the limit."""
+    """Requests to unknown paths count for the limit."""
     codes = {client.get("nothing").status_code for _ in range(int(CLIENT_BURST) + 1)}
 
     assert codes == {404, 429}
@@ -275,7 +275,7 @@ def test_unknown_paths_count(client: httpx.Client) -> None:
 
 @pytest.mark.fault("C5")
 def test_all_clients_together_are_limited() -> None:
-    """Many processes get no more than the total; one that is refused takes nothing from others."""
+    """All processes together get the total only; refused requests do not count for it."""
     limit = RateLimit(FakeNow())
     first = sum(limit.admit("first") for _ in range(10_000))
     others = sum(limit.admit(number) for number in range(1000) for _ in range(2))
@@ -286,7 +286,7 @@ def test_all_clients_together_are_limited() -> None:
 
 @pytest.mark.fault("C5")
 def test_clients_are_forgotten_when_they_have_paused() -> None:
-    """However many come, what is kept of them is bounded; nobody is let in beyond that."""
+    """The number of known clients is bounded; further clients are refused."""
     now = FakeNow()
     limit = RateLimit(now)
     for number in range(1024):
@@ -300,7 +300,7 @@ def test_clients_are_forgotten_when_they_have_paused() -> None:
 
 @pytest.mark.fault("C5")
 def test_user_with_too_many_connections_can_stop_the_stage(serve: Serve) -> None:
-    """Beyond sixteen a connection is good for stopping only, and twice as many are the end."""
+    """Connections beyond the limit can only stop; beyond twice the limit they are closed."""
     served = serve(QUICK._replace(per_user=2, idle_s=60))
     with ExitStack() as stack:
         clients = [stack.enter_context(served.client()) for _ in range(5)]

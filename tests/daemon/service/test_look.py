@@ -7,14 +7,14 @@ import httpx
 import pytest
 
 from piezod.daemon.service.peer_protocol import ConnectionLimits
-from piezod.daemon.service.roles import ACCESS
+from piezod.daemon.service.route_table import ROUTES
 from piezod.daemon.service.server import bind, make_server
 from tests.daemon.service.fakes import Served
 from tests.daemon.waiting import eventually
 
 
 def test_status_has_null_where_there_is_no_number(client: httpx.Client) -> None:
-    """JSON knows no NaN."""
+    """NaN becomes null in an answer."""
     assert client.get("status").json() == {
         "state": "SAFE",
         "mode": "adaptive",
@@ -25,14 +25,14 @@ def test_status_has_null_where_there_is_no_number(client: httpx.Client) -> None:
 
 
 def test_what_the_stage_tells_is_passed_on(client: httpx.Client) -> None:
-    """Faults, set-up and configuration are the stage's own documents."""
+    """Faults, real-time settings and configuration are the documents of the stage."""
     assert client.get("faults").json()["faults"][0]["id"] == "S5"
     assert client.get("realtime").json() == {"steps": []}
     assert client.get("config").json() == {"rate_hz": 1000.0}
 
 
 def test_health_is_a_status_code(served: Served, client: httpx.Client) -> None:
-    """A monitor need not understand the document."""
+    """The HTTP status shows the health without the document."""
     good = client.get("health")
     served.stage.healthy = False
     bad = client.get("health")
@@ -42,7 +42,7 @@ def test_health_is_a_status_code(served: Served, client: httpx.Client) -> None:
 
 
 def test_audit_is_told_newest_first(client: httpx.Client) -> None:
-    """As many as are asked for."""
+    """The audit has at most `limit` entries."""
     for path in ("arm", "hold", "stop"):
         client.post(path)
 
@@ -50,14 +50,14 @@ def test_audit_is_told_newest_first(client: httpx.Client) -> None:
 
 
 def test_description_has_every_endpoint(client: httpx.Client) -> None:
-    """OpenAPI lists all of them, with the models of the bodies."""
+    """OpenAPI lists all endpoints, with the models of the bodies."""
     document = client.get("openapi").json()
     found = {
         (method.upper(), path) for path, methods in document["paths"].items() for method in methods
     }
     body = document["paths"]["/v1/goto"]["post"]["requestBody"]["content"]["application/json"]
 
-    assert found == ACCESS.keys()
+    assert found == ROUTES.keys()
     assert body["schema"] == {"$ref": "#/components/schemas/Goto"}
 
 
@@ -68,7 +68,7 @@ def test_description_has_every_endpoint(client: httpx.Client) -> None:
 def test_what_does_not_exist_is_an_error_document(
     client: httpx.Client, method: str, path: str, status: int, code: str
 ) -> None:
-    """Also such errors have code, text and remedy."""
+    """Unknown paths and methods are answered with code, text and remedy."""
     answer = client.request(method, path)
 
     assert answer.status_code == status
@@ -79,7 +79,7 @@ def test_what_does_not_exist_is_an_error_document(
 def test_mistake_in_the_daemon_is_an_error_document(
     served: Served, client: httpx.Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its text is in the log, not in the answer; the service goes on."""
+    """The text of an internal error is in the log only; the service continues."""
 
     def broken() -> None:
         raise ZeroDivisionError("secret")
@@ -88,13 +88,13 @@ def test_mistake_in_the_daemon_is_an_error_document(
     answer = client.get("status")
 
     assert answer.status_code == 500
-    assert answer.json()["error"]["what"] == "a mistake in the daemon: ZeroDivisionError"
+    assert answer.json()["error"]["what"] == "internal error of the daemon: ZeroDivisionError"
     assert client.get("faults").status_code == 200
 
 
 @pytest.mark.fault("C6")
 def test_socket_is_not_for_others(tmp_path: Path) -> None:
-    """From the first moment only its user and group can connect; what was left is replaced."""
+    """Only user and group can connect to the socket; an old socket is replaced."""
     path = tmp_path / "api.sock"
     path.touch()
     with bind(path):
@@ -105,7 +105,7 @@ def test_socket_is_not_for_others(tmp_path: Path) -> None:
 
 
 def test_socket_that_cannot_be_bound_is_an_error(tmp_path: Path) -> None:
-    """A folder that is missing is told, and nothing stays open."""
+    """A missing folder is an error, and no socket stays open."""
     with pytest.raises(FileNotFoundError):
         bind(tmp_path / "missing" / "api.sock")
 
@@ -113,7 +113,7 @@ def test_socket_that_cannot_be_bound_is_an_error(tmp_path: Path) -> None:
 @pytest.mark.fault("C11")
 @pytest.mark.fault("C12")
 def test_whoever_the_kernel_does_not_know_is_refused(tmp_path: Path) -> None:
-    """Were the service on a network, no web page and no guessed token would let anybody in."""
+    """On a network socket no web page and no token is admitted."""
     served = Served(tmp_path, ConnectionLimits())
     server = make_server(served.app, ConnectionLimits())
     server.config.port = 0

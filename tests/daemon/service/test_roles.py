@@ -9,19 +9,20 @@ import httpx
 import pytest
 from fastapi.routing import APIRoute
 
+from piezod.config.endpoints import LOOK, Role
 from piezod.daemon.service import routes_commands, routes_look, routes_stores
 from piezod.daemon.service.peer_protocol import Credentials
-from piezod.daemon.service.roles import ACCESS, GroupRoles
-from piezod.daemon.service.stage_service import Role
+from piezod.daemon.service.roles import GroupRoles
+from piezod.daemon.service.route_table import ROUTES
 from tests.daemon.service.bodies import answer_of
 from tests.daemon.service.fakes import FakeNow, Served
 
 STRANGER = Credentials(1, 54321, 54321)
-ENDPOINTS = sorted(ACCESS)
+ENDPOINTS = sorted(ROUTES)
 
 
 def test_every_route_is_in_the_table() -> None:
-    """The table of roles has all endpoints, and no others."""
+    """The application has the endpoints of the table of commands, and no others."""
     routers = (routes_look.router, routes_commands.router, routes_stores.router)
     routes = [route for router in routers for route in router.routes]
     found = {
@@ -31,13 +32,32 @@ def test_every_route_is_in_the_table() -> None:
         for method in route.methods or ()
     }
 
-    assert found == ACCESS.keys()
+    assert found == ROUTES.keys()
+
+
+def test_the_table_gives_these_rights() -> None:
+    """A right changes only together with this list."""
+    post = {row.path: row.access for row in ROUTES.values() if row.method == "POST"}
+    others = {row.name for row in ROUTES.values() if row.method == "GET" and row.access != LOOK}
+
+    assert {path for path, access in post.items() if access.role is Role.ENGINEER} == {
+        *("condition", "identify", "model", "params/load", "params/restore", "reload", "shutdown")
+    }
+    assert {path for path, access in post.items() if access.role is Role.VIEWER} == {"estop"}
+    assert {path for path, access in post.items() if access.urgent} == {
+        *("hold", "stop", "estop", "disarm")
+    }
+    assert {path for path, access in post.items() if not access.lease} == {
+        *("hold", "stop", "estop", "disarm", "params/save", "shutdown"),
+        *("recordings/start", "recordings/stop"),
+    }
+    assert others == {"audit"}
 
 
 @pytest.mark.fault("C6")
 @pytest.mark.parametrize("role", list(Role))
 def test_every_endpoint_asks_for_its_role(served: Served, role: Role) -> None:
-    """Whoever has less than the endpoint's role gets 403, everybody else something else."""
+    """A role below that of the endpoint gets 403, all other roles do not."""
     served.roles.role = role
     refused = set()
     for endpoint in ENDPOINTS:
@@ -48,16 +68,16 @@ def test_every_endpoint_asks_for_its_role(served: Served, role: Role) -> None:
         if answer.status_code == 403:
             refused.add(endpoint)
 
-    assert refused == {endpoint for endpoint, access in ACCESS.items() if access.role > role}
+    assert refused == {endpoint for endpoint, row in ROUTES.items() if row.access.role > role}
 
 
 @pytest.mark.fault("C6")
 def test_refused_user_reaches_nothing(served: Served, client: httpx.Client) -> None:
-    """What a viewer tries is not carried out, and is noted."""
+    """The request of a viewer is not carried out, and the audit has it."""
     served.roles.role = Role.VIEWER
     answer = client.post("arm")
 
-    assert answer.json()["error"]["what"] == "somebody is viewer here, this needs operator"
+    assert answer.json()["error"]["what"] == "somebody has the role viewer, this needs operator"
     assert served.called() == 0
     assert [(entry.what, entry.accepted) for entry in served.stage.audited] == [
         ("POST /v1/arm", False)
@@ -66,14 +86,14 @@ def test_refused_user_reaches_nothing(served: Served, client: httpx.Client) -> N
 
 @pytest.mark.fault("C6")
 def test_role_comes_before_body(served: Served, client: httpx.Client) -> None:
-    """Nobody learns from errors in a body what only others may ask for."""
+    """The role is checked before the body."""
     served.roles.role = Role.VIEWER
 
     assert client.post("goto", content=b"{").status_code == 403
 
 
 def test_kernel_tells_who_asks(served: Served, client: httpx.Client) -> None:
-    """User and process are those of the other end, whatever it says of itself."""
+    """User and process come from the kernel."""
     client.post("hold")
 
     peer = served.stage.audited[0].peer
@@ -81,14 +101,14 @@ def test_kernel_tells_who_asks(served: Served, client: httpx.Client) -> None:
 
 
 def test_name_of_a_client_is_checked(served: Served) -> None:
-    """A name that could break a line of a log is refused."""
+    """A client name with a character that is not allowed is refused."""
     with served.client("a b") as client:
         assert client.post("hold").status_code == 400
 
 
 @pytest.fixture
 def members(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, list[int]]]:
-    """Return which groups a user is in; the two groups that count are 801 and 802."""
+    """Return the groups of each user; the groups with a role are 801 and 802."""
     groups: dict[str, list[int]] = {"someone": []}
     numbers = {"piezod": 801, "piezod-eng": 802}
 
@@ -127,7 +147,7 @@ def _role(roles: GroupRoles, credentials: Credentials) -> Role:
 def test_role_is_that_of_the_best_group(
     members: dict[str, list[int]], groups: list[int], role: Role
 ) -> None:
-    """Also groups that are not the user's first one count."""
+    """A user has the largest role of all groups."""
     members["someone"] = groups
 
     assert _role(GroupRoles(1000, FakeNow()), STRANGER) == role
@@ -136,13 +156,13 @@ def test_role_is_that_of_the_best_group(
 @pytest.mark.fault("C6")
 @pytest.mark.parametrize("uid", [0, 1000])
 def test_root_and_the_daemons_user_are_engineers(members: dict[str, list[int]], uid: int) -> None:
-    """Who started the daemon may do all with it; an entry for him is not needed."""
+    """Root and the user of the daemon are engineers, also without a user entry."""
     assert members
     assert _role(GroupRoles(1000, FakeNow()), Credentials(1, uid, uid)) == Role.ENGINEER
 
 
 def test_primary_group_counts_without_an_entry(members: dict[str, list[int]]) -> None:
-    """A container's user that has no name can still be an operator."""
+    """The primary group of a user without a name counts."""
     assert members
     roles = GroupRoles(1000, FakeNow())
 
@@ -150,7 +170,7 @@ def test_primary_group_counts_without_an_entry(members: dict[str, list[int]]) ->
 
 
 def test_change_of_groups_takes_effect(members: dict[str, list[int]]) -> None:
-    """Who is taken out of a group is a viewer within 30 s."""
+    """A user who leaves a group loses its role within 30 s."""
     now = FakeNow()
     roles = GroupRoles(1000, now)
     members["someone"] = [801]
@@ -162,7 +182,7 @@ def test_change_of_groups_takes_effect(members: dict[str, list[int]]) -> None:
 
 
 def test_user_is_looked_up_once(members: dict[str, list[int]]) -> None:
-    """A directory service is not asked at each request."""
+    """The role of a user is looked up once in 30 s."""
     roles = GroupRoles(1000, FakeNow())
     before = _role(roles, STRANGER)
     members["someone"] = [801]
@@ -171,7 +191,7 @@ def test_user_is_looked_up_once(members: dict[str, list[int]]) -> None:
 
 
 def test_groups_need_not_exist(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where nobody has made the groups, strangers are viewers."""
+    """Without the groups every other user is a viewer."""
 
     def none(name: str) -> Any:
         raise KeyError(name)

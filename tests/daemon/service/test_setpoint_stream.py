@@ -19,7 +19,7 @@ def _chunk(line: bytes) -> bytes:
 
 
 def test_each_line_is_a_setpoint(served: Served, client: httpx.Client) -> None:
-    """Lines take effect one by one, however they are cut into pieces."""
+    """Each line takes effect, also if a chunk ends within a line."""
     pieces = [b'{"x": 1.0, "y"', b': 2.0}\n\n{"x": 3', b'}\r\n{"y": -4.5}']
     answer = client.post("stream", content=iter(pieces))
 
@@ -29,7 +29,7 @@ def test_each_line_is_a_setpoint(served: Served, client: httpx.Client) -> None:
 
 
 def test_setpoint_takes_effect_as_it_arrives(served: Served, client: httpx.Client) -> None:
-    """A stream need not end before the stage follows it."""
+    """The stage follows a stream before its end."""
     seen = []
 
     def lines() -> Iterator[bytes]:
@@ -44,7 +44,7 @@ def test_setpoint_takes_effect_as_it_arrives(served: Served, client: httpx.Clien
 
 
 def test_thousands_of_setpoints_in_one_piece_are_taken(client: httpx.Client) -> None:
-    """Whoever sends faster than he is served loses nothing."""
+    """A client that sends faster than the service reads loses no setpoint."""
     answer = client.post("stream", content=b'{"x": 1.0}\n' * 5000)
 
     assert answer.json()["setpoints"] == 5000
@@ -67,7 +67,7 @@ def test_thousands_of_setpoints_in_one_piece_are_taken(client: httpx.Client) -> 
 def test_line_that_is_not_valid_ends_the_stream(
     served: Served, client: httpx.Client, line: bytes, status: int
 ) -> None:
-    """It is not clamped or left out: the stage holds, and the client is told."""
+    """An invalid line is neither clamped nor skipped: the stream ends with an error."""
     answer = client.post("stream", content=iter([b'{"x": 1.0}\n', line + b'\n{"x": 5.0}\n']))
 
     assert answer.status_code == status
@@ -76,7 +76,7 @@ def test_line_that_is_not_valid_ends_the_stream(
 
 @pytest.mark.fault("C10")
 def test_stream_that_goes_on_after_an_error_is_cut_off(served: Served) -> None:
-    """The error is told while the body still comes, and is the last that is told."""
+    """The error is sent while the body is still arriving, and closes the connection."""
     with connected(served.socket) as connection:
         connection.sendall(CHUNKED + _chunk(b'{"x": 1.0}\n{"x": "2"}\n'))
         answer = read_to_end(connection)
@@ -87,7 +87,7 @@ def test_stream_that_goes_on_after_an_error_is_cut_off(served: Served) -> None:
 
 @pytest.mark.fault("C13")
 def test_stage_that_does_not_follow_refuses(served: Served, client: httpx.Client) -> None:
-    """Where the state does not allow a stream, its first line is answered with 409."""
+    """If the state does not allow a stream, its first line is answered with 409."""
     served.stage.refusal = "the stage is SAFE; arm it first"
     answer = client.post("stream", content=b'{"x": 1.0}\n')
 
@@ -96,7 +96,7 @@ def test_stage_that_does_not_follow_refuses(served: Served, client: httpx.Client
 
 @pytest.mark.fault("C13")
 def test_stage_that_stops_following_ends_the_stream(served: Served, client: httpx.Client) -> None:
-    """A fault in the middle is not talked over."""
+    """A stream that the stage no longer follows ends with the reason."""
     served.stage.stream_refusal = "the stage is HOLD"
     answer = client.post("stream", content=b'{"x": 1.0}\n{"x": 2.0}\n')
 
@@ -105,7 +105,7 @@ def test_stage_that_stops_following_ends_the_stream(served: Served, client: http
 
 @pytest.mark.fault("C8")
 def test_stream_needs_the_lease_at_each_line(served: Served) -> None:
-    """Who gives the lease to another has no setpoints taken any more."""
+    """A stream ends when another client takes the lease."""
 
     def lines() -> Iterator[bytes]:
         yield b'{"x": 1.0}\n'
@@ -124,7 +124,7 @@ def test_stream_needs_the_lease_at_each_line(served: Served) -> None:
 
 @pytest.mark.fault("C9")
 def test_client_that_goes_away_loses_the_lease_soon(served: Served) -> None:
-    """Two seconds later another may take over; what became of the stream is noted."""
+    """The lease of a disconnected client expires after 2 s, and the audit has the end."""
     with connected(served.socket) as connection:
         connection.sendall(CHUNKED + _chunk(b'{"x": 1.0}\n'))
         eventually(lambda: served.stage.setpoints)
@@ -136,13 +136,13 @@ def test_client_that_goes_away_loses_the_lease_soon(served: Served) -> None:
 
     assert (before, after) == (409, 200)
     note = served.stage.audited[1]
-    assert (note.what, note.why) == ("stream ended after 1 setpoints", "the client went away")
+    assert (note.what, note.why) == ("stream ended after 1 setpoints", "the client disconnected")
     assert note.peer.uid == os.getuid()
 
 
 @pytest.mark.fault("C4")
 def test_silent_stream_is_ended(serve: Serve) -> None:
-    """A stream that sends nothing any more is told so; no answer would look like success."""
+    """A stream without further setpoints is answered with an error."""
     served = serve(ConnectionLimits(message_s=0.2))
     with connected(served.socket) as connection:
         connection.sendall(CHUNKED + _chunk(b'{"x": 1.0}\n'))
@@ -152,7 +152,7 @@ def test_silent_stream_is_ended(serve: Serve) -> None:
 
 
 def test_stream_ends_with_the_server(serve: Serve) -> None:
-    """An open stream does not keep a daemon from ending."""
+    """An open stream does not delay the end of the daemon."""
     served = serve(ConnectionLimits())
     with connected(served.socket) as connection:
         connection.sendall(CHUNKED + _chunk(b'{"x": 1.0}\n'))

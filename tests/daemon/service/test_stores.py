@@ -16,7 +16,7 @@ GET = b"GET /v1/recordings/big HTTP/1.1\r\nhost: piezod\r\n\r\n"
 
 
 def test_parameters_are_saved_and_restored(served: Served, client: httpx.Client) -> None:
-    """The numbers that the stage gives come back, and all of it is noted."""
+    """The numbers of the stage are returned, and the audit has every request."""
     assert client.get("params").json() == {"axes": {}, "sequence": 3}
     assert client.get("params/history").json() == {"history": [{"sequence": 3}]}
     assert client.post("params/save").json() == {"sequence": 4, "saved_by": "somebody"}
@@ -30,19 +30,19 @@ def test_parameters_are_saved_and_restored(served: Served, client: httpx.Client)
 
 
 def test_parameters_that_do_not_exist_are_not_found(client: httpx.Client) -> None:
-    """The stage says so, and the client is told."""
+    """The error of the stage reaches the client."""
     answer = client.post("params/restore", json={"sequence": 99})
 
     assert (answer.status_code, answer.json()["error"]["code"]) == (404, "not_found")
 
 
 def test_configuration_is_read_again(client: httpx.Client) -> None:
-    """What the stage tells of it is the answer."""
+    """The document of the stage is the answer."""
     assert client.post("reload").json() == {"reloaded_by": "somebody"}
 
 
 def test_recording_is_started_and_stopped(client: httpx.Client) -> None:
-    """A label becomes part of the name."""
+    """The label becomes part of the name."""
     assert client.post("recordings/start", json={"label": "Run-1"}).json() == {
         "name": f"{NAME}-Run-1"
     }
@@ -52,7 +52,7 @@ def test_recording_is_started_and_stopped(client: httpx.Client) -> None:
 @pytest.mark.fault("C7")
 @pytest.mark.parametrize("label", ["../a", "a/b", "a b", "", "a" * 33, "a\n", ".a"])
 def test_label_is_no_path(client: httpx.Client, label: str) -> None:
-    """What could lead out of the folder is refused."""
+    """A label with characters of a path is refused."""
     assert client.post("recordings/start", json={"label": label}).status_code == 422
 
 
@@ -68,7 +68,7 @@ def test_recording_arrives_as_it_is(served: Served, client: httpx.Client) -> Non
 
 
 def test_recording_that_is_being_made_is_not_sent(served: Served, client: httpx.Client) -> None:
-    """Half a file is no recording."""
+    """A recording in progress cannot be downloaded."""
     served.stage.running = {"name": NAME}
 
     assert client.get(f"recordings/{NAME}").status_code == 409
@@ -96,7 +96,7 @@ def test_recording_that_is_being_made_is_not_sent(served: Served, client: httpx.
     ],
 )
 def test_nothing_but_a_recording_is_sent(served: Served, tmp_path: Path, path: str) -> None:
-    """No name leads out of the folder, or to what is no plain file in it."""
+    """A name outside the folder, or of no plain file in it, is unknown."""
     folder = tmp_path / "recordings"
     folder.mkdir()
     served.stage.recordings_folder = folder
@@ -115,14 +115,14 @@ def test_nothing_but_a_recording_is_sent(served: Served, tmp_path: Path, path: s
 
 
 def test_recording_of_a_folder_that_is_missing_is_not_found(tmp_path: Path) -> None:
-    """Where nothing was ever recorded there may be no folder."""
+    """Without any recording the folder may be absent."""
     with pytest.raises(UnknownNameError):
         open_recording(tmp_path / "nothing", NAME)
 
 
 @pytest.mark.fault("C14")
 def test_user_gets_one_recording_at_a_time(serve: Serve) -> None:
-    """A second one is refused until the first has arrived or was given up."""
+    """A second download is refused until the first one has ended."""
     served = serve(ConnectionLimits(blocked_s=0.2))
     served.stage.recordings_folder.joinpath("big.h5").write_bytes(bytes(8 << 20))
     with connected(served.socket) as connection, served.client() as client:

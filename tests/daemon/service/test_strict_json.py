@@ -45,7 +45,7 @@ def _as_lists(value: Any) -> Any:
 
 @given(VALUES)
 def test_what_has_one_meaning_is_read(value: Any) -> None:
-    """Whatever JSON can say is read as it was written, lists as tuples."""
+    """Every JSON document is read unchanged, except that lists become tuples."""
     assert _as_lists(loads(json.dumps(value).encode())) == value
 
 
@@ -59,7 +59,7 @@ def test_nesting_is_read_to_the_limit() -> None:
 @pytest.mark.fault("C1")
 @pytest.mark.parametrize("text", REFUSED.values(), ids=REFUSED)
 def test_what_is_read_in_two_ways_is_refused(text: bytes) -> None:
-    """Whatever readers differ about, or none can hold, is an error."""
+    """Ambiguous JSON and numbers out of range are errors."""
     with pytest.raises(BadJsonError):
         loads(text)
 
@@ -67,7 +67,7 @@ def test_what_is_read_in_two_ways_is_refused(text: bytes) -> None:
 @pytest.mark.fault("C1")
 @given(st.binary(max_size=200))
 def test_no_bytes_raise_anything_else(text: bytes) -> None:
-    """Whatever arrives is read, or refused with the one error that is answered."""
+    """Any bytes are read, or refused with BadJsonError."""
     try:
         loads(text)
     except BadJsonError as error:

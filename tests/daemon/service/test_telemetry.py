@@ -42,7 +42,7 @@ def _first(client: httpx.Client, query: str = "") -> Document:
 
 
 def test_no_spike_is_lost(served: Served, client: httpx.Client) -> None:
-    """An interval has the least, the largest and the last value of all its cycles."""
+    """An interval has the minimum, the maximum and the last value of all its cycles."""
     served.stage.reader.waiting = [records_of([9.0, 13.0, 5.0, 10.0, 10.0])]
     event = _first(client)
 
@@ -55,7 +55,7 @@ def test_no_spike_is_lost(served: Served, client: httpx.Client) -> None:
 
 
 def test_interval_tells_how_it_went(served: Served, client: httpx.Client) -> None:
-    """State, cycles, what was lost and what was skipped are told."""
+    """Each event has the state and the counts of cycles, lost records and skipped cycles."""
     served.stage.reader.waiting = [records_of([1.0, 2.0])]
     served.stage.reader.lost = 3
     event = _first(client)
@@ -70,7 +70,7 @@ def test_interval_tells_how_it_went(served: Served, client: httpx.Client) -> Non
 
 
 def test_fault_of_one_cycle_is_told(served: Served, client: httpx.Client) -> None:
-    """A fault that came and went is in the interval, and so is what is latched now."""
+    """An interval has faults that were present only briefly, and faults that are latched."""
     records = records_of([1.0, 2.0, 3.0])
     records["present_lo"][1] = 1 << 5
     records["present_hi"][0] = 1 << 3
@@ -81,7 +81,7 @@ def test_fault_of_one_cycle_is_told(served: Served, client: httpx.Client) -> Non
 
 
 def test_missing_samples_are_left_out(served: Served, client: httpx.Client) -> None:
-    """Where a sample may not be used the others make the range; no number is null."""
+    """NaN does not count for a range; a range without numbers is null."""
     served.stage.reader.waiting = [records_of([NAN, 3.0, NAN])]
     event = _first(client)
 
@@ -89,7 +89,7 @@ def test_missing_samples_are_left_out(served: Served, client: httpx.Client) -> N
 
 
 def test_axes_can_be_chosen(served: Served, client: httpx.Client) -> None:
-    """Left out all are told; an axis that does not exist is an error."""
+    """Without a choice an event has all axes; an unknown axis is an error."""
     served.stage.reader.else_ = records_of([1.0])
     every, one = _first(client), _first(client, "&axes=y")
 
@@ -100,7 +100,7 @@ def test_axes_can_be_chosen(served: Served, client: httpx.Client) -> None:
 
 @pytest.mark.parametrize("rate", ["0", "51", "nan", "fast"])
 def test_rate_is_bounded(client: httpx.Client, rate: str) -> None:
-    """Between 1 and 50 events per second can be had."""
+    """The rate is 1 to 50 events per second."""
     answer = client.get(f"telemetry?rate_hz={rate}")
 
     assert answer.status_code == 422
@@ -108,13 +108,13 @@ def test_rate_is_bounded(client: httpx.Client, rate: str) -> None:
 
 
 def test_nothing_new_is_a_comment(client: httpx.Client) -> None:
-    """While the loop does not run, a line shows that the connection does."""
+    """Without new records a comment line shows that the connection works."""
     with client.stream("GET", "telemetry?rate_hz=50") as answer:
         assert next(answer.iter_lines()) == ": nothing new"
 
 
 def test_stream_ends_with_the_server(serve: Serve) -> None:
-    """Whoever listens finds a proper end."""
+    """The end of the server ends the event stream properly."""
     served = serve(ConnectionLimits())
     with served.client() as client, client.stream("GET", "telemetry?rate_hz=50") as answer:
         lines = answer.iter_lines()
@@ -126,7 +126,7 @@ def test_stream_ends_with_the_server(serve: Serve) -> None:
 
 @pytest.mark.fault("C3")
 def test_listener_that_leaves_is_forgotten(served: Served, client: httpx.Client) -> None:
-    """Nothing is read for somebody who is gone."""
+    """After a disconnect no further records are read."""
     with client.stream("GET", "telemetry?rate_hz=50") as answer:
         next(answer.iter_lines())
     tasks = served.server.server_state.tasks

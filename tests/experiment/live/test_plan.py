@@ -41,7 +41,7 @@ def test_range_is_the_models_where_none_is_configured() -> None:
 
 def test_answer_that_is_no_stage_is_an_error() -> None:
     """A daemon of another version is told as one."""
-    with pytest.raises(ClientError, match="of the same version"):
+    with pytest.raises(ClientError, match="the same version"):
         read_setup(FakeStage({"rate_hz": 100.0}))
 
 

@@ -1,0 +1,53 @@
+"""Verbs that send one request and print that it is accepted; the table of commands makes them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from piezod.cli.options import JsonOption
+from piezod.cli.stage_options import AxesOption, SocketOption, StageOption, connect, print_answer
+from piezod.config.endpoints import Group
+
+
+class Verb(NamedTuple):
+    """A row of the table of commands, as far as the command line needs it.
+
+    Attributes:
+        words: The words after `piezod`; for a verb that sends a request, the request's name.
+        group: Heading in `piezod --help`.
+        help: First line and details.
+        done: Printed when the request is accepted; empty if the verb has its own function.
+        axis: Whether the request has a field `axis`.
+    """
+
+    words: str
+    group: Group
+    help: str
+    done: str = ""
+    axis: bool = False
+
+
+def plain_verb(verb: Verb) -> Callable[..., None]:
+    """Return the function of a verb that sends its request."""
+
+    def send(stage: str | None, socket: Path | None, json: bool, **fields: object) -> None:
+        from piezod.client import calls
+
+        with connect(stage, socket) as client:
+            answer = client.call(calls.command(verb.words, **fields))
+        print_answer(answer, verb.done, json=json)
+
+    def for_stage(
+        stage: StageOption = None, socket: SocketOption = None, json: JsonOption = False
+    ) -> None:
+        send(stage, socket, json)
+
+    def for_axes(
+        axis: AxesOption = None,
+        stage: StageOption = None,
+        socket: SocketOption = None,
+        json: JsonOption = False,
+    ) -> None:
+        send(stage, socket, json, axis=axis)
+
+    return for_axes if verb.axis else for_stage

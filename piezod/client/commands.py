@@ -1,0 +1,151 @@
+"""The requests to the loop, as methods of both clients."""
+
+from typing import TYPE_CHECKING
+
+from piezod.client.calls import Call, Waveforms, command
+from piezod.client.methods import ClientMethod
+from piezod.client.results import Answer
+from piezod.config.modes import Mode
+
+if TYPE_CHECKING:
+    from piezod.config.model_file import ModelFile
+
+
+class StageCommands:
+    """Methods that send one request each; they return when the loop has accepted it."""
+
+    @ClientMethod
+    def arm(self, *, shadow: bool = False, confirm_output: bool = False) -> Call[Answer]:
+        """Take over the read-back voltage and hold it: SAFE to READY.
+
+        Args:
+            shadow: Compute everything, write nothing.
+            confirm_output: You have seen that the output is at the safe voltage; for amplifiers
+                without read-back.
+        """
+        return command("arm", shadow=shadow, confirm_output=confirm_output)
+
+    @ClientMethod
+    def disarm(self) -> Call[Answer]:
+        """Ramp to the safe voltage, then SAFE; needs no lease."""
+        return command("disarm")
+
+    @ClientMethod
+    def mode(self, name: Mode | str, *, axis: str | None = None) -> Call[Answer]:
+        """Select how piezod computes the drive voltage; in READY this starts RUN.
+
+        Args:
+            name: One of `piezod.config.modes.Mode`.
+            axis: Name of the axis; None for all axes.
+        """
+        return command("mode", mode=name, axis=axis)
+
+    @ClientMethod
+    def condition(self, *, axis: str | None = None) -> Call[Answer]:
+        """Drive a decaying swing, which makes the hysteresis memory known.
+
+        Args:
+            axis: Name of the axis; None for all axes.
+        """
+        return command("condition", axis=axis)
+
+    @ClientMethod
+    def zero(self, *, axis: str | None = None) -> Call[Answer]:
+        """Make the displacement at the rest voltage the sensor zero.
+
+        Args:
+            axis: Name of the axis; None for all axes.
+        """
+        return command("zero", axis=axis)
+
+    @ClientMethod
+    def goto(
+        self, position_um: float, *, axis: str | None = None, speed_um_per_s: float | None = None
+    ) -> Call[Answer]:
+        """Start a movement to a position, where the stage stays; in READY this starts RUN.
+
+        Args:
+            position_um: Target, in µm.
+            axis: Name of the axis; None for the only axis.
+            speed_um_per_s: Speed, in µm/s; None for the configured speed.
+        """
+        return command("goto", position_um=position_um, axis=axis, speed_um_per_s=speed_um_per_s)
+
+    @ClientMethod
+    def wave(self, command_um: Waveforms, duration_s: float) -> Call[Answer]:
+        """Follow a waveform, then hold its last position.
+
+        The stage first moves from its present position to the start of the waveform.
+
+        Args:
+            command_um: Axis: position over time in µm, a waveform as in experiment files.
+            duration_s: Duration of the waveform, in s.
+        """
+        return command("wave", command_um=command_um, duration_s=duration_s)
+
+    @ClientMethod
+    def follow(self, *, axis: str | None = None) -> Call[Answer]:
+        """Follow the command input of an axis; HOLD as soon as it has no usable value.
+
+        Args:
+            axis: Name of the axis; None for all axes with a command input.
+        """
+        return command("follow", axis=axis)
+
+    @ClientMethod
+    def hold(self) -> Call[Answer]:
+        """Hold the present voltage; needs no lease."""
+        return command("hold")
+
+    @ClientMethod
+    def resume(self) -> Call[Answer]:
+        """Continue after a hold, from the present position: HOLD to RUN."""
+        return command("resume")
+
+    @ClientMethod
+    def stop(self) -> Call[Answer]:
+        """Ramp to the safe voltage, then SAFE; needs no lease."""
+        return command("stop")
+
+    @ClientMethod
+    def estop(self) -> Call[Answer]:
+        """Stop in an emergency, as configured; needs no lease."""
+        return command("estop")
+
+    @ClientMethod
+    def reset(self, *, engineer: bool = False) -> Call[Answer]:
+        """Leave FAULT for SAFE, if no fault is present any more.
+
+        Args:
+            engineer: Reset level 3 latches too, which only an engineer may.
+        """
+        return command("reset", engineer=engineer)
+
+    @ClientMethod
+    def identify(self, drive_v: Waveforms, duration_s: float) -> Call[Answer]:
+        """Drive voltage waveforms from rest to rest, to record data for a model.
+
+        Args:
+            drive_v: Axis: drive voltage over time in V, a waveform as in experiment files; all
+                other axes rest.
+            duration_s: Duration of the waveforms, in s.
+        """
+        return command("identify", drive_v=drive_v, duration_s=duration_s)
+
+    @ClientMethod
+    def adopt(
+        self, model: "ModelFile", *, axis: str | None = None, zero_um: float | None = None
+    ) -> Call[Answer]:
+        """Use another model from now on; only while disarmed.
+
+        Args:
+            model: The model, from `piezod.config.model_file.load_model`.
+            axis: Name of the axis; None for the only axis.
+            zero_um: Sensor zero to restore, in µm.
+        """
+        return command("adopt", model=model, axis=axis, zero_um=zero_um)
+
+    @ClientMethod
+    def shutdown(self) -> Call[Answer]:
+        """Ramp to the safe voltage and end the daemon."""
+        return command("shutdown")

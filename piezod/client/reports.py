@@ -1,0 +1,120 @@
+"""Reports, parameters, recordings and the lease, as methods of both clients."""
+
+from piezod.client.calls import Call
+from piezod.client.methods import ClientMethod
+from piezod.client.results import (
+    Document,
+    Faults,
+    Health,
+    History,
+    Parameters,
+    Recording,
+    Recordings,
+    Result,
+    Saved,
+    Status,
+    reader,
+)
+from piezod.config.endpoints import ENDPOINTS
+
+
+class StageReports:
+    """Methods that the daemon answers without a request to the loop."""
+
+    @ClientMethod
+    def status(self) -> Call[Status]:
+        """Return state, mode, faults, and each axis in the newest cycle."""
+        return Call(ENDPOINTS["status"], reader(Status))
+
+    @ClientMethod
+    def faults(self) -> Call[Faults]:
+        """Return the faults that are present or latched, with their remedies."""
+        return Call(ENDPOINTS["faults"], reader(Faults))
+
+    @ClientMethod
+    def health(self) -> Call[Health]:
+        """Return whether the loop runs on schedule, and the measured values for it."""
+        return Call(ENDPOINTS["health"], reader(Health), also_fine=503)
+
+    @ClientMethod
+    def realtime(self) -> Call[Document]:
+        """Return the real-time settings that the loop requested and obtained."""
+        return Call(ENDPOINTS["realtime"], _unchanged)
+
+    @ClientMethod
+    def config(self) -> Call[Document]:
+        """Return the configuration in force."""
+        return Call(ENDPOINTS["config"], _unchanged)
+
+    @ClientMethod
+    def audit(self) -> Call[Document]:
+        """Return who requested what, newest first."""
+        return Call(ENDPOINTS["audit"], _unchanged)
+
+    @ClientMethod
+    def reload(self) -> Call[Result]:
+        """Make the daemon read its configuration again; an invalid one changes nothing."""
+        return Call(ENDPOINTS["reload"], reader(Result), {})
+
+    @ClientMethod
+    def params(self) -> Call[Parameters]:
+        """Return the parameters in use."""
+        return Call(ENDPOINTS["params"], reader(Parameters))
+
+    @ClientMethod
+    def params_history(self) -> Call[History]:
+        """Return the saved parameters, newest first."""
+        return Call(ENDPOINTS["params_history"], reader(History))
+
+    @ClientMethod
+    def save_params(self) -> Call[Saved]:
+        """Save the parameters in use; the next start of the daemon uses them."""
+        return Call(ENDPOINTS["save_params"], reader(Saved), {})
+
+    @ClientMethod
+    def load_params(self) -> Call[Saved]:
+        """Use the parameters that were saved last; only while disarmed."""
+        return Call(ENDPOINTS["load_params"], reader(Saved), {})
+
+    @ClientMethod
+    def restore_params(self, sequence: int) -> Call[Saved]:
+        """Use parameters that were saved earlier; only while disarmed.
+
+        Args:
+            sequence: Their number in the history.
+        """
+        return Call(ENDPOINTS["restore_params"], reader(Saved), {"sequence": sequence})
+
+    @ClientMethod
+    def start_recording(self, label: str | None = None) -> Call[Recording]:
+        """Start recording every cycle.
+
+        Args:
+            label: Becomes part of the name, which the daemon makes.
+        """
+        body = {"label": label} if label else {}
+        return Call(ENDPOINTS["start_recording"], reader(Recording), body)
+
+    @ClientMethod
+    def stop_recording(self) -> Call[Recording]:
+        """End the recording and close its file."""
+        return Call(ENDPOINTS["stop_recording"], reader(Recording), {})
+
+    @ClientMethod
+    def recordings(self) -> Call[Recordings]:
+        """Return the finished recordings, and the one in progress."""
+        return Call(ENDPOINTS["recordings"], reader(Recordings))
+
+    @ClientMethod
+    def renew_lease(self) -> Call[Document]:
+        """Take or renew the lease for 30 s; each command that needs the lease renews it too."""
+        return Call(ENDPOINTS["renew_lease"], _unchanged, {})
+
+    @ClientMethod
+    def release_lease(self) -> Call[Document]:
+        """Release the lease, so that other clients do not wait for its end."""
+        return Call(ENDPOINTS["release_lease"], _unchanged)
+
+
+def _unchanged(document: Document) -> Document:
+    return document

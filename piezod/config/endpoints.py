@@ -1,0 +1,198 @@
+"""The table of commands: its columns, and the rows of endpoints that need no request class.
+
+The rows of requests stand beside the request classes in `piezod.config.requests`, which joins all
+rows to `TABLE`. Routes, roles, clients, the command line and docs/client.md derive from it. This
+module imports nothing heavy, because clients and `piezod --help` import it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+SMALL_BODY: Final = 1024
+LARGE_BODY: Final = 256 * 1024
+"""For points of a waveform and for models."""
+
+
+class Role(IntEnum):
+    """The role of a user; a larger one includes the rights of all smaller ones."""
+
+    VIEWER = 1
+    """Look."""
+    OPERATOR = 2
+    """Arm, move, stop, reset, record and save."""
+    ENGINEER = 3
+    """Identify, change model and configuration, reset level 3 latches, shut down."""
+
+
+class Access(NamedTuple):
+    """What an endpoint requires and allows.
+
+    Attributes:
+        role: The least role that may use it.
+        lease: Whether it needs the lease, and renews it.
+        urgent: Whether limits of rate and connections do not apply.
+        most_bytes: Largest body, in bytes.
+    """
+
+    role: Role
+    lease: bool = False
+    urgent: bool = False
+    most_bytes: int = SMALL_BODY
+
+
+LOOK: Final = Access(Role.VIEWER)
+TOWARDS_SAFETY: Final = Access(Role.OPERATOR, urgent=True)
+EMERGENCY: Final = Access(Role.VIEWER, urgent=True)
+MOVE: Final = Access(Role.OPERATOR, lease=True)
+MOVE_BY_POINTS: Final = Access(Role.OPERATOR, lease=True, most_bytes=LARGE_BODY)
+KEEP: Final = Access(Role.OPERATOR)
+CHANGE: Final = Access(Role.ENGINEER, lease=True)
+CHANGE_BY_POINTS: Final = Access(Role.ENGINEER, lease=True, most_bytes=LARGE_BODY)
+END: Final = Access(Role.ENGINEER)
+
+
+class Group(StrEnum):
+    """The headings of `piezod --help` and docs/client.md, in their order."""
+
+    LOOK = "Look at a stage"
+    OPERATE = "Put a stage into operation"
+    MOVE = "Move a stage"
+    STOP = "Stop a stage, and recover"
+    STORES = "Parameters, recordings and configuration"
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """One row of the table of commands.
+
+    Attributes:
+        name: Name of the method of both clients; for requests also their `kind`.
+        method: HTTP method.
+        path: Path below `/v1/`.
+        access: Who may use it, and under which limits.
+        help: First line and details, for the command line, OpenAPI and docs/client.md.
+        group: Heading under which help lists the verb; None if the command line has none.
+        verb: Words after `piezod`; empty if the command line has none.
+        done: What the command line prints when the request is accepted.
+        request: Model of the body of a request to the loop; None for all other endpoints.
+        streamed: Whether the body is a stream of lines, which the endpoint reads itself.
+    """
+
+    name: str
+    method: str
+    path: str
+    access: Access
+    help: str
+    group: Group | None = None
+    verb: str = ""
+    done: str = ""
+    request: "type[BaseModel] | None" = None
+    streamed: bool = False
+
+
+def _get(
+    name: str, help: str, group: Group | None = None, verb: str = "", *, path: str = ""
+) -> Endpoint:
+    return Endpoint(name, "GET", path or name, LOOK, help, group, verb)
+
+
+def _post(name: str, path: str, access: Access, help: str, verb: str = "") -> Endpoint:
+    return Endpoint(name, "POST", path, access, help, Group.STORES if verb else None, verb)
+
+
+_ROWS: Final = (
+    _get("status", "Show state, mode, faults and each axis.", Group.LOOK, "status"),
+    _get("faults", "List the faults, with their remedies.", Group.LOOK, "faults"),
+    _get(
+        "telemetry",
+        "Show a stage as it moves.\n\nEach update has the minimum, the maximum and the last value "
+        "of all cycles since the update before, so that no spike is lost. `piezod watch` shows the "
+        "worst error, prints one line per update if stdout is no terminal, and ends with Ctrl-C.",
+        Group.LOOK,
+        "watch",
+    ),
+    Endpoint(
+        "stream",
+        "POST",
+        "stream",
+        MOVE,
+        "Follow setpoints of another program, one line of JSON each.\n\nA line such as "
+        '{"x": 12.5} has a position in µm for each axis and takes effect when it arrives, at up to '
+        "some thousand lines per second. The command line reads the lines from stdin. If no line "
+        "arrives for 0.1 s, or 5 cycles if that is longer, the stage goes to HOLD; `resume` before "
+        "the next movement.",
+        Group.MOVE,
+        "stream",
+        streamed=True,
+    ),
+    _get("health", "Return whether the loop runs on schedule, with HTTP status 503 if not."),
+    _get("realtime", "Return the real-time settings that the loop requested and obtained."),
+    _get("config", "Return the configuration in force."),
+    Endpoint("audit", "GET", "audit", KEEP, "Return who requested what, newest first."),
+    _get("openapi", "Return this description."),
+    _post("renew_lease", "lease", MOVE, "Take or renew the lease for 30 s, as each command does."),
+    Endpoint("release_lease", "DELETE", "lease", KEEP, "Release the lease for other clients."),
+    _get("params", "Show the parameters in use.", Group.STORES, "params list"),
+    _post(
+        "save_params",
+        "params/save",
+        KEEP,
+        "Save the parameters in use, for the next start too.\n\nOffset and scale are saved for "
+        "inspection only and not restored, because they drift within a day.",
+        "params save",
+    ),
+    _post(
+        "load_params",
+        "params/load",
+        CHANGE,
+        "Use the newest saved parameters; only while disarmed.",
+        "params load",
+    ),
+    _post(
+        "restore_params",
+        "params/restore",
+        CHANGE,
+        "Use earlier saved parameters; only while disarmed.",
+        "params restore",
+    ),
+    _get(
+        "params_history",
+        "List the saved parameters, newest first.",
+        Group.STORES,
+        "params history",
+        path="params/history",
+    ),
+    _post(
+        "start_recording", "recordings/start", KEEP, "Start recording every cycle.", "record start"
+    ),
+    _post(
+        "stop_recording",
+        "recordings/stop",
+        KEEP,
+        "End the recording, close its file.",
+        "record stop",
+    ),
+    _get("recordings", "List the recordings.", Group.STORES, "record list"),
+    _get(
+        "fetch_recording",
+        "Copy a finished recording, an HDF5 file.",
+        Group.STORES,
+        "record get",
+        path="recordings/{name}",
+    ),
+    _post(
+        "reload",
+        "reload",
+        CHANGE,
+        "Make the daemon read its configuration again.\n\n"
+        "If the configuration is not valid, nothing changes.",
+        "reload",
+    ),
+)
+ENDPOINTS: Final[Mapping[str, Endpoint]] = {row.name: row for row in _ROWS}
+"""The rows without a request class, by name."""

@@ -1,0 +1,34 @@
+"""The table of commands for the HTTP service: rows by method and path, and routes of rows."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from fastapi import APIRouter
+
+from piezod.config.endpoints import Endpoint
+from piezod.config.requests import TABLE
+from piezod.daemon.service.answers import ErrorDocument
+
+PREFIX: Final = "/v1"
+ROUTES: Final[Mapping[tuple[str, str], Endpoint]] = {
+    (row.method, f"{PREFIX}/{row.path}"): row for row in TABLE.values()
+}
+"""Every endpoint by method and path; the application has no others."""
+URGENT: Final = frozenset(route for route, row in ROUTES.items() if row.access.urgent)
+"""The endpoints that are served at any rate and on any connection."""
+ERRORS: Final[dict[int | str, dict[str, Any]]] = {"default": {"model": ErrorDocument}}
+
+
+def endpoint(
+    router: APIRouter, name: str, /, **options: Any
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return a decorator that adds a function to a router as the endpoint of a row.
+
+    Args:
+        router: The router.
+        name: Name of the row in the table of commands.
+        options: Further arguments of `APIRouter.api_route`.
+    """
+    row = TABLE[name]
+    settings = {"responses": ERRORS, "response_model": None, "description": row.help, **options}
+    return router.api_route(f"/{row.path}", methods=[row.method], **settings)

@@ -1,0 +1,94 @@
+"""How expensive the code is to read and to change, in numbers: `python -m tests.house` prints them.
+
+A measure is a function that returns a `Measure`; add it to `MEASURES`. A test asserts that each
+count is within its limit.
+"""
+
+import ast
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from piezod.config.requests import REQUESTS
+from tests.command_table import VERB_LIST
+
+ROOT: Final = Path(__file__).parents[1]
+PRODUCT: Final = ("piezod", "drivers")
+EXAMPLE: Final = "follow"
+"""The verb that CONTRIBUTING shows."""
+VERB_ROOMS: Final = ("piezod/config", "piezod/client", "piezod/cli", "piezod/daemon/service")
+"""In these rooms a function with the name of a verb serves the verb; elsewhere names coincide."""
+
+
+class Measure(NamedTuple):
+    """A count and its limit.
+
+    Attributes:
+        title: What is counted.
+        found: The places that count.
+        limit: How many there may be.
+    """
+
+    title: str
+    found: tuple[str, ...]
+    limit: int
+
+    def __str__(self) -> str:
+        """Return the count, and its places one per line."""
+        return "\n    ".join(
+            (f"{len(self.found)} of at most {self.limit} {self.title}", *self.found)
+        )
+
+
+def files_of_a_verb(name: str = EXAMPLE) -> Measure:
+    """Count the product files that name a verb, without the list that is generated.
+
+    A file names a verb if it has its request class, its name as a text, or, in the rooms on the way
+    of a request, a function of its name.
+
+    Args:
+        name: Name of the verb in the table of commands.
+    """
+    files = (file for folder in PRODUCT for file in sorted((ROOT / folder).rglob("*.py")))
+    found = (
+        str(each.relative_to(ROOT)) for each in files if each != VERB_LIST and _names(each, name)
+    )
+    return Measure(f"product files name the verb {name!r}", tuple(found), limit=3)
+
+
+MEASURES: Final[tuple[Callable[[], Measure], ...]] = (files_of_a_verb,)
+"""Every measure of the house."""
+
+
+def _names(file: Path, verb: str) -> bool:
+    text = file.read_text(encoding="utf-8")
+    request = REQUESTS[verb].__name__
+    if verb not in text and request not in text:
+        return False  # most files; parsing all of them takes seconds
+    on_the_way = str(file.relative_to(ROOT)).startswith(VERB_ROOMS)
+    names = set(_identifiers(ast.parse(text), with_functions=on_the_way))
+    return verb in names or request in names
+
+
+def _identifiers(tree: ast.AST, *, with_functions: bool) -> Iterator[str]:
+    """Yield texts, names of classes and imports, and names of functions if they count."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.Constant(value=str(text)):
+                yield text
+            case ast.Attribute(attr=name) | ast.Name(id=name) if name[0].isupper():
+                yield name
+            case ast.ClassDef(name=name) | ast.alias(name=name):
+                yield name
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) if with_functions:
+                yield name
+
+
+def main() -> None:
+    """Print all measures."""
+    for measure in MEASURES:
+        print(measure())
+
+
+if __name__ == "__main__":
+    main()
