@@ -112,6 +112,7 @@ class Shadowed:
     def step(self, position: float, drive: float, learn: bool = True) -> float:
         """Adapt to one pair, and compare the models at the end of a window; return the error."""
         error = self._identifier.step(position, drive, learn)
+        # Only learned pairs count: in others the two models cannot differ by what was learned.
         if learn and math.isfinite(error):
             shadow = self._shadow
             predicted = self._identifier.predict(shadow.weights, shadow.offset, shadow.scale)
@@ -129,6 +130,7 @@ class Shadowed:
         Raises:
             ModelError: If the shapes differ.
         """
+        # Step by step, because a restoration in between changes the following errors.
         pairs = zip(*checked_pairs(positions, drives), strict=True)
         return np.array([self.step(float(x), float(v)) for x, v in pairs])
 
@@ -184,6 +186,7 @@ class Shadowed:
             self._identifier.adopt(shadow.weights, shadow.offset, shadow.scale)
             self.restored += 1
         else:
+            # Not the present model: only the one from the start of the window has been tested.
             self._shadow.assign(self._candidate)
         self._candidate.assign(self._identifier)
         self._begin_window()

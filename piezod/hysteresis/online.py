@@ -131,9 +131,10 @@ class OnlineIdentifier(ABC):
         if array.shape != self.weights.shape or not np.all(np.isfinite(array + offset)):
             message = f"need {self.weights.size} finite weights and a finite offset, got {array}"
             raise ModelError(message)
-        if not abs(scale) <= SCALE_LIMIT:
+        if not abs(scale) <= SCALE_LIMIT:  # refuses NaN too
             message = f"a scale must be from {-SCALE_LIMIT:g} to {SCALE_LIMIT:g}, got {scale:g}"
             raise ModelError(message)
+        # In place: the arguments of the compiled step refer to this array.
         self.weights[:] = projected(self._learner.bank, array)
         scalars = self._learner.scalars
         # A margin of 0 makes the next step check the condition of existence again.
@@ -142,6 +143,7 @@ class OnlineIdentifier(ABC):
     def reset(self) -> None:
         """Clear the hysteresis memory; the learned model stays."""
         relax(self._memory)
+        # The displacement at which the operator input is 0, as in the relaxed memory.
         self._learner.scalars[POSITION] = self.offset / (1.0 + self.scale)
 
     @property
