@@ -145,6 +145,7 @@ class Shadowed:
             ModelError: If the identifier refuses them.
         """
         self._identifier.adopt(weights, offset, scale)
+        # From the identifier, which may have projected the weights.
         self._candidate.assign(self._identifier)
         self._shadow.assign(self._identifier)
         self._begin_window()

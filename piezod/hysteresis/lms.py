@@ -63,12 +63,13 @@ def _adapt(
         rate = 2.0 * gain if floor == 0.0 else gain / (floor + _power(memory, bank, seen))
         # Limiting the error bounds the effect of one wrong pair; the returned error is not limited.
         stride = rate * limited_error(error)
-        for j in range(weights.size):
+        for j in range(weights.size):  # E - x = g (x - F), paper eq. (29)
             weights[j] += stride * (bank[GAINS, j] * (seen - memory.now[j]))
         keep_weights_invertible(learner, sensitivity * abs(stride))
     return error
 
 
+# The fields of the tuples are passed one by one, see decision 3.
 @compiled
 def _step(
     levels: FloatArray,

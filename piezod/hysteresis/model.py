@@ -113,7 +113,7 @@ class _InvertibleModel(_LoopModel):
         Raises:
             ModelError: If the model is not invertible from every reachable state.
         """
-        slope = self.smallest_slope
+        slope = self.smallest_slope  # over all loops, not only over the major branches
         if slope <= 0.0:
             # slope - 1 is linear in the weights, so a common factor moves it in proportion.
             factor = (1.0 - LEAST_SLOPE) / (1.0 - slope)
@@ -178,6 +178,7 @@ class MPIModel(_InvertibleModel):
         Raises:
             ModelError: If a slope of a major branch is not positive, so that no inverse exists.
         """
+        # The rising branch belongs to the right plays, and its inverse to the left stops.
         left_stop_thresholds, left_stop_weights = _inverse_stops(self._up, "rising")
         right_stop_thresholds, right_stop_weights = _inverse_stops(self._down, "falling")
         return InverseMPI(

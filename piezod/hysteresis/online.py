@@ -35,6 +35,7 @@ def checked_pairs(positions: npt.ArrayLike, drives: npt.ArrayLike) -> tuple[Floa
     return x, v
 
 
+# The fields of the tuples are passed one by one, see decision 3.
 @compiled
 def _predict(
     levels: FloatArray,

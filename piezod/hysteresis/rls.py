@@ -101,7 +101,7 @@ def _learn(
     bank, slopes, scalars = learner.bank, learner.slopes, learner.scalars
     _fill_regressor(memory, bank, scalars[POSITION], vectors[REGRESSOR])
     innovation_variance = variance + fill_gain(covariance, vectors)  # R + u' P u
-    stride, gain = error / innovation_variance, vectors[GAIN]
+    stride, gain = error / innovation_variance, vectors[GAIN]  # K e is stride times gain
     # The weights are the state that others read; slopes are only the coordinates of the update.
     fill_slopes(bank, learner.weights, slopes)
     cells_of_side = slopes.shape[1]
@@ -142,6 +142,7 @@ def _adapt(
     return error
 
 
+# The fields of the tuples are passed one by one, see decision 3.
 @compiled
 def _step(
     levels: FloatArray,
@@ -243,6 +244,7 @@ class RLSIdentifier(OnlineIdentifier):
         checked_walk("the offset", offset_walk, OFFSET_BOUND)
         checked_walk("the scale", scale_walk, SCALE_BOUND)
         cells = self._learner.cells
+        # Kept for `adopt`, which restarts the covariance.
         self._start = constrained_covariance(cells, SLOPE_VARIANCE, OFFSET_VARIANCE, SCALE_VARIANCE)
         self._covariance = self._start.copy()
         # D of the update: P decays by Q / bound per step. The last two states are offset and scale.
