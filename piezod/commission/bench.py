@@ -94,6 +94,7 @@ def one_axis(
     """
     one, clock = config.axes[axis], clock or MonotonicClock()
     pairs = {axis: pairs_of(config.axes)[axis]}
+    # Devices of other axes stay closed; a dict, because one device may serve both roles.
     names = dict.fromkeys((one.sensor.device, one.amplifier.device))
     devices = construct({name: config.devices[name] for name in names}, pairs, config.seed)
     channels = Channels(devices, pairs)
@@ -104,6 +105,7 @@ def one_axis(
         if beyond := channels.beyond_reach([(low_v, high_v)]):
             raise DeviceError(beyond)
         limits = Limits(low_v, high_v, one.limits.slew_v_per_s)
+        # Every way to a voltage uses the ramp of the safety section, which is slow on purpose.
         ramp_v_per_s = one.safety.ramp_v_per_s
         session = Session(channels, limits, config.rate_hz, ramp_v_per_s, clock, output_v)
         with _returning(session):

@@ -65,6 +65,7 @@ def _phases(findings: Findings) -> ReportFigure:
         panel.plot(response.frequencies_hz, response.lag_deg, "o", color=POSITION["color"])
         line_hz = np.array([0.0, response.frequencies_hz[-1]])
         slope = 360.0 * response.delay_s
+        # The line of the fit: its slope is the delay, its mean deviation from the points is 0.
         at_zero = float(np.mean(response.lag_deg - slope * response.frequencies_hz))
         panel.plot(line_hz, at_zero + slope * line_hz, **LOOP)
         panel.set_xlabel("frequency (Hz)")

@@ -41,6 +41,7 @@ def measure_noise(session: Session) -> tuple[Noise, SessionTrace]:
             f"{LEAST_VALID_PCT:.0f} %: check cable, light, range and calibration of the sensor"
         )
     t_s, position_um = trace.t_s[valid], trace.position_um[valid]
+    # The drift is removed: it would count as noise, the more the longer the record is.
     slope, at_zero = np.polyfit(t_s, position_um, 1)
     rms_um = float(np.std(position_um - slope * t_s - at_zero))
     # Without any noise the value is not a measurement.

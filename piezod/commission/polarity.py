@@ -58,13 +58,15 @@ def find_polarity(session: Session, size_v: float, rms_um: float) -> tuple[Polar
     for i in range(2 * REPEATS):
         traces.append(session.go(low_v + size_v if i % 2 == 0 else low_v))
         now_um = _mean_um(session, traces)
+        # Steps in both directions cancel a constant drift.
         changes_um.append((now_um - before_um) * (1 if i % 2 == 0 else -1))
         before_um = now_um
     moved_um = float(np.mean(changes_um))
     samples = REST_S * session.rate_hz
     scatter_um = float(np.std(changes_um)) / sqrt(len(changes_um))
+    # A change is the difference of two means, hence the factor 2 in the variance of the noise.
     uncertainty_um = hypot(scatter_um, rms_um * sqrt(2.0 / samples))
-    if not abs(moved_um) > SIGNIFICANT * uncertainty_um:
+    if not abs(moved_um) > SIGNIFICANT * uncertainty_um:  # `not >` also refuses NaN
         raise DeviceError(
             f"the stage does not move: {moved_um * 1e3:.1f} ± {uncertainty_um * 1e3:.1f} nm for "
             f"{size_v:+.2f} V: check that amplifier and sensor belong to this axis, the cable of "

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from piezod.config.daemon import DaemonConfig
 
 EXCHANGES: Final = 200
+"""Exchanges per device and kind: enough for a 99th percentile, and a few seconds at most."""
 ALL_PCT: Final = 100.0
 
 
@@ -96,7 +97,7 @@ def together_hz(found: Iterable[Probed]) -> float:
     At a higher rate the daemon uses some of them behind a worker.
     """
     each = list(found)
-    cost = sum(one.cost_ns for one in each)
+    cost = sum(one.cost_ns for one in each)  # the loop uses them one after the other
     slowest_hz = min(one.rate_hz for one in each)
     return min(slowest_hz, IN_CYCLE_PART * NS_PER_S / cost) if cost else slowest_hz
 
@@ -122,6 +123,7 @@ def _probed(config: "DaemonConfig", name: str, wiring: Wiring, clock: Clock) -> 
             if isinstance(whole, Amplifier) and wiring.outputs:
                 found = _look_at_outputs(found, whole, clock)
         if wiring.inputs:
+            # Without outputs, activation cannot drive anything.
             alone = Wiring(wiring.inputs, ())
             with _open(create(device.options, alone, config.seed)) as (inputs, _):
                 inputs.activate(clock.now_ns())
@@ -130,6 +132,7 @@ def _probed(config: "DaemonConfig", name: str, wiring: Wiring, clock: Clock) -> 
     except DeviceError as error:
         return found._replace(error=str(error))
     trips = [trip for trip in (found.read, found.read_back) if trip is not None]
+    # Only if all exchanges failed: a few lost replies do not make a device useless.
     if any(trip.failed_pct == ALL_PCT for trip in trips):
         return found._replace(
             error="the device answers, but gives no usable value: check its driver and options"
@@ -152,7 +155,7 @@ def _look_at_outputs(found: Probed, device: Amplifier, clock: Clock) -> Probed:
     in_force = dict(zip(able.outputs, device.read_back(clock.now_ns()), strict=True))
 
     def exchange(now_ns: int) -> bool:
-        return all(value - value == 0.0 for value in device.read_back(now_ns))
+        return all(value - value == 0.0 for value in device.read_back(now_ns))  # False for NaN
 
     return found._replace(in_force=in_force, read_back=_round_trip(exchange, clock))
 

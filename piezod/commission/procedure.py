@@ -65,6 +65,7 @@ def steps_of(session: Session, findings: Findings) -> Iterator[ProcedureStep]:
     size_v, way_v = step_v(session), farther_end_v(session) - session.found_v
     yield _noise(session, findings)
     yield _polarity(session, findings, size_v)
+    # In growing parts: the person can stop before the stage reaches an obstacle.
     for part_pct in STAGES_PCT:
         end_v = session.found_v + part_pct / 100.0 * way_v
         yield _excursion(session, findings, f"travel {part_pct} %", end_v)
@@ -103,6 +104,7 @@ def _polarity(session: Session, findings: Findings, size_v: float) -> ProcedureS
 def _excursion(session: Session, findings: Findings, name: str, end_v: float) -> ProcedureStep:
     def run() -> str:
         trace = excursion(session, end_v)
+        # Each stage replaces the result of the smaller one before.
         findings.travel = found = travel_of(trace, _rms_um(findings))
         findings.amplifier, findings.traces["travel"] = amplifier_of(trace), trace
         return (

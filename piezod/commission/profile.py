@@ -29,6 +29,7 @@ def profile(
         date: The day, for people.
     """
     one = config.axes[axis]
+    # Only the keys that were set: defaults stay defaults, also in later versions.
     document = config.model_dump(mode="json", exclude_unset=True)
     serving = {channel.device for _, channel in one.channels()}
     document["devices"] = {
@@ -61,6 +62,7 @@ def _narrowed(config: StageAxisConfig, findings: Findings) -> list[str]:
     lost_v = max(travel.drive_low_v - low_v, high_v - travel.drive_high_v)
     if lost_v <= read_back_tolerance_v(low_v, high_v):
         return []
+    # Displacement and slope have the same sign only if the voltage was raised.
     upwards = (travel.travel_um < 0) == (travel.um_per_v < 0)
     found_v = travel.drive_low_v if upwards else travel.drive_high_v
     driven = f"{travel.drive_low_v:.1f} to {travel.drive_high_v:.1f} V"
@@ -78,6 +80,7 @@ def _axis(
     if travel is None:
         return found
     limits = dict(found["limits"])
+    # Never beyond the configured limits, only to the range that was driven.
     limits["drive_min_v"] = max(config.limits.drive_min_v, round(travel.drive_low_v, 3))
     limits["drive_max_v"] = min(config.limits.drive_max_v, round(travel.drive_high_v, 3))
     limits["rest_v"] = _clamped(config.limits.rest_v, limits)
@@ -87,7 +90,7 @@ def _axis(
         working_hz = min(working_hz, WORKING_PART * ringing.frequency_hz)
         found["first_mode"] = {
             "frequency_hz": round(ringing.frequency_hz, 1),
-            "damping": round(min(max(ringing.damping, 0.001), 1.0), 4),
+            "damping": round(min(max(ringing.damping, 0.001), 1.0), 4),  # the range of the schema
         }
     swing_v = limits["drive_max_v"] - limits["drive_min_v"]
     # Slew rate of a sine over the full swing at the working frequency, to two digits.
@@ -128,6 +131,7 @@ def _reversed_sensor(config: StageAxisConfig) -> dict[str, Any]:
     calibration = sensor["calibration"]
     match calibration["kind"]:
         case "line":
+            # Gain and offset: the calibration gives the physical value with reversed sign.
             calibration |= {key: -calibration[key] for key in ("gain", "offset")}
         case "polynomial":
             calibration["coefficients"] = [-each for each in calibration["coefficients"]]

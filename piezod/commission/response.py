@@ -57,6 +57,7 @@ def measure_delay(session: Session, size_v: float) -> tuple[Response, SessionTra
     begin_v = session.drive_v
     fastest_hz = SLEW_PART * session.limits.slew_v_per_s / (2 * pi * abs(size_v))
     low_hz, high_hz = SLOWEST * session.rate_hz, min(FASTEST * session.rate_hz, fastest_hz)
+    # At least a decade: over a narrow band the slope of the phase would be lost in the noise.
     frequencies_hz = np.geomspace(min(low_hz, high_hz / 10), high_hz, FREQUENCIES)
     traces, lags = [], []
     for frequency_hz in frequencies_hz:

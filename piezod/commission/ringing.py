@@ -15,7 +15,9 @@ from piezod.commission.session import Session, SessionTrace, joined
 from piezod.hysteresis.memory import FloatArray
 
 STEPS: Final = 24
+"""Number of steps; their mean has a fifth of the noise."""
 RECORD_S: Final = 0.1
+"""Evaluated part of a response, in s: longer than the ringing of usual stages."""
 OTHER_RATE: Final = 0.83
 """The second rate, as a fraction of the first."""
 FOLDS: Final = 3
@@ -93,7 +95,7 @@ def _mean_response(
         target_v = begin_v + size_v if i % 2 == 0 else begin_v
         trace = session.drive(lambda _t_s, v=target_v: v, RECORD_S * 1.05, rate_hz)  # type: ignore[misc] # a default that binds the loop's value
         traces.append(trace)
-        response = trace.position_um[1 : n + 1]
+        response = trace.position_um[1 : n + 1]  # the first sample is from before the step
         if response.size == n and np.all(np.isfinite(response)):
             total += response if i % 2 == 0 else -response
             count += 1
@@ -109,6 +111,7 @@ def _line(response: FloatArray, rate_hz: float) -> _Line | None:
         return None
     t_s, response = t_s[late] - t_s[late][0], response[late]
     without = _residual(_creep_basis(t_s), response)
+    # A grid first: the sum of squares has many local minima over the frequency.
     apparent_hz, decay_per_s = min(
         product(
             np.linspace(LOWEST_CYCLES / t_s[-1], rate_hz / 2, FREQUENCIES),
@@ -130,6 +133,7 @@ def _line(response: FloatArray, rate_hz: float) -> _Line | None:
 
 def _creep_basis(t_s: FloatArray) -> FloatArray:
     """Return the basis functions of the creep after a step, shape (n, 3)."""
+    # Creep is logarithmic in time; a few samples are added, because the log of 0 is infinite.
     log = np.log(t_s + 5 * t_s[1])
     return np.stack([np.ones_like(t_s), log, log**2], axis=1)
 
@@ -143,6 +147,7 @@ def _ring_basis(t_s: FloatArray, hz: float, decay_per_s: float) -> FloatArray:
 
 def _residual(basis: FloatArray, response: FloatArray) -> float:
     """Return the sum of squares that a basis does not explain."""
+    # With an orthonormal basis the explained sum of squares needs no solution of the fit.
     orthogonal, _ = np.linalg.qr(basis)
     return float(np.sum(response**2) - np.sum((orthogonal.T @ response) ** 2))
 
@@ -156,6 +161,7 @@ def _unfolded(first: _Line, second: _Line) -> float:
 
 
 def _candidates(line: _Line) -> list[float]:
+    # Sampling folds f and k · rate ± f onto the same apparent frequency.
     folded = [line.apparent_hz]
     for k in range(1, FOLDS + 1):
         folded += [k * line.rate_hz - line.apparent_hz, k * line.rate_hz + line.apparent_hz]

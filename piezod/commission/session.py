@@ -82,6 +82,7 @@ def joined(traces: "list[SessionTrace]") -> SessionTrace:
     t_s, begin_s = [], 0.0
     for trace in traces:
         t_s.append(begin_s + trace.t_s)
+        # One more step, so that the next trace does not start at the last instant of this one.
         begin_s += float(trace.t_s[-1] + (trace.t_s[1] - trace.t_s[0]))
     return SessionTrace(
         np.concatenate(t_s),
@@ -176,6 +177,7 @@ class Session:
         if self._not_ours:
             raise DeviceError(f"the voltage is left as it is: {self._not_ours}")
         self._watch = self._new_watch()  # earlier problems must not prevent the way back
+        # The ramp starts where the output really is: the last write may not have come into force.
         if self._reads_back:
             self.drive_v = self._read_back_v()
         target_v = min(max(self.found_v, self.limits.drive_min_v), self.limits.drive_max_v)
@@ -249,13 +251,15 @@ class Session:
             position_um = self._read(now_ns)
             read_back_v = self._channels.read_back(now_ns)[0] if self._reads_back else nan
             self._check_devices(read_back_v, now_ns)
+            # Before the write: a sample belongs to the voltage that was in force when it was taken.
             rows.append(((now_ns - begin_ns) / NS_PER_S, self.drive_v, read_back_v, position_um))
             elapsed_s = min(now_ns - before_ns, LONGEST_PERIODS * period_ns) / NS_PER_S
             asked_v = [wave_v(wave_s)]
             admitted = guard.admit(now_ns, now_ns, asked_v, [self.drive_v], elapsed_s)
-            taken = admitted.writable and self._channels.write(admitted.drive_v, now_ns)
-            self._watch.check_write(accepted=taken, drive_v=admitted.drive_v[0], now_ns=now_ns)
-            if taken:
+            accepted = admitted.writable and self._channels.write(admitted.drive_v, now_ns)
+            self._watch.check_write(accepted=accepted, drive_v=admitted.drive_v[0], now_ns=now_ns)
+            # After a refused write the waveform waits, so that it continues without a jump.
+            if accepted:
                 self.drive_v, wave_s = admitted.drive_v[0], wave_s + elapsed_s
             before_ns = now_ns
         return SessionTrace(*np.array(rows).T)
@@ -308,6 +312,7 @@ class _Watch:
         self._written_v.add(drive_v)
         # Distance to the range of recently written voltages: an amplifier may follow late.
         off_v = max(read_back_v - self._written_v.high, self._written_v.low - read_back_v)
+        # Without read-back the distance is NaN and the comparison false.
         self._off = self._off + 1 if self._tolerance_v < off_v < inf else 0
         if self._off >= OFF_CYCLES:
             raise DeviceError(

@@ -158,6 +158,7 @@ class AxisConfig(ConfigModel):
         if self.command_range_um and not self.command_range_um[0] < self.command_range_um[1]:
             yield ("command_range_um", 1), "must be above the first of the two"
         low_v, high_v = self.amplifier.calibration.physical_range()
+        # Beyond its calibration an amplifier refuses every write.
         for key in ("drive_min_v", "drive_max_v"):
             limit_v = getattr(self.limits, key)
             if not low_v <= limit_v <= high_v:
@@ -168,7 +169,7 @@ class AxisConfig(ConfigModel):
         try:
             yield from self._broken_range(load_model(model))
         except ConfigError as error:
-            yield ("model",), str(error.problems[0])
+            yield ("model",), str(error.problems[0])  # with file and line of the model file
         for key, own in _SET_BY_MODEL.items():
             if key in self.compensator.model_fields_set:
                 what = f"not used, the model file has its own {own}, leave it out"

@@ -67,7 +67,7 @@ def _broken_channel(
     drivers: Drivers,
 ) -> Iterator[BrokenRule]:
     has = drivers.load(device.driver).channels(device.options)
-    if has is None:
+    if has is None:  # the driver accepts any name
         return
     drives = isinstance(channel, OutputConfig)
     units = has.outputs if drives else has.inputs
@@ -76,7 +76,7 @@ def _broken_channel(
         yield from _uncalibrated(path, channel, units[name], drives=drives)
     else:
         yield (*path, "channel"), _no_such(_ROLE[drives], name, channel, units)
-    light = None if isinstance(channel, OutputConfig) else channel.light
+    light = None if isinstance(channel, OutputConfig) else channel.light  # of an input only
     if light is not None and light.channel not in has.inputs:
         what = _no_such("input", light.channel, channel, has.inputs)
         yield (*path, "light", "channel"), what

@@ -91,6 +91,7 @@ class TableCalibration(ConfigModel):
         return self
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
+        # All broken rules at once, so that one correction of the file is enough.
         if len(self.values) != len(self.physical):
             n, wanted = len(self.physical), len(self.values)
             yield ("physical",), f"needs one entry for each value (got {n} for {wanted})"
@@ -121,6 +122,7 @@ class TableCalibration(ConfigModel):
     def _side(self) -> slice:
         if self.side is None:
             return slice(None)
+        # The maximum belongs to both sides: it ends the rising one and starts the falling one.
         greatest = self.values.index(max(self.values))
         return slice(None, greatest + 1) if self.side == "near" else slice(greatest, None)
 
@@ -182,6 +184,7 @@ class InputConfig(ConfigModel):
 
 
 def _named(value: Any) -> Any:
+    # Before the validation: `sensor: stage` is the short form of `sensor: {device: stage}`.
     return {"device": value} if isinstance(value, str) else value
 
 

@@ -84,12 +84,14 @@ class StageAxisConfig(AxisConfig):
         if not low <= self.safe_v <= high:
             what = f"out of range (got {self.safe_v:g} V), allowed range {low:g} to {high:g} V"
             broken.append((("safety", "safe_v"), what))
+        # The guard limits every voltage to the slew rate; a faster ramp would take longer than set.
         if self.safety.ramp_v_per_s > self.limits.slew_v_per_s:
             what = (
                 f"faster than slew_v_per_s (got {self.safety.ramp_v_per_s:g} V/s), "
                 f"allowed: at most {self.limits.slew_v_per_s:g} V/s"
             )
             broken.append((("safety", "ramp_v_per_s"), what))
+        # With a model file the range of commands follows from the model.
         if self.model is None and self.command_range_um is None:
             broken.append((("command_range_um",), "needed if there is no model file"))
         raise_rules(broken)

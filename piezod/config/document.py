@@ -46,7 +46,7 @@ class Document:
         present = path
         while present not in self.values:
             present = present[:-1]
-        absent = len(present) < len(path)
+        absent = len(present) < len(path)  # a missing key is reported at the key of its mapping
         places = self.keys if (at_key or absent) and present in self.keys else self.values
         return Problem(self.file, *places[present], format_path(path), what)
 
@@ -68,6 +68,7 @@ def config_error(problems: Iterable[Problem]) -> ConfigError:
 
     Of more than fifty problems, the first fifty and the number of the others are reported.
     """
+    # The validation reports them in the order of the model.
     ordered = sorted(problems, key=lambda problem: (problem.line, problem.column))
     kept = ordered[:MAX_PROBLEMS]
     if len(ordered) > len(kept):

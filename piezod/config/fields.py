@@ -86,6 +86,7 @@ class ConfigModel(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _note_known_keys(cls, data: Any, info: ValidationInfo) -> Any:
+        # By identity, because pydantic's errors do not name the model that a mapping was read by.
         context_of(info).known_keys[id(data)] = tuple(cls.model_fields)
         return data
 
@@ -138,6 +139,7 @@ class Quantity:
         self, source: type, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         """Return the schema of a bounded number whose errors state the range with its unit."""
+        # pydantic's own schema checks the bounds; the wrapper only words its errors.
         inner = {**handler(source), "ge": self.low, "le": self.high}
         return core_schema.no_info_wrap_validator_function(
             self._validate, cast("CoreSchema", inner)

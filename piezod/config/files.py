@@ -108,7 +108,7 @@ def _index(names: list[str], name: str) -> int:
 
 def _number(text: str, line: int) -> float:
     number = float(text) if NUMBER.fullmatch(text) else math.nan
-    if not abs(number) <= MAX_VALUE:
+    if not abs(number) <= MAX_VALUE:  # refuses NaN too
         what = f"must be a number (got {text!r}), {Quantity(-MAX_VALUE, MAX_VALUE)}"
         raise ValueError(f"{line}: {what}")
     return number

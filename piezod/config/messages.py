@@ -65,6 +65,7 @@ def describe(error: "ErrorDetails", known_keys: Sequence[str]) -> str:
         return _WORDINGS_WITHOUT_VALUE[kind].format_map(context)
     if kind in _CHOICES:
         listed, value = _CHOICES[kind]
+        # pydantic gives the choices as one text: "'low' or 'middle'".
         choices = re.findall(r"'([^']*)'", context[listed]) or [context[listed]]
         found = context[value]
         if kind == "union_tag_invalid":  # pydantic's context has the tag in Python's notation
@@ -96,7 +97,7 @@ def show(value: object) -> str:
         return "a list"
     if value is None:
         return "nothing"
-    if isinstance(value, bool):
+    if isinstance(value, bool):  # YAML writes true, Python True
         return str(value).lower()
     if isinstance(value, float) and not math.isfinite(value):
         return str(value).replace("inf", ".inf").replace("nan", ".nan")

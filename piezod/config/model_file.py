@@ -121,6 +121,7 @@ def load_model(path: Path) -> ModelFile:
         ConfigError: If it is not a valid model file; the text lists every problem with its place.
     """
     document = load_yaml(path)
+    # A wrong file would give an error for each of its keys: one message says it better.
     if not document.data.keys() & ModelFile.model_fields.keys():
         what = (
             "not a model file, it has none of the keys of one; `piezod identify` makes model files"
@@ -142,6 +143,7 @@ def _value(value: object, indent: str) -> str:
     if isinstance(value, dict):
         return "\n" + _block(value, indent + "  ")
     if isinstance(value, tuple):
+        # json writes the shortest text that reads back as the same double.
         lines = textwrap.wrap(f"[{', '.join(map(json.dumps, value))}]", 90, break_on_hyphens=False)
         return "".join(f"\n{indent}  {line}" for line in lines) + "\n"
     if isinstance(value, str):

@@ -9,7 +9,7 @@ _HALVINGS = 200  # more than enough: a bisection of doubles ends at the last bit
 def evaluate(coefficients: Sequence[float], value: float) -> float:
     """Return c0 + c1·value + c2·value² + …. Real-time safe."""
     result = 0.0
-    for coefficient in reversed(coefficients):
+    for coefficient in reversed(coefficients):  # Horner's rule
         result = result * value + coefficient
     return result
 
@@ -21,6 +21,7 @@ def derivative(coefficients: Sequence[float]) -> tuple[float, ...]:
 
 def is_monotonic(coefficients: Sequence[float], low: float, high: float) -> bool:
     """Return whether a polynomial rises everywhere between two values, or falls everywhere."""
+    # Between two turning points a polynomial is monotonic, so comparing their values is exact.
     places = [low, *_sign_changes(derivative(coefficients), low, high), high]
     reached = [evaluate(coefficients, place) for place in places]
     steps = [later - earlier for earlier, later in pairwise(reached)]

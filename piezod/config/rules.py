@@ -37,7 +37,7 @@ def broken_rules(experiment: ExperimentFields, drivers: Drivers | None) -> Itera
             for index, case in enumerate(experiment.cases)
         ),
         *(
-            _judged(("cases", index, "duration_s"), case, experiment.rate_hz)
+            _long_enough(("cases", index, "duration_s"), case, experiment.rate_hz)
             for index, case in enumerate(experiment.cases)
         ),
     )
@@ -81,7 +81,7 @@ def _too_short(
         )
 
 
-def _judged(path: KeyPath, case: CaseConfig, rate_hz: float) -> Iterator[BrokenRule]:
+def _long_enough(path: KeyPath, case: CaseConfig, rate_hz: float) -> Iterator[BrokenRule]:
     """Check that enough samples of a case remain for the metrics."""
     shortest_s = case.period_s + MIN_JUDGED_SAMPLES / rate_hz
     # The sum of two numbers of the file may be off by rounding.
@@ -104,6 +104,7 @@ def _commands(
         if name not in commands:
             yield (*path, "axes"), f"no command for axis {name}"
         elif axis.command_range_um is not None:
+            # A command for all axes has no `axes` in the file.
             place = (*path, "axes", name) if isinstance(case.command_um, CommandPerAxis) else path
             yield from _outside(place, commands[name], name, axis.command_range_um, "µm")
 

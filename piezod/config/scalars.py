@@ -23,6 +23,7 @@ _OCTAL: Final = re.compile(r"0o[0-7]+")
 _HEX: Final = re.compile(r"0x[0-9a-fA-F]+")
 NUMBER: Final = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _MAX_LENGTH: Final = 100
+"""Largest number of characters; the time to convert a number grows with their square."""
 
 
 def resolve(text: str) -> Scalar:

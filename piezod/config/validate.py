@@ -44,12 +44,13 @@ def _is_consequence(error: "ErrorDetails", errors: "list[ErrorDetails]") -> bool
 def _place(document: Document, error: "ErrorDetails", context: Context) -> Problem:
     kind, loc = error["type"], error["loc"]
     if kind in ("missing", "extra_forbidden"):
+        # The last part is the key itself: absent if it is missing, and not in the model if extra.
         path, owner = _find(document.data, loc[:-1])
         path = (*path, loc[-1])
         what = describe(error, context.known_keys.get(id(owner), ()))
         return document.problem(path, what, at_key=True)
     path, found = _find(document.data, loc)
-    if kind == "union_tag_invalid":
+    if kind == "union_tag_invalid":  # the place of the tag, not of the whole mapping
         path = (*path, error["ctx"]["discriminator"].strip("'"))
         return document.problem(path, describe(error, ()))
     # An error of a whole mapping is reported at its key. pydantic ends the path with "[key]" if

@@ -96,7 +96,7 @@ class Multisine(ConfigModel):
 
     def bounds(self) -> Bounds:
         """Return the lowest and the highest possible value."""
-        high = self.low
+        high = self.low  # each sinusoid runs from 0 to twice its amplitude
         for component in self.components:
             high += 2 * component.amplitude
         return self.low, high
@@ -176,6 +176,7 @@ class Csv(ConfigModel):
     @model_validator(mode="after")
     def _read(self) -> Self:
         try:
+            # Read here and not in the run: the points are checked, and the file may change later.
             self._points = read_points(self.path, self.column)
         except ValueError as error:
             raise_rules([(("path",), str(error))])

@@ -26,7 +26,7 @@ def read_text(path: Path) -> str:
     """
     try:
         with path.open("rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)
+            raw = stream.read(MAX_BYTES + 1)  # one byte more shows that the file is too large
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ConfigError(Problem(str(path), 0, 0, "", f"cannot be read: {reason}")) from error

@@ -17,6 +17,7 @@ from piezod.config.yaml_events import parse_events, read_text, start_of
 from piezod.errors import ConfigError, Problem
 
 MAX_DEPTH: Final = 20
+"""Deeper than any configuration, and far from the recursion limit of Python."""
 
 _SURROGATE: Final = re.compile("[\ud800-\udfff]")
 
@@ -68,6 +69,7 @@ class _Builder:
             ConfigError: If building cannot continue; `problems` holds the earlier problems.
         """
         data: Any = None
+        # All events, also those after the document: an error at the end of the text counts too.
         for event in self._events:
             if isinstance(event, yaml.DocumentStartEvent):
                 if self.values:
@@ -125,13 +127,13 @@ class _Builder:
     def _scalar(self, event: yaml.ScalarEvent) -> Scalar:
         if _SURROGATE.search(event.value):
             self._add(event, "half of a surrogate pair is not a character")
-        if not event.implicit[0]:
+        if not event.implicit[0]:  # in quotes, hence a text
             return str(event.value)
         try:
             return resolve(event.value)
         except ValueError as error:
             self._add(event, str(error))
-            return None
+            return None  # the reading goes on, to find further problems
 
     def _refuse_decoration(self, event: yaml.Event) -> None:
         anchor, tag = getattr(event, "anchor", None), getattr(event, "tag", None)

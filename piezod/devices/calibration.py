@@ -15,6 +15,7 @@ from piezod.config.channels import (
 from piezod.config.polynomial import derivative, evaluate
 
 _KNOTS: Final = 64
+"""Number of intervals of a polynomial's range; they give the search a narrow first bracket."""
 _STEPS: Final = 60
 """Largest number of steps: bisection alone reaches the last bit between two knots in fewer."""
 
@@ -151,6 +152,7 @@ class PolynomialCurve:
         wanted, reached = self._sign * physical, self._reached
         if not reached[0] <= wanted <= reached[-1]:
             return nan
+        # The first knot above the wanted value ends the bracket; the last one for the upper end.
         knot = min(max(bisect_right(reached, wanted), 1), _KNOTS)
         low, high = self._values[knot - 1], self._values[knot]
         value = 0.5 * (low + high)
@@ -163,7 +165,7 @@ class PolynomialCurve:
             following = value - error / slope if slope > 0.0 else nan
             if not (isfinite(following) and low < following < high):
                 following = 0.5 * (low + high)
-            if following == value:
+            if following == value:  # no number lies between the two ends of the bracket
                 break
             value = following
         return value

@@ -85,6 +85,7 @@ class Channels:
         Raises:
             DeviceError: If a device cannot play the role that an axis gives it.
         """
+        # The roles are sorted out here, once, so that a cycle only walks through these lists.
         self._devices = devices
         self._sensors: list[_SensorRole] = []
         self._amplifiers: list[_AmplifierRole] = []
@@ -137,6 +138,8 @@ class Channels:
         """Return the common capabilities of all devices."""
         each = [device.capabilities() for device in self._devices.values()]
         driving = [one for one in each if one.outputs]
+        # `all` for a service that must not be missing on any device; `any` for a property that the
+        # caller must take care of even if only one device has it.
         return Capabilities(
             self._axes,
             self._axes,
@@ -195,15 +198,16 @@ class Channels:
         """Return one sample of each axis, relative to its zero. Real-time safe."""
         samples = [Sample(now_ns, 0.0, False)] * len(self._axes)
         for sensor, plain, calibrated, commanding in self._sensors:
-            taken = sensor.read(now_ns)
+            raw = sensor.read(now_ns)
             for channel, axis in plain:
-                t_ns, position_um, valid = taken[channel]
+                t_ns, position_um, valid = raw[channel]
                 samples[axis] = Sample(t_ns, position_um - self._zero_um[axis], valid)
             for one, axis in calibrated:
-                t_ns, position_um, valid = one.sample(taken)
+                t_ns, position_um, valid = one.sample(raw)
                 samples[axis] = Sample(t_ns, position_um - self._zero_um[axis], valid)
+            # A command is not measured, so the zero is not subtracted from it.
             for one, axis in commanding:
-                self._commands[axis] = one.sample(taken)
+                self._commands[axis] = one.sample(raw)
         return samples
 
     def commands(self) -> Sequence[Sample]:
@@ -233,15 +237,16 @@ class Channels:
         Returns:
             Whether every device accepted its values.
         """
-        taken = True
+        accepted = True
         for amplifier, axes, outputs in self._amplifiers:
             # Most outputs take volts of any size; a call less for each counts in the loop.
             values = [
                 drive_v[axis] if one.takes_any_voltage else one.value(drive_v[axis])
                 for axis, one in zip(axes, outputs, strict=True)
             ]
-            taken &= amplifier.write(values, now_ns)
-        return taken
+            # No early return: the axes of the other devices must not miss their setpoints.
+            accepted &= amplifier.write(values, now_ns)
+        return accepted
 
     def read_back(self, now_ns: int) -> list[float]:
         """Return the read-back voltage of each axis, in V. Real-time safe."""
@@ -259,6 +264,7 @@ class Channels:
         """
         if not self._status_sources and not self._light_dependent:
             return self._no_flags
+        # A copy, because a cycle without flags returns the shared list.
         flags = self._no_flags.copy()
         for device, served in self._status_sources:
             reported = device.status(now_ns)
@@ -270,6 +276,7 @@ class Channels:
         return flags
 
     def _ask_for_ranges(self) -> None:
+        # Some devices know their range only after opening, because it is set on the device.
         for amplifier, axes, outputs in self._amplifiers:
             ranges = amplifier.capabilities().ranges or [ANY_VALUE] * len(axes)
             for output, range_ in zip(outputs, ranges, strict=True):

@@ -84,6 +84,7 @@ class Emulation:
         """
         for thread in self._threads:
             thread.start()
+        # Either all devices can be reached, or the first failure stops the others.
         with self._news:
             self._news.wait_for(lambda: self._failure or len(self._places) == len(self._threads))
         if self._failure is not None:
@@ -102,7 +103,7 @@ class Emulation:
         """
         self._stop.set()
         for thread in self._threads:
-            if thread.ident is not None:
+            if thread.ident is not None:  # a thread that was never started cannot be joined
                 thread.join()
         failure, self._failure = self._failure, None
         if failure is not None:

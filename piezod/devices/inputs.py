@@ -38,26 +38,27 @@ class CalibratedInput:
         """Whether a sample needs enough light to be valid."""
         return self._light is not None
 
-    def sample(self, taken: Sequence[Sample]) -> Sample:
+    def sample(self, raw: Sequence[Sample]) -> Sample:
         """Return its sample in µm. Real-time safe.
 
         It is invalid outside the range of the calibration, or if the light is too low.
 
         Args:
-            taken: One sample of each input of the device.
+            raw: One sample of each input of the device, in the units of the device.
         """
-        t_ns, value, valid = taken[self._place]
+        t_ns, value, valid = raw[self._place]
         if self._light is not None:
-            value *= self._per_light(self._light, taken[self._light_place])
+            value *= self._per_light(self._light, raw[self._light_place])
         position_um = value if self._curve is None else self._curve.physical(value)
         return Sample(t_ns, position_um, valid and not self.low_light and isfinite(position_um))
 
     def _per_light(self, light: LightConfig, light_sample: Sample) -> float:
         """Return the factor by which the value is corrected for its light; NaN if it is too low."""
-        level = light_sample.position_um
+        level = light_sample.position_um  # before calibration the field holds the raw value
         enough = light_sample.valid and level > 0.0 and level >= light.least
         # An invalid light sample is not reported as low light: the device reports its own fault.
         self.low_light = light_sample.valid and not enough
         if not enough:
             return float("nan")
+        # The signal of a fibre sensor grows with its light; the quotient of both does not.
         return light.nominal / level if light.divides else 1.0

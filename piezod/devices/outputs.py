@@ -34,7 +34,7 @@ class CalibratedOutput:
         """Return the lowest and the highest possible voltage, in V."""
         if self.range == ANY_VALUE:
             return ANY_VALUE
-        low_v, high_v = sorted(map(self.voltage, self.range))
+        low_v, high_v = sorted(map(self.voltage, self.range))  # a calibration may fall
         return low_v, high_v
 
     def reaches(self, drive_v: float) -> bool:
@@ -52,6 +52,7 @@ class CalibratedOutput:
         low, high = self.range
         if low <= value <= high:
             return value
+        # A voltage at an end of the range may be rounded to a value just beyond it.
         end = min(max(value, low), high)
         end_v = self.voltage(end)
         return end if end_v - SLACK_V <= drive_v <= end_v + SLACK_V else value

@@ -61,6 +61,7 @@ def load(group: str, kind: str, plugin_type: type[PluginT], name: str) -> Plugin
 
 
 def _only(group: str, kind: str, name: str) -> EntryPoint:
+    # Two distributions may use the same name; a silent choice would depend on the search path.
     points = entry_points(group=group, name=name)
     known = f"known {kind}s: {', '.join(names(group)) or 'none is installed'}"
     if not points:

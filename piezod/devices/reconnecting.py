@@ -88,7 +88,7 @@ class ReconnectingDevice(DeviceWrapper):
     def close(self) -> None:
         """Close the device and end the thread. Never raises."""
         self._ended.set()
-        self._lost.set()
+        self._lost.set()  # wakes the thread, which then finds that it has to end
         if self.thread.is_alive():
             self.thread.join()
         super().close()
@@ -182,10 +182,11 @@ class ReconnectingDevice(DeviceWrapper):
 
     def _open_again(self) -> None:
         self._release()
-        for wait_s in waits_s(*self._waits_s):
+        for wait_s in waits_s(*self._waits_s):  # endless, unless closed or opened
             if self._ended.wait(wait_s):
                 return
             if self._try_to_open():
+                # The reverse order of `_check_lost`: from here on the loop owns the device.
                 self._lost.clear()
                 self._there = True
                 return

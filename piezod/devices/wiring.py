@@ -67,6 +67,7 @@ def wiring_of(device: str, axes: Mapping[str, ChannelPair]) -> Wiring:
     """Return the channels of a device that are used by axes, in the order of the axes."""
     inputs = chain.from_iterable(pair.inputs_of(device, axis) for axis, pair in axes.items())
     outputs = (pair.output or axis for axis, pair in axes.items() if pair.amplifier == device)
+    # A dict removes duplicates and keeps the order: several axes may use the same light channel.
     return Wiring(tuple(dict.fromkeys(inputs)), tuple(dict.fromkeys(outputs)))
 
 

@@ -30,6 +30,7 @@ class DeviceWrapper:
     def __init__(self, device: Device) -> None:
         self._device = cast("AnyDevice", device)
         self._able = able = device.capabilities()
+        # Made once: calls in the loop return these lists.
         self._unknown = [nan] * len(able.outputs)
         self._no_flags = [NO_FLAGS] * (len(able.inputs) + len(able.outputs))
         self._has_status = isinstance(device, TellsStatus)
@@ -95,6 +96,7 @@ class CombinedExchange(DeviceWrapper):
 
     def read(self, now_ns: int) -> Sequence[Sample]:
         """Return the samples of the last exchange once, or ask the device. Real-time safe."""
+        # Once only: a second read without a write in between would return an old sample as new.
         samples, self._samples = self._samples, None
         return self._device.read(now_ns) if samples is None else samples
 

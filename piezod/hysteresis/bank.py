@@ -55,6 +55,7 @@ def checked_series(values: npt.ArrayLike) -> FloatArray:
     Raises:
         ModelError: If the values have another number of dimensions.
     """
+    # Contiguous, so that every caller uses the same compiled version of a kernel.
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.ndim != 1:
         message = f"a time series has one dimension, got shape {array.shape}"
@@ -133,6 +134,8 @@ def evaluate_plays(
     top, bottom = loop.maxima - 1, loop.minima - 1
     v_max, v_min = levels[MAXIMUM, top], levels[MINIMUM, bottom]
     order = plays.size // 2
+    # Rising: right plays are flat, then follow their line; left plays follow the chord. Falling is
+    # the mirror image. The chord starts at the extremum where the move began.
     if loop.rising:
         part = (value - v_min) / (v_max - v_min)
         for j in range(order):
@@ -167,6 +170,7 @@ def advance_plays(memory: Memory, bank: FloatArray, deadband: float, value: floa
 @compiled
 def weighted_sum(plays: FloatArray, bank: FloatArray, weights: FloatArray, value: float) -> float:
     """Return z of paper eq. (16) for plays that were evaluated at this input. Real-time safe."""
+    # The sum runs in a fixed order, so that steps and runs agree to the bit.
     total = value
     for j in range(weights.size):
         total += weights[j] * (bank[GAINS, j] * (value - plays[j]))

@@ -65,6 +65,7 @@ def branch(thresholds: FloatArray, weights: FloatArray) -> FloatArray:
     ahead = np.concatenate((np.cumsum(weights[::-1])[::-1], [0.0]))
     slopes = 1.0 - ahead + passed
     heights = np.concatenate(([0.0], np.cumsum(slopes * np.diff(knots))))
+    # The last slope is repeated, so that all rows have M + 2 columns.
     return np.stack((knots, heights, np.append(slopes, slopes[-1])))
 
 
@@ -84,6 +85,7 @@ def relax_loops(memory: Memory) -> None:
 @compiled
 def _branch_height(table: FloatArray, knot: float) -> float:
     """Return φ at a point of [0, 1]; outside, the outermost cell is extended."""
+    # Bisection for the cell that contains the point.
     low, high = 0, table.shape[1] - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -97,6 +99,7 @@ def _branch_height(table: FloatArray, knot: float) -> float:
 @compiled
 def _branch_point(table: FloatArray, chord: float, height: float) -> float:
     """Return the point t at which φ(t) + chord t reaches a height; all slopes must be positive."""
+    # The same bisection; the sum rises with t, because all its slopes are positive.
     low, high = 0, table.shape[1] - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -131,7 +134,8 @@ def _prepare_reversal(
     """Set scale and chord of the extremum that `locate` will store if the input reverses."""
     rising = memory.counts[RISING] == 1
     if (value > memory.last[SEEN]) == rising or value == memory.last[SEEN]:
-        return
+        return  # no reversal
+    # S_r = 1 / (S_l Δ), where Δ is the width of the loop in drive units, also for the inverse.
     now, drive = memory.now, memory.now[OUTPUT] if output_is_drive else memory.last[SEEN]
     if rising:
         m = memory.counts[MINIMUM] - 1
@@ -151,6 +155,7 @@ def _rescale(memory: Memory, up: FloatArray, down: FloatArray, output_is_drive: 
     a narrower one would miss its end by several per cent of the range.
     """
     values = memory.values
+    # From the outside in, because each scale follows from that of the extremum before it.
     for i in range(1, memory.counts[MAXIMUM]):
         v_max = _drive_at(memory, MAXIMUM, i, output_is_drive)
         width = v_max - _drive_at(memory, MINIMUM, i - 1, output_is_drive)
@@ -185,6 +190,7 @@ def _inverse(
     levels, values = memory.levels, memory.values
     if loop.rising:
         m = loop.minima - 1
+        # The rising formula times S: φ^a(t) + t (chord - 1) = S (x - x_m), with t = S u.
         scale = values[MINIMUM, m, SCALE]
         rise = scale * (value - levels[MINIMUM, m])
         u = _branch_point(up, values[MINIMUM, m, CHORD] - 1.0, rise) / scale
@@ -270,6 +276,7 @@ def smallest_slope(up: FloatArray, down: FloatArray) -> float:
     """
     chord_up = float(np.min(up[HEIGHTS, 1:] / up[KNOTS, 1:]))
     chord_down = float(np.min(down[HEIGHTS, 1:] / down[KNOTS, 1:]))
+    # A chord starts at the reversal, the origin of the branch; h / r is its slope up to a knot.
     rising = float(np.min(up[SLOPES])) + chord_down
     falling = float(np.min(down[SLOPES])) + chord_up
     return min(rising, falling) - 1.0

@@ -52,6 +52,7 @@ def update_covariance(
     root = 1.0 / np.sqrt(innovation_variance)
     for j in range(gain.size):
         gain[j] *= root
+    # All N² elements, not a triangle, because `fill_gain` reads whole rows.
     for i in range(gain.size):
         for j in range(gain.size):
             left = covariance[i, j] - gain[i] * gain[j]

@@ -51,6 +51,7 @@ def advance_creep(lags: FloatArray, gains: FloatArray, weights: FloatArray, befo
     """
     known = before - before == 0.0  # False for NaN and for infinities
     crept = 0.0
+    # The lags follow the sample before, so that removing creep needs no solution of an equation.
     for k in range(lags.size):
         if known:
             lags[k] += gains[k] * (before - lags[k])
@@ -69,7 +70,7 @@ def _remove(
 ) -> None:
     for k in range(positions.size):
         without[k] = positions[k] - advance_creep(lags, gains, weights, before)
-        before = without[k]
+        before = without[k]  # a NaN propagates to this sample only; the lags skip it
 
 
 @compiled

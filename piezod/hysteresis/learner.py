@@ -58,7 +58,7 @@ def new_learner(bank: FloatArray) -> Learner:
 @compiled
 def is_finite(value: float) -> bool:
     """Return whether a value is neither NaN nor infinite."""
-    return value - value == 0.0
+    return value - value == 0.0  # NaN and inf - inf are not equal to 0
 
 
 @compiled
@@ -80,6 +80,7 @@ def prediction(
     is extended with the slope one.
     """
     within = weighted_sum(memory.now, learner.bank, weights, memory.last[RAW])
+    # last[RAW] is the clamped input that the operators got; the difference counts with slope one.
     operator_input = (1.0 + scale) * learner.scalars[POSITION] - offset
     return within + (operator_input - memory.last[RAW])
 
@@ -106,7 +107,7 @@ def keep_weights_invertible(learner: Learner, moved: float) -> None:
     scalars, slopes = learner.scalars, learner.slopes
     scalars[SLOPE_MARGIN] -= moved
     if scalars[SLOPE_MARGIN] > 0.0:
-        return
+        return  # even in the worst case the condition still holds
     fill_slopes(learner.bank, learner.weights, slopes)
     if keep_invertible(slopes, learner.cells):
         fill_weights(learner.bank, slopes, learner.weights)

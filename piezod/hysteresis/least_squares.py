@@ -148,6 +148,7 @@ def _factor(gram: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     The scaling by D keeps the factorisation accurate if parameters have different units.
     """
+    # The smallest normal number avoids a division by zero for a parameter without effect.
     scale = np.sqrt(np.maximum(np.diag(gram), np.finfo(np.float64).tiny))
     try:
         return np.linalg.cholesky(gram / np.outer(scale, scale)), scale
@@ -181,11 +182,13 @@ def _least_distance(rows: FloatArray, bounds: FloatArray) -> FloatArray:
     """
     from scipy.optimize import nnls  # noqa: PLC0415 - half a second that few commands need
 
+    # Constraints are scaled to unit normals, so that their bounds are distances from the origin.
     lengths = np.linalg.norm(rows, axis=1)
     rows, bounds = (rows.T / lengths).T, bounds / lengths
     farthest = float(np.max(bounds))
     if farthest <= 0.0:
-        return np.zeros(rows.shape[1])
+        return np.zeros(rows.shape[1])  # z = 0 fulfils every constraint
+    # Lawson and Hanson, problem LDP: the nonzero multipliers mark the binding constraints.
     system = np.vstack((rows.T, bounds / farthest))
     target = np.append(np.zeros(rows.shape[1]), 1.0)
     binding = nnls(system, target, maxiter=30 * len(bounds))[0] > 0.0

@@ -53,7 +53,7 @@ def _adapt(
     a ← a + μ e (E - x) / (floor + ‖E - x‖²).
     """
     if not is_finite(position):
-        return np.nan
+        return np.nan  # the operators must not see it: their memory would keep it
     bank, weights, scalars = learner.bank, learner.weights, learner.scalars
     seen = advance_operators(memory, learner, deadband, position)
     if floor == 0.0:  # the paper clamps the displacement: its part outside the range has no effect
@@ -61,13 +61,15 @@ def _adapt(
     error = drive - own_prediction(memory, learner)
     if learn and is_finite(error):
         rate = 2.0 * gain if floor == 0.0 else gain / (floor + _power(memory, bank, seen))
+        # Limiting the error bounds the effect of one wrong pair; the returned error is not limited.
         stride = rate * limited_error(error)
-        for j in range(weights.size):
+        for j in range(weights.size):  # E - x = g (x - F), paper eq. (29)
             weights[j] += stride * (bank[GAINS, j] * (seen - memory.now[j]))
         keep_weights_invertible(learner, sensitivity * abs(stride))
     return error
 
 
+# The fields of the tuples are passed one by one, see decision 3.
 @compiled
 def _step(
     levels: FloatArray,
@@ -130,6 +132,7 @@ def largest_stable_gain(bank: FloatArray) -> float:
     at most the largest sum of their squares over x. For the paper's 19 thresholds a side this bound
     is 5.9.
     """
+    # (E - x) is g (x - F): g times the bounds above, each on a grid of x.
     left, right = np.split(bank, 2, axis=1)
     x = np.linspace(0.0, 1.0, 1001)[:, np.newaxis]
     below = np.minimum(left[GAINS] * x, 1.0 - x)
@@ -144,6 +147,7 @@ def _slope_sensitivity(bank: FloatArray, deadband: float) -> float:
     dead-band of width δ adds at most g δ / 2.
     """
     largest = 1.0 - bank[THRESHOLDS] + 0.5 * deadband * bank[GAINS]
+    # A weight enters the slopes before its threshold with g and those after it with -1.
     return float(np.sum(np.maximum(bank[GAINS], 1.0) * largest))
 
 
@@ -217,6 +221,7 @@ class Convergence:
 
     def update(self, error: float) -> bool:
         """Add the next error; return whether the last `window` differences were all small."""
+        # NaN and infinite errors compare as not small and start the window anew.
         small = abs(error - self._previous) < self.tolerance
         self._quiet = self._quiet + 1 if small else 0
         self._previous = error

@@ -93,7 +93,7 @@ def relax(memory: Memory) -> None:
         array[...] = 0
     memory.levels[MAXIMUM, 0] = 1.0
     memory.values[MAXIMUM, 0, :] = 1.0
-    memory.counts[:] = (1, 1, 1, 0)
+    memory.counts[:] = (1, 1, 1, 0)  # the outermost pair, rising, nothing removed
 
 
 def copy_memory(memory: Memory) -> Memory:
@@ -129,7 +129,7 @@ def clamp(value: float, fallback: float) -> float:
         return value
     if value < 0.0:
         return 0.0
-    return fallback
+    return fallback  # only NaN fails all three comparisons
 
 
 @compiled
@@ -170,7 +170,7 @@ def locate(memory: Memory, value: float) -> MemoryLoop:
     maxima, minima = counts[MAXIMUM], counts[MINIMUM]
     rising = counts[RISING] == 1
     if value > last:
-        if not rising:
+        if not rising:  # reversal: the last input was a minimum
             _write_extremum(memory, MINIMUM, minima)
             minima += 1
         # Passing a maximum closes the loop inside it: that maximum and the minimum below it go
@@ -180,7 +180,7 @@ def locate(memory: Memory, value: float) -> MemoryLoop:
             minima -= 1
         rising = True
     elif value < last:
-        if rising:
+        if rising:  # reversal: the last input was a maximum
             _write_extremum(memory, MAXIMUM, maxima)
             maxima += 1
         while minima > 1 and value <= levels[MINIMUM, minima - 1]:
@@ -220,6 +220,7 @@ def _merge_pair(memory: Memory) -> None:
     jump.
     """
     levels, counts = memory.levels, memory.counts
+    # All pairs of neighbours except the outermost extrema and the innermost loop.
     smallest, at_maximum, at_minimum = np.inf, 0, 0
     for i in range(1, counts[MINIMUM] - 1):
         drop = levels[MAXIMUM, i] - levels[MAXIMUM, i + 1]

@@ -28,6 +28,7 @@ def nonlinearity(command: npt.ArrayLike, position: npt.ArrayLike) -> float:
     Arrays have shape (n,); the units may differ.
     """
     x, x_r = _pair(position, command)
+    # Centred data: the least-squares line then has the slope of the scalar products.
     centred = x_r - np.mean(x_r)
     slope = np.dot(centred, x) / np.dot(centred, centred)
     return float(np.max(np.abs(x - np.mean(x) - slope * centred)) / np.ptp(x))
@@ -65,7 +66,7 @@ def _branches(
     """Return both branches on an even grid of the normalised drive, themselves normalised."""
     v, x = np.asarray(drive, dtype=np.float64), np.asarray(position, dtype=np.float64)
     v = (v - np.min(v)) / np.ptp(v)
-    top = int(np.argmax(v))
+    top = int(np.argmax(v))  # end of the rising branch
     x = (x - x[0]) / (x[top] - x[0])
     grid = np.linspace(0.0, 1.0, points)
     rising = np.interp(grid, v[: top + 1], x[: top + 1])

@@ -35,6 +35,7 @@ class _LoopModel:
         self._up, self._down, self._invert = up, down, invert
         self._deadband, self._capacity = checked_deadband(deadband), capacity
         self._memory = new_loop_memory(capacity)
+        # Collected once: a step unpacks this tuple and looks up no attributes.
         self._arguments = (*self._memory, up, down, invert, self._deadband)
 
     def step(self, value: float) -> float:
@@ -112,7 +113,7 @@ class _InvertibleModel(_LoopModel):
         Raises:
             ModelError: If the model is not invertible from every reachable state.
         """
-        slope = self.smallest_slope
+        slope = self.smallest_slope  # over all loops, not only over the major branches
         if slope <= 0.0:
             # slope - 1 is linear in the weights, so a common factor moves it in proportion.
             factor = (1.0 - LEAST_SLOPE) / (1.0 - slope)
@@ -177,6 +178,7 @@ class MPIModel(_InvertibleModel):
         Raises:
             ModelError: If a slope of a major branch is not positive, so that no inverse exists.
         """
+        # The rising branch belongs to the right plays, and its inverse to the left stops.
         left_stop_thresholds, left_stop_weights = _inverse_stops(self._up, "rising")
         right_stop_thresholds, right_stop_weights = _inverse_stops(self._down, "falling")
         return InverseMPI(
@@ -223,6 +225,7 @@ class InverseMPI(_InvertibleModel):
         self.left_stop_thresholds = checked_thresholds(left_stop_thresholds)
         self.right_stop_weights = _checked_weights(right_stop_weights, self.right_stop_thresholds)
         self.left_stop_weights = _checked_weights(left_stop_weights, self.left_stop_thresholds)
+        # Left stops belong to right plays, which set the rising branch; right stops to left plays.
         super().__init__(
             branch(
                 self.left_stop_thresholds,
@@ -245,6 +248,7 @@ def _inverse_stops(table: FloatArray, name: str) -> tuple[FloatArray, FloatArray
     paper eq. (24). With ψ'_J of paper eq. (23), corrected, the differences of neighbouring slopes
     give the closed form a_J = r'_J (1 / φ'_J - 1 / φ'_{J+1}).
     """
+    # The last column repeats the last slope; the first and the last height are 0 and 1.
     slopes, thresholds = table[SLOPES, :-1], table[HEIGHTS, 1:-1]
     if not bool(np.all(slopes > 0.0)):
         message = (

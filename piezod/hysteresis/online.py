@@ -25,6 +25,7 @@ from piezod.hysteresis.slopes import projected
 from piezod.jit import compiled
 
 
+# The fields of the tuples are passed one by one, see decision 3.
 @compiled
 def _predict(
     levels: FloatArray,
@@ -121,9 +122,10 @@ class OnlineIdentifier(ABC):
         if array.shape != self.weights.shape or not np.all(np.isfinite(array + offset)):
             message = f"need {self.weights.size} finite weights and a finite offset, got {array}"
             raise ModelError(message)
-        if not abs(scale) <= SCALE_LIMIT:
+        if not abs(scale) <= SCALE_LIMIT:  # refuses NaN too
             message = f"a scale must be from {-SCALE_LIMIT:g} to {SCALE_LIMIT:g}, got {scale:g}"
             raise ModelError(message)
+        # In place: the arguments of the compiled step refer to this array.
         self.weights[:] = projected(self._learner.bank, array)
         scalars = self._learner.scalars
         # A margin of 0 makes the next step check the condition of existence again.
@@ -132,6 +134,7 @@ class OnlineIdentifier(ABC):
     def reset(self) -> None:
         """Clear the hysteresis memory; the learned model stays."""
         relax(self._memory)
+        # The displacement at which the operator input is 0, as in the relaxed memory.
         self._learner.scalars[POSITION] = self.offset / (1.0 + self.scale)
 
     @property
@@ -218,6 +221,7 @@ class Shadowed:
     def step(self, position: float, drive: float, learn: bool = True) -> float:
         """Adapt to one pair, and compare the models at the end of a window; return the error."""
         error = self._identifier.step(position, drive, learn)
+        # Only learned pairs count: in others the two models cannot differ by what was learned.
         if learn and math.isfinite(error):
             shadow = self._shadow
             predicted = self._identifier.predict(shadow.weights, shadow.offset, shadow.scale)
@@ -235,6 +239,7 @@ class Shadowed:
         Raises:
             ModelError: If the shapes differ.
         """
+        # Step by step, because a restoration in between changes the following errors.
         pairs = zip(*checked_pairs(positions, drives), strict=True)
         return np.array([self.step(float(x), float(v)) for x, v in pairs])
 
@@ -249,6 +254,7 @@ class Shadowed:
             ModelError: If the identifier refuses them.
         """
         self._identifier.adopt(weights, offset, scale)
+        # From the identifier, which may have projected the weights.
         self._candidate.assign(self._identifier)
         self._shadow.assign(self._identifier)
         self._begin_window()
@@ -290,6 +296,7 @@ class Shadowed:
             self._identifier.adopt(shadow.weights, shadow.offset, shadow.scale)
             self.restored += 1
         else:
+            # Not the present model: only the one from the start of the window has been tested.
             self._shadow.assign(self._candidate)
         self._candidate.assign(self._identifier)
         self._begin_window()

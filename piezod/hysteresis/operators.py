@@ -24,6 +24,7 @@ def _step_plays(
     bank: FloatArray,
     value: float,
 ) -> float:
+    # No dead-band: the operators of the paper have none.
     return advance_plays(Memory(levels, values, now, last, counts), bank, 0.0, value)
 
 

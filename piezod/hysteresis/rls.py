@@ -70,6 +70,8 @@ def _fill_regressor(
     memory: Memory, bank: FloatArray, measured: float, regressor: FloatArray
 ) -> None:
     """Write u of both sides, then the regressors of offset and scale."""
+    # r_J E_J = y - (1 - r_J) F_J is the displacement up to threshold J; u_J are its differences,
+    # and the last cell takes the rest of y.
     position, order = memory.last[RAW], memory.now.size // 2
     place = 0
     for side in range(2):
@@ -99,7 +101,8 @@ def _learn(
     bank, slopes, scalars = learner.bank, learner.slopes, learner.scalars
     _fill_regressor(memory, bank, scalars[POSITION], vectors[REGRESSOR])
     innovation_variance = variance + fill_gain(covariance, vectors)  # R + u' P u
-    stride, gain = error / innovation_variance, vectors[GAIN]
+    stride, gain = error / innovation_variance, vectors[GAIN]  # K e is stride times gain
+    # The weights are the state that others read; slopes are only the coordinates of the update.
     fill_slopes(bank, learner.weights, slopes)
     cells_of_side = slopes.shape[1]
     for side in range(2):
@@ -108,6 +111,7 @@ def _learn(
     keep_invertible(slopes, learner.cells)
     fill_weights(bank, slopes, learner.weights)
     offset, scale = 2 * cells_of_side, 2 * cells_of_side + 1
+    # The projection and these limits do not change P: it describes the pairs, not the limits.
     scalars[OFFSET] = limited(scalars[OFFSET] + stride * gain[offset], OFFSET_LIMIT)
     scalars[SCALE] = limited(scalars[SCALE] + stride * gain[scale], SCALE_LIMIT)
     update_covariance(covariance, walk, vectors, innovation_variance)
@@ -128,7 +132,7 @@ def _adapt(
 ) -> float:
     """Update all states and their covariance with one pair; return the error before the update."""
     if not is_finite(position):
-        return np.nan
+        return np.nan  # the operators must not see it: their memory would keep it
     before = memory.last[SEEN]
     advance_operators(memory, learner, deadband, position)
     error = drive - own_prediction(memory, learner)
@@ -138,6 +142,7 @@ def _adapt(
     return error
 
 
+# The fields of the tuples are passed one by one, see decision 3.
 @compiled
 def _step(
     levels: FloatArray,
@@ -239,8 +244,10 @@ class RLSIdentifier(OnlineIdentifier):
         checked_walk("the offset", offset_walk, OFFSET_BOUND)
         checked_walk("the scale", scale_walk, SCALE_BOUND)
         cells = self._learner.cells
+        # Kept for `adopt`, which restarts the covariance.
         self._start = constrained_covariance(cells, SLOPE_VARIANCE, OFFSET_VARIANCE, SCALE_VARIANCE)
         self._covariance = self._start.copy()
+        # D of the update: P decays by Q / bound per step. The last two states are offset and scale.
         vectors = np.zeros((3, len(self._start)))
         vectors[DECAY] = np.sqrt(1.0 - weight_walk / SLOPE_BOUND)
         vectors[DECAY, -2] = np.sqrt(1.0 - offset_walk / OFFSET_BOUND)
@@ -261,6 +268,7 @@ class RLSIdentifier(OnlineIdentifier):
         The identifier learns from a pair only if it moves the operators: otherwise the pair carries
         no information about the slopes.
         """
+        # The variance is not in the tuple, because callers change it between steps.
         return _step(
             *self._arguments, self.measurement_variance, float(position), float(drive), learn
         )

@@ -100,6 +100,7 @@ def _raise_slopes(slopes: FloatArray, cells: FloatArray, least: float) -> None:
     Σ c max(s - σ - μ, 0) falls with μ along a convex line of M + 1 pieces. Newton's method from the
     left therefore ends after at most M + 1 steps.
     """
+    # At -inf every cell is above σ. Each step solves the sum for the cells above the last μ.
     shift = -np.inf
     for _ in range(slopes.size):
         excess, width = least - 1.0, 0.0
@@ -115,7 +116,7 @@ def _raise_slopes(slopes: FloatArray, cells: FloatArray, least: float) -> None:
     for j in range(slopes.size):
         slopes[j] = max(slopes[j] - least - shift, 0.0)
         total += cells[j] * slopes[j]
-    scale = (1.0 - least) / total if total > 0.0 else 0.0
+    scale = (1.0 - least) / total if total > 0.0 else 0.0  # σ = 1 leaves no excess
     for j in range(slopes.size):
         slopes[j] = least + scale * slopes[j]
 
@@ -123,6 +124,7 @@ def _raise_slopes(slopes: FloatArray, cells: FloatArray, least: float) -> None:
 @compiled
 def _raise_chords(slopes: FloatArray, cells: FloatArray, least: float) -> None:
     """Raise every height φ(r_K) below κ r_K to that line."""
+    # Slopes are differences of the raised heights; the last height is 1 and stays, because κ ≤ 1.
     height, raised, knot = 0.0, 0.0, 0.0
     for j in range(slopes.size):
         height += slopes[j] * cells[j]
@@ -144,7 +146,7 @@ def keep_invertible(slopes: FloatArray, cells: FloatArray) -> bool:
         cells: (2, M + 1) widths of the cells, from `cells`.
     """
     if least_slope(slopes, cells) >= LEAST_SLOPE:
-        return False
+        return False  # the usual case, and no rounding of a model that is fine
     smallest = (_smallest_slope(slopes[0]), _smallest_slope(slopes[1]))
     # The condition couples the slopes of one side with the chords of the other side.
     chord = (

@@ -70,6 +70,7 @@ def _placed(slopes: FloatArray, widths: FloatArray, shares: FloatArray) -> Float
 
     Each slope holds in the middle of its cell; between the middles it changes linearly.
     """
+    # ds/dr is the second derivative of the branch, from differences between neighbouring cells.
     middles = np.cumsum(widths) - 0.5 * widths
     density = np.sqrt(np.abs(np.diff(slopes) / np.diff(middles))) + _DENSITY_FLOOR
     points = np.concatenate(([0.0], middles[1:-1], [1.0]))

@@ -57,6 +57,7 @@ def advance(system: Matrix, entry: Matrix, shape: Matrix) -> Matrix:
     chain = np.zeros((n + degrees, n + degrees))
     chain[:n, :n] = system
     chain[:n, n] = entry
+    # The derivatives of u are states too, so that the exponential also integrates the input.
     chain[n:, n:] = np.eye(degrees, k=1)  # each derivative is the rate of the one below
     solution = exponential(chain)[:n]
     return np.hstack([solution[:, :n], solution[:, n:] @ shape])
@@ -76,6 +77,7 @@ def mode(frequency_hz: float, damping: float, step_s: float) -> Matrix:
     """
     if np.isinf(frequency_hz):
         return np.array(
+            # The displacement is the static one; its slopes are those of the parabola.
             [
                 [0.0, 0.0, 0.0, 0.0, 1.0],
                 [0.0, 0.0, 1.0, -4.0, 3.0],
@@ -109,6 +111,7 @@ def receiver(bandwidth_hz: float, antialias_hz: float, step_s: float) -> Matrix:
     else:
         rate = 2 * pi * bandwidth_hz * step_s
         detector = np.zeros(8)
+        # The detector depends on itself, the light and the noise, but not on the filter.
         detector[[0, 3, 4, 5, 6, 7]] = advance(np.array([[-rate]]), np.array([rate]), _CUBIC)[0]
         slope = rate * (np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0]) - detector)
     if np.isinf(antialias_hz):
@@ -147,6 +150,7 @@ def creep(per_decade: float, step_s: float) -> DiscreteCreep:
         per_decade: γ.
         step_s: Sub-step in s.
     """
+    # Equal weights at time constants in equal ratios: the sum rises as the logarithm of time.
     times_s = 10.0 ** (np.arange(13) / 2 - 2)
     weights = np.full(len(times_s), per_decade / 2)
     at_reference = float(weights @ -np.expm1(-0.1 / times_s))

@@ -53,7 +53,7 @@ def without(parameters: PlantParameters, effects: Iterable[str]) -> PlantParamet
             part: replace(getattr(parameters, part), **absent)
             for part, absent in _ABSENT[effect].items()
         }
-        if effect == "hysteresis":
+        if effect == "hysteresis":  # the reversible part takes over the whole travel
             changes["stage"] = replace(changes["stage"], reversible_um=parameters.stage.travel_um)
         parameters = replace(parameters, **changes)
     return parameters

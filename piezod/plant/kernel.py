@@ -67,6 +67,7 @@ def hysteresis(unit: float, state: Record, constants: Record) -> float:
         depth += 1
         rising = not rising
     if rising:
+        # Passing an earlier maximum closes the loop inside it; its two turning points are deleted.
         while depth > 3 and unit >= at[depth - 2]:
             depth -= 2
         s.hysteretic = value[depth - 1] + everett(unit, at[depth - 1], constants)
@@ -89,7 +90,7 @@ def target_v(command_v: float, constants: Record) -> float:
     """
     c = constants[0]
     code_v = min(max(command_v / c.nominal_gain, -c.dac_limit_v), c.dac_limit_v)
-    if c.dac_step_v > 0.0:
+    if c.dac_step_v > 0.0:  # the highest code is one step below the upper end of the range
         code_v = min(round(code_v / c.dac_step_v) * c.dac_step_v, c.dac_limit_v - c.dac_step_v)
     return float(min(max(code_v * c.gain, c.output_min_v), c.output_max_v))
 
@@ -115,7 +116,7 @@ def output_v(now_v: float, goal_v: float, constants: Record) -> float:
     slewing_s = (abs(distance) - c.slew_ends_v) / c.slew_v_per_s
     if slewing_s >= c.half_step_s:
         return float(now_v + way_v * c.half_step_s)
-    if c.lag_s == 0.0:
+    if c.lag_s == 0.0:  # without a lag the output arrives while it slews
         return goal_v
     return float(goal_v - way_v * c.lag_s * exp((slewing_s - c.half_step_s) / c.lag_s))
 
@@ -175,6 +176,7 @@ def advance_stage(middle_v: float, end_v: float, state: Record, constants: Recor
     for i in range(len(s.lags)):
         s.lags[i] += c.creep_gains[i] * (mean - s.lags[i])
         crept += c.creep_weights[i] * s.lags[i]
+    # The return point drifts in proportion to the highest drive, which is forgotten slowly.
     s.swing = max(s.unit, s.swing * c.drift_keep)
     s.drifted += c.drift_gain * (c.drift * s.swing - s.drifted)
     slow_before, s.slow = s.slow, crept + s.drifted
@@ -236,7 +238,7 @@ def reading_v(ago: float, state: Record, constants: Record) -> float:
     s, c = state[0], constants[0]
     size = len(s.past_v)
     whole = int(ago)
-    later = (s.newest - whole) % size
+    later = (s.newest - whole) % size  # ring buffer
     earlier = (later - 1) % size
     t = 1.0 - (ago - whole)  # 0 at `earlier`, 1 at `later`: cubic Hermite interpolation
     u = 1.0 - t
@@ -267,6 +269,7 @@ def advance(
     if c.instantaneous and sub_steps > 0:  # a step cannot be part of the following parabola
         step_output(goal_v, state, constants)
     for _ in range(sub_steps):
+        # Two halves, because the stage needs the drive in the middle of the sub-step too.
         middle_v = output_v(s.output_v, goal_v, constants)
         s.output_v = output_v(middle_v, goal_v, constants)
         noise_before_v = s.noise_v

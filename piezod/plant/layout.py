@@ -47,18 +47,18 @@ CONSTANTS: Final = np.dtype(
         ("exponent", "f8"),
         ("skew", "f8"),
         ("travel_um", "f8"),
-        ("creep_weights", "f8", (13,)),
+        ("creep_weights", "f8", (13,)),  # one for each lag, see `discretise.creep`
         ("creep_gains", "f8", (13,)),
         ("creep_at_reference", "f8"),
         ("drift", "f8"),
         ("drift_gain", "f8"),
-        ("drift_keep", "f8"),
-        ("mode", "f8", (3, 5)),
+        ("drift_keep", "f8"),  # factor of the peak drive per sub-step
+        ("mode", "f8", (3, 5)),  # rows of `discretise.mode`
         ("slope_v_per_um", "f8"),
         ("peak_gap_um", "f8"),
         ("rest_gap_um", "f8"),
         ("light_noise_v", "f8"),
-        ("receiver", "f8", (3, 8)),
+        ("receiver", "f8", (3, 8)),  # rows of `discretise.receiver`
         ("adc_step_v", "f8"),  # 0: no quantisation
         ("saturation_v", "f8"),
     ]
@@ -73,8 +73,8 @@ STATE: Final = np.dtype(
         ("hysteretic", "f8"),  # displacement of the Preisach model, in travels
         ("depth", "i8"),
         ("dropped", "i8"),
-        ("turn_at", "f8", (MAX_TURNS,)),
-        ("turn_value", "f8", (MAX_TURNS,)),
+        ("turn_at", "f8", (MAX_TURNS,)),  # drive at each turning point, in nominal drives
+        ("turn_value", "f8", (MAX_TURNS,)),  # displacement there, in travels
         ("lags", "f8", (13,)),
         ("swing", "f8"),  # peak of the drive that decays with time
         ("drifted", "f8"),
@@ -86,7 +86,7 @@ STATE: Final = np.dtype(
         ("detector_v", "f8"),
         ("filter_v", "f8"),
         ("filter_slope_v", "f8"),
-        ("newest", "i8"),
+        ("newest", "i8"),  # index in the ring of filtered light
         ("past_v", "f8", (DELAY_BUFFER,)),
         ("past_slope_v", "f8", (DELAY_BUFFER,)),
         ("noise_used", "i8"),  # sub-steps of the block whose noise has been used
@@ -153,6 +153,7 @@ def _amplifier(parameters: AmplifierParameters, step_s: float) -> dict[str, Any]
         "lag_s": lag_s,
         "half_decay": sqrt(decay),
         "noise_decay": decay,
+        # So that the stationary standard deviation is `noise_v`.
         "noise_kick_v": parameters.noise_v * sqrt(1 - decay**2),
     }
 
@@ -184,11 +185,13 @@ def at_rest(record: Any) -> Any:
     """
     state = np.zeros(1, STATE)
     c = record[0]
+    # Displacement is 0 at 0 V on the way down; the values at both ends follow from that.
     top = everett(c["highest"], 0.0, record)
     bottom = top - everett(c["highest"], c["lowest"], record)
     state["depth"] = 3
     state["turn_at"][0, :3] = c["lowest"], c["highest"], 0.0
     state["turn_value"][0, :3] = bottom, top, 0.0
+    # Creep, drift, mode and noise are 0 at rest; only the light is not.
     light_v = fibre_v(0.0, record)
     for name in ("detector_v", "filter_v", "past_v"):
         state[name] = light_v

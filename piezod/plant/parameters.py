@@ -169,6 +169,7 @@ def specimen(nominal: PlantParameters, seed: np.random.SeedSequence) -> PlantPar
     """Draw one specimen: a uniform factor from 0.9 to 1.1 for each varying parameter."""
     rng = np.random.default_rng(seed)
 
+    # The order of the parts and of their fields determines the numbers of a seed.
     def varied(part: Any) -> Any:
         names = [name for name, quantity in quantities(type(part)).items() if quantity.varies]
         factors = rng.uniform(1 - VARIATION, 1 + VARIATION, len(names))

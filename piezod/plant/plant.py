@@ -72,12 +72,13 @@ class Plant:
         # Sub-steps up to the first grid instant at or after t_ns; the reading is interpolated back.
         sub_steps = -((self._grid_ns - t_ns) // self._sub_step_ns)
         self._grid_ns += sub_steps * self._sub_step_ns
-        while sub_steps > self._left:
+        while sub_steps > self._left:  # the block of noise ends before t_ns: use it up first
             self._run(self._left, 0.0)
             sub_steps -= self._left
             self._rng.standard_normal(out=self._noise)
             self._state["noise_used"] = 0
             self._left = NOISE_BLOCK
+        # The reading is older than the grid by the delay plus the part of the sub-step after t_ns.
         ago = self._delay + (self._grid_ns - t_ns) / self._sub_step_ns
         self._reading_v = self._run(sub_steps, ago)
         self._left -= sub_steps

@@ -48,9 +48,10 @@ def check_time(path: Path, t_s: FloatArray) -> None:
     steps_s = np.diff(t_s)
     if not steps_s.size:
         return
+    # The median, not the mean: one long gap must not raise the limit by which it is found.
     longest_s = MAX_STEP_PERIODS * float(np.median(steps_s))
     backward = np.flatnonzero(steps_s <= 0)
-    if backward.size:
+    if backward.size:  # checked first: without rising time a gap has no meaning
         index = int(backward[0]) + 1
         verb = "repeats" if t_s[index] == t_s[index - 1] else "comes after"
         what = f"t_s {t_s[index]} {verb} {t_s[index - 1]}"
@@ -84,14 +85,14 @@ def check_varies(path: Path, name: str, values: FloatArray) -> None:
         fail(path, FIRST_DATA_LINE, what, "allowed is a signal that varies", remedy)
 
 
-def counted(number: int, one: str) -> str:
+def counted(number: int, noun: str) -> str:
     """Return a number with its noun, in the plural unless the number is 1.
 
     Args:
         number: The number.
-        one: The noun in the singular.
+        noun: The noun in the singular.
     """
-    return f"{number} {one}" if number == 1 else f"{number} {one}s"
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def fail(path: Path, line: int, what: str, allowed: str, remedy: str) -> NoReturn:

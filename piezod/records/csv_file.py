@@ -95,7 +95,7 @@ def write_csv(path: Path, columns: Mapping[str, npt.ArrayLike]) -> None:
 def _lines(path: Path) -> list[str]:
     raw = path.read_bytes()
     try:
-        text = raw.decode("utf-8-sig")
+        text = raw.decode("utf-8-sig")  # spreadsheets put a byte order mark first
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
         fail(path, line, "this is not UTF-8 text", "allowed is CSV in UTF-8", "save it as such")
@@ -113,12 +113,13 @@ def _check_header(path: Path, header: list[str], required: Sequence[str]) -> Non
     found = "found " + ", ".join(repr(name) for name in header)
     repeated = sorted({name for name in header if header.count(name) > 1})
     if repeated:
-        what = f"column {repeated[0]!r} is there {header.count(repeated[0])} times"
+        what = f"column {repeated[0]!r} appears {header.count(repeated[0])} times"
         fail(path, _HEADER_LINE, what, f"{found}; allowed is once", "delete or rename one")
     missing = [name for name in required if name not in header]
     if not missing:
         return
     what = "no column " + ", ".join(repr(name) for name in missing)
+    # The usual cause: a spreadsheet of a country with a decimal comma.
     other = next((name for name in (";", "\t") if name in "".join(header)), None)
     if other:
         remedy = f"separate columns by commas, not by {other!r}, and write decimals with a point"
@@ -143,8 +144,9 @@ def _parse(path: Path, rows: list[str], header: list[str], required: Sequence[st
     try:
         table = _numbers(rows, indices)
     except ValueError:
+        # The message of the parser does not say enough, so the row is found here.
         first_bad = _first_not_numeric(rows, indices)
-        if first_bad:
+        if first_bad:  # a NaN above that row is the first error of the file
             check_finite(path, _numbers(rows[:first_bad], indices), required)
         _fail_not_numeric(path, first_bad, rows[first_bad], header, required)
     check_finite(path, table, required)

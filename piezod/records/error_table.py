@@ -114,6 +114,7 @@ def _row(
         value = recording.metrics.get(metric, math.nan)
         limit = reference.limit(recording, metric) if reference else None
         others = [rival.metrics.get(metric, math.inf) for rival in rivals if rival is not recording]
+        # A comparison with NaN is false, so a mode without this error is never the best.
         best = bool(others) and all(value <= other for other in others)
         best = best and metric_group(metric) != "noise"
         cells.append(ErrorCell(metric, value, limit, best, is_missed(value, limit)))

@@ -77,7 +77,7 @@ def write_hdf5(path: Path, result: ExperimentResult) -> None:
         _write_attributes(entry, "versions", result.versions)
         written = [_write_identification(entry, each) for each in result.identifications]
         written += [_write_recording(entry, each) for each in result.recordings]
-        if written:
+        if written:  # what a viewer shows first: the last run, or a model if there is no run
             entry.attrs["default"] = written[-1]
 
 
@@ -159,7 +159,7 @@ def _free_name(entry: h5py.Group, name: str) -> str:
 
 
 def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
-    # track_order keeps recordings and metrics in their original order.
+    # Without track_order HDF5 sorts by name; recordings and metrics must keep their order.
     group = parent.create_group(name, track_order=True)
     group.attrs["NX_class"] = nexus_class
     return group
@@ -170,6 +170,7 @@ def _base_name(group: h5py.Group) -> str:
 
 
 def _write_array(group: h5py.Group, name: str, values: FloatArray, units: str) -> None:
+    # Shuffling puts equal bytes of neighbouring numbers together, which then compress well.
     dataset = group.create_dataset(name, data=values, compression="gzip", shuffle=True)
     dataset.attrs["units"] = units
     dataset.attrs["long_name"] = _LONG_NAMES[name]
@@ -195,6 +196,7 @@ def _read_entry(entry: h5py.Group) -> ExperimentResult:
 
 
 def _data_groups(entry: h5py.Group, attribute: str) -> Iterator[h5py.Group]:
+    # The attribute tells the two kinds apart: only a recording has a mode, only a model a method.
     return (entry[name] for name in entry if attribute in entry[name].attrs)
 
 
@@ -225,6 +227,7 @@ def _read_recording(group: h5py.Group) -> Recording:
 
 def _read_attributes(collection: h5py.Group) -> dict[str, Any]:
     values = {name: value for name, value in collection.attrs.items() if name != "NX_class"}
+    # A float again, so that the experiment read equals the one written.
     return {name: float(v) if isinstance(v, np.floating) else v for name, v in values.items()}
 
 

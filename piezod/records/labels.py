@@ -13,6 +13,7 @@ _METRICS: Final = {
     "voltage_error_max_pct": "worst voltage error",
     "voltage_error_rms_pct": "rms voltage error",
 }
+# Below the heading of a group, "tracking" or "sensor noise" would repeat it.
 _WITHIN_GROUP: Final = {
     "tracking_max_pct": "worst error",
     "tracking_rms_pct": "rms error",

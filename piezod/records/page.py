@@ -17,7 +17,7 @@ def render(template: str, filters: Mapping[str, Callable[..., Any]], /, **contex
     environment = Environment(
         loader=PackageLoader("piezod.records"),
         autoescape=True,
-        undefined=StrictUndefined,
+        undefined=StrictUndefined,  # a misspelt variable raises an error and is not left blank
         trim_blocks=True,
         lstrip_blocks=True,
     )

@@ -210,7 +210,7 @@ class ExperimentResult(Comparable):
         keys = [recording.key for recording in self.recordings]
         for axis, case, mode in sorted({key for key in keys if keys.count(key) > 1}):
             raise DataError(
-                f"recording {axis}/{case}/{mode} is there {keys.count((axis, case, mode))} times; "
+                f"recording {axis}/{case}/{mode} appears {keys.count((axis, case, mode))} times; "
                 "axis, case and mode name a recording, rename one of the cases"
             )
 
@@ -248,5 +248,5 @@ def _unique(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def _range(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
+    known = values[np.isfinite(values)]  # an invalid sample is NaN
     return float(np.ptp(known)) if known.size else 0.0

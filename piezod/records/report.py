@@ -60,6 +60,7 @@ def write_report(
     )
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
+    # Last, so that an interrupted run leaves no page that refers to a removed figure.
     for name in earlier - {figure.name for figure in gallery.all()}:
         (folder / f"{name}.png").unlink(missing_ok=True)
     return path

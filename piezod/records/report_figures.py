@@ -42,6 +42,7 @@ class ReportFigure:
     @property
     def size_px(self) -> tuple[int, int]:
         """Width and height in pixels, from the header of the image."""
+        # A PNG begins with 8 bytes of signature and 8 of the header's length and type.
         width, height = struct.unpack(">II", self.png[16:24])
         return width, height
 

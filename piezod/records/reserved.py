@@ -45,10 +45,11 @@ class Reserved:
         """
         try:
             superblock = os.pread(self._descriptor, _END_OF_FILE.stop, 0)
+            # HDF5 knows where its content ends; the reserved space lies behind it.
             if superblock.startswith(_HDF5_MAGIC) and superblock[8] in (2, 3):
                 end = int.from_bytes(superblock[_END_OF_FILE], "little")
                 if end < os.fstat(self._descriptor).st_size:
                     os.ftruncate(self._descriptor, end)
-            os.fsync(self._descriptor)
+            os.fsync(self._descriptor)  # after this a power failure does not lose the file
         finally:
             os.close(self._descriptor)

@@ -37,10 +37,11 @@ class TelemetryColumns:
         self._gaps = _growing(self._entry, "gaps", np.dtype("i8"), _SIDE_CHUNK, 2)
         cycles = self._data_group("cycles", "late_ns")
         self._t_s = _growing(cycles, "t_s", np.dtype("f8"), chunk)
+        # Columns by index of their axis and name; the cycle itself has the index -1.
         self._columns = {
             (-1, name): self._column(cycles, name, dtype[name])
             for name in _public_names(dtype)
-            if name not in ("axes", "end_seq")
+            if name not in ("axes", "end_seq")  # `end_seq` only protects the shared memory
         }
         self._weights: dict[str, tuple[h5py.Dataset, h5py.Dataset]] = {}
         for index, axis in enumerate(header.axes):
@@ -54,6 +55,7 @@ class TelemetryColumns:
         _grow(self._t_s, self._seconds(portion["t_ns"]))
         _grow(self._gaps, np.array(gaps, "i8").reshape(-1, 2))
         lost = sum(number for _, number in gaps)
+        # `modify` writes in place; in SWMR mode no attribute can be created.
         self._entry.attrs.modify("lost", self._entry.attrs["lost"] + lost)
 
     def write_weights(self, axis: str, t_ns: Sequence[int], weights: Sequence[Any]) -> None:
@@ -69,7 +71,7 @@ class TelemetryColumns:
         group = self._data_group(f"axis_{axis}", "position_um")
         group.attrs["axis"] = axis
         group.attrs["auxiliary_signals"] = ["command_um", "drive_v"]
-        group["t_s"] = self._t_s
+        group["t_s"] = self._t_s  # a hard link: all axes share the time of the cycles
         for name in _public_names(fields):
             self._columns[index, name] = self._column(group, name, fields[name])
         if width := self._header.weights.get(axis):
@@ -112,7 +114,7 @@ def _growing(
         maxshape=(None, *row),
         chunks=(chunk, *row),
         compression="gzip",
-        compression_opts=1,
+        compression_opts=1,  # the fastest level: the writer must keep up with the loop
         shuffle=True,
     )
     dataset.attrs["units"] = _UNITS.get(name.rsplit("_", 1)[-1], "")

@@ -71,7 +71,7 @@ class TelemetryWriter:
             self._file = h5py.File(path, "w", libver="v110", track_order=True)
             self._reserved.reserve(self._spare_bytes)  # again, because h5py has truncated the file
             self._columns = TelemetryColumns(self._file, header, dtype, self._chunk)
-            self._file.swmr_mode = True
+            self._file.swmr_mode = True  # after all datasets: this mode cannot create any
         except BaseException:
             self._reserved.release()
             path.unlink()
@@ -98,6 +98,7 @@ class TelemetryWriter:
             self.lost += lost
         self.records += len(records)
         self._pending = np.concatenate((self._pending, records))
+        # Whole chunks only, because HDF5 compresses a chunk again at each write to it.
         whole = len(self._pending) // self._chunk * self._chunk
         if whole:
             self._write(whole)

@@ -115,7 +115,7 @@ def _weights(entry: h5py.Group, axis: str, begin_s: float, end_s: float) -> dict
 
 
 def _part(time: str, groups: Sequence[h5py.Group], begin_s: float, end_s: float) -> slice:
-    # An interrupted write may have left columns of different lengths.
+    # A write in progress, or an interrupted one, leaves columns of different lengths.
     size = min(len(dataset) for group in groups for dataset in group.values())
     begin, end = np.searchsorted(groups[0][time][:size], [begin_s, end_s])
     return slice(int(begin), int(end))
@@ -141,7 +141,7 @@ def _read_header(entry: h5py.Group) -> TelemetryHeader:
         names={
             name: tuple(sorted(numbers, key=numbers.__getitem__))
             for name, numbers in enumerations.items()
-            if numbers and set(numbers) != {"FALSE", "TRUE"}
+            if numbers and set(numbers) != {"FALSE", "TRUE"}  # h5py stores bool as such an enum
         },
         notes={
             name: str(group["data"].asstr()[()])

@@ -34,6 +34,7 @@ class Bench(Generic[AmplifierT]):
         self.amplifier = amplifier
         self.now_ns = T0_NS
         self.rest_v = list(amplifier.read_back(T0_NS))
+        # One volt from rest: small enough for every amplifier, and more than the tolerance.
         known_v = [0.0 if math.isnan(axis_v) else axis_v for axis_v in self.rest_v]
         self.driven_v = [axis_v + _STEP_V for axis_v in known_v]
 
@@ -54,7 +55,7 @@ class Bench(Generic[AmplifierT]):
 
     def assert_ignored(self, drive_v: Sequence[float], in_force_v: Sequence[float]) -> None:
         """Assert that a write is refused and the voltage in force stays."""
-        assert self.amplifier.write(drive_v, self.now_ns) is False, f"took {drive_v} V"
+        assert self.amplifier.write(drive_v, self.now_ns) is False, f"accepted {drive_v} V"
         self.assert_in_force(in_force_v)
 
     def assert_in_force(self, expected_v: Sequence[float]) -> None:
@@ -96,6 +97,6 @@ def bad_writes(rest_v: Sequence[float]) -> Iterator[list[float]]:
     for bad_v in (math.nan, math.inf, -math.inf, _BEYOND_V, -_BEYOND_V):
         for axis in range(len(rest_v)):
             yield [*rest_v[:axis], bad_v, *rest_v[axis + 1 :]]
-    if rest_v:
+    if rest_v:  # without outputs an empty write is correct
         yield []
     yield [*rest_v, 0.0]

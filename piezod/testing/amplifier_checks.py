@@ -24,7 +24,7 @@ def reading_back_needs_an_open_amplifier(factory: AmplifierFactory) -> None:
     amplifier = factory()
     for _ in range(2):  # before opening, and after closing
         assert_refused("read_back while closed", lambda: amplifier.read_back(T0_NS))
-        assert amplifier.write([0.0], T0_NS) is False, "a closed amplifier took a write"
+        assert amplifier.write([0.0], T0_NS) is False, "a closed amplifier accepted a write"
         with opened(lambda: amplifier):
             pass
 

@@ -31,9 +31,9 @@ def an_exchange_writes_and_reads(factory: ExchangingFactory) -> None:
     """The written value comes into force, and each input has a sample no later than the call."""
     with bench_of(factory) as bench:
         bench.amplifier.activate(bench.now_ns)
-        taken, samples = bench.amplifier.exchange(bench.driven_v, bench.now_ns)
+        accepted, samples = bench.amplifier.exchange(bench.driven_v, bench.now_ns)
 
-        assert taken is True, f"refused {bench.driven_v} V"
+        assert accepted is True, f"refused {bench.driven_v} V"
         _assert_samples(bench, samples)
         bench.assert_in_force(bench.driven_v)
 
@@ -44,9 +44,9 @@ def a_bad_exchange_is_refused_and_reads(factory: ExchangingFactory) -> None:
         bench.amplifier.activate(bench.now_ns)
         bench.assert_taken(bench.driven_v)
         for bad_v in bad_writes(bench.rest_v):
-            taken, samples = bench.amplifier.exchange(bad_v, bench.now_ns)
+            accepted, samples = bench.amplifier.exchange(bad_v, bench.now_ns)
 
-            assert taken is False, f"took {bad_v} V"
+            assert accepted is False, f"accepted {bad_v} V"
             _assert_samples(bench, samples)
             bench.assert_in_force(bench.driven_v)
 

@@ -75,13 +75,14 @@ class FaultyDevice:
         """
         if self._any(InjectionKind.READ_RAISES, now_ns):
             raise FaultyError("the driver failed while it read")
-        taken = list(self._inner.read(now_ns))
-        self._past.append(tuple(taken))
+        samples = list(self._inner.read(now_ns))
+        self._past.append(tuple(samples))  # as they came, also while faults change them
         for one in self._now(now_ns):
-            taken[one.axis] = self._spoilt(one, taken[one.axis], now_ns)
+            samples[one.axis] = self._spoilt(one, samples[one.axis], now_ns)
+        # The next fault that freezes a sample of this axis must freeze a new one.
         for axis in set(self._frozen) - {one.axis for one in self._now(now_ns)}:
             del self._frozen[axis]
-        return taken
+        return samples
 
     def true_position_um(self, now_ns: int) -> Sequence[float]:
         """Return the true displacement, NaN if the device does not know it."""
@@ -101,12 +102,13 @@ class FaultyDevice:
             return False
         sent_v = list(drive_v)
         for one in self._now(now_ns):
+            # The write is accepted, but this output keeps its last voltage.
             if one.kind is InjectionKind.STUCK_OUTPUT and self._drive_v:
                 sent_v[one.axis] = self._drive_v[one.axis]
-        taken = self._inner.write(sent_v, now_ns)
-        if taken:
+        accepted = self._inner.write(sent_v, now_ns)
+        if accepted:
             self._drive_v = sent_v
-        return taken
+        return accepted
 
     def read_back(self, now_ns: int) -> Sequence[float]:
         """Return the voltages in force, changed by the faults."""
@@ -129,6 +131,7 @@ class FaultyDevice:
         for one in self._now(now_ns):
             if one.kind in _FLAGGED:
                 flags[one.axis] |= {one.flag}
+            # A lost or flagged device reports it for its outputs too.
             if one.kind in _FLAGGED - {InjectionKind.SENSOR_FLAGGED}:
                 flags[n_inputs + one.axis] |= {one.flag}
         return flags

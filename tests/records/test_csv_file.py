@@ -94,7 +94,7 @@ def test_columns_that_are_not_required_are_not_read(file: Path) -> None:
         ),
         (
             "t_s,drive_v,drive_v,position_um",
-            "1: column 'drive_v' is there 2 times; found 't_s', 'drive_v', 'drive_v', "
+            "1: column 'drive_v' appears 2 times; found 't_s', 'drive_v', 'drive_v', "
             "'position_um'; allowed is once; delete or rename one",
         ),
     ],

@@ -148,5 +148,5 @@ def test_names_come_in_the_order_of_their_first_appearance(two_axes: ExperimentR
 
 def test_one_recording_twice_is_refused(result: ExperimentResult, recording: Recording) -> None:
     """Axis, case and mode identify a recording, so a duplicate is refused."""
-    with pytest.raises(DataError, match="recording x/case 1/adaptive is there 2 times"):
+    with pytest.raises(DataError, match="recording x/case 1/adaptive appears 2 times"):
         replace(result, recordings=(*result.recordings, recording))

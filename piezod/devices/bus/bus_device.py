@@ -45,8 +45,8 @@ class BusDevice:
         self._ranges: Sequence[tuple[float, float]] = ()
         self._written: Sequence[float] = ()
         self._no_flags: Sequence[Flags] = ()
-        self._first: Identity | None = None
-        self._lasting = NO_FLAGS
+        self._first_identity: Identity | None = None
+        self._lasting_flags = NO_FLAGS
         self.lost = ""
         """Reason of the loss, for people; empty if the device is connected."""
 
@@ -69,10 +69,11 @@ class BusDevice:
             self._dialogue.close()
             raise
         self._able = able._replace(ranges=tuple(self._ranges))
-        self._written = [nan] * len(able.outputs)
-        self._first = self._first or identity
-        same = is_same(identity, self._first)
-        self._lasting = NO_FLAGS if same else frozenset({DeviceFlag.OTHER_DEVICE})
+        self._written = [nan] * len(able.outputs)  # not known before the first write
+        # The identity of the first opening is kept for the life of this object.
+        self._first_identity = self._first_identity or identity
+        same = is_same(identity, self._first_identity)
+        self._lasting_flags = NO_FLAGS if same else frozenset({DeviceFlag.OTHER_DEVICE})
         self._no_flags = [NO_FLAGS] * (len(able.inputs) + len(able.outputs))
         self.lost = ""
         self._events = set()
@@ -100,7 +101,7 @@ class BusDevice:
         try:
             self._dialogue.activate()
         except LineFault as fault:
-            self._failed(fault)
+            self._note_fault(fault)
             raise DeviceUnavailableError(f"{self._name} cannot be activated: {fault}") from fault
         self._active = True
 
@@ -108,13 +109,14 @@ class BusDevice:
         """Release control; outputs that do not hold go to rest in any case. Never raises."""
         able = self._able
         rests = able is not None and bool(able.outputs) and not able.holds
-        if self._active or (rests and not self._lasting):  # nothing is sent to another device
-            self._give_back()
+        if self._active or (rests and not self._lasting_flags):  # nothing is sent to another device
+            self._release_control()
 
     def close(self) -> None:
         """Release control, if it was taken, and disconnect. Never raises."""
+        # Only if it is active: outputs that another program left in place are not ours to change.
         if self._active:
-            self._give_back()
+            self._release_control()
         if self._able is not None:
             self._able = None
             self._dialogue.close()
@@ -143,6 +145,7 @@ class BusDevice:
         """
         able = self._require_open()
         if not able.read_back:
+            # A lost device may have been switched off, so the written value need not be in force.
             return [nan] * len(able.outputs) if self.lost else self._written
         values = self._try(self._dialogue.in_force, now_ns)
         return [nan] * len(able.outputs) if values is None else values
@@ -158,17 +161,18 @@ class BusDevice:
         self._require_open()
         self._events |= self._dialogue.take_noticed()
         flags = self._dialogue.flags() if self._active and not self.lost else self._no_flags
-        if not self._events and not self._lasting:
+        if not self._events and not self._lasting_flags:
             return flags
-        events = self._lasting.union(self._events)
+        events = self._lasting_flags.union(self._events)
         if self.lost:
             self._events &= LOSING  # these last until the device is opened again
         else:
             self._events.clear()
+        # A fault of the wire affects every channel of the device.
         return [channel | events for channel in flags]
 
-    def _give_back(self) -> None:
-        self._active = False
+    def _release_control(self) -> None:
+        self._active = False  # first: a failed request must not be repeated by `close`
         self._try(self._dialogue.deactivate)
 
     def _samples(self, reading: Reading | None, now_ns: int) -> list[Sample]:
@@ -184,6 +188,7 @@ class BusDevice:
         if not self._active or len(values) != len(ranges):
             return False
         for value, (low, high) in zip(values, ranges, strict=True):
+            # Compared in this way a NaN is refused; an infinite range still needs `isfinite`.
             if not (low <= value <= high and isfinite(value)):
                 return False
         return True
@@ -205,10 +210,10 @@ class BusDevice:
         try:
             return exchange(*given)
         except LineFault as fault:
-            self._failed(fault)
+            self._note_fault(fault)
             return None
 
-    def _failed(self, fault: LineFault) -> None:
+    def _note_fault(self, fault: LineFault) -> None:
         self._events.add(fault.flag)
         if fault.flag in LOSING:
             self.lost = str(fault)
@@ -238,6 +243,6 @@ class ExchangingBusDevice(BusDevice):
             DeviceError: If it is not active.
         """
         if not self._accepts(drive_v):
-            return False, self.read(now_ns)
+            return False, self.read(now_ns)  # the loop needs its samples in any case
         reading = self._try(self._exchanging.exchange, drive_v, now_ns)
         return self._note_set(drive_v, reading), self._samples(reading, now_ns)

@@ -67,10 +67,10 @@ class Conversation:
         """
         while self._owed is not None:
             left_ns = self._owed_until_ns - self._line.now_ns()
-            if left_ns > 0:
+            if left_ns > 0:  # the wait also ends when bytes arrive
                 self._rest += self._line.receive(left_ns)
             with suppress(_StillOwedError):
-                self._settle()
+                self._drop_earlier()
 
     def take_noticed(self) -> set[DeviceFlag]:
         """Return and clear the faults that did not make an exchange fail."""
@@ -89,7 +89,7 @@ class Conversation:
         Raises:
             LineFault: If it was not sent, or a reply is still owed.
         """
-        self._settle()
+        self._drop_earlier()
         self._line.send(message)
 
     def ask(
@@ -116,10 +116,11 @@ class Conversation:
             LineFault: `LATE_REPLY` if no reply came in time, or as raised by the line.
         """
         if self._owed is not None or self._rest:
-            self._settle()
+            self._drop_earlier()
         line = self._line
+        # Bytes that came before the request cannot be its reply.
         if stale := line.receive(0):
-            self._drop(stale)
+            self._note_dropped(stale)
         line.send(request)
         belongs = is_reply or fits  # None: every frame is the reply
         begin_ns = line.now_ns()
@@ -128,6 +129,7 @@ class Conversation:
         got, left_ns = b"", wait_ns
         while left_ns > 0:
             got += line.receive(left_ns)
+            # One delivery may hold a part of a frame, or several frames with garbage in between.
             while length := length_of(got):
                 if length < 0:
                     self._noticed.add(DeviceFlag.GARBAGE)
@@ -139,6 +141,7 @@ class Conversation:
                     if line.now_ns() - begin_ns > SLOW * wait_ns:
                         self._noticed.add(DeviceFlag.SLOW_REPLY)
                     return frame
+                # With a tag it is the reply to an earlier request; without one it is unsolicited.
                 self._noticed.add(DeviceFlag.OUT_OF_ORDER if is_reply else DeviceFlag.GARBAGE)
             if len(got) > MOST_BYTES:
                 got = b""
@@ -147,19 +150,20 @@ class Conversation:
         if got:
             self._noticed.add(DeviceFlag.GARBAGE)
         self._rest = got
+        # A late reply without a tag could be taken for the next one, so it has to be waited for.
         if is_reply is None:
             self._owed, self._owed_fits = length_of, fits
             self._owed_until_ns = end_ns + PATIENCE * wait_ns
         raise LineFault(DeviceFlag.LATE_REPLY, f"no reply within {wait_ns / 1e6:g} ms")
 
-    def _settle(self) -> None:
+    def _drop_earlier(self) -> None:
         """Drop the bytes that belong to earlier requests.
 
         Raises:
             LineFault: If a reply may still come that would be taken for another.
         """
         if self._owed is None:
-            self._drop(self._rest)
+            self._note_dropped(self._rest)
             self._rest = b""
             return
         # Read the clock before the line: a reply that comes in between is then still received.
@@ -181,6 +185,6 @@ class Conversation:
         self._noticed.add(DeviceFlag.GARBAGE)
         return False
 
-    def _drop(self, stale: bytes) -> None:
+    def _note_dropped(self, stale: bytes) -> None:
         if stale:
             self._noticed.add(DeviceFlag.OUT_OF_ORDER)

@@ -90,13 +90,14 @@ class SerialLine:
                 inter_byte_timeout=0,  # sets VMIN to 1: reading 0 bytes then means a lost port
             )
             self._fd = self._serial.fileno()
-            self._hold()
+            self._refuse_others()
             path = str(Path(self._port).resolve())
         except (OSError, termios.error, ValueError, OverflowError) as error:
             self.close()
             raise DeviceUnavailableError(_refusal(self._port, error)) from error
         with suppress(ValueError):  # a pty and some adapters lack this mode
             self._serial.set_low_latency_mode(True)
+        # Two poll objects, made once, so that a wait in the loop registers nothing.
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(self._fd, select.POLLIN)
         self._writable.register(self._fd, select.POLLOUT)
@@ -108,9 +109,8 @@ class SerialLine:
         """Close the port; unsent bytes are dropped. Never raises."""
         if self._serial is not None:
             with suppress(OSError, termios.error):
-                termios.tcflush(
-                    self._fd, termios.TCOFLUSH
-                )  # otherwise close waits until all bytes are sent
+                # Otherwise close waits until all bytes are sent.
+                termios.tcflush(self._fd, termios.TCOFLUSH)
             with suppress(OSError, termios.error):
                 self._serial.close()
             self._serial, self._fd = None, -1
@@ -123,6 +123,7 @@ class SerialLine:
             LineFault: `PARTIAL_WRITE` if only a part was sent in time, `DISCONNECTED` if the port
                 is lost or not open.
         """
+        # System calls instead of `Serial.write` and `Serial.read`, which wait in their own way.
         try:
             sent = os.write(self._fd, data)
             if sent < len(data):
@@ -130,7 +131,7 @@ class SerialLine:
         except BlockingIOError:
             self._send_rest(data, 0)
         except (OSError, termios.error) as error:
-            raise self._gone(error) from error
+            raise self._disconnected(error) from error
 
     def receive(self, within_ns: int) -> bytes:
         """Return the received bytes, as soon as there are any. Real-time safe.
@@ -145,19 +146,19 @@ class SerialLine:
             LineFault: `DISCONNECTED` if the port is lost or not open.
         """
         if self._fd < 0:
-            raise self._gone("it is not open")
+            raise self._disconnected("it is not open")
         try:
             if not self._readable.poll(within_ns / 1e6):
                 if within_ns:  # the reply is overdue: an unsent rest of the request is stale
                     termios.tcflush(self._fd, termios.TCOFLUSH)
                 return b""
             data = os.read(self._fd, _MOST_BYTES)
-        except BlockingIOError:
+        except BlockingIOError:  # poll reported bytes, but none are left
             return b""
         except (OSError, termios.error) as error:
-            raise self._gone(error) from error
+            raise self._disconnected(error) from error
         if not data:
-            raise self._gone("it was unplugged")
+            raise self._disconnected("it was unplugged")
         return data
 
     def now_ns(self) -> int:
@@ -169,7 +170,7 @@ class SerialLine:
         noticed, self._noticed = self._noticed, set()
         return noticed
 
-    def _hold(self) -> None:
+    def _refuse_others(self) -> None:
         """Make the kernel refuse other programs; a pty would keep that after our exit."""
         if os.major(os.fstat(self._fd).st_rdev) not in _PTY_MAJORS:
             ioctl(self._fd, termios.TIOCEXCL)
@@ -182,11 +183,11 @@ class SerialLine:
                     sent += os.write(self._fd, data[sent:])
             if sent == len(data):
                 return
-        termios.tcflush(self._fd, termios.TCOFLUSH)
+        termios.tcflush(self._fd, termios.TCOFLUSH)  # an old setpoint must not leave later
         what = f"{self._port}: {sent} of {len(data)} bytes went out"
         raise LineFault(DeviceFlag.PARTIAL_WRITE, what)
 
-    def _gone(self, why: object) -> LineFault:
+    def _disconnected(self, why: object) -> LineFault:
         return LineFault(DeviceFlag.DISCONNECTED, f"{self._port} is lost: {why}")
 
 

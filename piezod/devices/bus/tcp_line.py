@@ -16,6 +16,7 @@ _SEND_NS: Final = 50_000_000
 """Longest time to put a request into the kernel's buffer; only a dead device lets it fill."""
 _CONNECT_S: Final = 2.0
 _UNACKNOWLEDGED_S: Final = 1.0
+"""Short, because the kernel's own limit is about 15 minutes."""
 
 
 class TcpLine:
@@ -64,8 +65,10 @@ class TcpLine:
         self._socket = link
         link.setblocking(False)
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # no delay for small requests
-        given_up_ms = round(self._unacknowledged_s * 1000)
-        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, given_up_ms)
+        # The kernel then reports ETIMEDOUT, also if the peer lost its power without closing.
+        unacknowledged_ms = round(self._unacknowledged_s * 1000)
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, unacknowledged_ms)
+        # Two poll objects, made once, so that a wait in the loop registers nothing.
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(link, select.POLLIN)
         self._writable.register(link, select.POLLOUT)
@@ -92,7 +95,7 @@ class TcpLine:
         except BlockingIOError:
             self._send_rest(link, data, 0)
         except OSError as error:
-            raise self._gone(error) from error
+            raise self._line_fault(error) from error
 
     def receive(self, within_ns: int) -> bytes:
         """Return the received bytes, as soon as there are any. Real-time safe.
@@ -115,8 +118,8 @@ class TcpLine:
         except BlockingIOError:
             return b""
         except OSError as error:
-            raise self._gone(error) from error
-        if not data:
+            raise self._line_fault(error) from error
+        if not data:  # end of file
             raise LineFault(DeviceFlag.DISCONNECTED, f"{self.where} has closed the connection")
         return data
 
@@ -133,7 +136,7 @@ class TcpLine:
                 except BlockingIOError:
                     continue
                 except OSError as error:
-                    raise self._gone(error) from error
+                    raise self._line_fault(error) from error
             if sent == len(data):
                 return
         # The sent part cannot be taken back, and another request must not follow it.
@@ -146,7 +149,7 @@ class TcpLine:
             raise LineFault(DeviceFlag.DISCONNECTED, f"{self.where} is not connected")
         return self._socket
 
-    def _gone(self, error: OSError) -> LineFault:
+    def _line_fault(self, error: OSError) -> LineFault:
         if error.errno == ETIMEDOUT:
             what = f"{self.where} acknowledges nothing for {self._unacknowledged_s:g} s"
             return LineFault(DeviceFlag.HALF_OPEN, what)

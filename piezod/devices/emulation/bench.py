@@ -65,6 +65,7 @@ class SharedRig:
     def drive(self, axis: int, drive_v: float) -> bool:
         """Set the voltage at the actuator of an axis, in V; return whether that is possible."""
         with self._lock:
+            # A rig is written as a whole; the other axes keep their last voltage.
             wanted_v = [drive_v if i == axis else v for i, v in enumerate(self._drive_v)]
             return self.drive_all(wanted_v)
 

@@ -149,7 +149,7 @@ def _with_which(fault: WireFault, which: str, text: str) -> WireFault:
     if found["now"]:
         if fault.kind not in DEVICE_KINDS:
             raise ValueError(f"{fault.kind} affects replies, it cannot happen now (got {text!r})")
-        return fault._replace(first=0, last=0)
+        return fault._replace(first=0, last=0)  # no reply has the number 0
     if found["every"]:
         every = int(found["every"])
         if not every:
@@ -164,6 +164,7 @@ def _with_which(fault: WireFault, which: str, text: str) -> WireFault:
 
 def _value(value: str, text: str) -> tuple[float, float]:
     found = _VALUE.fullmatch(value)
+    # Without a match the range is the wrong way round, so that one test refuses both.
     low, high = (float(found[1]), float(found[2] or found[1])) if found else (1.0, 0.0)
     if not low <= high <= _MOST_VALUE:
         what = f"a number or a range, 0 to {_MOST_VALUE:g}, as in 0.05 or 0.01-0.2"
@@ -187,6 +188,7 @@ class WireFaults:
         """Replace all faults; the next reply is number 1."""
         with self._lock:
             self._faults, self._number = list(faults), 0
+            # Faults that happen now have `first` 0, see `_with_which`.
             self._at_once = [fault for fault in self._faults if not fault.first]
 
     def next_reply(self) -> list[ActiveFault]:

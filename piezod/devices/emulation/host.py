@@ -69,7 +69,7 @@ class Host(ABC, Generic[EndT, DeviceT]):
         for hit in self._faults.at_once():
             self._befall(hit)
         if self._is_unplugged:
-            threading.Event().wait(within_ns * 1e-9)
+            threading.Event().wait(within_ns * 1e-9)  # never set: a plain wait
         else:
             self._answer(within_ns)
         now_ns = self._bench.now_ns()
@@ -105,9 +105,10 @@ class Host(ABC, Generic[EndT, DeviceT]):
     def _befall(self, hit: ActiveFault) -> None:
         if hit.kind not in DEVICE_KINDS:
             return
-        self._forget()
+        self._forget()  # an absent device does not send what was under way
         self._away[hit.kind] = self._bench.now_ns() + round((hit.value or 0.0) * 1e9)
         if hit.kind == WireFaultKind.RESTART:
+            # Without power its outputs fall to 0 V at once; its state is made anew on return.
             self._bench.drive_all([0.0] * self._bench.n_axes)
         elif hit.kind == WireFaultKind.BUS_OFF:
             self._leave(True)
@@ -122,5 +123,6 @@ class Host(ABC, Generic[EndT, DeviceT]):
             self._serial_number = _IMPOSTOR
         if reason in {WireFaultKind.IMPOSTOR, WireFaultKind.RESTART}:
             self._device = self._make(self._serial_number)
+        # Another reason may still keep it unplugged.
         if reason in _UNPLUGGED and not self._is_unplugged:
             self._end.appear()

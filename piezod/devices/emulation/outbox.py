@@ -29,6 +29,7 @@ class Outbox:
     def take(self, now_ns: int) -> bytes:
         """Return the bytes that are due."""
         data = b""
+        # Only the first one is looked at, so that a late reply also delays all later ones.
         while self._waiting and self._waiting[0][0] <= now_ns:
             data += self._waiting.popleft()[1]
         return data

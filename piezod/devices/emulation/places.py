@@ -27,6 +27,7 @@ def make_own_folder() -> Path:
     """
     folder = own_folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    # Everyone can write to /tmp, so another user may have made the folder first.
     if folder.stat().st_uid != os.getuid():
         raise DeviceUnavailableError(f"{folder} belongs to another user, name another place")
     return folder

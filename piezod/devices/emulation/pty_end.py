@@ -12,7 +12,7 @@ from piezod.devices.emulation.places import hold
 from piezod.errors import DeviceUnavailableError
 
 _MOST_BYTES = 65_536
-_UNPLUGGED = threading.Event()
+_NEVER = threading.Event()
 """Never set: used as a plain wait."""
 
 
@@ -46,7 +46,7 @@ class PtyEnd:
         """
         self._fd, slave = pty.openpty()
         try:
-            tty.setraw(slave)
+            tty.setraw(slave)  # no echo and no line editing, as on a real port
             os.set_blocking(self._fd, False)
             self._held = hold(self._path)
             if self._path.is_symlink() and (self._held is not None or not self._path.exists()):
@@ -64,7 +64,7 @@ class PtyEnd:
             what = f"cannot make a port at {self._path}: {error}"
             raise DeviceUnavailableError(what) from error
         finally:
-            os.close(slave)
+            os.close(slave)  # the client opens its own; while none has, poll reports a hang-up
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
 
@@ -81,11 +81,12 @@ class PtyEnd:
             if events & select.POLLIN:
                 with suppress(OSError):  # the writer may have closed it meanwhile
                     return os.read(self._fd, _MOST_BYTES)
-            _UNPLUGGED.wait(within_ns * 1e-9)  # without a client every poll returns at once
+            _NEVER.wait(within_ns * 1e-9)  # without a client every poll returns at once
         return b""
 
     def send(self, data: bytes) -> None:
         """Send these bytes, as far as there is room; none if no client has it open."""
+        # Without this test the kernel would keep the bytes for the next client.
         if not any(events & select.POLLHUP for _, events in self._poll.poll(0)):
             with suppress(OSError):
                 os.write(self._fd, data)

@@ -40,7 +40,7 @@ class TcpEnd:
         except (OSError, OverflowError) as error:
             raise DeviceUnavailableError(f"cannot listen at {self.place()}: {error}") from error
         self._listener.setblocking(False)
-        self._port = self._listener.getsockname()[1]
+        self._port = self._listener.getsockname()[1]  # the chosen one if it was 0
         self._poll = select.poll()
         self._poll.register(self._listener, select.POLLIN)
 
@@ -83,6 +83,7 @@ class TcpEnd:
             client, _ = self._listener.accept()
         except OSError:  # the client has disconnected already
             return
+        # A real device serves one client; one that has left is noticed only by looking.
         if self._client is not None and not _has_gone(self._client):
             client.close()
             return
@@ -113,7 +114,7 @@ class TcpEnd:
 def _has_gone(client: socket.socket) -> bool:
     """Return whether a client has closed its end and left no unread bytes."""
     try:
-        return client.recv(1, socket.MSG_PEEK) == b""
+        return client.recv(1, socket.MSG_PEEK) == b""  # end of file; peeking takes nothing away
     except BlockingIOError:
         return False
     except OSError:

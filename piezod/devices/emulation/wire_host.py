@@ -37,7 +37,7 @@ class WireHost(Host[FarEnd, Emulator]):
             return
         replies = self._device.receive(data) if data else []
         replies += self._device.due()
-        if not data:
+        if not data:  # idle: use the time for the physics
             self._bench.tick()
         now_ns = self._bench.now_ns()
         for reply in replies:

@@ -80,6 +80,7 @@ def _draw_residual_loop(axes: Axes, identification: Identification) -> None:
     """Draw the residual over displacement, separately for rising and falling drive."""
     rises = np.gradient(identification.drive_v) >= 0.0  # a constant drive counts as rising
     for label, here, colour in (("rising", rises, BLUE), ("falling", ~rises, VERMILLION)):
+        # NaN leaves out the points of the other branch.
         residual_v = np.where(here, identification.residual_v, np.nan)
         style = {**ERROR_DOTS, "color": colour}
         draw_trace(axes, identification.position_um, residual_v, label=label, **style)
@@ -92,6 +93,7 @@ def _draw_band(axes: Axes, position_um: FloatArray, band_v: FloatArray) -> None:
     """Shade the uncertainty due to noise: its largest value in each small step of displacement."""
     known = np.isfinite(band_v)
     edges = np.linspace(position_um[known].min(), position_um[known].max(), _BAND_STEPS + 1)
+    # The largest value lies on the last edge, hence in a step of its own: it joins the last one.
     places = np.clip(np.digitize(position_um[known], edges) - 1, 0, _BAND_STEPS - 1)
     widest = np.zeros(_BAND_STEPS)
     np.maximum.at(widest, places, band_v[known])

@@ -96,7 +96,7 @@ def overview_figure(result: ExperimentResult, reference: Reference | None = None
     marks = _marks(result.modes)
     for axes, names in zip(all_axes, panels, strict=True):
         _draw_metrics(axes, names, rows, marks, reference)
-        for y in list(headlines)[1:]:
+        for y in list(headlines)[1:]:  # a rule between the cases
             axes.axhline(y - 0.5, color="#BBBBBB", linewidth=0.7)
     _label_rows(all_axes[0], headlines, rows)
     handles = [marks[mode].line([], [], mode) for mode in result.modes]
@@ -143,7 +143,7 @@ def _label_rows(axes: Axes, headlines: dict[int, str], rows: dict[int, Recording
     axes.set_yticks(list(texts), labels=list(texts.values()))
     for y, label in zip(texts, axes.get_yticklabels(), strict=True):
         label.set_fontweight("bold" if y in headlines else "normal")
-    axes.set_ylim(max(texts) + 0.6, -0.6)
+    axes.set_ylim(max(texts) + 0.6, -0.6)  # rows are counted from the top
 
 
 def _draw_metrics(
@@ -212,6 +212,7 @@ def _set_scale(axes: Axes, values: Iterable[float], room: int) -> None:
     axes.set_xscale("log")
     # A third of the panel stays free at the right for one number, half of it for two.
     axes.set_xlim(low / 1.5, high * (high / low) ** (0.5 * room) * 1.5)
+    # Labels at 1, 2 and 5 of each decade overlap if there are many decades.
     steps = (1.0, 2.0, 5.0) if high < _WIDE_RATIO * low else (1.0, 3.0)
     low, high = low / 1.5, high * 1.5
     ticks = LogLocator(subs=steps).tick_values(low, high)

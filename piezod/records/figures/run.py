@@ -158,4 +158,5 @@ def _draw_side(
         draw_trace(axes, t_s, column, color=colour, drawstyle="steps-post", linewidth=1.0)
         for column, colour in zip(weights.T, colours, strict=True)
     ]
+    # Four shades side by side show the direction of the colours in the legend.
     return tuple(lines[index] for index in np.linspace(0, len(lines) - 1, 4).astype(int))

@@ -33,6 +33,7 @@ def kept_indices(*columns: FloatArray, n_bins: int = MAX_BINS) -> npt.NDArray[np
         # The last bin is filled up with the last sample, which is kept anyway.
         bins = np.pad(values, (0, starts.size * width - n_samples), mode="edge").reshape(-1, width)
         missing = ~np.isfinite(bins)
+        # With infinities in the gaps, argmin and argmax find the extremes of the valid samples.
         kept.append(starts + np.where(missing, np.inf, bins).argmin(axis=1))
         kept.append(starts + np.where(missing, -np.inf, bins).argmax(axis=1))
         kept.append((starts + missing.argmax(axis=1))[missing.any(axis=1)])
