@@ -50,7 +50,7 @@ class GuardedRoute(APIRoute):
                     request = await _with_body(request, access.most_bytes, model)
                 return await handler(request)
             except ClientDisconnect:
-                return Response(status_code=400)  # nobody reads it
+                return Response(status_code=400)  # the client has disconnected
             except (StageError, RequestValidationError, HTTPException):
                 raise
             except Exception as error:  # noqa: BLE001 - any error gets an answer

@@ -55,7 +55,7 @@ def test_mode_is_a_name(served: Served, client: httpx.Client) -> None:
 
 
 @pytest.mark.fault("C13")
-def test_refusal_tells_the_stages_reason(served: Served, client: httpx.Client) -> None:
+def test_refusal_has_the_reason_of_the_stage(served: Served, client: httpx.Client) -> None:
     """A request that the state does not allow is answered with 409 and the reason."""
     served.stage.refusal = "the stage is SAFE; arm it first"
     answer = client.post("goto", json={"position_um": 1.0})
@@ -117,7 +117,7 @@ def test_only_engineers_reset_level_3(served: Served, client: httpx.Client) -> N
     assert served.stage.requests == [requests.Reset(engineer=False)]
 
 
-def test_who_did_what_is_noted(served: Served, client: httpx.Client) -> None:
+def test_audit_has_every_command(served: Served, client: httpx.Client) -> None:
     """The audit has user, client, request and the reason of a refusal."""
     client.post("goto", json={"position_um": 1.5})
     served.stage.refusal = "no"

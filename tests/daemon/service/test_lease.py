@@ -84,7 +84,7 @@ def test_other_endpoints_need_none(served: Served) -> None:
 
 
 @pytest.mark.fault("C9")
-def test_lease_of_nobody_runs_out(served: Served) -> None:
+def test_lease_expires(served: Served) -> None:
     """After 30 s without a command another client gets the lease."""
     with served.client("first") as first, served.client("second") as second:
         first.post("lease").raise_for_status()

@@ -51,7 +51,7 @@ def test_ten_malformed_requests_close_the_connection(served: Served) -> None:
 
 
 @pytest.mark.fault("C1")
-def test_what_is_no_http_is_answered_in_the_form_of_errors(served: Served) -> None:
+def test_data_that_is_not_http_gets_an_error_document(served: Served) -> None:
     """Data that is not HTTP is answered with an error document, then the connection ends."""
     with connected(served.socket) as connection:
         connection.sendall(b"hello\r\n\r\n")

@@ -24,7 +24,7 @@ def test_status_has_null_where_there_is_no_number(client: httpx.Client) -> None:
     }
 
 
-def test_what_the_stage_tells_is_passed_on(client: httpx.Client) -> None:
+def test_documents_of_the_stage_are_passed_on(client: httpx.Client) -> None:
     """Faults, real-time settings and configuration are the documents of the stage."""
     assert client.get("faults").json()["faults"][0]["id"] == "S5"
     assert client.get("realtime").json() == {"steps": []}
@@ -41,7 +41,7 @@ def test_health_is_a_status_code(served: Served, client: httpx.Client) -> None:
     assert (bad.status_code, bad.json()["healthy"]) == (503, False)
 
 
-def test_audit_is_told_newest_first(client: httpx.Client) -> None:
+def test_audit_is_newest_first(client: httpx.Client) -> None:
     """The audit has at most `limit` entries."""
     for path in ("arm", "hold", "stop"):
         client.post(path)
@@ -65,7 +65,7 @@ def test_description_has_every_endpoint(client: httpx.Client) -> None:
     ("method", "path", "status", "code"),
     [("GET", "nothing", 404, "not_found"), ("PUT", "goto", 405, "method_not_allowed")],
 )
-def test_what_does_not_exist_is_an_error_document(
+def test_unknown_endpoint_is_an_error_document(
     client: httpx.Client, method: str, path: str, status: int, code: str
 ) -> None:
     """Unknown paths and methods are answered with code, text and remedy."""
@@ -76,7 +76,7 @@ def test_what_does_not_exist_is_an_error_document(
     assert answer.json()["error"]["code"] == code
 
 
-def test_mistake_in_the_daemon_is_an_error_document(
+def test_internal_error_is_an_error_document(
     served: Served, client: httpx.Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The text of an internal error is in the log only; the service continues."""
@@ -112,7 +112,7 @@ def test_socket_that_cannot_be_bound_is_an_error(tmp_path: Path) -> None:
 
 @pytest.mark.fault("C11")
 @pytest.mark.fault("C12")
-def test_whoever_the_kernel_does_not_know_is_refused(tmp_path: Path) -> None:
+def test_connection_without_a_user_is_refused(tmp_path: Path) -> None:
     """On a network socket no web page and no token is admitted."""
     served = Served(tmp_path, ConnectionLimits())
     server = make_server(served.app, ConnectionLimits())

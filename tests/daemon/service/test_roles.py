@@ -92,7 +92,7 @@ def test_role_comes_before_body(served: Served, client: httpx.Client) -> None:
     assert client.post("goto", content=b"{").status_code == 403
 
 
-def test_kernel_tells_who_asks(served: Served, client: httpx.Client) -> None:
+def test_user_comes_from_the_kernel(served: Served, client: httpx.Client) -> None:
     """User and process come from the kernel."""
     client.post("hold")
 

@@ -44,7 +44,7 @@ def _as_lists(value: Any) -> Any:
 
 
 @given(VALUES)
-def test_what_has_one_meaning_is_read(value: Any) -> None:
+def test_unambiguous_json_is_read(value: Any) -> None:
     """Every JSON document is read unchanged, except that lists become tuples."""
     assert _as_lists(loads(json.dumps(value).encode())) == value
 
@@ -58,7 +58,7 @@ def test_nesting_is_read_to_the_limit() -> None:
 
 @pytest.mark.fault("C1")
 @pytest.mark.parametrize("text", REFUSED.values(), ids=REFUSED)
-def test_what_is_read_in_two_ways_is_refused(text: bytes) -> None:
+def test_ambiguous_json_is_refused(text: bytes) -> None:
     """Ambiguous JSON and numbers out of range are errors."""
     with pytest.raises(BadJsonError):
         loads(text)

@@ -54,7 +54,7 @@ def test_no_spike_is_lost(served: Served, client: httpx.Client) -> None:
     assert (axis["mode"], axis["on_target"], axis["motion"]) == ("adaptive", True, 9)
 
 
-def test_interval_tells_how_it_went(served: Served, client: httpx.Client) -> None:
+def test_interval_has_state_and_counts(served: Served, client: httpx.Client) -> None:
     """Each event has the state and the counts of cycles, lost records and skipped cycles."""
     served.stage.reader.waiting = [records_of([1.0, 2.0])]
     served.stage.reader.lost = 3
@@ -69,7 +69,7 @@ def test_interval_tells_how_it_went(served: Served, client: httpx.Client) -> Non
     }
 
 
-def test_fault_of_one_cycle_is_told(served: Served, client: httpx.Client) -> None:
+def test_interval_has_a_fault_of_one_cycle(served: Served, client: httpx.Client) -> None:
     """An interval has faults that were present only briefly, and faults that are latched."""
     records = records_of([1.0, 2.0, 3.0])
     records["present_lo"][1] = 1 << 5
