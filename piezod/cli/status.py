@@ -1,5 +1,6 @@
 """`piezod status` and `piezod faults`: the present state of a stage."""
 
+from contextlib import closing
 from typing import TYPE_CHECKING, Final
 
 from piezod.cli.options import JsonOption
@@ -19,7 +20,7 @@ def status(
     """Print the state, a table of the axes, and the faults."""
     from piezod.cli.output import new_console, print_json
 
-    with connect(stage, socket) as client:
+    with closing(connect(stage, socket)) as client:  # without what only commands need
         found = client.status()
     if json:
         print_json(found.document)
@@ -43,7 +44,7 @@ def faults(
     """Print a table of the faults with their remedies."""
     from piezod.cli.output import new_console, print_json
 
-    with connect(stage, socket) as client:
+    with closing(connect(stage, socket)) as client:
         found = client.faults()
     if json:
         print_json(found.document)

@@ -66,10 +66,7 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
     ) -> None:
         self.socket = check_socket(socket or find_socket(stage))
         self.name = name
-        # Slow imports belong here: no command, least of all an emergency stop, may wait for them.
-        import httpx
-
-        import piezod.client.request_bodies  # noqa: F401 - the first command uses it
+        import httpx  # slow; `import piezod.client` shall not wait for it
 
         self._http = httpx.AsyncClient(
             transport=httpx.AsyncHTTPTransport(uds=str(self.socket), verify=no_tls()),
@@ -80,6 +77,9 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
         )
 
     async def __aenter__(self) -> Self:
+        # Slow; no command, least of all an emergency stop, shall wait for it later.
+        import piezod.client.request_bodies  # noqa: F401 - the first command uses it
+
         return self
 
     async def __aexit__(

@@ -67,10 +67,7 @@ class StageClient(StageCommands, StageReports, SyncCaller):
     ) -> None:
         self.socket = check_socket(socket or find_socket(stage))
         self.name = name
-        # Slow imports belong here: no command, least of all an emergency stop, may wait for them.
-        import httpx
-
-        import piezod.client.request_bodies  # noqa: F401 - the first command uses it
+        import httpx  # slow; `import piezod.client` shall not wait for it
 
         self._http = httpx.Client(
             transport=httpx.HTTPTransport(uds=str(self.socket), verify=no_tls()),
@@ -81,6 +78,9 @@ class StageClient(StageCommands, StageReports, SyncCaller):
         )
 
     def __enter__(self) -> Self:
+        # Slow; no command, least of all an emergency stop, shall wait for it later.
+        import piezod.client.request_bodies  # noqa: F401 - the first command uses it
+
         return self
 
     def __exit__(
