@@ -182,9 +182,9 @@ def test_lost_rig_is_looked_for_now_and_then(path: Path, rig: ScriptedRig) -> No
     [
         (b"", "not the greeting of a rig: b''"),
         (b"hello", "not the greeting of a rig: b'hello'"),
-        (b"[1]", "what answers is no rig"),
-        (b'{"protocol": 1}', "what answers is no rig"),
-        (b'{"protocol": 2, "greeting": []}', "speaks protocol 2, not 1"),
+        (b"[1]", "not the greeting of a rig"),
+        (b'{"protocol": 1}', "not the greeting of a rig"),
+        (b'{"protocol": 2, "greeting": []}', "uses protocol 2, not 1"),
         (pack_refusal("used by process 7"), "refuses: used by process 7"),
     ],
 )

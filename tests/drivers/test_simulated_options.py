@@ -202,9 +202,9 @@ def test_switched_off_converter_may_be_coarse() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("sensor: {saturation_v: 0.5}", "saturated at rest: it gives .* less than saturation_v"),
+        ("sensor: {saturation_v: 0.5}", "saturated at rest: it outputs .* less than saturation_v"),
         ("stage: {reversible_um: 1000}", "saturated at rest"),
-        ("sensor: {light_level: 0}", "does not resolve the travel: it gives 0 V"),
+        ("sensor: {light_level: 0}", "does not resolve the travel: its output changes by 0 V"),
         ("sensor: {adc_bits: 4, adc_range_v: 100}", r"converter has steps of 12\.5 V"),
     ],
 )

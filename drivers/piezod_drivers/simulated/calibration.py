@@ -64,7 +64,7 @@ def check_sensor(parameters: PlantParameters) -> None:
     span_v = max(sensor_v) - min(sensor_v)
     if span_v == 0 or MIN_STEPS * step_v > span_v:
         raise DeviceError(
-            f"the sensor does not resolve the travel: it changes by {span_v:g} V, and its "
+            f"the sensor does not resolve the travel: its output changes by {span_v:g} V, its "
             f"converter has steps of {step_v:g} V, allowed: at least {MIN_STEPS} steps"
         )
 
