@@ -31,10 +31,10 @@ def emulated(case: Case, folder: Path) -> Iterator[str]:
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:  # noqa: S603 - our own
         assert process.stdout is not None  # noqa: S101 - a pipe was asked for
         try:
-            told = process.stdout.readline()
-            assert told, f"{case.profile} has not started"  # noqa: S101 - its errors are above
+            line = process.stdout.readline()
+            assert line, f"{case.profile} has not started"  # noqa: S101 - its errors are above
             os.sched_setaffinity(0, own)
-            yield json.loads(told)["serving"][0]["where"]
+            yield json.loads(line)["serving"][0]["where"]
         finally:
             os.sched_setaffinity(0, processors)
             process.send_signal(signal.SIGTERM)

@@ -36,8 +36,8 @@ def driven(case: Case, where: str) -> Iterator[Any]:
 
 def in_force(device: Any) -> list[float]:
     """Return the present outputs, so that writing them moves nothing; 0 if unknown."""
-    told = device.read_back(time.monotonic_ns())
-    return [value if isfinite(value) else 0.0 for value in told]
+    voltages = device.read_back(time.monotonic_ns())
+    return [value if isfinite(value) else 0.0 for value in voltages]
 
 
 def timed_cycles_us(device: Any, values: Sequence[float], cycles: int) -> list[float]:

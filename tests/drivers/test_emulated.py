@@ -78,7 +78,7 @@ def test_rig_is_free_when_its_driver_has_gone(path: Path) -> None:
             active(path).close()
 
 
-def test_nobody_there(path: Path) -> None:
+def test_absent_rig(path: Path) -> None:
     """Without a rig the device is unavailable, and the text names the socket."""
     with pytest.raises(DeviceUnavailableError, match=str(path)):
         driver_of(path).open()
@@ -119,7 +119,7 @@ def test_driver_finds_its_rig_again(path: Path) -> None:
     assert [sample.valid for sample in (*soon, *later)] == [False, True]
 
 
-def test_new_start_of_the_rig_is_told(path: Path) -> None:
+def test_new_start_of_the_rig_is_reported(path: Path) -> None:
     """The status reports for one second that the rig has restarted."""
     with serving(path):
         driver = active(path)
@@ -148,7 +148,7 @@ def test_another_rig_is_not_taken_for_the_lost_one(path: Path) -> None:
     assert not sample.valid
 
 
-def test_trace_tells_every_write_that_was_taken(path: Path, tmp_path: Path) -> None:
+def test_trace_lists_every_accepted_write(path: Path, tmp_path: Path) -> None:
     """The trace has the instant, the caller and the voltages of each write."""
     trace = tmp_path / "trace.csv"
     with serving(path, trace=trace):

@@ -221,7 +221,7 @@ def test_server_hangs_up_on_what_is_no_driver(path: Path, packet: bytes) -> None
 
 
 @pytest.mark.parametrize("asking", [True, False])
-def test_server_survives_who_does_not_listen(path: Path, *, asking: bool) -> None:
+def test_server_survives_a_client_that_does_not_read(path: Path, *, asking: bool) -> None:
     """A driver that is killed during an exchange leaves the rig to the next one."""
     with serving(path):
         for _ in range(20):

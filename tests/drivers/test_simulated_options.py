@@ -208,7 +208,7 @@ def test_switched_off_converter_may_be_coarse() -> None:
         ("sensor: {adc_bits: 4, adc_range_v: 100}", r"converter has steps of 12\.5 V"),
     ],
 )
-def test_sensor_that_tells_nothing_is_refused(text: str, message: str) -> None:
+def test_sensor_without_resolution_is_refused(text: str, message: str) -> None:
     """A specimen whose sensor cannot measure the travel raises `DeviceError`."""
     with pytest.raises(DeviceError, match=message):
         read(text).plant(SEED)

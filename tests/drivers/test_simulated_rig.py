@@ -91,7 +91,7 @@ def test_truth_has_none_of_the_sensors_faults() -> None:
     assert np.max(np.abs(calibrated[1] - straight[1])) > 0.1
 
 
-def test_identity_tells_variant_and_seed() -> None:
+def test_identity_names_variant_and_seed() -> None:
     """The identity shows that the rig is simulated, with variant and seed."""
     identity = SimulatedRig(SimulatedOptions(variant="afm"), Wiring.both("x"), 42).open()
 

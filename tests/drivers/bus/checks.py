@@ -287,7 +287,7 @@ def shared_port(session: Session) -> None:
 
 def _fails_to_send(session: Session, flag: DeviceFlag) -> None:
     def fail(*_: object) -> None:
-        raise LineFault(flag, "the test says so")
+        raise LineFault(flag, "the test demands it")
 
     with session.active() as device, pytest.MonkeyPatch.context() as patched:
         for line in ("serial_line.SerialLine", "tcp_line.TcpLine"):

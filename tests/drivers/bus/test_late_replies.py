@@ -85,8 +85,8 @@ class Trial:
         self._wire.wait(1000 * MS)
         self._device.write([level_out(level)] * self._n_outputs, self._wire.now_ns)
         self._wire.wait(1000 * MS)
-        told = self._device.read_back(self._wire.now_ns)[0]
-        return self._wire.rig.drive_v[0], float(told)
+        readings = self._device.read_back(self._wire.now_ns)[0]
+        return self._wire.rig.drive_v[0], float(readings)
 
     def _write(self, level: int) -> bool:
         taken: bool = self._device.write([level_out(level)] * self._n_outputs, self._wire.now_ns)
@@ -116,9 +116,9 @@ class Trial:
         value = self._device.read_back(self._wire.now_ns)[0]
         if value - value == 0.0:
             driven_v = self._wire.rig.drive_v[0]
-            told = [each[1] for each in self._driven if abs(each[0] - driven_v) < 1e-9]
-            if told:
-                self._judge("read_back", value, told, [each[1] for each in self._driven])
+            readings = [each[1] for each in self._driven if abs(each[0] - driven_v) < 1e-9]
+            if readings:
+                self._judge("read_back", value, readings, [each[1] for each in self._driven])
 
     def _judge(self, call: str, value: float, right: list[float], known: list[float]) -> None:
         self.accepted[call] += 1
