@@ -69,6 +69,7 @@ class RigCodec:
 
     def __init__(self, n_axes: int) -> None:
         self._n = n_axes
+        # "=": native byte order without padding; both ends are on one machine.
         self._request = Struct(f"=BIq{n_axes}d")
         self._reply = Struct(f"=I?{n_axes}?{n_axes}d{n_axes}d")
 

@@ -45,6 +45,7 @@ class EmulatedRig:
         self._unknown_v = [nan] * len(axes)
         none = [NO_FLAGS] * len(axes)
         self._no_flags = none + none  # each axis is an input and an output
+        # Only outputs report the restart: it does not make a sample wrong.
         self._restarted = none + [frozenset({DeviceFlag.RESTARTED})] * len(axes)
         self._in_force_v: Sequence[float] = self._unknown_v
         self._in_force_ns: int | None = None
@@ -106,6 +107,7 @@ class EmulatedRig:
         if not self._active or self._greeting is None:
             raise DeviceError("the emulated rig is not active")
         self._session.reconnect(self._greeting, now_ns)
+        # `reconnect` may have found a rig that was started again.
         if self._session.run_id != self._run_id:
             self._run_id, self._restarted_ns = self._session.run_id, now_ns
         reply = self._exchange(Op.READ, now_ns, self._no_drive)
@@ -134,6 +136,7 @@ class EmulatedRig:
             DeviceError: If the rig is not open.
         """
         self._require_open()
+        # The exchange of this instant already had the voltages.
         if now_ns != self._in_force_ns:
             self._exchange(Op.READ_BACK, now_ns, self._no_drive)
         return self._in_force_v

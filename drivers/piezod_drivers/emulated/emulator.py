@@ -23,7 +23,7 @@ def serve(
     ready: Callable[[str], None],
     stopping: Callable[[], bool],
 ) -> None:
-    """Serve a rig at a socket until told to stop.
+    """Serve a rig at a socket until `stopping` returns True.
 
     Args:
         bench: The rig.
@@ -57,6 +57,7 @@ def listening(path: Path) -> Iterator[socket.socket]:
         try:
             _remove_stale(path)
             listener.bind(str(path))
+            # Before `listen`: no other user can connect in between.
             path.chmod(0o600)
             listener.listen()
         except OSError as error:
@@ -73,6 +74,7 @@ def _remove_stale(path: Path) -> None:
             probe.connect(str(path))
         except FileNotFoundError:
             return
+        # Nothing listens: an emulator that was killed has left its socket behind.
         except ConnectionRefusedError:
             path.unlink()
             return

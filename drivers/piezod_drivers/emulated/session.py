@@ -64,6 +64,7 @@ class RigSession:
         self._retry_ns = now_ns + _RETRY_NS
         with suppress(DeviceError):
             greeting = self._connect(self._deadline_s)
+            # An equal rig may have started anew; any other difference makes it another rig.
             if greeting._replace(run_id=expected.run_id) != expected:
                 self.close()
 
@@ -82,6 +83,7 @@ class RigSession:
             self._socket.send(self._codec.pack_request(request))
             self._unanswered = True
             reply = self._receive(self._socket)
+        # The late reply stays in the socket; the next exchange drops it first.
         except TimeoutError:
             return None
         except OSError:
@@ -98,6 +100,7 @@ class RigSession:
 
     def _receive(self, link: socket.socket) -> RigReply | None:
         packet = link.recv(MAX_PACKET)
+        # An empty packet means that the rig has closed the connection.
         if not packet:
             raise ConnectionResetError
         self._unanswered = False
@@ -118,5 +121,6 @@ class RigSession:
                 raise DeviceUnavailableError(f"the rig at {self._path} refuses: {greeting}")
             link.settimeout(self._deadline_s)
             self._socket, self._unanswered, self.run_id = link, False, greeting.run_id
+            # Connected: the socket stays open.
             unless_connected.pop_all()
         return greeting

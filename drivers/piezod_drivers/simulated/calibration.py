@@ -37,6 +37,7 @@ def commissioned_curve(
     Raises:
         DeviceError: If the light has its maximum within the sweep, so that no curve exists.
     """
+    # The sweep goes beyond the travel, because the stage does too (creep, overshoot).
     position = np.linspace(_SWEEP_START, _SWEEP_END, _KNOTS)
     sensor_v = _monotonic(ideal_v, position * travel_um)
     error = _smooth_error(position, seed) * residual_pct / 100
@@ -54,6 +55,7 @@ def check_sensor(parameters: PlantParameters) -> None:
     """
     record = constants(parameters, SUB_STEP_NS / NS_PER_S)
     travel_um = np.linspace(0, parameters.stage.travel_um, _KNOTS)
+    # The ideal output, without noise.
     sensor_v = [fibre_v(float(x), record) for x in travel_um]
     saturation_v, step_v = (float(record[0][name]) for name in ("saturation_v", "adc_step_v"))
     if sensor_v[0] >= saturation_v:

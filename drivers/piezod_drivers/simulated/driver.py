@@ -43,6 +43,8 @@ class _SimulatedAxis(NamedTuple):
             return Sample(now_ns, self.plant.parameters.sensor.light_level, True)
         sensor_v = self.plant.sample()
         valid = abs(sensor_v) < self.saturated_v
+        # `beyond` also extrapolates the calibration, because the stage may move beyond the
+        # calibrated range.
         return Sample(now_ns, sensor_v if quantity else self.calibration.beyond(sensor_v), valid)
 
     def takes(self, drive_v: float) -> bool:
@@ -74,6 +76,8 @@ class SimulatedRig:
         self._wiring = wiring
         self._seed = seed
         inputs = [_axis_and_quantity(name, wiring.outputs) for name in wiring.inputs]
+        # Driven axes first, each once: `_driven_axes` relies on this order. An input without an
+        # output is a stage that nothing drives.
         self._axes = tuple(dict.fromkeys((*wiring.outputs, *(axis for axis, _ in inputs))))
         self._inputs = [(self._axes.index(axis), quantity) for axis, quantity in inputs]
         self._channels: list[_SimulatedAxis] = []
@@ -88,6 +92,8 @@ class SimulatedRig:
         """
         if self._channels:
             raise DeviceError("the simulated rig is already open")
+        # A seed of its own for each axis: another axis does not change the specimens of the first
+        # ones.
         seeds = np.random.SeedSequence(self._seed).spawn(len(self._axes))
         self._channels = [_make_axis(self._options, seed) for seed in seeds]
         self._origin_ns = None
@@ -124,6 +130,7 @@ class SimulatedRig:
         if self._active:
             t_ns = self._elapsed_ns(now_ns)
             for axis_model in self._channels:
+                # Time must not go back, also if the caller's instant is older than the last call.
                 axis_model.plant.advance_to(max(t_ns, axis_model.plant.now_ns))
         self._rest()
 
@@ -170,6 +177,7 @@ class SimulatedRig:
         driven = self._driven_axes
         if not self._active or len(drive_v) != len(driven):
             return False
+        # All voltages are checked before one is commanded.
         if not all(map(_SimulatedAxis.takes, driven, drive_v)):
             return False
         t_ns = self._elapsed_ns(now_ns)
@@ -222,10 +230,12 @@ def _axis_and_quantity(name: str, outputs: Sequence[str]) -> tuple[str, str]:
 
 
 def _make_axis(options: SimulatedOptions, seed: np.random.SeedSequence) -> _SimulatedAxis:
+    # Independent seeds: switching an effect off does not change the other random numbers.
     of_specimen, of_noise, of_calibration = seed.spawn(3)
     parameters = options.plant(of_specimen)
     plant = Plant(parameters, of_noise)
     amplifier, sensor = parameters.amplifier, parameters.sensor
+    # The amplifier is limited by its supply, or by its converter times its gain.
     converter_v = amplifier.dac_range_v * amplifier.gain
     return _SimulatedAxis(
         plant,

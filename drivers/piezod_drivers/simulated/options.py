@@ -26,7 +26,7 @@ from piezod.plant.variants import VARIANTS
 from piezod_drivers.simulated.calibration import MIN_STEPS, check_sensor
 
 MIN_TRAVEL_UM = 0.01
-"""A smaller travel is no stage."""
+"""Smallest travel of a stage, in µm."""
 MIN_KNOT_STEP_V = 1e-6
 """Points of a table that are closer than this have no reliable slope."""
 
@@ -140,6 +140,7 @@ class SimulatedOptions(ConfigModel):
         Raises:
             DeviceError: If the specimen's sensor cannot measure the travel.
         """
+        # Configured values replace drawn ones, so they do not vary with the seed.
         drawn = self._configured(specimen(VARIANTS[self.variant].parameters, seed))
         check_sensor(drawn)
         return drawn
@@ -164,14 +165,17 @@ class SimulatedOptions(ConfigModel):
 def _broken_rules(plant: PlantParameters) -> Iterator[BrokenRule]:
     """Yield combinations that are impossible although each value is within its bounds."""
     stage, amplifier = plant.stage, plant.amplifier
+    # "not >=" instead of "<", so that NaN is refused too.
     if not stage.travel_um >= MIN_TRAVEL_UM:
         what = (
             f"reversible_um and irreversible_um together are the travel "
             f"(got {stage.travel_um:g} µm), allowed: at least {MIN_TRAVEL_UM:g} µm"
         )
         yield ("stage",), what
+    # An infinite number of bits is a converter without steps.
     if np.isinf(amplifier.dac_bits):
         return
+    # The converter spans minus to plus its range.
     step_v = 2 * amplifier.dac_range_v / 2**amplifier.dac_bits * amplifier.gain
     allowed_v = stage.drive_v / MIN_STEPS
     if not step_v <= allowed_v:

@@ -55,7 +55,7 @@ class RigServer:
         self._client_pid = 0
 
     def serve(self, stopping: Callable[[], bool]) -> None:
-        """Serve until told to stop; the rig stays as it is.
+        """Serve until `stopping` returns True; the rig stays as it is.
 
         Args:
             stopping: Called at least every 10 ms; returns whether to stop.
@@ -65,6 +65,7 @@ class RigServer:
             while not stopping():
                 for key, _ in self._selector.select(_TICK_S):
                     key.data()
+                # The physics also advances without calls.
                 self._bench.tick()
         finally:
             self._drop()
@@ -75,11 +76,13 @@ class RigServer:
         if self._client is not None:
             self._answer()  # the present client may just have disconnected
         with_pid = client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
+        # The kernel knows the process, so a client cannot claim another one.
         pid = _PEER.unpack(with_pid)[0]
         if self._client is not None:
             _send(client, pack_refusal(f"it is used by process {self._client_pid}"))
             client.close()
             return
+        # A client that does not read its replies must not stop the physics.
         client.setblocking(False)
         self._client, self._client_pid = client, pid
         self._selector.register(client, selectors.EVENT_READ, self._answer)
@@ -109,6 +112,7 @@ class RigServer:
         elif op == Op.WRITE:
             taken = self._bench.drive_all(drive_v, asked_ns, self._client_pid)
         valid = [isfinite(each_um) for each_um in position_um]
+        # After the call, so that a reply to a write has the voltages that it has set.
         in_force_v = self._bench.drives_v()
         return self._codec.pack_reply(RigReply(number, taken, valid, position_um, in_force_v))
 
