@@ -64,7 +64,7 @@ class RigSession:
         self._retry_ns = now_ns + _RETRY_NS
         with suppress(DeviceError):
             greeting = self._connect(self._deadline_s)
-            # An equal rig may have started anew; any other difference makes it another rig.
+            # An equal rig may have restarted; any other difference makes it another rig.
             if greeting._replace(run_id=expected.run_id) != expected:
                 self.close()
 

@@ -55,7 +55,7 @@ class _SimulatedAxis(NamedTuple):
 class SimulatedRig:
     """A simulated rig; implements `Sensor`, `Amplifier` and `KnowsTruth`.
 
-    Each `open` sets it up anew: every stage is at rest at 0 V, with known hysteresis memory. Its
+    Each `open` sets it up again: every stage is at rest at 0 V, with known hysteresis memory. Its
     time starts with the first call that has an instant. A voltage is in force when the amplifier's
     output has reached it, so `read_back` lags a write as the output does. `deactivate` sets the
     command to 0 V. The output falls as fast as the amplifier's bandwidth, slew rate and current

@@ -1,4 +1,4 @@
-"""A check for each fault of a wire: what a driver has to make of it."""
+"""A check for each wire fault: the reaction that every driver must have."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -268,7 +268,7 @@ def test_what_a_configuration_may_say() -> None:
 
 
 def test_the_rate_of_the_line() -> None:
-    """The bytes of a cycle limit the rate of a serial line, a guess that of a network."""
+    """The bytes of a cycle limit the rate of a serial line, an assumption that of a network."""
     serial = Gcs2Dialogue(ScriptedLine(), OPTIONS, Wiring.both(["1"])).capabilities()
     assert serial.max_rate_hz == pytest.approx(115_200 / 10 / 63)
     network = Gcs2Options(host="pi", tcp_port=50_000)

@@ -103,8 +103,8 @@ class GroupEnd:
 class Adapter:
     """An slcan adapter with the replies of LAWICEL's.
 
-    It answers CR to a command, `z` or `Z` and CR to a frame, and BEL to what it refuses. Frames
-    need an open channel.
+    It answers CR to a command, `z` or `Z` and CR to a frame, and BEL to a command or frame that it
+    refuses. Frames need an open channel.
 
     Args:
         off_bus: Whether its controller has left the bus; then frames are refused.

@@ -27,7 +27,7 @@ _IDENTITY: Final = r"([^\n]{1,400})\n"
 
 
 class GcsDrive(NamedTuple):
-    """What is known of the outputs before the device is opened.
+    """Properties of the outputs that are known before the device is opened.
 
     Attributes:
         read_back: Query of the value in force.
@@ -50,7 +50,7 @@ class GcsDialogue(ABC):
         timeout_s: Longest wait for each reply in the loop, in s.
         syntax: Text format of the generation.
         wiring: The channels in use.
-        drive: What is known of the outputs.
+        drive: Properties of the outputs.
     """
 
     def __init__(

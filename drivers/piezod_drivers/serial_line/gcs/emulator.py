@@ -94,7 +94,7 @@ class GcsAxis:
 class GcsEmulator:
     """Implements `Emulator`: the commands that open-loop drive needs.
 
-    A set command has no reply, nor has an unknown query; `ERR?` reports the last error and clears
+    A set command and an unknown query have no reply; `ERR?` reports the last error and clears
     it. With the servo on, an axis keeps its voltage: there is no closed loop.
 
     Args:

@@ -101,7 +101,7 @@ class MdtDialogue:
         return self._ranges
 
     def activate(self) -> None:
-        """Do nothing: the amplifier always obeys, and keeps its voltage."""
+        """Do nothing: the amplifier always accepts setpoints, and keeps its voltage."""
 
     def deactivate(self) -> None:
         """Do nothing: the outputs hold."""
