@@ -1,1 +1,1 @@
-"""What a cycle over a bus costs, beside the bare minimum on the same bytes."""
+"""The cost of a cycle over a bus, compared with plain system calls for the same bytes."""

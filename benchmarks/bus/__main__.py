@@ -1,10 +1,10 @@
-"""What a driver's cycle costs beside plain system calls on the same bytes, to the same peer.
+"""Compares a driver's cycle with plain system calls for the same bytes, to the same peer.
 
-`python -m benchmarks.bus` runs every bus, `python -m benchmarks.bus NAME…` those whose name holds
-one of the words. A cycle is what the loop does: read the inputs, read back, write the outputs.
-Rounds of the driver and of the floor take turns; the emulator is a process of its own, and its time
-is part of both. At a real line rate the wire is the floor: its time is computed, and what the
-driver adds to the bare system calls is told as a part of it.
+`python -m benchmarks.bus` runs every bus, `python -m benchmarks.bus NAME…` those whose name
+contains one of the words. A cycle is that of the loop: read the inputs, read back, write the
+outputs. Rounds of the driver and of the floor (the plain system calls) alternate. The emulator is a
+process of its own, and its time is part of both. At a real line rate the wire is the floor: its
+time is computed, and the driver's additional time is given as a fraction of it.
 """
 
 import sys
@@ -45,15 +45,16 @@ def _measure(case: Case) -> bool:
                 driver_us += timed_cycles_us(device, values, CYCLES)
                 if case.wire != "tcp":
                     floor_us += _floor_us(case, cycle, where)
-            if case.wire == "tcp":  # there the device serves one connection at a time
+            if case.wire == "tcp":  # the device serves one connection at a time
                 floor_us += _floor_us(case, cycle, where)
     return _print(case, cycle, median(driver_us), median(floor_us))
 
 
 def _recorded(case: Case, device: Any, values: list[float]) -> Recorded:
-    """Return what goes over the line in a cycle.
+    """Return the bytes of a cycle on the line.
 
-    Where the peer also sends unasked, it is the second of two with as many bytes: without that.
+    If the peer also sends by itself, the second of two cycles with equally many bytes is used: it
+    has no such bytes.
     """
     before: list[int] = []
     with recording() as exchanges:

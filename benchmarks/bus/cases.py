@@ -1,4 +1,4 @@
-"""The buses that are measured, each with a profile that stands for it."""
+"""The measured buses, each with a profile that represents it."""
 
 from typing import NamedTuple
 
@@ -9,18 +9,17 @@ class Case(NamedTuple):
     """A bus.
 
     Attributes:
-        name: What it is called in the table.
-        profile: Emulator that is the peer.
-        example: Example configuration with the driver's options and the channels that are used.
-        place: Puts the emulator's place into the options.
+        name: Name in the table.
+        profile: Emulator of the peer.
+        example: Example configuration with the driver's options and the channels in use.
+        place: Writes the emulator's place into the options.
         wire: "serial", "tcp" or "udp".
-        limit: What the median may be, as a multiple of the floor's.
+        limit: Highest allowed median, as a multiple of the floor's.
         text: Whether replies are lines of any length.
-        unasked: Whether the peer also sends unasked, which is read before each request.
-        line_rate: Line rate for which the wire time is computed, in bit/s; 0 where it does not
-            count.
-        bits_per_byte: On that line, framing included.
-        silence_us: What the protocol has the line rest before each request at that rate.
+        unasked: Whether the peer also sends by itself; those bytes are read before each request.
+        line_rate: Line rate for the computed wire time, in bit/s; 0 if it does not matter.
+        bits_per_byte: Bits of a byte on this line, framing included.
+        silence_us: Silence before each request that the protocol requires at this rate.
     """
 
     name: str
@@ -80,7 +79,7 @@ CASES = (
     ),
     Case("Modbus TCP, LabJack T7", "labjack-t7", "labjack-t7", at_host, "tcp", 1.5),
     Case("Modbus TCP, WAGO 750", "wago-750", "wago-750", at_host, "tcp", 1.5),
-    # An slcan adapter sends 23 characters or so for a frame of 8 bytes, which has some 125 bits.
+    # An slcan adapter sends about 23 characters for a frame of 8 bytes, which has about 125 bits.
     Case(
         "slcan, CANopen",
         "canopen-401",

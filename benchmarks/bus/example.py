@@ -10,22 +10,22 @@ EXAMPLES = Path(__file__).parents[2] / "config" / "devices"
 MODELS = EXAMPLES.parent / "models"
 
 Place = Callable[[dict[str, Any], str], None]
-"""Puts where an emulator is served into the options of a device."""
+"""Writes the place of an emulator into the options of a device."""
 
 
 def at_port(options: dict[str, Any], where: str) -> None:
-    """Put a serial port there."""
+    """Enter a serial port."""
     options["port"] = where
 
 
 def at_pty(options: dict[str, Any], where: str) -> None:
-    """Put a port there that has no line behind it, so that it need not rest between frames."""
+    """Enter a port without a real line behind it, which needs no silence between frames."""
     at_port(options, where)
     options["silence_ms"] = 0
 
 
 def at_host(options: dict[str, Any], where: str) -> None:
-    """Put a TCP address there."""
+    """Enter a TCP address."""
     options["host"], _, port = where.rpartition(":")
     options["tcp_port"] = int(port)
     options.pop("port", None)
@@ -33,14 +33,14 @@ def at_host(options: dict[str, Any], where: str) -> None:
 
 
 def at_multicast(options: dict[str, Any], where: str) -> None:
-    """Put a CAN bus over UDP there."""
+    """Enter a CAN bus over UDP."""
     group, _, port = where.removeprefix("udp:").rpartition(":")
     options["bus"] = {"interface": "udp_multicast", "channel": group, "port": int(port)}
     options.pop("watchdog_ms", None)  # the floor sends no heartbeat
 
 
 def at_adapter(options: dict[str, Any], where: str) -> None:
-    """Put an slcan adapter there."""
+    """Enter an slcan adapter."""
     options["bus"] = {"interface": "slcan", "channel": where, "bit_rate": 500_000}
     options.pop("watchdog_ms", None)
 
@@ -49,9 +49,9 @@ def placed(example: str, where: list[str], place: Place, rate_hz: float = 0.0) -
     """Return an example whose devices are at other places, in their order.
 
     Args:
-        example: Its name, without the suffix.
-        where: Where the emulators of its devices are served.
-        place: Puts that into options.
+        example: Name of the example, without the suffix.
+        where: Places of the emulators of its devices.
+        place: Writes a place into options.
         rate_hz: Rate of the loop, that of the example if 0.
     """
     text = (EXAMPLES / f"{example}.yaml").read_text(encoding="utf-8")

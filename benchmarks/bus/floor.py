@@ -1,4 +1,4 @@
-"""The bare minimum: the same bytes by plain system calls, to the same peer."""
+"""The floor: the same bytes by plain system calls, to the same peer."""
 
 import os
 import select
@@ -20,13 +20,13 @@ Ask: TypeAlias = Callable[[Exchange], None]
 def serial_floor(line: Any, _where: str, case: Case) -> Iterator[Ask]:
     """Write and read the port of an open line, blocking.
 
-    Lines of text are counted by their last byte, other replies have the length they had.
+    The end of a line of text is its last byte; other replies have the recorded length.
 
     Args:
-        line: The line: what it has set up with its peer goes on.
+        line: The line, whose connection to its peer is used.
         case: The bus.
     """
-    fd = line._fd  # noqa: SLF001 - the same port, without what is around it
+    fd = line._fd  # noqa: SLF001 - the same port, without the line's code
     termios.tcflush(fd, termios.TCIFLUSH)
     os.set_blocking(fd, True)
     readable = select.poll()
@@ -60,7 +60,7 @@ def tcp_floor(_line: Any, address: str, case: Case) -> Iterator[Ask]:
 
 @contextmanager
 def udp_floor(_line: Any, address: str, case: Case) -> Iterator[Ask]:
-    """Send and receive datagrams of a multicast group, one's own among them, blocking."""
+    """Send and receive datagrams of a multicast group, including own ones, blocking."""
     group, _, port = address.removeprefix("udp:").rpartition(":")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bus:
         bus.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -84,7 +84,7 @@ def udp_floor(_line: Any, address: str, case: Case) -> Iterator[Ask]:
 
 
 def timed_us(ask: Ask, cycle: Sequence[Exchange], cycles: int) -> list[float]:
-    """Return how long each of some cycles took, in µs."""
+    """Return the duration of each of some cycles, in µs."""
     took_us = []
     for _ in range(cycles):
         begin_ns = time.monotonic_ns()

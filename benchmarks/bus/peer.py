@@ -11,30 +11,30 @@ from pathlib import Path
 
 from benchmarks.bus.cases import Case
 
-TCP = "127.0.0.1:0"  # any port that is free
+TCP = "127.0.0.1:0"  # any free port
 UDP = "udp:239.74.163.9:43199"
 
 
 @contextmanager
 def emulated(case: Case, folder: Path) -> Iterator[str]:
-    """Start the emulator of a case; give where it is served, while the block runs.
+    """Start the emulator of a case; yield its place while the block runs.
 
-    It has other processors than this process, as a device never waits for that of the loop; where
-    there is only one they share it.
+    It runs on other processors than this process, because a real device never waits for the
+    processor of the loop. With only one processor they share it.
     """
     places = {"serial": str(folder / "port"), "tcp": TCP, "udp": UDP}
     arguments = ("emulate", case.profile, "--port", places[case.wire], "--json")
     command = [sys.executable, "-m", "piezod.cli.main", *arguments]
     processors = os.sched_getaffinity(0)
     own = {min(processors)}
-    os.sched_setaffinity(0, processors - own or own)  # what is started now inherits it
+    os.sched_setaffinity(0, processors - own or own)  # inherited by the process that is started now
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:  # noqa: S603 - our own
         assert process.stdout is not None  # noqa: S101 - a pipe was asked for
         try:
-            told = process.stdout.readline()
-            assert told, f"{case.profile} has not started"  # noqa: S101 - its errors are above
+            line = process.stdout.readline()
+            assert line, f"{case.profile} has not started"  # noqa: S101 - its errors are above
             os.sched_setaffinity(0, own)
-            yield json.loads(told)["serving"][0]["where"]
+            yield json.loads(line)["serving"][0]["where"]
         finally:
             os.sched_setaffinity(0, processors)
             process.send_signal(signal.SIGTERM)

@@ -14,13 +14,13 @@ from piezod_drivers.can_bus.library_bus import LibraryBus
 
 
 class Exchange(NamedTuple):
-    """A request, and what came back.
+    """A request and its reply.
 
     Attributes:
-        request: The bytes that were sent.
-        reply: The bytes that came; empty where there is no reply.
-        frames: In how many pieces they came; on a CAN bus those are frames.
-        follows: Whether it was sent without waiting for anything after the one before.
+        request: The sent bytes.
+        reply: The received bytes; empty without a reply.
+        frames: Number of received pieces; on a CAN bus these are frames.
+        follows: Whether it was sent without waiting after the one before.
     """
 
     request: bytes
@@ -29,12 +29,12 @@ class Exchange(NamedTuple):
     follows: bool = False
 
     def with_reply(self, data: bytes) -> "Exchange":
-        """Return it with more of a reply."""
+        """Return it with more bytes of its reply."""
         return self._replace(reply=self.reply + data, frames=self.frames + 1)
 
 
 class Recorded(list[Exchange]):
-    """What went over a line.
+    """The bytes on a line.
 
     Attributes:
         line: The line.
@@ -45,7 +45,7 @@ class Recorded(list[Exchange]):
 
 @contextmanager
 def recording() -> Iterator[Recorded]:
-    """Collect what goes over lines and over UDP's CAN bus while the block runs."""
+    """Record the bytes on lines and on a CAN bus over UDP while the block runs."""
     exchanges = Recorded()
     before = [(kind, kind.send, kind.receive) for kind in (SerialLine, TcpLine, LibraryBus)]
     for kind, send, receive in before:

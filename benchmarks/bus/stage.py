@@ -19,7 +19,7 @@ from piezod.devices.wiring import construct, pairs_of
 
 @contextmanager
 def driven(case: Case, where: str) -> Iterator[Any]:
-    """Open and activate the device of a case, while the block runs."""
+    """Open and activate the device of a case while the block runs."""
     with tempfile.NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
         yaml.safe_dump(placed(case.example, [where], case.place), file)
         file.flush()
@@ -35,13 +35,13 @@ def driven(case: Case, where: str) -> Iterator[Any]:
 
 
 def in_force(device: Any) -> list[float]:
-    """Return what the outputs are at, so that writing it moves nothing; 0 where it is not known."""
-    told = device.read_back(time.monotonic_ns())
-    return [value if isfinite(value) else 0.0 for value in told]
+    """Return the present outputs, so that writing them moves nothing; 0 if unknown."""
+    voltages = device.read_back(time.monotonic_ns())
+    return [value if isfinite(value) else 0.0 for value in voltages]
 
 
 def timed_cycles_us(device: Any, values: Sequence[float], cycles: int) -> list[float]:
-    """Run cycles as the loop does, writing these values; return how long each took, in µs."""
+    """Run cycles of the loop with these values; return the duration of each, in µs."""
     took_us = []
     able = device.capabilities()
     for _ in range(cycles):

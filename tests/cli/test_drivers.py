@@ -28,7 +28,7 @@ def test_list_for_programs(process: Command) -> None:
     assert rows["simulated"] == {
         "name": "simulated",
         "distribution": f"piezod {package.__version__}",
-        "summary": "a stage with amplifier and sensor that exists only in numbers",
+        "summary": "a simulated stage with amplifier and sensor",
         "confirmed_on_hardware": False,
         "sees": [],
         "error": None,

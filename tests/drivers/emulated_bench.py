@@ -20,18 +20,18 @@ MS = 1_000_000
 
 
 class AskedTime:
-    """Passes as the instants that calls carry; one who begins anew does not set it back."""
+    """A clock that advances to the instants of the calls, and never goes back."""
 
     def __init__(self) -> None:
         self._now_ns = self._asked_ns = 0
 
     def heard(self, asked_ns: int) -> None:
-        """Go on to the instant that a call carries."""
+        """Advance to the instant of a call."""
         self._now_ns += max(asked_ns - self._asked_ns, 0)
         self._asked_ns = asked_ns
 
     def now_ns(self) -> int:
-        """Return the bench's time."""
+        """Return the rig's time."""
         return self._now_ns
 
 
@@ -60,5 +60,5 @@ def serving(
 
 
 def driver_of(path: Path, axes: tuple[str, ...] = ("x",)) -> EmulatedRig:
-    """Construct a driver for the rig at a socket; the deadline is one that no test waits for."""
+    """Construct a driver for the rig at a socket, with a deadline that no test reaches."""
     return EmulatedRig(EmulatedOptions(socket=str(path), deadline_ms=1000.0), axes)

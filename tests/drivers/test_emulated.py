@@ -1,4 +1,4 @@
-"""A rig in another process: what becomes of it and of its driver when the other end goes."""
+"""A rig in another process, and its driver, when the other end goes away."""
 
 import math
 from pathlib import Path
@@ -14,7 +14,7 @@ from tests.drivers.emulated_bench import MS, T0_NS, driver_of, serving
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """Return where the rig's socket is."""
+    """Return the path of the rig's socket."""
     return tmp_path / "rig.sock"
 
 
@@ -27,7 +27,7 @@ def active(path: Path) -> EmulatedRig:
 
 
 def test_driver_is_sensor_and_amplifier(path: Path) -> None:
-    """One device plays both roles, and tells its status."""
+    """One device is sensor and amplifier, and has a status."""
     driver = driver_of(path)
 
     assert isinstance(driver, Sensor)
@@ -36,7 +36,7 @@ def test_driver_is_sensor_and_amplifier(path: Path) -> None:
 
 
 def test_driven_stage_moves(path: Path) -> None:
-    """A voltage that is written moves the stage, and both are told."""
+    """A written voltage moves the stage and is read back."""
     with serving(path):
         driver = active(path)
         assert driver.write([50.0], T0_NS)
@@ -50,7 +50,7 @@ def test_driven_stage_moves(path: Path) -> None:
 
 
 def test_voltage_outlives_its_driver(path: Path) -> None:
-    """What a driver has written stays in force after it has closed, for the next one to read."""
+    """A written voltage stays in force after its driver was closed."""
     with serving(path):
         first = active(path)
         assert first.write([50.0], T0_NS)
@@ -63,7 +63,7 @@ def test_voltage_outlives_its_driver(path: Path) -> None:
 
 
 def test_rig_serves_one_at_a_time(path: Path) -> None:
-    """A second driver is refused, and told who uses the rig."""
+    """A second driver is refused with the process that uses the rig."""
     with serving(path):
         first = active(path)
         with pytest.raises(DeviceUnavailableError, match="used by process"):
@@ -72,30 +72,30 @@ def test_rig_serves_one_at_a_time(path: Path) -> None:
 
 
 def test_rig_is_free_when_its_driver_has_gone(path: Path) -> None:
-    """A driver that opens at once after another has closed is never taken for a second one."""
+    """A driver that opens directly after another was closed is accepted."""
     with serving(path):
         for _ in range(50):
             active(path).close()
 
 
-def test_nobody_there(path: Path) -> None:
-    """Without a rig the device is unavailable; the text names the socket."""
+def test_absent_rig(path: Path) -> None:
+    """Without a rig the device is unavailable, and the text names the socket."""
     with pytest.raises(DeviceUnavailableError, match=str(path)):
         driver_of(path).open()
 
 
 def test_other_axes_are_refused(path: Path) -> None:
-    """A rig with other axes than configured is refused: both are named."""
+    """A rig with other axes than configured is refused, and both are named."""
     with (
         serving(path, ("x", "y")),
-        pytest.raises(DeviceError, match="has axes x, y, the configuration wants x"),
+        pytest.raises(DeviceError, match="has axes x, y, configured are x"),
     ):
         driver_of(path).open()
 
 
 @pytest.mark.fault("B1")
 def test_lost_rig_is_a_value(path: Path) -> None:
-    """With the rig gone samples are invalid, writes are refused and the voltage is unknown."""
+    """With a lost rig samples are invalid, writes are refused and the voltage is unknown."""
     with serving(path):
         driver = active(path)
     samples = driver.read(T0_NS)
@@ -107,7 +107,7 @@ def test_lost_rig_is_a_value(path: Path) -> None:
 
 
 def test_driver_finds_its_rig_again(path: Path) -> None:
-    """A rig that comes back is found by reading, but never so soon that its absence is missed."""
+    """`read` finds a rig that came back, but not so soon that its absence is missed."""
     with serving(path):
         driver = active(path)
     driver.read(T0_NS)
@@ -119,8 +119,8 @@ def test_driver_finds_its_rig_again(path: Path) -> None:
     assert [sample.valid for sample in (*soon, *later)] == [False, True]
 
 
-def test_new_start_of_the_rig_is_told(path: Path) -> None:
-    """The status says for a second that the rig was started anew, and nothing before and after."""
+def test_new_start_of_the_rig_is_reported(path: Path) -> None:
+    """The status reports for one second that the rig has restarted."""
     with serving(path):
         driver = active(path)
         before = driver.status(T0_NS)
@@ -137,7 +137,7 @@ def test_new_start_of_the_rig_is_told(path: Path) -> None:
 
 
 def test_another_rig_is_not_taken_for_the_lost_one(path: Path) -> None:
-    """A rig with other axes that comes at the same socket is left alone."""
+    """A rig with other axes at the same socket is not used."""
     with serving(path):
         driver = active(path)
     driver.read(T0_NS)
@@ -148,7 +148,7 @@ def test_another_rig_is_not_taken_for_the_lost_one(path: Path) -> None:
     assert not sample.valid
 
 
-def test_trace_tells_every_write_that_was_taken(path: Path, tmp_path: Path) -> None:
+def test_trace_lists_every_accepted_write(path: Path, tmp_path: Path) -> None:
     """The trace has the instant, the caller and the voltages of each write."""
     trace = tmp_path / "trace.csv"
     with serving(path, trace=trace):

@@ -1,4 +1,4 @@
-"""The driver `emulated` keeps the driver contract, with a rig that is there for it."""
+"""The driver `emulated` keeps the driver contract."""
 
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ from tests.drivers.emulated_bench import driver_of, serving
 def test_driver_keeps_the_contract(
     tmp_path: Path, axes: tuple[str, ...], subtests: pytest.Subtests
 ) -> None:
-    """The driver passes every check of the roles it plays."""
+    """The driver passes every check of its roles."""
     path = tmp_path / "rig.sock"
     factory = partial(driver_of, path, axes)
     with serving(path, axes):

@@ -1,4 +1,4 @@
-"""The socket of a hosted rig, and what can be hosted."""
+"""The socket of a hosted rig."""
 
 import socket
 from pathlib import Path
@@ -13,12 +13,12 @@ from piezod_drivers.emulated.options import EmulatedOptions
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """Return where the rig's socket is."""
+    """Return the path of the rig's socket."""
     return tmp_path / "rig.sock"
 
 
 def test_socket_of_a_dead_rig_is_replaced(path: Path) -> None:
-    """What a rig has left that was killed is no hindrance."""
+    """The socket of a killed rig is replaced."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as left:
         left.bind(str(path))
 
@@ -27,7 +27,7 @@ def test_socket_of_a_dead_rig_is_replaced(path: Path) -> None:
 
 
 def test_only_the_user_may_use_the_rig(path: Path) -> None:
-    """The socket is for its owner, and gone afterwards."""
+    """Only the owner may use the socket, and it is removed afterwards."""
     with listening(path):
         assert path.stat().st_mode & 0o777 == 0o600
     assert not path.exists()
@@ -37,7 +37,7 @@ def test_only_the_user_may_use_the_rig(path: Path) -> None:
 def test_socket_may_be_anywhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, socket_option: str
 ) -> None:
-    """A name is one in the user's own folder for sockets, an absolute path is taken as it is."""
+    """A name is a socket in the user's own folder; an absolute path is used unchanged."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     expected = tmp_path / "piezod" / "rig.sock" if socket_option == "rig.sock" else socket_option
 

@@ -1,4 +1,4 @@
-"""The driver's end of the socket, against rigs that answer late, wrongly or not at all."""
+"""The driver's end of the socket, with rigs that reply late, wrongly or not at all."""
 
 import re
 import socket
@@ -14,22 +14,22 @@ from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.emulated.codec import (
     Greeting,
     Op,
+    RigCodec,
     RigReply,
     RigRequest,
-    Wire,
     pack_greeting,
     pack_refusal,
 )
 from piezod_drivers.emulated.emulator import listening
-from piezod_drivers.emulated.session import Link
+from piezod_drivers.emulated.session import RigSession
 from tests.drivers.emulated_bench import serving
 
 GREETING = Greeting(Identity("piezod", "scripted", "1", "1"), ("x",), 1e3, "first")
-WIRE = Wire(1)
+CODEC = RigCodec(1)
 
 
 class ScriptedRig:
-    """A rig that does what a test tells it, in the test's thread: the kernel keeps the packets."""
+    """A rig that a test controls, in the test's thread: the kernel buffers the packets."""
 
     def __init__(self, listener: socket.socket) -> None:
         listener.settimeout(10.0)
@@ -37,7 +37,7 @@ class ScriptedRig:
         self._client: socket.socket | None = None
 
     def hang_up(self) -> None:
-        """Let go of the driver."""
+        """Disconnect the driver."""
         if self._client is not None:
             self._client.close()
 
@@ -54,13 +54,13 @@ class ScriptedRig:
             self._client.send(reply)
 
     def received(self) -> list[int]:
-        """Take the requests that have come, and give their numbers."""
+        """Read the pending requests and return their numbers."""
         assert self._client is not None
         self._client.setblocking(False)
         numbers = []
         try:
             while packet := self._client.recv(1000):
-                request = WIRE.unpack_request(packet)
+                request = CODEC.unpack_request(packet)
                 assert request is not None
                 numbers.append(request.number)
         except BlockingIOError:
@@ -70,13 +70,13 @@ class ScriptedRig:
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """Return where the rig's socket is."""
+    """Return the path of the rig's socket."""
     return tmp_path / "rig.sock"
 
 
 @pytest.fixture
 def rig(path: Path) -> Iterator[ScriptedRig]:
-    """Return a rig that has not accepted anybody."""
+    """Return a rig that has not accepted a driver."""
     with listening(path) as listener:
         rig = ScriptedRig(listener)
         yield rig
@@ -93,9 +93,9 @@ def accepting(rig: ScriptedRig, packet: bytes) -> Iterator[None]:
 
 
 @pytest.fixture
-def link(path: Path, rig: ScriptedRig) -> Iterator[Link]:
-    """Return a link that is connected, with a short deadline."""
-    link = Link(path, 0.02)
+def link(path: Path, rig: ScriptedRig) -> Iterator[RigSession]:
+    """Return a connected session with a short deadline."""
+    link = RigSession(path, 0.02)
     with accepting(rig, pack_greeting(GREETING)):
         link.connect()
     yield link
@@ -109,19 +109,19 @@ def request(number: int) -> RigRequest:
 
 def reply(number: int, position_um: float = 0.0) -> bytes:
     """Return the packet of a reply."""
-    return WIRE.pack_reply(RigReply(number, True, [True], [position_um], [0.0]))
+    return CODEC.pack_reply(RigReply(number, True, [True], [position_um], [0.0]))
 
 
-def test_answer_in_time_is_given(link: Link, rig: ScriptedRig) -> None:
-    """The numbers of a reply arrive as they were sent."""
+def test_answer_in_time_is_given(link: RigSession, rig: ScriptedRig) -> None:
+    """The numbers of a reply arrive unchanged."""
     rig.send(reply(1, 1.25))
 
     assert link.exchange(request(1)) == RigReply(1, True, [True], [1.25], [0.0])
 
 
 @pytest.mark.fault("B5")
-def test_late_answer_is_not_taken_for_another(link: Link, rig: ScriptedRig) -> None:
-    """A reply to a request that was given up is dropped, and the next ones fit their requests."""
+def test_late_answer_is_not_taken_for_another(link: RigSession, rig: ScriptedRig) -> None:
+    """A late reply is dropped, and the next ones belong to their requests."""
     first = link.exchange(request(1))
     rig.send(reply(1, 1.0), reply(2, 2.0))
     second = link.exchange(request(2))
@@ -134,23 +134,23 @@ def test_late_answer_is_not_taken_for_another(link: Link, rig: ScriptedRig) -> N
     assert (second.position_um, third.position_um) == ([2.0], [3.0])
 
 
-def test_stalled_rig_gets_no_queue(link: Link, rig: ScriptedRig) -> None:
-    """Requests are not sent as long as one is unanswered: no old voltages wait to be written."""
+def test_stalled_rig_gets_no_queue(link: RigSession, rig: ScriptedRig) -> None:
+    """No request is sent while one has no reply, so no old voltages are queued."""
     for number in range(1, 10):
         assert link.exchange(request(number)) is None
 
     assert rig.received() == [1]
 
 
-def test_reply_of_another_shape_is_none(link: Link, rig: ScriptedRig) -> None:
-    """What is no reply is as good as no answer."""
+def test_reply_of_another_shape_is_none(link: RigSession, rig: ScriptedRig) -> None:
+    """An invalid reply counts as none."""
     rig.send(b"what?")
 
     assert link.exchange(request(1)) is None
 
 
-def test_rig_that_hangs_up_is_lost(link: Link, rig: ScriptedRig) -> None:
-    """From then on there is no answer."""
+def test_rig_that_hangs_up_is_lost(link: RigSession, rig: ScriptedRig) -> None:
+    """After the rig has disconnected there is no reply."""
     rig.hang_up()
 
     assert link.exchange(request(1)) is None
@@ -158,8 +158,10 @@ def test_rig_that_hangs_up_is_lost(link: Link, rig: ScriptedRig) -> None:
 
 
 def test_lost_rig_is_looked_for_now_and_then(path: Path, rig: ScriptedRig) -> None:
-    """A rig that refuses is tried again 0.1 s later, and accepted when it accepts."""
-    with closing(Link(path, 10.0)) as link:  # who greets is a thread that has just started
+    """A lost rig is tried again after 0.1 s, and used when it accepts."""
+    with closing(
+        RigSession(path, 10.0)
+    ) as link:  # a thread that has just started sends the greeting
         with accepting(rig, pack_greeting(GREETING)):
             link.connect()
         rig.hang_up()
@@ -167,43 +169,43 @@ def test_lost_rig_is_looked_for_now_and_then(path: Path, rig: ScriptedRig) -> No
         with accepting(rig, pack_refusal("used")):
             link.reconnect(GREETING, 200_000_000)
         link.reconnect(GREETING, 250_000_000)
-        with accepting(rig, pack_greeting(GREETING._replace(life="second"))):
+        with accepting(rig, pack_greeting(GREETING._replace(run_id="second"))):
             link.reconnect(GREETING, 300_000_000)
         rig.send(reply(2))
 
         assert link.exchange(request(2)) is not None
-        assert link.life == "second"
+        assert link.run_id == "second"
 
 
 @pytest.mark.parametrize(
     ("greeting", "text"),
     [
-        (b"", "what answers is no rig: b''"),
-        (b"hello", "what answers is no rig: b'hello'"),
-        (b"[1]", "what answers is no rig"),
-        (b'{"protocol": 1}', "what answers is no rig"),
-        (b'{"protocol": 2, "greeting": []}', "speaks protocol 2, not 1"),
+        (b"", "not the greeting of a rig: b''"),
+        (b"hello", "not the greeting of a rig: b'hello'"),
+        (b"[1]", "not the greeting of a rig"),
+        (b'{"protocol": 1}', "not the greeting of a rig"),
+        (b'{"protocol": 2, "greeting": []}', "uses protocol 2, not 1"),
         (pack_refusal("used by process 7"), "refuses: used by process 7"),
     ],
 )
 def test_strange_greeting_is_refused(
     path: Path, rig: ScriptedRig, greeting: bytes, text: str
 ) -> None:
-    """What does not greet as a rig does is left alone; the text says why."""
+    """An invalid greeting is refused with the reason."""
     with accepting(rig, greeting), pytest.raises(DeviceError, match=re.escape(text)):
-        Link(path, 1.0).connect()
+        RigSession(path, 1.0).connect()
 
 
 def test_rig_without_a_greeting_is_unavailable(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A rig that accepts nobody is not waited for longer than its time."""
+    """A rig without a greeting is not waited for longer than the time-out."""
     monkeypatch.setattr("piezod_drivers.emulated.session._GREETING_S", 0.01)
     with listening(path), pytest.raises(DeviceUnavailableError, match="timed out"):
-        Link(path, 1.0).connect()
+        RigSession(path, 1.0).connect()
 
 
 @pytest.mark.parametrize("packet", [b"what?", b""])
 def test_server_hangs_up_on_what_is_no_driver(path: Path, packet: bytes) -> None:
-    """It serves the next one."""
+    """The server disconnects a client that is no driver, and serves the next one."""
     with serving(path):
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as stranger:
             stranger.settimeout(10.0)
@@ -211,7 +213,7 @@ def test_server_hangs_up_on_what_is_no_driver(path: Path, packet: bytes) -> None
             stranger.recv(1000)
             stranger.send(packet)
             end = stranger.recv(1000)
-        link = Link(path, 1.0)
+        link = RigSession(path, 1.0)
         link.connect()
         link.close()
 
@@ -219,14 +221,14 @@ def test_server_hangs_up_on_what_is_no_driver(path: Path, packet: bytes) -> None
 
 
 @pytest.mark.parametrize("asking", [True, False])
-def test_server_survives_who_does_not_listen(path: Path, *, asking: bool) -> None:
-    """A driver that is killed in the midst of an exchange leaves the rig to the next one."""
+def test_server_survives_a_client_that_does_not_read(path: Path, *, asking: bool) -> None:
+    """A driver that is killed during an exchange leaves the rig to the next one."""
     with serving(path):
         for _ in range(20):
             with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as killed:
                 killed.connect(str(path))
                 if asking:
-                    killed.send(WIRE.pack_request(request(1)))
-        link = Link(path, 1.0)
+                    killed.send(CODEC.pack_request(request(1)))
+        link = RigSession(path, 1.0)
         link.connect()
         link.close()

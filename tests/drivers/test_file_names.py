@@ -1,4 +1,4 @@
-"""Every file of a driver has a name of the table in `drivers/README.md`, and holds what it says."""
+"""Every file of a driver is named in the table of `drivers/README.md`."""
 
 import re
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ class Row(NamedTuple):
     where: frozenset[str]
 
     def allows(self, folder: Path, name: str) -> bool:
-        """Return whether a file may stand in a folder."""
+        """Return whether a folder may have a file."""
         if not any(fnmatch(name, pattern) for pattern in self.patterns):
             return False
         drives = (folder / "driver.py").exists()
@@ -64,7 +64,7 @@ FOLDERS[:] = list(dict.fromkeys(FOLDERS))
 
 
 def files_of(folder: Path) -> list[str]:
-    """Return the files of a folder, and of its parts with the part's name before them."""
+    """Return the files of a folder, and those of its parts with the part's name before them."""
     names = [path.name for path in folder.glob("*.py")]
     for part in PARTS:
         names += [f"{part}/{path.name}" for path in (folder / part).glob("*.py")]
@@ -78,7 +78,7 @@ def named_in_docstring(folder: Path) -> set[str]:
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_table_allows_every_file(folder: Path) -> None:
-    """A folder holds no file that the table does not name for it."""
+    """A folder has no file that the table does not allow there."""
     names = files_of(folder)
 
     assert [n for n in names if not any(row.allows(folder, n) for row in ROWS)] == []
@@ -86,7 +86,7 @@ def test_table_allows_every_file(folder: Path) -> None:
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_required_files_exist(folder: Path) -> None:
-    """A folder holds the files that the table requires of it."""
+    """A folder has the files that the table requires there."""
     names = files_of(folder)
     required = [row for row in ROWS if row.is_required(folder)]
 
@@ -98,7 +98,7 @@ def test_required_files_exist(folder: Path) -> None:
 
 
 def test_every_row_names_a_file() -> None:
-    """The table has no row, no pattern and no folder without a file."""
+    """Every row, pattern and folder of the table has a file."""
     found = [(folder, name) for folder in FOLDERS for name in files_of(folder)]
     words = {"every folder", "any folder", "every driver", "any driver", "every bus driver"}
 
@@ -113,7 +113,7 @@ def test_every_row_names_a_file() -> None:
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_docstring_of_a_folder_names_its_own_files(folder: Path) -> None:
-    """The docstring of a folder names the files that few folders have, and none that is missing."""
+    """The docstring of a folder names the files that only few folders have, and no missing one."""
     special = {
         path.name
         for path in folder.glob("*.py")

@@ -1,4 +1,4 @@
-"""Every fault that a driver says it sees is proved by a test."""
+"""Every fault that a driver claims to detect is proved by a test."""
 
 from collections import defaultdict
 from pathlib import Path
@@ -11,7 +11,7 @@ FOLDER = Path(__file__).parent
 
 
 def test_every_fault_that_a_driver_sees_is_proved(request: pytest.FixtureRequest) -> None:
-    """For each id in a plug-in's `sees` there is a test that is marked with both."""
+    """For each id in a plug-in's `sees` there is a test with a mark for both."""
     marking = {path for path in FOLDER.rglob("test_*.py") if ".sees(" in path.read_text()}
     items = request.session.items
     if request.config.option.keyword or not marking <= {item.path for item in items} | {

@@ -1,4 +1,4 @@
-"""The simulated rig with whatever its options allow: it works, or says why it does not."""
+"""The simulated rig with any allowed options works or gives a reason why it does not."""
 
 from itertools import combinations
 from math import isfinite
@@ -43,10 +43,10 @@ CALIBRATIONS: Final = (
 
 
 def use(keys: dict[str, Any], *, drive_v: float = 10.0, seed: int = 1) -> bool:
-    """Use a rig from opening to closing, and tell whether that was possible.
+    """Use a rig from opening to closing, and return whether that was possible.
 
-    What is neither a broken rule of the options nor a `DeviceError` is a failure of the test, and
-    so are a warning and a position that is no number.
+    Anything but a broken rule of the options or a `DeviceError` fails the test, and so do a warning
+    and a position that is not a number.
     """
     try:
         rig = PLUGIN.create(SimulatedOptions.model_validate(keys), Wiring.both("x"), seed)
@@ -67,7 +67,7 @@ def use(keys: dict[str, Any], *, drive_v: float = 10.0, seed: int = 1) -> bool:
 
 
 def keys_of(*edges: tuple[str, str, float]) -> dict[str, Any]:
-    """Write parameters as options."""
+    """Return parameters as options."""
     keys: dict[str, Any] = {part: {} for part in PARTS}
     for part, name, value in edges:
         keys[part][name] = value
@@ -75,7 +75,7 @@ def keys_of(*edges: tuple[str, str, float]) -> dict[str, Any]:
 
 
 def test_each_bound_alone_works_or_is_refused() -> None:
-    """At the end of its range a parameter leaves a working rig, but for those listed here."""
+    """A parameter at a bound gives a working rig, except for those listed here."""
     refused = [edge for edge in EDGES if not use(keys_of(edge))]
 
     assert refused == [
@@ -95,13 +95,13 @@ def test_each_bound_alone_works_or_is_refused() -> None:
 def test_two_bounds_together_work_or_are_refused(
     pair: tuple[tuple[str, str, float], tuple[str, str, float]], calibration: Any
 ) -> None:
-    """No pair of bounds ends in anything but a reason."""
+    """Each pair of bounds works or is refused with a reason."""
     use({**keys_of(*pair), "calibration": calibration})
 
 
 @pytest.mark.stress
 def test_every_pair_of_bounds_works_or_is_refused() -> None:
-    """The same for all pairs; a hundred and more are refused, most work."""
+    """All pairs of bounds work or are refused; over a hundred are refused, most work."""
     pairs = list(combinations(EDGES, 2))
     working = sum(use(keys_of(*pair)) for pair in pairs)
 
@@ -129,5 +129,5 @@ OPTIONS: Final = st.fixed_dictionaries(
 
 @given(keys=OPTIONS, drive_v=st.floats(-300, 300), seed=st.integers(0, 2**32 - 1))
 def test_any_options_work_or_are_refused(keys: dict[str, Any], drive_v: float, seed: int) -> None:
-    """Whatever the options, the rig works or opening it gives a reason."""
+    """A rig with any options works, or opening it gives a reason."""
     use(keys, drive_v=drive_v, seed=seed)

@@ -1,4 +1,4 @@
-"""What a configuration may say about the simulated rig."""
+"""Options of the simulated rig."""
 
 from typing import Any, get_args
 
@@ -35,12 +35,12 @@ def read(text: str) -> SimulatedOptions:
 
 
 def test_options_know_every_variant() -> None:
-    """The names that the options take are those of the plant's table."""
+    """The options have the variants of the plant's table."""
     assert get_args(SimulatedOptions.model_fields["variant"].annotation) == tuple(VARIANTS)
 
 
 def test_options_know_every_effect() -> None:
-    """There is one switch for each effect, and each is on."""
+    """There is one switch for each effect, on by default."""
     switches = SimulatedOptions().effects.model_dump()
 
     assert switches == dict.fromkeys(EFFECTS, True)
@@ -61,7 +61,7 @@ def test_options_describe_every_parameter(part: str) -> None:
 @pytest.mark.parametrize("part", PARTS)
 @pytest.mark.parametrize("edge", ["low", "high"])
 def test_bounds_of_parameters_belong_to_the_range(part: str, edge: str) -> None:
-    """Each bound is taken, and what lies beyond it is refused with both bounds and the unit."""
+    """Each bound is allowed; a value beyond it is refused with both bounds and the unit."""
     for name, quantity in quantities(PARTS[part]).items():
         value = getattr(quantity, edge)
         beyond = value - 1e-6 * abs(value) - 1e-9 if edge == "low" else value * (1 + 1e-6) + 1e-9
@@ -78,7 +78,7 @@ def test_bounds_of_parameters_belong_to_the_range(part: str, edge: str) -> None:
 
 
 def test_given_values_are_exact_and_the_others_vary() -> None:
-    """What is configured does not vary with the seed; its neighbours do not change."""
+    """Configured values do not vary with the seed, and do not change other values."""
     plain = SimulatedOptions().plant(SEED).stage
     given = SimulatedOptions.model_validate({"stage": {"creep_per_decade": 0.02}}).plant(SEED).stage
 
@@ -98,7 +98,7 @@ def test_switched_off_effect_is_absent_from_the_plant() -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_variant_decides_about_the_calibration(variant: str) -> None:
-    """Only the uncalibrated stack has to do with a straight line, unless the options say so."""
+    """By default only the uncalibrated stack has a straight line as its curve."""
     expected = SensorLine() if variant == "stack-uncalibrated" else Commissioned(residual_pct=0.05)
     chosen = SimulatedOptions.model_validate({"variant": variant, "calibration": {"kind": "line"}})
 
@@ -151,7 +151,7 @@ TABLE = "calibration: {kind: table, sensor_v: [1, 2], position_um: [0, 3]}"
         ),
         (
             TABLE.replace("[0, 3]", "[1, 2, 3]"),
-            "59: calibration.position_um: one for each voltage is needed (got 3 for 2)",
+            "59: calibration.position_um: one for each voltage is required (got 3 for 2)",
         ),
         (
             TABLE.replace("[1, 2]", "[1, 1]"),
@@ -178,14 +178,14 @@ TABLE = "calibration: {kind: table, sensor_v: [1, 2], position_um: [0, 3]}"
     ],
 )
 def test_mistakes_are_refused(text: str, expected: str) -> None:
-    """A name, a value or a table that cannot be meant is refused with place, reason and remedy."""
+    """An invalid name, value or table is refused with place, reason and remedy."""
     with pytest.raises(ConfigError) as caught:
         read(text)
     assert str(caught.value) == f"rig.yaml:1:{expected}"
 
 
 def test_table_is_read_as_tuples() -> None:
-    """Lists of a file cannot be changed afterwards."""
+    """Lists of a file become tuples, which cannot change."""
     table = read(TABLE).calibration
 
     assert isinstance(table, SensorTable)
@@ -193,7 +193,7 @@ def test_table_is_read_as_tuples() -> None:
 
 
 def test_switched_off_converter_may_be_coarse() -> None:
-    """Rules ask about the effects that are on."""
+    """Rules only concern effects that are on."""
     options = read("{amplifier: {dac_bits: 4, gain: 1000}, effects: {dac: false}}")
 
     assert options.plant(SEED).amplifier.gain == 1000
@@ -202,19 +202,19 @@ def test_switched_off_converter_may_be_coarse() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("sensor: {saturation_v: 0.5}", "saturated at rest: it gives .* less than saturation_v"),
+        ("sensor: {saturation_v: 0.5}", "saturated at rest: it outputs .* less than saturation_v"),
         ("stage: {reversible_um: 1000}", "saturated at rest"),
-        ("sensor: {light_level: 0}", "does not resolve the travel: it gives 0 V"),
+        ("sensor: {light_level: 0}", "does not resolve the travel: its output changes by 0 V"),
         ("sensor: {adc_bits: 4, adc_range_v: 100}", r"converter has steps of 12\.5 V"),
     ],
 )
-def test_sensor_that_tells_nothing_is_refused(text: str, message: str) -> None:
-    """A specimen of whose travel no valid sample could tell anything is an error of the device."""
+def test_sensor_without_resolution_is_refused(text: str, message: str) -> None:
+    """A specimen whose sensor cannot measure the travel raises `DeviceError`."""
     with pytest.raises(DeviceError, match=message):
         read(text).plant(SEED)
 
 
 def test_options_do_not_change() -> None:
-    """What was validated stays."""
+    """Validated options cannot be changed."""
     with pytest.raises(ValidationError, match="frozen"):
         SimulatedOptions().variant = "afm"  # type: ignore[misc] # what the test is about

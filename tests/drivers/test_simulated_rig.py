@@ -1,4 +1,4 @@
-"""The simulated rig as a device; what every driver must do is in the driver contract."""
+"""The simulated rig as a device; the driver contract has the checks for all drivers."""
 
 from collections.abc import Callable, Iterable, Sequence
 from math import inf, nan
@@ -27,7 +27,7 @@ def active(axes: tuple[str, ...] = ("x",), seed: int = 1, **options: Any) -> Sim
 
 
 def drive(rig: SimulatedRig, drive_v: Iterable[Sequence[float]]) -> Any:
-    """Write one row of voltages per millisecond and give the positions read after each, in µm."""
+    """Write one row of voltages per millisecond and return the positions after each, in µm."""
     positions_um = []
     for k, row in enumerate(drive_v):
         assert rig.write(row, T0_NS + k * MS)
@@ -36,12 +36,12 @@ def drive(rig: SimulatedRig, drive_v: Iterable[Sequence[float]]) -> Any:
 
 
 def only(*effects: str) -> dict[str, bool]:
-    """Give the switches that leave some effects on and switch all others off."""
+    """Return the switches that leave only some effects on."""
     return {effect: effect in effects for effect in EFFECTS}
 
 
 def residual_pct(drawn: Any) -> float:
-    """Give the greatest error of the readings over the travel, in % of travel."""
+    """Return the greatest error of the readings over the travel, in % of travel."""
     rig = active(**drawn)
     drive_v = np.linspace(0, 150, 601)
     measured_um = drive(rig, [[command_v] for command_v in drive_v])[:, 0]
@@ -50,7 +50,7 @@ def residual_pct(drawn: Any) -> float:
 
 
 def test_rig_is_sensor_and_amplifier_and_knows_the_truth() -> None:
-    """One device plays both roles, and knows what it measures."""
+    """One device is sensor and amplifier, and knows the true displacement."""
     rig = active()
 
     assert isinstance(rig, Sensor)
@@ -59,7 +59,7 @@ def test_rig_is_sensor_and_amplifier_and_knows_the_truth() -> None:
 
 
 def truth_and_readings(rig: SimulatedRig, drive_v: Iterable[float]) -> tuple[Any, Any]:
-    """Write a voltage per millisecond; give the true and the measured displacement, in µm."""
+    """Write a voltage per millisecond; return the true and the measured displacement, in µm."""
     true_um, measured_um = [], []
     for k, command_v in enumerate(drive_v):
         assert rig.write([command_v], T0_NS + k * MS)
@@ -69,7 +69,7 @@ def truth_and_readings(rig: SimulatedRig, drive_v: Iterable[float]) -> tuple[Any
 
 
 def test_truth_is_what_a_perfect_sensor_would_measure() -> None:
-    """Counted from rest; without noise, calibration, filter and delay the two agree."""
+    """A perfect sensor measures the true displacement, counted from rest."""
     perfect = only("hysteresis", "asymmetry", "creep", "mode")
     rig = active(effects=perfect, calibration={"kind": "commissioned", "residual_pct": 0.0})
     true_um, measured_um = truth_and_readings(rig, 70 - 70 * np.cos(np.arange(500) / 40))
@@ -80,7 +80,7 @@ def test_truth_is_what_a_perfect_sensor_would_measure() -> None:
 
 
 def test_truth_has_none_of_the_sensors_faults() -> None:
-    """The same stage with another sensor's calibration is at the same place, to the bit."""
+    """The true displacement does not depend on the sensor's calibration, to the bit."""
     drive_v = 70 - 70 * np.cos(np.arange(500) / 40)
     calibrated, straight = (
         truth_and_readings(active(calibration=kind), drive_v)
@@ -91,8 +91,8 @@ def test_truth_has_none_of_the_sensors_faults() -> None:
     assert np.max(np.abs(calibrated[1] - straight[1])) > 0.1
 
 
-def test_identity_tells_variant_and_seed() -> None:
-    """Who opens the rig learns that it is not a real one, and which."""
+def test_identity_names_variant_and_seed() -> None:
+    """The identity shows that the rig is simulated, with variant and seed."""
     identity = SimulatedRig(SimulatedOptions(variant="afm"), Wiring.both("x"), 42).open()
 
     assert (identity.model, identity.serial) == ("simulated afm", "seed 42")
@@ -106,7 +106,7 @@ def test_identity_tells_variant_and_seed() -> None:
 def test_calibration_leaves_what_the_variant_promises(
     variant: str, low_pct: float, high_pct: float, seed: int
 ) -> None:
-    """With a linear, noiseless stage 0.05 % of range is left, 1 % (± a tenth) uncalibrated."""
+    """With a linear, noiseless stage 0.05 % of range remain, 1 % (± a tenth) uncalibrated."""
     stage = {"reversible_um": 20.0, "irreversible_um": 10.0}
     effects = only("nonlinearity")
     left_pct = residual_pct({"variant": variant, "stage": stage, "effects": effects, "seed": seed})
@@ -115,7 +115,7 @@ def test_calibration_leaves_what_the_variant_promises(
 
 
 def test_residual_of_the_calibration_can_be_chosen() -> None:
-    """A better commissioning leaves less."""
+    """A better calibration leaves a smaller error."""
     stage = {"reversible_um": 20.0, "irreversible_um": 10.0}
     calibration = {"kind": "commissioned", "residual_pct": 0.2}
     left_pct = residual_pct(
@@ -127,7 +127,7 @@ def test_residual_of_the_calibration_can_be_chosen() -> None:
 
 @pytest.mark.parametrize("turned", [False, True])
 def test_table_of_the_configuration_is_the_curve(turned: bool) -> None:
-    """A given table is used as it is: straight between its points, and beyond them."""
+    """A configured table is interpolated linearly, also beyond its ends."""
     points = [(1.0, 0.0), (2.0, 10.0), (4.0, 40.0)]
     sensor_v, position_um = zip(*(points[::-1] if turned else points), strict=True)
     rig = active(
@@ -142,7 +142,7 @@ def test_table_of_the_configuration_is_the_curve(turned: bool) -> None:
 
 
 def test_far_side_can_be_calibrated_too() -> None:
-    """A probe behind the maximum sees the light fall, and measures as well."""
+    """A probe behind the maximum sees the light decrease, and can be calibrated."""
     stage = {"reversible_um": 20.0, "irreversible_um": 10.0}
     drawn = {"stage": stage, "effects": only("nonlinearity"), "sensor": {"setback_um": 150.0}}
 
@@ -150,7 +150,7 @@ def test_far_side_can_be_calibrated_too() -> None:
 
 
 def test_sensor_whose_light_peaks_within_the_travel_cannot_be_calibrated() -> None:
-    """Where one voltage means two displacements, opening fails and says why."""
+    """If one voltage means two displacements, opening fails with the reason."""
     rig = SimulatedRig(
         SimulatedOptions.model_validate({"sensor": {"setback_um": 85.0}}), Wiring.both("x"), 1
     )
@@ -160,7 +160,7 @@ def test_sensor_whose_light_peaks_within_the_travel_cannot_be_calibrated() -> No
 
 
 def test_saturated_sample_is_invalid() -> None:
-    """With too much light the sample at full travel is marked, and the one at rest is not."""
+    """With too much light the sample at full travel is invalid, and the one at rest is valid."""
     rig = active(sensor={"light_level": 5.0})
     at_rest = rig.read(T0_NS)[0]
     for k in range(20):
@@ -172,7 +172,7 @@ def test_saturated_sample_is_invalid() -> None:
 
 @pytest.mark.parametrize("bad_v", [nan, inf, -inf, 160.001, -10.001, 1e9])
 def test_bad_voltage_is_refused_and_the_output_stays(bad_v: float) -> None:
-    """What is not finite or beyond -10 to 160 V changes nothing, on no axis."""
+    """A voltage that is not finite or beyond -10 to 160 V changes no axis."""
     rig = active(("x", "y"), effects=only("voltage_limits"))
     assert rig.write([50.0, 60.0], T0_NS)
 
@@ -182,12 +182,12 @@ def test_bad_voltage_is_refused_and_the_output_stays(bad_v: float) -> None:
 
 @pytest.mark.parametrize("edge_v", [160.0, -10.0])
 def test_voltage_at_the_limit_is_taken(edge_v: float) -> None:
-    """The limits themselves belong to the range."""
+    """The limits themselves are allowed."""
     assert active().write([edge_v], T0_NS) is True
 
 
 def test_without_voltage_limits_the_converter_is_the_limit() -> None:
-    """A converter of ±10 V and a gain of 20 take ±200 V."""
+    """A converter of ±10 V and a gain of 20 allow ±200 V."""
     rig = active(effects={"voltage_limits": False})
 
     assert [rig.write([v], T0_NS) for v in (200.0, 200.1, -200.0)] == [True, False, True]
@@ -205,7 +205,7 @@ def test_write_of_the_wrong_length_is_refused() -> None:
 
 
 def test_deactivation_lets_the_output_fall_as_fast_as_it_can() -> None:
-    """From 150 V the output is half-way down after 2.3 ms and at 0 V after 6 ms."""
+    """From 150 V the output is at half after 2.3 ms and at 0 V after 6 ms."""
     rig = active(amplifier={"slew_v_per_s": 1e5, "current_limit_a": 0.1, "capacitance_uf": 3.0})
     rig.write([150.0], T0_NS)
     rig.deactivate(T0_NS + 20 * MS)
@@ -231,7 +231,7 @@ def test_each_axis_is_a_specimen_of_its_own() -> None:
 
 
 def test_first_axis_does_not_depend_on_how_many_there_are() -> None:
-    """Adding an axis to a configuration leaves the others as they were."""
+    """A further axis does not change the others."""
     one = drive(active(("x",)), [[50.0]] * 5)
     two = drive(active(("x", "y")), [[50.0, 0.0]] * 5)
 
@@ -239,7 +239,7 @@ def test_first_axis_does_not_depend_on_how_many_there_are() -> None:
 
 
 def test_same_seed_gives_the_same_record() -> None:
-    """Rigs of one seed agree to the bit, and a rig that is opened again begins anew."""
+    """Rigs with the same seed agree to the bit, also after opening again."""
     rows = [[float(v)] for v in range(0, 150, 3)]
     rig = active(seed=3)
     first, same, other = drive(rig, rows), drive(active(seed=3), rows), drive(active(seed=4), rows)
@@ -253,7 +253,7 @@ def test_same_seed_gives_the_same_record() -> None:
 
 
 def test_order_of_read_and_write_at_one_instant_does_not_matter() -> None:
-    """A voltage written at an instant does not show in the sample of that instant."""
+    """A voltage does not affect the sample of the instant at which it is written."""
     reading_first, writing_first = active(), active()
     one = reading_first.read(T0_NS + MS)
     reading_first.write([100.0], T0_NS + MS)
@@ -275,7 +275,7 @@ def test_order_of_read_and_write_at_one_instant_does_not_matter() -> None:
     ids=["read", "read_back", "true_position_um", "write"],
 )
 def test_time_that_goes_back_is_an_error(call: Callable[[SimulatedRig], Any]) -> None:
-    """An instant before the last one is a mistake of the caller."""
+    """An instant before the last one raises `DeviceError`."""
     rig = active()
     rig.read(T0_NS + 2 * MS)
 
@@ -284,7 +284,7 @@ def test_time_that_goes_back_is_an_error(call: Callable[[SimulatedRig], Any]) ->
 
 
 def test_deactivation_makes_safe_even_if_its_instant_is_wrong() -> None:
-    """An instant in the past does not keep the output from going to rest."""
+    """A past instant does not keep the output from going to rest."""
     rig = active()
     rig.write([100.0], T0_NS + 5 * MS)
     rig.deactivate(T0_NS)
@@ -293,7 +293,7 @@ def test_deactivation_makes_safe_even_if_its_instant_is_wrong() -> None:
 
 
 def test_rig_is_at_rest_with_nothing_to_remember_whenever_it_is_opened() -> None:
-    """Nobody can have moved it meanwhile."""
+    """A rig opens at rest, with a relaxed hysteresis memory."""
     rig = SimulatedRig(SimulatedOptions(), Wiring.both("x"), 1)
     rig.open()
 

@@ -1,4 +1,4 @@
-"""Devices on a CAN bus: what the drivers in `cia401/` and `dbc/` have in common.
+"""Devices on a CAN bus: the common code of the drivers in `cia401/` and `dbc/`.
 
 `frame.py` is a CAN frame. `frame_bus.py` is the interface of a bus that carries frames;
 `library_bus.py` implements it by python-can, `slcan_bus.py` by a serial adapter.

@@ -91,7 +91,7 @@ class CanConversation:
         """Read all pending frames. Real-time safe.
 
         Args:
-            answers: Identifiers of replies, which nobody sends without a request.
+            answers: Identifiers of replies, which the device sends only on request.
 
         Raises:
             LineFault: `BUS_OVERLOADED` if there are more than `MAX_FRAMES`, or any fault of the
@@ -99,9 +99,12 @@ class CanConversation:
         """
         bus = self._bus
         for _ in range(MAX_FRAMES):
+            # The limit bounds the time that a flooded bus can take from a cycle.
             frame = bus.receive(0)
             if frame is None:
                 return
+            # A remote frame with this identifier is a request of another host, not the overdue
+            # reply.
             if frame.id in self._overdue and not frame.remote:
                 self._overdue.discard(frame.id)
                 self._noticed.add(DeviceFlag.LATE_REPLY)
@@ -167,11 +170,14 @@ class CanConversation:
         got: dict[int, bytes] = {}
         for _ in range(MAX_FRAMES):
             frame = bus.receive(left_ns)
+            # Read after each frame, so that other traffic on the bus does not prolong the wait.
             took_ns = self._now_ns() - begin_ns
             if frame is not None:
                 identifier = frame.id
                 if identifier not in answers:
                     self._deliver(frame)
+                # A second frame of this identifier, or one that `check` rejects, answers an earlier
+                # request.
                 elif identifier in missing and self._is_expected(frame, missing, check):
                     missing.discard(identifier)
                     got[identifier] = frame.data
@@ -202,6 +208,7 @@ class CanConversation:
 
     def _deliver(self, frame: Frame) -> None:
         if frame.id in self._own_ids:
+            # Another program commands the device.
             self._noticed.add(DeviceFlag.FOREIGN_FRAME)
         else:
             self._on_unrequested(frame)

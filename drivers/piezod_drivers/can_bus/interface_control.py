@@ -36,8 +36,8 @@ class InterfaceControl(Protocol):
 class KernelInterfaces:
     """Implements `InterfaceControl`.
 
-    `carrier_down_count` counts how often an interface lost its bus, but not how often somebody took
-    it down. Every socket that is bound to the interface receives an error when it is taken down, so
+    `carrier_down_count` counts how often an interface lost its bus, but not how often it was taken
+    down. Every socket that is bound to the interface receives an error when it is taken down, so
     one socket that receives nothing else is kept for that.
     """
 
@@ -50,7 +50,9 @@ class KernelInterfaces:
         if self._monitor is None:
             self._monitor = _monitor(name)
             if self._monitor is not None:
+                # This object has no `close`; the socket is closed when the object is collected.
                 weakref.finalize(self, self._monitor.close)
+        # Reading SO_ERROR also clears it. The next call opens a new socket.
         elif self._monitor.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
             self._taken_down += 1
             self._close_monitor()
@@ -70,6 +72,7 @@ class KernelInterfaces:
             # The ioctl needs any socket; its family does not matter.
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control_socket:
                 request = _REQUEST.pack(name.encode()[:15], 0)
+                # An interface name has at most 15 bytes (IFNAMSIZ is 16, with the zero at the end).
                 flags = _REQUEST.unpack(ioctl(control_socket, _GET_FLAGS, request))[1]
                 for wanted in (flags & ~_UP, flags | _UP):
                     ioctl(control_socket, _SET_FLAGS, _REQUEST.pack(name.encode()[:15], wanted))

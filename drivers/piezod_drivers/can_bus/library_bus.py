@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 SOCKETCAN: Final = "socketcan"
 _ECHOING: Final = frozenset({"udp_multicast"})
 """Interfaces that also deliver the sender's own frames, and do not mark them."""
+# Echoes that never come must not fill the memory.
 _MOST_ECHOES: Final = 256
 
 _FULL: Final = frozenset({errno.ENOBUFS, errno.EAGAIN})
@@ -42,8 +43,7 @@ class LibraryBus:
 
     With socketcan the kernel's queue may hold frames that were not sent, because the controller
     left the bus or the bus stalled. `open` then takes the interface down and up, which needs
-    CAP_NET_ADMIN. Without this right `open` fails until somebody has taken the interface down and
-    up.
+    CAP_NET_ADMIN. Without this right `open` fails until the interface has been taken down and up.
 
     Args:
         interface: Name of the interface in python-can.
@@ -93,6 +93,7 @@ class LibraryBus:
             self._bus = can.Bus(
                 channel=self._channel,
                 interface=self._interface,
+                # Settings in a configuration file of python-can must not change the bus.
                 ignore_config=True,
                 can_filters=filters,
                 **self._settings,
@@ -108,6 +109,7 @@ class LibraryBus:
         bus, self._bus = self._bus, None
         if bus is None:
             return
+        # Discard frames that python-can still queues: an old setpoint must not be sent later.
         with suppress(Exception):  # each interface of python-can raises errors of its own
             bus.flush_tx_buffer()
         with suppress(Exception):
@@ -140,6 +142,8 @@ class LibraryBus:
         bus = self._require_open()
         end_ns = time.monotonic_ns() + within_ns if within_ns else 0
         while True:
+            # Echoes and error frames do not count as frames; the wait goes on with the time that is
+            # left.
             left_ns = end_ns - time.monotonic_ns() if within_ns else 0
             try:
                 message = bus.recv(left_ns * 1e-9 if left_ns > 0 else 0)
@@ -153,6 +157,7 @@ class LibraryBus:
                 return None
             if message.is_error_frame:
                 self._handle_error_frame(message.arbitration_id, bytes(message.data))
+            # A CAN FD frame cannot come from a device of this driver.
             elif not message.is_fd:
                 frame = Frame(
                     message.arbitration_id,
@@ -180,7 +185,7 @@ class LibraryBus:
     def _empty_queue(self) -> None:
         if self._downs_when_stalled is None:
             return
-        # If somebody has taken the interface down since it stalled, the queue is empty already.
+        # If the interface has been taken down since it stalled, its queue is already empty.
         if self._network.down_count(self._channel) == self._downs_when_stalled:
             self._network.restart(self._channel)
         self._downs_when_stalled = None
@@ -213,12 +218,14 @@ class LibraryBus:
         if classes & _CLASS_BUS_OFF:
             self.mark_stalled()
             raise LineFault(DeviceFlag.BUS_OFF, f"{self.where}: the controller has left the bus")
+        # Passive as a sender: in most cases no other node acknowledges its frames.
         if classes & _CLASS_CONTROLLER and len(data) > 1 and data[1] & _SENDER_PASSIVE:
             self._noticed.add(DeviceFlag.NOT_SENT)
 
     def _is_echo(self, frame: Frame) -> bool:
         echoes = self._echoes
         if echoes and (key := (frame.id, frame.data)) in echoes:
+            # Only one echo belongs to each sent frame: an equal frame after it is a foreign one.
             echoes.remove(key)
             return True
         return False
@@ -230,6 +237,7 @@ class LibraryBus:
 
 
 def _filters(accepted: Iterable[int]) -> list[CanFilter]:
+    # The mask compares all bits of the identifier: 11, or 29 of an extended frame.
     return [{"can_id": i, "can_mask": 0x1FFF_FFFF if i > 0x7FF else 0x7FF} for i in accepted]
 
 

@@ -26,7 +26,9 @@ _ANSWER_NS: Final = 500_000_000
 """Longest time that an adapter may take to acknowledge a command."""
 _QUIET_NS: Final = 50_000_000
 """After a silence of this length the adapter has sent all that was pending."""
+# A bus that nothing reads must not fill the memory.
 _MOST_FRAMES: Final = 4096
+# CR alone for a command; `z` or `Z` before it for a frame, by some adapters.
 _ACKNOWLEDGEMENTS: Final = frozenset({b"", b"z", b"Z"})
 
 
@@ -164,6 +166,7 @@ class SlcanBus:
         end_ns = line.now_ns() + _ANSWER_NS
         while line.receive(within_ns) and line.now_ns() < end_ns:
             within_ns = _QUIET_NS
+        # The rest of a line belongs to the closed channel.
         self._lines.clear()
 
     def _command(self, command: bytes, what: str) -> None:
@@ -174,5 +177,7 @@ class SlcanBus:
             for answer in self._lines.feed(self._line.receive(left_ns)):
                 if answer == BEL:
                     raise DeviceUnavailableError(f"{self.where}: the adapter refuses {what}")
+                # An empty line is the acknowledgement; other lines are frames of an earlier
+                # connection.
                 if answer == b"":
                     return

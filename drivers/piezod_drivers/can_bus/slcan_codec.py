@@ -63,10 +63,12 @@ def decode(line: bytes) -> Frame | None:
         return None
     n_head = 5 if extended else 2
     head = int.from_bytes(raw[:n_head], "big")
+    # The last digit of the head is the length, in both forms.
     number, length = head >> 4, head & 0xF
     if length > MAX_DATA_BYTES or number >= (EXTENDED_IDS if extended else STANDARD_IDS):
         return None
     end = n_head if remote else n_head + length
+    # The adapter appends a time stamp if an earlier program has switched that on.
     if len(raw) != end and len(raw) != end + _STAMP:
         return None
     return Frame(number, bytes(length) if remote else raw[n_head:end], extended, remote)
@@ -89,5 +91,6 @@ class SlcanLines:
         """
         # A BEL has no CR behind it; with one it becomes a line of its own.
         lines = (self._rest + data).replace(BEL, _BEL_CR).split(CR)
+        # Cut, because a device at the wrong bit rate may never send a CR.
         self._rest = lines.pop()[-_LONGEST_LINE:]
         return lines

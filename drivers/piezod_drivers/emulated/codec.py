@@ -1,8 +1,8 @@
-"""What goes over the socket: a greeting when the rig accepts, then a packet each way for each call.
+"""Packets over the socket: a greeting when the rig accepts, then one each way per call.
 
-A socket of type SOCK_SEQPACKET keeps packets apart. Both ends are on one machine, so numbers are as
-that machine has them. Every answer carries the number of its request: one that comes too late is
-not taken for another.
+A socket of type SOCK_SEQPACKET keeps packets apart. Both ends are on one machine, so numbers have
+its native format. Each reply repeats the number of its request, so a late reply is not taken for
+another one.
 """
 
 import json
@@ -19,7 +19,7 @@ _PROTOCOL: Final = 1
 
 
 class Op(IntEnum):
-    """What is asked of the rig."""
+    """Calls of the rig."""
 
     READ = 1
     WRITE = 2
@@ -27,11 +27,11 @@ class Op(IntEnum):
 
 
 class RigRequest(NamedTuple):
-    """One call.
+    """A call.
 
     Attributes:
-        op: What is asked.
-        number: Of this request, from 0 to 2³² - 1.
+        op: Kind of the call.
+        number: Number of this request, from 0 to 2³² - 1.
         now_ns: The caller's instant.
         drive_v: One voltage per axis, in V; without meaning unless `op` is `WRITE`.
     """
@@ -43,12 +43,12 @@ class RigRequest(NamedTuple):
 
 
 class RigReply(NamedTuple):
-    """What the rig answers to a call.
+    """The reply to a call.
 
     Attributes:
-        number: Of the request.
-        taken: Whether it was carried out.
-        valid: Per axis, whether the position may be used; False unless it was asked for.
+        number: Number of the request.
+        taken: Whether the call was carried out.
+        valid: Per axis, whether the position may be used; False unless it was requested.
         position_um: Measured displacement per axis, in µm.
         in_force_v: Output of the amplifier per axis after the call, in V.
     """
@@ -60,8 +60,8 @@ class RigReply(NamedTuple):
     in_force_v: Sequence[float]
 
 
-class Wire:
-    """Packets for a number of axes. Every method may be called in the loop.
+class RigCodec:
+    """Packets for a number of axes. Real-time safe.
 
     Args:
         n_axes: Number of axes.
@@ -69,6 +69,7 @@ class Wire:
 
     def __init__(self, n_axes: int) -> None:
         self._n = n_axes
+        # "=": native byte order without padding; both ends are on one machine.
         self._request = Struct(f"=BIq{n_axes}d")
         self._reply = Struct(f"=I?{n_axes}?{n_axes}d{n_axes}d")
 
@@ -78,7 +79,7 @@ class Wire:
         return self._request.pack(op, number, now_ns, *drive_v)
 
     def unpack_request(self, packet: bytes) -> RigRequest | None:
-        """Return the request in a packet, None where there is none."""
+        """Return the request in a packet, None if there is none."""
         try:
             op, number, now_ns, *drive_v = self._request.unpack(packet)
         except error:
@@ -91,7 +92,7 @@ class Wire:
         return self._reply.pack(number, taken, *valid, *position_um, *in_force_v)
 
     def unpack_reply(self, packet: bytes) -> RigReply | None:
-        """Return the reply in a packet, None where there is none."""
+        """Return the reply in a packet, None if there is none."""
         try:
             number, taken, *values = self._reply.unpack(packet)
         except error:
@@ -101,19 +102,19 @@ class Wire:
 
 
 class Greeting(NamedTuple):
-    """What the rig tells whom it accepts.
+    """The rig's first packet to a client that it accepts.
 
     Attributes:
-        identity: Who it is.
+        identity: Identity of the rig.
         axes: Names of its axes.
-        max_rate_hz: The fastest loop that it can follow.
-        life: Something else after each start of the rig.
+        max_rate_hz: Highest rate of a loop.
+        run_id: Different after each start of the rig.
     """
 
     identity: Identity
     axes: tuple[str, ...]
     max_rate_hz: float
-    life: str
+    run_id: str
 
 
 def pack_greeting(greeting: Greeting) -> bytes:
@@ -122,12 +123,12 @@ def pack_greeting(greeting: Greeting) -> bytes:
 
 
 def pack_refusal(why: str) -> bytes:
-    """Return the packet that is sent instead of a greeting."""
+    """Return the packet that replaces a greeting."""
     return json.dumps({"protocol": _PROTOCOL, "refused": why}).encode()
 
 
 def unpack_greeting(packet: bytes) -> Greeting | str:
-    """Return the greeting in a packet, or why the rig refuses.
+    """Return the greeting in a packet, or the reason of a refusal.
 
     Raises:
         DeviceError: If it is neither.
@@ -135,10 +136,10 @@ def unpack_greeting(packet: bytes) -> Greeting | str:
     try:
         document: dict[str, Any] = json.loads(packet)
         if document["protocol"] != _PROTOCOL:
-            raise DeviceError(f"the rig speaks protocol {document['protocol']}, not {_PROTOCOL}")
+            raise DeviceError(f"the rig uses protocol {document['protocol']}, not {_PROTOCOL}")
         if "refused" in document:
             return str(document["refused"])
-        identity, axes, max_rate_hz, life = document["greeting"]
-        return Greeting(Identity(*identity), tuple(axes), max_rate_hz, life)
+        identity, axes, max_rate_hz, run_id = document["greeting"]
+        return Greeting(Identity(*identity), tuple(axes), max_rate_hz, run_id)
     except (ValueError, KeyError, TypeError) as problem:
-        raise DeviceError(f"what answers is no rig: {packet[:80]!r}") from problem
+        raise DeviceError(f"not the greeting of a rig: {packet[:80]!r}") from problem

@@ -1,4 +1,4 @@
-"""A rig in another process as a device: sensor and amplifier of all its axes in one."""
+"""The driver `emulated`: a rig in another process, sensor and amplifier of all its axes in one."""
 
 from collections.abc import Sequence
 from math import nan
@@ -10,7 +10,7 @@ from piezod.errors import DeviceError
 from piezod.units import NS_PER_S
 from piezod_drivers.emulated.codec import Greeting, Op, RigReply, RigRequest
 from piezod_drivers.emulated.options import EmulatedOptions, socket_path
-from piezod_drivers.emulated.session import Link
+from piezod_drivers.emulated.session import RigSession
 
 _NUMBERS: Final = 1 << 32
 
@@ -18,58 +18,59 @@ _NUMBERS: Final = 1 << 32
 class EmulatedRig:
     """A rig that `piezod emulate` hosts; implements `Sensor`, `Amplifier`, `TellsStatus`.
 
-    Its time is real: the physics goes on whether anybody calls or not. A sample carries the instant
-    of the call, the rig takes it within the exchange, some 50 µs later. An answer also tells the
-    output of the amplifiers, so `read_back` at the instant of a `read` or `write` asks nobody.
+    Its time is real: the physics continues without calls. A sample has the instant of the call; the
+    rig takes it within the exchange, some 50 µs later. A reply also has the output of the
+    amplifiers, so `read_back` at the instant of a `read` or `write` needs no exchange.
 
-    The amplifiers hold: `deactivate` and `close` leave the voltage as it is, as does the death of
-    this process. It is what most real amplifiers do, and it is safer than a step to 0 V by a
-    process that may be out of order. Ramp down before, or run `piezod safe` after.
+    The amplifiers hold: the voltage stays after `deactivate`, after `close` and after the death of
+    this process. Most real amplifiers do the same. It is safer than a step to 0 V by a process that
+    may be faulty. Ramp down before, or run `piezod safe` after.
 
-    If the rig is gone, samples are invalid, writes are refused and the voltage in force is NaN;
-    each `read` tries now and then to find it again. If the rig was started anew meanwhile, and is
-    at rest, its status says so for a second.
+    If the rig is lost, samples are invalid, writes are refused and the voltage in force is NaN;
+    `read` tries at intervals to connect again. If the rig has restarted meanwhile, and is at rest,
+    its status reports that for a second.
 
     Args:
-        options: What a configuration says.
+        options: Options of the rig.
         axes: Names of the axes, at least one.
     """
 
     def __init__(self, options: EmulatedOptions, axes: tuple[str, ...]) -> None:
         self._axes = axes
-        self._link = Link(socket_path(options.socket), options.deadline_ms * 1e-3)
+        self._session = RigSession(socket_path(options.socket), options.deadline_ms * 1e-3)
         self._greeting: Greeting | None = None
         self._active = False
         self._number = 0
         self._no_drive = (0.0,) * len(axes)
         self._unknown_v = [nan] * len(axes)
         none = [NO_FLAGS] * len(axes)
-        self._well = none + none  # each axis is an input and an output
+        self._no_flags = none + none  # each axis is an input and an output
+        # Only outputs report the restart: it does not make a sample wrong.
         self._restarted = none + [frozenset({DeviceFlag.RESTARTED})] * len(axes)
         self._in_force_v: Sequence[float] = self._unknown_v
         self._in_force_ns: int | None = None
-        self._life = ""
+        self._run_id = ""
         self._restarted_ns: int | None = None
 
     def open(self) -> Identity:
-        """Connect to the rig; its voltages stay as they are.
+        """Connect to the rig; its voltages stay.
 
         Raises:
-            DeviceUnavailableError: If nobody listens at the socket, or another client is served.
+            DeviceUnavailableError: If there is no rig at the socket, or it serves another client.
             DeviceError: If it is already open, or the rig has other axes.
         """
         if self._greeting is not None:
             raise DeviceError("the emulated rig is already open")
-        greeting = self._link.connect()
+        greeting = self._session.connect()
         if greeting.axes != self._axes:
-            self._link.close()
+            self._session.close()
             has, wanted = ", ".join(greeting.axes), ", ".join(self._axes)
-            raise DeviceError(f"the emulated rig has axes {has}, the configuration wants {wanted}")
-        self._greeting, self._life, self._restarted_ns = greeting, greeting.life, None
+            raise DeviceError(f"the emulated rig has axes {has}, configured are {wanted}")
+        self._greeting, self._run_id, self._restarted_ns = greeting, greeting.run_id, None
         return greeting.identity
 
     def capabilities(self) -> Capabilities:
-        """Tell axes and fastest loop.
+        """Return axes and highest rate.
 
         Raises:
             DeviceError: If the rig is not open.
@@ -78,7 +79,7 @@ class EmulatedRig:
         return Capabilities(greeting.axes, greeting.axes, True, greeting.max_rate_hz, holds=True)
 
     def activate(self, now_ns: int) -> None:  # noqa: ARG002 - the interface's, time is the rig's own
-        """Take writes from now on.
+        """Accept writes from now on.
 
         Raises:
             DeviceError: If the rig is not open.
@@ -91,26 +92,25 @@ class EmulatedRig:
         self._active = False
 
     def close(self) -> None:
-        """Let go of the rig; the voltages are held."""
+        """Disconnect; the voltages are held."""
         self._active = False
         self._greeting = None
         self._in_force_ns = None
-        self._link.close()
+        self._session.close()
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take a sample of each axis now; invalid where there is no answer in time.
-
-        May be called in the loop.
+        """Take a sample of each axis; invalid without a reply in time. Real-time safe.
 
         Raises:
             DeviceError: If the rig is not active.
         """
         if not self._active or self._greeting is None:
             raise DeviceError("the emulated rig is not active")
-        self._link.reconnect(self._greeting, now_ns)
-        if self._link.life != self._life:
-            self._life, self._restarted_ns = self._link.life, now_ns
-        reply = self._ask(Op.READ, now_ns, self._no_drive)
+        self._session.reconnect(self._greeting, now_ns)
+        # `reconnect` may have found a rig that was started again.
+        if self._session.run_id != self._run_id:
+            self._run_id, self._restarted_ns = self._session.run_id, now_ns
+        reply = self._exchange(Op.READ, now_ns, self._no_drive)
         if reply is None:
             return [Sample(now_ns, 0.0, False)] * len(self._axes)
         return [
@@ -119,35 +119,30 @@ class EmulatedRig:
         ]
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Command a voltage for each axis, in V; all are taken or none.
-
-        May be called in the loop.
+        """Command a voltage for each axis, in V; all are accepted or none. Real-time safe.
 
         Returns:
-            Whether the rig says in time that they were taken.
+            Whether the rig confirms in time that they were accepted.
         """
         if not self._active or len(drive_v) != len(self._axes):
             return False
-        reply = self._ask(Op.WRITE, now_ns, drive_v)
+        reply = self._exchange(Op.WRITE, now_ns, drive_v)
         return reply is not None and reply.taken
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Measure the output of each amplifier, in V; NaN where there is no answer in time.
-
-        May be called in the loop.
+        """Measure the output of each amplifier, in V; NaN without a reply. Real-time safe.
 
         Raises:
             DeviceError: If the rig is not open.
         """
         self._require_open()
+        # The exchange of this instant already had the voltages.
         if now_ns != self._in_force_ns:
-            self._ask(Op.READ_BACK, now_ns, self._no_drive)
+            self._exchange(Op.READ_BACK, now_ns, self._no_drive)
         return self._in_force_v
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell for a second that the rig was lost and has been started anew.
-
-        May be called in the loop.
+        """Report for a second that the rig was lost and has restarted. Real-time safe.
 
         Raises:
             DeviceError: If the rig is not open.
@@ -155,11 +150,11 @@ class EmulatedRig:
         self._require_open()
         since_ns = self._restarted_ns
         restarted = since_ns is not None and now_ns - since_ns < NS_PER_S
-        return self._restarted if restarted else self._well
+        return self._restarted if restarted else self._no_flags
 
-    def _ask(self, op: Op, now_ns: int, drive_v: Sequence[float]) -> RigReply | None:
+    def _exchange(self, op: Op, now_ns: int, drive_v: Sequence[float]) -> RigReply | None:
         self._number = (self._number + 1) % _NUMBERS
-        reply = self._link.exchange(RigRequest(op, self._number, now_ns, drive_v))
+        reply = self._session.exchange(RigRequest(op, self._number, now_ns, drive_v))
         self._in_force_ns = now_ns
         self._in_force_v = self._unknown_v if reply is None else reply.in_force_v
         return reply
@@ -171,7 +166,7 @@ class EmulatedRig:
 
 
 def _create(options: EmulatedOptions, wiring: Wiring, _seed: int) -> EmulatedRig:
-    return EmulatedRig(options, wiring.channels)  # what is random in it is the rig's own
+    return EmulatedRig(options, wiring.channels)  # the seed is that of the rig
 
 
 PLUGIN: Final = DriverPlugin(

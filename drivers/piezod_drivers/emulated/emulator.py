@@ -1,4 +1,4 @@
-"""Serves a bench itself at a socket: what drives it is the driver `emulated`."""
+"""Serves the rig itself at a socket, for the driver `emulated`."""
 
 import socket
 from collections.abc import Callable, Iterator
@@ -23,18 +23,18 @@ def serve(
     ready: Callable[[str], None],
     stopping: Callable[[], bool],
 ) -> None:
-    """Serve a bench at a socket until told to stop.
+    """Serve a rig at a socket until `stopping` returns True.
 
     Args:
-        bench: The bench.
+        bench: The rig.
         where: The socket, "" for that of the driver's default options.
         faults: Without effect.
-        serial_number: Of the rig, "" for that of the bench.
-        ready: Told the socket as soon as clients are heard.
-        stopping: Asked at least every 10 ms.
+        serial_number: Serial number, "" for that of the rig.
+        ready: Called with the socket as soon as clients can connect.
+        stopping: Called at least every 10 ms; returns whether to stop.
 
     Raises:
-        DeviceUnavailableError: If the socket is taken or cannot be made.
+        DeviceUnavailableError: If the socket is in use or cannot be created.
     """
     path = Path(where) if where else make_own_folder() / DEFAULT_SOCKET
     identity = bench.identity
@@ -48,19 +48,20 @@ def serve(
 
 @contextmanager
 def listening(path: Path) -> Iterator[socket.socket]:
-    """Listen at a socket that only this user can use; one that nobody serves is replaced.
+    """Listen at a socket that only this user can use; an abandoned one is replaced.
 
     Raises:
-        DeviceUnavailableError: If somebody serves it, or it cannot be made.
+        DeviceUnavailableError: If another process serves it, or it cannot be created.
     """
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
         try:
             _remove_stale(path)
             listener.bind(str(path))
+            # Before `listen`: no other user can connect in between.
             path.chmod(0o600)
             listener.listen()
         except OSError as error:
-            raise DeviceUnavailableError(f"no socket can be made at {path}: {error}") from error
+            raise DeviceUnavailableError(f"cannot create a socket at {path}: {error}") from error
         try:
             yield listener
         finally:
@@ -73,6 +74,7 @@ def _remove_stale(path: Path) -> None:
             probe.connect(str(path))
         except FileNotFoundError:
             return
+        # Nothing listens: an emulator that was killed has left its socket behind.
         except ConnectionRefusedError:
             path.unlink()
             return
@@ -81,7 +83,7 @@ def _remove_stale(path: Path) -> None:
 
 EMULATOR: Final = EmulatorPlugin(
     name="simulated",
-    summary="the bench itself at a unix socket, for devices with driver: emulated",
+    summary="the rig itself at a unix socket, for devices with driver: emulated",
     wire="socket",
     serve=serve,
 )

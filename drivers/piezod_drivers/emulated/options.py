@@ -1,4 +1,4 @@
-"""What a configuration may say about a rig in another process."""
+"""Options of a rig in another process."""
 
 from pathlib import Path
 from typing import Annotated, Final
@@ -16,14 +16,14 @@ class EmulatedOptions(ConfigModel):
 
     socket: Annotated[str, StringConstraints(min_length=1, max_length=100)] = Field(
         default=DEFAULT_SOCKET,
-        description="The rig's socket: an absolute path, or a name in the folder for sockets, "
+        description="Socket of the rig: an absolute path, or a name in the folder for sockets, "
         "$XDG_RUNTIME_DIR/piezod or else /tmp/piezod-UID.",
     )
     deadline_ms: Annotated[float, Quantity(0.1, 1000, "ms")] = Field(
-        default=5.0, description="How long to wait for each answer, ms."
+        default=5.0, description="Longest wait for each reply, ms."
     )
 
 
 def socket_path(socket: str) -> Path:
-    """Return where a socket is, an absolute path or a name in the folder for sockets."""
+    """Return the path of a socket: an absolute path, or a name in the folder for sockets."""
     return own_folder() / socket

@@ -9,56 +9,54 @@ from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.emulated.codec import (
     MAX_PACKET,
     Greeting,
+    RigCodec,
     RigReply,
     RigRequest,
-    Wire,
     unpack_greeting,
 )
 
-_GREETING_S: Final = 2.0  # the rig may be busy with its physics after a pause
-_RETRY_NS: Final = 100_000_000  # an absence is long enough to be noticed by whoever drives
+_GREETING_S: Final = 2.0  # after a pause the rig may be busy with its physics
+_RETRY_NS: Final = 100_000_000  # long enough that the caller notices the absence
 
 
-class Link:
-    """A connection that reports a fault as a value, and comes back when the rig does.
+class RigSession:
+    """A connection that reports a fault as a value, and returns when the rig does.
 
-    At most one request is unanswered: what a rig that has stalled finds when it goes on is one old
-    request, not a queue of them.
+    At most one request is without a reply. A stalled rig that continues finds one old request, not
+    a queue of them.
 
     Args:
-        path: The rig's socket.
-        deadline_s: How long to wait for an answer, in s.
+        path: Socket of the rig.
+        deadline_s: Longest wait for a reply, in s.
 
     Attributes:
-        life: Of the rig that was connected last, as it said in its greeting.
+        run_id: Run of the last connected rig, from its greeting.
     """
 
     def __init__(self, path: Path, deadline_s: float) -> None:
         self._path, self._deadline_s = path, deadline_s
         self._socket: socket.socket | None = None
-        self._wire = Wire(0)
+        self._codec = RigCodec(0)
         self._unanswered = False
         self._retry_ns = 0
-        self.life = ""
+        self.run_id = ""
 
     def connect(self) -> Greeting:
         """Connect and wait for the greeting.
 
         Raises:
-            DeviceUnavailableError: If nobody is there, or it is busy or silent.
-            DeviceError: If what answers is no rig.
+            DeviceUnavailableError: If the rig is absent, busy or silent.
+            DeviceError: If the reply is not a greeting.
         """
         greeting = self._connect(_GREETING_S)
-        self._wire = Wire(len(greeting.axes))
+        self._codec = RigCodec(len(greeting.axes))
         return greeting
 
     def reconnect(self, expected: Greeting, now_ns: int) -> None:
-        """Try now and then, if the rig was lost, to connect to it or to one like it.
-
-        May be called in the loop.
+        """Try at intervals to connect again to a lost rig, or to an equal one. Real-time safe.
 
         Args:
-            expected: The greeting of the rig that was lost.
+            expected: Greeting of the lost rig.
             now_ns: The caller's instant.
         """
         if self._socket is not None or now_ns < self._retry_ns:
@@ -66,23 +64,26 @@ class Link:
         self._retry_ns = now_ns + _RETRY_NS
         with suppress(DeviceError):
             greeting = self._connect(self._deadline_s)
-            if greeting._replace(life=expected.life) != expected:
+            # An equal rig may have restarted; any other difference makes it another rig.
+            if greeting._replace(run_id=expected.run_id) != expected:
                 self.close()
 
     def exchange(self, request: RigRequest) -> RigReply | None:
-        """Ask, and wait for the answer until the deadline; may be called in the loop.
+        """Send a request and wait for its reply until the deadline. Real-time safe.
 
         Returns:
-            The answer, None where there is none in time.
+            The reply, None if there is none in time.
         """
         if self._socket is None:
             return None
         try:
+            # Drop the late reply to the last request first, or skip this exchange.
             if self._unanswered:
                 self._receive(self._socket)
-            self._socket.send(self._wire.pack_request(request))
+            self._socket.send(self._codec.pack_request(request))
             self._unanswered = True
             reply = self._receive(self._socket)
+        # The late reply stays in the socket; the next exchange drops it first.
         except TimeoutError:
             return None
         except OSError:
@@ -92,17 +93,18 @@ class Link:
         return reply if reply is not None and reply.number == request.number else None
 
     def close(self) -> None:
-        """Let go of the rig. Never raises."""
+        """Disconnect. Never raises."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
     def _receive(self, link: socket.socket) -> RigReply | None:
         packet = link.recv(MAX_PACKET)
+        # An empty packet means that the rig has closed the connection.
         if not packet:
             raise ConnectionResetError
         self._unanswered = False
-        return self._wire.unpack_reply(packet)
+        return self._codec.unpack_reply(packet)
 
     def _connect(self, deadline_s: float) -> Greeting:
         with ExitStack() as unless_connected:
@@ -118,6 +120,7 @@ class Link:
             if isinstance(greeting, str):
                 raise DeviceUnavailableError(f"the rig at {self._path} refuses: {greeting}")
             link.settimeout(self._deadline_s)
-            self._socket, self._unanswered, self.life = link, False, greeting.life
+            self._socket, self._unanswered, self.run_id = link, False, greeting.run_id
+            # Connected: the socket stays open.
             unless_connected.pop_all()
         return greeting

@@ -66,6 +66,7 @@ class ReadBlock:
 
     def next_form(self) -> int:
         """Return the index of the form that is due. Real-time safe."""
+        # In turn, so that consecutive replies differ in length: see the class docstring.
         self._form = form = (self._form + 1) % len(self.requests)
         return form
 
@@ -91,12 +92,14 @@ class WriteBlock:
         self.count = sum(register.size for _, register in wanted)
         self._many = WriteMany(self.start, self.count)
         self._packed = [(position, packer(register)) for position, register in wanted]
+        # Function 6 sets one word, so it cannot set a number of two words in one step.
         singly = 6 in functions and self.count == len(wanted)
         self._alternatives: list[Callable[[Sequence[float]], list[ModbusRequest]]] = []
         # One register: function 6 is the best. Several: one request for all of them is the best.
         if 16 in functions or not singly:
             self._alternatives.append(self._at_once)
         if singly:
+            # If the reply to the best form is overdue, the other form is used.
             self._alternatives.insert(1 if self.count > 1 else 0, self._one_by_one)
 
     def words(self, values: Sequence[float]) -> bytes:
@@ -183,10 +186,14 @@ def _joined(spans: Sequence[Extent]) -> list[Extent]:
 
 def _decoder(register: Register, start: int) -> Callable[[bytes], float]:
     if register.table == "coil":
+        # The first coil is the lowest bit of the first data byte.
         byte, bit = divmod(register.address - start, 8)
         return lambda pdu: float(pdu[2 + byte] >> bit & 1)
+    # Behind the function code and the byte count.
     at = 2 + 2 * (register.address - start)
     number_of, scale, offset = unpacker(register), register.scale, register.offset
+    # Only an input beyond its range is saturated; an output that reads back a value out of range is
+    # reported as it is.
     if register.role != "input" or (register.low == -inf and register.high == inf):
         return lambda pdu: scale * number_of(pdu, at) + offset
     low, high = register.low, register.high

@@ -28,6 +28,7 @@ def checksum(data: bytes) -> bytes:
     table, crc = _of_words(), 0xFFFF
     n_words = len(data) // 2
     for word in unpack(f"<{n_words}H", data[: 2 * n_words]):
+        # The checksum is reflected (lowest bit first), so words are read with the low byte first.
         crc = table[crc ^ word]
     if len(data) % 2:
         crc = (crc >> 8) ^ FramerRTU.crc16_table[(crc ^ data[-1]) & 0xFF]

@@ -20,6 +20,8 @@ FEEDBACK: Final = 0x4C
 """LabJack's function for several reads and writes in one request."""
 EXCEPTION_BIT: Final = 0x80
 """Added to the function code in a reply if the function has failed."""
+# Highest numbers of registers in a request: 125 to read, 121 to write with function 23. The
+# standard limits a request without its frame to 253 bytes. Function 16 allows 123.
 MAX_READ: Final = 125
 MAX_WRITTEN: Final = 121
 
@@ -89,6 +91,7 @@ class WriteMany:
         asking = WriteMultipleRegistersRequest(address=address, registers=[0] * count)
         # pymodbus encodes the request once; in the loop only the words change.
         self._head = bytes((asking.function_code,)) + asking.encode()[: -2 * count]
+        # The reply repeats function, address and number of registers, without the words.
         self._echo = self._head[:5]
 
     def request(self, words: bytes) -> ModbusRequest:

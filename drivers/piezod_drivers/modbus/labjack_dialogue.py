@@ -64,8 +64,10 @@ class LabJackDialogue:
         self._write_heads = [_PART.pack(1, address, 2) for address in before]
         measured = [register.address for register in inputs]
         self._tail = _reads([*before, *measured, COUNTER_10KHZ])
+        # The parts are packed in one call; only the values change from cycle to cycle.
         layout = f">{len(self._head)}s" + n * f"{_PART.size}sf" + f"{len(self._tail)}s"
         self._pack_request = Struct(layout).pack
+        # The reply: function, outputs before and after, inputs, counter.
         numbers = Struct(f">B{2 * n + n_inputs}fI")
         self._unpack, self._reply_bytes = numbers.unpack, numbers.size
         self._wiring = wiring
@@ -91,6 +93,7 @@ class LabJackDialogue:
         setup = DeviceSetup(self._transactions, self._options.unit)
         setup.check_constants(self._profile)
         identity = setup.read_identity(self._profile)
+        # The first reply has no earlier outputs to be compared with.
         self._in_force, self._in_force_ns = (), None
         self._read_all()
         return identity
@@ -182,6 +185,7 @@ class LabJackDialogue:
     def _set(self, values: Sequence[float]) -> None:
         if self._transactions.now_ns() - self._last_ns > self._silence_ns:
             self._read_all()
+            # Any change during the silence counts, also one by another program.
             self._in_control &= self._changed is None
         if not self._in_control:
             what = (
@@ -234,6 +238,8 @@ class LabJackDialogue:
             # program.
             safe = all(abs(value - self._safe_v) < _NEAR_V for value in before)
             self._changed = DeviceFlag.WATCHDOG_TRIPPED if safe else DeviceFlag.LOCAL_MODE
+            # Setting an output after a trip would be a jump; after a change by another program, the
+            # setpoints go on.
             self._in_control &= not safe
         if self._changed is not None:
             self._noticed.add(self._changed)

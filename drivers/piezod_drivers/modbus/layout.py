@@ -18,7 +18,7 @@ _RTU_BYTES: Final = 3  # around a request or a reply: unit and checksum
 
 @dataclass(frozen=True, slots=True)
 class RegisterLayout:
-    """The blocks of a configuration, and what they can do.
+    """The blocks of a configuration, and their capabilities.
 
     Attributes:
         reads: Blocks of the inputs.
@@ -90,6 +90,7 @@ def make_layout(options: ModbusOptions, wiring: Wiring) -> RegisterLayout:
     ranges = [(0.0, 0.0)] * n_outputs
     read_back_positions, quality = set(), False
     for unit in options.every_unit:
+        # Registers that are only written may be unreadable.
         readable = [register for register in unit.known if register.role != "output"]
         inputs = _positions_of(unit.known, "input", wiring.inputs)
         outputs = _positions_of(unit.known, "output", wiring.outputs)
@@ -182,10 +183,12 @@ def _fastest_hz(
     # The last form is the longest.
     requests = [block.requests[-1] for block in reads]
     if combined:
+        # The combined request replaces the read and the write.
         requests[0] = combined[-1].request(b"\0\0" * writes[0].count)
     else:
         values = [0.0] * n_outputs
         requests += [request for write in writes for request in write.requests(values)[0]]
     n_bytes = sum(len(each.pdu) + each.n_bytes + 2 * _RTU_BYTES for each in requests)
+    # Bytes of requests and replies; each request is preceded by a silence of the line.
     wire_s = n_bytes * options.character_s + len(requests) * options.silence_s
     return min([1 / wire_s if wire_s else FASTEST_TCP_HZ, *limits])

@@ -134,6 +134,7 @@ class ModbusOptions(UnitOptions):
     @property
     def character_s(self) -> float:
         """Time that a byte takes on a serial line, in s."""
+        # Start bit, data bits, parity bit, stop bits.
         return (1 + 8 + (self.parity != "N") + self.stop_bits) / self.baud
 
     def _broken_rules(self) -> Iterator[BrokenRule]:

@@ -105,6 +105,7 @@ class Register(ConfigModel):
             yield ("channel",), "give the channel a name"
         if self.role == "output":
             yield from self._broken_rules_of_output()
+        # Values are divided by the scale.
         if abs(self.scale) < 1e-12:
             yield (
                 ("scale",),
@@ -123,6 +124,7 @@ class Register(ConfigModel):
         elif self.type != "float32" and abs(self.scale) >= 1e-12:
             low, high = _LIMITS[self.type]
             ends = sorted((value - self.offset) / self.scale for value in self.range)
+            # `packer` rounds, so an excess of half a count still fits.
             if ends[0] < low - 0.5 or ends[1] > high + 0.5:
                 what = f"numbers {ends[0]:g} to {ends[1]:g} do not fit into {self.type}"
                 yield ("range",), f"{what}, {low} to {high}"

@@ -42,6 +42,7 @@ class RegisterDialogue:
         self._layout = make_layout(options, wiring)
         self._watched = armed_watchdogs(options, wiring)
         wanted = options.watchdog if self._watched else None
+        # 0.9 is a margin: after this silence the watchdog may trip before the next request arrives.
         armed_ns = round(0.9e9 * wanted.timeout_s) if wanted else SILENCE_NS
         self._silence_ns = min(SILENCE_NS, armed_ns)
         self._n_inputs = len(wiring.inputs)
@@ -80,6 +81,7 @@ class RegisterDialogue:
         self._status_ns = self._in_force_ns = None
         reads = [self._try_forms(block) for block in self._layout.reads]
         if self._combined:
+            # The combined requests have the same forms as the only read block.
             self._combined = [self._combined[form] for form in reads[0]]
         for block in (*self._layout.read_backs, *self._layout.statuses):
             self._try_forms(block)
@@ -137,6 +139,7 @@ class RegisterDialogue:
             self._write(block, values)
         # The instant before the requests, not of the replies: a watchdog's time runs from there.
         self._last_ns = began_ns
+        # With inputs, `sample` reads the status.
         if not self._layout.reads:
             self._poll_status(began_ns)
 
@@ -194,6 +197,8 @@ class RegisterDialogue:
     def _write(self, block: WriteBlock, values: Sequence[float]) -> None:
         """Write by the best requests whose replies cannot be mistaken for a late one."""
         ways = block.requests(values)
+        # Single requests are alternatives for one exchange. Otherwise a whole list is chosen,
+        # because half of the outputs must not be written by one form and half by the other.
         if len(ways[0]) == 1 and all(len(way) == 1 for way in ways):
             self._transactions.ask(block.unit, [way[0] for way in ways])
             return
@@ -219,6 +224,7 @@ class RegisterDialogue:
             return began_ns
         self._noticed.add(DeviceFlag.WATCHDOG_TRIPPED)
         what = "the watchdog has tripped and has changed the outputs"
+        # Opening the device again helps only after its status has been cleared.
         self._trip_lasts &= self._reports_trip()
         if self._trip_lasts:
             what = f"{what}: clear its status first"
@@ -230,7 +236,7 @@ class RegisterDialogue:
         return any(DeviceFlag.WATCHDOG_TRIPPED in flags for flags in outputs)
 
     def _reading(self, values: list[float], now_ns: int) -> Reading:
-        """Note saturated inputs, and ask for the status where it is due."""
+        """Note saturated inputs, and read the status if it is due."""
         self._read_due_status(now_ns)
         self._flags = self._status_flags
         if saturated := [position for position, value in enumerate(values) if isnan(value)]:

@@ -86,6 +86,7 @@ class RtuTransactions(LineTransactions):
                 )
             raise
         finally:
+            # Also after a fault: late bytes of the reply may still be on the line.
             self._silent_until_ns = self._line.now_ns() + self._silence_ns
         pdu = reply[1:-2]
         if len(pdu) == request.n_bytes and pdu.startswith(request.echo):
@@ -113,6 +114,7 @@ class RtuTransactions(LineTransactions):
             request = requests[(first + turn) % len(requests)]
             self._expected_tag = bytes((unit,)) + request.echo
             if self._overdue.get(self._expected_tag, 0) <= now_ns:
+                # Overdue for too long: it counts as lost.
                 self._overdue.pop(self._expected_tag, None)
                 return request
         raise LineFault(DeviceFlag.LATE_REPLY, f"{self.name_of(unit)}: a late reply may still come")
@@ -126,6 +128,7 @@ class RtuTransactions(LineTransactions):
         """Drop bytes that no request has asked for; note late replies among them."""
         if got:
             self._noticed.add(DeviceFlag.OUT_OF_ORDER)
+        # A negative size is garbage in front of a frame, as `LengthOf` defines it.
         while size := self._find_frame(got):
             if size > 0:
                 self._note_late_reply(got[:size])
@@ -147,6 +150,7 @@ class RtuTransactions(LineTransactions):
             size = _frame_size(got, start) if got[start] in self._units else 0
             if 0 < size <= n - start and has_valid_checksum(got[start : start + size]):
                 return -start if start else size
+        # More garbage than two frames can hold is dropped.
         return min(_MAX_BYTES - n, 0)
 
     def _length(self, got: bytes) -> int:
@@ -154,6 +158,8 @@ class RtuTransactions(LineTransactions):
         if begins and n == self._expected_bytes and has_valid_checksum(got):
             return n  # nearly always: the reply and nothing else
         size = self._find_frame(got)
+        # The reply has its full length, and no valid frame begins anywhere: waiting for more would
+        # only lead to a time-out.
         if size == 0 and n >= self._expected_bytes and begins:
             raise LineFault(
                 DeviceFlag.BAD_CHECKSUM, f"a reply from {self._line.where} has a wrong checksum"

@@ -50,6 +50,7 @@ class DeviceSetup:
         """
         words = _words(setting)
         many = WriteMany(setting.address, len(words) // 2)
+        # Function 6 writes one register, function 16 writes several.
         request = write_one(setting.address, words) if len(words) == 2 else many.request(words)
         self._transactions.ask(self._unit, [request])
 
@@ -100,9 +101,11 @@ class DeviceSetup:
         settings = plan.settings(timeout_s, safe)
         if not (self._differing(settings) or self._differing(plan.on)):
             return
+        # The watchdog must not run while its settings change.
         for setting in (*plan.off, *self._differing(settings), *plan.on):
             if setting.is_written:
                 self.write(setting)
+        # A device may accept a write and keep its own value.
         if wrong := self._differing((*settings, *plan.on)):
             address, kind, expected = wrong[0][:3]
             found = self.read_number("holding", address, kind)

@@ -38,6 +38,7 @@ class TcpTransactions(LineTransactions):
         """
         request = requests[first]
         self._number = number = (self._number + 1) & 0xFFFF
+        # The length counts the unit and the request.
         frame = _HEADER.pack(number, 0, len(request.pdu) + 1, unit) + request.pdu
         self._tag = frame[:2]
         reply = self._conversation.ask(frame, _length_tcp, self._is_reply)
@@ -68,4 +69,5 @@ def _length_tcp(got: bytes) -> int:
             if start:
                 return -start
             return length + 6 if len(got) >= length + 6 else 0
+    # No header: drop all but the last five bytes, which may be the start of one.
     return min(5 - len(got), 0)

@@ -1,7 +1,7 @@
-"""What a configuration may say about a simulated rig.
+"""Options of a simulated rig.
 
-The models of the switches and of the parameters are made from the tables of `piezod.plant`, which
-are the only place where a parameter's unit and bounds are written down.
+The models of the switches and of the parameters are made from the tables of `piezod.plant`: only
+there a parameter has its unit and bounds.
 """
 
 from collections.abc import Iterator
@@ -26,17 +26,17 @@ from piezod.plant.variants import VARIANTS
 from piezod_drivers.simulated.calibration import MIN_STEPS, check_sensor
 
 MIN_TRAVEL_UM = 0.01
-"""Less travel than this is no stage."""
+"""Smallest travel of a stage, in µm."""
 MIN_KNOT_STEP_V = 1e-6
-"""Points of a table that are closer than this tell no slope."""
+"""Points of a table that are closer than this have no reliable slope."""
 
 
 class Commissioned(ConfigModel):
-    """The sensor's curve was measured against a reference when the stage was commissioned."""
+    """The sensor's curve was measured against a reference at commissioning."""
 
     kind: Literal["commissioned"] = "commissioned"
     residual_pct: Annotated[float, Quantity(0, 5, "%")] = Field(
-        0.05, description="greatest error that is left, % of travel"
+        0.05, description="greatest remaining error, % of travel"
     )
 
 
@@ -47,7 +47,7 @@ class SensorLine(ConfigModel):
 
 
 class SensorTable(ConfigModel):
-    """The curve is given here."""
+    """The configuration contains the curve."""
 
     kind: Literal["table"] = "table"
     sensor_v: tuple[Annotated[float, Quantity(-100, 100, "V")], ...] = Field(
@@ -67,7 +67,7 @@ class SensorTable(ConfigModel):
     def _broken_rules(self) -> Iterator[BrokenRule]:
         n_voltages, n_positions = len(self.sensor_v), len(self.position_um)
         if n_voltages != n_positions:
-            what = f"one for each voltage is needed (got {n_positions} for {n_voltages})"
+            what = f"one for each voltage is required (got {n_positions} for {n_voltages})"
             yield ("position_um",), what
         for key, values in (("sensor_v", self.sensor_v), ("position_um", self.position_um)):
             steps = [later - earlier for earlier, later in pairwise(values)]
@@ -80,7 +80,7 @@ class SensorTable(ConfigModel):
 
 
 def _overrides(part: type[Any], name: str, about: str) -> type[ConfigModel]:
-    """Make the model of a part of the plant: every parameter may be given, none must be."""
+    """Return the model of a part of the plant, in which every parameter is optional."""
     given: dict[str, Any] = {}
     for parameter, q in quantities(part).items():
         number: Any = Annotated[float, Quantity(q.low, q.high, q.unit)]
@@ -90,7 +90,7 @@ def _overrides(part: type[Any], name: str, about: str) -> type[ConfigModel]:
 
 
 def _switches() -> type[ConfigModel]:
-    """Make the model that has one switch for each effect."""
+    """Return the model that has one switch for each effect."""
     fields: dict[str, Any] = {
         effect: (bool, Field(True, description="whether the rig has this effect"))
         for effect in EFFECTS
@@ -98,37 +98,33 @@ def _switches() -> type[ConfigModel]:
     return create_model("Effects", __base__=ConfigModel, __doc__="Effects of the rig.", **fields)
 
 
-if TYPE_CHECKING:  # their fields are known at run time only
+if TYPE_CHECKING:  # the fields are known only at run time
     Effects: TypeAlias = ConfigModel
     Stage: TypeAlias = ConfigModel
     Amplifier: TypeAlias = ConfigModel
     Sensor: TypeAlias = ConfigModel
 else:
     Effects = _switches()
-    Stage = _overrides(StageParameters, "Stage", "The stage, where it differs from the variant.")
+    Stage = _overrides(StageParameters, "Stage", "Parameters of the stage that differ.")
     Amplifier = _overrides(
-        AmplifierParameters, "Amplifier", "The amplifier, where it differs from the variant."
+        AmplifierParameters, "Amplifier", "Parameters of the amplifier that differ."
     )
-    Sensor = _overrides(
-        SensorParameters, "Sensor", "The sensor, where it differs from the variant."
-    )
+    Sensor = _overrides(SensorParameters, "Sensor", "Parameters of the sensor that differ.")
 
 
 class SimulatedOptions(ConfigModel):
     """Options of the simulated rig; every axis is a specimen of its own of the same variant."""
 
     variant: Literal["stack", "stack-uncalibrated", "flexure", "afm"] = Field(
-        "stack", description="which stage"
+        "stack", description="kind of stage"
     )
-    effects: Effects = Field(Effects(), description="switches, all on unless given")
-    stage: Stage = Field(Stage(), description="exact values; what is left out varies with the seed")
+    effects: Effects = Field(Effects(), description="switches, all on by default")
+    stage: Stage = Field(Stage(), description="exact values; the others vary with the seed")
     amplifier: Amplifier = Field(Amplifier(), description="exact values, as for the stage")
     sensor: Sensor = Field(Sensor(), description="exact values, as for the stage")
     calibration: (
         Annotated[Commissioned | SensorLine | SensorTable, Field(discriminator="kind")] | None
-    ) = Field(
-        None, description="what is known of the sensor's curve; left out: as the variant has it"
-    )
+    ) = Field(None, description="known curve of the sensor; left out: that of the variant")
 
     @model_validator(mode="after")
     def _check_rules(self) -> Self:
@@ -136,20 +132,21 @@ class SimulatedOptions(ConfigModel):
         return self
 
     def plant(self, seed: np.random.SeedSequence) -> PlantParameters:
-        """Draw a specimen of the variant and apply what was configured.
+        """Draw a specimen of the variant and apply the configured values.
 
         Args:
-            seed: Of the specimen.
+            seed: Seed of the specimen.
 
         Raises:
-            DeviceError: If the specimen's sensor cannot tell anything of the travel.
+            DeviceError: If the specimen's sensor cannot measure the travel.
         """
+        # Configured values replace drawn ones, so they do not vary with the seed.
         drawn = self._configured(specimen(VARIANTS[self.variant].parameters, seed))
         check_sensor(drawn)
         return drawn
 
     def known_curve(self) -> Commissioned | SensorLine | SensorTable:
-        """Tell what is known of the sensor's curve."""
+        """Return the known curve of the sensor."""
         if self.calibration is not None:
             return self.calibration
         return Commissioned() if VARIANTS[self.variant].calibrated else SensorLine()
@@ -166,16 +163,19 @@ class SimulatedOptions(ConfigModel):
 
 
 def _broken_rules(plant: PlantParameters) -> Iterator[BrokenRule]:
-    """Find what is within each bound and yet no rig together."""
+    """Yield combinations that are impossible although each value is within its bounds."""
     stage, amplifier = plant.stage, plant.amplifier
+    # "not >=" instead of "<", so that NaN is refused too.
     if not stage.travel_um >= MIN_TRAVEL_UM:
         what = (
             f"reversible_um and irreversible_um together are the travel "
             f"(got {stage.travel_um:g} µm), allowed: at least {MIN_TRAVEL_UM:g} µm"
         )
         yield ("stage",), what
+    # An infinite number of bits is a converter without steps.
     if np.isinf(amplifier.dac_bits):
         return
+    # The converter spans minus to plus its range.
     step_v = 2 * amplifier.dac_range_v / 2**amplifier.dac_bits * amplifier.gain
     allowed_v = stage.drive_v / MIN_STEPS
     if not step_v <= allowed_v:

@@ -1,4 +1,4 @@
-"""Emulated devices in another process, as `piezod emulate` makes them."""
+"""Emulated devices in another process, as served by `piezod emulate`."""
 
 import json
 import tempfile
@@ -12,11 +12,11 @@ from tests.forked import Piped, forked
 
 
 class Emulated:
-    """Devices that are served.
+    """Emulated devices that are served.
 
     Attributes:
         process: The process that serves them.
-        where: The place of each, in the order in which they were asked for.
+        where: Place of each, in the order of the request.
     """
 
     def __init__(self, process: Piped) -> None:
@@ -24,9 +24,9 @@ class Emulated:
         self.where = [each["where"] for each in self._told()["serving"]]
 
     def faults(self, *faults: str) -> None:
-        """Have this go wrong from now on, and nothing else; replies are counted from 1 again.
+        """Inject these faults from now on, and no others; replies are counted from 1 again.
 
-        As `piezod emulate --fault` takes it; in force when this returns.
+        The syntax is that of `piezod emulate --fault`. The faults are active when this returns.
         """
         self.process.stdin.write(", ".join(faults) + "\n")
         self.process.stdin.flush()
@@ -41,12 +41,12 @@ class Emulated:
 
 @contextmanager
 def emulated(*profiles: str, arguments: tuple[str, ...] = ()) -> Iterator[Emulated]:
-    """Serve devices on one bench while the block runs; they have ended in order afterwards.
+    """Serve devices on one rig while the block runs; they must end normally.
 
     Args:
-        *profiles: Names of profiles; each may say where, as NAME=WHERE. Otherwise serial ones and
-            those at a CAN adapter are served in a folder of their own, others where they are
-            usually.
+        *profiles: Names of profiles, each with an optional place as NAME=PLACE. By default devices
+            at a serial port and at a CAN adapter are served in a folder of their own, others at
+            their usual place.
         arguments: Options of `piezod emulate`.
     """
     with tempfile.TemporaryDirectory(prefix="piezod-") as folder:

@@ -1,4 +1,4 @@
-"""What goes wrong on a wire, and what a driver has to make of it: a check for each."""
+"""A check for each wire fault: the reaction that every driver must have."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -21,10 +21,10 @@ TIMEOUT_MS = 25.0
 PATIENT_MS = 2000.0
 AWAY = "0.05"
 DRIVEN = 1.0
-"""What every output is set to, in its unit."""
+"""Value of every output, in its unit."""
 
 Call = Callable[[Any], bool]
-"""Does something with an active device and tells whether it went well."""
+"""Uses an active device and returns whether that succeeded."""
 
 
 class Session:
@@ -41,12 +41,12 @@ class Session:
 
     @contextmanager
     def active(self, timeout_ms: float = TIMEOUT_MS) -> Iterator[Any]:
-        """Give an active device that works, and whose status is clean.
+        """Yield an active device that works and has no flags.
 
-        It is opened again while it gets lost: an absence that was posted may still come.
+        It is opened again while it gets lost: an earlier absence may still be pending.
 
         Args:
-            timeout_ms: How long it waits for replies.
+            timeout_ms: Time-out for replies.
         """
         make = self.profile.maker(self.emulated.where[0], timeout_ms)
         with closing(make()) as device:
@@ -66,7 +66,7 @@ class Session:
 
     @property
     def calls(self) -> dict[str, Call]:
-        """The cyclic calls that the device has, by name."""
+        """The cyclic calls of the device, by name."""
         device, wiring = self.make(), self.profile.wiring
         n_outputs = len(wiring.outputs)
         found: dict[str, Call] = {}
@@ -74,19 +74,19 @@ class Session:
             found["read"] = _reads
         if isinstance(device, Amplifier) and wiring.outputs:
             found["write"] = lambda each: each.write([DRIVEN] * n_outputs, time.monotonic_ns())
-            if "A12" not in self.profile.unseen:  # else it asks nobody
+            if "A12" not in self.profile.unseen:  # else it sends no request
                 found["read_back"] = _reads_back
         if isinstance(device, Exchanges) and wiring.inputs and wiring.outputs:
             found["exchange"] = lambda each: _exchanges(each, n_outputs)
         return found
 
     def works(self, device: Any) -> bool:
-        """Tell whether every cyclic call of an active device goes well."""
+        """Return whether every cyclic call of an active device succeeds."""
         went_well = [call(device) for call in self.calls.values()]
         return all(went_well)
 
     def sees(self, device: Any, *flags: DeviceFlag) -> bool:
-        """Use the device; tell whether its status has one of these flags."""
+        """Use the device; return whether its status has one of these flags."""
         for call in self.calls.values():
             call(device)
         return not flags_of(device).isdisjoint(flags)
@@ -98,7 +98,7 @@ class Session:
 
 
 def opens(device: Any) -> bool:
-    """Open a device; tell whether that went well."""
+    """Open a device; return whether that succeeded."""
     try:
         device.open()
     except DeviceError:
@@ -107,7 +107,7 @@ def opens(device: Any) -> bool:
 
 
 def activates(device: Any) -> bool:
-    """Activate a device that is open; tell whether that went well."""
+    """Activate an open device; return whether that succeeded."""
     try:
         device.activate(time.monotonic_ns())
     except DeviceError:
@@ -116,13 +116,13 @@ def activates(device: Any) -> bool:
 
 
 def starts(device: Any) -> bool:
-    """Open a device, again if it is open, and activate it; tell whether that went well."""
+    """Open a device, again if it is open, and activate it; return whether that succeeded."""
     device.close()
     return opens(device) and activates(device)
 
 
 def flags_of(device: Any) -> frozenset[DeviceFlag]:
-    """Return what a device tells of any of its channels."""
+    """Return the flags of all channels of a device."""
     return frozenset().union(*device.status(time.monotonic_ns()))
 
 
@@ -140,14 +140,14 @@ def _exchanges(device: Any, n_outputs: int) -> bool:
 
 
 def pulled_in_every_call(session: Session) -> None:
-    """The connection goes in the midst of a call: that fails as a value, and so do all after it.
+    """A connection lost during a call fails this call and all later ones as a value.
 
-    Opened again, the device works.
+    After opening it again, the device works.
     """
     for name, call in session.calls.items():
         with session.active() as device:
             session.emulated.faults(f"disconnect:1:{AWAY}")
-            eventually(  # a call may fail before, of a late reply
+            eventually(  # a late reply may fail a call before
                 lambda call=call, device=device: (  # type: ignore[misc]
                     not call(device) and DeviceFlag.DISCONNECTED in flags_of(device)
                 )
@@ -157,7 +157,7 @@ def pulled_in_every_call(session: Session) -> None:
 
 
 def pulled_while_opening(session: Session) -> None:
-    """To open fails with `DeviceError`, or what was opened is lost; later it can be opened."""
+    """Opening fails with `DeviceError`, or the device is lost; later it can be opened."""
     device = session.make()
     session.emulated.faults(f"disconnect:1:{AWAY}")
     if starts(device):
@@ -169,11 +169,11 @@ def pulled_while_opening(session: Session) -> None:
 
 
 def nobody_is_there(session: Session) -> None:
-    """To open fails while the device is away, and again and again."""
+    """Opening fails again and again while the device is absent."""
     device = session.make()
 
     def is_refused() -> bool:
-        session.emulated.faults("disconnect:now:0.1")  # anew: we may sleep through an absence
+        session.emulated.faults("disconnect:now:0.1")  # again: the last absence may be over
         device.close()
         return not opens(device)
 
@@ -184,7 +184,7 @@ def nobody_is_there(session: Session) -> None:
 
 
 def lost_replies(session: Session) -> None:
-    """No reply comes: that is a late one; when they come again, the device works again."""
+    """A missing reply is reported as late; when replies come again, the device works again."""
     with session.active() as device:
         session.emulated.faults("lost")
         eventually(lambda: session.sees(device, DeviceFlag.LATE_REPLY))
@@ -193,7 +193,7 @@ def lost_replies(session: Session) -> None:
 
 
 def unacknowledged_writes(session: Session) -> None:
-    """A write whose acknowledgement does not come counts as refused."""
+    """A write without acknowledgement counts as refused."""
     with session.active() as device:
         session.emulated.faults("lost")
         assert not session.calls["write"](device)
@@ -201,7 +201,7 @@ def unacknowledged_writes(session: Session) -> None:
 
 
 def late_replies(session: Session) -> None:
-    """Some replies come later than they should, by up to ten time-outs."""
+    """Some replies come up to ten time-outs late."""
     with session.active() as device:
         session.emulated.faults(f"late:every 5:{TIMEOUT_MS * 1e-3}-{TIMEOUT_MS * 1e-2}")
         eventually(lambda: session.sees(device, DeviceFlag.LATE_REPLY))
@@ -209,7 +209,7 @@ def late_replies(session: Session) -> None:
 
 
 def slow_replies(session: Session) -> None:
-    """Replies take most of the time that there is for them."""
+    """Replies take most of the time-out."""
     with session.active() as device:
         session.emulated.faults(f"late:every 3:{0.86 * TIMEOUT_MS * 1e-3:.4f}")
         eventually(lambda: session.sees(device, DeviceFlag.SLOW_REPLY))
@@ -217,7 +217,7 @@ def slow_replies(session: Session) -> None:
 
 
 def noise(session: Session) -> None:
-    """Garbage comes before replies, and the device works again when it ends."""
+    """Garbage precedes replies; the device works again when it stops."""
     with session.active() as device:
         session.emulated.faults("noise:every 2:1-12")
         eventually(lambda: session.sees(device, DeviceFlag.GARBAGE))
@@ -225,7 +225,7 @@ def noise(session: Session) -> None:
 
 
 def flipped_bits(session: Session) -> None:
-    """A checksum tells that bits were flipped."""
+    """The checksum detects flipped bits."""
     with session.active() as device:
         session.emulated.faults("garbled:every 2")
         eventually(lambda: session.sees(device, DeviceFlag.BAD_CHECKSUM))
@@ -233,7 +233,7 @@ def flipped_bits(session: Session) -> None:
 
 
 def garbled_replies(session: Session) -> None:
-    """Whatever becomes of replies, no call raises, and the device works again when it ends."""
+    """With any changed replies no call raises; the device works again when it stops."""
     with session.active() as device:
         for fault in ("garbled", "partial:every 2", "partial:every 2:1", "noise:every 2:1000"):
             session.emulated.faults(fault)
@@ -244,7 +244,7 @@ def garbled_replies(session: Session) -> None:
 
 
 def duplicated_replies(session: Session) -> None:
-    """Every reply comes twice: the second is no reply to what is asked next."""
+    """Every reply comes twice; the second is no reply to the next request."""
     with session.active() as device:
         session.emulated.faults("duplicated")
         eventually(lambda: session.sees(device, DeviceFlag.OUT_OF_ORDER))
@@ -252,8 +252,8 @@ def duplicated_replies(session: Session) -> None:
 
 
 def another_device(session: Session) -> None:
-    """What comes back has another serial number: its status says so, as long as it is there."""
-    with session.active(PATIENT_MS) as device:  # a serial number that is late is told by nobody
+    """A device with another serial number that comes back is reported as long as it is there."""
+    with session.active(PATIENT_MS) as device:  # a late serial number would not be read
         session.emulated.faults(f"wrong-identity:now:{AWAY}")
         eventually(lambda: session.sees(device, DeviceFlag.DISCONNECTED))
         device.close()
@@ -263,7 +263,7 @@ def another_device(session: Session) -> None:
 
 
 def another_path(session: Session) -> None:
-    """The port comes back as another device path, under the same name: that is told once."""
+    """A port that comes back as another device path, under the same name, is reported once."""
     with session.active() as device:
         port = Path(session.emulated.where[0])
         before = port.resolve()
@@ -287,7 +287,7 @@ def shared_port(session: Session) -> None:
 
 def _fails_to_send(session: Session, flag: DeviceFlag) -> None:
     def fail(*_: object) -> None:
-        raise LineFault(flag, "the test says so")
+        raise LineFault(flag, "the test demands it")
 
     with session.active() as device, pytest.MonkeyPatch.context() as patched:
         for line in ("serial_line.SerialLine", "tcp_line.TcpLine"):
@@ -298,17 +298,17 @@ def _fails_to_send(session: Session, flag: DeviceFlag) -> None:
 
 
 def partial_writes(session: Session) -> None:
-    """A request that does not go out as a whole fails, and is told."""
+    """A request that is not sent completely fails and is reported."""
     _fails_to_send(session, DeviceFlag.PARTIAL_WRITE)
 
 
 def half_open_connection(session: Session) -> None:
-    """A connection on which nothing is acknowledged is told, and lost."""
+    """A connection without any acknowledgement is reported and lost."""
     _fails_to_send(session, DeviceFlag.HALF_OPEN)
 
 
 def reads_back_what_it_wrote(session: Session) -> None:
-    """What is in force is measured by the device, near what was written."""
+    """The value in force is measured by the device, near the written one."""
     with session.active() as device:
         n = len(session.profile.wiring.outputs)
         before = device.read_back(time.monotonic_ns())
@@ -327,8 +327,9 @@ class Row(NamedTuple):
     """A check.
 
     Attributes:
-        check: What is checked.
-        ids: The faults that a driver which passes it sees; it is for drivers that see all of them.
+        check: The check.
+        ids: Faults that a driver detects if it passes; it applies to drivers that detect all of
+            them.
     """
 
     check: Callable[[Session], None]
@@ -352,12 +353,12 @@ CHECKS = (
     Row(partial_writes, ("A2",)),
     Row(half_open_connection, ("B13",)),
     Row(reads_back_what_it_wrote, ("A3", "A12")),
-    Row(another_device, ("S10",)),  # the last: what is there afterwards is the other device
+    Row(another_device, ("S10",)),  # last, because the other device then stays
 )
 
 
 def checks_of(profile: Profile) -> list[Row]:
-    """Return the checks for a device: those of faults that its driver says it sees there."""
+    """Return the checks for a device: those of the faults that its driver claims to detect."""
     sees = registry.load(profile.driver).sees - profile.unseen
     if not profile.wiring.outputs:
         sees -= {"A1", "A3", "A12"}

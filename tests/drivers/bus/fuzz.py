@@ -1,7 +1,7 @@
-"""Feeds what a fuzzer makes up to drivers and emulators, guided by which lines it reaches.
+"""Feeds the bytes of a fuzzer to drivers and emulators, guided by the lines that it reaches.
 
 `make fuzz` runs it for every profile, each in a process of its own. It needs the package atheris,
-which is no part of the development set-up: it has no wheels for every Python.
+which is not part of the development setup, because it has no wheels for every Python.
 """
 
 import subprocess
@@ -38,7 +38,7 @@ def _fuzz(name: str) -> None:
 
 
 def main() -> int:
-    """Fuzz the profile that is named, or every one; return the exit code."""
+    """Fuzz the given profile, or every one; return the exit code."""
     if sys.argv[1:]:
         _fuzz(sys.argv[1])
         return 0

@@ -1,6 +1,6 @@
-"""One row for each device that can be emulated at a pty or a TCP port, with the driver for it.
+"""One row for each device that can be emulated at a pty or a TCP port, with its driver.
 
-Everything in `test_generic*.py` is done with each of them.
+`test_generic*.py` runs with each of them.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,17 +19,17 @@ class Profile:
     """A device and its driver.
 
     Attributes:
-        name: Of the profile, as `piezod emulate` takes it.
+        name: Name of the profile, as in `piezod emulate`.
         driver: Name of the driver.
-        wiring: Channels of the device: all of them are used.
-        options: Of the driver.
-        arguments: Of `piezod emulate`.
-        unseen: Ids of faults that the driver sees, but not of this device.
-        streams: Whether it sends by itself, so that nobody knows how old a value is that comes.
-        takes_long: Whether what goes wrong with it is tried by `make stress` only: another profile
-            of its driver shows the same.
-        shorter: Waits of the driver, in ns by the constant, that are shorter where what goes wrong
-            is tried: an emulated device sends a reply in one piece.
+        wiring: Channels of the device, all of them in use.
+        options: Options of the driver.
+        arguments: Arguments of `piezod emulate`.
+        unseen: Ids of faults that the driver detects, but not for this device.
+        streams: Whether it sends by itself, so that the age of a value is unknown.
+        takes_long: Whether its faults are only tested by `make stress`, because another profile of
+            its driver shows the same.
+        shorter: Waits of the driver, in ns by constant, that are shorter in tests of faults: an
+            emulated device sends a reply in one piece.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Profile:
     shorter: Mapping[str, int] = field(default_factory=dict)
 
     def maker(self, where: str, timeout_ms: float = 2000.0) -> Callable[[], Any]:
-        """Return what constructs the driver's device for a place; it waits so long for replies."""
+        """Return a function that constructs the device for a place, with a time-out for replies."""
         plugin = registry.load(self.driver)
         options = plugin.options_model.model_validate(dict(self.options(where, timeout_ms)))
         return lambda: plugin.create(options, self.wiring, 1)
@@ -54,7 +54,7 @@ class Port:
     """Options of a driver with `port` and `timeout_ms`.
 
     Attributes:
-        others: Its other options.
+        others: The other options.
     """
 
     others: Mapping[str, object] = field(default_factory=dict)
@@ -69,7 +69,7 @@ class Tcp:
     """Options of a driver with `host`, `tcp_port` and `timeout_ms`.
 
     Attributes:
-        others: Its other options.
+        others: The other options.
     """
 
     others: Mapping[str, object] = field(default_factory=dict)

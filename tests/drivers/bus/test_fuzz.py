@@ -1,4 +1,4 @@
-"""Bytes that nobody meant, in both directions: no emulator and no driver fails on them."""
+"""Unintended bytes in both directions make no emulator and no driver fail."""
 
 import tracemalloc
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from tests.drivers.bus.profiles import PROFILES, Profile
 from tests.drivers.bus.wire import MS, Wire, wired
 
 MOST_ANSWERED = 1_000_000
-"""Bytes that may come back for one request, however large."""
+"""Highest number of bytes of the reply to one request."""
 MOST_KEPT = 100_000
 
 every_profile = pytest.mark.parametrize("profile", PROFILES, ids=lambda profile: profile.name)
@@ -23,7 +23,7 @@ Change = Callable[[bytes], bytes]
 
 
 def _spoilt(place: int, cut: int, put: bytes) -> Change:
-    """Return what replaces so many bytes somewhere by others."""
+    """Return a function that replaces some bytes by others."""
 
     def change(data: bytes) -> bytes:
         at = place % (len(data) + 1)
@@ -38,7 +38,7 @@ CHANGES = st.builds(_spoilt, st.integers(0, 300), st.integers(0, 8), st.binary(m
 
 
 def use(device: Any, wire: Wire) -> None:
-    """Do everything with a device that can be done with it."""
+    """Call every method of a device."""
     try:
         device.open()
         device.activate(wire.now_ns)
@@ -62,7 +62,7 @@ def use(device: Any, wire: Wire) -> None:
 
 @every_profile
 def test_driver_survives_whatever_is_answered(profile: Profile) -> None:
-    """To open and to activate raise nothing but `DeviceError`, whatever comes; the rest nothing."""
+    """With any replies, opening and activating raise only `DeviceError`, all else nothing."""
 
     @few
     @given(changes=st.lists(CHANGES, min_size=1, max_size=20), from_number=st.integers(0, 40))
@@ -82,7 +82,7 @@ def test_driver_survives_whatever_is_answered(profile: Profile) -> None:
 
 @every_profile
 def test_emulator_survives_whatever_comes(profile: Profile) -> None:
-    """Requests that are spoilt, cut or none raise nothing, and are answered with little."""
+    """Spoilt, cut or invalid requests raise nothing and have short replies."""
     with wired(profile) as wire:
         use(profile.maker("127.0.0.1:1", 20.0)(), wire)
         known = [request for request in wire.requests if request] or [b"?"]
@@ -101,7 +101,7 @@ def test_emulator_survives_whatever_comes(profile: Profile) -> None:
 @every_profile
 @pytest.mark.parametrize("junk", [b"A", b"\0", b"\xff", b"1"])
 def test_emulator_keeps_little(profile: Profile, junk: bytes) -> None:
-    """What never ends is not collected for ever."""
+    """Bytes without an end are not collected for ever."""
     with wired(profile) as wire:
         wire.emulator.receive(junk * 20_000)
         tracemalloc.start()

@@ -14,7 +14,7 @@ from tests.drivers.bus.profiles import PROFILES, Profile
 
 
 def _row(profile: Profile) -> object:
-    """Return a profile with the marks of the faults that its driver is seen to see."""
+    """Return a profile with the marks of the faults that its driver detects."""
     ids = {each for row in checks_of(profile) for each in row.ids}
     marks = [pytest.mark.sees(profile.driver, each) for each in sorted(ids)]
     marks += [pytest.mark.stress] if profile.takes_long else []
@@ -22,7 +22,7 @@ def _row(profile: Profile) -> object:
 
 
 def _contract(profile: Profile, factory: Callable[[], Any]) -> list[Any]:
-    """Return the checks of the roles that a device plays with its wiring."""
+    """Return the checks of the roles of a device with its wiring."""
     checks: list[Any] = checks_for(factory)
     inputs, outputs = profile.wiring
     others = {*(() if inputs else SENSOR_CHECKS), *(() if outputs else AMPLIFIER_CHECKS)}
@@ -33,9 +33,9 @@ def _contract(profile: Profile, factory: Callable[[], Any]) -> list[Any]:
 def test_driver_masters_what_goes_wrong(
     profile: Profile, subtests: pytest.Subtests, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It keeps the driver contract, and passes a check for each fault that it says it sees.
+    """Each driver keeps the driver contract and detects each fault that it claims to detect.
 
-    One process serves the device for all of them, which takes longer to start than they do.
+    One process serves the device for all checks, because starting it takes longer than they do.
     """
     for constant, wait_ns in profile.shorter.items():
         monkeypatch.setattr(constant, wait_ns)

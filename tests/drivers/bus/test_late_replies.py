@@ -1,4 +1,4 @@
-"""A reply that is late by up to ten time-outs is never taken for another one's."""
+"""A reply that is late by up to ten time-outs is never taken for another one."""
 
 import random
 from collections import Counter
@@ -14,7 +14,7 @@ LEVELS = 16
 TIMEOUT_MS = 20.0
 LATE, LOST = 0.03, 0.003
 STREAM_NS = 3 * MS
-"""How old a value of a stream may be when it comes: the slowest sends every 2 ms, at ticks of 1."""
+"""Highest age of a stream value at its arrival: the slowest sends every 2 ms, at ticks of 1 ms."""
 
 
 def level_um(level: int) -> float:
@@ -23,21 +23,21 @@ def level_um(level: int) -> float:
 
 
 def level_out(level: int) -> float:
-    """Return what is written for a level, in the output's unit: all devices can give it."""
+    """Return the value of a level, in the output's unit; all devices allow it."""
     return 0.25 + 0.28 * level
 
 
 class Trial:
-    """A driver that is asked again and again, by somebody who knows the answers.
+    """A driver that is used again and again, with known correct values.
 
     Attributes:
-        accepted: How many values were accepted.
-        wrong: Those which were wrong, by the call.
+        accepted: Number of accepted values.
+        wrong: The wrong ones, by the call.
     """
 
     def __init__(self, profile: Profile, wire: Wire, seed: int) -> None:
         self._wire = wire
-        self._random = random.Random(seed)  # noqa: S311 - a trial that can be repeated
+        self._random = random.Random(seed)  # noqa: S311 - repeatable
         self._n_outputs, self._streams = len(profile.wiring.outputs), profile.streams
         self._device: Any = profile.maker("127.0.0.1:1", TIMEOUT_MS)()
         self._device.open()
@@ -51,7 +51,7 @@ class Trial:
         self._driven = [self._learn_driven(level) for level in range(LEVELS)]
 
     def transactions(self, count: int) -> None:
-        """Have so many requests go out, with some of the replies late."""
+        """Send this number of requests, with some of the replies late."""
         calls = [self._read_one] if self._able.inputs else []
         calls += [self._write_one] if self._able.outputs else []
         calls += [self._read_back_one] if self._able.outputs and self._able.read_back else []
@@ -85,8 +85,8 @@ class Trial:
         self._wire.wait(1000 * MS)
         self._device.write([level_out(level)] * self._n_outputs, self._wire.now_ns)
         self._wire.wait(1000 * MS)
-        told = self._device.read_back(self._wire.now_ns)[0]
-        return self._wire.rig.drive_v[0], float(told)
+        readings = self._device.read_back(self._wire.now_ns)[0]
+        return self._wire.rig.drive_v[0], float(readings)
 
     def _write(self, level: int) -> bool:
         taken: bool = self._device.write([level_out(level)] * self._n_outputs, self._wire.now_ns)
@@ -100,7 +100,7 @@ class Trial:
             self._judge("read", sample.position_um, right, self._read)
 
     def _levels_since(self, t_ns: int) -> list[float]:
-        """Return what may be read of an axis whose levels since an instant are these."""
+        """Return the values that may be read of an axis with these levels since an instant."""
         t_ns -= STREAM_NS if self._streams else 0
         at_first = [level for at_ns, level in self._levels if at_ns <= t_ns][-1:]
         since = [level for at_ns, level in self._levels if at_ns > t_ns]
@@ -116,9 +116,9 @@ class Trial:
         value = self._device.read_back(self._wire.now_ns)[0]
         if value - value == 0.0:
             driven_v = self._wire.rig.drive_v[0]
-            told = [each[1] for each in self._driven if abs(each[0] - driven_v) < 1e-9]
-            if told:
-                self._judge("read_back", value, told, [each[1] for each in self._driven])
+            readings = [each[1] for each in self._driven if abs(each[0] - driven_v) < 1e-9]
+            if readings:
+                self._judge("read_back", value, readings, [each[1] for each in self._driven])
 
     def _judge(self, call: str, value: float, right: list[float], known: list[float]) -> None:
         self.accepted[call] += 1
@@ -136,7 +136,7 @@ def _try(profile: Profile, transactions: int) -> Trial:
 
 @pytest.mark.parametrize("profile", PROFILES, ids=lambda profile: profile.name)
 def test_no_late_reply_is_taken_for_another(profile: Profile) -> None:
-    """Of the values that are accepted, while the device moves all the time, none is wrong."""
+    """While the device moves all the time, no accepted value is wrong."""
     trial = _try(profile, 1500)
 
     assert trial.wrong == []
@@ -146,7 +146,7 @@ def test_no_late_reply_is_taken_for_another(profile: Profile) -> None:
 @pytest.mark.stress
 @pytest.mark.parametrize("profile", PROFILES, ids=lambda profile: profile.name)
 def test_no_late_reply_of_100_000_is(profile: Profile, figure: Figure) -> None:
-    """Likewise, for long. A stream is in time: nobody could tell the age of what comes late."""
+    """The same holds for 100000 replies; a stream is in time, as its late values have no age."""
     trial = _try(profile, 100_000)
     accepted = ", ".join(f"{count} by {call}" for call, count in sorted(trial.accepted.items()))
     figure(f"late replies, {profile.name}: {len(trial.wrong)} wrong values of {accepted}")

@@ -1,4 +1,4 @@
-"""A driver and its emulated device in one process, in a time that nobody waits for."""
+"""A driver and its emulated device in one process, in virtual time."""
 
 import random
 from collections import deque
@@ -23,7 +23,7 @@ TICK_NS = MS
 
 
 class StillRig(LinearRig):
-    """A rig each of whose axes stays where the test puts it, at `at_um`.
+    """A rig whose axes stay where the test puts them, at `at_um`.
 
     Args:
         n_axes: Number of axes.
@@ -34,20 +34,20 @@ class StillRig(LinearRig):
 
 
 class Wire:
-    """What is between a driver and an emulated device; replies may be late and requests lost.
+    """The wire between a driver and an emulated device; replies may be late and requests lost.
 
     Args:
         profile: The device.
-        timeout_ms: The driver's.
-        seed: Of what is random.
+        timeout_ms: Time-out of the driver.
+        seed: Seed of the random faults.
 
     Attributes:
         emulator: The device.
-        rig: What the device is connected to.
-        late: How many of the replies are late, from 0 to 1, by 1 to 10 time-outs.
-        lost: How many of the requests get lost.
-        change: What becomes of each reply on its way.
-        sent: How many requests were sent.
+        rig: The rig of the device.
+        late: Fraction of the replies that are late, by 1 to 10 time-outs.
+        lost: Fraction of the requests that are lost.
+        change: Changes each reply on its way.
+        sent: Number of requests that were sent.
         requests: The last of them.
         now_ns: The time.
     """
@@ -60,21 +60,21 @@ class Wire:
         self.rig = StillRig(int(arguments.get("--axes", plugin.channels)))
         self.emulator = plugin.create(SharedRig(self.rig, lambda: self.now_ns), "")
         self._outbox = Outbox(WireFaults())
-        self._random = random.Random(seed)  # noqa: S311 - faults that can be repeated
+        self._random = random.Random(seed)  # noqa: S311 - repeatable
         self._timeout_ms, self._tick_ns = timeout_ms, 0
         self.late = self.lost = 0.0
         self.change: Callable[[bytes], bytes] = lambda reply: reply
         self.requests: deque[bytes] = deque(maxlen=200)
 
     def send(self, data: bytes) -> None:
-        """Bring a request to the device, or lose it."""
+        """Pass a request to the device, or lose it."""
         self.sent += 1
         self.requests.append(data)
         if self._random.random() >= self.lost:
             self._put(self.emulator.receive(data))
 
     def receive(self, within_ns: int) -> bytes:
-        """Let time pass until something comes to the driver."""
+        """Let time pass until bytes come to the driver."""
         end_ns = self.now_ns + within_ns
         while True:
             if self.now_ns >= self._tick_ns:
@@ -88,7 +88,7 @@ class Wire:
             self.now_ns += min(wait_ns, max(self._tick_ns - self.now_ns, 1))
 
     def wait(self, for_ns: int) -> None:
-        """Let time pass in which nobody asks."""
+        """Let time pass without requests."""
         end_ns = self.now_ns + for_ns
         while self.now_ns < end_ns:
             self.now_ns = min(end_ns, max(self._tick_ns, self.now_ns + 1))
@@ -106,9 +106,9 @@ class Wire:
 
 @contextmanager
 def wired(profile: Profile, timeout_ms: float = 20.0, seed: int = 1) -> Iterator[Wire]:
-    """Have every line lead to a device of this process while the block runs."""
+    """Let every line lead to a device in this process while the block runs."""
     wire = Wire(profile, timeout_ms, seed)
-    registry.load(profile.driver)  # its lines are known from now on
+    registry.load(profile.driver)  # its line classes are imported from now on
     with pytest.MonkeyPatch.context() as patched:
         for line in (SerialLine, *SerialLine.__subclasses__(), TcpLine):
             patched.setattr(line, "open", lambda _: None)

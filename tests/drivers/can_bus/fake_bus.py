@@ -52,7 +52,7 @@ class FakeBus:
 
     def send(self, frame: Frame) -> None:
         if self.fault is not None:
-            raise LineFault(self.fault, "the test says so")
+            raise LineFault(self.fault, "the test demands it")
         self.sent.append(frame)
         self.on_send(frame)
         if self.node is not None:

@@ -14,7 +14,7 @@ from tests.drivers.serial_line.scripted_line import MS
 STEP_V = 1 / CODES_PER_V
 
 
-def test_node_tells_who_it_is() -> None:
+def test_node_reports_its_identity() -> None:
     """Opening reads the identity, changes nothing and accepts only frames of this node."""
     stand = Stand((30.0, 60.0))
     identity = stand.device.open()
@@ -91,7 +91,7 @@ def test_outputs_without_read_back_need_a_heartbeat() -> None:
     assert not device.write([1.0], stand.time.t_ns)
 
 
-def test_output_that_does_not_take_its_value_is_told() -> None:
+def test_output_that_keeps_its_old_value_is_reported() -> None:
     """A node without used inputs has its outputs read back and compared at once."""
     stand = Stand()
     device = stand.active(Wiring((), ("a1",)))
@@ -113,7 +113,7 @@ def test_silent_host_makes_the_node_safe() -> None:
     device = stand.active()
     assert device.capabilities().watchdog
     stand.passes(1000)
-    assert read(device, stand), "nobody watches before somebody drives"
+    assert read(device, stand), "the watchdog starts with the first setpoint"
     device.exchange([5.0, 5.0], stand.time.t_ns)
     stand.passes(1000, lambda: device.exchange([5.0, 5.0], stand.time.t_ns))
     assert stand.rig.drive_v == pytest.approx([75.0, 75.0], abs=0.1)
@@ -125,7 +125,7 @@ def test_silent_host_makes_the_node_safe() -> None:
 
 @pytest.mark.sees("canopen", "A9")
 @pytest.mark.sees("canopen", "A8")
-def test_tripped_watchdog_is_told_and_overcome() -> None:
+def test_tripped_watchdog_is_reported_and_reset() -> None:
     """The emergency of a tripped watchdog is reported, and the node is set up again."""
     stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
     stand.device = device = stand.active(Wiring(("a1",), ("a1",)))
@@ -164,7 +164,7 @@ def test_late_answer_is_none_to_what_is_asked_in_the_end() -> None:
     assert stand.flags() == frozenset()
 
 
-def test_node_without_watchdog_is_told() -> None:
+def test_node_without_watchdog_is_reported() -> None:
     """A node without consumer heartbeat makes a device without watchdog that works."""
     stand = Stand(outputs={"a1": {"number": 1, "safe_code": 0, **CODES}})
     without(stand, {o.CONSUMER_HEARTBEAT})
@@ -193,7 +193,7 @@ EMERGENCIES = (
         for each, code, flag in EMERGENCIES
     ],
 )
-def test_emergency_is_told_until_it_is_over(code: int, flag: DeviceFlag) -> None:
+def test_emergency_is_reported_until_it_is_over(code: int, flag: DeviceFlag) -> None:
     """An emergency sets a flag of all channels until the node reports that no error is left."""
     stand = Stand()
     device = stand.active()
@@ -211,7 +211,7 @@ def test_emergency_is_told_until_it_is_over(code: int, flag: DeviceFlag) -> None
 
 
 @pytest.mark.sees("canopen", "A7")
-def test_restarted_node_is_told() -> None:
+def test_restarted_node_is_reported() -> None:
     """A restart is reported for the outputs, loses the device, and it can be opened again."""
     stand = Stand()
     device = stand.active()
@@ -219,8 +219,8 @@ def test_restarted_node_is_told() -> None:
     stand.node.receive(Frame(o.NMT, bytes((o.RESET, NODE))))
     stand.bus.comes(Frame(o.HEARTBEAT + NODE, bytes((o.BOOTED,))))
     read(device, stand)
-    told = device.status(stand.time.t_ns)
-    assert [DeviceFlag.RESTARTED in each for each in told] == [False, False, True, True]
+    reported = device.status(stand.time.t_ns)
+    assert [DeviceFlag.RESTARTED in each for each in reported] == [False, False, True, True]
 
     read(device, stand)
     assert DeviceFlag.DISCONNECTED in stand.flags()
@@ -230,7 +230,7 @@ def test_restarted_node_is_told() -> None:
 
 
 @pytest.mark.sees("canopen", "A8")
-def test_node_that_somebody_stops_is_told() -> None:
+def test_stopped_node_is_reported() -> None:
     """The heartbeat of a node that is no longer operational sets the flag for local mode."""
     stand = Stand()
     device = stand.active()
@@ -242,7 +242,7 @@ def test_node_that_somebody_stops_is_told() -> None:
 
 
 @pytest.mark.sees("canopen", "B12")
-def test_other_master_is_told() -> None:
+def test_second_master_is_reported() -> None:
     """SYNC, NMT and process data for the outputs from another master are reported."""
     for foreign in (Frame(o.SYNC), Frame(o.NMT, b"\x01\x05"), Frame(0x305, bytes(4))):
         stand = Stand()
@@ -254,19 +254,19 @@ def test_other_master_is_told() -> None:
 
 
 @pytest.mark.sees("canopen", "S7")
-def test_input_at_its_end_is_told() -> None:
+def test_input_at_its_end_is_reported() -> None:
     """An input at the end of its converter's range is reported as saturated, and no other."""
     stand = Stand()
     device = stand.active()
     stand.rig.valid = False
     device.read(stand.time.t_ns)
-    told = device.status(stand.time.t_ns)
+    reported = device.status(stand.time.t_ns)
 
-    assert [DeviceFlag.SATURATED in each for each in told] == [True, True, False, False]
+    assert [DeviceFlag.SATURATED in each for each in reported] == [True, True, False, False]
 
 
 @pytest.mark.sees("canopen", "B10")
-def test_output_that_cannot_be_read_back_is_told() -> None:
+def test_output_that_cannot_be_read_back_is_reported() -> None:
     """A node that refuses an output's read-back in the loop makes a configuration fault."""
     stand = Stand()
     device = stand.active()

@@ -46,7 +46,7 @@ def test_value_survives_as_a_code(
     assert scale.value_of(scale.word_of(value)) == pytest.approx(value, abs=step)
 
 
-def test_ends_of_the_range_are_told_but_for_zero() -> None:
+def test_ends_of_the_range_are_flagged_except_zero() -> None:
     """A converter is saturated at the ends of its range, except at an end of 0 V."""
     scale = Scale((0, 32_767), (0.0, 10.0))
 
@@ -68,10 +68,10 @@ def test_words_survive_as_process_data(words: list[int]) -> None:
 
 
 @given(st.lists(st.tuples(st.booleans(), st.binary(max_size=8)), max_size=100))
-def test_whatever_a_node_tells_is_taken(told: list[tuple[bool, bytes]]) -> None:
+def test_any_message_of_a_node_is_accepted(messages: list[tuple[bool, bytes]]) -> None:
     """Emergencies and heartbeats with any content never raise."""
     health = NodeHealth()
-    for is_emergency, data in told:
+    for is_emergency, data in messages:
         (health.take_emergency if is_emergency else health.take_heartbeat)(data)
     assert all(isinstance(flag, DeviceFlag) for flag in health.flags)
 
@@ -168,7 +168,7 @@ def test_short_process_data_raise_an_emergency() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"inputs": {}, "outputs": {}}, "at least one input or output"),
         ({"host_node": 5}, "must not be the number of the node"),
@@ -183,9 +183,9 @@ def test_short_process_data_raise_an_emergency() -> None:
         ({"node": 128}, "allowed range 1 to 127"),
     ],
 )
-def test_mistakes_are_told(change: dict[str, Any], said: str) -> None:
+def test_mistakes_are_reported(change: dict[str, Any], message: str) -> None:
     """Options that contradict each other are refused."""
-    with pytest.raises(ValidationError, match=said):
+    with pytest.raises(ValidationError, match=message):
         Cia401Options.model_validate(canopen("/dev/null", **change))
 
 

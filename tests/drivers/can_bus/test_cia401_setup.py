@@ -42,7 +42,7 @@ def test_node_of_another_profile_is_refused() -> None:
         stand.device.open()
 
 
-def test_absent_node_is_told_with_what_to_check() -> None:
+def test_absent_node_is_reported_with_a_remedy() -> None:
     """If no node replies, the error names the node and possible causes."""
     stand = Stand()
     stand.bus.node = None

@@ -59,7 +59,7 @@ def test_other_frames_are_passed_on(bench: _Bench) -> None:
 
 @pytest.mark.sees("canopen", "B12")
 @pytest.mark.sees("can_dbc", "B12")
-def test_foreign_frame_is_told(bench: _Bench) -> None:
+def test_foreign_frame_is_reported(bench: _Bench) -> None:
     """A received frame with an own identifier is reported as foreign."""
     bench.bus.comes(Frame(OURS), Frame(ANSWERS), after_ns=MS)
     bench.ask()
@@ -78,7 +78,7 @@ def test_second_answer_is_dropped(bench: _Bench) -> None:
     assert bench.cycle.take_noticed() == {DeviceFlag.OUT_OF_ORDER}
 
 
-def test_slow_answer_is_told(bench: _Bench) -> None:
+def test_slow_answer_is_reported(bench: _Bench) -> None:
     """A reply that takes most of the time-out counts and is reported as slow."""
     bench.bus.comes(Frame(ANSWERS), after_ns=round(0.9 * TIMEOUT_NS))
     bench.ask()
@@ -146,7 +146,7 @@ def test_no_late_answer_is_taken_for_another(transactions: int) -> None:
 
 @pytest.mark.sees("canopen", "B11")
 @pytest.mark.sees("can_dbc", "B11")
-def test_babbling_bus_is_told(bench: _Bench) -> None:
+def test_babbling_bus_is_reported(bench: _Bench) -> None:
     """If reading does not end, nothing is sent and `MAX_FRAMES` frames are read."""
     bench.bus.comes(*[Frame(OTHER)] * 1000)
 
@@ -157,7 +157,7 @@ def test_babbling_bus_is_told(bench: _Bench) -> None:
 
 @pytest.mark.sees("canopen", "B11")
 @pytest.mark.sees("can_dbc", "B11")
-def test_babbling_while_waiting_is_told(bench: _Bench) -> None:
+def test_babbling_while_waiting_is_reported(bench: _Bench) -> None:
     """Foreign frames instead of the reply end the wait."""
     bench.bus.comes(*[Frame(OTHER)] * 1000, after_ns=MS)
 
@@ -166,7 +166,7 @@ def test_babbling_while_waiting_is_told(bench: _Bench) -> None:
 
 @pytest.mark.sees("canopen", "B9")
 @pytest.mark.sees("can_dbc", "B9")
-def test_frame_that_cannot_be_sent_is_told(bench: _Bench) -> None:
+def test_frame_that_cannot_be_sent_is_reported(bench: _Bench) -> None:
     """A full transmit queue fails the exchange; with room again, the next one works."""
     bench.bus.fault = DeviceFlag.NOT_SENT
     assert bench.fails() == DeviceFlag.NOT_SENT

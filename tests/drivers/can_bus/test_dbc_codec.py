@@ -128,7 +128,7 @@ def test_any_frame_is_taken_or_refused(data: bytes, extended: bool, remote: bool
 
 
 @pytest.mark.sees("can_dbc", "B6")
-def test_counter_tells_what_is_old() -> None:
+def test_repeated_counter_marks_an_old_value() -> None:
     """A repeated or overtaken frame is old; a frame after a gap is new."""
     sent = SentMessage(REPORT, {}, "Counter", None)
     frames = [sent.next() for _ in range(300)]
@@ -152,7 +152,7 @@ def test_sender_that_begins_anew_is_believed() -> None:
 
 
 @pytest.mark.parametrize("ours", [COMMAND, POLL, STATUS, REPORT], ids=lambda ours: ours.name)
-def test_emulated_device_is_as_its_file_says(ours: DbcMessage) -> None:
+def test_emulated_device_fits_its_dbc_file(ours: DbcMessage) -> None:
     """Each frame of the emulated device has the identifier, length and signals of its DBC file."""
     file = load(DBC)[ours.name]
 

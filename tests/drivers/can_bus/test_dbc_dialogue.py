@@ -142,7 +142,7 @@ FLAGS = (
     "name",
     [pytest.param(name, marks=pytest.mark.sees("can_dbc", each), id=name) for each, name in FLAGS],
 )
-def test_signal_that_stands_for_a_flag_is_told(name: str) -> None:
+def test_signal_that_stands_for_a_flag_is_reported(name: str) -> None:
     """A signal configured as a flag is reported as long as it is not 0."""
 
     def options(where: str, timeout_ms: float) -> Mapping[str, object]:
@@ -161,7 +161,7 @@ def test_signal_that_stands_for_a_flag_is_told(name: str) -> None:
 
 
 @pytest.mark.sees("can_dbc", "B12")
-def test_foreign_command_is_told() -> None:
+def test_foreign_command_is_reported() -> None:
     """A command from another sender is reported as foreign."""
     stand = Stand()
     stand.bus.comes(Frame(COMMAND.id, bytes(8)))
@@ -220,7 +220,7 @@ def _wrong(path: tuple[str, ...], value: object, make: Callable[[], dict[str, An
 
 
 @pytest.mark.parametrize(
-    ("path", "value", "said"),
+    ("path", "value", "message"),
     [
         (("inputs", "z", "signal"), "Y", "there is no signal Y"),
         (("inputs", "z", "message"), "Gott", "did you mean 'Got'"),
@@ -233,9 +233,11 @@ def _wrong(path: tuple[str, ...], value: object, make: Callable[[], dict[str, An
         (("counters", "Set"), "N", "there is no signal N"),
     ],
 )
-def test_mistakes_are_told_where_they_are(path: tuple[str, ...], value: object, said: str) -> None:
+def test_mistakes_are_reported_with_their_place(
+    path: tuple[str, ...], value: object, message: str
+) -> None:
     """Options that contradict each other are refused, with the place and the remedy."""
-    assert said in _wrong(path, value, _inline)
+    assert message in _wrong(path, value, _inline)
 
 
 def test_echo_without_a_counter_is_a_mistake() -> None:

@@ -112,7 +112,7 @@ def test_request_that_drives_is_refused(request_: str) -> None:
 
 
 @pytest.mark.parametrize("request_", ["Poll", None])
-def test_output_that_nobody_uses_is_held(request_: str | None) -> None:
+def test_unused_output_is_held(request_: str | None) -> None:
     """An unused output in a used message is sent with the value read back at activation."""
     device, amplifier = _device(Wiring(("p",), ("a",)), _options(request_))
     device.open()
@@ -165,7 +165,7 @@ def test_bus_is_listened_to_where_nothing_is_read_back() -> None:
     assert device.write([1.0, 2.0], 2 * MS)
 
     def left(within_ns: int) -> Frame | None:  # noqa: ARG001 - the interface's
-        raise LineFault(DeviceFlag.BUS_OFF, "the test says so")
+        raise LineFault(DeviceFlag.BUS_OFF, "the test demands it")
 
     bus.receive = left  # type: ignore[method-assign] # a bus that was left
     assert not device.write([3.0, 4.0], 3 * MS)
@@ -198,7 +198,7 @@ def test_output_that_does_not_tell_where_it_is_is_not_taken_over() -> None:
 
 
 @pytest.mark.parametrize("request_", ["Poll", None])
-def test_device_of_which_inputs_are_used_is_told_nothing(request_: str | None) -> None:
+def test_device_with_only_inputs_in_use_gets_no_command(request_: str | None) -> None:
     """With inputs only, requests are sent and no command."""
     device, amplifier = _device(Wiring(("p",), ()), _options(request_))
     device.open()

@@ -53,7 +53,7 @@ def test_driver_masters_what_goes_wrong(
     """Each driver keeps the driver contract and detects each fault that it claims to detect."""
     with emulated(f"{profile.name}={tmp_path / 'can.tty'}") as device:
         factory = profile.maker(device.where[0])
-        # What is read back of a report is of the last report, whatever the contract's clock says.
+        # The read-back of a report has the age of the last report, not of the contract's clock.
         for check in checks_for(factory) if profile is not REPORTED else DEVICE_CHECKS:
             with subtests.test(check.__name__):
                 check(factory)

@@ -27,16 +27,16 @@ class _End:
     def __init__(self) -> None:
         self.coming: list[Frame] = []
         self.sent: list[Frame] = []
-        self.told: list[object] = []
+        self.calls: list[object] = []
 
     def place(self) -> str:
         return "here"
 
     def appear(self) -> None:
-        self.told.append("there")
+        self.calls.append("there")
 
     def vanish(self) -> None:
-        self.told.append("gone")
+        self.calls.append("gone")
 
     def receive(self, _within_ns: int) -> list[Frame]:
         coming, self.coming = self.coming, []
@@ -46,10 +46,10 @@ class _End:
         self.sent.append(frame)
 
     def noise(self, data: bytes) -> None:
-        self.told.append(data)
+        self.calls.append(data)
 
     def leave(self, away: bool) -> None:
-        self.told.append(away)
+        self.calls.append(away)
 
 
 class _Hosted:
@@ -75,7 +75,7 @@ class _Hosted:
         return self.end.sent
 
 
-def test_each_fault_befalls_frames() -> None:
+def test_each_fault_hits_frames() -> None:
     """Frames are lost, doubled, cut, garbled, delayed, foreign, or follow noise."""
     hosted = _Hosted()
     foreign = Frame(0x305, bytes(8))
@@ -89,7 +89,7 @@ def test_each_fault_befalls_frames() -> None:
     ]
     assert hosted.asked("foreign") == [foreign, ANSWER]
     assert hosted.asked("noise:1:4") == [ANSWER]
-    assert isinstance(hosted.end.told[-1], bytes)
+    assert isinstance(hosted.end.calls[-1], bytes)
     assert hosted.asked("late:1:0.05") == []
     hosted.time.t_ns += 51 * MS
     hosted.host.go_on(0)
@@ -97,7 +97,7 @@ def test_each_fault_befalls_frames() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fault", "told", "serials"),
+    ("fault", "calls", "serials"),
     [
         ("disconnect", ["gone", "there"], ["7"]),
         ("wrong-identity", ["gone", "there"], ["7", "99000099"]),
@@ -105,7 +105,7 @@ def test_each_fault_befalls_frames() -> None:
         ("bus-off", [True, False], ["7"]),
     ],
 )
-def test_each_fault_befalls_the_node(fault: str, told: list[object], serials: list[str]) -> None:
+def test_each_fault_hits_the_node(fault: str, calls: list[object], serials: list[str]) -> None:
     """The node is absent for the given time and then back; a restart sets it to 0 V."""
     hosted = _Hosted()
     hosted.rig.drive_v = [50.0]
@@ -113,7 +113,7 @@ def test_each_fault_befalls_the_node(fault: str, told: list[object], serials: li
     hosted.time.t_ns += 11 * MS
     hosted.host.go_on(0)
 
-    assert hosted.end.told == told
+    assert hosted.end.calls == calls
     assert hosted.serials == serials
     assert hosted.rig.drive_v == ([0.0] if fault == "restart" else [50.0])
     assert ANSWER in hosted.asked()
@@ -132,8 +132,8 @@ def test_node_may_be_away_for_two_reasons(second: str, seconds: float) -> None:
         hosted.time.t_ns += 10 * MS
         hosted.host.go_on(0)
 
-        assert hosted.end.told.count("there") == ("gone" in hosted.end.told)
-        assert hosted.end.told[-1] in {"there", False}
+        assert hosted.end.calls.count("there") == ("gone" in hosted.end.calls)
+        assert hosted.end.calls[-1] in {"there", False}
         assert ANSWER in hosted.asked()
 
 
@@ -142,12 +142,12 @@ def test_noise_comes_after_what_is_late() -> None:
     hosted = _Hosted()
     assert hosted.asked("late:1:0.05") == []
     assert hosted.asked("noise:1:4") == []
-    assert hosted.end.told == []
+    assert hosted.end.calls == []
     hosted.time.t_ns += 51 * MS
     hosted.host.go_on(0)
 
     assert hosted.end.sent == [ANSWER, ANSWER]
-    assert [type(each) for each in hosted.end.told] == [bytes]
+    assert [type(each) for each in hosted.end.calls] == [bytes]
 
 
 def test_serving_begins_and_ends() -> None:
@@ -158,7 +158,7 @@ def test_serving_begins_and_ends() -> None:
     hosted.host.serve(places.append, lambda: next(stops))
 
     assert places == ["here"]
-    assert hosted.end.told == ["there", "gone"]
+    assert hosted.end.calls == ["there", "gone"]
 
 
 def test_adapter_end_is_a_port(tmp_path: Path) -> None:

@@ -139,7 +139,9 @@ def test_kernel_filters_what_is_not_accepted(bus: LibraryBus, controller: _Contr
 @pytest.mark.sees("canopen", "B9")
 @pytest.mark.sees("can_dbc", "B9")
 @pytest.mark.parametrize("failure", FULL, ids=["ENOBUFS", "text", "OSError"])
-def test_full_queue_is_told(bus: LibraryBus, controller: _Controller, failure: Exception) -> None:
+def test_full_queue_is_reported(
+    bus: LibraryBus, controller: _Controller, failure: Exception
+) -> None:
     """A full queue is recognized by python-can's error number or error text."""
     controller.failure = failure
 
@@ -147,9 +149,7 @@ def test_full_queue_is_told(bus: LibraryBus, controller: _Controller, failure: E
 
 
 @pytest.mark.parametrize("number", [errno.ENETDOWN, errno.ENODEV])
-def test_interface_that_is_gone_is_told(
-    bus: LibraryBus, controller: _Controller, number: int
-) -> None:
+def test_lost_interface_is_reported(bus: LibraryBus, controller: _Controller, number: int) -> None:
     """Any other error means that the interface is lost."""
     controller.failure = can.CanOperationError("Failed to transmit", number)
     controller.coming.append(can.CanOperationError("Failed to receive", number))
@@ -158,7 +158,7 @@ def test_interface_that_is_gone_is_told(
     assert _flag(lambda: bus.receive(0)) == DeviceFlag.DISCONNECTED
 
 
-def test_closed_bus_is_told() -> None:
+def test_closed_bus_is_reported() -> None:
     """A bus that is not open reports that it is disconnected."""
     bus = LibraryBus("virtual", "x", {})
 
@@ -173,14 +173,14 @@ def _error(classes: int, data: bytes = bytes(8)) -> can.Message:
 
 @pytest.mark.sees("canopen", "B8")
 @pytest.mark.sees("can_dbc", "B8")
-def test_controller_off_the_bus_is_told(bus: LibraryBus, controller: _Controller) -> None:
+def test_controller_off_the_bus_is_reported(bus: LibraryBus, controller: _Controller) -> None:
     """An error frame for bus off loses the bus."""
     controller.coming.append(_error(0x40))
 
     assert _flag(lambda: bus.receive(MS)) == DeviceFlag.BUS_OFF
 
 
-def test_passive_controller_is_told(bus: LibraryBus, controller: _Controller) -> None:
+def test_passive_controller_is_reported(bus: LibraryBus, controller: _Controller) -> None:
     """An error frame for missing acknowledgements is reported and hides no frame."""
     answer = can.Message(arbitration_id=0x285, data=b"1", is_extended_id=False)
     controller.coming += [_error(0x04, bytes((0, 0x20, 0, 0, 0, 0, 0, 0))), _error(0x200), answer]
@@ -227,7 +227,7 @@ def test_queue_that_cannot_be_emptied_is_not_used(
     with pytest.raises(DeviceUnavailableError, match="ip link set can0 down"):
         bus.open(())
 
-    network.downs += 1  # somebody has taken it down
+    network.downs += 1  # the interface has been taken down
     controller.queue.clear()
     controller.stuck = False
     bus.open(())
@@ -273,7 +273,7 @@ def group() -> Iterator[tuple[LibraryBus, LibraryBus]]:
 
 @pytest.mark.sees("canopen", "B12")
 @pytest.mark.sees("can_dbc", "B12")
-def test_own_frames_are_told_from_others(group: tuple[LibraryBus, LibraryBus]) -> None:
+def test_own_frames_are_distinguished_from_others(group: tuple[LibraryBus, LibraryBus]) -> None:
     """In a UDP group own frames are dropped; the same frame from another member is not."""
     one, other = group
     one.send(A)
@@ -285,7 +285,7 @@ def test_own_frames_are_told_from_others(group: tuple[LibraryBus, LibraryBus]) -
     assert one.receive(0) is None
 
 
-def test_packet_that_is_no_frame_is_told(group: tuple[LibraryBus, LibraryBus]) -> None:
+def test_packet_that_is_no_frame_is_reported(group: tuple[LibraryBus, LibraryBus]) -> None:
     """A stray packet at the group's port is garbage and hides no frame."""
     one, other = group
     port = one._settings["port"]  # noqa: SLF001 - the port that the fixture drew
@@ -311,7 +311,7 @@ def test_stray_packets_do_not_prolong_the_wait(
     assert controller.waits_s == pytest.approx([0.004, 0.003, 0.002, 0.001, 0.0])
 
 
-def test_absent_interface_is_told_with_its_remedy() -> None:
+def test_absent_interface_is_reported_with_its_remedy() -> None:
     """For a missing interface, or a kernel without CAN, the error names the remedy."""
     with pytest.raises(DeviceUnavailableError, match=r"no CAN|ip link set can0 up"):
         LibraryBus("socketcan", "can0", {}).open(())
@@ -324,18 +324,18 @@ def test_kernel_is_asked_for_what_it_knows() -> None:
         KernelInterfaces().restart("no-such-if")
 
 
-def test_who_takes_an_interface_down_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_taking_an_interface_down_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each time that an interface is taken down counts once, by the error of a bound socket."""
 
     def refused(_name: str) -> socket.socket:
         """Return a socket with a pending error."""
-        told = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        told.connect(("127.0.0.1", free_port()))
-        told.send(b"")
+        pending = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        pending.connect(("127.0.0.1", free_port()))
+        pending.send(b"")
         look = select.poll()
-        look.register(told, 0)
+        look.register(pending, 0)
         assert look.poll(20_000), "the error has come"
-        return told
+        return pending
 
     monkeypatch.setattr("piezod_drivers.can_bus.interface_control._monitor", refused)
     kernel = KernelInterfaces()

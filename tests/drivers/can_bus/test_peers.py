@@ -112,8 +112,8 @@ def test_canopen_library_drives_our_node(remote: Any) -> None:
     remote.nmt.state = "PRE-OPERATIONAL"
     remote.tpdo.read()
     remote.rpdo.read()
-    tell, drive = remote.tpdo[2], remote.rpdo[2]
-    for pdo, index, kind in ((tell, 0x6401, 1), (drive, 0x6411, 255)):
+    report, drive = remote.tpdo[2], remote.rpdo[2]
+    for pdo, index, kind in ((report, 0x6401, 1), (drive, 0x6411, 255)):
         pdo.clear()
         pdo.add_variable(index, 1)
         pdo.trans_type, pdo.enabled = kind, True
@@ -125,7 +125,7 @@ def test_canopen_library_drives_our_node(remote: Any) -> None:
     drive[0].raw = round(5 * CODES_PER_V)
     drive.transmit()
     volts: list[float] = []
-    tell.add_callback(lambda pdo: volts.append(pdo[0].raw / CODES_PER_V))
+    report.add_callback(lambda pdo: volts.append(pdo[0].raw / CODES_PER_V))
 
     def settled() -> bool:
         remote.network.sync.transmit()

@@ -54,7 +54,7 @@ def test_stage_moves_over_udp(device: Any) -> None:
 
 @pytest.mark.sees("canopen", "B12")
 @pytest.mark.sees("can_dbc", "B12")
-def test_foreign_frames_of_a_node_are_told(served: tuple[Emulated, Any], device: Any) -> None:
+def test_foreign_frames_of_a_node_are_reported(served: tuple[Emulated, Any], device: Any) -> None:
     """Foreign frames with own identifiers are reported until they stop."""
     node, _ = served
     node.faults("foreign")
@@ -76,23 +76,23 @@ def test_flood_is_survived(served: tuple[Emulated, Any], device: Any) -> None:
     babbler = can.Bus(
         interface="udp_multicast", channel=group, port=int(port), hop_limit=0, fd=False
     )
-    told: set[DeviceFlag] = set()
+    reported: set[DeviceFlag] = set()
     for _ in range(20):
         for _ in range(100):
             babbler.send(can.Message(arbitration_id=0x7F0, data=bytes(8), is_extended_id=False))
         _drives(device)
-        told |= flags_of(device)
+        reported |= flags_of(device)
     babbler.shutdown()
 
-    assert DeviceFlag.BUS_OVERLOADED in told
-    assert DeviceFlag.DISCONNECTED not in told
+    assert DeviceFlag.BUS_OVERLOADED in reported
+    assert DeviceFlag.DISCONNECTED not in reported
     eventually(lambda: _drives(device) and not flags_of(device))
 
 
 @pytest.mark.sees("canopen", "B8")
 @pytest.mark.sees("can_dbc", "B8")
 @pytest.mark.parametrize("profile", [CANOPEN, POLLED], ids=["canopen", "dbc"])
-def test_adapter_off_the_bus_is_told_and_comes_back(tmp_path: Path, profile: Any) -> None:
+def test_adapter_off_the_bus_is_reported_and_comes_back(tmp_path: Path, profile: Any) -> None:
     """An adapter that refuses every frame is off the bus and works after opening it again."""
     with emulated(f"{profile.name}={tmp_path / 'can.tty'}") as node:
         device = profile.maker(node.where[0], 5.0)()
@@ -100,16 +100,16 @@ def test_adapter_off_the_bus_is_told_and_comes_back(tmp_path: Path, profile: Any
         device.activate(_now())
         eventually(lambda: _drives(device))
         node.faults("bus-off:now:600")
-        told: set[DeviceFlag] = set()
+        reported: set[DeviceFlag] = set()
 
         def is_lost() -> bool:
-            nonlocal told
+            nonlocal reported
             _drives(device)
-            told |= flags_of(device)
+            reported |= flags_of(device)
             return bool(device.lost)
 
         eventually(is_lost)
-        assert DeviceFlag.BUS_OFF in told
+        assert DeviceFlag.BUS_OFF in reported
         assert not _drives(device)
         device.close()
         assert not opens(device), "it is still off"

@@ -222,7 +222,7 @@ def test_old_setpoint_of_another_process_never_leaves(behind: _Behind, line: Emu
 
 @pytest.mark.sees("canopen", "B9")
 @pytest.mark.sees("can_dbc", "B9")
-def test_refused_frame_is_told(bus: SlcanBus, behind: _Behind) -> None:
+def test_refused_frame_is_reported(bus: SlcanBus, behind: _Behind) -> None:
     """After a refused frame the next one fails and is not sent."""
     behind.adapter.off_bus = True
     bus.send(A)
@@ -255,7 +255,7 @@ def test_adapter_that_refuses_again_and_again_is_off_the_bus(
 
 @pytest.mark.sees("canopen", "B3")
 @pytest.mark.sees("can_dbc", "B3")
-def test_garbage_is_told(bus: SlcanBus, line: EmulatedLine) -> None:
+def test_garbage_is_reported(bus: SlcanBus, line: EmulatedLine) -> None:
     """Bytes that are no line of an adapter are reported and hide no frame behind them."""
     line.comes(b"\xff\x00rubbish\rt0800\r")
 
@@ -322,7 +322,7 @@ def test_late_adapter_has_refused_nothing(behind: _Behind) -> None:
     assert behind.on_bus == [A] * 5
 
 
-def test_unplugged_adapter_is_told(bus: SlcanBus, line: EmulatedLine) -> None:
+def test_unplugged_adapter_is_reported(bus: SlcanBus, line: EmulatedLine) -> None:
     """With an unplugged adapter every call fails except closing."""
     line.unplugged = True
 

@@ -44,7 +44,7 @@ def test_long_blocks_are_divided() -> None:
 
 
 def test_forms_reach_no_further_than_known_registers() -> None:
-    """A block is also read with its next neighbours, as far as they are known."""
+    """A block is also read together with its next neighbours, if they are known."""
     assert spans([2], list(range(8))) == [(2, tuple(range(1, 1 + FORMS)))]
     assert spans([6], list(range(8))) == [(6, (1, 2))]
 

@@ -77,9 +77,9 @@ def test_every_exception_code_has_its_meaning(codes: tuple[int, ...], flag: Devi
     for code in codes:
         for request in (read("holding", 16, 1), write_one(16, b"\0\0")):
             refusal = bytes((request.pdu[0] | 0x80, code))
-            with pytest.raises(LineFault, match=f"00 10.*exception {code}") as told:
+            with pytest.raises(LineFault, match=f"00 10.*exception {code}") as caught:
                 check_reply(refusal, request, "unit 1")
-            assert told.value.flag is flag
+            assert caught.value.flag is flag
 
 
 @given(st.binary(max_size=20))

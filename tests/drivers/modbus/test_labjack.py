@@ -122,9 +122,9 @@ def test_an_input_of_a_t4_saturates_at_the_end_of_its_own_range(order: tuple[int
     assert [sample.position_um for sample in device.read(line.now_ns())] == pytest.approx([2.4] * 5)
     assert device.status(line.now_ns()) == [frozenset()] * 5
     rig.drive_v = [75.0] * 5
-    told = dict(zip(wiring.inputs, device.read(line.now_ns()), strict=True))
-    assert not told.pop("AIN4").valid
-    assert [sample.position_um for sample in told.values()] == pytest.approx([3.0] * 4)
+    by_name = dict(zip(wiring.inputs, device.read(line.now_ns()), strict=True))
+    assert not by_name.pop("AIN4").valid
+    assert [sample.position_um for sample in by_name.values()] == pytest.approx([3.0] * 4)
     flags = dict(zip(wiring.inputs, device.status(line.now_ns()), strict=True))
     assert flags.pop("AIN4") == {DeviceFlag.SATURATED}
     assert set(flags.values()) == {frozenset()}
@@ -261,7 +261,7 @@ def test_a_watchdog_that_cannot_be_armed_is_refused() -> None:
 
 
 @pytest.mark.sees("modbus", "A8")
-def test_somebody_else_who_drives_the_output_is_noticed() -> None:
+def test_write_of_another_program_is_noticed() -> None:
     """An output that changed between two exchanges is reported."""
     device, line, _ = labjack()
     device.exchange([2.0], line.now_ns())

@@ -41,7 +41,7 @@ BACK = {"role": "read-back", "channel": "a", "address": 0}
         ({**TCP, "registers": (OUTPUT, STATUS | {"channel": "b"})}, "no input or output .* 'b'"),
     ],
 )
-def test_a_broken_rule_is_told(options: dict[str, object], what: str) -> None:
+def test_a_broken_rule_is_reported(options: dict[str, object], what: str) -> None:
     """Each mistake in the options is an error that names the allowed values."""
     with pytest.raises(ValidationError, match=what):
         ModbusOptions.model_validate(options)
@@ -78,7 +78,7 @@ def test_a_status_may_be_about_an_input_or_an_output_or_all() -> None:
         (STATUS | {"flag": "tired"}, "flag"),
     ],
 )
-def test_a_register_that_makes_no_sense_is_told(row: dict[str, object], what: str) -> None:
+def test_a_senseless_register_is_reported(row: dict[str, object], what: str) -> None:
     """Each mistake in a register is an error that names the allowed values."""
     with pytest.raises(ValidationError, match=what):
         ModbusOptions.model_validate({**TCP, "registers": (row,)})

@@ -138,14 +138,16 @@ def test_libmodbus_over_rtu(libmodbus: Path, functions: tuple[int, ...]) -> None
 def mbpoll(*words: str) -> list[str]:
     """Run mbpoll once; return the values that it prints."""
     need("mbpoll")
-    told = subprocess.run(
+    finished = subprocess.run(
         [shutil.which("mbpoll") or "", "-q", "-1", *words],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert told.returncode == 0, told.stdout + told.stderr
-    return [line.split("\t")[-1].strip() for line in told.stdout.splitlines() if line[:1] == "["]
+    assert finished.returncode == 0, finished.stdout + finished.stderr
+    return [
+        line.split("\t")[-1].strip() for line in finished.stdout.splitlines() if line[:1] == "["
+    ]
 
 
 def test_mbpoll_over_tcp() -> None:

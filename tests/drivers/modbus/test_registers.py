@@ -226,7 +226,7 @@ def test_outputs_without_inputs_are_watched_while_they_are_set() -> None:
     assert DeviceFlag.WATCHDOG_TRIPPED in device.status(line.now_ns())[0]
 
 
-def test_a_write_is_taken_although_the_status_is_not_told() -> None:
+def test_a_write_is_taken_although_the_status_is_missing() -> None:
     """A failed status request does not fail the write before it, and is reported."""
     device, line, rig = outputs_only()
     line.change = lambda reply: b"" if reply[7] == 3 else reply
@@ -287,7 +287,7 @@ def test_a_device_of_which_inputs_are_used_is_sent_no_write(
 
 
 @pytest.mark.sees("modbus", "S7")
-def test_a_saturated_input_is_told() -> None:
+def test_a_saturated_input_is_reported() -> None:
     """An input beyond its range is no sample and sets the flag of its channel only."""
     device, line, rig = opened(emulator.ADAM_6024, {"profile": "adam-6024", "host": "h"})
     rig.valid = False
@@ -321,7 +321,7 @@ def test_another_device_is_refused() -> None:
 
 
 @pytest.mark.sees("modbus", "B10")
-def test_a_register_that_the_device_has_not_is_told_when_it_is_opened() -> None:
+def test_a_missing_register_is_reported_when_the_device_is_opened() -> None:
     """A wrong register map fails at opening, with the exception and the request."""
     row = {"role": "input", "channel": "AI0", "address": 700}
     options = ModbusOptions.model_validate({"registers": (row,), "host": "h"})

@@ -53,9 +53,9 @@ def test_no_flipped_bit_is_accepted(request_: ModbusRequest) -> None:
         damaged = bytearray(reply)
         damaged[bit // 8] ^= 1 << bit % 8
         line = PlayedLine(lambda _request, damaged=bytes(damaged): [(MS, damaged)])  # type: ignore[misc]
-        with pytest.raises(LineFault) as told:
+        with pytest.raises(LineFault) as caught:
             rtu(line).ask(1, [request_])
-        flags.add(told.value.flag)
+        flags.add(caught.value.flag)
     assert flags == {DeviceFlag.BAD_CHECKSUM, DeviceFlag.LATE_REPLY}
     line = PlayedLine(lambda _request: [(MS, reply)])
     assert rtu(line).ask(1, [request_]) == pdu

@@ -24,8 +24,8 @@ def kpz(**options: object) -> tuple[BusDevice, EmulatedLine, LinearRig, KpzEmula
     stand, rig, time = bench()
     emulator = KpzEmulator(stand, "")
     line = EmulatedLine(emulator, time)
-    told = AptOptions.model_validate({"port": "p", "model": "KPZ101", **options})
-    return BusDevice("KPZ101", AmplifierDialogue(told, OUTPUT, line)), line, rig, emulator
+    configured = AptOptions.model_validate({"port": "p", "model": "KPZ101", **options})
+    return BusDevice("KPZ101", AmplifierDialogue(configured, OUTPUT, line)), line, rig, emulator
 
 
 def ksg(
@@ -34,8 +34,8 @@ def ksg(
     """Return a strain gauge reader, the line to it, and the rig behind it."""
     stand, rig, time = bench()
     line = EmulatedLine(KsgEmulator(stand, "", request), time)
-    told = AptOptions.model_validate({"port": "p", "model": "KSG101", **options})
-    return BusDevice("KSG101", ReaderDialogue(told, INPUT, line)), line, rig
+    configured = AptOptions.model_validate({"port": "p", "model": "KSG101", **options})
+    return BusDevice("KSG101", ReaderDialogue(configured, INPUT, line)), line, rig
 
 
 def instead(ident: int, answer: bytes) -> Callable[[bytes], bytes]:

@@ -8,7 +8,7 @@ from piezod_drivers.serial_line.micro_epsilon.emulator import ILD1420, ODC2520
 from piezod_drivers.serial_line.micro_epsilon.options import MicroEpsilonOptions
 from piezod_drivers.serial_line.micro_epsilon.profiles import PROFILES
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
-from tests.drivers.serial_line.scripted_line import US, EmulatedLine, ScriptedLine, says
+from tests.drivers.serial_line.scripted_line import US, EmulatedLine, ScriptedLine, exchange
 
 WIRING = Wiring(("distance",), ())
 GETINFO = b"GETINFO\n"
@@ -38,7 +38,7 @@ def scripted(model: str = "ILD1420", **more: object) -> tuple[BusDevice, Scripte
     """Return an active sensor that sends the bytes of the test."""
     line = ScriptedLine()
     if PROFILES[model].answers_commands:
-        line.then(says(GETINFO, WORD + ANSWER.replace(b"ILD1420", model.encode()) + WORD))
+        line.then(exchange(GETINFO, WORD + ANSWER.replace(b"ILD1420", model.encode()) + WORD))
     device = BusDevice(model, MicroEpsilonDialogue(options(model, **more), WIRING, line))
     line.comes(codec.pack(COUNT >> 4, PROFILES[model].word_bytes), 200 * US)
     device.open()

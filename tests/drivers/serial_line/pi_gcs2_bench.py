@@ -9,20 +9,20 @@ from tests.drivers.serial_line.linear_rig import LinearRig, bench
 from tests.drivers.serial_line.scripted_line import (
     EmulatedLine,
     ScriptedLine,
-    says,
+    exchange,
 )
 
 OPTIONS = Gcs2Options(port="/dev/ttyUSB0")
 OPENING = (
-    says(b"ERR?\n", b"0\n"),
-    says(b"*IDN?\nERR?\n", b"(c) PI, E-727, 1204, 14.1\n0\n"),
-    says(b"SAI?\nERR?\n", b"1 \n2\n0\n"),
+    exchange(b"ERR?\n", b"0\n"),
+    exchange(b"*IDN?\nERR?\n", b"(c) PI, E-727, 1204, 14.1\n0\n"),
+    exchange(b"SAI?\nERR?\n", b"1 \n2\n0\n"),
 )
 LIMITS = (
-    says(b"VMI? 1\nERR?\n", b"1=-20\n0\n"),
-    says(b"VMA? 1\nERR?\n", b"1=120\n0\n"),
+    exchange(b"VMI? 1\nERR?\n", b"1=-20\n0\n"),
+    exchange(b"VMA? 1\nERR?\n", b"1=120\n0\n"),
 )
-AT_EASE = (says(b"SVO? 1\nERR?\n", b"1=0\n0\n"), says(b"ONL? 1\nERR?\n", b"1=1\n0\n"))
+AT_EASE = (exchange(b"SVO? 1\nERR?\n", b"1=0\n0\n"), exchange(b"ONL? 1\nERR?\n", b"1=1\n0\n"))
 
 
 def scripted(line: ScriptedLine, **options: object) -> ExchangingBusDevice:

@@ -41,7 +41,7 @@ class Step:
     replies: tuple[tuple[int, bytes], ...] = ()
 
 
-def says(sent: bytes, *replies: bytes, after_ns: int = 100 * US) -> Step:
+def exchange(sent: bytes, *replies: bytes, after_ns: int = 100 * US) -> Step:
     """Return a step in which each part of the reply comes after the same delay."""
     return Step(sent, tuple((after_ns, reply) for reply in replies))
 
@@ -66,7 +66,7 @@ class _PlayedLine:
 
     def open(self) -> None:
         if self.absent:
-            raise DeviceUnavailableError(f"{self.where}: nobody is there")
+            raise DeviceUnavailableError(f"{self.where}: no device")
         self.opened = True
 
     def close(self) -> None:

@@ -56,8 +56,8 @@ def _their_fields(frame: bytes) -> dict[str, Any]:
     """Return the fields that thorlabs-apt-protocol reads in a message to the host."""
     unpacker = peer.Unpacker(on_error="raise")
     unpacker.feed(frame)
-    told: dict[str, Any] = next(iter(unpacker))._asdict()
-    return told
+    fields: dict[str, Any] = next(iter(unpacker))._asdict()
+    return fields
 
 
 @given(COUNTS, COUNTS, st.integers(0, 2**32 - 1))

@@ -15,7 +15,7 @@ from tests.drivers.serial_line.apt_bench import NOW, answering, answering_words,
 from tests.drivers.serial_line.linear_rig import UM_PER_V
 
 
-def test_amplifier_says_who_it_is_and_holds() -> None:
+def test_amplifier_reports_its_identity_and_holds() -> None:
     """An amplifier reports model and serial number; its range is its limit, and it holds."""
     device, _, _, _ = kpz(max_v=150)
     assert device.open() == ("Thorlabs", "KPZ101", "29000001", "1.0.3")
@@ -83,7 +83,7 @@ def test_knob_that_adds_nothing_is_switched_off() -> None:
     assert emulator.source == 0
 
 
-def test_knob_that_adds_a_voltage_is_told() -> None:
+def test_knob_that_adds_a_voltage_is_reported() -> None:
     """An input that adds a voltage prevents activation, because switching it off is a jump."""
     device, _, rig, emulator = kpz()
     emulator.receive(codec.short(Id.SET_ENABLED, 1, 1))
@@ -109,7 +109,7 @@ def test_other_model_is_refused() -> None:
         device.open()
 
 
-def test_silent_port_is_told() -> None:
+def test_silent_port_is_reported() -> None:
     """A port without reply is an unavailable device."""
     device, line, _, _ = kpz()
     line.change = lambda _: b""
@@ -173,7 +173,7 @@ def test_reader_without_travel_needs_a_scale() -> None:
         device.open()
 
 
-def test_port_that_goes_while_opening_is_told() -> None:
+def test_port_lost_while_opening_is_reported() -> None:
     """A reader whose port is lost during opening is unavailable."""
     device, line, _ = ksg()
 
@@ -201,7 +201,7 @@ def test_cube_is_woken_by_rts() -> None:
     assert done == [("rts", True), 0.05, "dropped", ("rts", False), 0.05]
 
 
-def test_plug_in_tells_the_channel_of_each_model() -> None:
+def test_plug_in_lists_the_channel_of_each_model() -> None:
     """An amplifier has one output in V, a reader one input in µm."""
     for model, inputs, outputs in (("TPZ001", {}, {"1": "V"}), ("TSG001", {"1": "µm"}, {})):
         options = AptOptions.model_validate({"port": "p", "model": model})

@@ -14,7 +14,7 @@ from tests.drivers.serial_line.scripted_line import MS
 
 
 @pytest.mark.sees("thorlabs_apt", "S7")
-def test_end_of_range_is_told() -> None:
+def test_end_of_range_is_reported() -> None:
     """A reading at the end of the range is invalid and reported as saturated."""
     device, _, rig = ksg()
     device.open()
@@ -27,7 +27,7 @@ def test_end_of_range_is_told() -> None:
 
 
 @pytest.mark.sees("thorlabs_apt", "A8")
-def test_disabled_output_is_told() -> None:
+def test_disabled_output_is_reported() -> None:
     """An output that is switched off at the device is reported with the next status."""
     device, line, _, emulator = kpz()
     device.open()
@@ -44,7 +44,7 @@ def _switch_off_and_on(emulator: KpzEmulator) -> None:
 
 
 @pytest.mark.sees("thorlabs_apt", "A7")
-def test_amplifier_that_was_off_is_told() -> None:
+def test_amplifier_that_was_off_is_reported() -> None:
     """An amplifier that has lost its voltage is reported as restarted, once."""
     device, line, _, emulator = kpz()
     device.open()
@@ -102,7 +102,7 @@ def test_voltage_that_is_not_set_is_refused() -> None:
 
 
 @pytest.mark.sees("thorlabs_apt", "B10")
-def test_complaint_is_told() -> None:
+def test_error_of_the_cube_is_reported() -> None:
     """An error message of the device is reported and disturbs no exchange."""
     device, line, _, _ = kpz()
     device.open()
@@ -114,7 +114,7 @@ def test_complaint_is_told() -> None:
 
 @pytest.mark.sees("thorlabs_apt", "B3")
 @pytest.mark.parametrize("garbage", [b"\xff", b"\x45\x06\x04", b"?" * 300])
-def test_garbage_before_an_answer_is_told(garbage: bytes) -> None:
+def test_garbage_before_an_answer_is_reported(garbage: bytes) -> None:
     """Garbage before a reply is reported, and the reply is found behind it."""
     device, line, _, _ = kpz()
     device.open()
@@ -173,9 +173,9 @@ def test_late_answers_are_never_taken_for_the_next(cycles: int) -> None:
                 emulator.receive(codec.short(Id.REQ_OUTPUT, 1))[0][8:]
                 == codec.words(1, round(value / 150 * codec.FULL_SCALE))[2:]
             )
-        told = device.read_back(NOW)[0]
+        reading = device.read_back(NOW)[0]
         held = codec.words_of(emulator.receive(codec.short(Id.REQ_OUTPUT, 1))[0], 1)[0]
-        assert isnan(told) or told == pytest.approx(held / codec.FULL_SCALE * 150)
+        assert isnan(reading) or reading == pytest.approx(held / codec.FULL_SCALE * 150)
         seen |= device.status(NOW)[0]
     assert taken > cycles // 20
     assert {DeviceFlag.LATE_REPLY, DeviceFlag.OUT_OF_ORDER} <= seen

@@ -44,13 +44,13 @@ class Host:
     def __exit__(self, *_: object) -> None:
         self._serial.close()
 
-    def say(self, message: bytes) -> None:
+    def put(self, message: bytes) -> None:
         self._serial.write(message)
 
     def ask(self, message: bytes, name: str) -> Any:
         """Return the next message with this name."""
-        self.say(message)
-        return eventually(lambda: next((told for told in self._unpacker if told.msg == name), None))
+        self.put(message)
+        return eventually(lambda: next((each for each in self._unpacker if each.msg == name), None))
 
 
 def test_host_drives_the_amplifier_and_reads_the_gauge(cubes: Emulated) -> None:
@@ -65,31 +65,31 @@ def test_host_drives_the_amplifier_and_reads_the_gauge(cubes: Emulated) -> None:
         )
         request = peer.pz_req_tsg_reading(CUBE, HOST, CHANNEL)
         at_rest = ksg.ask(request, "pz_get_tsg_reading").reading
-        kpz.say(peer.mod_set_chanenablestate(CUBE, HOST, CHANNEL, 1))
-        kpz.say(peer.pz_set_positioncontrolmode(CUBE, HOST, CHANNEL, 1))
-        kpz.say(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 16_384))
+        kpz.put(peer.mod_set_chanenablestate(CUBE, HOST, CHANNEL, 1))
+        kpz.put(peer.pz_set_positioncontrolmode(CUBE, HOST, CHANNEL, 1))
+        kpz.put(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 16_384))
         asked = kpz.ask(peer.pz_req_outputvolts(CUBE, HOST, CHANNEL), "pz_get_outputvolts")
         assert asked.voltage == 16_384
         eventually(
             lambda: ksg.ask(request, "pz_get_tsg_reading").reading > at_rest + 5 / 30 * 32767
         )
-        kpz.say(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 0))
+        kpz.put(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 0))
 
 
 def test_host_gets_updates_as_long_as_it_wants_them(cubes: Emulated) -> None:
     """Statuses come until they are stopped, with state and voltage."""
     with Host(cubes.where[0]) as kpz:
-        kpz.say(peer.mod_set_chanenablestate(CUBE, HOST, CHANNEL, 1))
-        kpz.say(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 0))
+        kpz.put(peer.mod_set_chanenablestate(CUBE, HOST, CHANNEL, 1))
+        kpz.put(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 0))
         update = kpz.ask(peer.hw_start_updatemsgs(CUBE, HOST), "pz_get_pzstatusupdate")
         assert update.enabled
         assert not update.control_mode
         eventually(lambda: abs(kpz.ask(b"", "pz_get_pzstatusupdate").output_voltage) < 200)
-        kpz.say(peer.pz_ack_pzstatusupdate(CUBE, HOST) + peer.hw_stop_updatemsgs(CUBE, HOST))
+        kpz.put(peer.pz_ack_pzstatusupdate(CUBE, HOST) + peer.hw_stop_updatemsgs(CUBE, HOST))
 
 
 @pytest.mark.sees("thorlabs_apt", "A7")
-def test_amplifier_that_is_switched_off_and_on_is_told(cubes: Emulated) -> None:
+def test_amplifier_that_is_switched_off_and_on_is_reported(cubes: Emulated) -> None:
     """Our driver reports a restarted amplifier across processes; activated again, it obeys."""
     options = {"port": cubes.where[0], "model": "KPZ101", "timeout_ms": 100.0}
     device: Any = PLUGIN.create(AptOptions.model_validate(options), Wiring((), ("1",)), 1)

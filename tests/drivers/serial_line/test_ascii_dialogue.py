@@ -9,22 +9,22 @@ from piezod.errors import DeviceError, DeviceUnavailableError
 from piezod_drivers.serial_line.ascii_line.emulator import V_PER_UM, NanopositionerEmulator
 from tests.drivers.serial_line.ascii_rig import device, started
 from tests.drivers.serial_line.linear_rig import UM_PER_V, bench
-from tests.drivers.serial_line.scripted_line import MS, ScriptedLine, says
+from tests.drivers.serial_line.scripted_line import MS, ScriptedLine, exchange
 
 IDENTIFY = {"send": "*IDN?", "reply": r"(?P<maker>[^,]+),(?P<model>[^,]+),(?P<serial>[^,]*)"}
 
 
-def test_a_setpoint_is_written_as_its_command_says() -> None:
+def test_a_setpoint_is_written_by_its_command() -> None:
     """The value is in the command in its format, and the reply acknowledges it."""
-    dut, line = started(says(b"V 12.35\n", b"OK\n"))
+    dut, line = started(exchange(b"V 12.35\n", b"OK\n"))
 
     assert dut.write([12.345678], line.now_ns())
     line.assert_done()
 
 
-def test_a_sample_is_read_as_its_pattern_says() -> None:
+def test_a_sample_is_read_by_its_pattern() -> None:
     """The named group of the reply is the value."""
-    dut, line = started(says(b"P?\n", b"  -1.25 \r\n"))
+    dut, line = started(exchange(b"P?\n", b"  -1.25 \r\n"))
 
     (sample,) = dut.read(line.now_ns())
 
@@ -33,7 +33,7 @@ def test_a_sample_is_read_as_its_pattern_says() -> None:
 
 def test_all_channels_can_be_in_one_line() -> None:
     """One command sets all outputs, and one reply has all inputs."""
-    line = ScriptedLine(says(b"V 1.0 2.0\n", b"OK\n"), says(b"P?\n", b"3.5;4.5\n"))
+    line = ScriptedLine(exchange(b"V 1.0 2.0\n", b"OK\n"), exchange(b"P?\n", b"3.5;4.5\n"))
     dut = device(
         line,
         Wiring.both("xy"),
@@ -49,7 +49,7 @@ def test_all_channels_can_be_in_one_line() -> None:
     assert [sample.position_um for sample in dut.read(line.now_ns())] == [4.5, 3.5]
 
 
-def test_a_command_never_sets_a_channel_that_nobody_uses() -> None:
+def test_a_command_never_sets_an_unused_channel() -> None:
     """A command that also sets an unused output is refused with the remedy."""
     dut = device(
         ScriptedLine(),
@@ -75,7 +75,7 @@ def test_a_command_never_sets_a_channel_that_nobody_uses() -> None:
 )
 def test_what_is_no_acknowledgement_refuses_the_setpoint(answer: bytes, flag: DeviceFlag) -> None:
     """An error, or another line, fails the write with its flag."""
-    dut, line = started(says(b"V 1.00\n", answer))
+    dut, line = started(exchange(b"V 1.00\n", answer))
 
     assert not dut.write([1.0], line.now_ns())
     assert flag in dut.status(line.now_ns())[0]
@@ -103,8 +103,8 @@ def test_a_connection_on_which_nothing_is_acknowledged_is_lost(
 def test_what_is_in_force_comes_from_the_device() -> None:
     """A voltage that another program has set is read back."""
     dut, line = started(
-        says(b"V 1.00\n", b"OK\n"),
-        says(b"V?\n", b"7.50\n"),
+        exchange(b"V 1.00\n", b"OK\n"),
+        exchange(b"V?\n", b"7.50\n"),
         read_back=({"send": "V?", "reply": r"(?P<x>[\d.]+)"},),
     )
 
@@ -114,7 +114,7 @@ def test_what_is_in_force_comes_from_the_device() -> None:
 
 def test_no_answer_is_late_and_nothing_is_asked_until_it_cannot_come() -> None:
     """A late reply is never taken for the reply to the next command."""
-    dut, line = started(says(b"V 1.00\n"))
+    dut, line = started(exchange(b"V 1.00\n"))
 
     assert not dut.write([1.0], line.now_ns())
     assert DeviceFlag.LATE_REPLY in dut.status(line.now_ns())[0]
@@ -125,8 +125,8 @@ def test_no_answer_is_late_and_nothing_is_asked_until_it_cannot_come() -> None:
 def test_numbers_that_go_round_tell_a_late_answer_from_the_next() -> None:
     """A late reply with a running number is dropped."""
     dut, line = started(
-        says(b"000 V 1.00\n"),
-        says(b"001 V 2.00\n", b"000 OK\n", b"? OK\n", b"001 OK\n"),
+        exchange(b"000 V 1.00\n"),
+        exchange(b"001 V 2.00\n", b"000 OK\n", b"? OK\n", b"001 OK\n"),
         set=({"send": "{n:03d} V {x:.2f}", "reply": r"(?P<n>[^ ]+) OK"},),
     )
 
@@ -139,9 +139,9 @@ def test_numbers_that_go_round_tell_a_late_answer_from_the_next() -> None:
 def test_a_device_that_does_not_answer_is_asked_what_is_in_force() -> None:
     """A setpoint without reply counts as accepted when it can be read back."""
     dut, line = started(
-        says(b"V 1.00\n"),
-        says(b"V?\n", b"1.00\n"),
-        says(b"V?\n", b"0.99\n"),
+        exchange(b"V 1.00\n"),
+        exchange(b"V?\n", b"1.00\n"),
+        exchange(b"V?\n", b"0.99\n"),
         set=({"send": "V {x:.2f}"},),
         read_back=({"send": "V?", "reply": r"(?P<x>[\d.]+)"},),
     )
@@ -153,7 +153,7 @@ def test_a_device_that_does_not_answer_is_asked_what_is_in_force() -> None:
 
 def test_identity_comes_from_the_groups_of_its_answer() -> None:
     """The groups maker, model, serial and firmware give the identity."""
-    line = ScriptedLine(says(b"*IDN?\n", b"Acme,Mover 3,\n"))
+    line = ScriptedLine(exchange(b"*IDN?\n", b"Acme,Mover 3,\n"))
 
     identity = device(line, identify=IDENTIFY).open()
 
@@ -162,24 +162,24 @@ def test_identity_comes_from_the_groups_of_its_answer() -> None:
 
 def test_another_device_is_refused() -> None:
     """A device whose identity does not match the pattern is refused."""
-    line = ScriptedLine(says(b"*IDN?\n", b"hello\n"))
+    line = ScriptedLine(exchange(b"*IDN?\n", b"hello\n"))
 
     with pytest.raises(DeviceError, match="another device"):
         device(line, identify=IDENTIFY).open()
     assert not line.opened
 
 
-def test_nobody_is_an_absent_device() -> None:
+def test_silence_means_an_absent_device() -> None:
     """A device that does not reply to `identify` is unavailable."""
     with pytest.raises(DeviceUnavailableError):
-        device(ScriptedLine(says(b"*IDN?\n")), identify=IDENTIFY).open()
+        device(ScriptedLine(exchange(b"*IDN?\n")), identify=IDENTIFY).open()
 
 
 def test_start_and_stop_are_sent_around_the_run() -> None:
     """The commands of `start` and `stop` are sent once each."""
     dut, line = started(
-        says(b"REMOTE 1\n", b"OK\n"),
-        says(b"REMOTE 0\n"),
+        exchange(b"REMOTE 1\n", b"OK\n"),
+        exchange(b"REMOTE 0\n"),
         start=({"send": "REMOTE 1", "reply": "OK"},),
         stop=({"send": "REMOTE 0"},),
     )
@@ -196,7 +196,7 @@ START = {
 
 def test_a_device_that_is_only_read_is_not_started() -> None:
     """With inputs only, nothing is sent that could change the outputs."""
-    line = ScriptedLine(says(b"P?\n", b"1.5\n"))
+    line = ScriptedLine(exchange(b"P?\n", b"1.5\n"))
     dut = device(line, Wiring(("x",), ()), **START)
     dut.open()
     dut.activate(0)
@@ -208,7 +208,7 @@ def test_a_device_that_is_only_read_is_not_started() -> None:
 
 def test_a_device_without_outputs_is_started() -> None:
     """A sensor without outputs is started."""
-    line = ScriptedLine(says(b"SERVO OFF\n"), says(b"REMOTE 1\n", b"OK\n"))
+    line = ScriptedLine(exchange(b"SERVO OFF\n"), exchange(b"REMOTE 1\n", b"OK\n"))
     dut = device(line, Wiring(("x",), ()), outputs={}, set=(), **START)
     dut.open()
     dut.activate(0)
@@ -218,33 +218,33 @@ def test_a_device_without_outputs_is_started() -> None:
 @pytest.mark.parametrize("stray", [b"Temp warning\n", b"OK\n", b"\xff\n"])
 def test_a_line_that_is_no_such_answer_ends_no_waiting(stray: bytes) -> None:
     """After a time-out only a line that matches the reply ends the wait."""
-    dut, line = started(says(b"P?\n"))
+    dut, line = started(exchange(b"P?\n"))
     assert not dut.read(line.now_ns())[0].valid
     line.comes(stray)
     assert not dut.read(line.now_ns())[0].valid
     assert DeviceFlag.GARBAGE in dut.status(line.now_ns())[0]
 
     line.comes(b"1.0\n")
-    line.then(says(b"P?\n", b"9.0\n"))
+    line.then(exchange(b"P?\n", b"9.0\n"))
     assert dut.read(line.now_ns())[0].position_um == 9.0
     line.assert_done()
 
 
 def test_a_line_that_is_no_such_answer_is_not_taken_for_it() -> None:
     """Another line before the reply is skipped."""
-    dut, line = started(says(b"P?\n", b"Temp warning\n", b"1.5\n"))
+    dut, line = started(exchange(b"P?\n", b"Temp warning\n", b"1.5\n"))
 
     assert dut.read(line.now_ns())[0].position_um == 1.5
     assert DeviceFlag.GARBAGE in dut.status(line.now_ns())[0]
 
 
 @pytest.mark.sees("ascii", "A8")
-@pytest.mark.parametrize(("told", "taken"), [(b"1.04\n", True), (b"60.0\n", False)])
-def test_a_setpoint_that_is_read_back_otherwise_is_refused(told: bytes, taken: bool) -> None:
+@pytest.mark.parametrize(("reply", "taken"), [(b"1.04\n", True), (b"60.0\n", False)])
+def test_a_setpoint_that_is_read_back_otherwise_is_refused(reply: bytes, taken: bool) -> None:
     """With a tolerance, a setpoint that reads back differently fails at once."""
     dut, line = started(
-        says(b"V 1.00\n"),
-        says(b"V?\n", told),
+        exchange(b"V 1.00\n"),
+        exchange(b"V?\n", reply),
         outputs={"x": {"lowest": 0.0, "highest": 100.0, "tolerance": 0.05}},
         set=({"send": "V {x:.2f}"},),
         read_back=({"send": "V?", "reply": r"(?P<x>[\d.]+)"},),
@@ -275,7 +275,7 @@ def test_half_a_command_is_made_an_unknown_one(
     assert not dut.write([1.0], line.now_ns())
     dut.close()
 
-    line.then(says(b"~\n", b"ERR 1\n"), says(b"P?\n", b"1.5\n"))
+    line.then(exchange(b"~\n", b"ERR 1\n"), exchange(b"P?\n", b"1.5\n"))
     dut.open()
     dut.activate(0)
     assert dut.read(line.now_ns())[0].position_um == 1.5
@@ -285,11 +285,11 @@ def test_half_a_command_is_made_an_unknown_one(
 def test_the_status_is_asked_after_a_setpoint_when_it_is_due() -> None:
     """Flags whose patterns match the status are reported for every channel."""
     dut, line = started(
-        says(b"V 1.00\n", b"OK\n"),
-        says(b"S?\n", b"remote,hot\n"),
-        says(b"V 2.00\n", b"OK\n"),
-        says(b"V 3.00\n", b"OK\n"),
-        says(b"S?\n", b"ERR 1\n"),
+        exchange(b"V 1.00\n", b"OK\n"),
+        exchange(b"S?\n", b"remote,hot\n"),
+        exchange(b"V 2.00\n", b"OK\n"),
+        exchange(b"V 3.00\n", b"OK\n"),
+        exchange(b"S?\n", b"ERR 1\n"),
         status={
             "send": "S?",
             "flags": (
@@ -317,7 +317,7 @@ def test_after_half_a_question_for_the_status_nothing_is_sent(
 ) -> None:
     """Half a sent status request loses the device: no setpoint follows it."""
     status = {"send": "S?", "flags": ({"pattern": "bad", "flag": "overload"},)}
-    dut, line = started(says(b"V 1.00\n", b"OK\n"), status=status)
+    dut, line = started(exchange(b"V 1.00\n", b"OK\n"), status=status)
     send = line.send
 
     def fail(data: bytes) -> None:
@@ -348,10 +348,10 @@ def test_after_half_a_question_for_the_status_nothing_is_sent(
         ]
     ],
 )
-def test_every_flag_can_be_told_by_the_status(flag: DeviceFlag) -> None:
+def test_the_status_can_report_every_flag(flag: DeviceFlag) -> None:
     """Every flag can be reported by the status."""
     status = {"send": "S?", "flags": ({"pattern": "bad", "flag": str(flag)},)}
-    dut, line = started(says(b"V 1.00\n", b"OK\n"), says(b"S?\n", b"bad\n"), status=status)
+    dut, line = started(exchange(b"V 1.00\n", b"OK\n"), exchange(b"S?\n", b"bad\n"), status=status)
     dut.write([1.0], line.now_ns())
 
     assert dut.status(line.now_ns()) == [frozenset({flag})] * 2
@@ -360,7 +360,7 @@ def test_every_flag_can_be_told_by_the_status(flag: DeviceFlag) -> None:
 def test_other_terminators_and_encodings() -> None:
     """Terminators and encoding are those of the options."""
     dut, line = started(
-        says("V 1.00 µm\r".encode("latin-1"), "OK µm\r\n".encode("latin-1")),
+        exchange("V 1.00 µm\r".encode("latin-1"), "OK µm\r\n".encode("latin-1")),
         terminator="\r",
         reply_terminator="\r\n",
         encoding="latin-1",

@@ -82,7 +82,7 @@ def errors_of(options: dict[str, Any]) -> str:
         ),
     ],
 )
-def test_what_does_not_fit_together_is_told_with_its_place(
+def test_contradictory_options_are_reported_with_their_place(
     changed: dict[str, Any], place: str, what: str
 ) -> None:
     """Every mistake in commands and patterns is found in the configuration, with its place."""

@@ -70,7 +70,7 @@ def test_a_line_in_two_parts_is_one_line() -> None:
 
 
 @pytest.mark.parametrize("noise", [b"\xff\xfe\n", b"P um\n", b"\n", b"x" * 500 + b"\n"])
-def test_garbage_is_told_and_the_line_before_it_counts(noise: bytes) -> None:
+def test_garbage_is_reported_and_the_line_before_it_counts(noise: bytes) -> None:
     """A garbage line is reported, and the line before it counts."""
     dut, line = listening()
     line.comes(b"P 3.0 um\n" + noise)
@@ -112,7 +112,7 @@ def test_after_an_error_nothing_is_valid_until_a_line_comes() -> None:
 
 
 @pytest.mark.sees("ascii", "B11")
-def test_more_than_can_be_read_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_bytes_than_can_be_read_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """A line that never falls silent is read in part, and the newest of that counts."""
     dut, line = listening()
     given = iter(range(1000))
@@ -144,7 +144,7 @@ def test_a_sensor_that_falls_silent_cannot_be_activated() -> None:
         dut.activate(line.now_ns())
 
 
-def test_a_lost_port_is_told() -> None:
+def test_a_lost_port_is_reported() -> None:
     """A lost port gives no samples until it is opened again."""
     dut, line = listening()
     line.unplugged = True

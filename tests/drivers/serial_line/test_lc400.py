@@ -34,8 +34,8 @@ def lc400(
     stand, rig, time = bench(2)
     emulator = Lc400(stand, "")
     line = EmulatedLine(emulator, time)
-    told = Lc400Options.model_validate({"port": "p", **options})
-    return ExchangingBusDevice("LC.400", Lc400Dialogue(told, wiring, line)), line, rig, emulator
+    reading = Lc400Options.model_validate({"port": "p", **options})
+    return ExchangingBusDevice("LC.400", Lc400Dialogue(reading, wiring, line)), line, rig, emulator
 
 
 def test_frames_are_those_of_the_source() -> None:
@@ -97,7 +97,7 @@ def test_servo_that_is_on_is_refused() -> None:
 
 
 @pytest.mark.sees("npoint_lc400", "A8")
-def test_servo_that_is_switched_on_is_told() -> None:
+def test_servo_that_is_switched_on_is_reported() -> None:
     """A servo that is switched on later is reported for its output."""
     device, _, _, emulator = lc400()
     device.open()
@@ -125,7 +125,7 @@ def test_command_that_is_not_there_is_refused() -> None:
 
 
 @pytest.mark.sees("npoint_lc400", "S7")
-def test_end_of_range_is_told() -> None:
+def test_end_of_range_is_reported() -> None:
     """A position at the end of the range is invalid and reported as saturated."""
     device, _, rig, _ = lc400()
     device.open()
@@ -164,8 +164,8 @@ def test_late_answers_are_never_taken_for_the_next(cycles: int) -> None:
         if device.write([value], NOW):
             taken += 1
             assert rig.drive_v[0] == pytest.approx(75 + 1.5 * value, abs=1e-3)
-        told = device.read_back(NOW + i)[0]
-        assert isnan(told) or 75 + 1.5 * told == pytest.approx(rig.drive_v[0], abs=1e-3)
+        reading = device.read_back(NOW + i)[0]
+        assert isnan(reading) or 75 + 1.5 * reading == pytest.approx(rig.drive_v[0], abs=1e-3)
         seen |= device.status(NOW)[0]
     assert taken > 100
     assert {DeviceFlag.LATE_REPLY, DeviceFlag.OUT_OF_ORDER} <= seen
@@ -188,8 +188,8 @@ def test_flipped_bits_are_seen_where_they_can_be() -> None:
 
         line.change = flip
         taken, (sample,) = device.exchange([0.0], NOW)
-        told = device.status(NOW)
-        if taken and sample.valid and not any(told):
+        reading = device.status(NOW)
+        if taken and sample.valid and not any(reading):
             unseen.append(bit)
     position = range(3 * 80 + 40, 3 * 80 + 59)  # the highest of the 20 bits is the sign
     tag_word = range(40, 72)
@@ -238,7 +238,7 @@ def test_emulator_survives_whatever_comes(parts: list[bytes]) -> None:
     assert emulator.due() == []
 
 
-def test_plug_in_tells_channels_with_both_units() -> None:
+def test_plug_in_lists_channels_with_both_units() -> None:
     """Each channel has a position in µm and a command in %."""
     options = Lc400Options.model_validate({"port": "p", "axes": 2})
     assert PLUGIN.channels(options) == ({"1": "µm", "2": "µm"}, {"1": "%", "2": "%"})

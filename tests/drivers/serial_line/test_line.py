@@ -36,7 +36,7 @@ def test_a_device_has_one_line(driver: str, where: Mapping[str, object], what: s
 
 
 @pytest.mark.parametrize("driver", ["pi_gcs2", "psj"])
-def test_everything_that_is_wrong_is_told_at_once(driver: str) -> None:
+def test_all_mistakes_are_reported_together(driver: str) -> None:
     """A range without width is an error besides that of the line, at its second value."""
     options = {**ON_EITHER[driver], "range_v": (5.0, 5.0)}
 

@@ -23,7 +23,7 @@ from tests.drivers.serial_line.micro_epsilon_bench import (
     options,
     scripted,
 )
-from tests.drivers.serial_line.scripted_line import MS, T0_NS, US, ScriptedLine, says
+from tests.drivers.serial_line.scripted_line import MS, T0_NS, US, ScriptedLine, exchange
 
 
 @pytest.mark.parametrize(("model", "resolution_um"), [("ILD1420", 0.16), ("ODC2520", 1.0)])
@@ -44,7 +44,7 @@ def test_displacement_comes_through(model: str, resolution_um: float) -> None:
 def test_identity_is_found_between_values() -> None:
     """The identity is found between the values of the stream."""
     text = b"".join(ANSWER[i : i + 1] + WORD for i in range(len(ANSWER)))
-    line = ScriptedLine(says(GETINFO, WORD[1:] + WORD + text + WORD))
+    line = ScriptedLine(exchange(GETINFO, WORD[1:] + WORD + text + WORD))
     line.comes(WORD, 200 * US)
     device = BusDevice("ILD1420", MicroEpsilonDialogue(options(), WIRING, line))
     assert device.open() == ("Micro-Epsilon", "ILD1420-10", "77", "1")
@@ -75,7 +75,7 @@ def test_value_that_is_not_new_keeps_its_instant() -> None:
 
 @pytest.mark.sees("micro_epsilon", "S5")
 @pytest.mark.sees("micro_epsilon", "B5")
-def test_silence_is_told() -> None:
+def test_silence_is_reported() -> None:
     """A stream that stops is reported after a time-out, and its last value becomes invalid."""
     device, line = scripted()
     line.comes(WORD)
@@ -158,7 +158,7 @@ def test_flipped_flags_make_no_value(model: str, word_bytes: int) -> None:
 
 
 @pytest.mark.sees("micro_epsilon", "B11")
-def test_backlog_is_dropped_and_told() -> None:
+def test_backlog_is_dropped_and_reported() -> None:
     """A full buffer is reported, and the newest value is read."""
     device, line = scripted()
     line.comes(WORD * 1364 + codec.pack(COUNT + 1, 3))
@@ -181,9 +181,9 @@ def test_lost_axis_is_beyond_the_range() -> None:
     assert not device.read(line.now_ns())[0].valid
 
 
-def test_silent_sensor_is_told_with_a_remedy() -> None:
+def test_silent_sensor_is_reported_with_a_remedy() -> None:
     """A sensor that replies but sends no values is refused with the remedy."""
-    line = ScriptedLine(says(GETINFO, ANSWER))
+    line = ScriptedLine(exchange(GETINFO, ANSWER))
     device = BusDevice("ILD1420", MicroEpsilonDialogue(options(), WIRING, line))
     with pytest.raises(DeviceUnavailableError, match="set the sensor to output over RS-422"):
         device.open()
@@ -191,7 +191,7 @@ def test_silent_sensor_is_told_with_a_remedy() -> None:
 
 def test_other_model_is_refused() -> None:
     """A sensor of another family than configured is refused."""
-    line = ScriptedLine(says(GETINFO, ANSWER))
+    line = ScriptedLine(exchange(GETINFO, ANSWER))
     device = BusDevice("ILD1900", MicroEpsilonDialogue(options("ILD1900"), WIRING, line))
     with pytest.raises(DeviceError, match="leads to ILD1420-10, configured is ILD1900"):
         device.open()

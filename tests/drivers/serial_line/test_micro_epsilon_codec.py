@@ -89,7 +89,7 @@ def test_unknown_command_is_refused() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "Name: ILD1420", "Name: ILD1420\r\n->", "Serial: 1\r\n->"])
-def test_half_an_answer_tells_nothing(text: str) -> None:
+def test_half_an_answer_gives_no_identity(text: str) -> None:
     """An identity is complete with name, serial number and prompt."""
     assert parse_identity(text) is None
 

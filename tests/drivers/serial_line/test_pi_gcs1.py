@@ -10,7 +10,7 @@ from piezod_drivers.serial_line.pi_gcs1.driver import PLUGIN
 from piezod_drivers.serial_line.pi_gcs1.emulator import EMULATOR
 from piezod_drivers.serial_line.pi_gcs1.options import Gcs1Options
 from tests.drivers.serial_line.linear_rig import UM_PER_V, LinearRig, bench
-from tests.drivers.serial_line.scripted_line import EmulatedLine, ScriptedLine, says
+from tests.drivers.serial_line.scripted_line import EmulatedLine, ScriptedLine, exchange
 
 OPTIONS = Gcs1Options(port="/dev/ttyS0")
 
@@ -30,11 +30,11 @@ def emulated(names: str = "A") -> tuple[ExchangingBusDevice, EmulatedLine, GcsEm
 def test_the_bytes_of_a_cycle() -> None:
     """Letters directly precede values, and replies are bare values."""
     line = ScriptedLine(
-        says(b"ERR?\n", b"-1\n"),  # the error of a controller after power-up
-        says(b"*IDN?\nERR?\n", b"Physik Instrumente,E-816,107,3.20\n0\n"),
-        says(b"SAI?\nERR?\n", b"A\n0\n"),
-        says(b"SVO? A\nERR?\n", b"0\n", b"0\n"),
-        says(b"POS? A\nSVA A2.5000\nVOL? A\nERR?\n", b"+0005.2500\n", b"+0033.1000\n", b"0\n"),
+        exchange(b"ERR?\n", b"-1\n"),  # the error of a controller after power-up
+        exchange(b"*IDN?\nERR?\n", b"Physik Instrumente,E-816,107,3.20\n0\n"),
+        exchange(b"SAI?\nERR?\n", b"A\n0\n"),
+        exchange(b"SVO? A\nERR?\n", b"0\n", b"0\n"),
+        exchange(b"POS? A\nSVA A2.5000\nVOL? A\nERR?\n", b"+0005.2500\n", b"+0033.1000\n", b"0\n"),
     )
     device = ExchangingBusDevice("E-816", Gcs1Dialogue(line, OPTIONS, Wiring.both(["A"])))
     assert device.open() == ("Physik Instrumente", "E-816", "107", "3.20")
@@ -106,9 +106,9 @@ def test_faults_of_the_line() -> None:
     assert DeviceFlag.LATE_REPLY in device.status(4)[0]
 
 
-def test_nobody_answers() -> None:
+def test_silent_device() -> None:
     """A port without reply is an unavailable device."""
-    line = ScriptedLine(says(b"ERR?\n"))
+    line = ScriptedLine(exchange(b"ERR?\n"))
     device = ExchangingBusDevice("E-816", Gcs1Dialogue(line, OPTIONS, Wiring.both(["A"])))
     with pytest.raises(DeviceUnavailableError, match="no reply"):
         device.open()

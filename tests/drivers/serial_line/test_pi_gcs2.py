@@ -24,7 +24,7 @@ from tests.drivers.serial_line.scripted_line import (
     US,
     ScriptedLine,
     Step,
-    says,
+    exchange,
 )
 
 
@@ -35,9 +35,9 @@ def test_the_bytes_of_a_cycle() -> None:
     assert device.open() == ("(c) PI", "E-727", "1204", "14.1")
     device.activate(0)
     line.then(
-        says(b"POS? 1\nVOL? 1\nERR?\n", b"1=5.25\n", b"1=33.1\n0\n"),
-        says(b"SVA 1 2.5000\nERR?\n", b"0\n"),
-        says(b"POS? 1\nSVA 1 3.0000\nVOL? 1\nERR?\n", b"1=5.5\n1=34.5\n0\n"),
+        exchange(b"POS? 1\nVOL? 1\nERR?\n", b"1=5.25\n", b"1=33.1\n0\n"),
+        exchange(b"SVA 1 2.5000\nERR?\n", b"0\n"),
+        exchange(b"POS? 1\nSVA 1 3.0000\nVOL? 1\nERR?\n", b"1=5.5\n1=34.5\n0\n"),
     )
     assert device.read(7)[0] == (7, 5.25, True)
     assert device.read_back(7) == [33.1]
@@ -48,9 +48,9 @@ def test_the_bytes_of_a_cycle() -> None:
     assert device.status(9) == [frozenset(), frozenset()]
 
 
-def test_a_range_that_is_not_told() -> None:
+def test_a_range_that_is_not_reported() -> None:
     """A controller that does not report its limits needs a configured range."""
-    unknown = (*OPENING, says(b"VMI? 1\nERR?\n", b"2\n"))
+    unknown = (*OPENING, exchange(b"VMI? 1\nERR?\n", b"2\n"))
     with pytest.raises(DeviceError, match="give range_v"):
         scripted(ScriptedLine(*unknown)).open()
     device = scripted(ScriptedLine(*OPENING), range_v=(0.0, 100.0))
@@ -60,7 +60,7 @@ def test_a_range_that_is_not_told() -> None:
 
 def test_an_axis_that_is_missing() -> None:
     """A controller without a configured axis is refused, and the line is closed."""
-    line = ScriptedLine(*OPENING[:2], says(b"SAI?\nERR?\n", b"X \nY\n0\n"))
+    line = ScriptedLine(*OPENING[:2], exchange(b"SAI?\nERR?\n", b"X \nY\n0\n"))
     with pytest.raises(DeviceError, match="has axes X, Y, but not the configured 1"):
         scripted(line).open()
     assert not line.opened
@@ -70,13 +70,13 @@ def test_letters_have_numbered_amplifiers() -> None:
     """An axis named by a letter has the amplifier with its index."""
     line = ScriptedLine(
         *OPENING[:2],
-        says(b"SAI?\nERR?\n", b"X \nY\n0\n"),
-        says(b"VMI? 2\nERR?\n", b"2=-20\n0\n"),
-        says(b"VMA? 2\nERR?\n", b"2=120\n0\n"),
+        exchange(b"SAI?\nERR?\n", b"X \nY\n0\n"),
+        exchange(b"VMI? 2\nERR?\n", b"2=-20\n0\n"),
+        exchange(b"VMA? 2\nERR?\n", b"2=120\n0\n"),
     )
     device = ExchangingBusDevice("GCS", Gcs2Dialogue(line, OPTIONS, Wiring((), ("Y",))))
     device.open()
-    line.then(says(b"VOL? 2\nERR?\n", b"2=12.5\n0\n"))
+    line.then(exchange(b"VOL? 2\nERR?\n", b"2=12.5\n0\n"))
     assert device.read_back(1) == [12.5]
 
 
@@ -85,7 +85,7 @@ def test_the_set_value_as_read_back() -> None:
     line = ScriptedLine(*OPENING)
     device = scripted(line, range_v=(0.0, 100.0), read_back="SVA?")
     device.open()
-    line.then(says(b"SVA? 1\nERR?\n", b"1=12.5\n0\n"))
+    line.then(exchange(b"SVA? 1\nERR?\n", b"1=12.5\n0\n"))
     assert device.read_back(1) == [12.5]
 
 
@@ -104,7 +104,7 @@ def test_two_axes_in_one_transaction() -> None:
 
 
 @pytest.mark.sees("pi_gcs2", "A8")
-def test_somebody_switches_the_servo_on() -> None:
+def test_servo_switched_on_by_another_program() -> None:
     """While the servo is on writes fail, and the status reports local mode."""
     device, _, emulator, _ = emulated()
     device.activate(0)
@@ -134,7 +134,7 @@ def test_errors_of_the_controller(code: bytes, flag: DeviceFlag) -> None:
     device = scripted(line)
     device.open()
     device.activate(0)
-    line.then(says(b"SVA 1 2.0000\nERR?\n", code + b"\n"))
+    line.then(exchange(b"SVA 1 2.0000\nERR?\n", code + b"\n"))
     assert not device.write([2.0], 1)
     assert flag in device.status(1)[1]
 
@@ -160,7 +160,7 @@ def test_a_sensor_that_is_not_valid() -> None:
 
 
 @pytest.mark.sees("pi_gcs2", "B5")
-def test_a_late_reply_is_nobody_elses() -> None:
+def test_a_late_reply_answers_no_later_request() -> None:
     """After a time-out nothing is requested until the late reply has come and was dropped."""
     device, line, _, rig = emulated()
     device.activate(0)
@@ -199,7 +199,7 @@ def test_a_slow_reply() -> None:
     device = scripted(line)
     device.open()
     device.activate(0)
-    line.then(says(b"POS? 1\nVOL? 1\nERR?\n", b"1=5\n1=3\n0\n", after_ns=28 * MS))
+    line.then(exchange(b"POS? 1\nVOL? 1\nERR?\n", b"1=5\n1=3\n0\n", after_ns=28 * MS))
     assert device.read(1)[0].valid
     assert device.status(1)[0] == {DeviceFlag.SLOW_REPLY}
 
@@ -223,7 +223,7 @@ def test_a_sensor_only() -> None:
     device = ExchangingBusDevice("GCS", Gcs2Dialogue(line, OPTIONS, Wiring(("2",), ())))
     device.open()
     device.activate(0)
-    line.then(says(b"POS? 2\nERR?\n", b"2=1.5\n0\n"))
+    line.then(exchange(b"POS? 2\nERR?\n", b"2=1.5\n0\n"))
     assert device.read(1)[0].position_um == 1.5
     line.assert_done()
 
@@ -239,8 +239,8 @@ def test_an_earlier_life() -> None:
 @pytest.mark.parametrize(
     "steps",
     [
-        (*OPENING, says(b"VMI? 1\nERR?\n", b"603\n")),
-        (*OPENING, *LIMITS, AT_EASE[0], says(b"ONL? 1\nERR?\n", b"603\n")),
+        (*OPENING, exchange(b"VMI? 1\nERR?\n", b"603\n")),
+        (*OPENING, *LIMITS, AT_EASE[0], exchange(b"ONL? 1\nERR?\n", b"603\n")),
     ],
 )
 def test_an_error_while_opening(steps: tuple[Step, ...]) -> None:
@@ -251,9 +251,9 @@ def test_an_error_while_opening(steps: tuple[Step, ...]) -> None:
         device.activate(0)
 
 
-def test_nobody_answers() -> None:
+def test_silent_device() -> None:
     """A port without reply is an unavailable device."""
-    line = ScriptedLine(says(b"ERR?\n"))
+    line = ScriptedLine(exchange(b"ERR?\n"))
     with pytest.raises(DeviceUnavailableError, match="no reply within 500 ms"):
         scripted(line).open()
     assert line.now_ns() > T0_NS
@@ -268,7 +268,7 @@ def test_what_a_configuration_may_say() -> None:
 
 
 def test_the_rate_of_the_line() -> None:
-    """The bytes of a cycle limit the rate of a serial line, a guess that of a network."""
+    """The bytes of a cycle limit the rate of a serial line, an assumption that of a network."""
     serial = Gcs2Dialogue(ScriptedLine(), OPTIONS, Wiring.both(["1"])).capabilities()
     assert serial.max_rate_hz == pytest.approx(115_200 / 10 / 63)
     network = Gcs2Options(host="pi", tcp_port=50_000)

@@ -13,7 +13,7 @@ from tests.drivers.serial_line.pi_gcs2_bench import (
 )
 from tests.drivers.serial_line.scripted_line import (
     ScriptedLine,
-    says,
+    exchange,
 )
 
 
@@ -54,7 +54,7 @@ def test_activation_needs_a_number() -> None:
 
 def test_a_range_without_end() -> None:
     """An infinite limit is refused."""
-    line = ScriptedLine(*OPENING, says(b"VMI? 1\nERR?\n", b"1=-1e999\n0\n"))
+    line = ScriptedLine(*OPENING, exchange(b"VMI? 1\nERR?\n", b"1=-1e999\n0\n"))
     with pytest.raises(DeviceError, match="reports an infinite range"):
         scripted(line).open()
 
@@ -118,7 +118,7 @@ def test_without_its_measured_voltage_an_output_is_not_taken_over(*, servo: bool
     assert device.write([40.0], 1)
 
 
-def test_a_setpoint_makes_what_was_told_before_it_old() -> None:
+def test_a_setpoint_makes_earlier_readings_old() -> None:
     """After a setpoint the voltage is read again, even at the same instant."""
     device, _, _, _ = emulated()
     device.activate(0)
@@ -137,9 +137,9 @@ def test_activation_that_changes_nothing_sends_nothing() -> None:
 
 def test_a_servo_that_stays_on() -> None:
     """A controller whose servo stays on is not activated."""
-    on = says(b"SVO? 1\nERR?\n", b"1=1\n0\n"), says(b"ONL? 1\nERR?\n", b"2\n")
-    line = ScriptedLine(*OPENING, *LIMITS, *on, says(b"VOL? 1\nERR?\n", b"1=5\n0\n"))
-    line.then(on[1], says(b"SVO 1 0\nSVA 1 5.0000\nERR?\n", b"0\n"), *on)
+    on = exchange(b"SVO? 1\nERR?\n", b"1=1\n0\n"), exchange(b"ONL? 1\nERR?\n", b"2\n")
+    line = ScriptedLine(*OPENING, *LIMITS, *on, exchange(b"VOL? 1\nERR?\n", b"1=5\n0\n"))
+    line.then(on[1], exchange(b"SVO 1 0\nSVA 1 5.0000\nERR?\n", b"0\n"), *on)
     device = scripted(line)
     device.open()
     with pytest.raises(DeviceError, match="the servo of axis 1 stays on"):

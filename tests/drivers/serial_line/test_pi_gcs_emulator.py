@@ -128,8 +128,8 @@ def test_the_serial_number() -> None:
     for plugin in (EMULATOR, EMULATOR_TCP, E816):
         assert plugin.create is not None
         table, _, _ = bench()
-        (told,) = plugin.create(table, "S-77").receive(b"*IDN?\n")
-        assert b"S-77" in told
+        (answer,) = plugin.create(table, "S-77").receive(b"*IDN?\n")
+        assert b"S-77" in answer
 
 
 @given(st.lists(st.binary(max_size=60) | st.sampled_from([b"SVA 1 5\n", b"POS?\n"]), max_size=20))

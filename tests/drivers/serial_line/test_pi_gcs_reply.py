@@ -117,7 +117,7 @@ def test_numbers_are_finite_or_faults(data: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "expected"),
+    ("idn_reply", "expected"),
     [
         (b"(c)2015 PI GmbH & Co. KG, E-727.3CDA, 12, 14.1", ("(c)2015 PI GmbH & Co. KG", "12")),
         (b"(c)2015 PI, Karlsruhe, E-816, 12, 14.1", ("(c)2015 PI, Karlsruhe", "12")),
@@ -126,17 +126,17 @@ def test_numbers_are_finite_or_faults(data: bytes) -> None:
         (b"", ("Physik Instrumente", "unknown")),
     ],
 )
-def test_identity(told: bytes, expected: tuple[str, str]) -> None:
+def test_identity(idn_reply: bytes, expected: tuple[str, str]) -> None:
     """Maker and serial number are found in spite of commas; no part is empty."""
-    identity = identity_of(told)
+    identity = identity_of(idn_reply)
     assert (identity.maker, identity.serial) == expected
     assert all(identity)
 
 
-@given(told=st.binary(max_size=100))
-def test_any_identity(told: bytes) -> None:
+@given(idn_reply=st.binary(max_size=100))
+def test_any_identity(idn_reply: bytes) -> None:
     """Any bytes give four parts, none of them empty."""
-    assert all(identity_of(told))
+    assert all(identity_of(idn_reply))
 
 
 def test_errors_have_flags() -> None:

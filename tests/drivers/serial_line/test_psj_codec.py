@@ -70,9 +70,9 @@ def test_no_answer_raises_anything_but_a_fault_of_the_line(frame: bytes) -> None
     """Any reply is a text with values, or raises a `LineFault`."""
     codec.serial_of(frame)
     with suppress(LineFault):
-        (told,) = codec.fields(codec.text_of(frame), "mess", 0, 1)
-        codec.number(told)
-        codec.word(told, 10)
+        (field,) = codec.fields(codec.text_of(frame), "mess", 0, 1)
+        codec.number(field)
+        codec.word(field, 10)
 
 
 @given(st.floats(-999, 999), st.sampled_from(ALL))

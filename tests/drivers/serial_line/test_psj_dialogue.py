@@ -30,7 +30,7 @@ def test_a_position_is_read_in_um(profile: ProfileName) -> None:
     assert (sample.position_um, sample.valid) == (50.0 * UM_PER_V, True)
 
 
-def test_nv200_tells_its_setpoint() -> None:
+def test_nv200_reports_its_setpoint() -> None:
     """The setpoint of an NV200 is read from the device."""
     rig = Rig("nv200")
     device = rig.started()
@@ -40,7 +40,7 @@ def test_nv200_tells_its_setpoint() -> None:
     assert device.read_back(rig.now_ns()) == [3.0]
 
 
-def test_a_setpoint_makes_what_was_told_before_it_old() -> None:
+def test_a_setpoint_makes_earlier_readings_old() -> None:
     """After a setpoint the value in force is read again, even at the same instant."""
     rig = Rig("nv200")
     device = rig.started()

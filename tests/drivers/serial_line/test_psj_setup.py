@@ -8,7 +8,7 @@ from tests.drivers.serial_line.psj_rig import ALL, Rig
 
 
 @pytest.mark.parametrize(
-    ("profile", "reads", "told"),
+    ("profile", "reads", "expected"),
     [
         ("ddrive", None, False),
         ("nv40", None, False),
@@ -17,14 +17,14 @@ from tests.drivers.serial_line.psj_rig import ALL, Rig
         ("nv200", None, True),
     ],
 )
-def test_only_what_the_device_tells_counts_as_read_back(
-    profile: ProfileName, reads: ReadingUse | None, told: bool
+def test_only_readings_of_the_device_count_as_read_back(
+    profile: ProfileName, reads: ReadingUse | None, expected: bool
 ) -> None:
     """A setpoint that cannot be read is not called read back."""
     rig = Rig(profile, reads)
     rig.device.open()
 
-    assert told == rig.device.capabilities().read_back
+    assert expected == rig.device.capabilities().read_back
 
 
 def test_a_d_drive_has_no_input_unless_it_is_asked_for() -> None:
@@ -170,7 +170,7 @@ def test_another_model_is_refused(profile: ProfileName) -> None:
 
 
 @pytest.mark.parametrize("profile", ALL)
-def test_nobody_is_an_absent_device(profile: ProfileName) -> None:
+def test_silence_means_an_absent_device(profile: ProfileName) -> None:
     """A port without reply is an unavailable device."""
     rig = Rig(profile)
     rig.line.change = lambda _reply: b""
@@ -193,13 +193,13 @@ def test_leftover_bytes_do_not_spoil_the_greeting() -> None:
     ("profile", "serial"),
     [("ddrive", "actuator EMULATED #4711"), ("nv40", "4711"), ("nv200", "actuator 4711")],
 )
-def test_devices_of_a_kind_are_told_apart(profile: ProfileName, serial: str) -> None:
+def test_devices_of_a_kind_are_distinguished(profile: ProfileName, serial: str) -> None:
     """The serial number, or the actuator, distinguishes devices of a model."""
     assert serial == Rig(profile).device.open().serial
 
 
 @pytest.mark.parametrize("profile", ["ddrive", "nv40"])
-def test_a_serial_number_that_is_not_told_is_unknown(profile: ProfileName) -> None:
+def test_a_missing_serial_number_is_unknown(profile: ProfileName) -> None:
     """Firmware without a serial number command is accepted."""
     rig = Rig(profile)
     rig.line.change = lambda reply: b"" if b"4711" in reply else reply
@@ -209,7 +209,7 @@ def test_a_serial_number_that_is_not_told_is_unknown(profile: ProfileName) -> No
     assert rig.started().write([5.0], rig.now_ns())
 
 
-def test_a_line_that_goes_while_the_serial_number_is_asked_for_is_told() -> None:
+def test_a_line_lost_during_the_serial_number_query_is_reported() -> None:
     """A line that is lost while the serial number is read makes the device unavailable."""
     rig = Rig("ddrive")
 

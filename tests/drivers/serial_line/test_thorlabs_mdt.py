@@ -17,7 +17,7 @@ from piezod_drivers.serial_line.thorlabs_mdt.emulator import (
 )
 from piezod_drivers.serial_line.thorlabs_mdt.options import MdtOptions
 from tests.drivers.serial_line.linear_rig import LinearRig, bench
-from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, ScriptedLine, Step, says
+from tests.drivers.serial_line.scripted_line import MS, EmulatedLine, ScriptedLine, Step, exchange
 
 B3 = MdtModel("MDT693B", "XYZ", "2.09")
 B1 = MdtModel("MDT694B", "X", "2.09")
@@ -136,7 +136,7 @@ def test_the_voltage_is_measured() -> None:
 
 
 @pytest.mark.sees("thorlabs_mdt", "B5")
-def test_a_late_reply_is_nobody_elses() -> None:
+def test_a_late_reply_answers_no_later_request() -> None:
     """After a time-out nothing is requested until the late reply has come and was dropped."""
     device, line, _, rig = emulated(B3, "x")
     line.change = lambda _: b""
@@ -190,15 +190,15 @@ def device_on(line: ScriptedLine, outputs: str = "x") -> BusDevice:
 def test_the_first_firmware_of_a_b_model() -> None:
     """A B model whose replies end like an A model's is driven by its own commands."""
     line = ScriptedLine(
-        says(b"~\r", b"\r*"),
-        says(b"ID?\r", b"ID?\r", b"*\r\r\rModel MDT693B Piezo\rFirmware Version: 1.05\r"),
-        says(b"ECHO=0\r", b"ECHO=0\r*"),
-        says(b"XVOLTAGE?\r", b"*[  24.8]\r"),
-        says(b"VLIMIT?\r", b"*[ 100]\r*"),
-        says(b"XMIN?\r", b"*0"),
-        says(b"XMAX?\r", b"*100.5"),
-        says(b"XVOLTAGE=24.680\r", b"*"),
-        says(b"XVOLTAGE?\r", b"*[  24.8]\r"),
+        exchange(b"~\r", b"\r*"),
+        exchange(b"ID?\r", b"ID?\r", b"*\r\r\rModel MDT693B Piezo\rFirmware Version: 1.05\r"),
+        exchange(b"ECHO=0\r", b"ECHO=0\r*"),
+        exchange(b"XVOLTAGE?\r", b"*[  24.8]\r"),
+        exchange(b"VLIMIT?\r", b"*[ 100]\r*"),
+        exchange(b"XMIN?\r", b"*0"),
+        exchange(b"XMAX?\r", b"*100.5"),
+        exchange(b"XVOLTAGE=24.680\r", b"*"),
+        exchange(b"XVOLTAGE?\r", b"*[  24.8]\r"),
     )
     device = device_on(line)
     device.open()
@@ -209,9 +209,9 @@ def test_the_first_firmware_of_a_b_model() -> None:
     line.assert_done()
 
 
-def test_nobody_answers() -> None:
+def test_silent_device() -> None:
     """A port without reply is an unavailable device, and the port is closed."""
-    line = ScriptedLine(says(b"~\r"))
+    line = ScriptedLine(exchange(b"~\r"))
     with pytest.raises(DeviceUnavailableError, match="no reply within 500 ms"):
         device_on(line).open()
     assert not line.opened
@@ -220,9 +220,12 @@ def test_nobody_answers() -> None:
 @pytest.mark.parametrize(
     ("steps", "what"),
     [
-        ([says(b"~\r", b"hello")], "does not reply like an MDT"),
-        ([says(b"~\r", b">"), says(b"ID?\r", b"BPC>"), says(b"I\r", b"?>")], "is no MDT693"),
-        ([says(b"~\r", b">"), says(b"ID?\r", b"Model MDT694B>")], "has axes x, but not y"),
+        ([exchange(b"~\r", b"hello")], "does not reply like an MDT"),
+        (
+            [exchange(b"~\r", b">"), exchange(b"ID?\r", b"BPC>"), exchange(b"I\r", b"?>")],
+            "is no MDT693",
+        ),
+        ([exchange(b"~\r", b">"), exchange(b"ID?\r", b"Model MDT694B>")], "has axes x, but not y"),
     ],
 )
 def test_another_device(steps: list[Step], what: str) -> None:
@@ -236,16 +239,19 @@ def test_another_device(steps: list[Step], what: str) -> None:
 @pytest.mark.parametrize(
     ("steps", "what"),
     [
-        ([says(b"XVOLTAGE?\r", b"CMD_NOT_DEFINED>")], "reports no voltage"),
-        ([says(b"XVOLTAGE?\r", b"[ 0.0]\r>"), says(b"VLIMIT?\r", b"Error>")], "answers VLIMIT"),
+        ([exchange(b"XVOLTAGE?\r", b"CMD_NOT_DEFINED>")], "reports no voltage"),
+        (
+            [exchange(b"XVOLTAGE?\r", b"[ 0.0]\r>"), exchange(b"VLIMIT?\r", b"Error>")],
+            "answers VLIMIT",
+        ),
     ],
 )
 def test_a_device_that_does_not_tell(steps: list[Step], what: str) -> None:
     """An MDT that does not report its voltage or its limits is refused."""
     begin = (
-        says(b"~\r", b">"),
-        says(b"ID?\r", b"Model MDT693B>"),
-        says(b"ECHO=0\r", b"[Echo Off]\r>"),
+        exchange(b"~\r", b">"),
+        exchange(b"ID?\r", b"Model MDT693B>"),
+        exchange(b"ECHO=0\r", b"[Echo Off]\r>"),
     )
     with pytest.raises(DeviceError, match=what):
         device_on(ScriptedLine(*begin, *steps)).open()

@@ -101,21 +101,21 @@ def test_any_bytes(data: bytes) -> None:
                     continue
 
 
-@given(told=BYTES)
-def test_any_bytes_while_opening(told: bytes) -> None:
+@given(reply=BYTES)
+def test_any_bytes_while_opening(reply: bytes) -> None:
     """Any bytes raise nothing while the device is opened."""
-    assert prompt_in(told) in {b"", b">", b"*"}
-    number_in(told, b"XMIN?\r")
-    tail_in(told)
-    identity = identity_in(told)
+    assert prompt_in(reply) in {b"", b">", b"*"}
+    number_in(reply, b"XMIN?\r")
+    tail_in(reply)
+    identity = identity_in(reply)
     assert identity is None or all(identity)
 
 
 def test_who_it_is() -> None:
     """Model, serial number and firmware are found in the lines of a reply."""
-    told = b"ID?\r*\r\r\rModel MDT693B Piezo Control Module\rFirmware Version: 1.05\r"
-    assert identity_in(told) == ("Thorlabs", "MDT693B", "unknown", "1.05")
-    assert identity_in(told + b"Serial#: 140421-07\r") == (
+    reply = b"ID?\r*\r\r\rModel MDT693B Piezo Control Module\rFirmware Version: 1.05\r"
+    assert identity_in(reply) == ("Thorlabs", "MDT693B", "unknown", "1.05")
+    assert identity_in(reply + b"Serial#: 140421-07\r") == (
         "Thorlabs",
         "MDT693B",
         "140421-07",
@@ -125,12 +125,12 @@ def test_who_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "number"),
+    ("reply", "number"),
     [(b"*0", 0.0), (b"[ 150]\r>", 150.0), (b"%\r*[ 100]\r*", 100.0), (b"!", None), (b"", None)],
 )
-def test_numbers(told: bytes, number: float | None) -> None:
+def test_numbers(reply: bytes, number: float | None) -> None:
     """A limit is in brackets or bare; an error has none."""
-    assert number_in(told, b"%\r") == number
+    assert number_in(reply, b"%\r") == number
 
 
 @pytest.mark.parametrize(

@@ -70,9 +70,9 @@ def test_echo_is_on_at_first() -> None:
     assert MDT694B.create is not None
     emulator = MDT694B.create(table, "S-9")
     assert emulator.receive(b"xvoltage?\r") == [b"xvoltage?\r[  0.00]\r>"]
-    (told,) = emulator.receive(b"ID?\r")
-    assert b"Model MDT694B" in told
-    assert b"S-9" in told
+    (answer,) = emulator.receive(b"ID?\r")
+    assert b"Model MDT694B" in answer
+    assert b"S-9" in answer
 
 
 def test_compatibility_mode() -> None:

@@ -17,8 +17,10 @@ with warnings.catch_warnings():
     from mdt69x import Controller  # type: ignore[import-untyped] # it has no types
 
 REPLY_S, NO_REPLY_S = 5.0, 0.2
-"""Time-outs of the client: the usual one, and one for a prompt that does not come. That one is for
-a change of mode, and for a refusal in compatibility mode."""
+"""Time-outs of the client: the usual one, and one for a prompt that does not come.
+
+The latter is for a change of mode, and for a refusal in compatibility mode.
+"""
 
 
 @pytest.fixture(scope="module")

@@ -27,8 +27,10 @@ class Scale:
 
     def __init__(self, codes: tuple[int, int], values: tuple[float, float]) -> None:
         self._first_code, self._first = codes[0], values[0]
+        # `codes` may fall while `values` rise, so the gain may be negative.
         self._gain = (values[1] - values[0]) / (codes[1] - codes[0])
         self._low_code, self._high_code = min(codes), max(codes)
+        # A range that needs codes above 32767 is unsigned; any other fits into 16 bits with sign.
         self._signed = self._high_code <= _HIGHEST_SIGNED
         # A code at 0 V is a normal reading of a unipolar converter, not a sign of saturation.
         self._ends = {code for code, value in zip(codes, values, strict=True) if value != 0.0}
@@ -54,6 +56,8 @@ class Scale:
     def word_of(self, value: float) -> int:
         """Return the word of the code nearest to a value in range. Real-time safe."""
         code = self._first_code + round((value - self._first) / self._gain)
+        # Rounding may leave the range by one code. The modulo gives a negative code as two's
+        # complement.
         return min(max(code, self._low_code), self._high_code) % _WORDS
 
 

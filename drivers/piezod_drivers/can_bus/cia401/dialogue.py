@@ -170,6 +170,7 @@ class Cia401Dialogue:
             what = f"the node's TPDO {options.tpdo} has identifier 0x{min(self._tpdo_ids):X}"
             raise DeviceError(f"{what}, which CiA 301 does not assign to it: set another tpdo")
         if self._watchdog:
+            # Before START: the outputs must not run without the watchdog.
             setup.arm_watchdog(access, options.host_node, options.watchdog_ms, self._safe_codes)
         self._node_sends_heartbeats = setup.start_heartbeat(access, options.heartbeat_ms)
         access.send_nmt(objects.START)
@@ -214,6 +215,7 @@ class Cia401Dialogue:
         self._conversation.read_pending()
         self._conversation.tell(frame)
         if self._options.read_back == "none":
+            # Nothing confirms the outputs themselves, so at least the node must be alive.
             self._require_heartbeat()
         elif (in_force := read_words(self._conversation, self._read_outputs)) != words:
             what = f"the outputs were set to codes {words} and read back as {in_force}"
@@ -234,6 +236,7 @@ class Cia401Dialogue:
         Raises:
             LineFault: As `sample`, or `WRONG_REQUEST` if the node refuses to report it.
         """
+        # The exchange of this cycle has read them back already.
         if self._in_force_ns == now_ns:
             return self._in_force
         if self._reads_back_by_pdo and self._tpdo is not None:
@@ -296,6 +299,7 @@ class Cia401Dialogue:
         if self._watchdog_armed and not self._watchdog_runs:
             # The node's watchdog starts with the first heartbeat, hence with the first setpoint.
             self._watchdog_runs, self._heartbeat_sent_ns = True, 0
+        # Words of other outputs in the same PDO keep the values that they had in `activate`.
         words = list(layout.fill)
         for position, word in zip(layout.positions, own, strict=True):
             words[position] = word

@@ -71,6 +71,7 @@ class Cia401Node:
             return []
         if frame.id == o.NMT:
             return self._handle_nmt(frame.data)
+        # A stopped node answers no SDO (CiA 301).
         if frame.id == o.SDO_REQUEST + NODE and self._state != o.STOPPED:
             answer = self._server.answer(frame.data)
             return [] if answer is None else [Frame(o.SDO_ANSWER + NODE, answer)]
@@ -149,6 +150,7 @@ class Cia401Node:
             if value > N_CHANNELS:
                 raise AbortError(AbortCode.TOO_MUCH_MAPPED)
             return
+        # The entries can only be written while their number is 0.
         if self._int(index, 0):
             raise AbortError(AbortCode.UNSUPPORTED_ACCESS)
         entry = self.entry(value >> 16, value >> 8 & 0xFF)
@@ -156,9 +158,11 @@ class Cia401Node:
             raise AbortError(AbortCode.CANNOT_BE_MAPPED)
 
     def _handle_nmt(self, data: bytes) -> list[Frame]:
+        # Node number 0 addresses all nodes.
         if len(data) != 2 or data[1] not in {0, NODE}:
             return []
         if data[0] in {o.RESET, o.RESET_COMMUNICATION}:
+            # A reset takes the outputs to 0, like switching the node off and on.
             for axis in range(N_CHANNELS):
                 self._drive(axis, 0)
             self._power_up()
@@ -176,6 +180,7 @@ class Cia401Node:
         self._waiting.clear()
         self._syncs += 1
         kind, identifier = self._int(_TPDO, 2), self._int(_TPDO, 1)
+        # Transmission types 1 to 240: at every n-th SYNC.
         if identifier & o.DISABLED or not 0 < kind <= _LAST_SYNC_TYPE or self._syncs % kind:
             return []
         data = b"".join(
@@ -189,8 +194,10 @@ class Cia401Node:
     def _handle_rpdo(self, data: bytes) -> list[Frame]:
         if self._state != o.OPERATIONAL or self._int(_RPDO, 1) & o.DISABLED:
             return []
+        # Process data that is too short raises an emergency; a longer one is accepted (CiA 301).
         if len(data) < sum(entry & 0xFF for entry in self._mapping(_RPDO)) // 8:
             return [self._emergency(_LENGTH)]
+        # A synchronous PDO takes effect with the next SYNC.
         if self._int(_RPDO, 2) <= _LAST_SYNC_TYPE:
             self._waiting[_RPDO] = data
         else:
@@ -226,6 +233,7 @@ class Cia401Node:
         if axis >= self._bench.n_axes:
             return 0
         sensor_v = self._bench.conditioned_v(axis)
+        # A sensor without signal drives its output to the end of the range.
         return _FULL if isnan(sensor_v) else min(max(round(sensor_v * CODES_PER_V), -_FULL), _FULL)
 
     def _drive(self, axis: int, code: int) -> None:
@@ -233,6 +241,7 @@ class Cia401Node:
             self._bench.drive(axis, code / CODES_PER_V * GAIN)
 
     def _mapping(self, settings: int) -> list[int]:
+        # Mapping 0x1600 belongs to settings 0x1400, 0x1A00 to 0x1800.
         mapping = settings + 0x200
         return [self._int(mapping, i + 1) for i in range(self._int(mapping, 0))]
 

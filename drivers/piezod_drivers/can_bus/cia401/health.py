@@ -56,6 +56,7 @@ class NodeHealth:
             return
         code, register = data[0] | data[1] << 8, data[2]
         if code & _CLASS == _ERROR_RESET:
+            # "Error reset" with a register other than 0: one error is over, but others remain.
             if register == 0:
                 self._active.clear()
         elif len(self._active) < _MAX_EMERGENCIES:

@@ -98,7 +98,7 @@ class Cia401Options(ConfigModel):
 
     def _broken_rules(self) -> Iterator[BrokenRule]:
         if not self.inputs and not self.outputs:
-            yield ("inputs",), "name at least one input or output of the node"
+            yield ("inputs",), "give at least one input or output"
         n_read = len(self.inputs) + (len(self.outputs) if self.read_back == "pdo" else 0)
         for key, count in (("inputs", n_read), ("outputs", len(self.outputs))):
             if count > MOST_WORDS:

@@ -55,9 +55,11 @@ class _Network(canopen.Network):
 class _Client(SdoClient):
     """Reads frames itself while it waits; the library's client relies on a thread for that."""
 
+    # The library's own wait; all waiting is done in `read_response`.
     RESPONSE_TIMEOUT = _LEFT_S
 
     def __init__(self, node: int, bus: FrameBus, take: Callable[[Frame], None]) -> None:
+        # Objects are accessed by index and as bytes, so the client needs no EDS file.
         nothing = canopen.ObjectDictionary()  # type: ignore[no-untyped-call] # the library's
         ids = SDO_REQUEST + node, SDO_ANSWER + node
         super().__init__(*ids, nothing)  # type: ignore[no-untyped-call] # likewise
@@ -65,6 +67,7 @@ class _Client(SdoClient):
 
     def send_request(self, request: bytes | bytearray) -> None:
         """Send a request; drop replies that came before it."""
+        # The limit ends the loop on a flooded bus.
         for _ in range(MAX_FRAMES):
             frame = self._bus.receive(0)
             if frame is None:
@@ -84,6 +87,7 @@ class _Client(SdoClient):
                 self.responses.put(frame.data)
             else:
                 self._on_other_frame(frame)
+        # Takes the reply from the queue, or raises the library's time-out error at once.
         answer: bytes = super().read_response()  # type: ignore[no-untyped-call] # likewise
         return answer
 
@@ -141,10 +145,12 @@ class SdoAccess:
             text = self.read(index).decode("latin-1")
         except SdoRefusedError:
             return ""
+        # Some nodes pad texts with zeros or spaces.
         return "".join(character for character in text if character.isprintable()).strip()
 
     def write(self, index: int, number: int, value: int, n_bytes: int) -> None:
         """Write an object; raises as `read`."""
+        # The modulo gives a negative value as two's complement.
         data = (value % (1 << 8 * n_bytes)).to_bytes(n_bytes, "little")
         try:
             self._client.download(index, number, data)

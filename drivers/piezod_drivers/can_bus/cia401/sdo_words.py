@@ -71,6 +71,7 @@ def _read_word(cycle: CanConversation, request: SdoReadRequest) -> int:
         code = int.from_bytes(data[4:], "little")
         what = f"the node refuses to read object {which}: abort code 0x{code:08X}"
         raise LineFault(DeviceFlag.WRONG_REQUEST, what)
+    # Only an expedited reply of two bytes has this command byte, and analogue objects have 16 bits.
     if data[0] != _ANSWER:
         raise LineFault(DeviceFlag.GARBAGE, "an SDO reply of the node does not carry two bytes")
     return data[4] | data[5] << 8

@@ -66,6 +66,7 @@ def identify(access: SdoAccess) -> Identity:
         LineFault: If it does not reply.
     """
     try:
+        # The low word is the device profile, the high word lists kinds of inputs and outputs.
         kind = access.number(objects.DEVICE_TYPE) & _WORD_MASK
         vendor, product, revision, serial = (_identity_number(access, i) for i in range(1, 5))
     except SdoRefusedError as error:
@@ -123,10 +124,12 @@ def _current(access: SdoAccess, pdo: Pdo) -> Pdo | None:
 
 def _entries(access: SdoAccess, pdo: Pdo) -> tuple[int, ...]:
     count = access.number(pdo.mapping)
+    # Eight at most: a PDO carries four words, and a wrong number must not cause 255 requests.
     return tuple(access.number(pdo.mapping, i + 1) for i in range(min(count, 8)))
 
 
 def _configure(access: SdoAccess, pdo: Pdo) -> None:
+    # The identifier that the node uses is kept.
     identifier = access.number(pdo.settings, 1) & ~objects.DISABLED
     # Order of CiA 301: disable the PDO, clear the mapping, write its entries, then their number.
     access.write(pdo.settings, 1, identifier | objects.DISABLED, 4)
@@ -140,7 +143,7 @@ def _configure(access: SdoAccess, pdo: Pdo) -> None:
         # A node with a fixed mapping refuses the first write, so its mapping is unchanged.
         if not set(pdo.entries) <= set(_entries(access, pdo)):
             what = f"{error}; its mapping is fixed and lacks a channel"
-            raise DeviceError(f"{what}: name another rpdo or tpdo") from error
+            raise DeviceError(f"{what}: set another rpdo or tpdo") from error
     access.write(pdo.settings, 1, identifier, 4)
 
 
@@ -148,7 +151,7 @@ def _layout(access: SdoAccess, pdo: Pdo) -> PdoLayout:
     entries = _entries(access, pdo)
     if any(entry & 0xFF != objects.WORD_BITS for entry in entries):
         what = f"PDO 0x{pdo.settings:04X} of the node has entries of other than 16 bits"
-        raise DeviceError(f"{what}: name another rpdo or tpdo")
+        raise DeviceError(f"{what}: set another rpdo or tpdo")
     # Outputs of others in the same PDO must be sent with the values that they have now.
     foreign = set(entries) - set(pdo.entries)
     fill = tuple(
@@ -179,6 +182,7 @@ def arm_watchdog(
             n_bytes = len(access.read(objects.ERROR_VALUE, output))  # 2 or 4, nodes differ
             access.write(objects.ERROR_VALUE, output, code, n_bytes)
             n_bytes = len(access.read(objects.ERROR_MODE, output))
+            # The value before the mode: the node must never hold mode 1 with an old error value.
             access.write(objects.ERROR_MODE, output, 1, n_bytes)
         access.write(objects.CONSUMER_HEARTBEAT, 1, host << 16 | watchdog_ms, 4)
     except SdoRefusedError as error:

@@ -22,6 +22,7 @@ _TABLE: Final = tuple(_entry(value) for value in range(256))
 
 def crc8_j1850(data: bytes | bytearray) -> int:
     """Return the CRC-8 of SAE J1850. Real-time safe."""
+    # SAE J1850: start value 0xFF, and the result inverted.
     value = 0xFF
     for byte in data:
         value = _TABLE[value ^ byte]

@@ -48,6 +48,7 @@ class DbcSignal(NamedTuple):
     @property
     def range(self) -> tuple[float, float]:
         """Lowest and highest physical value."""
+        # Sorted, because a negative scale reverses the ends.
         ends = sorted(self.offset + raw * self.scale for raw in self.raw_range)
         low = ends[0] if self.lowest is None else max(ends[0], self.lowest)
         high = ends[1] if self.highest is None else min(ends[1], self.highest)
@@ -106,6 +107,7 @@ class SignalReader:
     def raw(self, data: bytes) -> int:
         """Return the number that the bits hold. Real-time safe."""
         raw = int.from_bytes(data, self._order) >> self._shift & self._mask
+        # Two's complement: the highest bit counts negative.
         return raw - 2 * self._sign if raw & self._sign else raw
 
     def value(self, data: bytes) -> float:
@@ -125,6 +127,7 @@ class SignalWriter:
     def __init__(self, message: DbcMessage, signal: str) -> None:
         one = message.signals[signal]
         self._shift, self._mask = one.shift(message.n_bytes), (1 << one.bits) - 1
+        # The bits of all other signals in the frame.
         self._others = ~(self._mask << self._shift)
         self._order, self._n_bytes = one.order, message.n_bytes
         self._scale, self._offset = one.scale, one.offset

@@ -58,6 +58,8 @@ class DbcDialogue:
         self._latest.clear()
         self._noticed.clear()
         own = tuple(signals.sent)
+        # The own identifiers, too: a frame with one of them shows that another program commands the
+        # device.
         self._bus.open((*own, *signals.received))
         self._conversation = CanConversation(
             self._bus, round(self._options.timeout_ms * MS), own, self._handle_frame
@@ -147,6 +149,7 @@ class DbcDialogue:
         Raises:
             LineFault: As `sample`.
         """
+        # The exchange of this cycle has read them already, if the instants are equal.
         if self._read_ns != now_ns:
             self._ask((), now_ns)
         return [self._value(place) for place in self._signals.read_backs]
@@ -155,6 +158,8 @@ class DbcDialogue:
         """Return the faults whose signals are not 0, for every channel. Real-time safe."""
         latest, found = self._latest, NO_FLAGS
         for flag, identifier, reader in self._signals.flags:
+            # A message with flags may come less often than the inputs; until then it reports no
+            # fault.
             if identifier in latest and reader.raw(latest[identifier][1]):
                 found |= {flag}
         return [found] * (len(self._wiring.inputs) + len(self._wiring.outputs))
@@ -256,6 +261,7 @@ class DbcDialogue:
         inputs = self._signals.inputs
         if self._signals.request is not None:
             return now_ns, [self._value(place) for place in inputs]
+        # The sample is as old as the oldest of its inputs.
         arrived_ns = min((self._latest[identifier][0] for identifier, _ in inputs), default=0)
         # Frames are dated by the bus's clock, samples by the caller's: only their difference is
         # used.

@@ -21,6 +21,7 @@ _COUNTER: Final = DbcSignal("Counter", 48, 8)
 _CRC: Final = DbcSignal("Crc", 56, 8)
 _POSITION: Final = DbcSignal("Position", 7, 16, True, True, 0.001)
 _MEASURED: Final = DbcSignal("DriveMeasured", 16, 16, False, True, 0.005)
+# The lowest code of 16 bits: out of the range that the DBC file gives.
 _NOT_SENSED: Final = -32.768
 """Position that is sent while the sensor is saturated."""
 
@@ -106,6 +107,7 @@ class DemoNode:
         return Frame(COMMAND.id, bytes(COMMAND.n_bytes))
 
     def _execute(self, frame: Frame) -> None:
+        # A command without Enable keeps the voltage and reports "Disabled".
         self._enabled = bool(self._enable.raw(frame.data))
         if self._enabled:
             self._bench.drive(0, self._drive.value(frame.data))
@@ -114,6 +116,7 @@ class DemoNode:
         saturated = self._measure(self._status)
         self._status.put("Saturated", saturated)
         self._status.put("Disabled", not self._enabled)
+        # The echo lets a host distinguish this reply from a late one.
         self._status.put("Echo", self._request_counter.raw(frame.data))
         return self._status.next()
 

@@ -61,6 +61,8 @@ class SentMessage:
         self._message, self._checksum = message, checksum
         self._data = bytearray(message.n_bytes)
         for signal, raw in constants.items():
+            # Written once: later frames only change the prepared signals, the counter and the
+            # checksum.
             SignalWriter(message, signal).put_raw(self._data, raw)
         self._writers: dict[str, SignalWriter] = {}
         self._counter = None if counter is None else SignalWriter(message, counter)
@@ -119,6 +121,8 @@ class ReceivedMessage:
         Raises:
             LineFault: `GARBAGE` or `BAD_CHECKSUM` if they are wrong.
         """
+        # A frame of another kind with the same identifier comes from another device, or the file is
+        # wrong.
         if len(frame.data) != self._n_bytes or frame.remote or frame.extended != self._extended:
             what = f"{self._name} has {len(frame.data)} bytes, expected {self._n_bytes}"
             raise LineFault(DeviceFlag.GARBAGE, what)
@@ -134,7 +138,10 @@ class ReceivedMessage:
         if self._counter is None:
             return True
         count, last = self._counter.raw(frame.data) % self._counts, self._last
+        # The difference modulo the range: 0 is a repetition, up to half of the range is "sent
+        # earlier".
         if last is not None and (last - count) % self._counts < self._counts // 2:
+            # A restarted sender counts on from its own start; a single late frame does not.
             follows = count == (self._lag_count + 1) % self._counts
             self._n_consecutive = self._n_consecutive + 1 if follows else 1
             self._lag_count = count
@@ -145,6 +152,7 @@ class ReceivedMessage:
 
     def answers_request(self, frame: Frame, count: int) -> bool:
         """Return whether a valid frame repeats this counter of a request. Real-time safe."""
+        # The echo may have fewer bits than the counter.
         return self._echo is None or self._echo.raw(frame.data) & self._echo_mask == (
             count & self._echo_mask
         )

@@ -37,6 +37,7 @@ class HeldOutput(NamedTuple):
             DeviceError: If this value is out of range.
         """
         low, high = self.range
+        # A measured value may lie slightly beyond the range that can be set.
         slack = _SLACK * (high - low)
         if not low - slack <= value <= high + slack:
             raise DeviceError(
@@ -63,6 +64,7 @@ class UsedSignals:
         self.held_outputs = self._find_held_outputs(wiring.outputs)
         read_backs = [output.read_back for output in outputs]
         self.driven_signals = [(self._message(output).id, output.signal) for output in outputs]
+        # Each message once, in the order of the outputs: several outputs may share a message.
         self.driven_messages = tuple(
             dict.fromkeys(identifier for identifier, _ in self.driven_signals)
         )
@@ -84,12 +86,14 @@ class UsedSignals:
         held_outputs = [fill.read_back for fill in self.held_outputs]
         needed = [identifier for identifier, _ in (*self.inputs, *self.read_backs, *held_outputs)]
         self.answers = frozenset(needed)
+        # Flags are read if they come, but nothing waits for them.
         received = self.answers | {identifier for _, identifier, _ in self.flags}
         self.received = {
             one.id: self._make_received(one)
             for one in self._messages.values()
             if one.id in received
         }
+        # A reply without an echo could be the late reply to an earlier request.
         self.tagged = bool(self.answers) and all(
             one.name in options.echoes for one in self._messages.values() if one.id in self.answers
         )
@@ -109,6 +113,7 @@ class UsedSignals:
         for name, output in outputs.items():
             message = self._message(output)
             target = message.id, output.signal
+            # Only messages that are sent anyway can change an unused output.
             if message.id not in sent or target in driven:
                 continue
             if output.read_back is None:

@@ -81,6 +81,7 @@ class GroupEnd:
         """Return the next frame."""
         try:
             frame = self._bus.receive(within_ns)
+        # After `vanish` the bus is not open.
         except LineFault:
             return []
         return [] if frame is None or self._away else [frame]
@@ -102,8 +103,8 @@ class GroupEnd:
 class Adapter:
     """An slcan adapter with the replies of LAWICEL's.
 
-    It answers CR to a command, `z` or `Z` and CR to a frame, and BEL to what it refuses. Frames
-    need an open channel.
+    It answers CR to a command, `z` or `Z` and CR to a frame, and BEL to a command or frame that it
+    refuses. Frames need an open channel.
 
     Args:
         off_bus: Whether its controller has left the bus; then frames are refused.
@@ -134,6 +135,9 @@ class Adapter:
         return encode(frame) if self._open and not self.off_bus else b""
 
     def _run_command(self, line: bytes) -> bytes:
+        # Like the CAN232: opening an open channel, closing a closed one, and changing the bit rate
+        # of an open one is refused. An empty line is acknowledged, so a host can flush a half
+        # command.
         was_open = self._open
         if line + CR in {OPEN, CLOSE}:
             self._open = line + CR == OPEN

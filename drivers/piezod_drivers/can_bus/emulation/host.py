@@ -14,7 +14,7 @@ from piezod_drivers.can_bus.frame import Frame
 
 
 class NodeHost(Host[BusEnd, Node]):
-    """Serves a node on a bus until told to stop; takes the arguments of `Host`.
+    """Serves a node on a bus until it is stopped; takes the arguments of `Host`.
 
     For the faults, each frame that the node sends is a reply.
     """
@@ -41,12 +41,14 @@ class NodeHost(Host[BusEnd, Node]):
         if self._is_off:
             return
         answers = [answer for frame in frames for answer in self._device.receive(frame)]
+        # After the replies: a periodic report must not overtake the reply to a request.
         answers += self._device.due()
         if not frames:
             self._bench.tick()
         now_ns = self._bench.now_ns()
         for answer in answers:
             self._put(answer, now_ns)
+        # In order: a delayed frame also holds back those behind it, as a queue in the node does.
         while self._waiting and self._waiting[0][0] <= now_ns:
             part = self._waiting.popleft()[1]
             if isinstance(part, Frame):

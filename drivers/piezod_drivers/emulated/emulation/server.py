@@ -1,4 +1,4 @@
-"""The rig's end of the socket: a bench, served to one client at a time."""
+"""The rig's end of the socket, which serves one client at a time."""
 
 import secrets
 import selectors
@@ -14,29 +14,29 @@ from piezod_drivers.emulated.codec import (
     MAX_PACKET,
     Greeting,
     Op,
+    RigCodec,
     RigReply,
     RigRequest,
-    Wire,
     pack_greeting,
     pack_refusal,
 )
 
-_TICK_S: Final = 0.01  # how long the physics may be left alone: it would have to catch up at once
-_PEER: Final = Struct("3i")  # pid, uid, gid
+_TICK_S: Final = 0.01  # longest time without a step of the physics, which then has to catch up
+_PEER: Final = Struct("3i")  # of SO_PEERCRED: pid, uid, gid
 
 
-def _nobody(_asked_ns: int) -> None:
-    """Hear an instant, and do nothing about it."""
+def _ignore(_asked_ns: int) -> None:
+    """Do nothing with the instant of a call."""
 
 
 class RigServer:
-    """Serves a bench; a client that goes changes nothing.
+    """Serves a rig; a client that disconnects changes nothing.
 
     Args:
-        bench: The bench.
-        identity: Who it says it is.
-        listener: A socket of type SOCK_SEQPACKET at which clients can connect.
-        heard: Told the instant that a call carries, before it is carried out.
+        bench: The rig.
+        identity: Identity that it reports.
+        listener: A listening socket of type SOCK_SEQPACKET.
+        on_call: Called with the instant of each call, before it is carried out.
     """
 
     def __init__(
@@ -44,27 +44,28 @@ class RigServer:
         bench: SharedRig,
         identity: Identity,
         listener: socket.socket,
-        heard: Callable[[int], None] = _nobody,
+        on_call: Callable[[int], None] = _ignore,
     ) -> None:
-        self._bench, self._listener, self._heard = bench, listener, heard
-        self._wire = Wire(bench.n_axes)
-        life = secrets.token_hex(8)
-        self._greeting = pack_greeting(Greeting(identity, bench.axes, bench.max_rate_hz, life))
+        self._bench, self._listener, self._on_call = bench, listener, on_call
+        self._codec = RigCodec(bench.n_axes)
+        run_id = secrets.token_hex(8)
+        self._greeting = pack_greeting(Greeting(identity, bench.axes, bench.max_rate_hz, run_id))
         self._selector = selectors.DefaultSelector()
         self._client: socket.socket | None = None
         self._client_pid = 0
 
     def serve(self, stopping: Callable[[], bool]) -> None:
-        """Serve until told to stop, then leave the bench as it is.
+        """Serve until `stopping` returns True; the rig stays as it is.
 
         Args:
-            stopping: Asked at least every 10 ms.
+            stopping: Called at least every 10 ms; returns whether to stop.
         """
         self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
         try:
             while not stopping():
                 for key, _ in self._selector.select(_TICK_S):
                     key.data()
+                # The physics also advances without calls.
                 self._bench.tick()
         finally:
             self._drop()
@@ -73,20 +74,22 @@ class RigServer:
     def _accept(self) -> None:
         client, _ = self._listener.accept()
         if self._client is not None:
-            self._answer()  # the one before may have just gone
+            self._answer()  # the present client may just have disconnected
         with_pid = client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
+        # The kernel knows the process, so a client cannot claim another one.
         pid = _PEER.unpack(with_pid)[0]
         if self._client is not None:
             _send(client, pack_refusal(f"it is used by process {self._client_pid}"))
             client.close()
             return
+        # A client that does not read its replies must not stop the physics.
         client.setblocking(False)
         self._client, self._client_pid = client, pid
         self._selector.register(client, selectors.EVENT_READ, self._answer)
         _send(client, self._greeting)
 
     def _answer(self) -> None:
-        """Answer the one request that a client may have made."""
+        """Reply to the one request that a client may have sent."""
         if self._client is None:
             return
         try:
@@ -95,22 +98,23 @@ class RigServer:
             return
         except OSError:
             packet = b""
-        request = self._wire.unpack_request(packet)
-        # No request: the client has gone, or is no driver.
-        if request is None or not _send(self._client, self._carry_out(request)):
+        request = self._codec.unpack_request(packet)
+        # No request: the client has disconnected, or is no driver.
+        if request is None or not _send(self._client, self._run(request)):
             self._drop()
 
-    def _carry_out(self, request: RigRequest) -> bytes:
+    def _run(self, request: RigRequest) -> bytes:
         op, number, asked_ns, drive_v = request
-        self._heard(asked_ns)
+        self._on_call(asked_ns)
         taken, position_um = True, [nan] * self._bench.n_axes
         if op == Op.READ:
             position_um = self._bench.positions_um()
         elif op == Op.WRITE:
             taken = self._bench.drive_all(drive_v, asked_ns, self._client_pid)
         valid = [isfinite(each_um) for each_um in position_um]
+        # After the call, so that a reply to a write has the voltages that it has set.
         in_force_v = self._bench.drives_v()
-        return self._wire.pack_reply(RigReply(number, taken, valid, position_um, in_force_v))
+        return self._codec.pack_reply(RigReply(number, taken, valid, position_um, in_force_v))
 
     def _drop(self) -> None:
         if self._client is not None:
@@ -120,7 +124,7 @@ class RigServer:
 
 
 def _send(client: socket.socket, packet: bytes) -> bool:
-    """Send a packet; tell whether it went."""
+    """Send a packet; return whether it was sent."""
     try:
         client.send(packet)
     except OSError:

@@ -36,6 +36,7 @@ class ConverterOutput:
         if not isfinite(value):
             raise ModbusRefusal(ILLEGAL_VALUE)
         part = min(max(value / self._highest, 0.0), 1.0)
+        # The steps of the converter.
         part = round(part * self._n_codes) / self._n_codes
         if self._axis < self._bench.n_axes and not self._bench.drive(self._axis, part * FULL_V):
             raise ModbusRefusal(DEVICE_FAILURE)
@@ -51,4 +52,6 @@ def measured_v(bench: SharedRig, axis: int) -> float:
     if axis >= bench.n_axes:
         return 0.0
     value_v = bench.conditioned_v(axis)
+    # A sensor without signal counts as far out of range, so that the device reports it as
+    # saturated.
     return value_v if isfinite(value_v) else OVERLOAD_V

@@ -38,8 +38,10 @@ def adam_6024(bench: SharedRig, _serial: str) -> TcpServer:
     """Construct an ADAM-6024: input and output i are sensor and amplifier of axis i."""
     unit = EmulatedUnit(_REGISTERS)
     for i in range(6):
+        # 16 bits over ±10 V.
         scale = 20 / 65_535
         unit.add("holding", i, "uint16", partial(_measured, bench, i, scale, -_HIGHEST_V))
+        # Status of each input: bit 1 above its range, bit 2 below it.
         unit.add("holding", 20 + i, "uint16", partial(_over_or_under, bench, i))
     for i in range(2):
         output = ConverterOutput(bench, i, _HIGHEST_V, advantech.CODES_12_BIT)
@@ -97,6 +99,8 @@ def wago_750(bench: SharedRig, _serial: str) -> TcpServer:
     watchdog = _wago_watchdog(unit, bench, outputs)
     for i, output in enumerate(outputs):
         get = partial(_measured, bench, i, scale)
+        # The process image of a coupler: reading from address 0 returns inputs, writing sets
+        # outputs.
         unit.add("input", i, "int16", get)
         unit.add("holding", i, "int16", get, partial(_set_unless_tripped, watchdog, output, scale))
         unit.add("holding", wago.READ_BACK + i, "int16", partial(_code, output, scale))
@@ -110,6 +114,7 @@ def wago_750(bench: SharedRig, _serial: str) -> TcpServer:
 def _set_unless_tripped(
     watchdog: Watchdog, output: ConverterOutput, scale: float, code: float
 ) -> None:
+    # After a trip a coupler refuses to set outputs until its watchdog runs again.
     if watchdog.state == TRIPPED:
         raise ModbusRefusal(DEVICE_FAILURE)
     output.set(code * scale)
@@ -131,6 +136,7 @@ def _wago_watchdog(
             raise ModbusRefusal(ILLEGAL_VALUE)
         watchdog.stop()
 
+    # The register counts in units of 100 ms.
     watchdog = Watchdog(bench.now_ns, lambda: time() / 10, on_trip)
     unit.add(
         "holding", wago.WATCHDOG_TRIGGER, "uint16", lambda: 0.0, lambda _number: watchdog.start()

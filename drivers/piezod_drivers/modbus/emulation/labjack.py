@@ -62,7 +62,8 @@ def emulator(model: LabJackModel, bench: SharedRig, serial: str) -> TcpServer:
 
 
 def _add_identity(unit: EmulatedUnit, model: LabJackModel, bench: SharedRig, serial: str) -> None:
-    born_ns = bench.now_ns()
+    started_ns = bench.now_ns()
+    # The register holds a number; other text gets one that is always the same.
     number = int(serial) if serial.isdigit() else crc32(serial.encode()) % 10**9
     number = number % _WRAPS_AT if serial else model.usual_serial
     tables: tuple[Table, ...] = ("holding", "input")
@@ -75,7 +76,7 @@ def _add_identity(unit: EmulatedUnit, model: LabJackModel, bench: SharedRig, ser
             table,
             labjack.COUNTER_10KHZ,
             "uint32",
-            lambda: ((bench.now_ns() - born_ns) // 100_000) % _WRAPS_AT,
+            lambda: ((bench.now_ns() - started_ns) // 100_000) % _WRAPS_AT,
         )
 
 

@@ -36,6 +36,7 @@ class TcpServer:
         replies = []
         while len(self._got) >= _HEADER.size:
             number, protocol, length, unit = _HEADER.unpack_from(self._got)
+            # The next frame cannot be found, so everything is dropped.
             if protocol != 0 or not 2 <= length <= _MOST:
                 self._got = b""
                 break
@@ -66,7 +67,7 @@ class RtuServer:
         self._got, self._until_ns = b"", 0
 
     def receive(self, data: bytes) -> list[bytes]:
-        """Reply to every complete request to one of the devices; damaged ones have no reply."""
+        """Reply to each complete request to one of the devices, unless it is damaged."""
         now_ns = self._now_ns()
         if now_ns > self._until_ns:
             self._got = b""
@@ -75,6 +76,7 @@ class RtuServer:
         replies = []
         while size := _size(self._got):
             frame, self._got = self._got[:size], self._got[size:]
+            # The length itself may be damaged, so the rest cannot be split into frames.
             if not has_valid_checksum(frame):
                 self._got = b""
                 break
@@ -93,6 +95,7 @@ def _size(got: bytes) -> int:
     """Return the length of the request that has come, 0 if it is incomplete."""
     if len(got) < 8:
         return 0
+    # Functions with a byte count have data behind it: 15 and 16 at byte 6, 23 at byte 10.
     size = 8
     if got[1] in {15, 16}:
         size = 9 + got[6]

@@ -109,6 +109,7 @@ class EmulatedUnit:
         _require(1 <= count <= 125)
         if table == "coil":
             bits = [self._cell(table, address + i).get() for i in range(count)]
+            # The first coil is the lowest bit.
             packed = sum(1 << i for i, bit in enumerate(bits) if bit)
             data = packed.to_bytes((count + 7) // 8, "little")
         else:
@@ -122,6 +123,8 @@ class EmulatedUnit:
             kind, address, count = _unpack(_FEEDBACK, data, exact=False)
             data = data[_FEEDBACK.size :]
             if kind == 0:
+                # Reads and writes run in their order, so a value can be read before and after it is
+                # set.
                 data_read += self._read("holding", address, count)
             else:
                 _require(kind == 1 and len(data) >= 2 * count > 0)
@@ -151,6 +154,7 @@ class EmulatedUnit:
         at = 0
         while at < len(words):
             cell = self._cell("holding", address + at // 2)
+            # Half a number cannot be written.
             if cell.set is None or at + cell.layout.size > len(words):
                 raise ModbusRefusal(ILLEGAL_ADDRESS)
             cells.append((cell.set, cell.layout.unpack_from(words, at)[0]))
@@ -165,6 +169,7 @@ def _pack(cell: RegisterCell) -> bytes:
         return cell.layout.pack(number)
     bits = 8 * cell.layout.size
     low = -(1 << bits - 1) if cell.layout.format in {">h", ">i"} else 0
+    # A converter at its end reports its last code.
     return cell.layout.pack(min(max(round(number), low), low + (1 << bits) - 1))
 
 
@@ -173,6 +178,6 @@ def _unpack(layout: Struct, data: bytes, *, exact: bool = True) -> tuple[int, ..
     return layout.unpack_from(data)
 
 
-def _require(true: bool) -> None:
-    if not true:
+def _require(condition: bool) -> None:
+    if not condition:
         raise ModbusRefusal(ILLEGAL_VALUE)

@@ -32,10 +32,15 @@ class Watchdog:
         self.state = OFF
 
     def update(self, asked: bool) -> None:
-        """Let time pass; `asked` says whether a request has come."""
+        """Let time pass.
+
+        Args:
+            asked: Whether a request has come.
+        """
         now_ns = self._now_ns()
         if self.state == RUNNING and now_ns - self._requested_ns > self._timeout_s() * NS_PER_S:
             self.state = TRIPPED
             self._on_trip()
+        # After the check: a request that comes too late does not prevent the trip.
         if asked:
             self._requested_ns = now_ns

@@ -1,6 +1,6 @@
 """Known devices, as data: `advantech.py`, `icp_das.py`, `labjack.py`, `wago.py`, `waveshare.py`.
 
-`profile.py` says what is known of a device.
+`profile.py` defines the form of this data.
 """
 
 from typing import Final

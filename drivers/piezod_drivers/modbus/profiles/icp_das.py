@@ -20,7 +20,7 @@ WATCHDOG_TRIPPED: Final = 269
 """Coil: 1 if the host watchdog has set the outputs to their safe values."""
 FIRMWARE: Final = 480
 
-_FACTS: Final = (
+_IDENTITY_FIELDS: Final = (
     ("firmware", IdentityField("holding", FIRMWARE, "uint16", lambda number: f"{int(number):04X}")),
 )
 
@@ -38,7 +38,7 @@ M_7017: Final = ModbusProfile(
         range=(-9.999, 9.999),
     ),
     constants=(Constant("coil", FORMAT, "uint16", 1),),
-    identity_fields=_FACTS,
+    identity_fields=_IDENTITY_FIELDS,
     max_rate_hz=10.0,  # conversions per second according to public sources; not confirmed
 )
 
@@ -61,7 +61,7 @@ M_7024: Final = ModbusProfile(
         ),
     ),
     constants=(Constant("coil", FORMAT, "uint16", 1),),
-    identity_fields=_FACTS,
+    identity_fields=_IDENTITY_FIELDS,
     max_rate_hz=100.0,  # not documented; at 115200 bit/s the line is slower
 )
 

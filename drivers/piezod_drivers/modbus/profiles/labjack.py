@@ -95,6 +95,7 @@ def _profile(product: int, highest_v: float, n_inputs: int, n_low_inputs: int = 
         write_functions=(16,),
         feedback=True,
         constants=(
+            # The test register reveals a wrong order of words, the product a wrong model.
             Constant("holding", TEST, "uint32", TEST_NUMBER),
             Constant("holding", PRODUCT_ID, "float32", product),
         ),

@@ -1,4 +1,4 @@
-"""What is known of a device, as data."""
+"""The data of a known device: registers, constants, identity, watchdog."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

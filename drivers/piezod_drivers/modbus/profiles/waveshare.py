@@ -10,7 +10,7 @@ from typing import Final, Literal
 from piezod_drivers.modbus.profiles.profile import IdentityField, ModbusProfile, register_row
 
 VERSION: Final = 0x8000
-_FACTS: Final = (
+_IDENTITY_FIELDS: Final = (
     (
         "firmware",
         IdentityField("holding", VERSION, "uint16", lambda number: f"V{number / 100:.2f}"),
@@ -33,7 +33,7 @@ def _input(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> M
             # At the end of its range the converter is saturated.
             range=(0.0, 0.9999 * highest),
         ),
-        identity_fields=_FACTS,
+        identity_fields=_IDENTITY_FIELDS,
         max_rate_hz=100.0,  # not documented; at 115200 bit/s the line is slower
     )
 
@@ -48,7 +48,7 @@ def _output(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> 
             *register_row(names, 0, role="output", scale=1e-3, unit=unit, range=(0.0, highest)),
             *register_row(names, 0, role="read-back", scale=1e-3, unit=unit),
         ),
-        identity_fields=_FACTS,
+        identity_fields=_IDENTITY_FIELDS,
         max_rate_hz=100.0,  # not documented; at 115200 bit/s the line is slower
     )
 

@@ -87,10 +87,12 @@ class _Reader:
         return part
 
     def _joined(self, before: _Part, after: _Part) -> _Part:
+        # What may end the first part may be followed by what may begin the second.
         for place in before.last:
             self._follow[place] |= after.first
         return _Part(
             before.nothing and after.nothing,
+            # A part that may be empty lets its neighbour begin or end the sequence.
             before.first | after.first if before.nothing else before.first,
             before.last | after.last if after.nothing else after.last,
         )
@@ -106,6 +108,8 @@ class _Reader:
         return part._replace(nothing=part.nothing or low == 0)
 
     def _group(self) -> _Part:
+        # Groups without back-references, look-around or flags: only these have a set of next
+        # positions.
         opening = re.compile(r"\((?:\?:|\?P<\w+>|(?!\?))").match(self._pattern, self._index)
         if opening is None:
             raise ValueError(
@@ -128,6 +132,7 @@ class _Reader:
             remedy = "a reply is matched as a whole, and characters stand for themselves"
             raise ValueError(f"{text} is not allowed: {remedy}")
         self._index = found.end()
+        # `re` itself decides which characters a class matches.
         chars = re.compile(text, re.ASCII)
         self._texts.append(text)
         self._chars.append(
@@ -150,9 +155,12 @@ class _Reader:
         return low, (float(found[4] or "inf") if found[3] else low)
 
     def _repeated(self, part: _Part, places: range, grouped: bool) -> _Part:
+        # Then the engine could repeat the group without end.
         if grouped and part.nothing:
             raise ValueError("a repeated group may match the empty text: let it match a character")
         for place in part.last:
+            # The inner repetition and the outer one lead to the same position: the number of ways
+            # grows exponentially with the length of the text.
             if part.first & self._follow[place]:
                 what = f"{self._texts[place]} is repeated, and so is the group around it"
                 raise ValueError(f"{what}: leave out one repetition")

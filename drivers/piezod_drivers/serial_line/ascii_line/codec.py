@@ -79,6 +79,8 @@ class AsciiLines:
 
     def length(self, got: bytes) -> int:
         """Return the length of a line, as a `LengthOf`; a longer one is garbage. Real-time safe."""
+        # Searched only so far: a device that never ends a line must not cost more time with every
+        # call.
         end = got.find(self._reply_ending, 0, self._longest + len(self._reply_ending))
         if end >= 0:
             return end + len(self._reply_ending)
@@ -102,6 +104,7 @@ def match_reply(text: str, reply: re.Pattern[str], errors: FlagPatterns) -> Foun
     Raises:
         LineFault: The fault of an error line; `GARBAGE` if the line is neither error nor reply.
     """
+    # Errors first: the pattern of a reply may be so wide that it also matches an error line.
     for pattern, flag in errors:
         if pattern.fullmatch(text):
             raise LineFault(flag, f"the device reports: {text[:80]}")

@@ -47,6 +47,7 @@ class AsciiDialogue:
         self._conversation = Conversation(line, options.timeout_ms * 1e-3)
         self._lines = AsciiLines(options)
         self._errors = compiled_flags(options.errors)
+        # Only commands that concern channels in use are sent.
         self._set = _serving([compiled_exchange(ask) for ask in options.set], wiring.outputs)
         self._read = _serving([compiled_exchange(ask) for ask in options.read], wiring.inputs)
         self._read_back = _serving(
@@ -74,6 +75,7 @@ class AsciiDialogue:
             DeviceError: If another device replies, or a command would set a channel of no axis.
         """
         for exchange in self._set:
+            # The value of a channel of no axis is unknown, and any other value would be a jump.
             if unused := [name for name in exchange.names if name not in self._wiring.outputs]:
                 what = f"a command also sets channel {unused[0]}, which no axis uses"
                 raise DeviceError(f"{what}: use it in an axis, or write its value into the command")
@@ -83,9 +85,9 @@ class AsciiDialogue:
         self._flags = NO_FLAGS
         if self._options.identify is None:
             return Identity(UNKNOWN, f"device at {self._line.where}", UNKNOWN, UNKNOWN)
-        who = compiled_exchange(self._options.identify)
+        identity_exchange = compiled_exchange(self._options.identify)
         try:
-            found = self._exchange(who, {}, any_reply=True)
+            found = self._exchange(identity_exchange, {}, any_reply=True)
         except LineFault as fault:
             if fault.flag is DeviceFlag.GARBAGE:
                 raise DeviceError(f"{self._line.where} is another device: {fault}") from fault
@@ -139,6 +141,7 @@ class AsciiDialogue:
         for exchange in self._set:
             self._exchange(exchange, named)
             answered &= exchange.reply is not None
+        # Without a reply nothing confirms that the device received the setpoint.
         if not answered:
             self._check_setpoints(named, self._numbers(self._read_back, self._wiring.outputs))
         self._poll_status()
@@ -205,6 +208,8 @@ class AsciiDialogue:
                 found[TAG].strip().isdecimal() and int(found[TAG]) == tag
             )
 
+        # With a running number a line that does not fit is a late reply, and the wait goes on.
+        # Without it, it counts as garbage.
         is_reply = fits if exchange.tagged else None
         line = self._ask(request, is_reply, None if any_reply else fits)
         return match_reply(self._lines.text(line), reply, self._errors)

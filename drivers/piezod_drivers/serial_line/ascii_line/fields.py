@@ -81,7 +81,7 @@ class AsciiInputConfig(ConfigModel):
 
 
 class AsciiFields(LineOptions):
-    """The options."""
+    """All options of the driver, without the rules between them."""
 
     terminator: Terminator = Field(default="\n", description="End of a command.")
     reply_terminator: Terminator | None = Field(

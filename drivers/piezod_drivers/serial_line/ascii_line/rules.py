@@ -48,6 +48,7 @@ def _lists(options: AsciiFields) -> Iterator[BrokenRule]:
     ):
         for index, ask in enumerate(asks):
             yield from _ask((place, index), ask, options, _NONE, channels)
+        # Reading back is optional, unless setpoints have no reply.
         if place == "read_back" and not asks:
             continue
         if place == "read" and options.stream is not None:
@@ -85,6 +86,7 @@ def _ask(
     yield from _sent((*path, "send"), ask.send, options, values)
     groups_found = _groups(ask.reply)
     yield from _unknown((*path, "reply"), groups_found, [*groups, TAG])
+    # A number in only one of them cannot relate a reply to its command.
     if (TAG in groups_found) != (TAG in names_of(ask.send)):
         what = f"give both {{{TAG}}} in send and (?P<{TAG}>…) in reply"
         yield (*path, "reply"), what
@@ -94,6 +96,7 @@ def _sent(
     path: KeyPath, template: str, options: AsciiFields, values: Collection[str]
 ) -> Iterator[BrokenRule]:
     yield from _unknown(path, names_of(template), [*values, TAG])
+    # The values themselves are ASCII digits, which every encoding has.
     text = "".join(place.before for place in parsed(template))
     if options.terminator in text:
         yield path, "must not contain the terminator, which is added"

@@ -61,6 +61,7 @@ class AsciiStreamDialogue:
         self._line.open()
         self._noticed.clear()
         self._rest, synchronous = b"", False
+        # Twice the time-out: the first line is incomplete, so two have to come.
         end_ns = self._line.now_ns() + 2 * self._timeout_ns
         while (left_ns := end_ns - self._line.now_ns()) > 0:
             self._rest += self._line.receive(left_ns)
@@ -117,6 +118,8 @@ class AsciiStreamDialogue:
         t_ns, values = self._newest
         if now_ns - t_ns > self._timeout_ns:
             raise LineFault(DeviceFlag.LATE_REPLY, "no line within the time-out")
+        # `activate` dates a line by the line's clock, which may be slightly ahead of the caller's
+        # instant.
         return min(t_ns, now_ns), values
 
     def put(self, values: Sequence[float]) -> None:
@@ -146,6 +149,7 @@ class AsciiStreamDialogue:
             LineFault: If the newest line is an error.
         """
         lines = self._complete_lines()
+        # From the newest line backwards.
         while lines:
             try:
                 found = match_reply(self._lines.text(lines.pop()), self._pattern, self._errors)

@@ -14,6 +14,7 @@ TAG: Final = "n"
 """Name of the running number, which relates a reply to its command."""
 
 _SPEC: Final = re.compile(r"[+ ]?0?\d{0,2}(?:\.\d{1,2})?[feEgG]", re.ASCII)
+# The running number is a whole number below 1000: only its width can be chosen.
 _TAG_SPEC: Final = re.compile(r"(?:0\dd?)?", re.ASCII)
 
 
@@ -47,6 +48,7 @@ def parsed(template: str) -> tuple[Placeholder, ...]:
 
 
 def _check(name: str, spec: str, conversion: str | None) -> None:
+    # Excludes attributes and indices such as {x.real}, which `format` would evaluate.
     if not name.isidentifier():
         raise ValueError(f"{{{name}}} names no channel; write {{{{ and }}}} for braces")
     allowed = _TAG_SPEC if name == TAG else _SPEC

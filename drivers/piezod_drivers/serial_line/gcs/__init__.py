@@ -1,4 +1,4 @@
-"""PI's General Command Set: what the drivers of both generations have in common.
+"""PI's General Command Set: the common code of the drivers of both generations.
 
 Facts are from the public sources of PIPython, micro-manager and EPICS' motorPI, and not confirmed
 on hardware. A set command has no reply; `ERR?` reports afterwards whether it was carried out. A

@@ -19,6 +19,7 @@ MEASURED: Final = "VOL?"
 """Query of the voltage at the output, independent of what drives it."""
 _QUIET_NS: Final = 50_000_000
 """After a silence of this length nothing of earlier exchanges is pending."""
+# Ends the wait on a line that is never quiet.
 _MOST_CHUNKS: Final = 20
 _OPENING_NS: Final = 500_000_000
 """Time-out of requests outside the loop, which may take longer."""
@@ -26,7 +27,7 @@ _IDENTITY: Final = r"([^\n]{1,400})\n"
 
 
 class GcsDrive(NamedTuple):
-    """What is known of the outputs before the device is opened.
+    """Properties of the outputs that are known before the device is opened.
 
     Attributes:
         read_back: Query of the value in force.
@@ -49,7 +50,7 @@ class GcsDialogue(ABC):
         timeout_s: Longest wait for each reply in the loop, in s.
         syntax: Text format of the generation.
         wiring: The channels in use.
-        drive: What is known of the outputs.
+        drive: Properties of the outputs.
     """
 
     def __init__(
@@ -77,6 +78,8 @@ class GcsDialogue(ABC):
         replies = self._ask_slowly(b"*IDN?\n", GcsReply(_IDENTITY))
         identity = identity_of(replies[0])
         axes = self._axes()
+        # The identifiers of the outputs may depend on the order of the axes, so the requests are
+        # prepared again.
         self._outputs = self._output_ids(axes)
         self._prepare_requests()
         self._ranges = self._find_ranges() if self._wiring.outputs else []
@@ -106,12 +109,14 @@ class GcsDialogue(ABC):
         foreign = self._driven_by_others()
         if not foreign:
             return
+        # `SVA?` returns the last setpoint of `SVA`, which may differ from the voltage that the
+        # servo applies.
         if (asked := self._drive.read_back) != MEASURED:
-            who = f"{self._line.where}: axis {', '.join(foreign)}"
+            which = f"{self._line.where}: axis {', '.join(foreign)}"
             what = (
                 f"is driven by its servo or analog input, and {asked} does not measure its voltage"
             )
-            raise DeviceError(f"{who} {what}: switch them off at rest")
+            raise DeviceError(f"{which} {what}: switch them off at rest")
         held = {
             axis: self._require_in_range(axis, value, low, high)
             for axis, value, (low, high) in zip(
@@ -120,6 +125,7 @@ class GcsDialogue(ABC):
             if axis in foreign
         }
         self._take_over(held)
+        # Read back, because a set command has no reply of its own.
         if still := self._driven_by_others():
             what = f"{self._line.where}: the servo of axis {', '.join(still)} stays on"
             raise DeviceError(what)
@@ -139,6 +145,7 @@ class GcsDialogue(ABC):
     def exchange(self, values: Sequence[float], now_ns: int) -> Reading:
         """Read every position, set every output and read it back. Real-time safe."""
         request = self._setpoints(self._wiring.outputs, values)
+        # Positions are read before the setpoint: the sample belongs to the voltage before it.
         whole = self._ask_positions + request + self._ask_voltages + ASK_ERROR
         return self._keep_read_back(self._ask(whole, self._sample_reply), now_ns)
 
@@ -196,6 +203,7 @@ class GcsDialogue(ABC):
         """Return the outputs whose switch has the value `on`; `ids` name them in the query."""
         if not ids:
             return []
+        # A bare "0" or "1" of GCS 1 looks like the reply to `ERR?`.
         reply = GcsReply(*self._syntax.switches(ids), whole=self._syntax.bare)
         replies = self._ask_slowly(self._syntax.query(query, ids), reply)
         return [
@@ -208,6 +216,7 @@ class GcsDialogue(ABC):
         return reply.numbers(self._conversation.ask(request, reply.length_of))
 
     def _ask_slowly(self, request: bytes, reply: GcsReply) -> list[bytes]:
+        # A set command has no reply; `ERR?` behind it confirms it and ends the frame.
         request += ASK_ERROR
         frame = self._conversation.ask(request, reply.length_of, timeout_ns=_OPENING_NS)
         return reply.texts(frame)

@@ -94,7 +94,7 @@ class GcsAxis:
 class GcsEmulator:
     """Implements `Emulator`: the commands that open-loop drive needs.
 
-    A set command has no reply, nor has an unknown query; `ERR?` reports the last error and clears
+    A set command and an unknown query have no reply; `ERR?` reports the last error and clears
     it. With the servo on, an axis keeps its voltage: there is no closed loop.
 
     Args:
@@ -128,6 +128,7 @@ class GcsEmulator:
     def receive(self, data: bytes) -> list[bytes]:
         """Process bytes of the host; return the replies."""
         replies = []
+        # Commands of a single byte also work inside a line, and do not end it.
         for chunk in re.split(rb"([\n\x05\x07\x18])", data):
             if chunk == b"\n":
                 line, self._line = self._line, b""
@@ -135,6 +136,7 @@ class GcsEmulator:
             elif chunk and chunk[0] in {_STOP, _IS_MOVING, _IS_READY}:
                 replies.append(self._execute_byte(chunk[0]))
             else:
+                # One byte more than allowed is kept, so that a line that is too long is recognized.
                 self._line = (self._line + chunk)[: _LONGEST + 1]
         return [reply for reply in replies if reply]
 
@@ -148,6 +150,7 @@ class GcsEmulator:
 
     def _execute(self, line: bytes) -> bytes:
         if len(line) > _LONGEST:
+            # 3: command too long.
             self._error = 3
             return b""
         command, _, arguments = line.decode("cp1252", "replace").strip().partition(" ")
@@ -161,6 +164,7 @@ class GcsEmulator:
 
     def _execute_byte(self, byte: int) -> bytes:
         if byte == _STOP:
+            # 10: stopped.
             self._error = 10
             return b""
         return _READY if byte == _IS_READY else b"0\n"
@@ -183,10 +187,12 @@ class GcsEmulator:
     def _position(self, axis: int) -> float:
         position_um = self._bench.position_um(axis)
         if not isfinite(position_um):
+            # 505: the sensor signal is invalid.
             raise GcsRefusal(505)
         return position_um
 
     def _set_voltages(self, arguments: str) -> bytes:
+        # All axes are checked before one is driven: a refused command changes nothing.
         setpoints = [
             (self._index(axis), number_in(text)) for axis, text in self._quirks.pairs(arguments)
         ]

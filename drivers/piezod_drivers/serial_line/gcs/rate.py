@@ -8,7 +8,7 @@ _REQUEST_BYTES: Final = 32
 _REPLY_BYTES: Final = 24
 _ERROR_BYTES: Final = 7
 NETWORK_RATE_HZ: Final = 1000.0
-"""A guess: no public source states how many commands a controller accepts over TCP."""
+"""An assumption: no public source states how many commands a controller accepts over TCP."""
 
 
 def wire_rate_hz(baud: int, n_axes: int) -> float:

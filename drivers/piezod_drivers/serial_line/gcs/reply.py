@@ -28,8 +28,10 @@ class GcsReply:
     """
 
     def __init__(self, *parts: str, whole: bool = False) -> None:
+        # After an error only the reply to `ERR?` comes, so the other replies are optional.
         maybe = "" if whole else "?"
         self._frame = re.compile(("".join(f"(?:{part}){maybe}" for part in parts) + _CODE).encode())
+        # Any single line of the frame: a line that fits none of these is garbage.
         self._any = re.compile("|".join((*parts, _CODE)).encode())
         self._n_replies = len(parts) + 1
 

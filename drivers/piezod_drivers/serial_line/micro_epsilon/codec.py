@@ -49,8 +49,10 @@ def newest(got: bytes, word_bytes: int) -> NewestValue:
     for found in _WORD[word_bytes].finditer(got):
         word, end = found[0], found.end()
         words += word_bytes
+        # Additional values of a measurement, such as the intensity, are skipped.
         if word_bytes == 2 or word[2] < _ADDITIONAL:
             value = count_of(word)
+    # Nothing before, between or behind the words: nearly always so.
     if end == words == len(got):
         return NewestValue(value, b"", False)
     rest = got[end:]
@@ -66,7 +68,9 @@ def newest(got: bytes, word_bytes: int) -> NewestValue:
 def count_of(word: bytes) -> int:
     """Return the value of a word."""
     if len(word) == 2:
+        # Seven bits in each byte, the highest byte first.
         return (word[0] & 0x7F) << 7 | word[1]
+    # Six bits in each byte, the lowest byte first.
     return word[0] | (word[1] & 0x3F) << 6 | (word[2] & 0x3F) << 12
 
 

@@ -67,12 +67,14 @@ class MicroEpsilonDialogue:
             where, wanted = self._line.where, self._options.model
             raise DeviceError(f"{where} leads to {sensor.name}, configured is {wanted}")
         range_mm = self._options.range_mm or sensor.range_mm
+        # Counts are fractions of the measuring range, so without it there is no displacement.
         if self._profile.scaled and not range_mm:
             raise DeviceError(f"{self._line.where} reports no measuring range: set range_mm")
         self._range_um = range_mm * UM_PER_MM
         got = self._wait_for_value(got, _OPENING_NS)
         if codec.newest(got, self._profile.word_bytes).value is None:
             raise self._no_values_error()
+        # The stream before the first request is no fault.
         self._conversation.forget_noticed()
         return Identity(_MAKER, sensor.name, sensor.serial, sensor.version)
 
@@ -82,6 +84,7 @@ class MicroEpsilonDialogue:
 
     def capabilities(self) -> Capabilities:
         """Return the channel and the highest rate that the bit rate allows."""
+        # 10 bits per byte: start bit, 8 data bits, stop bit.
         rate_hz = self._options.bits_per_s / (10 * self._profile.word_bytes)
         return Capabilities(self._inputs, (), False, rate_hz, quality=True)
 
@@ -95,6 +98,7 @@ class MicroEpsilonDialogue:
         Raises:
             LineFault: If the line is lost.
         """
+        # A full buffer may be followed by more.
         while len(self._line.receive(0)) >= codec.MAX_BYTES:
             continue
         self._sample_ns = self._silent_since_ns = None

@@ -55,12 +55,14 @@ class SensorEmulator:
         n = (now_ns - self._next_ns) // self._period_ns + 1
         if n <= 0:
             return []
+        # Also for values that are not sent, so that the stream keeps its rate.
         self._next_ns += n * self._period_ns
         return [self._word()] * min(n, _MOST_WORDS)
 
     def _word(self) -> bytes:
         position_um = self._bench.position_um(0)
         if not isfinite(position_um):
+            # Error code "behind the measuring range".
             return codec.pack(_BEHIND_RANGE, self._profile.word_bytes)
         count = self._profile.count_at(self._rest_um + position_um, self._range_um)
         if not self._profile.lowest <= count <= self._profile.highest:
@@ -69,6 +71,7 @@ class SensorEmulator:
 
     def _answer(self, command: bytes) -> bytes:
         word = command.decode("ascii", "replace").strip()
+        # A sensor repeats the command before its reply.
         answer = self._info if word.upper() == "GETINFO" else "E200 I/O error\r\n"
         return f"{word}\r\n{answer}{PROMPT}".encode("ascii", "replace")
 

@@ -30,6 +30,7 @@ class SensorIdentity(NamedTuple):
 
 def parse_identity(text: str) -> SensorIdentity | None:
     """Return the identity in a text, None while the reply is incomplete."""
+    # The last reply: an earlier one may be incomplete.
     begin = text.rfind("Name")
     if begin < 0 or PROMPT not in text[begin:]:
         return None

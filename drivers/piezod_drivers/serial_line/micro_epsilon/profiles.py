@@ -82,10 +82,13 @@ class SensorProfile(NamedTuple):
         return round((part - self.offset) / self.per_count)
 
 
+# From the manuals: displacement = (1.02 · count / 65520 - 0.01) · measuring range.
 _ILD1X20: Final = SensorProfile(3, 921_600, 1.02 / 65_520, -0.01, 643, 64_877, 262_072, _CODES_3)
+# Displacement = (count - 98232) / 65536 · measuring range.
 _ILD1X50: Final = SensorProfile(
     3, 921_600, 1 / 65_536, -98_232 / 65_536, 0, 230_604, 262_072, _CODES_3
 )
+# Displacement = (1.02 · count / 16368 - 0.01) · measuring range.
 _ILD14: Final = SensorProfile(
     2, 115_200, 1.02 / 16_368, -0.01, 161, 16_207, 16_368, _CODES_2, answers_commands=False
 )

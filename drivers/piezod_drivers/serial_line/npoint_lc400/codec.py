@@ -28,6 +28,7 @@ _READ, _WRITE, _WRITE_NEXT, _READ_ARRAY, _END = 0xA0, 0xA2, 0xA3, 0xA4, 0x55
 _CHANNEL_0: Final = 0x11830000
 _CHANNEL_STEP: Final = 0x1000
 _WAVETABLE: Final = 0xC0000000
+# The two high bytes of the tag's address, which are the same in every exchange.
 _TAG_END: Final = (_WAVETABLE >> 16).to_bytes(2, "little")
 _REQUEST: Final = Struct("<BIB")
 _WORD: Final = Struct("<BIiB")
@@ -106,6 +107,7 @@ class Poll:
         bodies = (re.escape(begin + one.to_bytes(4, "little")) + b".{4}U" for one in addresses)
         whole = re.escape(begin) + b".." + re.escape(_TAG_END) + b".{4}U" + b"".join(bodies)
         self._whole = re.compile(whole, re.DOTALL)
+        # Skips command, address and end of each reply.
         self._values = Struct(f"<{_REPLY_BYTES}x" + "5xix" * len(addresses))
 
     def request(self, number: int) -> bytes:
@@ -118,6 +120,7 @@ class Poll:
         if self._whole.match(got):
             return self._length
         for place, wanted in self._fixed:
+            # Compared as far as bytes have come.
             there = got[place : place + len(wanted)]
             if there != wanted[: len(there)]:
                 return _garbage(got, _READ)

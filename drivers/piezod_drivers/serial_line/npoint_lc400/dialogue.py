@@ -39,6 +39,7 @@ class Lc400Dialogue:
         self._options, self._wiring, self._line = options, wiring, line
         self._conversation = Conversation(line, options.timeout_ms * 1e-3)
         self._outputs, self._inputs = _numbers(wiring.outputs), _numbers(wiring.inputs)
+        # The servo state is read with each command: another program may switch a servo on.
         watched = (Lc400Register.SETPOINT, Lc400Register.SERVO)
         addresses = [
             codec.register_address(i, register) for i in self._outputs for register in watched
@@ -81,6 +82,8 @@ class Lc400Dialogue:
     def capabilities(self) -> Capabilities:
         """Return the channels and the highest rate that the bit rate allows."""
         n = 1 + 2 * len(self._outputs) + len(self._inputs)
+        # Bytes of a cycle: 6 + 10 for each word that is read, and 10 for each write; 10 bits per
+        # byte.
         rate_hz = self._options.baud / (10 * (16 * n + 10 * len(self._outputs)))
         return Capabilities(*self._wiring, True, rate_hz, holds=True, quality=True)
 
@@ -159,6 +162,8 @@ class Lc400Dialogue:
             for i, count in zip(self._outputs, counts, strict=True)
         )
         positions_um = self._exchange(writes)
+        # A lost write and one by another program look the same: the command is not the one that was
+        # set.
         if self._setpoints != counts:
             what = f"set to {counts}, reads back {self._setpoints}: another program sets it"
             raise LineFault(DeviceFlag.LOCAL_MODE, what)
@@ -172,6 +177,7 @@ class Lc400Dialogue:
         self._setpoints, positions = words[:after:2], words[after:]
         servos = words[1:after:2]
         saturated = [abs(position) >= HALF_SCALE for position in positions]
+        # Nearly always none: spares the construction of new lists.
         if any(servos) or any(saturated):
             self._flags = [_SATURATED if ends else NO_FLAGS for ends in saturated] + [
                 NO_FLAGS if servo == _SERVO_OFF else _LOCAL for servo in servos

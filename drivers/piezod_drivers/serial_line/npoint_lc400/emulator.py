@@ -47,6 +47,7 @@ class Lc400:
         self._setpoints = {codec.register_address(i + 1, Lc400Register.SETPOINT): i for i in axes}
         for i in axes:
             self._words[codec.register_address(i + 1, Lc400Register.RANGE)] = RANGE_UM
+            # The rig may already be driven, by an earlier emulator.
             counts = round((bench.drive_v(i) - MID_V) / V_PER_PCT / 100 * FULL_SCALE)
             self._words[codec.register_address(i + 1, Lc400Register.SETPOINT)] = counts
         name = f"LC400 {serial or '1.0'}".ljust(4 * codec.FIRMWARE_WORDS)[
@@ -92,11 +93,13 @@ class Lc400:
             return self._words.get(address, 0)
         position_um = self._bench.position_um(axis)
         if not isfinite(position_um):
+            # A sensor without signal is at the end of its range.
             return HALF_SCALE
         counts = round((position_um - MID_UM) / RANGE_UM * FULL_SCALE)
         return max(-HALF_SCALE, min(counts, HALF_SCALE))
 
     def _write(self, address: int, value: int) -> None:
+        # `WRITE_NEXT` continues behind the last written word.
         self._next = address + _WORD_BYTES & 0xFFFFFFFF
         axis = self._setpoints.get(address)
         if axis is not None:

@@ -6,6 +6,7 @@ from typing import Final
 
 from piezod_drivers.serial_line.gcs.syntax import NUMBER
 
+# An identifier has no space and no "=", which separates it from the value.
 _AXIS: Final = r"[!-<>-~]{1,8}"
 
 
@@ -25,6 +26,7 @@ class Gcs2Syntax:
 
     def numbers(self, ids: Sequence[str]) -> Sequence[str]:
         """Return one pattern: one reply has all axes."""
+        # A space before the line feed announces another line of the same reply.
         return [r" \n".join(f"{re.escape(axis)}={NUMBER}" for axis in ids) + r"\n"]
 
     def switches(self, ids: Sequence[str]) -> Sequence[str]:

@@ -38,6 +38,7 @@ class Gcs2Dialogue(GcsDialogue):
     def _output_ids(self, axes: Sequence[str]) -> Sequence[str]:
         """Return the numbers of the piezo channels: an axis' own number, or its index from 1."""
         outputs = self._wiring.outputs
+        # `VOL?`, `VMI?`, `VMA?` and `ONL` address piezo channels, not axes.
         self._amplifiers = [a if a.isdigit() else str(axes.index(a) + 1) for a in outputs]
         return self._amplifiers if self._by_channel else outputs
 
@@ -73,6 +74,7 @@ class Gcs2Dialogue(GcsDialogue):
         except LineFault as fault:
             if fault.flag is not DeviceFlag.WRONG_REQUEST:
                 raise
+            # Controllers without analog inputs do not know `ONL`.
             return ()
 
     def _take_over(self, held: Mapping[str, float]) -> None:

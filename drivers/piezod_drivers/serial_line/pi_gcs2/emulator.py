@@ -68,6 +68,7 @@ class Gcs2Emulator(GcsEmulator):
     def _set_online(self, arguments: str) -> bytes:
         for channel, text in self._quirks.pairs(arguments):
             i = self._index(channel)
+            # The setpoint of `SVA` takes effect when the channel comes online.
             self.axes[i].online = switch_in(text)
             self._drive(i)
         return b""

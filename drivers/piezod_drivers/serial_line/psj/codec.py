@@ -73,6 +73,7 @@ def framed(got: bytes) -> int:
     Bytes before its XOFF are garbage.
     """
     end, begin = got.find(_XON), got.find(_XOFF)
+    # An XOFF before any XON begins the reply; an XON before it ends an earlier one.
     if begin > 0 and (end < 0 or begin < end):
         return -begin
     return _up_to(end, got)

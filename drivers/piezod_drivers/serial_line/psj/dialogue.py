@@ -51,10 +51,11 @@ class PsjDialogue:
     ) -> None:
         self._line, self._profile, self._wiring, self._range_v = line, profile, wiring, range_v
         self._session, self._remote = PsjSession(line, profile, timeout_s), remote
+        # Channels are called ch0, ch1, ….
         self._inputs = [int(name[2:]) for name in wiring.inputs]
         self._outputs = [int(name[2:]) for name in wiring.outputs]
         self._channels = [int(name[2:]) for name in wiring.channels]
-        self._reads_back = profile.tells_setpoint or profile.reads == "voltage"
+        self._reads_back = profile.reports_setpoint or profile.reads == "voltage"
         self._ranges: list[tuple[float, float]] = []
         self._ages: list[ReadingAge] = []
         self._flags: dict[int, Flags] = {}
@@ -116,6 +117,7 @@ class PsjDialogue:
         for channel, age in zip(self._inputs, self._ages, strict=True):
             value = codec.number(self._session.value(self._profile.read, channel))
             values.append(value)
+            # A sample is as old as the oldest of its values.
             t_ns = min(t_ns, age.taken_ns(value, now_ns))
         self._poll_status()
         return t_ns, values
@@ -139,7 +141,7 @@ class PsjDialogue:
     def in_force(self, now_ns: int) -> Sequence[float]:
         """Return the setpoints or the voltages, in V; read once per instant. Real-time safe."""
         if self._in_force_v[0] != now_ns:
-            name = self._profile.set if self._profile.tells_setpoint else self._profile.read
+            name = self._profile.set if self._profile.reports_setpoint else self._profile.read
             values_v = [
                 codec.number(self._session.value(name, channel)) for channel in self._outputs
             ]
@@ -158,6 +160,7 @@ class PsjDialogue:
     def _bytes_per_cycle(self) -> int:
         """Return the highest number of bytes of a cycle, both ways, without the status."""
         profile = self._profile
+        # A setpoint of the largest length, and its acknowledgement: XOFF and XON.
         setpoint = len(codec.command(profile, profile.set, 0, -100.0)) + len(b"\x13\x11")
         asked = len(codec.command(profile, profile.read, 0))
         answer = asked + len(b"\x13,-100.0000\r\n\x11")

@@ -71,6 +71,7 @@ class PsjEmulator:
 
     def receive(self, data: bytes) -> list[bytes]:
         """Reply to every complete command, in order."""
+        # Commands may end with CR or CR LF.
         *lines, rest = (self._rest + data).replace(b"\n", b"").split(b"\r")
         self._rest = rest[-MAX_BYTES:]
         return [reply for line in lines if (reply := self._answer(line))]
@@ -99,6 +100,7 @@ class PsjEmulator:
         if not name:
             return _GREETINGS[self._profile_name]
         if name == "ERROR" and self._profile_name == "nv40":
+            # Channels without an axis report "not plugged in".
             words = [f"{self.fault_bits:x}"] * self._channels
             return ",".join(["ERROR", *words, *["1"] * (self._profile.channels - self._channels)])
         if name in {"i1", "i0", "ol", "cl"} and self._profile_name == "nv40-1":
@@ -147,7 +149,7 @@ class PsjEmulator:
 
     def _set(self, channel: int, value: float | None) -> str | None:
         if value is None:
-            if not self._profile.tells_setpoint:
+            if not self._profile.reports_setpoint:
                 raise PsjRefusedError("missing")
             return f"{self._setpoint[channel]:.3f}"
         if self._family() == 0:  # a d-Drive limits the value without an error
@@ -169,11 +171,13 @@ class PsjEmulator:
     def _read(self, channel: int, _value: float | None) -> str:
         t_ns, reading = self._readings[channel]
         now_ns = self._bench.now_ns()
+        # Between two refreshes a d-Drive repeats its last reading.
         if now_ns - t_ns >= self._profile.refresh_s * NS_PER_S:
             if self.reads == "voltage":
                 reading = self._bench.drive_v(channel)
             else:
                 position_um = self._bench.position_um(channel)
+                # Without a signal the last reading stays.
                 reading = position_um if isfinite(position_um) else reading
             self._readings[channel] = now_ns, reading
         return f"{reading:.4f}"
@@ -181,13 +185,15 @@ class PsjEmulator:
     def _status(self, channel: int, _value: float | None) -> str:
         closed = bool(self._settings.get(("cl", channel), 0.0))
         if self._profile_name == "nv200":
+            # Bit 0: an actuator is plugged in.
             status = 1 | 1 << 1 | closed << 3
         else:
+            # Bit 0 as above; bit 6: the high voltage is enabled.
             status = 1 | 1 << 1 | 1 << 6 | closed << 7
         return str(status ^ self.fault_bits)
 
     def _setting(self, name: str) -> Callable[[int, float | None], str | None]:
-        def obey(channel: int, value: float | None) -> str | None:
+        def answer(channel: int, value: float | None) -> str | None:
             if value is None:
                 return f"{self._settings.get((name, channel), 0.0):g}"
             self._settings[name, channel] = value
@@ -195,7 +201,7 @@ class PsjEmulator:
                 self._hand_over(channel, "i1" if value else "i0")
             return None
 
-        return obey
+        return answer
 
 
 _SETTINGS: Final = (

@@ -32,7 +32,7 @@ class PsjProfile(NamedTuple):
         greetings: Possible beginnings of the reply to an empty command; another model is refused.
         baud: Default bit rate, in bit/s.
         read: Command that reads a channel.
-        reads: What this reading is in open loop, according to the public sources.
+        reads: Meaning of this reading in open loop, according to the public sources.
         set: Command that sets a voltage, in V in open loop.
         ending: End of a command.
         frames: Whether each reply ends with XON; else it is a line.
@@ -59,7 +59,7 @@ class PsjProfile(NamedTuple):
     channels: int = 1
     numbered: bool = False
     acknowledges: bool = True
-    tells_setpoint: bool = False
+    reports_setpoint: bool = False
     refresh_s: float = 0.0
     status: str = ""
     status_bits: tuple[StatusBits, ...] = ()
@@ -140,7 +140,7 @@ PROFILES: Final[Mapping[ProfileName, PsjProfile]] = MappingProxyType(
             baud=115_200,
             read="meas",
             reads="position",
-            tells_setpoint=True,
+            reports_setpoint=True,
             status="stat",
             status_bits=_NV200_BITS,
             serial="acserno",

@@ -25,5 +25,7 @@ class ReadingAge:
             return now_ns
         if value != self._value:
             first = self._seen_ns < 0
+            # The first value may have been refreshed just before, or one refresh period ago: the
+            # older one is assumed.
             self._value, self._seen_ns = value, now_ns - self._refresh_ns * first
         return self._seen_ns

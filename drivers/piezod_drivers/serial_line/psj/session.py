@@ -107,6 +107,7 @@ class PsjSession:
         except LineFault as fault:
             if fault.flag is not DeviceFlag.LATE_REPLY:
                 raise
+        # The silence makes sure that a late reply is not taken for the reply to the next command.
         end_ns = self._line.now_ns() + PATIENCE * self._slow_ns
         while (left_ns := end_ns - self._line.now_ns()) > 0:
             self._line.receive(left_ns)

@@ -28,7 +28,9 @@ def identity_of(session: PsjSession, profile: PsjProfile, where: str) -> Identit
         LineFault: If the device does not reply.
     """
     length_of = None if profile.frames else codec.prompt
+    # Half a setpoint and a new command together must not become another setpoint.
     session.ask_slowly(_NO_COMMAND, None, length_of)
+    # The reply to an empty command is the greeting, with model and version.
     frame = session.ask_slowly("", None, length_of)
     if not frame:
         raise LineFault(DeviceFlag.LATE_REPLY, f"no reply at {where}")
@@ -49,10 +51,12 @@ def serial_of(session: PsjSession, profile: PsjProfile) -> str:
     """
     if not profile.serial:
         return UNKNOWN
+    # An NV40/3 reports its serial number among its versions.
     if profile.serial == "ver":
         frame = session.ask_slowly(profile.serial, None, codec.versions)
         return codec.serial_of(frame) or UNKNOWN
     frame = session.ask_slowly(profile.serial, 0)
+    # The identity of the actuator is optional: some devices refuse the command.
     with suppress(LineFault):
         text = codec.text_of(frame)
         channel = 0 if profile.numbered else None

@@ -45,11 +45,13 @@ def take_over(
 def _d_drive(channel: int, session: PsjSession) -> None:
     status = codec.word(session.value("stat", channel), 10)
     _require_not(bool(status & 1 << 7), f"channel {channel} is in closed loop", f"cl,{channel},0")
+    # The reply to `modon` ends with CR only.
     modulated = session.values("modon", channel, 1, codec.ended_by_cr)[0] != "0"
     _require_not(modulated, f"channel {channel} adds its modulation input", f"modon,{channel},0")
 
 
 def _nv200(session: PsjSession) -> None:
+    # In closed loop the setpoint is a position, and `set` would drive another quantity.
     _require_not(session.value("cl") != "0", "it is in closed loop", "cl,0")
     source = session.value("modsrc")
     _require_not(source != "0", f"its setpoint comes from source {source}", "modsrc,0")

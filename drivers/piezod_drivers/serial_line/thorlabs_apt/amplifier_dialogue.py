@@ -23,6 +23,7 @@ ENABLED: Final = 1
 
 _BYTES_PER_CYCLE: Final = 16 + 26
 """The voltage is read (6 + 10), then set and read (10 + 6 + 10)."""
+# 0.1 % of the range.
 _TOLERANCE: Final = FULL_SCALE // 1000
 _REQUEST: Final = codec.short(Id.REQ_OUTPUT, CHANNEL)
 _REQUEST_STATUS: Final = codec.short(Id.REQ_STATUS, CHANNEL)
@@ -67,6 +68,7 @@ class AmplifierDialogue:
             raise DeviceError(
                 f"{self._session.line.where} reports an unknown voltage limit: {code}"
             )
+        # A wrong limit would scale every voltage: counts are fractions of it.
         if self._options.max_v not in {None, max_v}:
             raise DeviceError(
                 f"{self._session.line.where} is limited to {max_v} V, configured is max_v: "
@@ -103,6 +105,7 @@ class AmplifierDialogue:
         if mode not in {OPEN, OPEN_SMOOTH}:
             what = "the amplifier is in closed loop, and its voltage would jump"
             raise DeviceError(f"{what}: open the loop at rest, at the device or with Kinesis")
+        # The status has the voltage with the part of knob and input; the setpoint is without it.
         self._take_source(self._ask_status().output)
         self._enable()
         self._expected_bits = self._ask_status().bits & StatusBit.ENABLED
@@ -124,6 +127,7 @@ class AmplifierDialogue:
         if self._unverified:
             self._check_not_restarted(self._ask_output(b""))
         counts = round(values[0] / self._max_v * FULL_SCALE)
+        # Until it is confirmed, either voltage may be in force.
         self._lowest_set = min(self._lowest_set, counts)
         counts_now = self._ask_output(codec.long(Id.SET_OUTPUT, codec.words(CHANNEL, counts)))
         if abs(counts_now - counts) > _TOLERANCE:
@@ -146,6 +150,7 @@ class AmplifierDialogue:
         status = self._session.line.status
         if status is None:
             return [NO_FLAGS] * len(self._outputs)
+        # Some amplifiers do not report the bit; then it is not expected.
         disabled = self._expected_bits & ~status.bits
         local = disabled or status.bits & StatusBit.CLOSED_LOOP
         return [_LOCAL if local else NO_FLAGS] * len(self._outputs)
@@ -207,6 +212,7 @@ class AmplifierDialogue:
         session = self._session
         if session.ask_parameter(Id.REQ_ENABLED, Id.GET_ENABLED) == ENABLED:
             return
+        # A disabled output is at 0 V: with a setpoint of 0 V, enabling it is no jump.
         self.put([0.0])
         session.tell(codec.short(Id.SET_ENABLED, CHANNEL, ENABLED))
         if session.ask_parameter(Id.REQ_ENABLED, Id.GET_ENABLED) != ENABLED:

@@ -24,11 +24,14 @@ _LONG_HEADER: Final = Struct("<HHBB")
 MAX_MESSAGE_BYTES: Final = _HEADER.size + MAX_DATA_BYTES
 """No message is longer."""
 _WORDS: Final = {n: Struct("<H" + n * "h") for n in (1, 2)}
+# Channel, voltage, position, bits.
 _STATUS: Final = Struct("<HhhL")
+# Serial number, model, type, firmware, notes, unused, hardware version, modification, channels.
 _HARDWARE: Final = Struct("<l8sH4B48s12sHHH")
 _RICH_BYTES: Final = 68
 """An identifier, a code and a text."""
 _LONG: Final = 0x80  # set in the receiver's address of a message with data
+# 0x00 is accepted at either end; 0x11 is a rack controller, 0x21 to 0x2A are its bays.
 _HOSTS: Final = frozenset({0x00, HOST})
 _UNITS: Final = frozenset({0x00, 0x11, *range(0x21, 0x2B), UNIT})
 
@@ -210,6 +213,7 @@ def hardware_of(frame: bytes) -> Hardware:
     if len(frame) != _HEADER.size + _HARDWARE.size:
         raise AptFrameError(f"not an identity: {frame.hex()}")
     fields = _HARDWARE.unpack_from(frame, _HEADER.size)
+    # The firmware version is sent with its lowest part first.
     minor, interim, major = fields[3], fields[4], fields[5]
     return Hardware(fields[0], _text(fields[1]), f"{major}.{interim}.{minor}")
 

@@ -87,6 +87,7 @@ class KpzEmulator(_CubeEmulator):
 
     def __init__(self, bench: SharedRig, serial: str) -> None:
         super().__init__(bench, Hardware(_number(serial, 29_000_001), "KPZ101", "1.0.3"))
+        # Mode 1 is open loop.
         self._output, self._enabled, self._mode = 0, _DISABLED, 1
         self.source = _SOFTWARE
         self._updating, self._unacknowledged, self._update_ns = False, 0, 0
@@ -99,6 +100,7 @@ class KpzEmulator(_CubeEmulator):
             Id.REQ_CONTROL_MODE: lambda _: [_answer_short(Id.GET_CONTROL_MODE, self._mode)],
             Id.SET_SOURCE: self._set_source,
             Id.REQ_SOURCE: lambda _: [_answer_words(Id.GET_SOURCE, self.source)],
+            # Data of `GET_IO`: channel, voltage limit, then settings that the driver does not use.
             Id.REQ_IO: lambda _: [_answer(Id.GET_IO, bytes((1, 0, _LIMIT_150_V, *[0] * 7)))],
             Id.REQ_STATUS: lambda _: [self._status()],
             Id.START_UPDATES: self._start_updates,
@@ -116,6 +118,7 @@ class KpzEmulator(_CubeEmulator):
         ):
             return []
         self._update_ns = now_ns + _UPDATE_NS
+        # A host that is gone must not receive statuses for ever: the cube stops after 50.
         self._unacknowledged += 1
         return [self._status()]
 
@@ -141,6 +144,7 @@ class KpzEmulator(_CubeEmulator):
         return []
 
     def _drive(self) -> None:
+        # In closed loop the voltage stays: there is no closed loop on the rig.
         if self._mode in _OPEN_LOOP_MODES:
             on = self._enabled == _ENABLED
             self._bench.drive(0, self._output / FULL_SCALE * MAX_V if on else 0.0)
@@ -178,6 +182,7 @@ class KsgEmulator(_CubeEmulator):
     def __init__(self, bench: SharedRig, serial: str, request: int = Id.READING_7DE) -> None:
         super().__init__(bench, Hardware(_number(serial, 59_000_001), "KSG101", "1.0.2"))
         self._reading_id = request + 1
+        # In steps of 100 nm.
         travel = round(TRAVEL_UM * 10)
         self._handlers |= {
             Id.REQ_MAX_TRAVEL: lambda _: [_answer_words(Id.GET_MAX_TRAVEL, travel)],
@@ -194,6 +199,7 @@ class KsgEmulator(_CubeEmulator):
 def _number(serial: str, usual: int) -> int:
     if not serial:
         return usual
+    # The message holds a number; other text gets one that is always the same.
     return int(serial) if serial.isdecimal() else zlib.crc32(serial.encode()) & 0x7FFFFFFF
 
 

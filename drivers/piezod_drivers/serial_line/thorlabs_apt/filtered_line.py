@@ -83,6 +83,7 @@ class FilteredLine:
                 self._sort(window[:length], wanted_messages)
             else:
                 self._noticed.add(DeviceFlag.GARBAGE)
+            # After garbage the search goes on at the next byte.
             place += max(length, 1)
         self._incomplete = got[place:]
         if got != before:
@@ -116,5 +117,6 @@ class FilteredLine:
             self.status = status_of(frame)
         elif ident in _ERROR_MESSAGES:
             self._noticed.add(DeviceFlag.DEVICE_FAILURE)
+        # Messages with an unknown identifier are dropped without a flag.
         elif ident in _REPLIES:
             self._noticed.add(DeviceFlag.OUT_OF_ORDER)

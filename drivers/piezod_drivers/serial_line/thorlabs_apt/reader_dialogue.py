@@ -89,6 +89,7 @@ class ReaderDialogue:
             LineFault: If no reply comes.
         """
         count = self._read()
+        # The reading is limited to the ends of its range.
         self._saturated = abs(count) >= FULL_SCALE
         position_um = nan if self._saturated else count * self._um_per_count
         return now_ns, [position_um] * len(self._inputs)
@@ -110,6 +111,7 @@ class ReaderDialogue:
 
     def _read(self) -> int:
         request = codec.short(self._form.request, CHANNEL)
+        # The second number is the smoothed reading, which would add a delay.
         return self._session.ask_words(request, self._form.answer, n=2)[0]
 
     def _travel_um(self) -> float:
@@ -120,6 +122,7 @@ class ReaderDialogue:
             raise DeviceError(
                 f"{where} does not report the travel of an actuator: set full_scale_um"
             )
+        # `ask_words` returns signed numbers, but the travel is unsigned.
         return (travel & 0xFFFF) * _UM_PER_TRAVEL
 
     def _find_form(self) -> None:

@@ -50,6 +50,7 @@ class AptSession:
         self.line.send(codec.short(Id.NO_FLASH_PROGRAMMING) + codec.short(Id.STOP_UPDATES))
         self.line.wanted = Id.GET_INFO
         request = codec.short(Id.REQ_INFO)
+        # `FilteredLine` passes only complete messages of the wanted identifier.
         frame = self._conversation.ask(request, codec.length_of_whole, timeout_ns=_OPENING_NS)
         hardware = codec.hardware_of(frame)
         if hardware.model != self._options.model:
@@ -106,6 +107,7 @@ class AptSession:
             LineFault: If no reply comes, or it belongs to another channel.
         """
         frame = self.ask(codec.short(request, CHANNEL), wanted)
+        # The two parameters of a short message.
         channel, value = frame[2], frame[3]
         if channel != CHANNEL:
             raise LineFault(DeviceFlag.GARBAGE, f"channel {channel} instead of {CHANNEL}")

@@ -68,7 +68,10 @@ class Replies:
 
     def __init__(self, prompt: bytes, tail: bytes) -> None:
         end = re.escape(prompt)
+        # A setting ends with the prompt, or with "!" if it is refused; text before it is an echo or
+        # an error.
         self._acknowledgement = re.compile(rb"([^!" + end + rb"]*)([!" + end + rb"])")
+        # In compatibility mode `*` may precede a value, so only `!` ends a refusal there.
         refused = rb"[!" + (end if prompt == b">" else b"") + rb"]"
         self._values = re.compile(
             rb"[^\[!>]*(?:" + _VALUES + re.escape(tail) + rb"|" + refused + rb")"
@@ -125,6 +128,7 @@ class Replies:
 
 def prompt_in(reply: bytes) -> bytes:
     """Return the prompt in the reply to an empty command; b"" if there is none."""
+    # Only B models outside of compatibility mode send `>`.
     if b">" in reply:
         return b">"
     # In compatibility mode an unknown command is answered by `!`.
@@ -178,5 +182,5 @@ def _is_refusal(frame: bytes) -> bool:
 
 
 def _refused(frame: bytes) -> LineFault:
-    commands = frame.decode("ascii", "replace").strip("\r\n >*")
-    return LineFault(DeviceFlag.WRONG_REQUEST, f"the amplifier refuses: {commands[:80]}")
+    text = frame.decode("ascii", "replace").strip("\r\n >*")
+    return LineFault(DeviceFlag.WRONG_REQUEST, f"the amplifier refuses: {text[:80]}")

@@ -73,6 +73,7 @@ class MdtDialogue:
             has, wanted = ", ".join(axes), ", ".join(missing)
             what = f"{identity.model} at {self._line.where} has axes {has}, but not {wanted}"
             raise DeviceError(what)
+        # Some models have no command for the echo, or keep it on; the next request shows that.
         self._ask_until_quiet(line_of(self._commands.echo_off))
         request = line_of(self._commands.get.format("X"))
         reply = self._ask_until_quiet(request)
@@ -100,7 +101,7 @@ class MdtDialogue:
         return self._ranges
 
     def activate(self) -> None:
-        """Do nothing: the amplifier always obeys, and keeps its voltage."""
+        """Do nothing: the amplifier always accepts setpoints, and keeps its voltage."""
 
     def deactivate(self) -> None:
         """Do nothing: the outputs hold."""
@@ -117,6 +118,7 @@ class MdtDialogue:
         shows it.
         """
         if self._all_axes_at_once:
+            # The wiring may name the axes in another order.
             by_name = dict(zip(self._outputs, values, strict=True))
             self._set(PUT_ALL.format(by_name["x"], by_name["y"], by_name["z"]))
             return
@@ -170,6 +172,7 @@ class MdtDialogue:
         raise DeviceError(f"{self._line.where} does not reply like an MDT: {reply[:80]!r}")
 
     def _detect_identity(self) -> Identity:
+        # A models do not know the long commands.
         for commands in (LONG_COMMANDS, SHORT_COMMANDS):
             reply = self._ask_until_quiet(line_of(commands.identity))
             if identity := identity_in(reply):
@@ -183,6 +186,7 @@ class MdtDialogue:
         for name in self._outputs:
             low_v = self._ask_number(commands.lowest.format(name.upper()))
             high_v = self._ask_number(commands.highest.format(name.upper()))
+            # The switch at the back limits every axis, whatever the software limit is.
             ranges.append((low_v, min(high_v, limit_v)))
         return ranges
 
@@ -195,6 +199,7 @@ class MdtDialogue:
 
     def _ask_until_quiet(self, request: bytes) -> bytes:
         """Send a request and return all bytes that come until the device is quiet."""
+        # Discards bytes that came before the request.
         self._line.receive(0)
         self._line.send(request)
         reply = self._line.receive(_FIRST_NS)

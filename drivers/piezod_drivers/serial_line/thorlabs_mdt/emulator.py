@@ -48,6 +48,7 @@ class MdtEmulator:
         self._model, self._bench = model, bench
         self._serial = serial or "140421-07"
         self._axes = model.axes[: bench.n_axes]
+        # After power-up the echo is on.
         self.echo, self.compatible = True, model.legacy
         self._line = b""
         self._long: dict[str, Callable[[str], str]] = {
@@ -69,6 +70,7 @@ class MdtEmulator:
         for i, name in enumerate(self._axes):
             self._add_axis(i, name)
         if model.legacy:
+            # An A model knows only the short commands.
             self._long.clear()
 
     def receive(self, data: bytes) -> list[bytes]:
@@ -97,11 +99,13 @@ class MdtEmulator:
             return f"{echo}{body}>".encode("ascii", "replace")
         if refused:
             return f"{echo}!".encode("ascii", "replace")
+        # An A model puts its prompt before the value, a B model in compatibility mode behind it.
         reply = f"*{body}" if self._model.legacy else f"{body}*"
         return f"{echo}{reply}".encode("ascii", "replace")
 
     def _execute(self, text: str) -> str:
         for commands in (self._long, self._short):
+            # The longest command first, because one may begin another: "XR" and "XR?".
             for word in sorted(commands, key=len, reverse=True):
                 if text == word or (text.startswith(word) and word[-1] not in "?IR%"):
                     return commands[word](text.removeprefix(word).strip())

@@ -59,12 +59,14 @@ def object_dictionary(node: int, serial: int = SERIAL) -> dict[tuple[int, int], 
         (0x1029, 0): Entry("Error behaviour", 1, 1),
         (0x1029, 1): Entry("Communication error", 1, 0, "rw"),
     }
+    # CiA 401 maps analogue values into the second PDO; the first one is for digital values.
     entries |= _pdo(0x1401, 0x1601, 0x300 + node, 0x6411)
     entries |= _pdo(0x1801, 0x1A01, _TPDO_ID | (0x280 + node), 0x6401)
     entries |= _array(0x6401, "Read analogue input 16-bit", Entry("AI", 2, 0, "ro", True, "tpdo"))
     output = Entry("AO", 2, 0, "rw", True, "both")
     entries |= _array(0x6411, "Write analogue output 16-bit", output)
     entries |= _array(0x6443, "Analogue output error mode", Entry("Mode", 1, 0, "rw"))
+    # Four bytes; some nodes have two.
     error_value = Entry("Value", 4, 0, "rw", True)
     entries |= _array(0x6444, "Analogue output error value integer", error_value)
     return entries

@@ -77,9 +77,11 @@ class SdoServer:
         if len(request) != _BYTES:
             return None
         command = request[0] >> 5
+        # The client has given up a transfer; an abort has no reply.
         if command == _ABORT:
             self._rest = b""
             return None
+        # A request for a segment has no address: it continues the last upload.
         if command != _UPLOAD_SEGMENT:
             self._address_bytes = request[1:4]
         try:
@@ -109,9 +111,11 @@ class SdoServer:
         else:
             data = (value % (1 << 8 * entry.n_bytes)).to_bytes(entry.n_bytes, "little")
         if len(data) <= _EXPEDITED:
+            # Upload reply, expedited, with the length given: bits 2 and 3 count the unused bytes.
             head = 0x43 | (_EXPEDITED - len(data)) << 2
             return bytes((head,)) + self._address_bytes + data.ljust(_EXPEDITED, b"\0")
         self._rest, self._toggle = data, 0
+        # Upload reply, segmented: the data is the length.
         return bytes((0x41,)) + self._address_bytes + len(data).to_bytes(4, "little")
 
     def _segment(self, head: int) -> bytes:
@@ -120,6 +124,7 @@ class SdoServer:
         if head & _TOGGLE != self._toggle:
             raise AbortError(AbortCode.TOGGLE)
         data, self._rest = self._rest[:7], self._rest[7:]
+        # Bits 1 to 3 count the unused bytes, bit 0 marks the last segment.
         answer = self._toggle | (7 - len(data)) << 1 | (not self._rest)
         self._toggle ^= _TOGGLE
         return bytes((answer,)) + data.ljust(7, b"\0")
@@ -132,10 +137,12 @@ class SdoServer:
         head = request[0]
         if not head & 2:  # segmented: no writable object is longer than four bytes
             raise AbortError(AbortCode.TOO_LONG)
+        # Without the length bit, the object's own length applies.
         n_bytes = _EXPEDITED - (head >> 2 & 3) if head & 1 else entry.n_bytes
         if n_bytes != entry.n_bytes:
             too_long = n_bytes > entry.n_bytes
             raise AbortError(AbortCode.TOO_LONG if too_long else AbortCode.TOO_SHORT)
         value = int.from_bytes(request[4 : 4 + n_bytes], "little", signed=entry.is_signed)
         self._objects.set(index, number, value)
+        # Download reply.
         return bytes((0x60,)) + self._address_bytes + bytes(4)
