@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from piezod.commission.procedure import Findings
-from piezod.commission.session import SessionTrace
+from piezod.commission.session_trace import SessionTrace
 from piezod.records.figures.style import DRIVE, LOOP, POSITION, house_style, new_figure, png_bytes
 from piezod.records.report_figures import ReportFigure
 

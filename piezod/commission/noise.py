@@ -4,7 +4,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from piezod.commission.session import Session, SessionTrace
+from piezod.commission.session import Session
+from piezod.commission.session_trace import SessionTrace
 from piezod.errors import DeviceError
 
 DURATION_S: Final = 2.0

@@ -5,7 +5,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from piezod.commission.session import Session, SessionTrace, joined
+from piezod.commission.session import Session
+from piezod.commission.session_trace import SessionTrace, joined
 from piezod.errors import DeviceError
 
 STEP_PART: Final = 0.02

@@ -9,7 +9,8 @@ from piezod.commission.noise import DURATION_S, Noise, measure_noise
 from piezod.commission.polarity import REPEATS, Polarity, find_polarity, step_v
 from piezod.commission.response import Response, measure_delay
 from piezod.commission.ringing import Ringing, find_ringing
-from piezod.commission.session import Session, SessionTrace
+from piezod.commission.session import Session
+from piezod.commission.session_trace import SessionTrace
 from piezod.commission.travel import (
     STAGES_PCT,
     Travel,

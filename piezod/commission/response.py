@@ -9,7 +9,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from piezod.commission.session import Session, SessionTrace, joined
+from piezod.commission.session import Session
+from piezod.commission.session_trace import SessionTrace, joined
 from piezod.errors import DeviceError
 from piezod.hysteresis.memory import FloatArray
 

@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from piezod.commission.session import Session, SessionTrace, joined
+from piezod.commission.session import Session
+from piezod.commission.session_trace import SessionTrace, joined
 from piezod.hysteresis.memory import FloatArray
 
 STEPS: Final = 24

@@ -3,12 +3,12 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import inf, isfinite, nan
 from typing import Final
 
 import numpy as np
 
+from piezod.commission.session_trace import SessionTrace
 from piezod.control.guard import Guard, Limits
 from piezod.control.signals import RecentRange
 from piezod.daemon.clock import Clock
@@ -16,7 +16,6 @@ from piezod.daemon.loop.pacer import Pacer
 from piezod.devices.channels import Channels
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
-from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S, s_to_ns
 
 PATIENCE_S: Final = 2.0
@@ -46,50 +45,6 @@ ELSEWHERE: Final = frozenset(
 """Flags after which something else has changed the voltage: the session leaves it as it is."""
 LONGEST_PERIODS: Final = 2
 """Largest time step of a cycle, in periods: after a pause the voltage makes no jump."""
-
-
-@dataclass(frozen=True)
-class SessionTrace:
-    """Record of driving; arrays of one length.
-
-    Attributes:
-        t_s: Instants, in s from the first one.
-        drive_v: Written voltage in force at the instant, in V.
-        read_back_v: Read-back voltage, in V; NaN if there is none.
-        position_um: Measured displacement, in µm; NaN if it is not valid.
-    """
-
-    t_s: FloatArray
-    drive_v: FloatArray
-    read_back_v: FloatArray
-    position_um: FloatArray
-
-    @property
-    def valid_pct(self) -> float:
-        """Share of valid samples, in %."""
-        return 100.0 * float(np.mean(np.isfinite(self.position_um)))
-
-    def after(self, t_s: float) -> "SessionTrace":
-        """Return the part of the record from an instant on."""
-        late = self.t_s >= t_s
-        return SessionTrace(
-            self.t_s[late], self.drive_v[late], self.read_back_v[late], self.position_um[late]
-        )
-
-
-def joined(traces: "list[SessionTrace]") -> SessionTrace:
-    """Return traces one after the other, on one time axis."""
-    t_s, begin_s = [], 0.0
-    for trace in traces:
-        t_s.append(begin_s + trace.t_s)
-        # One more step, so that the next trace does not start at the last instant of this one.
-        begin_s += float(trace.t_s[-1] + (trace.t_s[1] - trace.t_s[0]))
-    return SessionTrace(
-        np.concatenate(t_s),
-        np.concatenate([trace.drive_v for trace in traces]),
-        np.concatenate([trace.read_back_v for trace in traces]),
-        np.concatenate([trace.position_um for trace in traces]),
-    )
 
 
 class Session:

@@ -4,7 +4,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from piezod.commission.session import Session, SessionTrace, joined
+from piezod.commission.session import Session
+from piezod.commission.session_trace import SessionTrace, joined
 from piezod.errors import DeviceError
 
 STAGES_PCT: Final = (10, 25, 50, 75, 100)

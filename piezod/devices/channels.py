@@ -3,9 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from math import nan
-from typing import NamedTuple
 
-from piezod.devices.inputs import CalibratedInput
 from piezod.devices.interface import (
     Amplifier,
     Capabilities,
@@ -14,42 +12,11 @@ from piezod.devices.interface import (
     KnowsTruth,
     Sample,
     Sensor,
-    Wiring,
 )
 from piezod.devices.outputs import ANY_VALUE, CalibratedOutput
+from piezod.devices.roles import AmplifierRole, SensorRole, places, sensor_role, wrong_role
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags, TellsStatus
 from piezod.devices.wiring import ChannelPair, wiring_of
-from piezod.errors import DeviceError
-
-
-class _SensorRole(NamedTuple):
-    """A device that is read.
-
-    Attributes:
-        sensor: The device.
-        plain: Input and axis of each displacement that is in µm already.
-        calibrated: Input and axis of each displacement that must be calibrated.
-        commanding: Input and axis of each command input.
-    """
-
-    sensor: Sensor
-    plain: list[tuple[int, int]]
-    calibrated: list[tuple[CalibratedInput, int]]
-    commanding: list[tuple[CalibratedInput, int]]
-
-
-class _AmplifierRole(NamedTuple):
-    """A device that is driven.
-
-    Attributes:
-        amplifier: The device.
-        axes: Axis of each of its outputs.
-        outputs: Calibrated outputs, in that order.
-    """
-
-    amplifier: Amplifier
-    axes: list[int]
-    outputs: list[CalibratedOutput]
 
 
 class Channels:
@@ -87,8 +54,8 @@ class Channels:
         """
         # The roles are sorted out here, once, so that a cycle only walks through these lists.
         self._devices = devices
-        self._sensors: list[_SensorRole] = []
-        self._amplifiers: list[_AmplifierRole] = []
+        self._sensors: list[SensorRole] = []
+        self._amplifiers: list[AmplifierRole] = []
         self._truths: list[tuple[KnowsTruth, list[tuple[int, int]]]] = []
         self._status_sources: list[tuple[TellsStatus, list[tuple[int, int]]]] = []
         for name, device in devices.items():
@@ -101,19 +68,19 @@ class Channels:
         """Find the roles of a device: which of its channels serve which axes."""
         axes = self._pairs
         wiring = wiring_of(name, axes)
-        measured, driven = _places(name, wiring, axes)
+        measured, driven = places(name, wiring, axes)
         if wiring.inputs:
             if not isinstance(device, Sensor):
-                raise _wrong_role(name, "sensor")
-            self._sensors.append(_sensor_role(name, device, wiring, axes))
+                raise wrong_role(name, "sensor")
+            self._sensors.append(sensor_role(name, device, wiring, axes))
             if measured and isinstance(device, KnowsTruth):
                 self._truths.append((device, measured))
         if driven:
             if not isinstance(device, Amplifier):
-                raise _wrong_role(name, "amplifier")
+                raise wrong_role(name, "amplifier")
             driven_axes = [axis for _, axis in driven]
             outputs = [self._outputs[axis] for axis in driven_axes]
-            self._amplifiers.append(_AmplifierRole(device, driven_axes, outputs))
+            self._amplifiers.append(AmplifierRole(device, driven_axes, outputs))
         if isinstance(device, TellsStatus):
             # A status lists inputs, then outputs: of the device's channels, and of our axes.
             after_inputs = len(wiring.inputs)
@@ -292,40 +259,3 @@ class Channels:
                 failures.append(failure)
         if failures:
             raise failures[0]
-
-
-def _places(
-    device: str, wiring: Wiring, axes: Mapping[str, ChannelPair]
-) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Return (channel, axis) of each input, and of each output, of a device."""
-    measured, driven = [], []
-    for place, (axis, pair) in enumerate(axes.items()):
-        if pair.sensor == device:
-            measured.append((wiring.inputs.index(pair.input or axis), place))
-        if pair.amplifier == device:
-            driven.append((wiring.outputs.index(pair.output or axis), place))
-    return measured, driven
-
-
-def _sensor_role(
-    name: str, sensor: Sensor, wiring: Wiring, axes: Mapping[str, ChannelPair]
-) -> _SensorRole:
-    """Sort the inputs of a device: an input without calibration costs nothing in the loop."""
-    role = _SensorRole(sensor, [], [], [])
-    for place, (axis, pair) in enumerate(axes.items()):
-        if pair.sensor == name:
-            one = CalibratedInput(wiring, pair.input or axis, pair.to_um, pair.light)
-            if one.plain_place is None:
-                role.calibrated.append((one, place))
-            else:
-                role.plain.append((one.plain_place, place))
-        command = pair.command
-        if command is not None and command.device == name:
-            channel = command.channel or axis
-            one = CalibratedInput(wiring, channel, command.calibration, command.light)
-            role.commanding.append((one, place))
-    return role
-
-
-def _wrong_role(name: str, role: str) -> DeviceError:
-    return DeviceError(f"device {name} is no {role}: name another device for this axis")

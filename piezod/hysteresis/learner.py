@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from piezod.hysteresis.bank import advance_plays, weighted_sum
-from piezod.hysteresis.memory import RAW, FloatArray, Memory
+from piezod.hysteresis.memory import RAW, FloatArray, IntArray, Memory
 from piezod.hysteresis.slopes import (
     LEAST_SLOPE,
     cells,
@@ -124,3 +124,26 @@ def limited(value: float, limit: float) -> float:
 def limited_error(error: float) -> float:
     """Return the error to learn from, clamped to the whole range, so that no pair counts more."""
     return limited(error, 1.0)
+
+
+# The fields of the tuples are passed one by one, see decision 3.
+@compiled
+def predicted_drive(
+    levels: FloatArray,
+    values: FloatArray,
+    now: FloatArray,
+    last: FloatArray,
+    counts: IntArray,
+    bank: FloatArray,
+    own: FloatArray,
+    scalars: FloatArray,
+    slopes: FloatArray,
+    widths: FloatArray,
+    weights: FloatArray,
+    offset: float,
+    scale: float,
+) -> float:
+    """Return `prediction`, called from Python with the fields of its tuples."""
+    memory = Memory(levels, values, now, last, counts)
+    learner = Learner(bank, own, scalars, slopes, widths)
+    return prediction(memory, learner, weights, offset, scale)

@@ -16,35 +16,11 @@ from piezod.hysteresis.learner import (
     SCALE,
     SCALE_LIMIT,
     SLOPE_MARGIN,
-    Learner,
     new_learner,
-    prediction,
+    predicted_drive,
 )
-from piezod.hysteresis.memory import MERGED, SEEN, FloatArray, IntArray, Memory, relax
+from piezod.hysteresis.memory import MERGED, SEEN, FloatArray, relax
 from piezod.hysteresis.slopes import projected
-from piezod.jit import compiled
-
-
-# The fields of the tuples are passed one by one, see decision 3.
-@compiled
-def _predict(
-    levels: FloatArray,
-    values: FloatArray,
-    now: FloatArray,
-    last: FloatArray,
-    counts: IntArray,
-    bank: FloatArray,
-    own: FloatArray,
-    scalars: FloatArray,
-    slopes: FloatArray,
-    widths: FloatArray,
-    weights: FloatArray,
-    offset: float,
-    scale: float,
-) -> float:
-    memory = Memory(levels, values, now, last, counts)
-    learner = Learner(bank, own, scalars, slopes, widths)
-    return prediction(memory, learner, weights, offset, scale)
 
 
 class OnlineIdentifier(ABC):
@@ -107,7 +83,7 @@ class OnlineIdentifier(ABC):
             offset: Offset of the displacement.
             scale: Scale of the displacement.
         """
-        return _predict(*self._memory, *self._learner, weights, float(offset), float(scale))
+        return predicted_drive(*self._memory, *self._learner, weights, float(offset), float(scale))
 
     def adopt(self, weights: npt.ArrayLike, offset: float = 0.0, scale: float = 0.0) -> None:
         """Replace weights, offset and scale, and restart their uncertainty.

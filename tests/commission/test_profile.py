@@ -12,7 +12,7 @@ from piezod.commission.procedure import Findings
 from piezod.commission.profile import profile
 from piezod.commission.response import Response
 from piezod.commission.ringing import Ringing
-from piezod.commission.session import SessionTrace
+from piezod.commission.session_trace import SessionTrace
 from piezod.commission.sheet import Sheet, write_sheet
 from piezod.commission.travel import Travel
 from piezod.config.daemon import DaemonConfig, SafetyConfig, load_daemon

@@ -11,7 +11,8 @@ from math import inf, nan, sin
 import numpy as np
 import pytest
 
-from piezod.commission.session import PATIENCE_S, Session, SessionTrace, joined
+from piezod.commission.session import PATIENCE_S, Session
+from piezod.commission.session_trace import SessionTrace, joined
 from piezod.control.guard import Limits
 from piezod.devices.interface import Device
 from piezod.devices.status import DeviceFlag

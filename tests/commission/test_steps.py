@@ -7,7 +7,7 @@ from piezod.commission.noise import measure_noise
 from piezod.commission.polarity import find_polarity
 from piezod.commission.response import measure_delay
 from piezod.commission.ringing import find_ringing
-from piezod.commission.session import SessionTrace
+from piezod.commission.session_trace import SessionTrace
 from piezod.commission.travel import amplifier_of, excursion, travel_of
 from piezod.devices.interface import Device
 from piezod.errors import DeviceError

@@ -1,0 +1,51 @@
+"""What a session recorded of one axis."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from piezod.hysteresis.memory import FloatArray
+
+
+@dataclass(frozen=True)
+class SessionTrace:
+    """Record of driving; arrays of one length.
+
+    Attributes:
+        t_s: Instants, in s from the first one.
+        drive_v: Written voltage in force at the instant, in V.
+        read_back_v: Read-back voltage, in V; NaN if there is none.
+        position_um: Measured displacement, in µm; NaN if it is not valid.
+    """
+
+    t_s: FloatArray
+    drive_v: FloatArray
+    read_back_v: FloatArray
+    position_um: FloatArray
+
+    @property
+    def valid_pct(self) -> float:
+        """Share of valid samples, in %."""
+        return 100.0 * float(np.mean(np.isfinite(self.position_um)))
+
+    def after(self, t_s: float) -> "SessionTrace":
+        """Return the part of the record from an instant on."""
+        late = self.t_s >= t_s
+        return SessionTrace(
+            self.t_s[late], self.drive_v[late], self.read_back_v[late], self.position_um[late]
+        )
+
+
+def joined(traces: "list[SessionTrace]") -> SessionTrace:
+    """Return traces one after the other, on one time axis."""
+    t_s, begin_s = [], 0.0
+    for trace in traces:
+        t_s.append(begin_s + trace.t_s)
+        # One more step, so that the next trace does not start at the last instant of this one.
+        begin_s += float(trace.t_s[-1] + (trace.t_s[1] - trace.t_s[0]))
+    return SessionTrace(
+        np.concatenate(t_s),
+        np.concatenate([trace.drive_v for trace in traces]),
+        np.concatenate([trace.read_back_v for trace in traces]),
+        np.concatenate([trace.position_um for trace in traces]),
+    )
