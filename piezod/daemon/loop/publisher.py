@@ -45,7 +45,7 @@ class Publisher:
         self._learned_cycles = max(1, round(shared.layout.rate_hz / _LEARNED_HZ / self._axes))
         self._countdown, self._turn = 1, 0
         self._skipped = 0
-        # The count goes on from the one made while the process waited for its devices.
+        # The count continues the one made while the process waited for its devices.
         self._healthy = self._words[Word.HEALTHY_CYCLES]
 
     def record(self, record: CycleRecord, tick: Tick, timed: TimedChannels, end_ns: int) -> None:

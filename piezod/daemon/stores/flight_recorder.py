@@ -52,7 +52,7 @@ class FlightRecorder:
         self._fault: StageEvent | None = None
         self._not_before_ns: int | None = None
 
-    def note(self, event: StageEvent) -> None:
+    def take_event(self, event: StageEvent) -> None:
         """Take an event; the first fault of severity "error" makes a file due 2 s later."""
         with self._lock:
             if self._fault is not None:

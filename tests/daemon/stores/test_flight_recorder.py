@@ -33,9 +33,11 @@ class Stage:
         """Return the time of day of the newest record."""
         return NOON + timedelta(microseconds=(self.t_ns - START_NS) / 1000)
 
-    def note(self, kind: str, fault: str = "", severity: str = "error") -> None:
+    def take_event(self, kind: str, fault: str = "", severity: str = "error") -> None:
         """Have an event now."""
-        self.flights.note(StageEvent(self.t_ns, severity, kind, f"{kind} µ", fault, "x", 3.0, 2.0))
+        self.flights.take_event(
+            StageEvent(self.t_ns, severity, kind, f"{kind} µ", fault, "x", 3.0, 2.0)
+        )
 
     def write_due(self) -> Path | None:
         """Write what is due now."""
@@ -53,7 +55,7 @@ def stage(tmp_path: Path) -> Stage:
 def test_ten_seconds_before_and_two_after(stage: Stage) -> None:
     """Every cycle around the fault is in the file, which counts time from the fault on."""
     fault_cycle = stage.ring.newest - 1
-    stage.note("fault", "S5")
+    stage.take_event("fault", "S5")
     stage.ring.run(2100)
     path = stage.write_due()
     assert path is not None
@@ -70,13 +72,13 @@ def test_ten_seconds_before_and_two_after(stage: Stage) -> None:
 
 def test_events_are_in_the_file(stage: Stage) -> None:
     """Those of the time around it, each a line of JSON, beside what the stage says of itself."""
-    stage.note("request", severity="info")
+    stage.take_event("request", severity="info")
     stage.ring.run(11_000)
-    stage.note("state", severity="info")
+    stage.take_event("state", severity="info")
     stage.ring.run(1000)
-    stage.note("fault", "S5")
+    stage.take_event("fault", "S5")
     stage.ring.run(500)
-    stage.note("fault", "A3")
+    stage.take_event("fault", "A3")
     stage.ring.run(1500)
     path = stage.write_due()
     assert path is not None
@@ -95,7 +97,7 @@ def test_events_are_in_the_file(stage: Stage) -> None:
 def test_nothing_is_written_before_its_time(stage: Stage) -> None:
     """Until 2 s after the fault nothing is due, and after the file nothing either."""
     before = stage.write_due()
-    stage.note("fault", "S5")
+    stage.take_event("fault", "S5")
     stage.ring.run(AFTER_NS // CYCLE_NS - 1)
     early = stage.write_due()
     stage.ring.run(1)
@@ -109,7 +111,7 @@ def test_nothing_is_written_before_its_time(stage: Stage) -> None:
 @pytest.mark.parametrize(("kind", "severity"), [("fault", "warning"), ("state", "error")])
 def test_only_errors_are_written(stage: Stage, kind: str, severity: str) -> None:
     """A warning, and what is no fault, leave no file."""
-    stage.note(kind, "L1", severity)
+    stage.take_event(kind, "L1", severity)
     stage.ring.run(3000)
 
     assert stage.write_due() is None
@@ -119,7 +121,7 @@ def test_only_errors_are_written(stage: Stage, kind: str, severity: str) -> None
 def test_flickering_fault_does_not_fill_the_disk(stage: Stage) -> None:
     """However often a fault comes, a file is written once in 12 s, and holds so many events."""
     for _ in range(24_000):
-        stage.note("fault", "S5")
+        stage.take_event("fault", "S5")
         stage.ring.run(1)
         stage.write_due()
     events = read_telemetry(stage.flights.folder.path / "20240501T120019Z-S5.h5").header.notes
@@ -132,7 +134,7 @@ def test_newest_files_are_kept(stage: Stage) -> None:
     """Of many flights the oldest go."""
     for second in range(KEPT):
         stage.flights.folder.new(NOON - timedelta(seconds=second)).touch()
-    stage.note("fault", "S5")
+    stage.take_event("fault", "S5")
     stage.ring.run(2000)
     path = stage.write_due()
     names = [each.name for each in stage.flights.folder.files()]
@@ -145,7 +147,7 @@ def test_newest_files_are_kept(stage: Stage) -> None:
 def test_flight_of_a_loop_that_has_ended(stage: Stage) -> None:
     """Where nothing more can come it is written at once, with what there is."""
     nothing = stage.flights.write_now(header(), stage.t_ns)
-    stage.note("fault", "P4")
+    stage.take_event("fault", "P4")
     path = stage.flights.write_now(header(), stage.t_ns)
     assert path is not None
 
