@@ -12,7 +12,7 @@ class Clock(Protocol):
 
     @property
     def now_ns(self) -> Callable[[], int]:
-        """Function that returns the present instant; without a method around it, calls are cheaper."""
+        """Function that returns the present instant; not a method, so that a call costs less."""
         ...
 
     def sleep_until_ns(self, t_ns: int) -> None:
@@ -28,8 +28,8 @@ class MonotonicClock:
     def sleep_until_ns(self, t_ns: int) -> None:
         """Sleep until an instant; return at once if it has passed.
 
-        Since Python 3.11 `time.sleep` sleeps until an absolute deadline, also after signals: nothing more
-        exact is needed.
+        Since Python 3.11 `time.sleep` sleeps until an absolute deadline, also after signals:
+        nothing more exact is needed.
         """
         left_ns = t_ns - time.monotonic_ns()
         if left_ns > 0:

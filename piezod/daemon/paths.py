@@ -92,7 +92,8 @@ class StagePaths(NamedTuple):
         """Make the folders, for this user only; existing ones keep their mode.
 
         Raises:
-            OSError: If one cannot be made, belongs to another user, or has too long a path for a socket.
+            OSError: If one cannot be made or belongs to another user, or if the path is too long for
+                a socket.
         """
         for folder in (self.runtime, self.state):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
