@@ -116,7 +116,7 @@ class InstalledStage:
     @property
     def loop(self) -> str:
         """Process id of its loop, within the machine."""
-        return self.machine.root(f"pgrep --parent {self.supervisor} --full loop_process")
+        return self.machine.root(f"pgrep --parent {self.supervisor} --full loop.process")
 
     def wait_for_restart(self) -> None:
         """Wait until systemd has restarted it and it is ready."""
