@@ -92,8 +92,8 @@ class StagePaths(NamedTuple):
         """Make the folders, for this user only; existing ones keep their mode.
 
         Raises:
-            OSError: If one cannot be made or belongs to another user, or if the path is too long for
-                a socket.
+            OSError: If one cannot be made or belongs to another user, or if the path of the socket
+                is too long.
         """
         for folder in (self.runtime, self.state):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
