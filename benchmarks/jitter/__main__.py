@@ -1,11 +1,12 @@
-"""How punctual piezod's loop is, beside what this machine allows at all.
+"""Measures how punctual piezod's loop is, compared with what this machine allows at all.
 
-`python -m benchmarks.jitter` takes a minute, `--long` half an hour. Each round runs, one after the
-other on the same processor at the same priority and period: cyclictest (which sleeps and does not
-spin), a bare loop in C with piezod's pacing (the floor), and piezod's own daemon on the simulated
-rig, armed and following a sine adaptively, once quiet and once under load: telemetry streamed to
-three clients, 200 requests a second, every cycle recorded to HDF5. Percentiles are over all rounds;
-the change by load is taken pair by pair. It needs root, or the limits of the service.
+`python -m benchmarks.jitter` takes a minute, `--long` half an hour. Each round runs three programs
+one after the other, on the same processor, at the same priority and period: cyclictest, which
+sleeps and does not spin; a bare loop in C with piezod's pacing (the floor); and piezod's own daemon
+on the simulated rig, armed and following a sine in mode adaptive. The daemon runs once quiet and
+once under load: telemetry to three clients, 200 requests a second, and a recording of every cycle.
+Percentiles are over all rounds; the change by load is taken pair by pair. It needs root, or the
+limits of the service.
 """
 
 import argparse
@@ -33,7 +34,7 @@ FLOOR, QUIET, LOADED = NAMES[1:]
 
 
 class Rounds:
-    """What all rounds at one rate gave."""
+    """The results of all rounds at one rate."""
 
     def __init__(self, rate_hz: float) -> None:
         self.rate_hz = rate_hz
@@ -42,7 +43,7 @@ class Rounds:
         self.notes: list[str] = []
 
     def run(self, program: Path, pacing: Pacing) -> None:
-        """Run every contender once."""
+        """Run every program once."""
         self.runs["cyclictest"].append(cyclictest(pacing))
         self.runs[FLOOR].append(floor(program, pacing))
         try:
@@ -67,7 +68,7 @@ class Rounds:
         self.notes = [
             f"load in the last round: {loaded}",
             f"counted since the set-up: {counted}",
-            f"not obtained: {', '.join(missing) or 'nothing'}",
+            f"failed real-time steps: {', '.join(missing) or 'none'}",
         ]
 
     def print(self) -> None:
@@ -134,13 +135,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--long", action="store_true", help="7 rounds at all rates, not 1 at 1 kHz")
     parser.add_argument("--rates", help="rates in Hz, separated by commas")
-    parser.add_argument("--rounds", type=int, help="how many rounds")
-    parser.add_argument("--seconds", type=int, help="seconds of each run, at most 15")
+    parser.add_argument("--rounds", type=int, help="number of rounds")
+    parser.add_argument("--seconds", type=int, help="duration of each run, at most 15 s")
     parser.add_argument("--spin-us", type=float, default=40.0, help="spin before the deadline, µs")
-    asked = parser.parse_args()
-    rates = asked.rates or ("1000,2000,5000,10000" if asked.long else "1000")
-    rounds = asked.rounds or (7 if asked.long else 1)
-    seconds = asked.seconds or (10 if asked.long else 5)
+    options = parser.parse_args()
+    rates = options.rates or ("1000,2000,5000,10000" if options.long else "1000")
+    rounds = options.rounds or (7 if options.long else 1)
+    seconds = options.seconds or (10 if options.long else 5)
     cpu = max(os.sched_getaffinity(0))
     found = [Rounds(float(rate)) for rate in rates.split(",")]
     with tempfile.TemporaryDirectory() as folder:
@@ -148,7 +149,7 @@ def main() -> None:
         for number in range(rounds):
             for each in found:
                 print(f"round {number + 1} of {rounds}, {each.rate_hz:g} Hz", flush=True)
-                spin_ns = round(asked.spin_us * 1000)
+                spin_ns = round(options.spin_us * 1000)
                 each.run(program, Pacing(each.rate_hz, seconds, 60, cpu, spin_ns))
     for each in found:
         each.print()

@@ -1,4 +1,4 @@
-"""What the loop is compared with: cyclictest, and a bare loop in C with the same pacing."""
+"""The programs that the loop is compared with: cyclictest, and a bare loop in C."""
 
 import json
 import subprocess
@@ -14,12 +14,12 @@ Nanoseconds = NDArray[np.int64]
 
 
 class Pacing(NamedTuple):
-    """How each contender is run.
+    """Settings of a run.
 
     Attributes:
         rate_hz: Cycles per second.
-        seconds: For how long.
-        priority: Under SCHED_FIFO.
+        seconds: Duration of the run, in s.
+        priority: Priority under SCHED_FIFO.
         cpu: Processor to stay on.
         spin_ns: How long to spin before a deadline.
     """
@@ -32,18 +32,18 @@ class Pacing(NamedTuple):
 
     @property
     def period_ns(self) -> int:
-        """The period."""
+        """The period, in ns."""
         return round(1e9 / self.rate_hz)
 
 
 class Lateness(NamedTuple):
-    """What a run gave.
+    """The result of a run.
 
     Attributes:
-        wake_ns: Lateness of each cycle at wake-up.
-        write_ns: Lateness of each write; empty where nothing is written.
-        skipped: Periods that were skipped.
-        busy_ns: Duration of each cycle until its write has ended; empty for a bare loop.
+        wake_ns: Lateness of each cycle at wake-up, shape (n,).
+        write_ns: Lateness of each write; empty without writes.
+        skipped: Number of skipped periods.
+        busy_ns: Duration of each cycle until the end of its write; empty for a bare loop.
     """
 
     wake_ns: Nanoseconds

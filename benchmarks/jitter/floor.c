@@ -1,8 +1,9 @@
-/* The least that this machine lets a loop be late: the pacing of piezod's loop, and nothing else.
+/* The lowest lateness that this machine allows: the pacing of piezod's loop, and nothing else.
  *
  * usage: floor PERIOD_NS SPIN_NS SECONDS PRIORITY CPU
- * Absolute deadlines; sleep until SPIN_NS before one, spin the rest; periods that are over are
- * skipped and counted. Prints the lateness of each cycle in ns, one a line, then "skipped N".
+ * Deadlines are absolute. The loop sleeps until SPIN_NS before a deadline and spins for the rest;
+ * periods that have passed are skipped and counted. It prints the lateness of each cycle in ns, one
+ * per line, then "skipped N".
  */
 #define _GNU_SOURCE
 #include <fcntl.h>

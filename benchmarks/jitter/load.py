@@ -1,8 +1,8 @@
-"""What keeps a daemon busy: `python -m benchmarks.jitter.load SOCKET WHAT`, until stdin is closed.
+"""Load for a daemon: `python -m benchmarks.jitter.load SOCKET WHAT`, until stdin is closed.
 
-`streams`: three clients have telemetry streamed to them at the highest rate. `requests`: one asks
-for the status 40 times a second; the daemon allows a process no more than 50. It prints "ready"
-when it has begun, and at the end as JSON how much of that there really was.
+With `streams`, three clients get telemetry at the highest rate. With `requests`, one client
+requests the status 40 times a second; the daemon allows a process at most 50. It prints "ready"
+when it has begun, and at the end the rates that it reached, as JSON.
 """
 
 import asyncio
@@ -20,14 +20,14 @@ ASKED_HZ = 40
 
 
 async def streamed(socket: Path, number: int, counts: dict[str, int]) -> None:
-    """Have telemetry streamed."""
+    """Receive telemetry."""
     async with AsyncStageClient(socket=socket, name=f"load-stream-{number}") as stage:
         async for _ in stage.telemetry(rate_hz=STREAM_HZ):
             counts["telemetry"] += 1
 
 
 async def asking(socket: Path, counts: dict[str, int]) -> None:
-    """Ask for the status at a fixed rate; what does not get through in time is left out."""
+    """Request the status at a fixed rate; requests that are late by more than 1 s are left out."""
     async with AsyncStageClient(socket=socket) as stage:
         next_s = time.monotonic()
         while True:
@@ -41,13 +41,13 @@ async def asking(socket: Path, counts: dict[str, int]) -> None:
 
 
 async def main(socket: Path, what: str) -> None:
-    """Be a burden until stdin is closed."""
+    """Load the daemon until stdin is closed."""
     counts = {"telemetry": 0, "requests": 0, "refused": 0}
     if what == "streams":
-        burdens = [streamed(socket, number, counts) for number in range(STREAMS)]
+        loads = [streamed(socket, number, counts) for number in range(STREAMS)]
     else:
-        burdens = [asking(socket, counts)]
-    tasks = [asyncio.create_task(burden) for burden in burdens]
+        loads = [asking(socket, counts)]
+    tasks = [asyncio.create_task(load) for load in loads]
     while not any(counts.values()) and not any(task.done() for task in tasks):
         await asyncio.sleep(0.01)
     print("ready", flush=True)

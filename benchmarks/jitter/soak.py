@@ -1,8 +1,8 @@
-"""What happens to the loop's memory over time: `python -m benchmarks.jitter.soak [SECONDS]`.
+"""Watches the memory of the loop over time: `python -m benchmarks.jitter.soak [SECONDS]`.
 
-Runs piezod's daemon at 1 kHz under the load of the benchmark, by default for ten minutes, and
-prints what the loop itself counts since it became real-time: page faults, garbage collections,
-blocks of memory. None of it should grow.
+Runs piezod's daemon at 1 kHz under the load of the benchmark, for ten minutes by default, and
+prints the counters of the loop since it became real-time: page faults, garbage collections, memory
+blocks. None of them should grow.
 """
 
 import os

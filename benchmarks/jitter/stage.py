@@ -1,4 +1,4 @@
-"""piezod's own loop on the simulated rig: a daemon as anybody starts it, read from its ring."""
+"""piezod's own loop on the simulated rig: an ordinary daemon, measured through its ring."""
 
 import json
 import os
@@ -34,30 +34,30 @@ WAVE = {"x": {"kind": "sine", "low": 1.0, "high": 20.0, "frequency_hz": 2.0}}
 
 
 class Stage:
-    """A daemon that follows a sine, adaptively.
+    """A daemon that follows a sine in mode adaptive.
 
     Args:
-        client: A client of it.
-        shared: The memory of its loop, to be read only.
+        client: Its client.
+        shared: The memory of its loop, read-only.
     """
 
     def __init__(self, client: StageClient, shared: SharedMap) -> None:
         self._client, self._shared = client, shared
         self.report: list[dict[str, Any]] = shared.report()
         self.left_run: list[str] = []
-        """What kept the stage from following the sine, run by run."""
+        """Why the stage did not follow the sine, run by run."""
 
     @property
     def counters(self) -> dict[str, int]:
-        """What the loop counts of itself."""
+        """The counters of the loop."""
         words = (Word.MINOR_FAULTS, Word.MAJOR_FAULTS, Word.GC_COLLECTIONS, Word.ALLOCATED_BLOCKS)
         return {word.name.lower(): self._shared.words[word] for word in words}
 
     def measure(self, seconds: float) -> Lateness:
-        """Return what the loop noted of itself while nobody looked.
+        """Return the timing of a run; nothing reads the ring while it lasts.
 
         Raises:
-            ClientError: If the stage cannot be armed, as where the rate is too high.
+            ClientError: If the stage cannot be armed, for example if the rate is too high.
         """
         self._follow()
         reader = RingReader(self._shared)
@@ -92,25 +92,25 @@ class Stage:
 
     @contextmanager
     def loaded(self) -> Iterator[Mapping[str, float]]:
-        """Keep the daemon busy; what it was kept busy with is in the mapping afterwards."""
-        told: Counter[str] = Counter()
+        """Load the daemon; afterwards the mapping has the amount of each kind of load."""
+        amounts: Counter[str] = Counter()
         self._client.call(calls.start_recording("jitter"))
-        with ExitStack() as loads:
-            burdens = [loads.enter_context(self._burden(what)) for what in LOAD]
-            pipes = [(one.stdin, one.stdout) for one in burdens if one.stdin and one.stdout]
-            for _, told_by in pipes:
-                told_by.readline()  # "ready"
+        with ExitStack() as stack:
+            loads = [stack.enter_context(self._start_load(what)) for what in LOAD]
+            pipes = [(one.stdin, one.stdout) for one in loads if one.stdin and one.stdout]
+            for _, output in pipes:
+                output.readline()  # "ready"
             try:
-                yield told
+                yield amounts
             finally:
-                for ended_by, _ in pipes:
-                    ended_by.close()
-                for _, told_by in pipes:
-                    told.update(json.loads(told_by.read()))
+                for input_, _ in pipes:
+                    input_.close()
+                for _, output in pipes:
+                    amounts.update(json.loads(output.read()))
         recording = self._client.call(calls.stop_recording())
-        told.update({"recorded": recording.records, "recording lost": recording.lost})
+        amounts.update({"recorded": recording.records, "recording lost": recording.lost})
 
-    def _burden(self, what: str) -> "subprocess.Popen[str]":
+    def _start_load(self, what: str) -> "subprocess.Popen[str]":
         command = [sys.executable, "-m", "benchmarks.jitter.load", str(self._client.socket), what]
         return subprocess.Popen(  # noqa: S603 - our own module
             command, cwd=REPOSITORY, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -119,7 +119,7 @@ class Stage:
 
 @contextmanager
 def running(pacing: Pacing) -> Iterator[Stage]:
-    """Start a daemon with folders of its own."""
+    """Start a daemon with its own folders."""
     with tempfile.TemporaryDirectory(prefix="pz-", dir="/dev/shm") as folder:
         config = Path(folder) / "stage.yaml"
         text = SHIPPED.read_text(encoding="utf-8").replace("models/", f"{SHIPPED.parent}/models/")
