@@ -20,11 +20,12 @@ def write_durably(path: Path, content: bytes) -> None:
         OSError: If it cannot be written. An older file is then unchanged, unless only the last step
             failed: then either file may be there.
     """
+    # In the same folder, because a rename cannot cross file systems.
     temporary = path.with_name(f".{path.name}.{os.getpid()}{_TEMPORARY}")
     try:
         _write_and_sync(temporary, content)
         os.rename(temporary, path)  # noqa: PTH104 - like os.fsync, which pathlib does not have
-    except BaseException:
+    except BaseException:  # Ctrl-C included
         temporary.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)

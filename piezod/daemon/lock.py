@@ -59,6 +59,7 @@ class Lock:
             self.release()
             what = self._refusal.format(holder=holder or "(not known)")
             raise AlreadyRunningError(f"{self._path}: {what}") from error
+        # Only now: if the lock is refused, the file must keep the process id of its holder.
         os.ftruncate(self._file, 0)
         os.pwrite(self._file, f"{os.getpid()}\n".encode(), 0)
 

@@ -116,6 +116,7 @@ def _for_journal() -> list[Processor]:
 
 
 def _with_priority(_logger: WrappedLogger, level: str, line: Any) -> str:
+    # systemd reads the priority from the beginning of each line.
     return f"<{_PRIORITIES.get(level, 6)}>{line}"
 
 
@@ -146,5 +147,6 @@ def _with_instant(_logger: WrappedLogger, _level: str, event: EventDict) -> Even
 
 def _local_time(t_ns: int | None) -> datetime:
     """Convert an instant of the monotonic clock to local time; None is the present."""
+    # By way of the age, because the monotonic clock has no date.
     age_ns = 0 if t_ns is None else time.monotonic_ns() - t_ns
     return datetime.fromtimestamp((time.time_ns() - age_ns) / NS_PER_S).astimezone()

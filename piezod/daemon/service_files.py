@@ -40,6 +40,7 @@ def install(source: Path, root: Path, command: Path) -> list[Path]:
         ValueError: If a unit cannot have that command, or its service could not run it.
     """
     _check_command(command)
+    # Read all before the first is written: a missing file must not leave half an installation.
     texts = {name: (source / name).read_text(encoding="utf-8") for name in TARGETS}
     texts["piezod@.service"] = texts["piezod@.service"].replace(PACKAGED, str(command))
     written = []
@@ -77,7 +78,7 @@ def check_root(root: Path) -> None:
 def why_unreachable(path: Path) -> str:
     """Return why the user of the service could not run a file of this machine, or ""."""
     real = path.resolve()
-    for folder in real.parents:
+    for folder in real.parents:  # each of them needs the x permission for others
         if folder in _HIDDEN:
             return f"the service sees nothing below {folder}"
         if folder.exists() and not folder.stat().st_mode & stat.S_IXOTH:
@@ -86,6 +87,7 @@ def why_unreachable(path: Path) -> str:
 
 
 def _check_command(command: Path) -> None:
+    # Any other character would need quotes in a unit.
     text = str(command)
     if not command.is_absolute() or any(not (c.isalnum() or c in "/._-+@") for c in text):
         raise ValueError(f"must be an absolute path of letters, digits and /._-+@ (got {text!r})")

@@ -23,7 +23,7 @@ class ProcessCounters:
 
     def restart(self) -> None:
         """Count from now on; call it when the loop has become real-time."""
-        self._before = (0, 0, 0)
+        self._before = (0, 0, 0)  # `_counts` subtracts it
         self._before = self._counts()
 
     def publish(self) -> Sequence[Detection]:

@@ -43,7 +43,7 @@ class DeviceOpener(threading.Thread):
         waits = waits_s()
         try:
             while not self._stopped.is_set() and not self._opened():
-                self._stopped.wait(next(waits))
+                self._stopped.wait(next(waits))  # ends early on `stop`
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way; raised by main
             self.crash = error
 

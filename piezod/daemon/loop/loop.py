@@ -24,7 +24,7 @@ from piezod.units import NS_PER_S
 SUPERVISOR_LOST_NS: Final = NS_PER_S
 """If the beat of the supervisor stays unchanged for longer, the supervisor is lost."""
 _COUNTERS_PERIOD_NS: Final = NS_PER_S
-_ESTOP: Final = Estop()
+_ESTOP: Final = Estop()  # made once, because validation costs time in the cycle
 
 
 class Controller(LearnedSource, Protocol):
@@ -97,6 +97,7 @@ class Loop:
         # Setpoints of a stream before the cycle, so that this cycle applies the newest.
         for axis, position_um, came_ns in self._stream.take():
             controller.stream_um(axis, position_um, came_ns)
+        # The duration is that of the cycle before: this one has not ended.
         timing = CycleTiming(tick.late_ns, tick.skipped, self._busy_ns, *clock_offsets_ns())
         record = controller.cycle(t_ns, timing)
         # From here on nothing delays the write of this cycle.
@@ -120,6 +121,7 @@ class Loop:
                 # Before the answer: the client may ask next for parameters that this one changed.
                 self.publisher.learned_all(self._controller)
             self._mailbox.answer(number, accepted=accepted, motion=motion, why=why)
+        # Without a supervisor, do what it would request: ramp down and end.
         if self._supervisor.lost(t_ns, skipped):
             limit_s = SUPERVISOR_LOST_NS / NS_PER_S
             self._controller.report(Detection(Fault.H1, measured=limit_s, limit=limit_s))
@@ -146,8 +148,8 @@ class SupervisorWatch:
 
     def __init__(self, shared: SharedMap) -> None:
         self._words, self._period_ns = shared.words, shared.layout.period_ns
-        self._beat_ns = -1
-        self._seen_ns: int | None = 0
+        self._beat_ns = -1  # differs from every beat, so that the first call sees a change
+        self._seen_ns: int | None = 0  # None after the loss, which is reported once
 
     def lost(self, t_ns: int, skipped: int) -> bool:
         """Return True in the one cycle that detects the loss. Call once per cycle. Real-time safe.

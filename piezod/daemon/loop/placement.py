@@ -32,7 +32,7 @@ STACK_BYTES: Final = 1 << 20
 
 
 class DevicePlace(StrEnum):
-    """Where a device is used."""
+    """The place of a device."""
 
     CYCLE = "in the cycle"
     COMBINED = "in the cycle, one exchange"
@@ -120,6 +120,7 @@ def measure(device: Device, able: Capabilities, clock: Clock) -> RoundTrips:
                 any_role.read_back(t_ns)
         end_ns = now_ns()
         rounds.append(end_ns - t_ns)
+        # The longer of the two is taken for the duration of a write.
         single.append(max(read_ns - t_ns, end_ns - read_ns))
     rounds.sort()
     single.sort()
@@ -159,6 +160,7 @@ def place(
     costs_ns = {
         name: cost_ns(each.capabilities(), measured[name]) for name, each in devices.items()
     }
+    # Cheapest first, so that as many devices as possible are in the cycle.
     for name in sorted(devices, key=costs_ns.__getitem__):
         device, trips = devices[name], measured[name]
         chosen, taken_ns = _choose_place(device, trips, rate_hz, left_ns)
@@ -166,7 +168,7 @@ def place(
         placements[name] = _make_placement(
             name, device, trips, identities[name], chosen, period_ns=period_ns, clock=clock
         )
-    return [placements[name] for name in devices]
+    return [placements[name] for name in devices]  # in the order of the configuration
 
 
 def cost_ns(able: Capabilities, trips: RoundTrips) -> int:
@@ -230,6 +232,7 @@ def _make_placement(
         used = CombinedExchange(used)
     elif chosen is DevicePlace.WORKER:
         combined = _can_combine(device, able)
+        # The 99th percentile, because a round of twice this duration counts as late.
         round_ns = trips.p99_ns + (0 if combined else _write_ns(able, trips))
         # The worker keeps to the rate that the driver reports, however fast the replies are.
         pace_ns = round(NS_PER_S / able.max_rate_hz)

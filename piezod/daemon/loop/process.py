@@ -68,6 +68,7 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
     config = accept(source, copy, strict_rt=strict_rt)
     if config is None:
         return
+    # The supervisor has made the memory before it let this process go on.
     shared = attach(runtime / "loop.map", writable=True)
     shared.words[Word.LOOP_PID] = getpid()
     # Compile now: compiling during a cycle would take seconds.
@@ -80,7 +81,7 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
         return  # only the end of the process releases the lock
     note_identities(runtime / IDENTITIES, channels.identities)
     placements = place(channels.devices, channels.identities, config.rate_hz, clock)
-    channels.use({one.name: one.device for one in placements})
+    channels.use({one.name: one.device for one in placements})  # the wrappers, from here on
     threads = start_threads(placements)
     last_output = LastOutputWriter(runtime / "output.map", len(config.axes))
     timed = TimedChannels(channels, clock, last_output)
@@ -124,6 +125,7 @@ def _check_arming(
     missing = [step.name for step in steps if not step.ok]
     limits = [axis.limits for axis in config.axes.values()]
     beyond = channels.beyond_reach([(each.drive_min_v, each.drive_max_v) for each in limits])
+    # One reason at a time; a user removes them one by one.
     if beyond:
         controller.forbid_entry(beyond)
     elif slow := rate_refusal(placements, config.rate_hz):
@@ -137,6 +139,7 @@ def _check_arming(
         controller.forbid_entry(
             f"strict_rt is set and these steps failed: {', '.join(missing)}; see `piezod status`"
         )
+    # The last run did not end in order: an operator must look at the stage first.
     if words[Word.UNCLEAN]:
         controller.report(Detection(Fault.P2))
 

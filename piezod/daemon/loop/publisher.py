@@ -42,6 +42,7 @@ class Publisher:
         self._ring, self._events = RingWriter(shared), EventWriter(shared)
         self._learned = LearnedWriter(shared)
         self._axes = len(shared.layout.axes)
+        # The axes take turns, so that no cycle publishes the weights of more than one.
         self._learned_cycles = max(1, round(shared.layout.rate_hz / _LEARNED_HZ / self._axes))
         self._countdown, self._turn = 1, 0
         self._skipped = 0

@@ -153,7 +153,7 @@ def _carried_out(
 
 
 def _stop_collecting() -> str:
-    # Frozen objects are never visited again, should somebody call the collector.
+    # Frozen objects are never visited again, even if a library calls the collector.
     gc.collect()
     gc.freeze()
     gc.disable()

@@ -39,6 +39,7 @@ def wait_for_lock(path: Path, shared: SharedMap, clock: Clock, within_s: float) 
         OSError: If the file cannot be opened.
     """
     mailbox, end_ns = _StartupMailbox(shared), clock.now_ns() + s_to_ns(within_s)
+    # Poll instead of blocking in `flock`: requests need answers meanwhile.
     while True:
         now_ns = clock.now_ns()
         try:
@@ -108,10 +109,11 @@ class _StartupMailbox:
             kind: Kind of the event that reports it.
             fault: Fault id of that event.
         """
-        if absent != self._reported:
+        if absent != self._reported:  # one event for each new reason, not for each poll
             self._reported = absent
             self._publisher.events([StageEvent(now_ns, "error", kind, absent, fault)])
         why = absent or "the loop is starting; try again in some seconds"
+        # Nothing is driven yet, so that there is nothing to stop.
         if number := self._mailbox.take_estop():
             self._mailbox.answer_estop(number, accepted=False, motion=0, why=why)
         while (taken := self._mailbox.take(now_ns)) is not None:

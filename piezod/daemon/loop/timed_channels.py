@@ -40,7 +40,7 @@ class TimedChannels:
         begin_ns = self._now_ns()
         try:
             return self._devices.read(now_ns)
-        finally:
+        finally:  # the time has passed even if the driver raises
             self.read_ns += self._now_ns() - begin_ns
 
     def read_back(self, now_ns: int) -> Sequence[float]:

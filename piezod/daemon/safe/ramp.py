@@ -92,7 +92,7 @@ class AmplifierRamp:
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way: an outcome
             self._give_up(str(error) or type(error).__name__)
             return
-        if progress:
+        if progress:  # each step may fail for the full time
             self._since_ns = None
         elif not self.done and self._failing_s(now_ns) > self._max_failing_s:
             self._give_up(self._trouble)
@@ -176,6 +176,7 @@ class AmplifierRamp:
     def _verify(self, now_ns: int) -> bool:
         if self._reads_back:
             self._read_back_v = list(self._channels.read_back(now_ns))
+        # Without a read-back, the last accepted write has to be enough.
         self.done = not self._reads_back or all(
             abs(read_back_v - safe_v) <= tolerance_v
             for read_back_v, safe_v, tolerance_v in zip(

@@ -47,6 +47,7 @@ def ramp_down(
         DeviceError: If a device that drives an axis is no amplifier.
         RegistryError: If a driver cannot be loaded.
     """
+    # One amplifier may drive several axes: each once, in the order of the axes.
     amplifiers = list(dict.fromkeys(axis.amplifier.device for axis in config.axes.values()))
     outcomes: dict[str, AxisOutcome] = {}
     with _ramps(config, amplifiers, noted, wait_s) as ramps:

@@ -75,6 +75,7 @@ def decode(content: bytes) -> ParameterDocument:
         data = json.loads(content)
     except (ValueError, RecursionError) as error:
         raise DataError(f"it is not JSON ({error}): it is cut off or damaged") from error
+    # Before the validation: a newer version must not be reported as damage.
     _check_kind(data)
     try:
         document = ParameterDocument.model_validate(_with_tuples(data))

@@ -89,7 +89,7 @@ class ParameterStore:
 
     def __init__(self, folder: Path, stage_id: str, now: Callable[[], datetime] = _utc_now) -> None:
         folder.mkdir(mode=0o750, parents=True, exist_ok=True)
-        sweep_temporaries(folder)
+        sweep_temporaries(folder)  # the daemon's lock excludes other writers
         self._folder, self._stage_id, self._now = folder, stage_id, now
 
     def save(self, axes: Mapping[str, AxisParameters], who: str) -> int:
@@ -106,7 +106,7 @@ class ParameterStore:
             OSError: If they cannot be written, as on a full disk; older files are unharmed.
             DataError: If they could not be loaded again, for example a model that is not monotone.
         """
-        sequence = max(self._sequences(), default=0) + 1
+        sequence = max(self._sequences(), default=0) + 1  # after invalid files too
         content = encode(
             ParameterDocument(
                 sequence=sequence,
@@ -118,7 +118,7 @@ class ParameterStore:
         )
         decode(content)  # never store a file that `load` would refuse
         write_durably(self._path(sequence), content)
-        self._prune()
+        self._prune()  # after the write, so that there are always enough files
         return sequence
 
     def load(self, sequence: int | None = None) -> Loaded:

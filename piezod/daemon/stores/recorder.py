@@ -131,7 +131,7 @@ class Recorder:
         """
         if self.status.recording:
             raise RecorderError(f"recording {self.status.name} is running; stop it first")
-        self._join()
+        self._join()  # the thread of a recording that ended by itself
         # Imported here: HDF5 takes 12 MB of memory, which only a supervisor that records needs.
         from piezod.records.telemetry_file import TelemetryWriter  # noqa: PLC0415 - see above
 
@@ -145,7 +145,7 @@ class Recorder:
         except OSError as error:
             raise RecorderError(f"the recording cannot be started: {error}") from error
         self._set_status(RecorderStatus(True, path.stem, 0, 0, ""))
-        self._ending.clear()
+        self._ending.clear()  # the last `stop` has set it
         arguments = (self._open_reader(), writer)
         self._thread = Thread(target=self._record, args=arguments, name="recorder")
         self._thread.start()

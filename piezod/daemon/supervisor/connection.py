@@ -73,7 +73,7 @@ class LoopConnection:
         ending = self.last(2)  # the last record is of STOPPING, the one before of the state before
         if not len(ending) or ending[-1]["shadow"]:
             return True
-        # In BLIND nobody knows the voltage, whatever the record has.
+        # In BLIND the present voltage is unknown: the record has only the last written one.
         blind = any(STATES[record["state"]] is State.BLIND for record in ending)
         drive_v = ending[-1]["axes"]["drive_v"]  # the read-back voltage, if nothing is driven
         axes = self.config.axes.values()

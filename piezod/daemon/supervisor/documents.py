@@ -50,7 +50,7 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
 
 
 def _axis(record: np.void | None, config: DaemonConfig) -> Document:
-    if record is None:
+    if record is None:  # before the first cycle: the same keys, without values
         unknown = dict.fromkeys(_NUMBERS, float("nan"))
         return {**unknown, "mode": config.mode.value, "gate": "", "on_target": False, "motion": 0}
     return {
@@ -64,6 +64,7 @@ def _axis(record: np.void | None, config: DaemonConfig) -> Document:
 
 def masks(record: np.void) -> tuple[int, int]:
     """Return the masks of present and of latched faults of a record, one bit for each fault."""
+    # Two fields of 64 bits each, because there are more than 64 faults.
     return (
         int(record["present_lo"]) | int(record["present_hi"]) << 64,
         int(record["latched_lo"]) | int(record["latched_hi"]) << 64,

@@ -37,6 +37,7 @@ class LoopHealth:
         The periods are for slow loops, which do not run a cycle between any two updates.
         """
         gap_ns, self._updated_ns = now_ns - self._updated_ns, now_ns
+        # Count as if there had been no gap.
         if gap_ns > LONG_GAP_NS:
             self._advanced_ns += gap_ns
         cycles = self._words[Word.HEALTHY_CYCLES]

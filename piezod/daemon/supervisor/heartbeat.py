@@ -47,6 +47,7 @@ class Heartbeat:
 
     def beat(self, now_ns: int) -> None:
         """Beat if the event loop has ticked recently."""
+        # Without the tick, this thread would beat for a supervisor whose event loop hangs.
         if now_ns - self._ticked_ns < s_to_ns(BUSY_S):
             self._loop.beat(now_ns)
 

@@ -91,6 +91,7 @@ class LoopRun:
         output = self._process.stdout
         if output is None:
             raise PiezodError("the loop process has no output")
+        # The process writes one line here, then redirects its output to stderr: the pipe may close.
         with output:
             while not select([output], [], [], _POLL_S)[0]:
                 if ended():
@@ -128,7 +129,7 @@ class LoopRun:
     def request_end(self) -> bool:
         """Ask the loop to ramp down and end; return False when it has not done so in time."""
         now_ns = time.monotonic_ns()
-        if not self._overdue_ns:
+        if not self._overdue_ns:  # the request is posted once
             within_s = ramp_s(self.loop.config) + END_GRACE_S
             expires_ns = now_ns + int(within_s * NS_PER_S)
             try:
@@ -168,7 +169,7 @@ class RampDown:
         """Wait for its end; return whether the safe voltage was reached and verified."""
         try:
             code = self._process.wait(self._within_s)
-        except subprocess.TimeoutExpired:
+        except subprocess.TimeoutExpired:  # a driver hangs
             self._process.kill()
             code = self._process.wait()
         if code:
@@ -190,6 +191,7 @@ def _start(module: str, *arguments: str, piped: bool = False) -> "subprocess.Pop
         piped: Whether this process reads its standard output and writes to its standard input;
             otherwise its output goes to stderr.
     """
+    # A new session: Ctrl-C in a terminal reaches only the supervisor.
     return subprocess.Popen(  # noqa: S603 - our own interpreter and module
         [sys.executable, "-m", module, *arguments],
         stdin=subprocess.PIPE if piped else subprocess.DEVNULL,

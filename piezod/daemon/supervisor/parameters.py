@@ -81,7 +81,7 @@ class LearnedParameters:
         if loaded.document is None:
             why = "; ".join(f"{each.file}: {each.why}" for each in loaded.rejected)
             raise UnknownNameError(why or "nothing is saved", "see `piezod params list`")
-        _check_axes(loaded.document.axes, loop)
+        _check_axes(loaded.document.axes, loop)  # all of them, before the first is changed
         for name, axis in loaded.document.axes.items():
             if axis.model is not None:  # an axis without a model has learned nothing
                 request = AdoptModel(axis=name, model=axis.model, zero_um=axis.zero_um)
@@ -99,6 +99,7 @@ class LearnedParameters:
         async with self._one_at_a_time:
             answer = await loop.requests.ask(request)
             if answer.accepted:
+                # Only now: a refused model must not be saved with the weights of the present one.
                 loop.models[request.axis or loop.axes[0]] = request.model
         return answer
 

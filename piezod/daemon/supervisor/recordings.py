@@ -47,7 +47,7 @@ class StageRecordings:
         self._name = paths.name
         self._recorder = Recorder(open_reader, record_dtype(axes), paths.recordings, learned)
         self._flights = FlightRecorder(last, paths.flights)
-        self._one_at_a_time = asyncio.Lock()
+        self._one_at_a_time = asyncio.Lock()  # `Recorder.start` and `stop` must not overlap
 
     @property
     def running_name(self) -> str:
@@ -101,7 +101,7 @@ class StageRecordings:
         header = self._header(loop, self._name)
         try:
             path = await asyncio.to_thread(write, header, time.monotonic_ns())
-        except OSError as error:
+        except OSError as error:  # a full disk must not end the housekeeping
             _log.error("flight recorder failed", why=str(error))
             return
         if path is not None:

@@ -49,6 +49,7 @@ async def prepare(
         raise NotNowError(
             f"the configuration was not exchanged: {error}", "look at the log and at the disk"
         ) from error
+    # Rings, recordings and leases depend on the axes.
     old, new = run.config.axes, fresh.config.axes
     if list(new) != list(old):
         fresh.discard()
@@ -101,6 +102,7 @@ async def exchange(
     Raises:
         StageError: If that one could not be started either.
     """
+    # Never both: they would drive the same devices.
     await _end(run)
     use(fresh)
     fresh.start()
@@ -116,7 +118,7 @@ async def exchange(
 async def _end(run: LoopRun) -> None:
     while run.exit_code is None:
         if not run.request_end():
-            run.kill()
+            run.kill()  # nothing is driven at rest
         await asyncio.sleep(_POLL_S)
 
 

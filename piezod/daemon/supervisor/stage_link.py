@@ -76,13 +76,14 @@ class StageLink:
 
     async def request(self, request: Request, peer: Peer) -> Answer:
         """Execute a request and return the answer."""
+        # Only the supervisor shuts down: a loop that ends without its request counts as lost.
         if isinstance(request, Shutdown):
             self._stop(f"requested by {peer.user}")
             return Answer(True)
         if isinstance(request, Arm) and self._shadow:
             request = Arm(shadow=True)
         loop = self._running()
-        if isinstance(request, AdoptModel):
+        if isinstance(request, AdoptModel):  # not while parameters are read or saved
             return await self.parameters.adopt(loop, request)
         return await loop.requests.ask(request)
 
@@ -98,6 +99,7 @@ class StageLink:
 
     def health(self) -> tuple[bool, Document]:
         """Return whether the loop runs on schedule, with the age of its last healthy cycle."""
+        # Before its first healthy cycle a loop neither hangs nor is healthy.
         health, now_ns = self.loop.health, time.monotonic_ns()
         healthy = self.available and health.started and not health.hung(now_ns)
         return healthy, {"healthy": healthy, "cycle_age_s": health.age_s(now_ns)}
@@ -206,6 +208,7 @@ class _FollowingReader:
 
     def read(self, limit: int) -> tuple[NDArray[Any], int]:
         """Return the records since the last call, and the number of lost ones."""
+        # An exchange makes a new ring; its records count from zero.
         if self._loop is not self._link.loop:
             self._loop = self._link.loop
             self._ring = RingReader(self._loop.shared)

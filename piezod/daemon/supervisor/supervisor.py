@@ -88,6 +88,7 @@ class Supervisor:
         Args:
             unclean: Whether the daemon did not end in order last time.
         """
+        # The socket first: if it cannot be bound, no device has been touched.
         await self._api.start()
         self.loop_run.start(unclean=unclean)
         housekeeping = asyncio.create_task(self._housekeeping.run())
@@ -95,7 +96,7 @@ class Supervisor:
         try:
             return await self._watch()
         finally:
-            self._heartbeat.stop()
+            self._heartbeat.stop()  # a loop that still runs then ramps down
             housekeeping.cancel()
 
     async def close(self) -> None:
@@ -120,6 +121,7 @@ class Supervisor:
             # During an exchange no loop may be running, which is no reason for the watchdog.
             if healthy or self._exchanging:
                 self._notifier.alive()
+            # Before the exit code: the last events may have the reason of an end.
             self._housekeeping.log_events()
             if not self._exchanging:
                 self._report_state(run, healthy=healthy)
@@ -156,6 +158,7 @@ class Supervisor:
 
     def _report_state(self, run: LoopRun, *, healthy: bool) -> None:
         """Report readiness and state to the service manager."""
+        # A loop that waits for an absent device is healthy: the service is ready in BLIND too.
         if healthy and not self._ready:
             self._ready = True
             self._notifier.ready(run.loop.state.value)
@@ -201,6 +204,7 @@ class Supervisor:
             fresh.discard()
             raise
         _log.info("reload", user=peer.user, changes=different)
+        # From here on the end of a loop is not taken for a loss.
         self._exchanging, self._link.available = True, False
         try:
             started = await exchange(run, self._paths, fresh, self._use)
@@ -218,6 +222,7 @@ class Supervisor:
             raise NotNowError("the loop is being exchanged or stopped", "try again later")
         if state not in AT_REST:
             raise NotNowError(f"not in state {state}", "disarm first")
+        # The header of a recording has one configuration for all its records.
         if name := self._link.stage_recordings.running_name:
             raise NotNowError(f"recording {name} is running", "stop it first")
 
@@ -237,4 +242,4 @@ class Supervisor:
             await self.reload(Peer(os.getuid(), os.getpid(), "SIGHUP", "", Role.ENGINEER))
         except StageError as error:
             _log.error("reload refused", why=str(error))
-        self._notifier.ready(self.loop_run.loop.state.value)
+        self._notifier.ready(self.loop_run.loop.state.value)  # systemd waits for it in any case

@@ -236,12 +236,12 @@ def test_passing_flags_are_reported_once_and_lasting_ones_always(bench: Bench) -
     bench.link.noticed(DeviceFlag.BAD_CHECKSUM)
     bench.link.noticed(DeviceFlag.OVERLOAD)
     eventually(lambda: bench.begin() and any(bench.worker.status(bench.now_ns)))
-    told = bench.worker.status(bench.now_ns)
+    reported = bench.worker.status(bench.now_ns)
     again = bench.worker.status(bench.now_ns)
     bench.link.free.clear()
     eventually(lambda: bench.begin() and bench.link.held)
 
-    assert told == again == [frozenset({DeviceFlag.BAD_CHECKSUM, DeviceFlag.OVERLOAD})] * 2
+    assert reported == again == [frozenset({DeviceFlag.BAD_CHECKSUM, DeviceFlag.OVERLOAD})] * 2
     assert all(DeviceFlag.BAD_CHECKSUM not in flags for flags in bench.worker.status(bench.now_ns))
 
 
