@@ -1,1 +1,1 @@
-"""Everything with time and processes: the loop process, its supervisor, the service."""
+"""Everything with time and processes: loop process, supervisor, service, stores."""

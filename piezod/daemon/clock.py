@@ -1,4 +1,4 @@
-"""The clock of the loop: the only one there is below the supervisor."""
+"""The clock of the daemon; everything below gets time as an argument."""
 
 import time
 from collections.abc import Callable
@@ -8,15 +8,15 @@ from piezod.units import NS_PER_S
 
 
 class Clock(Protocol):
-    """A clock that never goes back, and sleeping by it."""
+    """A clock that never goes back, and a sleep by it."""
 
     @property
     def now_ns(self) -> Callable[[], int]:
-        """The function that tells the instant; in the loop it is called without a detour."""
+        """Function that returns the present instant; not a method, so that a call costs less."""
         ...
 
     def sleep_until_ns(self, t_ns: int) -> None:
-        """Sleep until an instant; return at once where it is past."""
+        """Sleep until an instant; return at once if it has passed."""
         ...
 
 
@@ -26,10 +26,10 @@ class MonotonicClock:
     now_ns = staticmethod(time.monotonic_ns)
 
     def sleep_until_ns(self, t_ns: int) -> None:
-        """Sleep until an instant; return at once where it is past.
+        """Sleep until an instant; return at once if it has passed.
 
-        Since Python 3.11 `time.sleep` makes an absolute deadline of its argument and goes on after
-        signals: no better primitive is needed.
+        Since Python 3.11 `time.sleep` sleeps until an absolute deadline, also after signals:
+        nothing more exact is needed.
         """
         left_ns = t_ns - time.monotonic_ns()
         if left_ns > 0:
@@ -37,7 +37,7 @@ class MonotonicClock:
 
 
 def clock_offsets_ns() -> tuple[int, int]:
-    """Return how far CLOCK_REALTIME and CLOCK_BOOTTIME are ahead of CLOCK_MONOTONIC."""
+    """Return CLOCK_REALTIME and CLOCK_BOOTTIME minus CLOCK_MONOTONIC, in ns. Real-time safe."""
     monotonic_ns = time.monotonic_ns()
     wall_ns, boot_ns = time.time_ns(), time.clock_gettime_ns(time.CLOCK_BOOTTIME)
     return wall_ns - monotonic_ns, boot_ns - monotonic_ns

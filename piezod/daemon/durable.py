@@ -1,4 +1,4 @@
-"""Files that survive a loss of power: the old one or the new one is there, never half of one."""
+"""Files that survive a power failure: the old file or the new one is there, never half of one."""
 
 import os
 from pathlib import Path
@@ -7,31 +7,32 @@ _TEMPORARY = ".part"
 
 
 def write_durably(path: Path, content: bytes) -> None:
-    """Write a file so that it is there whole or not at all, whenever the power fails.
+    """Write a file so that after a power failure it is there completely or not at all.
 
-    The order is what makes it so: the content reaches the disk before its name does, and the name
-    does before this returns.
+    The order ensures it: the contents reach the disk before the name does, and the name reaches it
+    before this function returns.
 
     Args:
         path: The file; its folder must exist.
         content: All of it.
 
     Raises:
-        OSError: If it cannot be written; an older file is then as it was, unless only the last
-            step failed, after which either may be found.
+        OSError: If it cannot be written. An older file is then unchanged, unless only the last step
+            failed: then either file may be there.
     """
+    # In the same folder, because a rename cannot cross file systems.
     temporary = path.with_name(f".{path.name}.{os.getpid()}{_TEMPORARY}")
     try:
         _write_and_sync(temporary, content)
-        os.rename(temporary, path)  # noqa: PTH104 - beside os.fsync, which pathlib has not
-    except BaseException:
+        os.rename(temporary, path)  # noqa: PTH104 - like os.fsync, which pathlib does not have
+    except BaseException:  # Ctrl-C included
         temporary.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
 
 
 def sync_folder(folder: Path) -> None:
-    """Have the names in a folder reach the disk.
+    """Bring the names in a folder to the disk.
 
     Raises:
         OSError: If that fails.
@@ -44,7 +45,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def sweep_temporaries(folder: Path) -> None:
-    """Remove what a write left behind that was cut off; only while nobody else writes there."""
+    """Remove the files of interrupted writes; only while no other process writes there."""
     for path in folder.glob(f".*{_TEMPORARY}"):
         path.unlink(missing_ok=True)
 
@@ -54,7 +55,7 @@ def _write_and_sync(path: Path, content: bytes) -> None:
     descriptor = os.open(path, flags, 0o640)
     try:
         rest = memoryview(content)
-        while rest:  # a disk that is nearly full takes a part
+        while rest:  # a disk that is nearly full may take a part only
             rest = rest[os.write(descriptor, rest) :]
         os.fsync(descriptor)
     finally:

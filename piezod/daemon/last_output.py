@@ -1,8 +1,8 @@
-"""The voltage written last on each axis, in a file of its own that outlives the loop.
+"""The last written voltage of each axis, in a file that outlives the loop.
 
-`piezod safe` ramps from there where an amplifier tells nothing. Imports nothing but the standard
-library and what that imports. The file is some words of eight bytes: count of axes, then for each
-axis a number before, the voltage, the instant, and the same number after.
+`piezod safe` ramps from there if the amplifier reports no voltage. This module imports only the
+standard library. The file consists of words of eight bytes: the number of axes, then for each axis
+a count, the voltage, its instant, and the same count again.
 """
 
 import mmap
@@ -16,11 +16,11 @@ _WORDS_PER_AXIS = 4
 
 
 class LastOutput(NamedTuple):
-    """What was written last on an axis.
+    """The last written voltage of an axis.
 
     Attributes:
-        drive_v: The voltage, in V; NaN where none was written, or just when the writer died.
-        t_ns: When, on CLOCK_MONOTONIC.
+        drive_v: The voltage, in V; NaN if none was written, or if the writer died during a write.
+        t_ns: Its instant, on CLOCK_MONOTONIC.
     """
 
     drive_v: float
@@ -28,11 +28,12 @@ class LastOutput(NamedTuple):
 
 
 class LastOutputWriter:
-    """Keeps the file; one writer.
+    """Writes the file; there is one writer.
 
     Args:
-        path: The file; made anew where there is none for so many axes, readable by its owner only.
-        axes: How many axes.
+        path: The file; if none with this number of axes exists, a new one is made, readable only by
+            its owner.
+        axes: Number of axes.
 
     Raises:
         OSError: If it cannot be made.
@@ -42,10 +43,11 @@ class LastOutputWriter:
         size = 8 * (1 + _WORDS_PER_AXIS * axes)
         file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
+            # The voltages of an earlier run are kept: this one may die before its first write.
             kept = os.fstat(file).st_size == size
             if not kept:
                 os.ftruncate(file, 0)
-            os.posix_fallocate(file, 0, size)
+            os.posix_fallocate(file, 0, size)  # else a full disk would raise SIGBUS later
             memory = mmap.mmap(file, size, mmap.MAP_SHARED)
         finally:
             os.close(file)
@@ -57,30 +59,31 @@ class LastOutputWriter:
             self._words[0] = axes
 
     def note(self, drive_v: Sequence[float], t_ns: int) -> None:
-        """Note what is being written on all axes, in V; may be called in the loop.
+        """Store the voltages of all axes that are being written, in V. Real-time safe.
 
-        Call it before the write: after a crash between the two the note is the safer guess, being
-        within one step of slew of what is in force.
+        Call it before the write. After a crash between the two, the stored voltage differs from the
+        present one by one step of the slew rate at most.
         """
-        at = 1
+        word = 1
         for voltage in drive_v:
-            turn = self._words[at] + 1
-            self._words[at] = turn
-            self._values[at + 1] = voltage
-            self._words[at + 2] = t_ns
-            self._words[at + 3] = turn
-            at += _WORDS_PER_AXIS
+            count = self._words[word] + 1
+            # A reader that finds two different counts knows that the voltage is not complete.
+            self._words[word] = count
+            self._values[word + 1] = voltage
+            self._words[word + 2] = t_ns
+            self._words[word + 3] = count
+            word += _WORDS_PER_AXIS
 
     def forget(self, t_ns: int) -> None:
-        """Note that what was written last says nothing any more; may be called in the loop."""
+        """Store that the voltages are not known any more. Real-time safe."""
         self.note([nan] * self._words[0], t_ns)
 
 
 def read_last_output(path: Path) -> list[LastOutput]:
-    """Return what was written last on each axis; an empty list where nobody noted anything.
+    """Return the last written voltage of each axis; an empty list without a valid file.
 
     Raises:
-        OSError: If the file is there and cannot be read.
+        OSError: If the file exists and cannot be read.
     """
     try:
         content = path.read_bytes()
@@ -92,7 +95,7 @@ def read_last_output(path: Path) -> list[LastOutput]:
     if len(words) != 1 + _WORDS_PER_AXIS * words[0]:
         return []
     outputs = []
-    for at in range(1, len(words), _WORDS_PER_AXIS):
-        whole = words[at] == words[at + 3]
-        outputs.append(LastOutput(values[at + 1] if whole else nan, words[at + 2]))
+    for word in range(1, len(words), _WORDS_PER_AXIS):
+        whole = words[word] == words[word + 3]
+        outputs.append(LastOutput(values[word + 1] if whole else nan, words[word + 2]))
     return outputs

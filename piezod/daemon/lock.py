@@ -1,4 +1,4 @@
-"""One daemon for each stage, one process with its devices; only the standard library."""
+"""Locks: one daemon for each stage, one process with its devices. Only the standard library."""
 
 import fcntl
 import os
@@ -24,28 +24,28 @@ _DRIVES: Final = (
 class Lock:
     """The lock of a stage, held from construction until `release` or the end of the process.
 
-    It is taken before anything else of the stage is touched. The file stays when it is released:
-    whoever removed it could remove one that somebody else has just locked.
+    It is taken before anything else of the stage is touched. The file stays after the release: to
+    remove it could remove a file that another process has just locked.
 
     Args:
         path: The file; its folder must exist.
-        taken: What is wrong where somebody else, `{holder}`, has it.
+        refusal: Message if another process, `{holder}`, has it.
 
     Raises:
-        AlreadyRunningError: If somebody else holds it; the text names that process.
+        AlreadyRunningError: If another process holds it; the text names that process.
         OSError: If the file cannot be opened.
     """
 
-    def __init__(self, path: Path, taken: str = _RUNS) -> None:
-        self._path, self._taken = path, taken
+    def __init__(self, path: Path, refusal: str = _RUNS) -> None:
+        self._path, self._refusal = path, refusal
         self._file = -1
         self.take()
 
     def take(self) -> None:
-        """Take it, again where it was released.
+        """Take the lock, also again after a release.
 
         Raises:
-            AlreadyRunningError: If somebody else holds it; the text names that process.
+            AlreadyRunningError: If another process holds it; the text names that process.
             OSError: If the file cannot be opened.
         """
         # Not inherited by children: a loop process that outlives its supervisor must not keep
@@ -57,13 +57,14 @@ class Lock:
         except BlockingIOError as error:
             holder = os.pread(self._file, 32, 0).decode("ascii", "replace").strip()
             self.release()
-            what = self._taken.format(holder=holder or "(not known)")
+            what = self._refusal.format(holder=holder or "(not known)")
             raise AlreadyRunningError(f"{self._path}: {what}") from error
+        # Only now: if the lock is refused, the file must keep the process id of its holder.
         os.ftruncate(self._file, 0)
         os.pwrite(self._file, f"{os.getpid()}\n".encode(), 0)
 
     def release(self) -> None:
-        """Let others take it; releasing twice does nothing."""
+        """Release the lock; a second release does nothing."""
         file, self._file = self._file, -1
         if file >= 0:
             os.close(file)
@@ -83,20 +84,20 @@ class Lock:
 
 
 def device_lock(path: Path) -> Lock:
-    """Take the lock of whoever has the devices; it outlives the supervisor of a loop.
+    """Take the lock of the devices, which a loop keeps after the end of its supervisor.
 
     Raises:
-        AlreadyRunningError: If somebody else holds it; the text names that process.
+        AlreadyRunningError: If another process holds it; the text names that process.
         OSError: If the file cannot be opened.
     """
     return Lock(path, _DRIVES)
 
 
 def taken_within(take: Callable[[], Lock], within_s: float) -> Lock:
-    """Take a lock, for which somebody may have to be waited for.
+    """Take a lock; wait for it at most this time, in s.
 
     Raises:
-        AlreadyRunningError: If somebody else holds it all the time.
+        AlreadyRunningError: If another process holds it all the time.
         OSError: If the file cannot be opened.
     """
     end_s = time.monotonic() + within_s

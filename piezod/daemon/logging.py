@@ -1,4 +1,4 @@
-"""The log: lines for people on a terminal, JSON with a priority for the journal; to stderr."""
+"""The log on stderr: lines for people on a terminal, JSON with a priority for the journal."""
 
 import logging
 import math
@@ -14,16 +14,16 @@ from structlog.typing import EventDict, Processor, WrappedLogger
 
 from piezod.units import NS_PER_S
 
-MOST, WITHIN_S = 10, 10.0
-# What the journal calls them (syslog(3)); "critical" and "exception" do not occur.
+MAX_LINES, WINDOW_S = 10, 10.0
+# The priorities of the journal, see syslog(3); "critical" and "exception" do not occur.
 _PRIORITIES: Final = {"debug": 7, "info": 6, "warning": 4, "error": 3, "critical": 2}
 
 
 class EventRateLimit:
-    """Lets ten lines of a kind through in ten seconds and counts the others.
+    """Lets ten lines of a kind pass in ten seconds, and counts the others.
 
-    The first line of a kind after that tells how many were left out. Kinds are event and
-    fault id, of which there are few.
+    The first line after that has the number of dropped ones. A kind is an event with its fault id;
+    there are few of them.
 
     Args:
         now_s: The clock, in s.
@@ -38,23 +38,23 @@ class EventRateLimit:
         kind = (str(event.get("event")), str(event.get("fault", "")))
         now_s = self._now_s()
         begun_s, count = self._kinds.get(kind, (now_s, 0))
-        if now_s - begun_s >= WITHIN_S:
-            if count > MOST:
-                event["suppressed"] = count - MOST
+        if now_s - begun_s >= WINDOW_S:
+            if count > MAX_LINES:
+                event["suppressed"] = count - MAX_LINES
             begun_s, count = now_s, 0
         self._kinds[kind] = (begun_s, count + 1)
-        if count >= MOST:
+        if count >= MAX_LINES:
             raise structlog.DropEvent
         return event
 
 
 def set_up_logging(stream: TextIO | None = None, environ: Mapping[str, str] = os.environ) -> None:
-    """Send the log of this process to a stream, in the form that its reader wants.
+    """Send the log of this process to a stream, in the form for its reader.
 
-    The libraries' own loggers end up there too, from warnings on.
+    Warnings and errors of libraries go there too.
 
     Args:
-        stream: Where to; left out: stderr.
+        stream: The stream; stderr by default.
         environ: The environment variables.
     """
     stream = stream or sys.stderr
@@ -65,6 +65,7 @@ def set_up_logging(stream: TextIO | None = None, environ: Mapping[str, str] = os
     ]
     last = _for_journal() if _is_journal(stream, environ) else _for_people(stream)
     structlog.configure(
+        # The limit first, because a dropped line should cost nothing more.
         processors=[EventRateLimit(), *shared, *last],
         wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
         logger_factory=structlog.WriteLoggerFactory(stream),
@@ -86,7 +87,7 @@ def logger(room: str) -> Any:
 
 
 def _is_journal(stream: TextIO, environ: Mapping[str, str]) -> bool:
-    """Tell whether a stream leads to the journal, which is what systemd names by its inode."""
+    """Return whether a stream leads to the journal, which systemd names by device and inode."""
     try:
         found = os.fstat(stream.fileno())
     except (OSError, ValueError):
@@ -96,7 +97,7 @@ def _is_journal(stream: TextIO, environ: Mapping[str, str]) -> bool:
 
 def _for_people(stream: TextIO) -> list[Processor]:
     return [
-        _shortened,
+        _for_readers,
         structlog.dev.ConsoleRenderer(
             colors=stream.isatty(),
             pad_event_to=0,
@@ -107,7 +108,7 @@ def _for_people(stream: TextIO) -> list[Processor]:
 
 def _for_journal() -> list[Processor]:
     return [
-        _dated,
+        _with_instant,
         structlog.processors.format_exc_info,
         structlog.processors.JSONRenderer(sort_keys=True),
         _with_priority,
@@ -115,11 +116,12 @@ def _for_journal() -> list[Processor]:
 
 
 def _with_priority(_logger: WrappedLogger, level: str, line: Any) -> str:
+    # systemd reads the priority from the beginning of each line.
     return f"<{_PRIORITIES.get(level, 6)}>{line}"
 
 
 def _finite(_logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
-    """Leave out numbers that say nothing and that JSON does not have."""
+    """Remove numbers that are not finite: JSON has none, and they have no meaning here."""
     return {
         key: value
         for key, value in event.items()
@@ -127,23 +129,24 @@ def _finite(_logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
     }
 
 
-def _shortened(_logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
-    """Put time and text of an event first, and leave out what only programs read."""
+def _for_readers(_logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
+    """Put time and text of an event first, and remove fields that only programs need."""
     if text := event.pop("text", ""):
         event["event"] = f"{event['event']}: {text}"
-    event["timestamp"] = _when(event.pop("t_ns", None)).strftime("%H:%M:%S.%f")
+    event["timestamp"] = _local_time(event.pop("t_ns", None)).strftime("%H:%M:%S.%f")
     event.pop("room", None)
     return event
 
 
-def _dated(_logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
-    """Tell when an event was that is logged only now; of others the journal knows it."""
+def _with_instant(_logger: WrappedLogger, _level: str, event: EventDict) -> EventDict:
+    """Add the instant of an event that is logged later; the journal knows that of other lines."""
     if "t_ns" in event:
-        event["at"] = _when(event["t_ns"]).isoformat()
+        event["at"] = _local_time(event["t_ns"]).isoformat()
     return event
 
 
-def _when(t_ns: int | None) -> datetime:
+def _local_time(t_ns: int | None) -> datetime:
     """Convert an instant of the monotonic clock to local time; None is the present."""
+    # By way of the age, because the monotonic clock has no date.
     age_ns = 0 if t_ns is None else time.monotonic_ns() - t_ns
     return datetime.fromtimestamp((time.time_ns() - age_ns) / NS_PER_S).astimezone()

@@ -1,6 +1,6 @@
-"""Who each device said it is when the loop opened it, in a file that outlives the loop.
+"""The identity of each device when the loop opened it, in a file that outlives the loop.
 
-`piezod safe` writes to no other one.
+`piezod safe` writes only to devices with these identities.
 """
 
 import json
@@ -12,7 +12,7 @@ from piezod.devices.interface import Identity
 
 
 def note_identities(path: Path, identities: Mapping[str, Identity]) -> None:
-    """Note who each device is, by its name in the configuration.
+    """Store the identity of each device, by its name in the configuration.
 
     Raises:
         OSError: If the file cannot be written.
@@ -21,10 +21,10 @@ def note_identities(path: Path, identities: Mapping[str, Identity]) -> None:
 
 
 def noted_identities(path: Path) -> dict[str, Identity]:
-    """Return who each device was; nobody where nobody noted anything that can be read.
+    """Return the stored identities; none without a valid file.
 
     Raises:
-        OSError: If the file is there and cannot be read.
+        OSError: If the file exists and cannot be read.
     """
     try:
         document = json.loads(path.read_bytes())

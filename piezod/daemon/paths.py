@@ -1,7 +1,7 @@
-"""Where a running stage has its files; imports nothing but the standard library.
+"""The paths of a stage's files; imports only the standard library.
 
-`$RUNTIME_DIRECTORY` and `$STATE_DIRECTORY` are what systemd sets; without them a user's own folders
-are taken.
+systemd sets `$RUNTIME_DIRECTORY` and `$STATE_DIRECTORY`; without them the user's own folders are
+used.
 """
 
 import errno
@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 from piezod.errors import ConfigError, Problem
 
-# Of the 108 bytes of a unix socket's address the last is a zero.
+# The address of a unix socket has 108 bytes, the last of which is zero.
 LONGEST_SOCKET_PATH: Final = 107
 LOOP_LOCK: Final = "loop.lock"
 IDENTITIES: Final = "identities.json"
@@ -24,9 +24,9 @@ class StagePaths(NamedTuple):
     """The files of one stage.
 
     Attributes:
-        name: Name of the stage: that of its configuration file, without the ending.
-        runtime: Folder that lasts until the machine goes down.
-        state: Folder that stays.
+        name: Name of the stage: that of its configuration file, without the suffix.
+        runtime: Folder that lasts until the machine is shut down.
+        state: Folder that lasts.
     """
 
     name: str
@@ -35,12 +35,12 @@ class StagePaths(NamedTuple):
 
     @property
     def lock(self) -> Path:
-        """The file that the supervisor keeps locked for life, its process id inside."""
+        """The file that the supervisor locks until its end, with its process id."""
         return self.runtime / "lock"
 
     @property
     def loop_lock(self) -> Path:
-        """The file that whoever has the devices keeps locked: a loop or `piezod safe`."""
+        """The file that the present user of the devices locks: a loop process or `piezod safe`."""
         return self.runtime / LOOP_LOCK
 
     @property
@@ -50,22 +50,22 @@ class StagePaths(NamedTuple):
 
     @property
     def loop_map(self) -> Path:
-        """What supervisor and loop process share."""
+        """The memory shared by supervisor and loop process."""
         return self.runtime / "loop.map"
 
     @property
     def output_map(self) -> Path:
-        """The voltage written last on each axis, for `piezod safe`."""
+        """The last written voltage of each axis, for `piezod safe`."""
         return self.runtime / "output.map"
 
     @property
     def identities(self) -> Path:
-        """Who each device said it is when the loop opened it, for `piezod safe`."""
+        """The identity of each device when the loop opened it, for `piezod safe`."""
         return self.runtime / IDENTITIES
 
     @property
     def running(self) -> Path:
-        """The mark that is there while the stage is running."""
+        """The mark of a running stage."""
         return self.state / "running"
 
     @property
@@ -80,25 +80,26 @@ class StagePaths(NamedTuple):
 
     @property
     def flights(self) -> Path:
-        """Folder of the flight recorder."""
+        """Folder of the flight records."""
         return self.state / "flights"
 
     @property
     def audit(self) -> Path:
-        """The record of who did what."""
+        """The audit log."""
         return self.state / "audit.jsonl"
 
     def make_folders(self) -> None:
-        """Make the folders, for this user only; those that are there keep their mode.
+        """Make the folders, for this user only; existing ones keep their mode.
 
         Raises:
-            OSError: If one cannot be made or belongs to somebody else, or if the path is too long
-                for a socket.
+            OSError: If one cannot be made or belongs to another user, or if the path of the socket
+                is too long.
         """
         for folder in (self.runtime, self.state):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            _check_ours(folder.parent)
-            _check_ours(folder)
+            # The parent too: a user who may write there could replace the folder.
+            _check_owner(folder.parent)
+            _check_owner(folder)
         if len(os.fsencode(self.api_socket)) > LONGEST_SOCKET_PATH:
             what = f"too long for a socket, allowed: {LONGEST_SOCKET_PATH} bytes; "
             remedy = "set XDG_RUNTIME_DIR to a shorter path"
@@ -106,14 +107,14 @@ class StagePaths(NamedTuple):
 
 
 def stage_paths(config: Path, environ: Mapping[str, str] = os.environ) -> StagePaths:
-    """Return where the stage of a configuration file has its files; makes none of them.
+    """Return the paths of the files of a stage; make none of them.
 
     Args:
         config: The configuration file.
         environ: The environment variables.
 
     Raises:
-        ConfigError: If no folder can have the file's name.
+        ConfigError: If a folder cannot have the file's name.
     """
     name = config.stem
     if not name or name.startswith("."):
@@ -138,15 +139,16 @@ def _state(name: str, environ: Mapping[str, str]) -> Path:
 
 
 def _given(variable: str, environ: Mapping[str, str]) -> Path | None:
-    """Return the folder that a variable names: the first of several, and only an absolute one."""
+    """Return the folder in a variable, the first of several; None if it is not absolute."""
     folder = Path(environ.get(variable, "").split(":")[0])
     return folder if folder.is_absolute() else None
 
 
-def _check_ours(folder: Path) -> None:
-    """Refuse a folder that others made or may write to: they could put their own socket there."""
+def _check_owner(folder: Path) -> None:
+    """Refuse a folder that other users own or may write to: they could put a socket there."""
     found = folder.lstat()
+    # With the sticky bit, as in /tmp, others cannot replace what is not theirs.
     shared = found.st_mode & stat.S_IWOTH and not found.st_mode & stat.S_ISVTX
     if not stat.S_ISDIR(found.st_mode) or found.st_uid not in (os.getuid(), 0) or shared:
-        what = "must be a folder of this user that nobody else may write to; remove it"
+        what = "must be a folder of this user that no other user may write to; remove it"
         raise PermissionError(errno.EACCES, what, str(folder))

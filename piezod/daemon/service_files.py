@@ -1,7 +1,7 @@
-"""The files of the systemd service: where they go, and how they get there.
+"""The files of the systemd service: their places, and their installation.
 
-The unit runs `/usr/bin/piezod`, which is where a distribution's package has it; the command in use
-is put in its place.
+The shipped unit runs `/usr/bin/piezod`, where a distribution's package has it; the installation
+replaces that by the present command.
 """
 
 import errno
@@ -18,28 +18,29 @@ TARGETS: Final = {
     "piezod.sysusers": Path("usr/lib/sysusers.d/piezod.conf"),
     "piezod.tmpfiles": Path("usr/lib/tmpfiles.d/piezod.conf"),
 }
-"""Where each file goes, below the root."""
+"""Path of each file, below the root."""
 PACKAGED: Final = "/usr/bin/piezod"
 _HIDDEN: Final = (Path("/home"), Path("/root"), Path("/run/user"))
-"""What ProtectHome= of the unit hides."""
+"""Folders that ProtectHome= of the unit hides."""
 
 
 def install(source: Path, root: Path, command: Path) -> list[Path]:
     """Write the files; those of an earlier version are replaced.
 
     Args:
-        source: The folder that has them as they are shipped.
-        root: Below which they go; / but for packaging.
-        command: What the unit is to run, an absolute path.
+        source: Folder of the shipped files.
+        root: Folder below which they are written: /, or another one to build a package.
+        command: Absolute path of the command that the unit runs.
 
     Returns:
-        What was written.
+        The files that were written.
 
     Raises:
         OSError: If one cannot be written.
         ValueError: If a unit cannot have that command, or its service could not run it.
     """
     _check_command(command)
+    # Read all before the first is written: a missing file must not leave half an installation.
     texts = {name: (source / name).read_text(encoding="utf-8") for name in TARGETS}
     texts["piezod@.service"] = texts["piezod@.service"].replace(PACKAGED, str(command))
     written = []
@@ -52,7 +53,7 @@ def install(source: Path, root: Path, command: Path) -> list[Path]:
 
 
 def uninstall(root: Path) -> list[Path]:
-    """Remove the files, as far as they are there; return those that were.
+    """Remove the files that exist; return them.
 
     Raises:
         OSError: If one cannot be removed.
@@ -64,20 +65,20 @@ def uninstall(root: Path) -> list[Path]:
 
 
 def check_root(root: Path) -> None:
-    """Refuse to begin without the rights for it.
+    """Check that this user may write the files.
 
     Raises:
         PermissionError: If the files are for this machine and this user is not root.
     """
     if root == Path("/") and os.geteuid() != 0:
-        what = "only root may write here; run it by sudo, or for packaging with --root DIR"
+        what = "only root may write here; run it with sudo, or with --root DIR to build a package"
         raise PermissionError(errno.EACCES, what, str(root / TARGETS["piezod@.service"].parent))
 
 
 def why_unreachable(path: Path) -> str:
-    """Tell why the user of the service could not run a file of this machine; empty if it could."""
+    """Return why the user of the service could not run a file of this machine, or ""."""
     real = path.resolve()
-    for folder in real.parents:
+    for folder in real.parents:  # each of them needs the x permission for others
         if folder in _HIDDEN:
             return f"the service sees nothing below {folder}"
         if folder.exists() and not folder.stat().st_mode & stat.S_IXOTH:
@@ -86,6 +87,7 @@ def why_unreachable(path: Path) -> str:
 
 
 def _check_command(command: Path) -> None:
+    # Any other character would need quotes in a unit.
     text = str(command)
     if not command.is_absolute() or any(not (c.isalnum() or c in "/._-+@") for c in text):
         raise ValueError(f"must be an absolute path of letters, digits and /._-+@ (got {text!r})")

@@ -39,7 +39,7 @@ identification:
 """
 INTERRUPTED = 130
 ATTEMPTS = 3
-LATE = re.compile(r"\bL[257]\b|the loop (skipped cycles|did not look at the request)")
+LATE = re.compile(r"\bL[257]\b|the loop (skipped cycles|did not take the request)")
 """What a command or the daemon's log says where the machine was too busy for the loop."""
 
 

@@ -1,4 +1,4 @@
-"""A link to a stage over a memory that no loop shares yet."""
+"""A stage link over shared memory, without a loop."""
 
 import asyncio
 import os
@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 
 class Bench:
-    """A link over a memory that no loop shares yet."""
+    """A stage link over shared memory, without a loop."""
 
     def __init__(self, folder: Path, config: DaemonConfig, *, shadow: bool = False) -> None:
         self.paths = StagePaths("rig", folder / "runtime", folder / "state")
@@ -41,11 +41,11 @@ class Bench:
         )
 
     def connection(self) -> LoopConnection:
-        """Make the memory of a loop."""
+        """Make the shared memory of a loop."""
         return LoopConnection(self.config, create(self.paths.loop_map, Layout.of(self.config)))
 
     def do(self, call: Callable[[StageLink], Awaitable[T]], answer: Answer | None = None) -> T:
-        """Call the link while a loop answers."""
+        """Call the link while a fake loop answers."""
 
         async def called() -> T:
             return await call(self.link)
@@ -58,7 +58,7 @@ class Bench:
     def record(
         self, state: State, present: int = 0, *, shadow: bool = False, **axis: float
     ) -> None:
-        """Write a record, as a loop does; numbers that are not given are NaN."""
+        """Write a record like a loop; numbers that are not given are NaN."""
         write_record(self.loop.shared, state, present, shadow=shadow, **axis)
 
     async def _reload(self, peer: Peer) -> dict[str, Any]:

@@ -15,7 +15,7 @@ StartDaemon = Callable[..., Daemon]
 
 @pytest.fixture(autouse=True)
 def _log_as_before() -> Iterator[None]:
-    """Undo what a test did to the log of this process."""
+    """Restore the log settings of this process after a test."""
     root = logging.getLogger()
     level, handlers = root.level, root.handlers[:]
     yield
@@ -32,7 +32,7 @@ def rig_file(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def start() -> Iterator[StartDaemon]:
-    """Return what starts a daemon; none of its processes outlives the test."""
+    """Return a function that starts a daemon; its processes end with the test."""
     with ExitStack() as stack:
 
         def start_daemon(config: Path, *arguments: str, **environ: str) -> Daemon:

@@ -1,4 +1,4 @@
-"""Daemons as processes of their own, for tests."""
+"""Daemons as processes, for tests."""
 
 import json
 import os
@@ -23,7 +23,7 @@ from piezod.telemetry.words import Word
 from tests.daemon.waiting import eventually
 from tests.forked import Forked
 
-# A unix socket has none; httpx's own takes 25 ms to make, too long for who asks again and again.
+# A unix socket needs no TLS; httpx's own context takes 25 ms to make, too long for polling.
 NO_TLS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 REPOSITORY = Path(__file__).parents[2]
 SHIPPED = REPOSITORY / "config" / "simulated.yaml"
@@ -34,7 +34,7 @@ UP_WITHIN_S = 90.0
 
 
 class Daemon:
-    """`piezod run` with folders of its own; whatever a test does, no process is left behind.
+    """`piezod run` with its own folders; no process outlives the object.
 
     Args:
         config: The configuration file.
@@ -43,7 +43,7 @@ class Daemon:
     """
 
     def __init__(self, config: Path, *arguments: str, **environ: str) -> None:
-        # A socket's path is short, and pytest's folders are not.
+        # The path of a socket must be short, and pytest's folders have long ones.
         self.folder = Path(tempfile.mkdtemp(prefix="pz-"))
         self.config = config
         self.environ = {
@@ -59,18 +59,18 @@ class Daemon:
         self.process = self.another()
 
     def start(self) -> None:
-        """Start it again after its end."""
+        """Start the daemon again after its end."""
         self.process = self.another()
 
     def another(self) -> Forked:
-        """Start `piezod run` with the same files; the caller waits for its end."""
+        """Start a further `piezod run` with the same files; the caller waits for its end."""
         arguments = ("run", *self._arguments, str(self.config))
         with self.log.open("ab") as log, Path(os.devnull).open("rb") as nothing:
             streams = (nothing.fileno(), log.fileno(), log.fileno())
             return Forked(arguments, streams, self.environ)
 
     def command(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
-        """Run another command of ours with the same folders."""
+        """Run another `piezod` command with the same folders."""
         with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
             with Path(os.devnull).open("rb") as nothing:
                 streams = (nothing.fileno(), out.fileno(), err.fileno())
@@ -81,12 +81,12 @@ class Daemon:
 
     @property
     def text(self) -> str:
-        """What it has printed, without colours."""
+        """Its output, without colours."""
         return re.sub("\x1b\\[[0-9;]*m", "", self.log.read_text(encoding="utf-8"))
 
     @property
     def loop_pid(self) -> int:
-        """The process id of its loop; 0 as long as there is none."""
+        """Process id of its loop; 0 without one."""
         try:
             return attach(self.paths.loop_map).words[Word.LOOP_PID]
         except (OSError, MapError):
@@ -94,7 +94,7 @@ class Daemon:
 
     def ask(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
         """Send a request to its HTTP interface."""
-        # Not so often that the daemon refuses to answer, nor that waiting costs much.
+        # Rarely enough for the rate limit of the daemon, often enough for a short test.
         time.sleep(max(0.0, self._ask_at_s - time.monotonic()))
         self._ask_at_s = time.monotonic() + ASK_EACH_S
         transport = httpx.HTTPTransport(uds=str(self.paths.api_socket), verify=NO_TLS)
@@ -102,15 +102,15 @@ class Daemon:
             return client.request(method, path, json=body)
 
     def do(self, verb: str, **fields: Any) -> dict[str, Any]:
-        """Have it carry out a request."""
+        """Send a request that must be accepted; return the answer."""
         response = self.ask("POST", verb, fields)
         assert response.status_code == 200, response.text
         answer: dict[str, Any] = response.json()
         return answer
 
     def status(self) -> dict[str, Any]:
-        """Return its status; empty where it does not answer."""
-        # Asked first, because httpx does not close a socket that could not be connected.
+        """Return its status; empty if it does not answer."""
+        # Try the socket first: httpx does not close one that cannot be connected.
         with socket.socket(socket.AF_UNIX) as probe:
             if probe.connect_ex(str(self.paths.api_socket)):
                 return {}
@@ -121,7 +121,7 @@ class Daemon:
         return status
 
     def until(self, state: str, within_s: float = 20.0) -> dict[str, Any]:
-        """Wait for a state; return the status in it."""
+        """Wait for a state; return the status then."""
 
         def there() -> dict[str, Any]:
             assert self.process.poll() is None, self.text
@@ -140,13 +140,13 @@ class Daemon:
         arrived: Callable[[dict[str, Any]], object] = bool,
         within_s: float = 60.0,
     ) -> dict[str, Any]:
-        """Have it move, anew where its loop was too late on a busy machine; return the status then.
+        """Let it move, and repeat the commands if late cycles stop it; return the status in RUN.
 
         Args:
-            verb: What it is told once it is armed.
-            fields: Of that request.
-            arrived: What its status in RUN has to tell.
-            within_s: How long at most.
+            verb: The request that moves an armed stage.
+            fields: Fields of that request.
+            arrived: Returns whether a status in RUN ends the wait.
+            within_s: Longest wait, in s.
         """
         answers: list[str] = []
 
@@ -177,7 +177,7 @@ class Daemon:
         self.process.send_signal(number)
 
     def exit_code(self, within_s: float = 90.0) -> int:
-        """Wait for its end; return its exit code."""
+        """Wait for its end; return the exit code."""
         return self.process.wait(within_s)
 
     def __enter__(self) -> Self:
@@ -203,11 +203,11 @@ class Daemon:
 def configuration(folder: Path, **replaced: str) -> Path:
     """Write the configuration of a simulated stage; return its path.
 
-    It is the one that is shipped, at a rate at which a busy machine keeps its cycles.
+    It is the shipped one, with a rate that a busy machine can keep.
 
     Args:
-        folder: Where to write it.
-        **replaced: Lines by their key, to have another value.
+        folder: Its folder.
+        **replaced: New values of lines, by their key.
     """
     text = SHIPPED.read_text(encoding="utf-8")
     text = text.replace("models/", f"{SHIPPED.parent}/models/")
@@ -220,12 +220,12 @@ def configuration(folder: Path, **replaced: str) -> Path:
 
 
 def latched(status: dict[str, Any]) -> list[str]:
-    """Return the ids of what waits for a reset, but for what a busy machine does to the loop."""
+    """Return the ids of latched faults, except those of the loop, which a busy machine causes."""
     return [each["id"] for each in status["faults"] if each["latched"] and each["id"][0] != "L"]
 
 
 def is_alive(pid: int) -> bool:
-    """Tell whether a process lives; one that nobody has waited for yet does not."""
+    """Return whether a process is alive; a zombie is not."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_text(encoding="ascii")
     except (FileNotFoundError, ProcessLookupError):

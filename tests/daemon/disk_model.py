@@ -1,8 +1,8 @@
-"""A disk that has not been told to sync: what may be found on it when the power fails.
+"""A model of a disk: the files that may be found after a power failure.
 
-`LoggingOs` stands in for the module `os` and notes what is done to files; `crash_states` gives for
-a log every folder that a power loss at its end may leave: a name that was not synced may be there
-or not, content that was not synced may be there, cut off, zero, or missing.
+`LoggingOs` replaces the module `os` and logs the operations on files. `crash_states` yields every
+folder that a power failure at the end of such a log may leave. A name that was not synced may be
+there or not; contents that were not synced may be complete, truncated, zero or missing.
 """
 
 import os
@@ -15,13 +15,13 @@ Folder = dict[str, bytes]
 
 
 class Op(NamedTuple):
-    """What was done: "write", "sync", "rename" or "sync-folder".
+    """An operation: "write", "sync", "rename" or "sync-folder".
 
     Attributes:
-        kind: What.
+        kind: Its kind.
         name: Name of the file.
         to: New name.
-        content: What was written.
+        content: The bytes that were written.
     """
 
     kind: str
@@ -31,7 +31,7 @@ class Op(NamedTuple):
 
 
 class LoggingOs:
-    """The module `os`, which also notes what is done to files."""
+    """The module `os`, with a log of the operations on files."""
 
     def __init__(self) -> None:
         self.log: list[Op] = []
@@ -60,7 +60,7 @@ class LoggingOs:
 
 
 def crash_states(before: Folder, log: list[Op]) -> Iterator[Folder]:
-    """Give every folder that may be found after a power loss at the end of a log."""
+    """Yield every folder that may be found after a power failure at the end of a log."""
     written: dict[str, bytes] = {}
     synced: set[str] = set()
     renamed: list[tuple[str, str, bool]] = []
@@ -84,6 +84,6 @@ def _states_of(
     found = [content]
     if name not in synced:
         found += [b"", content[: len(content) // 2], bytes(len(content))]
-    # Where the new name has not reached the disk, the temporary one may be there, or neither.
+    # If the new name has not reached the disk, the temporary one may be there, or neither.
     without: list[Folder] = [] if name_synced else [{}, *({name: each} for each in found)]
     return [{to: each} for each in found] + without

@@ -23,20 +23,20 @@ AXIS = """
 
 
 class FakeAmplifier:
-    """Gives at once what it is told to give.
+    """Applies every voltage at once.
 
     Attributes:
-        drive_v: The voltage of each axis.
-        writes: Instant and voltages of each write that was taken.
-        reads_back: Whether it tells its voltage.
-        silent: Whether it tells NaN instead.
-        refuses: Whether it takes no write.
-        stuck: Whether it takes writes and does nothing.
+        drive_v: Voltage of each axis.
+        writes: Instant and voltages of each accepted write.
+        reads_back: Whether it can read back.
+        silent: Whether it reads back NaN.
+        refuses: Whether it refuses every write.
+        stuck: Whether it accepts writes without effect.
         absent: How often it cannot be opened.
-        wrong: What its driver raises instead of opening it.
-        closed: Whether it was let go of.
+        wrong: Exception that its driver raises when it is opened.
+        closed: Whether it was closed.
         activated: Whether it was activated.
-        highest_v: The highest voltage that it takes.
+        highest_v: Highest voltage that it accepts.
     """
 
     def __init__(self, axes: tuple[str, ...], drive_v: float = 75.0) -> None:
@@ -82,11 +82,11 @@ class FakeAmplifier:
 
 
 class NoOptions(ConfigModel):
-    """There are none."""
+    """A driver without options."""
 
 
 def stage_of(axes: dict[str, tuple[str, float]]) -> DaemonConfig:
-    """Return the configuration of a stage: the amplifier and the safe voltage of each axis."""
+    """Return the configuration of a stage, from the amplifier and the safe voltage of each axis."""
     devices = "".join(f"\n  {name}: {{driver: fake}}" for name in {a for a, _ in axes.values()})
     text = "".join(
         AXIS.format(name=name, amplifier=amplifier, safe_v=safe_v)
@@ -97,7 +97,7 @@ def stage_of(axes: dict[str, tuple[str, float]]) -> DaemonConfig:
 
 
 def plugin_of(create: Callable[[tuple[str, ...]], Device]) -> DriverPlugin[Any]:
-    """Return a driver that constructs what a test wants it to."""
+    """Return a driver that constructs the devices of a test."""
 
     def make(_options: NoOptions, wiring: Wiring, _seed: int) -> Device:
         return create(wiring.outputs)

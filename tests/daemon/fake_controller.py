@@ -1,4 +1,4 @@
-"""A controller that notes what the loop tells it, for tests of the loop."""
+"""A controller that records the calls of the loop."""
 
 from math import nan
 
@@ -15,11 +15,11 @@ from piezod.testing.fake_clock import FakeClock
 
 
 class FakeController:
-    """Takes everything; reads and writes in each cycle, as a real one does.
+    """Accepts every request; reads and writes in each cycle like the real one.
 
     Args:
-        devices: What it reads and writes.
-        clock: What its cycles spend time on.
+        devices: The devices that it uses.
+        clock: The clock that its cycles advance.
     """
 
     def __init__(self, devices: TimedChannels, clock: FakeClock) -> None:
@@ -34,30 +34,30 @@ class FakeController:
         self.events: list[StageEvent] = []
 
     def execute(self, request: Request, t_ns: int) -> Answer:  # noqa: ARG002 - as the real one
-        """Note a request; Shutdown finishes."""
+        """Record a request; a shutdown finishes."""
         self.requests.append(request)
         self.finished = isinstance(request, Shutdown)
         return Answer(accepted=True, motion=len(self.requests))
 
     def stream_um(self, axis: int, position_um: float, t_ns: int) -> None:
-        """Note a setpoint."""
+        """Record a setpoint."""
         self.setpoints.append((axis, position_um, t_ns))
 
     def report(self, detection: Detection) -> None:
-        """Note a fault."""
+        """Record a detection."""
         self.detections.append(detection)
 
     def take_events(self) -> list[StageEvent]:
-        """Give what a test has put there."""
+        """Return the events of a test."""
         events, self.events = self.events, []
         return events
 
     def learned(self, axis: int) -> tuple[list[float], float, float, float]:
-        """Tell something that differs from axis to axis."""
+        """Return values that differ between axes."""
         return [axis + 0.5], 1.0, 2.0, 3.0
 
     def cycle(self, t_ns: int, timing: CycleTiming) -> CycleRecord:
-        """Read, take its time, write."""
+        """Read, spend time, write."""
         self.timings.append(timing)
         sample = self._devices.read(t_ns)[0]
         read_back_v = self._devices.read_back(t_ns)[0]

@@ -1,7 +1,7 @@
-"""A loop that drives nothing: it counts healthy cycles and answers requests.
+"""A loop without devices: it counts healthy cycles and answers requests.
 
 As a process, `python fake_loop.py RUNTIME CONFIG COPY`, it accepts the configuration like a real
-loop process. It ends with code 3 when it is started, if the title of the configuration is "broken".
+loop process. If the title of the configuration is "broken", it ends with code 3 when it is started.
 """
 
 import json
@@ -25,11 +25,11 @@ from piezod.telemetry.words import Word
 
 
 class FakeLoop(threading.Thread):
-    """Answers requests until it is told to shut down, or the block is left.
+    """Answers requests until a shutdown, or until the block ends.
 
     Args:
         shared: The memory shared with a supervisor.
-        answer: What to answer to everything; left out: accepted, as motion 7.
+        answer: Its answer to every request; by default accepted, as motion 7.
     """
 
     def __init__(self, shared: SharedMap, answer: Answer | None = None) -> None:
@@ -40,7 +40,7 @@ class FakeLoop(threading.Thread):
         self._ending = threading.Event()
 
     def run(self) -> None:
-        """Count and answer."""
+        """Count cycles and answer requests."""
         words, mailbox = self._shared.words, MailboxReader(self._shared)
         words[Word.LOOP_STATE] = list(State).index(State.SAFE)
         words[Word.LOOP_ASKABLE] = 1
@@ -67,13 +67,13 @@ class FakeLoop(threading.Thread):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """End it."""
+        """End the thread."""
         self._ending.set()
         self.join()
 
 
 def accept(source: Path, copy: Path) -> bool:
-    """Accept a configuration as a loop process does, without its drivers; return whether to run."""
+    """Accept a configuration like a loop process, without drivers; return whether to run."""
     copy.parent.mkdir(exist_ok=True)
     try:
         document = load_yaml(source).data

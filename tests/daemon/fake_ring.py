@@ -1,4 +1,4 @@
-"""A ring of records as the loop fills it, without the loop."""
+"""A ring of records, without a loop."""
 
 from collections.abc import Mapping, Sequence
 from threading import Lock
@@ -10,7 +10,7 @@ from tests.records.telemetry import records
 
 
 class FakeRing:
-    """Holds so many of the newest records; a reader begins with what comes next."""
+    """Holds the newest records, up to its capacity; a reader begins with the next record."""
 
     def __init__(self, capacity: int = 100_000) -> None:
         self._capacity = capacity
@@ -19,7 +19,7 @@ class FakeRing:
         self.weights: dict[str, Sequence[float]] = {"x": [1.0, 2.0], "y": [3.0]}
 
     def learned(self) -> Mapping[str, Sequence[float]]:
-        """Return the weights that axes have."""
+        """Return the weights of the axes."""
         return self.weights
 
     def run(self, cycles: int) -> None:
@@ -32,16 +32,16 @@ class FakeRing:
         return FakeReader(self)
 
     def last(self, count: int) -> NDArray[Any]:
-        """Return up to so many of the newest records."""
+        """Return the newest records, at most `count`."""
         return records(max(0, self.newest - min(count, self._capacity)), self.newest)
 
     def oldest(self) -> int:
-        """Return the number of the oldest record that is still there."""
+        """Return the number of the oldest record that is left."""
         return max(0, self.newest - self._capacity)
 
 
 class FakeReader:
-    """Reads a ring from where it was."""
+    """Reads the records since its last call."""
 
     def __init__(self, ring: FakeRing) -> None:
         self._ring, self.position = ring, ring.newest
@@ -55,7 +55,7 @@ class FakeReader:
 
 
 class EndlessReader:
-    """Gives a thousand records whenever it is asked."""
+    """Returns a thousand records at each call."""
 
     def __init__(self) -> None:
         self._position = 0

@@ -1,4 +1,4 @@
-"""Locks as tests see them."""
+"""Locks, as tests see them."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from piezod.errors import AlreadyRunningError
 
 
 def is_held(path: Path) -> bool:
-    """Tell whether somebody else holds a lock; False also where there is no file."""
+    """Return whether another process holds a lock; False without a file."""
     if not path.exists():
         return False
     try:

@@ -1,4 +1,4 @@
-"""The loop process with a test in the place of its supervisor."""
+"""The loop process, with a test instead of its supervisor."""
 
 import subprocess
 import sys
@@ -26,23 +26,23 @@ from tests.daemon.waiting import eventually
 
 BEAT_S = 0.05
 STARTED_WITHIN_S = 90.0
-"""On a fresh clone the kernels are compiled first."""
+"""On a fresh clone, the kernels are compiled first."""
 
 
 def beat(shared: SharedMap, silent: threading.Event) -> None:
-    """Show a loop a supervisor's life until it shall be silent."""
+    """Renew the beat of a supervisor until the event is set."""
     while not silent.is_set():
         shared.words[Word.SUPERVISOR_BEAT_NS] = time.monotonic_ns()
         silent.wait(BEAT_S)
 
 
 class LoopChild:
-    """A loop process, with a thread that shows it a supervisor's life.
+    """A loop process, and a thread that renews the beat of its supervisor.
 
     Args:
         runtime: The runtime folder.
         config: The configuration file.
-        words: What the supervisor sets before it starts the loop.
+        words: Words that the supervisor sets before it starts the loop.
     """
 
     def __init__(self, runtime: Path, config: Path, **words: int) -> None:
@@ -51,7 +51,7 @@ class LoopChild:
         for name, value in words.items():
             self.shared.words[Word[name]] = value
         self._events = EventReader(self.shared)
-        self._told: list[StageEvent] = []
+        self._all_events: list[StageEvent] = []
         self._mailbox = MailboxWriter(self.shared)
         self.silent = threading.Event()
         self._beating = threading.Thread(target=beat, args=(self.shared, self.silent))
@@ -78,7 +78,7 @@ class LoopChild:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Leave no process and no thread behind."""
+        """End the process and the thread."""
         self.silent.set()
         self._beating.join()
         self.process.kill()
@@ -86,14 +86,14 @@ class LoopChild:
 
     @property
     def state(self) -> State:
-        """The state that it tells."""
+        """Its state."""
         return list(State)[self.shared.words[Word.LOOP_STATE]]
 
     @property
     def events(self) -> list[StageEvent]:
         """All events so far."""
-        self._told += self._events.read()[0]
-        return self._told
+        self._all_events += self._events.read()[0]
+        return self._all_events
 
     def latest(self) -> np.void:
         """Return the newest record."""
@@ -102,7 +102,7 @@ class LoopChild:
         return latest
 
     def wait_for(self, *states: State) -> None:
-        """Wait until it tells one of these states, and lives."""
+        """Wait until a living process is in one of these states."""
 
         def there() -> bool:
             assert self.process.poll() is None, self.events
@@ -111,7 +111,7 @@ class LoopChild:
         eventually(there, STARTED_WITHIN_S)
 
     def ask(self, request: Request) -> MailboxAnswer:
-        """Have it carry out a request; return what became of it."""
+        """Post a request; return its answer."""
         number = self._mailbox.post(encode(request), time.monotonic_ns() + 10 * 10**9)
         answer = eventually(lambda: self._mailbox.answer(number))
         assert answer is not None

@@ -1,7 +1,7 @@
-"""A process that saves parameters until it is killed, again and again.
+"""A process that saves parameters again and again until it is killed.
 
-For each line on its input it forks a child, which tells its process id and then the number of each
-save; when the child has been killed, the parent tells "gone". Started by `test_parameter_crash`.
+For each line on its input it forks a child, which prints its process id and then the number of each
+save. When the child has been killed, the parent prints "gone". `test_parameter_crash` starts it.
 """
 
 import os
@@ -15,24 +15,24 @@ from tests.daemon.stored import MODEL, WHEN, parameters
 
 
 def save_for_ever(folder: Path) -> None:
-    """Save parameters that can be told apart by their number."""
-    tell(os.getpid())
+    """Save parameters, each with its number as sensor zero."""
+    report(os.getpid())
     store = ParameterStore(folder, "rig 1", lambda: WHEN)
     newest = store.load().document
     for number in count(1 if newest is None else newest.sequence + 1):
-        tell(store.save(parameters(float(number)), "saver"))
+        report(store.save(parameters(float(number)), "saver"))
 
 
-def tell(what: object) -> None:
+def report(what: object) -> None:
     """Write a line in one piece."""
     os.write(1, f"{what}\n".encode())
 
 
 if __name__ == "__main__":
-    from_model_file(MODEL)  # what it compiles or loads, each child would have to otherwise
+    from_model_file(MODEL)  # compile and load now, else each child would have to
     for _ in sys.stdin:
         child = os.fork()
         if not child:
             save_for_ever(Path(sys.argv[1]))
         os.waitpid(child, 0)
-        tell("gone")
+        report("gone")

@@ -1,4 +1,4 @@
-"""Parameters for tests to store: each document can be told from the others by its zero."""
+"""Parameters for tests to store, recognised by their sensor zero."""
 
 from datetime import UTC, datetime
 

@@ -1,4 +1,4 @@
-"""The copy of a configuration that was accepted."""
+"""The copy of an accepted configuration."""
 
 import json
 from pathlib import Path
@@ -13,8 +13,8 @@ from tests.daemon.daemons import REPOSITORY
 SHIPPED = REPOSITORY / "config" / "simulated.yaml"
 
 
-def test_copy_says_the_same(tmp_path: Path) -> None:
-    """A loop that reads the copy runs what the file said."""
+def test_copy_has_the_same_values(tmp_path: Path) -> None:
+    """The copy has the values of the file."""
     config = accept.load(SHIPPED)
 
     copy = accepted_config.keep(config, tmp_path / "kept", "simulated")
@@ -28,7 +28,7 @@ def test_copy_says_the_same(tmp_path: Path) -> None:
 
 
 def test_a_supervisor_reads_the_same_without_drivers() -> None:
-    """Options of devices stay as they are in the file."""
+    """Without drivers, options of devices stay as they are in the file."""
     document = accepted_config.document(accept.load(SHIPPED))
 
     config = accepted_config.parsed(json.dumps(document), SHIPPED)
@@ -36,8 +36,8 @@ def test_a_supervisor_reads_the_same_without_drivers() -> None:
     assert accepted_config.document(config) == document
 
 
-def test_copy_replaces_what_was_there(tmp_path: Path) -> None:
-    """Nothing of an older configuration stays in the folder."""
+def test_copy_replaces_the_older_one(tmp_path: Path) -> None:
+    """No file of an older configuration stays in the folder."""
     folder = tmp_path / "kept"
     folder.mkdir()
     (folder / "old.yaml").touch()
@@ -48,7 +48,7 @@ def test_copy_replaces_what_was_there(tmp_path: Path) -> None:
 
 
 def test_paths_are_absolute() -> None:
-    """The copy lies elsewhere than the file, so a relative path would lead nowhere."""
+    """The copy is in another folder than the file."""
     document = accepted_config.document(accept.load(SHIPPED))
 
     assert Path(document["axes"]["x"]["model"]).is_absolute()
@@ -65,7 +65,7 @@ def test_command_line_may_ask_for_real_time(tmp_path: Path) -> None:
 
 @pytest.mark.fault("P10")
 def test_unsafe_gain_is_a_mistake_of_the_configuration(tmp_path: Path) -> None:
-    """What only the mathematics finds is told like what the schema finds."""
+    """A problem that only the mathematics finds is reported like one of the schema."""
     text = SHIPPED.read_text(encoding="utf-8")
     text = text.replace("gain_per_s: 50", "gain_per_s: 5000")
     text += "mode: trimmed\n"

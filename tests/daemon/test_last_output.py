@@ -12,12 +12,12 @@ WORDS_PER_AXIS = 4
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """Return where the file is."""
+    """Return the path of the file."""
     return tmp_path / "output.map"
 
 
 def test_newest_voltages_are_read_back(path: Path) -> None:
-    """Of all axes, with the instant, as long as the file is there."""
+    """The file has the newest voltage of every axis, with its instant."""
     writer = LastOutputWriter(path, 2)
     writer.note([1.0, 2.0], 10)
     writer.note([1.5, 2.5], 20)
@@ -26,7 +26,7 @@ def test_newest_voltages_are_read_back(path: Path) -> None:
 
 
 def test_nothing_is_known_before_the_first_write(path: Path) -> None:
-    """No voltage is told that nobody has written."""
+    """Before the first write every voltage is NaN."""
     LastOutputWriter(path, 2)
 
     assert all(isnan(output.drive_v) for output in read_last_output(path))
@@ -34,7 +34,7 @@ def test_nothing_is_known_before_the_first_write(path: Path) -> None:
 
 
 def test_voltages_outlive_the_next_start(path: Path) -> None:
-    """A loop that starts and dies before it writes does not take them away."""
+    """A loop that dies before its first write keeps the voltages."""
     LastOutputWriter(path, 1).note([42.0], 10)
 
     LastOutputWriter(path, 1)
@@ -43,7 +43,7 @@ def test_voltages_outlive_the_next_start(path: Path) -> None:
 
 
 def test_file_for_another_number_of_axes_is_made_anew(path: Path) -> None:
-    """Its voltages belong to axes that nobody can name."""
+    """The old voltages belong to unknown axes."""
     LastOutputWriter(path, 1).note([42.0], 10)
 
     LastOutputWriter(path, 3)
@@ -51,8 +51,8 @@ def test_file_for_another_number_of_axes_is_made_anew(path: Path) -> None:
     assert [isnan(output.drive_v) for output in read_last_output(path)] == [True] * 3
 
 
-def test_half_written_voltage_is_not_told(path: Path) -> None:
-    """A writer that died within a note leaves the voltage unknown, those of other axes stay."""
+def test_half_written_voltage_is_unknown(path: Path) -> None:
+    """A voltage that the writer did not complete is NaN; the other axes stay."""
     LastOutputWriter(path, 2).note([1.0, 2.0], 10)
     content = bytearray(path.read_bytes())
     words = memoryview(content).cast("q")
@@ -66,27 +66,27 @@ def test_half_written_voltage_is_not_told(path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"1", bytes(7), bytes(16), b"\x02" + bytes(39)])
-def test_file_that_makes_no_sense_tells_nothing(path: Path, content: bytes) -> None:
-    """Cut short, or of another making."""
+def test_invalid_file_gives_nothing(path: Path, content: bytes) -> None:
+    """A truncated or foreign file has no voltages."""
     path.write_bytes(content)
 
     assert read_last_output(path) == []
 
 
-def test_absent_file_tells_nothing(path: Path) -> None:
-    """Nobody has written there yet."""
+def test_absent_file_gives_nothing(path: Path) -> None:
+    """A missing file has no voltages."""
     assert read_last_output(path) == []
 
 
 def test_file_is_private(path: Path) -> None:
-    """Only its owner can say which voltage was written."""
+    """Only its owner may read the file."""
     LastOutputWriter(path, 1)
 
     assert path.stat().st_mode & 0o777 == 0o600
 
 
 def test_reading_needs_the_standard_library_only() -> None:
-    """What ramps the stage down when all else is broken must not need more."""
+    """`piezod safe` must not depend on anything that may be broken."""
     code = "import sys; import piezod.daemon.last_output; print(*sys.modules)"
 
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -96,8 +96,8 @@ def test_reading_needs_the_standard_library_only() -> None:
     assert not {"numpy", "numba", "pydantic"} & set(done.stdout.split())
 
 
-def test_what_is_forgotten_is_not_known(path: Path) -> None:
-    """Of no axis, until it is written again."""
+def test_forgotten_voltages_are_unknown(path: Path) -> None:
+    """After `forget` every voltage is NaN until the next write."""
     writer = LastOutputWriter(path, 2)
     writer.note([60.0, 70.0], 1)
     writer.forget(2)

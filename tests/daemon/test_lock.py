@@ -23,7 +23,7 @@ with Lock(Path(sys.argv[1])):
 
 @pytest.mark.fault("P9")
 def test_lock_that_another_process_holds_is_refused(tmp_path: Path) -> None:
-    """The error names the process that holds it and leads to exit code 75."""
+    """The error names the holder and has exit code 75."""
     path = tmp_path / "lock"
     command = [sys.executable, "-c", HOLD, str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
@@ -36,7 +36,7 @@ def test_lock_that_another_process_holds_is_refused(tmp_path: Path) -> None:
 
 
 def test_released_lock_can_be_taken(tmp_path: Path) -> None:
-    """The file stays, with the process id of the one who has it now."""
+    """The file stays, with the process id of the present holder."""
     path = tmp_path / "lock"
     path.write_text("987654321\n")
     with Lock(path):
@@ -47,7 +47,7 @@ def test_released_lock_can_be_taken(tmp_path: Path) -> None:
 
 
 def test_child_does_not_keep_the_lock(tmp_path: Path) -> None:
-    """A process started under the lock outlives it without holding it."""
+    """A child of the holder does not inherit the lock."""
     path = tmp_path / "lock"
     lock = Lock(path)
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE):
@@ -57,7 +57,7 @@ def test_child_does_not_keep_the_lock(tmp_path: Path) -> None:
 
 
 def test_link_is_not_followed(tmp_path: Path) -> None:
-    """Nobody makes us write our process id into a file of theirs."""
+    """The process id is never written into the target of a link."""
     (tmp_path / "lock").symlink_to(tmp_path / "other")
 
     with pytest.raises(OSError, match="symbolic link"):

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import structlog
 
-from piezod.daemon.logging import MOST, WITHIN_S, EventRateLimit, logger, set_up_logging
+from piezod.daemon.logging import MAX_LINES, WINDOW_S, EventRateLimit, logger, set_up_logging
 from piezod.units import NS_PER_S
 
 
@@ -31,7 +31,7 @@ def journal(tmp_path: Path) -> Path:
 
 
 def test_journal_gets_priority_and_json(journal: Path) -> None:
-    """Each line begins with what systemd takes for its priority; a library's lines too."""
+    """Each line begins with the priority for systemd, also lines of libraries."""
     lines = journal.read_text(encoding="utf-8").splitlines()
 
     assert [line[:3] for line in lines] == ["<3>", "<6>", "<4>"]
@@ -39,7 +39,7 @@ def test_journal_gets_priority_and_json(journal: Path) -> None:
 
 
 def test_journal_gets_no_number_that_json_does_not_have(journal: Path) -> None:
-    """A limit that does not apply is left out."""
+    """A number that is not finite is left out."""
     first = json.loads(journal.read_text(encoding="utf-8").splitlines()[0][3:])
 
     assert first["measured"] == 3.5
@@ -47,7 +47,7 @@ def test_journal_gets_no_number_that_json_does_not_have(journal: Path) -> None:
 
 
 def test_people_get_plain_lines() -> None:
-    """Where nobody said that it is the journal there is no JSON, and an exception is told."""
+    """Any other stream gets no JSON, and the text of exceptions."""
     stream = io.StringIO()
     set_up_logging(stream, {"JOURNAL_STREAM": "1:2"})
 
@@ -67,7 +67,7 @@ def test_people_get_plain_lines() -> None:
 
 @pytest.mark.fault("P15")
 def test_flood_is_cut_and_counted() -> None:
-    """Of a kind ten lines pass in ten seconds; the first one after tells how many did not."""
+    """Ten lines of a kind pass in ten seconds; the next one has the number of dropped lines."""
     now_s = 0.0
     limit = EventRateLimit(lambda: now_s)
     kept = 0
@@ -78,24 +78,24 @@ def test_flood_is_cut_and_counted() -> None:
         except structlog.DropEvent:
             pass
 
-    now_s = WITHIN_S
+    now_s = WINDOW_S
     after = limit(None, "warning", {"event": "fault", "fault": "S4"})
 
-    assert kept == MOST
-    assert after["suppressed"] == 100_000 - MOST
+    assert kept == MAX_LINES
+    assert after["suppressed"] == 100_000 - MAX_LINES
 
 
 def test_flood_of_one_fault_hides_no_other() -> None:
-    """Kinds are counted each for itself."""
+    """Each kind has its own limit."""
     limit = EventRateLimit(lambda: 0.0)
-    for _ in range(MOST):
+    for _ in range(MAX_LINES):
         limit(None, "warning", {"event": "fault", "fault": "S4"})
 
     assert limit(None, "error", {"event": "fault", "fault": "A1"})["fault"] == "A1"
 
 
-def test_journal_is_told_when_it_was(tmp_path: Path) -> None:
-    """What is logged later than it happened has its own time, with the offset from UTC."""
+def test_journal_gets_the_instant_of_an_event(tmp_path: Path) -> None:
+    """An event that is logged later has its own instant, with the offset from UTC."""
     path = tmp_path / "journal"
     with path.open("w", encoding="utf-8") as stream:
         found = os.fstat(stream.fileno())

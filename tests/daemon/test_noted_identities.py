@@ -1,4 +1,4 @@
-"""Who each device was, on record."""
+"""Stored identities of devices."""
 
 from pathlib import Path
 
@@ -10,8 +10,8 @@ from piezod.devices.interface import Identity
 WHO = {"amp": Identity("maker", "stage µ", "1", "1.0"), "fibre": Identity("other", "s", "2", "0")}
 
 
-def test_what_is_noted_is_what_is_read(tmp_path: Path) -> None:
-    """The newest note counts, and nothing else is left behind."""
+def test_stored_identities_come_back(tmp_path: Path) -> None:
+    """The newest file counts, and no other file is left."""
     path = tmp_path / "identities.json"
     note_identities(path, {"amp": WHO["fibre"]})
     note_identities(path, WHO)
@@ -23,8 +23,8 @@ def test_what_is_noted_is_what_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "content", [None, b"", b"\xff", b"[]", b"7", b'{"amp": 7}', b'{"amp": ["a", "b"]}']
 )
-def test_a_file_that_is_none_tells_nobody(tmp_path: Path, content: bytes | None) -> None:
-    """A stage must come down without it, too."""
+def test_invalid_file_gives_nothing(tmp_path: Path, content: bytes | None) -> None:
+    """A stage must be ramped down without this file too."""
     path = tmp_path / "identities.json"
     if content is not None:
         path.write_bytes(content)

@@ -1,4 +1,4 @@
-"""Where a stage has its files."""
+"""Paths of a stage's files."""
 
 import os
 import tempfile
@@ -13,7 +13,7 @@ CONFIG = Path("config/lab.yaml")
 
 
 def test_systemd_names_both_folders() -> None:
-    """What systemd has made is taken as it is, the first where there are several."""
+    """The folders of systemd are used as they are, the first of several."""
     environ = {"RUNTIME_DIRECTORY": "/run/piezod/lab:/run/other", "STATE_DIRECTORY": "/var/lib/p"}
 
     paths = stage_paths(CONFIG, environ)
@@ -23,7 +23,7 @@ def test_systemd_names_both_folders() -> None:
 
 
 def test_users_own_folders_have_the_name_of_the_stage() -> None:
-    """Without systemd each stage of a user has folders of its own."""
+    """Without systemd each stage of a user has its own folders."""
     environ = {"XDG_RUNTIME_DIR": "/run/user/7", "XDG_STATE_HOME": "/home/me/state"}
 
     paths = stage_paths(CONFIG, environ)
@@ -33,7 +33,7 @@ def test_users_own_folders_have_the_name_of_the_stage() -> None:
 
 
 def test_there_are_folders_without_any_variable() -> None:
-    """A relative path in a variable counts as none."""
+    """A relative path in a variable is ignored."""
     paths = stage_paths(CONFIG, {"XDG_RUNTIME_DIR": "here"})
 
     assert paths.runtime == Path(tempfile.gettempdir()) / f"piezod-{os.getuid()}" / "lab"
@@ -52,7 +52,7 @@ def _in(folder: Path) -> dict[str, str]:
 
 
 def test_folders_are_private(tmp_path: Path) -> None:
-    """Nobody else looks into a folder that we make."""
+    """No other user may enter the folders."""
     paths = stage_paths(CONFIG, _in(tmp_path))
 
     paths.make_folders()
@@ -61,19 +61,19 @@ def test_folders_are_private(tmp_path: Path) -> None:
 
 
 def test_folder_that_others_write_to_is_refused(tmp_path: Path) -> None:
-    """In a folder that others may write to they could put a socket of their own."""
+    """Other users could put a socket into such a folder."""
     paths = stage_paths(CONFIG, _in(tmp_path))
     paths.make_folders()
     paths.runtime.chmod(0o777)
 
-    with pytest.raises(PermissionError, match="nobody else may write to") as caught:
+    with pytest.raises(PermissionError, match="no other user may write to") as caught:
         paths.make_folders()
 
     assert caught.value.filename == str(paths.runtime)
 
 
 def test_link_is_refused(tmp_path: Path) -> None:
-    """A link in the place of our folder may lead anywhere."""
+    """A link instead of the folder may lead anywhere."""
     paths = stage_paths(CONFIG, _in(tmp_path))
     paths.make_folders()
     paths.runtime.rmdir()
@@ -84,7 +84,7 @@ def test_link_is_refused(tmp_path: Path) -> None:
 
 
 def test_path_too_long_for_a_socket_is_refused(tmp_path: Path) -> None:
-    """The error says what is allowed and what helps, where the socket's would not."""
+    """The message has the allowed length and a remedy, which that of the socket lacks."""
     paths = stage_paths(CONFIG, _in(tmp_path / ("long" * 30)))
 
     with pytest.raises(OSError, match=r"allowed: 107 bytes; set XDG_RUNTIME_DIR"):

@@ -1,4 +1,4 @@
-"""Waiting for what other processes do, with a deadline."""
+"""Waits for other processes, with a deadline."""
 
 import time
 from collections.abc import Callable
@@ -8,14 +8,14 @@ T = TypeVar("T")
 
 
 def eventually(condition: Callable[[], T], within_s: float = 20.0) -> T:
-    """Return what a condition gives as soon as that counts as true.
+    """Return the value of a condition as soon as it is true.
 
     Args:
-        condition: Asked again and again, every 5 ms.
-        within_s: How long at most. Generous: it only says when to give up, and asserts no timing.
+        condition: Called every 5 ms.
+        within_s: Longest wait, in s: a generous one, which only ends a failing test.
 
     Raises:
-        AssertionError: If the time is over; the text has what the condition gave last.
+        AssertionError: If the time is over; the text has the last value.
     """
     end_s = time.monotonic() + within_s
     while not (found := condition()):

@@ -1,4 +1,4 @@
-"""A stage as a service on a machine: installed as the command says, used as people use it."""
+"""A stage as a service on a machine, installed and used with the commands that people use."""
 
 import csv
 import io
@@ -20,7 +20,7 @@ RAMP_V_PER_S: Final = 100.0
 
 
 class Write(NamedTuple):
-    """A voltage that was written: the rig's instant, and by which process."""
+    """A voltage that was written: instant of the rig, writing process, voltage."""
 
     t_ns: int
     pid: int
@@ -28,17 +28,17 @@ class Write(NamedTuple):
 
 
 class InstalledStage:
-    """The stage, its rig in a service of its own, and two users, of whom one may move it.
+    """The stage, its rig as another service, and two users, of whom one may move the stage.
 
     Args:
-        machine: The machine, piezod installed in it.
+        machine: The machine, with piezod installed.
     """
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        told = json.loads(machine.root(f"{PIEZOD} install-service --json"))
-        for command in told["next"]:
-            # udev is not there in a container; the other lines are for people to fill in.
+        installed = json.loads(machine.root(f"{PIEZOD} install-service --json"))
+        for command in installed["next"]:
+            # A container has no udev; the other lines are for people to fill in.
             if command.startswith("systemd-") or "daemon-reload" in command:
                 machine.root(command)
         machine.root(f"useradd --create-home --groups piezod-view,piezod {OPERATOR}")
@@ -49,7 +49,7 @@ class InstalledStage:
     def _configure(self) -> None:
         self.machine.root(f"{PIEZOD} init /etc/piezod")
         text = self.machine.root("cat /etc/piezod/emulated.yaml")
-        # Slow, and patient: what is tested here are services, on a machine that may be busy.
+        # A low rate and a long time-out, because the machine may be busy.
         text = text.replace("rate_hz: 1000", "rate_hz: 100")
         text = text.replace("ramp_v_per_s: 50", f"ramp_v_per_s: {RAMP_V_PER_S:g}")
         text = text.replace("rig.sock", f"{RIG}/rig.sock, deadline_ms: 500")
@@ -57,33 +57,33 @@ class InstalledStage:
         self.machine.write(CONFIG, text)
 
     def _host_rig(self) -> None:
-        """Host the rig as the service's user: only that one may use its socket."""
+        """Run the rig as the user of the service, because only that one may use its socket."""
         folders = f"-p StateDirectory=rig -E NUMBA_CACHE_DIR={RIG}"
         rig = f"emulate simulated --socket {RIG}/rig.sock --trace {RIG}/trace.csv"
         self.machine.root(f"systemd-run --unit=rig --uid=piezod {folders} {PIEZOD} {rig}")
         self.machine.wait_until(f"test -S {RIG}/rig.sock")
 
     def begin(self) -> None:
-        """Have it run and be at rest, whatever became of it before."""
+        """Bring the stage to rest, from any state."""
         self._start()
         eventually(self._at_rest)
 
     def begin_driven(self) -> None:
-        """Have it run, and the operator move it to where it needs a voltage."""
+        """Start the stage, and move it to a position that needs a voltage."""
         self._start()
         eventually(self._moved, 60.0)
         assert self.writes()[-1].drive_v > 30.0
 
     def _start(self) -> None:
         self.machine.write(CONFIG, self.configuration)
-        self.machine.run(f"systemctl reset-failed {UNIT}")  # the count of its starts too
+        self.machine.run(f"systemctl reset-failed {UNIT}")  # also resets the count of starts
         self.machine.root(f"systemctl start {UNIT}")
 
     def _moved(self) -> bool:
         self.piezod("reset")  # the test before may have left it in FAULT
         for verb in ("arm", f"goto {TARGET_UM} --wait"):
             if self.piezod(verb).returncode:
-                eventually(self._at_rest)  # or in motion; or a busy machine's loop was late
+                eventually(self._at_rest)  # it moves already, or late cycles have stopped it
                 return False
         return True
 
@@ -94,32 +94,32 @@ class InstalledStage:
         return bool(state == "SAFE")
 
     def piezod(self, verb: str, user: str = OPERATOR) -> "subprocess.CompletedProcess[str]":
-        """Have a user run a verb."""
+        """Run a `piezod` command as a user."""
         return self.machine.run(f"{PIEZOD} {verb}", user)
 
     def status(self) -> dict[str, Any]:
-        """Tell what the operator sees of it."""
+        """Return the status that the operator gets."""
         ended = self.piezod("status --json")
         assert ended.returncode == 0, ended.stderr
         document: dict[str, Any] = json.loads(ended.stdout)
         return document
 
     def shows(self, name: str) -> str:
-        """Tell a property of its service."""
+        """Return a property of the service."""
         return self.machine.root(f"systemctl show --value --property={name} {UNIT}")
 
     @property
     def supervisor(self) -> str:
-        """The process id of the service, within the machine."""
+        """Process id of the service, within the machine."""
         return self.shows("MainPID")
 
     @property
     def loop(self) -> str:
-        """The process id of its loop, likewise."""
-        return self.machine.root(f"pgrep --parent {self.supervisor} --full loop_process")
+        """Process id of its loop, within the machine."""
+        return self.machine.root(f"pgrep --parent {self.supervisor} --full loop.process")
 
     def wait_for_restart(self) -> None:
-        """Wait until systemd has started it again, and it is ready."""
+        """Wait until systemd has restarted it and it is ready."""
         show = "systemctl show --value --property"
         again = f"test $({show}=NRestarts {UNIT}) != 0"
         self.machine.wait_until(f"{again} && systemctl --quiet is-active {UNIT}")
@@ -130,14 +130,15 @@ class InstalledStage:
         return [Write(int(row["t_ns"]), int(row["pid"]), float(row["x_v"])) for row in rows]
 
     def log(self) -> str:
-        """Return what the journal has of it."""
+        """Return its journal."""
         return self.machine.root(f"journalctl --no-pager --unit={UNIT}")
 
 
 def fastest_v_per_s(writes: list[Write]) -> float:
     """Return the fastest change over a tenth of a second or more, in V/s.
 
-    Over so long, since the instants are the rig's: a busy machine delivers writes in bursts.
+    Shorter changes mean nothing, because the instants are those of the rig, and a busy machine
+    delivers writes in bursts.
     """
     fastest = 0.0
     for begin, write in enumerate(writes):

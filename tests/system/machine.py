@@ -1,8 +1,8 @@
-"""A machine with a real systemd: this one's files under a layer of its own, booted in a container.
+"""A machine with a real systemd: an overlay of this machine's files, booted in a container.
 
-What is written goes to the layer, in memory, and is gone afterwards. piezod is installed in it from
-its wheel, in /opt/piezod; interpreter and libraries are those of the test, seen at other places,
-since services do not see what users have at home.
+Its writes go to memory and are lost at the end. piezod is installed from its wheel, in /opt/piezod.
+Interpreter and libraries are those of the test, mounted at other places, because services cannot
+see the homes of users.
 """
 
 import os
@@ -25,7 +25,7 @@ _NEEDED: Final = ("systemd-nspawn", "nsenter", "setpriv", "ldconfig", "mount")
 
 
 def why_not() -> str:
-    """Tell why no machine can be booted here; empty if one can."""
+    """Return why no machine can be booted here, or ""."""
     if os.geteuid() != 0:
         return "only root can boot a container"
     missing = [name for name in _NEEDED if shutil.which(name) is None]
@@ -35,11 +35,11 @@ def why_not() -> str:
 
 
 class Machine:
-    """The machine, from entering the context until leaving it.
+    """The machine, running while its context is entered.
 
     Args:
-        wheel: What is installed in it.
-        log: Takes what it prints while it boots.
+        wheel: The wheel that is installed in it.
+        log: File for the output of its boot.
     """
 
     def __init__(self, wheel: Path, log: Path) -> None:
@@ -67,7 +67,7 @@ class Machine:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Switch it off; nothing is left of it."""
+        """Switch it off, and remove its files."""
         self._end()
 
     def run(self, command: str, user: str = "root") -> "subprocess.CompletedProcess[str]":
@@ -83,7 +83,7 @@ class Machine:
         )
 
     def root(self, command: str) -> str:
-        """Run a shell command as root; return what it prints.
+        """Run a shell command as root; return its output.
 
         Raises:
             AssertionError: If it fails.
@@ -93,7 +93,7 @@ class Machine:
         return ended.stdout.strip()
 
     def wait_until(self, condition: str, within_s: int = 60) -> None:
-        """Wait in it, which costs less than from outside, until a shell command succeeds.
+        """Wait until a shell command succeeds; the loop runs in the machine, which costs less.
 
         Raises:
             AssertionError: If the time is over.
@@ -101,7 +101,7 @@ class Machine:
         self.root(f"timeout {within_s} sh -c 'until {condition}; do sleep 0.1; done'")
 
     def write(self, path: str, text: str) -> None:
-        """Write a file that everybody may read, in it and before it boots too."""
+        """Write a file that every user may read, also before the boot."""
         file = self._root / path.lstrip("/")
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")
@@ -133,14 +133,14 @@ class Machine:
         (venv / "bin" / "piezod").chmod(0o755)
         for path in ("/opt/python", "/opt/dependencies"):
             (self._root / path[1:]).mkdir()
-        # A shared libpython is searched for where it was built unless the cache knows it.
+        # Without an entry in the cache, a shared libpython is searched where it was built.
         self.write("/etc/ld.so.conf.d/00-python.conf", "/opt/python/lib\n")
         self.write("/etc/machine-id", "")
         self.write("/etc/environment", "")
 
     def _boot(self) -> None:
         command = ["systemd-nspawn", "--quiet", "--boot", f"--directory={self._root}"]
-        # Nobody to register with: the first process of the test's machine may be no systemd.
+        # Do not register: the first process of the test's machine may be no systemd.
         command += [f"--machine={self._name}", "--keep-unit", "--register=no"]
         command += ["--private-network", "--link-journal=no"]
         command += ["--resolv-conf=off", "--timezone=off", "--console=pipe"]
@@ -170,7 +170,7 @@ class Machine:
 
     def _end(self) -> None:
         if self._process is not None:
-            self._process.terminate()  # which is how nspawn is told to switch it off
+            self._process.terminate()  # nspawn then switches the machine off
             try:
                 self._process.wait(20)
             except subprocess.TimeoutExpired:
@@ -180,7 +180,7 @@ class Machine:
             if mount.is_mount():
                 _run("umount", "--lazy", str(mount))
         shutil.rmtree(self._folder)
-        # nspawn leaves it where /run is no tmpfs.
+        # nspawn leaves this folder behind if /run is no tmpfs.
         shutil.rmtree(Path("/run/systemd/nspawn/propagate", self._name), ignore_errors=True)
 
 

@@ -1,4 +1,4 @@
-"""The whole demo over each bus: emulator, daemon and client are processes of their own."""
+"""The whole demo over each bus, with emulator, daemon and client as processes."""
 
 import json
 import os
@@ -25,7 +25,7 @@ class Demo(NamedTuple):
     Attributes:
         profiles: Emulators of its devices, in the order of the example.
         example: Example configuration.
-        place: Puts an emulator's place into the options of a device.
+        place: Puts the place of an emulator into the options of a device.
         rate_hz: Rate of the loop.
     """
 
@@ -51,16 +51,16 @@ def configured(folder: Path, demo: Demo, where: list[str]) -> Path:
     """Write the configuration of a stage over a bus."""
     document = placed(demo.example, where, demo.place, demo.rate_hz)
     for device in document["devices"].values():
-        # An emulator is a process among others, which now and then wait for longer than a device.
+        # An emulator is an ordinary process, which may answer later than a device.
         device["options"]["timeout_ms"] = max(device["options"].get("timeout_ms", 0), 30)
-    document["loop"] = {"cpu": min(os.sched_getaffinity(0))}  # loops of other tests have the last
+    document["loop"] = {"cpu": min(os.sched_getaffinity(0))}  # other tests use the last one
     path = folder / "bus.yaml"
     path.write_text(yaml.safe_dump(document), encoding="utf-8")
     return path
 
 
 def make_punctual(emulator: int) -> None:
-    """Give an emulator what a real device has: a processor whenever it needs one, if we may."""
+    """Give an emulator real-time priority, if that is allowed, because a device has no delays."""
     for task in Path(f"/proc/{emulator}/task").iterdir():
         with suppress(PermissionError):
             os.sched_setscheduler(int(task.name), os.SCHED_FIFO, os.sched_param(10))
@@ -76,7 +76,7 @@ def moved(daemon: Daemon) -> dict[str, Any]:
 
 
 def condition(daemon: Daemon) -> None:
-    """Make the hysteresis' memory known, as mode adaptive needs it, and disarm."""
+    """Make the hysteresis memory known, as mode adaptive requires, and disarm."""
     daemon.command("disarm")
     daemon.until("SAFE")
     daemon.command("arm", "--confirm-output")
@@ -88,8 +88,8 @@ def condition(daemon: Daemon) -> None:
     daemon.until("SAFE")
 
 
-def test_a_stage_over_modbus_goes_where_it_is_told(tmp_path: Path) -> None:
-    """A LabJack's emulator in another process moves its stage by 12.5 µm."""
+def test_a_stage_over_modbus_reaches_its_target(tmp_path: Path) -> None:
+    """A stage at an emulated LabJack in another process moves to 12.5 µm."""
     demo = DEMOS["Modbus TCP"]._replace(rate_hz=20)
     with (
         emulated(*demo.profiles) as devices,
@@ -107,7 +107,7 @@ def test_a_stage_over_modbus_goes_where_it_is_told(tmp_path: Path) -> None:
 def test_the_papers_figures_are_reached_over_each_bus(
     tmp_path: Path, figure: Figure, bus: str
 ) -> None:
-    """Feedforward and adaptive, with commands of which a cycle moves at most 0.1 %."""
+    """Feedforward and adaptive reach them, with commands that move at most 0.1 % per cycle."""
     demo = DEMOS[bus]
     with (
         emulated(*demo.profiles) as devices,

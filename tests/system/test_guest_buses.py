@@ -1,4 +1,4 @@
-"""The drivers of CAN buses and serial ports, at interfaces of a real kernel: that of a guest."""
+"""The drivers of CAN buses and serial ports at interfaces of a real kernel, that of a guest."""
 
 from collections.abc import Iterator
 
@@ -19,7 +19,7 @@ pytestmark = [
 def guest(
     tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
 ) -> Iterator[Guest]:
-    """Return a guest; behind its USB adapter is an emulated amplifier."""
+    """Return a guest, with an emulated amplifier at its USB adapter."""
     assert request.config.cache is not None
     try:
         kernel = fetch(request.config.cache.mkdir("guest"))
@@ -35,14 +35,14 @@ def guest(
 
 
 def test_can(guest: Guest) -> None:
-    """The checks of `check_can.py` hold in the guest."""
+    """The tests of `check_can.py` pass in the guest."""
     code, report = guest.check("check_can.py")
     print(report)
     assert code == 0
 
 
 def test_usb_serial(guest: Guest) -> None:
-    """The checks of `check_usb.py` hold in the guest."""
+    """The tests of `check_usb.py` pass in the guest."""
     code, report = guest.check("check_usb.py")
     print(report)
     assert code == 0

@@ -1,4 +1,4 @@
-"""The service under a real systemd, booted in a container: from its start to its death."""
+"""The service under a real systemd, booted in a container: its start, its use, its failures."""
 
 from collections.abc import Iterator
 
@@ -28,7 +28,7 @@ DIRECTORIES = "RUNTIME_DIRECTORY=/run/piezod/stage1 STATE_DIRECTORY=/var/lib/pie
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InstalledStage]:
-    """Return the stage on a machine that is booted once."""
+    """Return the stage on a machine that boots once."""
     folder = tmp_path_factory.mktemp("machine")
     with Machine(build_wheel(folder), folder / "console.log") as machine:
         yield InstalledStage(machine)
@@ -36,13 +36,13 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InstalledSta
 
 @pytest.fixture
 def stage(installed: InstalledStage) -> Iterator[InstalledStage]:
-    """Return the stage; what the journal has of it is shown where the test fails."""
+    """Return the stage; a failing test prints its journal."""
     yield installed
     print(installed.log())
 
 
 def test_operator_moves_the_stage(stage: InstalledStage) -> None:
-    """Started, it is ready; who is in its groups arms it and moves it, and arrives."""
+    """After the start an operator arms the stage and moves it to its target."""
     stage.begin_driven()
 
     axis = stage.status()["axes"]["x"]
@@ -52,7 +52,7 @@ def test_operator_moves_the_stage(stage: InstalledStage) -> None:
 
 
 def test_others_are_kept_out(stage: InstalledStage) -> None:
-    """Who is in none of the groups is told so, with exit code 77; so is nobody else's file."""
+    """A user in none of the groups gets exit code 77 and cannot read the files."""
     stage.begin()
     refused = stage.piezod("arm", OUTSIDER)
 
@@ -63,7 +63,7 @@ def test_others_are_kept_out(stage: InstalledStage) -> None:
 
 
 def test_stop_ends_at_the_safe_voltage(stage: InstalledStage) -> None:
-    """`systemctl stop` ramps gently, exits with 0 and leaves nothing that looks unclean."""
+    """`systemctl stop` ramps gently, exits with 0 and leaves no mark of an unclean end."""
     stage.begin_driven()
     before = len(stage.writes())
     stage.machine.root(f"systemctl stop {UNIT}")
@@ -79,15 +79,17 @@ def test_stop_ends_at_the_safe_voltage(stage: InstalledStage) -> None:
 @pytest.mark.parametrize(
     ("signal", "victim", "result"),
     [
-        ("STOP", "loop", "exit-code"),  # the supervisor sees to it, and then ends itself
+        ("STOP", "loop", "exit-code"),  # the supervisor ends it, and then itself
         ("STOP", "supervisor", "watchdog"),
         ("STOP", "both", "watchdog"),
         ("KILL", "supervisor", "signal"),
         ("KILL", "both", "signal"),
     ],
 )
-def test_violence(stage: InstalledStage, signal: str, victim: str, result: str) -> None:
-    """Hung or killed: it ramps gently to the safe voltage and starts again, in FAULT."""
+def test_hung_or_killed_service_ramps_down(
+    stage: InstalledStage, signal: str, victim: str, result: str
+) -> None:
+    """A hung or killed service ramps gently to the safe voltage and starts again, in FAULT."""
     stage.begin_driven()
     pids = {"loop": stage.loop, "supervisor": stage.supervisor}
     before = len(stage.writes())
@@ -106,7 +108,7 @@ def test_violence(stage: InstalledStage, signal: str, victim: str, result: str) 
 
 
 def test_bad_configuration_stays_down(stage: InstalledStage) -> None:
-    """Exit code 78 is not tried again, and the journal says where the file is wrong."""
+    """After exit code 78 there is no restart, and the journal has the place of the mistake."""
     stage.begin()
     stage.machine.root(f"systemctl stop {UNIT}")
     before = len(stage.writes())
@@ -121,7 +123,7 @@ def test_bad_configuration_stays_down(stage: InstalledStage) -> None:
 
 
 def test_second_daemon_leaves_the_first_alone(stage: InstalledStage) -> None:
-    """It ends with 75; the first goes on to hold its position, as the same process."""
+    """The second daemon ends with 75; the first one holds its position on, as the same process."""
     stage.begin_driven()
     first, before = stage.supervisor, len(stage.writes())
     second = stage.machine.run(
@@ -136,7 +138,7 @@ def test_second_daemon_leaves_the_first_alone(stage: InstalledStage) -> None:
 
 
 def test_service_leaves_another_daemon_alone(stage: InstalledStage) -> None:
-    """Where somebody else has the lock it stays down with 75, and what that one has is there."""
+    """If another process has the lock, the service stays down with 75 and removes no file."""
     stage.begin()
     stage.machine.root(f"systemctl stop {UNIT}")
     lock = "/run/piezod/stage1/lock"
@@ -152,17 +154,17 @@ def test_service_leaves_another_daemon_alone(stage: InstalledStage) -> None:
 
 
 def test_udev_understands_the_rules(stage: InstalledStage) -> None:
-    """It has no complaint, and the service's user gets the file that keeps processors awake."""
+    """Without a complaint of udev, the service's user owns the file that keeps processors awake."""
     device = "/sys/devices/virtual/misc/cpu_dma_latency"
-    told = stage.machine.run(f"udevadm test --action=add {device} 2>&1").stdout.splitlines()
-    done = [line.split("70-piezod.rules:")[1] for line in told if "70-piezod.rules:" in line]
+    output = stage.machine.run(f"udevadm test --action=add {device} 2>&1").stdout.splitlines()
+    done = [line.split("70-piezod.rules:")[1] for line in output if "70-piezod.rules:" in line]
 
     user = stage.machine.root("id --user piezod")
     assert [line.partition(" ")[2] for line in done] == [f"OWNER {user}", "MODE 0600"]
 
 
 def test_reload_keeps_the_service(stage: InstalledStage) -> None:
-    """`systemctl reload` puts a changed file in force; the process stays the same."""
+    """After `systemctl reload` a changed file is in force in the same process."""
     stage.begin()
     first, loop = stage.supervisor, stage.loop
     changed = stage.configuration.replace("speed_um_per_s: 200", "speed_um_per_s: 100")

@@ -1,4 +1,4 @@
-"""What is installed, looked at by systemd's own tools; nothing of it runs."""
+"""The installed files, checked by systemd's own tools; nothing is started."""
 
 import shutil
 import subprocess
@@ -24,7 +24,7 @@ with_systemd = pytest.mark.skipif(
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
-    """Return a root below which everything is installed, for a command that exists."""
+    """Return a root below which all files are installed, for a command that exists."""
     service_files.install(shipped("systemd"), tmp_path, Path(sys.executable))
     return tmp_path
 
@@ -35,14 +35,14 @@ def unit(root: Path) -> Path:
 
 
 def analyse(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    """Run systemd-analyze, which needs no running systemd for what is asked here."""
+    """Run systemd-analyze; the uses here need no running systemd."""
     command = [str(shutil.which("systemd-analyze")), *arguments]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 @with_systemd
 def test_verify_has_nothing_to_say(root: Path) -> None:
-    """A value that systemd does not understand is a warning and no failure: so there is no word."""
+    """The unit causes no warning, which systemd prints for an unknown value."""
     ended = analyse("verify", "--man=no", str(unit(root)))
 
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
@@ -50,7 +50,7 @@ def test_verify_has_nothing_to_say(root: Path) -> None:
 
 @with_systemd
 def test_exposure_is_small(root: Path) -> None:
-    """What a daemon that was taken over could do is little, by systemd's own measure."""
+    """A daemon under foreign control could do little, by systemd's own measure."""
     ended = analyse("security", "--offline=true", "--no-pager", str(unit(root)))
 
     (verdict,) = [line for line in ended.stdout.splitlines() if "exposure level" in line]
@@ -59,7 +59,7 @@ def test_exposure_is_small(root: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("systemd-sysusers") is None, reason="no systemd-sysusers")
 def test_users_and_groups_are_made(root: Path) -> None:
-    """The user is in the group of serial ports, and the three groups of the roles exist."""
+    """The user is in the group of serial ports, and the groups of the three roles exist."""
     definitions = root / service_files.TARGETS["piezod.sysusers"]
     (root / "etc").mkdir()
     command = [str(shutil.which("systemd-sysusers")), f"--root={root}", str(definitions)]
@@ -71,7 +71,7 @@ def test_users_and_groups_are_made(root: Path) -> None:
 
 
 def section(name: str) -> dict[str, list[str]]:
-    """Read a section of the unit as it is shipped: all values of each key."""
+    """Return all values of each key in a section of the shipped unit."""
     found: dict[str, list[str]] = {}
     here = ""
     for line in (shipped("systemd") / "piezod@.service").read_text().splitlines():
@@ -83,15 +83,15 @@ def section(name: str) -> dict[str, list[str]]:
     return found
 
 
-def test_exit_codes_that_no_restart_changes() -> None:
-    """Those of a second daemon, of a missing permission and of a bad configuration."""
+def test_exit_codes_without_a_restart() -> None:
+    """A second daemon, a missing permission and a bad configuration cause no restart."""
     codes = exit_codes.ALREADY_RUNNING, exit_codes.NO_PERMISSION, exit_codes.CONFIGURATION
 
     assert section("Service")["RestartPreventExitStatus"] == [" ".join(map(str, codes))]
 
 
 def test_supervisor_has_time_to_end_gently() -> None:
-    """The service manager waits longer than the supervisor does, for a loop that hangs."""
+    """The time-outs of the service manager are longer than those of the supervisor."""
     service = section("Service")
 
     assert float(service["WatchdogSec"][0]) > HUNG_S
@@ -99,7 +99,7 @@ def test_supervisor_has_time_to_end_gently() -> None:
 
 
 def test_the_loop_may_become_real_time() -> None:
-    """Limits allow it, no filter forbids it, and nothing forces it on the supervisor."""
+    """Limits and filters allow it, and the supervisor stays an ordinary process."""
     service = section("Service")
 
     assert int(service["LimitRTPRIO"][0]) >= LoopConfig().priority
@@ -110,5 +110,5 @@ def test_the_loop_may_become_real_time() -> None:
 
 
 def test_peers_are_known() -> None:
-    """In a user namespace every client would be nobody, and roles by user would be void."""
+    """In a user namespace every client would have the same unknown user."""
     assert "PrivateUsers" not in section("Service")

@@ -1,4 +1,4 @@
-"""The loop counts by itself what must not happen to it: faults, collections, memory that grows."""
+"""Counts what a real-time loop must avoid: page faults, garbage collections, growing memory."""
 
 import gc
 import resource
@@ -11,7 +11,7 @@ from piezod.telemetry.words import Word
 
 
 class ProcessCounters:
-    """Publishes the counters of this process, as they have grown since `restart`.
+    """Publishes the counters of this process, counted since `restart`.
 
     Args:
         words: The words of the shared memory, writable.
@@ -22,19 +22,19 @@ class ProcessCounters:
         self.restart()
 
     def restart(self) -> None:
-        """Count from now on; to be called when the loop has become real-time."""
-        self._before = (0, 0, 0)
+        """Count from now on; call it when the loop has become real-time."""
+        self._before = (0, 0, 0)  # `_counts` subtracts it
         self._before = self._counts()
 
     def publish(self) -> Sequence[Detection]:
-        """Publish, and return what has come that must not; call it now and then, in the loop.
+        """Publish the counters; return a detection of each that grew and must not. Real-time safe.
 
-        It takes some µs.
+        It takes some µs; once a second is enough.
         """
         minor, major, collections = self._counts()
         words = self._words
         new_faults = major - words[Word.MAJOR_FAULTS]
-        collecting = gc.isenabled()  # as in a loop that is not real-time: nothing to tell of
+        collecting = gc.isenabled()  # the collector was never switched off: collections are normal
         new_collections = 0 if collecting else collections - words[Word.GC_COLLECTIONS]
         words[Word.MINOR_FAULTS], words[Word.MAJOR_FAULTS] = minor, major
         words[Word.GC_COLLECTIONS] = collections
@@ -45,6 +45,7 @@ class ProcessCounters:
         return [Detection(fault, measured=count, limit=0.0) for fault, count in found if count]
 
     def _counts(self) -> tuple[int, int, int]:
+        """Return minor page faults, major page faults and collections since `restart`."""
         usage = resource.getrusage(resource.RUSAGE_SELF)
         collections = sum(generation["collections"] for generation in gc.get_stats())
         minor, major, collected = self._before

@@ -1,4 +1,4 @@
-"""The devices of a stage, opened by a thread that tries again until they are there."""
+"""The devices of a stage, and the thread that opens them."""
 
 import threading
 
@@ -11,21 +11,21 @@ from piezod.errors import DeviceError
 
 
 def make_channels(config: DaemonConfig) -> Channels:
-    """Construct the devices; nothing is opened.
+    """Construct the devices; open none.
 
     Raises:
-        DeviceError: If a device cannot play the role that an axis gives it.
+        DeviceError: If a device cannot play the role that an axis assigns to it.
         RegistryError: If a driver cannot be loaded.
     """
     axes = pairs_of(config.axes)
     return Channels(construct(config.devices, axes, config.seed), axes)
 
 
-class Opening(threading.Thread):
-    """Opens and activates devices, again and again; the loop's process lives on meanwhile.
+class DeviceOpener(threading.Thread):
+    """Opens and activates devices in a thread, and tries again until it succeeds.
 
     Args:
-        channels: The devices; nobody else uses them until this thread has ended.
+        channels: The devices; until this thread has ended, only it uses them.
         clock: The clock of the loop.
     """
 
@@ -34,21 +34,21 @@ class Opening(threading.Thread):
         self._channels, self._clock = channels, clock
         self._stopped = threading.Event()
         self.absent = ""
-        """Why the last attempt failed; empty as long as none has."""
+        """Why the last attempt failed; empty if none has failed."""
         self.crash: Exception | None = None
-        """What ended it other than success, if anything did."""
+        """Exception that ended the thread; None if none did."""
 
     def run(self) -> None:
-        """Try until it succeeds, or until `stop`."""
+        """Try until the devices are open and active, or until `stop`."""
         waits = waits_s()
         try:
             while not self._stopped.is_set() and not self._opened():
-                self._stopped.wait(next(waits))
-        except Exception as error:  # noqa: BLE001 - a driver may fail in any way; told by main
+                self._stopped.wait(next(waits))  # ends early on `stop`
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way; raised by main
             self.crash = error
 
     def stop(self) -> None:
-        """Give up after the attempt that is under way."""
+        """End the thread after the present attempt."""
         self._stopped.set()
 
     def _opened(self) -> bool:
@@ -56,6 +56,7 @@ class Opening(threading.Thread):
             self._channels.open()
             self._channels.activate(self._clock.now_ns())
         except DeviceError as error:
+            # Only a `DeviceError` may pass by itself; any other exception is a mistake in a driver.
             self.absent = str(error)
             self._channels.close()
             return False

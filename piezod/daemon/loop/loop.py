@@ -1,4 +1,4 @@
-"""The loop on one screen: wait, run a cycle, publish it, take a request."""
+"""The loop on one screen: wait, run a cycle, publish its record, take a request."""
 
 from collections.abc import Sequence
 from typing import Final, Protocol
@@ -11,7 +11,7 @@ from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.clock import Clock, clock_offsets_ns
 from piezod.daemon.loop.counters import ProcessCounters
 from piezod.daemon.loop.pacer import Pacer
-from piezod.daemon.loop.publisher import KnowsLearned, Publisher
+from piezod.daemon.loop.publisher import LearnedSource, Publisher
 from piezod.daemon.loop.timed_channels import TimedChannels
 from piezod.telemetry.mailbox import MailboxReader
 from piezod.telemetry.record import CycleRecord, StageEvent
@@ -22,13 +22,13 @@ from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 
 SUPERVISOR_LOST_NS: Final = NS_PER_S
-"""Nobody supervises a loop that has not seen its supervisor's beat change for so long."""
-_COUNTED_EACH_NS: Final = NS_PER_S
-_ESTOP: Final = Estop()
+"""If the beat of the supervisor stays unchanged for longer, the supervisor is lost."""
+_COUNTERS_PERIOD_NS: Final = NS_PER_S
+_ESTOP: Final = Estop()  # made once, because validation costs time in the cycle
 
 
-class Controller(KnowsLearned, Protocol):
-    """What decides in each cycle; `control.controller.StageController` is it."""
+class Controller(LearnedSource, Protocol):
+    """Decides in each cycle; `control.controller.StageController` implements it. Real-time safe."""
 
     @property
     def finished(self) -> bool:
@@ -36,7 +36,7 @@ class Controller(KnowsLearned, Protocol):
         ...
 
     def execute(self, request: Request, t_ns: int) -> Answer:
-        """Carry out a request, or say why not."""
+        """Execute a request; return whether it was accepted, with the reason if not."""
         ...
 
     def stream_um(self, axis: int, position_um: float, t_ns: int) -> None:
@@ -48,11 +48,11 @@ class Controller(KnowsLearned, Protocol):
         ...
 
     def report(self, detection: Detection) -> None:
-        """Take a fault that was found outside, for the next cycle."""
+        """Take a fault that was detected outside, for the next cycle."""
         ...
 
     def take_events(self) -> Sequence[StageEvent]:
-        """Return what has happened since the last call."""
+        """Return the events since the last call, oldest first."""
         ...
 
 
@@ -60,11 +60,11 @@ class Loop:
     """Runs a stage, cycle by cycle.
 
     Args:
-        controller: What decides.
-        timed: The devices that it uses, with their stopwatch.
+        controller: Decides in each cycle.
+        timed: The devices that it uses; measures how long each phase takes.
         shared: The memory shared with the supervisor, writable.
         clock: The clock.
-        pacer: Keeps the period by it.
+        pacer: Keeps the period of this clock.
     """
 
     def __init__(
@@ -84,43 +84,49 @@ class Loop:
         self._counted_ns = self._busy_ns = 0
 
     def run(self) -> None:
-        """Run until the stage is at its safe voltage and was told to end."""
+        """Run until a shutdown was requested and the stage is at its safe voltage."""
         while not self._controller.finished:
             self.cycle()
 
     def cycle(self) -> None:
-        """Run one cycle."""
+        """Run one cycle. Real-time safe."""
         tick = self._wait()
         t_ns = tick.deadline_ns + tick.late_ns
         controller, publisher, timed = self._controller, self.publisher, self._timed
         timed.start()
+        # Setpoints of a stream before the cycle, so that this cycle applies the newest.
         for axis, position_um, came_ns in self._stream.take():
             controller.stream_um(axis, position_um, came_ns)
+        # The duration is that of the cycle before: this one has not ended.
         timing = CycleTiming(tick.late_ns, tick.skipped, self._busy_ns, *clock_offsets_ns())
         record = controller.cycle(t_ns, timing)
+        # From here on nothing delays the write of this cycle.
         publisher.record(record, tick, timed, self._now_ns())
         publisher.events(controller.take_events())
         publisher.learned(controller)
-        self._look_around(t_ns, tick.skipped)
+        self._serve_after_write(t_ns, tick.skipped)
         self._busy_ns = self._now_ns() - t_ns
 
-    def _look_around(self, t_ns: int, skipped: int) -> None:
-        """Do what need not be done before the write."""
+    def _serve_after_write(self, t_ns: int, skipped: int) -> None:
+        """Do the work that can wait for the write: requests, supervisor, counters."""
+        # The emergency stop has a slot of its own, so that no other request delays it.
         if number := self._mailbox.take_estop():
             accepted, why, motion = self._controller.execute(_ESTOP, t_ns)
             self._mailbox.answer_estop(number, accepted=accepted, motion=motion, why=why)
-        taken = self._mailbox.take(t_ns)
+        taken = self._mailbox.take(t_ns)  # at most one a cycle: its duration stays bounded
         if taken is not None:
             number, payload = taken
             accepted, why, motion = self._execute(payload, t_ns)
-            if accepted:  # it may have changed what is learned, of which the client may ask next
-                self.publisher.learned_now(self._controller)
+            if accepted:
+                # Before the answer: the client may ask next for parameters that this one changed.
+                self.publisher.learned_all(self._controller)
             self._mailbox.answer(number, accepted=accepted, motion=motion, why=why)
+        # Without a supervisor, do what it would request: ramp down and end.
         if self._supervisor.lost(t_ns, skipped):
             limit_s = SUPERVISOR_LOST_NS / NS_PER_S
             self._controller.report(Detection(Fault.H1, measured=limit_s, limit=limit_s))
             self._controller.execute(Shutdown(), t_ns)
-        if t_ns - self._counted_ns >= _COUNTED_EACH_NS:
+        if t_ns - self._counted_ns >= _COUNTERS_PERIOD_NS:
             self._counted_ns = t_ns
             for detection in self.counters.publish():
                 self._controller.report(detection)
@@ -134,7 +140,7 @@ class Loop:
 
 
 class SupervisorWatch:
-    """Notices, once, that the supervisor's beat has stopped.
+    """Detects, once, that the beat of the supervisor has stopped.
 
     Args:
         shared: The memory shared with it.
@@ -142,13 +148,13 @@ class SupervisorWatch:
 
     def __init__(self, shared: SharedMap) -> None:
         self._words, self._period_ns = shared.words, shared.layout.period_ns
-        self._beat_ns = -1
-        self._seen_ns: int | None = 0
+        self._beat_ns = -1  # differs from every beat, so that the first call sees a change
+        self._seen_ns: int | None = 0  # None after the loss, which is reported once
 
     def lost(self, t_ns: int, skipped: int) -> bool:
-        """Return True in the first cycle in which nobody supervises; call it in each.
+        """Return True in the one cycle that detects the loss. Call once per cycle. Real-time safe.
 
-        Periods that were skipped do not count: what stopped the loop stopped the supervisor too.
+        Skipped periods do not count: what stopped the loop stopped the supervisor too.
         """
         beat_ns = self._words[_SUPERVISOR_BEAT]
         if beat_ns != self._beat_ns:

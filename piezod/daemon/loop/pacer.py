@@ -1,4 +1,4 @@
-"""Keeps the period: absolute deadlines, sleep until shortly before one, spin the rest."""
+"""Keeps the period: absolute deadlines; sleep until shortly before one, spin for the rest."""
 
 from typing import NamedTuple
 
@@ -9,8 +9,8 @@ class Tick(NamedTuple):
     """The beginning of a cycle.
 
     Attributes:
-        deadline_ns: When it was to begin.
-        late_ns: How long after that it began.
+        deadline_ns: Instant at which it should begin.
+        late_ns: How long after the deadline it begins.
         skipped: Whole periods skipped just before it.
     """
 
@@ -20,15 +20,15 @@ class Tick(NamedTuple):
 
 
 class Pacer:
-    """Gives a cycle its turn, period by period.
+    """Waits for the beginning of each cycle.
 
-    A cycle that comes late by less than a period runs at once. Where it is later, the periods that
-    are over are skipped and counted: there is no burst to catch up.
+    A cycle that is late by less than a period runs at once. If it is later, the periods that have
+    passed are skipped and counted: no burst of cycles catches up.
 
     Args:
         clock: The clock.
         period_ns: The period.
-        spin_ns: How long before the deadline sleeping ends: a sleeper wakes up some 10 µs late.
+        spin_ns: How long before the deadline the sleep ends; a sleeper wakes up some 10 µs late.
     """
 
     def __init__(self, clock: Clock, period_ns: int, spin_ns: int) -> None:
@@ -37,16 +37,19 @@ class Pacer:
         self._deadline_ns = self._now_ns()
 
     def wait(self) -> Tick:
-        """Return when the next cycle is to begin; may be called in the loop."""
+        """Wait for the next cycle; return its beginning. Call once per cycle. Real-time safe."""
         deadline_ns = self._deadline_ns + self._period_ns
         now_ns = self._now_ns()
+        # Skip whole periods only: deadlines stay multiples of the period.
         skipped = max(now_ns - deadline_ns, 0) // self._period_ns
         deadline_ns += skipped * self._period_ns
+        # Sleep alone would be late by its wake-up time; spin alone would never yield the processor.
         if now_ns < deadline_ns - self._spin_ns:
             self._sleep_until_ns(deadline_ns - self._spin_ns)
             now_ns = self._now_ns()
         while now_ns < deadline_ns:
             now_ns = self._now_ns()
+        # The process may have been stopped while it slept.
         overslept = (now_ns - deadline_ns) // self._period_ns
         deadline_ns += overslept * self._period_ns
         self._deadline_ns = deadline_ns

@@ -1,7 +1,7 @@
-"""Where each device is used: in the cycle, with one exchange for both roles, or behind a worker.
+"""Decides where each device is used: in the cycle, in one combined exchange, or behind a worker.
 
-The framework decides, not the driver, by what it measures: round trips of each device before the
-loop begins. Nothing is written for that.
+The framework decides, not the driver. It measures the round trips of each device before the loop
+begins; it writes nothing for that.
 """
 
 import os
@@ -20,19 +20,19 @@ from piezod.devices.reconnecting import CanBeLost, ReconnectingDevice
 from piezod.devices.wrapper import AnyDevice, CombinedExchange
 from piezod.units import NS_PER_S
 
-LEAST_ROUNDS, MOST_ROUNDS = 5, 100
-LONGEST_NS: Final = NS_PER_S // 2
+MIN_ROUNDS, MAX_ROUNDS = 5, 100
+MAX_DURATION_NS: Final = NS_PER_S // 2
 IN_CYCLE_PART: Final = 0.5
-"""Part of a period that all devices together may take in the cycle; the rest is for control."""
-SWITCH_S: Final = 1e-4
-"""How long a thread may run on while another one waits for the interpreter: less than usual, since
-the one that waits is the loop."""
+"""Part of a period that all devices in the cycle may take together; the rest is for control."""
+SWITCH_INTERVAL_S: Final = 1e-4
+"""How long a thread may keep the interpreter while another one waits, in s: less than Python's
+5 ms, because the thread that waits is the loop."""
 STACK_BYTES: Final = 1 << 20
-"""Of each thread; all of it will be locked in memory."""
+"""Stack of each thread; all of it will be locked in memory."""
 
 
 class DevicePlace(StrEnum):
-    """Where a device is used."""
+    """The place of a device."""
 
     CYCLE = "in the cycle"
     COMBINED = "in the cycle, one exchange"
@@ -40,16 +40,16 @@ class DevicePlace(StrEnum):
 
 
 class RoundTrips(NamedTuple):
-    """How long a device takes to tell what it measures and what is in force.
+    """How long reading and reading back take.
 
     Attributes:
-        median_ns: Half of the round trips took no longer.
-        p90_ns: Nine of ten took no longer. What is rarer is mostly the machine standing still,
-            which a thread would not be spared.
-        p99_ns: 99 of 100 took no longer.
-        write_ns: What a write, which is not tried, is taken to cost in nine of ten: the longest of
-            the exchanges. Where there are none it tells nothing, see `cost_ns`.
-        usual_write_ns: The same, at its median.
+        median_ns: Median of the round trips.
+        p90_ns: Their 90th percentile. Longer ones are mostly pauses of the machine, which a worker
+            thread would not avoid.
+        p99_ns: Their 99th percentile.
+        write_ns: Assumed duration of a write, which is not tried: the 90th percentile of the longer
+            exchange of a round trip. Meaningless without exchanges, see `cost_ns`.
+        usual_write_ns: The same, at the median.
     """
 
     median_ns: int
@@ -64,14 +64,13 @@ class Placement(NamedTuple):
 
     Attributes:
         name: Name of the device.
-        place: Where.
-        trips: How long it takes.
-        identity: Who it is.
-        able: What it can do.
-        allowed_hz: The highest rate of a loop that it can give samples for; infinite where it
-            measures nothing.
-        device: What is to be used for it.
-        threads: What belongs to it, to be started.
+        place: Where it is used.
+        trips: Its round trips.
+        identity: Its identity.
+        able: Its capabilities.
+        allowed_hz: Highest rate of a loop that it can give samples for; infinite without an input.
+        device: The object to use: the device, or a wrapper of it.
+        threads: The threads of the wrappers, not started.
     """
 
     name: str
@@ -84,7 +83,7 @@ class Placement(NamedTuple):
     threads: Sequence[threading.Thread]
 
     def document(self) -> dict[str, Any]:
-        """Return it as it is shown."""
+        """Return it as JSON for status and API."""
         return {
             "name": self.name,
             "identity": self.identity._asdict(),
@@ -98,44 +97,45 @@ class Placement(NamedTuple):
 
 
 def measure(device: Device, able: Capabilities, clock: Clock) -> RoundTrips:
-    """Ask a device again and again what it measures, and what is in force, as a cycle does.
+    """Read a device and its read-back again and again, as a cycle does; return the durations.
 
     Args:
         device: The device, open and active.
-        able: What it can do.
+        able: Its capabilities.
         clock: The clock of the loop.
     """
-    asked, now_ns = cast("AnyDevice", device), clock.now_ns
+    any_role, now_ns = cast("AnyDevice", device), clock.now_ns
     rounds: list[int] = []
     single: list[int] = []
     begin_ns = now_ns()
-    while len(rounds) < LEAST_ROUNDS or (
-        len(rounds) < MOST_ROUNDS and now_ns() - begin_ns < LONGEST_NS
+    while len(rounds) < MIN_ROUNDS or (
+        len(rounds) < MAX_ROUNDS and now_ns() - begin_ns < MAX_DURATION_NS
     ):
         t_ns = read_ns = now_ns()
-        with suppress(Exception):  # a driver may fail in any way; the loop tells it, and goes on
+        with suppress(Exception):  # a driver may fail in any way; the loop will report it
             if able.inputs:
-                asked.read(t_ns)
+                any_role.read(t_ns)
             read_ns = now_ns()
             if able.outputs:
-                asked.read_back(t_ns)
+                any_role.read_back(t_ns)
         end_ns = now_ns()
         rounds.append(end_ns - t_ns)
+        # The longer of the two is taken for the duration of a write.
         single.append(max(read_ns - t_ns, end_ns - read_ns))
     rounds.sort()
     single.sort()
     return RoundTrips(
-        _upper(rounds, 2),
-        _upper(rounds, 10),
-        _upper(rounds, 100),
-        _upper(single, 10),
-        _upper(single, 2),
+        _exceeded_by_one_in(rounds, 2),
+        _exceeded_by_one_in(rounds, 10),
+        _exceeded_by_one_in(rounds, 100),
+        _exceeded_by_one_in(single, 10),
+        _exceeded_by_one_in(single, 2),
     )
 
 
-def _upper(ordered: Sequence[int], one_of: int) -> int:
-    """Return what one of so many exceeds."""
-    return ordered[-1 - len(ordered) // one_of]
+def _exceeded_by_one_in(ordered: Sequence[int], n: int) -> int:
+    """Return the duration that one of n exceeds."""
+    return ordered[-1 - len(ordered) // n]
 
 
 def place(
@@ -144,13 +144,13 @@ def place(
     rate_hz: float,
     clock: Clock,
 ) -> list[Placement]:
-    """Measure devices, and decide where each is used; threads are made and not started.
+    """Measure devices, and decide where each is used; create the threads, start none.
 
-    Those that take least come first into the cycle, as long as there is time left in it.
+    The devices with the lowest cost come first into the cycle, until it is full.
 
     Args:
         devices: The devices by name, open and active.
-        identities: Who each of them is.
+        identities: Their identities.
         rate_hz: Rate of the loop.
         clock: The clock of the loop.
     """
@@ -160,76 +160,81 @@ def place(
     costs_ns = {
         name: cost_ns(each.capabilities(), measured[name]) for name, each in devices.items()
     }
+    # Cheapest first, so that as many devices as possible are in the cycle.
     for name in sorted(devices, key=costs_ns.__getitem__):
         device, trips = devices[name], measured[name]
-        where, taken_ns = _where(device, trips, rate_hz, left_ns)
+        chosen, taken_ns = _choose_place(device, trips, rate_hz, left_ns)
         left_ns -= taken_ns
-        placements[name] = _placed(
-            name, device, trips, identities[name], where, period_ns=period_ns, clock=clock
+        placements[name] = _make_placement(
+            name, device, trips, identities[name], chosen, period_ns=period_ns, clock=clock
         )
-    return [placements[name] for name in devices]
+    return [placements[name] for name in devices]  # in the order of the configuration
 
 
 def cost_ns(able: Capabilities, trips: RoundTrips) -> int:
-    """Return how much of a cycle a device takes that is read, written and read back in turn.
+    """Return how much of a cycle a device takes that is read, written and read back in turn, in ns.
 
     Args:
-        able: What it can do.
-        trips: How long it takes.
+        able: Its capabilities.
+        trips: Its round trips.
     """
     return trips.p90_ns + _write_ns(able, trips)
 
 
 def _write_ns(able: Capabilities, trips: RoundTrips) -> int:
-    """Return how long a write takes: where no exchange tells, as long as the device allows."""
+    """Return the assumed duration of a write, in ns, which is not measured."""
     if not able.outputs:
         return 0
     if able.inputs or able.read_back:
         return trips.write_ns
+    # No exchange was measured: assume that a write takes as long as the highest rate allows.
     return round(NS_PER_S / able.max_rate_hz)
 
 
-def _where(
+def _choose_place(
     device: Device, trips: RoundTrips, rate_hz: float, left_ns: float
 ) -> tuple[DevicePlace, int]:
-    """Return where a device is used, and how much of the cycle that takes."""
+    """Return where a device is used, and how much of the cycle that takes, in ns."""
     able = device.capabilities()
     separate_ns = cost_ns(able, trips)
+    # A slow amplifier goes behind a worker; a slow sensor is refused later, by `rate_refusal`.
     if able.max_rate_hz < rate_hz and not able.inputs:
         return DevicePlace.WORKER, 0
     if separate_ns <= left_ns:
         return DevicePlace.CYCLE, separate_ns
-    if _exchanges(device, able) and trips.p90_ns <= left_ns:
+    if _can_combine(device, able) and trips.p90_ns <= left_ns:
         return DevicePlace.COMBINED, trips.p90_ns
     return DevicePlace.WORKER, 0
 
 
-def _exchanges(device: Device, able: Capabilities) -> bool:
+def _can_combine(device: Device, able: Capabilities) -> bool:
     return isinstance(device, Exchanges) and bool(able.inputs and able.outputs)
 
 
-def _placed(
+def _make_placement(
     name: str,
     device: Device,
     trips: RoundTrips,
     identity: Identity,
-    where: DevicePlace,
+    chosen: DevicePlace,
     *,
     period_ns: int,
     clock: Clock,
 ) -> Placement:
+    """Put the wrappers around a device that its place needs."""
     able, used = device.capabilities(), device
     allowed_hz = able.max_rate_hz if able.inputs else inf
     threads = []
     if isinstance(device, CanBeLost):
-        used = tended = ReconnectingDevice(device, identity)
-        threads.append(tended.thread)
-    if where is DevicePlace.COMBINED:
+        used = reconnecting = ReconnectingDevice(device, identity)
+        threads.append(reconnecting.thread)
+    if chosen is DevicePlace.COMBINED:
         used = CombinedExchange(used)
-    elif where is DevicePlace.WORKER:
-        combined = _exchanges(device, able)
+    elif chosen is DevicePlace.WORKER:
+        combined = _can_combine(device, able)
+        # The 99th percentile, because a round of twice this duration counts as late.
         round_ns = trips.p99_ns + (0 if combined else _write_ns(able, trips))
-        # One that says it is slower than the loop is not asked more often, however fast it answers.
+        # The worker keeps to the rate that the driver reports, however fast the replies are.
         pace_ns = round(NS_PER_S / able.max_rate_hz)
         used = worker = DeviceWorker(
             used,
@@ -240,46 +245,48 @@ def _placed(
             pace_ns=pace_ns if pace_ns > period_ns else 0,
         )
         threads.append(worker.thread)
-        if able.inputs:  # a cycle without a sample now and then is no reason to refuse
+        if able.inputs:
+            # By the median: single cycles without a sample are no reason to refuse a rate.
             writes = not combined and bool(able.outputs)
             usual_ns = trips.median_ns + writes * trips.usual_write_ns
             allowed_hz = min(allowed_hz, NS_PER_S / usual_ns)
-    return Placement(name, where, trips, identity, able, allowed_hz, used, threads)
+    return Placement(name, chosen, trips, identity, able, allowed_hz, used, threads)
 
 
-def refusal(placements: Sequence[Placement], rate_hz: float) -> str:
-    """Say which device is too slow to measure a stage at this rate; nothing where none is."""
+def rate_refusal(placements: Sequence[Placement], rate_hz: float) -> str:
+    """Return a message on a device that is too slow to measure a stage at this rate, or ""."""
     for one in placements:
         if rate_hz > one.allowed_hz:
             took_ms = one.trips.median_ns / 1e6
             return (
                 f"rate_hz is {rate_hz:g}; device {one.name} measures at most "
-                f"{one.allowed_hz:.3g} times a second, its round trip takes {took_ms:.3g} ms: "
-                "choose a lower rate"
+                f"{one.allowed_hz:.3g} times a second (round trip {took_ms:.3g} ms): choose a "
+                "lower rate"
             )
     return ""
 
 
 def start_threads(placements: Sequence[Placement]) -> int:
-    """Start the threads of all devices; return how many there are."""
+    """Start the threads of all devices; return their number."""
     threads = [thread for one in placements for thread in one.threads]
     if threads:
-        sys.setswitchinterval(SWITCH_S)
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
     before = threading.stack_size(STACK_BYTES)
     for thread in threads:
         thread.start()
-    threading.stack_size(before)
+    threading.stack_size(before)  # it is a setting of the process
     return len(threads)
 
 
-def raise_threads(placements: Sequence[Placement]) -> None:
-    """Have the workers run before all but the loop, one below it, where it has a priority."""
+def raise_thread_priorities(placements: Sequence[Placement]) -> None:
+    """Give the workers the priority one below that of the loop, if it has a real-time priority."""
     priority = os.sched_getparam(0).sched_priority
-    if priority < 2:  # there is none below
+    if priority < 2:  # no lower priority exists
         return
     policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
     for one in placements:
         if one.place is DevicePlace.WORKER:
+            # The last thread is the worker; a thread that reconnects stays ordinary.
             native_id = one.threads[-1].native_id
             if native_id is not None:
                 os.sched_setscheduler(native_id, policy, os.sched_param(priority - 1))

@@ -1,10 +1,10 @@
 """The loop process: `python -m piezod.daemon.loop.process RUNTIME CONFIG COPY [--strict-rt]`.
 
 The supervisor starts it. It accepts the configuration and writes the copy (`loop.accept`). Then
-the supervisor makes the shared memory and gives the word to go on. It owns the devices and nothing
-else: no HTTP, no log, no disk. It ends when it is asked to, or when its supervisor is gone, in both
-cases at the safe voltage: exit code 0. With any other code the voltage in force stays where it is,
-and `piezod safe` has to be run.
+the supervisor makes the shared memory and lets it go on. It owns the devices and nothing else: no
+HTTP, no log, no disk. It ends on a request, or when the supervisor is lost, in both cases at the
+safe voltage: exit code 0. After any other exit code the last voltage is still in force, and
+`piezod safe` has to be run.
 """
 
 import signal
@@ -30,8 +30,8 @@ from piezod.daemon.loop.pacer import Pacer
 from piezod.daemon.loop.placement import (
     Placement,
     place,
-    raise_threads,
-    refusal,
+    raise_thread_priorities,
+    rate_refusal,
     start_threads,
 )
 from piezod.daemon.loop.rate import measure_busy_ns, sustained_rate_hz, usable_spin_ns
@@ -47,11 +47,11 @@ from piezod.telemetry.shared_map import SharedMap, attach
 from piezod.telemetry.words import Word
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""What these end is the supervisor, and that tells the loop."""
+"""Ignored here: they end the supervisor, which then asks the loop to shut down."""
 
 
 def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
-    """Run the loop of a stage until it is told to end.
+    """Run the loop of a stage until a shutdown has ended.
 
     Args:
         runtime: Folder of the runtime files.
@@ -61,37 +61,41 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
 
     Raises:
         PiezodError: If configuration or shared memory cannot be used.
-        Exception: Whatever else goes wrong; the voltage in force stays where it is.
+        Exception: Any other failure; the last voltage stays in force.
     """
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     config = accept(source, copy, strict_rt=strict_rt)
     if config is None:
         return
+    # The supervisor has made the memory before it let this process go on.
     shared = attach(runtime / "loop.map", writable=True)
     shared.words[Word.LOOP_PID] = getpid()
+    # Compile now: compiling during a cycle would take seconds.
     requests_codec.warm_up()
     warm_up(config)
     channels, clock = make_channels(config), MonotonicClock()
     period_ns = shared.layout.period_ns
     lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
     if lock is None or not wait_for_devices(channels, shared, clock):
-        return  # the end of the process releases the lock, nothing before it
+        return  # only the end of the process releases the lock
     note_identities(runtime / IDENTITIES, channels.identities)
     placements = place(channels.devices, channels.identities, config.rate_hz, clock)
-    channels.use({one.name: one.device for one in placements})
+    channels.use({one.name: one.device for one in placements})  # the wrappers, from here on
     threads = start_threads(placements)
-    noted = LastOutputWriter(runtime / "output.map", len(config.axes))
-    timed = TimedChannels(channels, clock, noted)
-    able = channels.capabilities()
-    controller = assemble(config, timed, able, lambda: noted.forget(clock.now_ns()))
+    last_output = LastOutputWriter(runtime / "output.map", len(config.axes))
+    timed = TimedChannels(channels, clock, last_output)
+    capabilities = channels.capabilities()
+    controller = assemble(config, timed, capabilities, lambda: last_output.forget(clock.now_ns()))
+    # With the threads running, because they compete with the cycle for the interpreter.
     busy_ns = measure_busy_ns(controller, clock, period_ns if threads else 0)
     realtime = Realtime(config.loop, shared, 1 + threads)
+    # Last: everything is imported, compiled, opened and used once.
     steps = realtime.set_up()
-    raise_threads(placements)
-    found = {"steps": [step._asdict() for step in steps]}
-    shared.set_report(found | {"devices": [one.document() for one in placements]})
-    _admit(controller, config, shared, channels, placements, steps, busy_ns)
+    raise_thread_priorities(placements)
+    report = {"steps": [step._asdict() for step in steps]}
+    shared.set_report(report | {"devices": [one.document() for one in placements]})
+    _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns))
     try:
@@ -102,10 +106,11 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
         raise
     finally:
         realtime.leave()
+    # Not after a crash: closing may change the outputs, and `piezod safe` ramps from there.
     channels.close()
 
 
-def _admit(
+def _check_arming(
     controller: StageController,
     config: DaemonConfig,
     shared: SharedMap,
@@ -114,25 +119,27 @@ def _admit(
     steps: list[RealtimeStep],
     busy_ns: int,
 ) -> None:
-    """Say what speaks against arming, if anything does."""
+    """Forbid arming if a condition for it is not met, with the reason."""
     words, rate_hz = shared.words, sustained_rate_hz(busy_ns)
     words[Word.MEASURED_RATE_HZ] = int(rate_hz)
     missing = [step.name for step in steps if not step.ok]
     limits = [axis.limits for axis in config.axes.values()]
     beyond = channels.beyond_reach([(each.drive_min_v, each.drive_max_v) for each in limits])
+    # One reason at a time; a user removes them one by one.
     if beyond:
         controller.forbid_entry(beyond)
-    elif slow := refusal(placements, config.rate_hz):
+    elif slow := rate_refusal(placements, config.rate_hz):
         controller.forbid_entry(slow)
     elif config.rate_hz > rate_hz:
         controller.forbid_entry(
-            f"rate_hz is {config.rate_hz:g}, this machine with these devices keeps {rate_hz:.0f}"
-            " Hz: choose a lower rate"
+            f"rate_hz is {config.rate_hz:g}; this machine with these devices sustains at most "
+            f"{rate_hz:.0f} Hz: choose a lower rate"
         )
     elif missing and config.loop.strict_rt:
         controller.forbid_entry(
-            f"not obtained: {', '.join(missing)}, and strict_rt is set: see `piezod status`"
+            f"strict_rt is set and these steps failed: {', '.join(missing)}; see `piezod status`"
         )
+    # The last run did not end in order: an operator must look at the stage first.
     if words[Word.UNCLEAN]:
         controller.report(Detection(Fault.P2))
 

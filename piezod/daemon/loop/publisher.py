@@ -1,4 +1,4 @@
-"""Turns what a cycle leaves into what goes through the shared memory."""
+"""Publishes the results of each cycle in the shared memory: record, events, learned parameters."""
 
 from collections.abc import Iterable
 from typing import Any, Final, Protocol
@@ -17,13 +17,13 @@ from piezod.telemetry.words import Word
 _STATES: Final = {id(state): place for place, state in enumerate(State)}
 _LOW: Final = (1 << 64) - 1
 _LEARNED_HZ: Final = 20
-# As plain numbers: a member of an enumeration costs several times as much to index with.
+# As plain integers: indexing with a member of an enumeration costs several times as much.
 _BEAT, _HEALTHY = int(Word.LOOP_BEAT_NS), int(Word.HEALTHY_CYCLES)
 _STATE, _SKIPPED = int(Word.LOOP_STATE), int(Word.SKIPPED_CYCLES)
 
 
-class KnowsLearned(Protocol):
-    """What can tell what its axes have learned."""
+class LearnedSource(Protocol):
+    """Gives the parameters that its axes have learned."""
 
     def learned(self, axis: int) -> tuple[Any, float, float, float]:
         """Return weights, offset, scale and sensor zero of an axis."""
@@ -31,10 +31,10 @@ class KnowsLearned(Protocol):
 
 
 class Publisher:
-    """Writes records, events and learned parameters; all of it may be called in the loop.
+    """Writes records, events and learned parameters. All methods are real-time safe.
 
     Args:
-        shared: The memory, writable; this is its only writer on the loop's side.
+        shared: The memory, writable; in the loop process this object is its only writer.
     """
 
     def __init__(self, shared: SharedMap) -> None:
@@ -42,26 +42,28 @@ class Publisher:
         self._ring, self._events = RingWriter(shared), EventWriter(shared)
         self._learned = LearnedWriter(shared)
         self._axes = len(shared.layout.axes)
+        # The axes take turns, so that no cycle publishes the weights of more than one.
         self._learned_cycles = max(1, round(shared.layout.rate_hz / _LEARNED_HZ / self._axes))
         self._countdown, self._turn = 1, 0
         self._skipped = 0
+        # The count continues the one made while the process waited for its devices.
         self._healthy = self._words[Word.HEALTHY_CYCLES]
 
     def record(self, record: CycleRecord, tick: Tick, timed: TimedChannels, end_ns: int) -> None:
         """Publish a cycle.
 
         Args:
-            record: What it left.
-            tick: Its beginning.
+            record: The record of the cycle.
+            tick: The beginning of the cycle.
             timed: How long its phases took.
-            end_ns: When it ended.
+            end_ns: Instant at which it ended.
         """
         deadline_ns, late_ns, skipped = tick
         self._skipped += skipped
         write_late_ns = timed.write_begin_ns
         if write_late_ns != NOT_WRITTEN:
             write_late_ns -= deadline_ns
-        busy_ns = end_ns - deadline_ns - late_ns
+        busy_ns = end_ns - deadline_ns - late_ns  # the cycle began at deadline + late
         values = encode_cycle(
             CycleHeader(
                 t_ns=record.t_ns,
@@ -86,31 +88,32 @@ class Publisher:
         words = self._words
         words[_STATE] = _STATES[id(record.state)]
         words[_SKIPPED], words[_BEAT] = self._skipped, record.t_ns
-        if not skipped:
+        if not skipped:  # the watchdog is fed with cycles that are on schedule only
             self._healthy += 1
             words[_HEALTHY] = self._healthy
 
     def events(self, events: Iterable[StageEvent]) -> None:
-        """Hand events over."""
+        """Publish events."""
         for event in events:
             self._events.append(event)
 
-    def learned(self, controller: KnowsLearned) -> None:
-        """Publish what the next axis has learned when it is its turn, each 20 times a second."""
+    def learned(self, controller: LearnedSource) -> None:
+        """Publish the learned parameters of one axis, in turn: 20 times a second for each axis."""
         self._countdown -= 1
         if not self._countdown:
             self._countdown = self._learned_cycles
             self._turn = (self._turn + 1) % self._axes
             self._learned.publish(self._turn, *controller.learned(self._turn))
 
-    def learned_now(self, controller: KnowsLearned) -> None:
-        """Publish what every axis has learned, whose turn it is or not."""
+    def learned_all(self, controller: LearnedSource) -> None:
+        """Publish the learned parameters of every axis."""
         for axis in range(self._axes):
             self._learned.publish(axis, *controller.learned(axis))
 
     def waiting(self, t_ns: int) -> None:
-        """Tell that the loop is alive and its devices are absent."""
+        """Report that the process is alive and its devices are absent."""
         words = self._words
         words[_STATE], words[_BEAT] = _STATES[id(State.BLIND)], t_ns
+        # An absent device is no reason to restart the process, so that the watchdog is fed.
         self._healthy += 1
         words[_HEALTHY] = self._healthy

@@ -1,4 +1,4 @@
-"""How fast a loop can be: measured with its own devices before anything may be armed."""
+"""Measures the highest rate of the loop with its own devices, before anything may be armed."""
 
 from statistics import median
 from typing import Final
@@ -8,30 +8,30 @@ from piezod.daemon.clock import Clock, clock_offsets_ns
 from piezod.daemon.loop.loop import Controller
 from piezod.units import NS_PER_S
 
-LEAST_CYCLES, MOST_CYCLES = 9, 200
-LONGEST_NS: Final = NS_PER_S // 4
+MIN_CYCLES, MAX_CYCLES = 9, 200
+MAX_DURATION_NS: Final = NS_PER_S // 4
 USABLE_PART: Final = 0.8
-"""Part of a period that may be used up: the kernel takes a twentieth of each second from a
-real-time thread that never sleeps."""
+"""Part of a period that cycle and spinning may use together: the kernel takes 50 ms of each second
+from a real-time thread that never sleeps."""
 QUIET_PART: Final = 0.5
-"""What is measured is a cycle that writes nothing, with all it needs at hand; it may take this part
-of a period. One that drives takes up to half as long again, and publishing comes on top."""
+"""Part of a period that a measured cycle may take. It writes nothing and its data are in the
+caches; a cycle that drives takes up to 1.5 times as long, and publishing comes on top."""
 
 
 def measure_busy_ns(controller: Controller, clock: Clock, pause_ns: int = 0) -> int:
-    """Return how long a cycle takes, devices included: the median over up to 200 of them.
+    """Return how long a cycle takes, devices included, in ns: the median of up to 200 cycles.
 
-    They run one after the other, before the stage is armed.
+    The cycles run one after the other, before the stage is armed.
 
     Args:
-        controller: What runs a cycle.
+        controller: Runs the cycles.
         clock: The clock of the loop.
-        pause_ns: Pause between two cycles, in which threads that have devices do their work.
+        pause_ns: Pause between two cycles, in ns, during which device threads can work.
     """
     durations_ns: list[int] = []
     begin_ns = clock.now_ns()
-    while len(durations_ns) < LEAST_CYCLES or (  # a single one may have been held up
-        len(durations_ns) < MOST_CYCLES and clock.now_ns() - begin_ns < LONGEST_NS
+    while len(durations_ns) < MIN_CYCLES or (  # fewer, and one delayed cycle would count
+        len(durations_ns) < MAX_CYCLES and clock.now_ns() - begin_ns < MAX_DURATION_NS
     ):
         t_ns = clock.now_ns()
         controller.cycle(t_ns, CycleTiming(0, 0, 0, *clock_offsets_ns()))
@@ -42,10 +42,10 @@ def measure_busy_ns(controller: Controller, clock: Clock, pause_ns: int = 0) -> 
 
 
 def sustained_rate_hz(busy_ns: int) -> float:
-    """Return the highest rate at which a cycle may take so long."""
+    """Return the highest rate for a measured cycle of this duration, in Hz."""
     return QUIET_PART * NS_PER_S / busy_ns
 
 
 def usable_spin_ns(asked_ns: int, busy_ns: int, period_ns: int) -> int:
-    """Return how long the loop may spin before a deadline, so that it also sleeps."""
+    """Return how long the loop may spin before a deadline and still sleep in each period, in ns."""
     return max(0, min(asked_ns, round(USABLE_PART * period_ns) - busy_ns))

@@ -1,7 +1,7 @@
-"""What the loop asks of the operating system so that it is on time, in the order that works.
+"""Asks the operating system for real time, in an order in which no step undoes another.
 
-To be called when everything is imported, compiled, opened and used once. Each step tells what it
-obtained; none of them raises: a loop without them runs too, and is late more often.
+Call it when everything is imported, compiled, opened and used once. Each step reports what it
+obtained, and none of them raises: a loop without them runs too, but is late more often.
 """
 
 import ctypes
@@ -19,22 +19,23 @@ from piezod.telemetry.shared_map import SharedMap
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _KEEP_BYTES: Final = 1 << 30
-_MMAP_BYTES: Final = 32 << 20  # the largest that glibc takes
+_MMAP_BYTES: Final = 32 << 20  # the largest value that glibc accepts
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _PR_SET_TIMERSLACK: Final = 29
-_ENDING_LOOKS: Final = 100
+_THREAD_CHECKS: Final = 100
 _OWN_PARTS: Final = ("answers", "learned", "events", "ring")
+"""The parts of the shared memory that the loop process writes."""
 _DMA_LATENCY: Final = Path("/dev/cpu_dma_latency")
 
 
 class RealtimeStep(NamedTuple):
-    """One thing that was asked for.
+    """One request to the operating system.
 
     Attributes:
-        name: What it is.
-        wanted: What was asked for.
-        obtained: What there is now; why, where it is not what was asked for, and the remedy.
-        ok: Whether it is what was asked for.
+        name: Its name.
+        wanted: The requested value.
+        obtained: The present value, or why it differs from the requested one, with the remedy.
+        ok: Whether it is the requested value.
     """
 
     name: str
@@ -44,12 +45,12 @@ class RealtimeStep(NamedTuple):
 
 
 class Realtime:
-    """The set-up; what must be held as long as the process lives is held by this object.
+    """Makes the requests, and holds what must be held until the process ends.
 
     Args:
         config: Priority and processor.
         shared: The shared memory, writable.
-        threads: How many threads there are to be: the loop, and those that have devices.
+        threads: Expected number of threads: the loop, and those that use devices.
     """
 
     def __init__(self, config: LoopConfig, shared: SharedMap, threads: int = 1) -> None:
@@ -58,7 +59,7 @@ class Realtime:
         self._latency_file: int | None = None
 
     def set_up(self) -> list[RealtimeStep]:
-        """Ask for everything; return what was obtained."""
+        """Make all requests; return their results."""
         steps: tuple[tuple[str, str, Callable[[], str]], ...] = (
             ("threads", str(self._wanted_threads), self._count_threads),
             ("heap", "kept", self._keep_heap),
@@ -73,30 +74,31 @@ class Realtime:
         return list(_carried_out(steps))
 
     def leave(self) -> None:
-        """Be an ordinary process again: to end takes long, and other loops need the processor."""
-        # The flag stays: only root may take it back.
+        """Become an ordinary process: ending takes long, and other loops need the processor."""
+        # Keep the flag: only root may clear it.
         os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
 
     def _count_threads(self) -> str:
-        for _ in range(_ENDING_LOOKS):
+        for _ in range(_THREAD_CHECKS):
             threads = len(list(Path("/proc/self/task").iterdir()))
             if threads <= self._wanted_threads:
                 break
-            time.sleep(0.001)  # one that has been joined may still be ending
+            time.sleep(0.001)  # the kernel may still list a thread that was joined
         return str(threads)
 
     def _keep_heap(self) -> str:
-        # Before memory is locked: what malloc gives back and takes again would be locked anew.
+        # Before memory is locked: memory that malloc returns and takes again would have to be
+        # locked and faulted in again, in the middle of a cycle.
         for option, value in (
             (_M_TRIM_THRESHOLD, _KEEP_BYTES),
             (_M_MMAP_THRESHOLD, _MMAP_BYTES),
         ):
             if not self._libc.mallopt(option, value):
-                raise OSError(None, "mallopt refused; this C library has another one")
+                raise OSError(None, "mallopt refused; this C library does not know the option")
         return "kept"
 
     def _lock_memory(self) -> str:
-        # MCL_ONFAULT would be no way out: the kernel compares the same size with the same limit.
+        # MCL_ONFAULT would not help: the kernel compares the same size with the same limit.
         if self._libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:
             error = ctypes.get_errno()
             raise OSError(error, f"{os.strerror(error)}; allow it by LimitMEMLOCK=infinity")
@@ -111,7 +113,7 @@ class Realtime:
 
     def _request_latency(self) -> str:
         file = os.open(_DMA_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
-        self._latency_file = file  # the request lasts as long as it is open
+        self._latency_file = file  # the request lasts as long as the file is open
         os.write(file, struct.pack("=i", 0))
         return "0 us"
 
@@ -131,7 +133,7 @@ class Realtime:
         return wanted
 
     def _raise_priority(self) -> str:
-        # Last: from here on nothing that takes long may happen. Children are ordinary again.
+        # Last: a long task at this priority would starve other processes. Children are ordinary.
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
         os.sched_setscheduler(0, policy, os.sched_param(self._config.priority))
         return f"SCHED_FIFO {self._config.priority}"
@@ -151,6 +153,7 @@ def _carried_out(
 
 
 def _stop_collecting() -> str:
+    # Frozen objects are never visited again, even if a library calls the collector.
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -158,7 +161,7 @@ def _stop_collecting() -> str:
 
 
 def _in_ram(path: Path) -> bool:
-    """Tell whether a file lies on a tmpfs: on others, writing to a page waits for the disk."""
+    """Return whether a file is on a tmpfs; elsewhere, writing to a page waits for the disk."""
     mounts = [line.split() for line in Path("/proc/self/mounts").read_text().splitlines()]
     resolved = path.resolve()
     under = [mount for mount in mounts if resolved.is_relative_to(mount[1])]

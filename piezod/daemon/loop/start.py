@@ -1,4 +1,4 @@
-"""The loop process before its first cycle: it waits for devices, and is already to be spoken to."""
+"""The loop process before its first cycle: waits for the devices, already answers requests."""
 
 from pathlib import Path
 from typing import Final
@@ -7,7 +7,7 @@ from piezod.config.faults import Fault
 from piezod.config.requests import Shutdown
 from piezod.daemon.clock import Clock
 from piezod.daemon.lock import Lock, device_lock
-from piezod.daemon.loop.devices import Opening
+from piezod.daemon.loop.devices import DeviceOpener
 from piezod.daemon.loop.loop import SupervisorWatch
 from piezod.daemon.loop.publisher import Publisher
 from piezod.devices.channels import Channels
@@ -19,40 +19,41 @@ from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.words import Word
 from piezod.units import s_to_ns
 
-_LOOK_EACH_S: Final = 0.02
+_POLL_S: Final = 0.02
 
 
 def wait_for_lock(path: Path, shared: SharedMap, clock: Clock, within_s: float) -> Lock | None:
-    """Take the lock of whoever has the devices, as a loop of an earlier run until it has ramped.
+    """Take the lock of the devices; an earlier loop process keeps it until it has ramped down.
 
     Args:
         path: The locked file.
         shared: The memory shared with the supervisor, writable.
         clock: The clock of the loop.
-        within_s: How long to wait, in s.
+        within_s: Longest wait, in s.
 
     Returns:
-        The lock, to be held as long as the devices are used; None if the process is to end.
+        The lock, to be held as long as the devices are used; None if the process should end.
 
     Raises:
-        AlreadyRunningError: If the other one does not end in time.
+        AlreadyRunningError: If the other process does not end in time.
         OSError: If the file cannot be opened.
     """
-    desk, end_ns = _Desk(shared), clock.now_ns() + s_to_ns(within_s)
+    mailbox, end_ns = _StartupMailbox(shared), clock.now_ns() + s_to_ns(within_s)
+    # Poll instead of blocking in `flock`: requests need answers meanwhile.
     while True:
         now_ns = clock.now_ns()
         try:
             return device_lock(path)
         except AlreadyRunningError as error:
-            if not desk.look(now_ns, str(error), "lock"):
+            if not mailbox.serve(now_ns, str(error), "lock"):
                 return None
             if now_ns > end_ns:
                 raise
-        clock.sleep_until_ns(now_ns + s_to_ns(_LOOK_EACH_S))
+        clock.sleep_until_ns(now_ns + s_to_ns(_POLL_S))
 
 
 def wait_for_devices(channels: Channels, shared: SharedMap, clock: Clock) -> bool:
-    """Open the devices; where one is absent, tell so and try again.
+    """Open the devices; if one is absent, report that and try again.
 
     Args:
         channels: The devices.
@@ -60,71 +61,72 @@ def wait_for_devices(channels: Channels, shared: SharedMap, clock: Clock) -> boo
         clock: The clock of the loop.
 
     Returns:
-        True once they are open and active, False if the process is to end.
+        True when they are open and active; False if the process should end.
 
     Raises:
-        Exception: Whatever a driver raises that is no `DeviceError`.
+        Exception: Any exception of a driver except `DeviceError`.
     """
-    opening = Opening(channels, clock)
-    opening.start()
-    desk = _Desk(shared)
-    while opening.is_alive():
-        opening.join(_LOOK_EACH_S)
-        if opening.absent:
-            desk.blind(clock.now_ns())
-        if not desk.look(clock.now_ns(), opening.absent, "device", Fault.A1):
-            opening.stop()
+    opener = DeviceOpener(channels, clock)
+    opener.start()
+    mailbox = _StartupMailbox(shared)
+    while opener.is_alive():
+        opener.join(_POLL_S)
+        if opener.absent:
+            mailbox.report_blind(clock.now_ns())
+        if not mailbox.serve(clock.now_ns(), opener.absent, "device", Fault.A1):
+            opener.stop()  # not joined: the end of the process ends a driver that hangs
             return False
-    if opening.crash is not None:
-        raise opening.crash
-    desk.opened(clock.now_ns())
+    if opener.crash is not None:
+        raise opener.crash
+    mailbox.report_open(clock.now_ns())
     shared.words[Word.DEVICES_OPEN] = 1
     return True
 
 
-class _Desk:
-    """Answers the supervisor as long as there is no loop.
+class _StartupMailbox:
+    """Answers the supervisor before the first cycle.
 
     Args:
-        shared: The memory shared with it.
+        shared: The memory shared with the supervisor.
     """
 
     def __init__(self, shared: SharedMap) -> None:
         self._publisher, self._mailbox = Publisher(shared), MailboxReader(shared)
         self._supervisor = SupervisorWatch(shared)
-        self._told = ""
-        shared.words[Word.LOOP_ASKABLE] = 1
+        self._reported = ""
+        shared.words[Word.LOOP_ASKABLE] = 1  # from here on the supervisor posts requests
 
-    def blind(self, now_ns: int) -> None:
-        """Tell that the loop is alive and its devices are absent."""
+    def report_blind(self, now_ns: int) -> None:
+        """Report that the process is alive and its devices are absent."""
         self._publisher.waiting(now_ns)
 
-    def look(self, now_ns: int, absent: str, kind: str, fault: str = "") -> bool:
-        """Tell what is the matter, answer requests; return whether to go on.
+    def serve(self, now_ns: int, absent: str, kind: str, fault: str = "") -> bool:
+        """Report a new reason for waiting, and refuse requests; return whether the process goes on.
 
         Args:
             now_ns: The present instant.
-            absent: Why the devices cannot be used; empty as long as that is not known.
-            kind: What kind of event that is.
-            fault: Its fault.
+            absent: Why the devices cannot be used; empty if that is not known yet.
+            kind: Kind of the event that reports it.
+            fault: Fault id of that event.
         """
-        if absent != self._told:
-            self._told = absent
+        if absent != self._reported:  # one event for each new reason, not for each poll
+            self._reported = absent
             self._publisher.events([StageEvent(now_ns, "error", kind, absent, fault)])
         why = absent or "the loop is starting; try again in some seconds"
+        # Nothing is driven yet, so that there is nothing to stop.
         if number := self._mailbox.take_estop():
             self._mailbox.answer_estop(number, accepted=False, motion=0, why=why)
         while (taken := self._mailbox.take(now_ns)) is not None:
             number, payload = taken
-            if _is_shutdown(payload):
+            if _is_shutdown(payload):  # the only request that needs no device
                 self._mailbox.answer(number, accepted=True, motion=0, why="")
                 return False
             self._mailbox.answer(number, accepted=False, motion=0, why=why)
         return not self._supervisor.lost(now_ns, 0)
 
-    def opened(self, now_ns: int) -> None:
-        """Tell that the devices are there, where somebody was told that they are not."""
-        if self._told:
+    def report_open(self, now_ns: int) -> None:
+        """Report that the devices are open, if their absence was reported before."""
+        if self._reported:
             self._publisher.events([StageEvent(now_ns, "info", "device", "the devices are open")])
 
 

@@ -1,4 +1,4 @@
-"""The devices of a stage, with a stopwatch: how long reading and writing took in a cycle."""
+"""The devices of a stage, with the time that reading and writing took in a cycle."""
 
 from collections.abc import Sequence
 
@@ -9,41 +9,42 @@ from piezod.devices.interface import Capabilities, Identity, Sample
 from piezod.devices.status import Flags
 
 NOT_WRITTEN = -1
+"""Instead of the instant of a write, if a cycle wrote nothing."""
 
 
 class TimedChannels:
-    """Implements the devices of a stage over them; notes what is written.
+    """Forwards calls to the devices, measures them, and stores the voltages that are written.
 
     Args:
         devices: The devices.
         clock: The clock of the loop.
-        noted: Where the voltages are noted, for `piezod safe`.
+        last_output: Stores the voltages, for `piezod safe`.
     """
 
-    def __init__(self, devices: StageDevices, clock: Clock, noted: LastOutputWriter) -> None:
-        self._devices, self._now_ns, self._noted = devices, clock.now_ns, noted
+    def __init__(self, devices: StageDevices, clock: Clock, last_output: LastOutputWriter) -> None:
+        self._devices, self._now_ns, self._last_output = devices, clock.now_ns, last_output
         self.read_ns = 0
-        """How long reading took since `start`, reading back included."""
+        """Duration of reading and reading back since `start`, in ns."""
         self.write_ns = 0
-        """How long writing took since `start`."""
+        """Duration of writing since `start`, in ns."""
         self.write_begin_ns = NOT_WRITTEN
-        """When writing began, -1 where nothing was written since `start`."""
+        """Instant at which writing began; -1 if nothing was written since `start`."""
 
     def start(self) -> None:
-        """Begin a cycle; may be called in the loop."""
+        """Begin a cycle. Real-time safe."""
         self.read_ns = self.write_ns = 0
         self.write_begin_ns = NOT_WRITTEN
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take one sample of each axis; may be called in the loop."""
+        """Return one sample of each axis. Real-time safe."""
         begin_ns = self._now_ns()
         try:
             return self._devices.read(now_ns)
-        finally:
+        finally:  # the time has passed even if the driver raises
             self.read_ns += self._now_ns() - begin_ns
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Tell the voltage now in force, in V, per axis; may be called in the loop."""
+        """Return the read-back voltage of each axis, in V. Real-time safe."""
         begin_ns = self._now_ns()
         try:
             return self._devices.read_back(now_ns)
@@ -51,24 +52,25 @@ class TimedChannels:
             self.read_ns += self._now_ns() - begin_ns
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Set the voltage of every axis, in V; may be called in the loop."""
+        """Set the voltage of every axis, in V; return whether that succeeded. Real-time safe."""
         self.write_begin_ns = begin_ns = self._now_ns()
-        self._noted.note(drive_v, begin_ns)
+        # Before the write: if the process dies in between, the file still has the newest voltage.
+        self._last_output.note(drive_v, begin_ns)
         try:
             return self._devices.write(drive_v, now_ns)
         finally:
             self.write_ns += self._now_ns() - begin_ns
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell what the devices say is the matter with each axis; may be called in the loop."""
+        """Return the flags of the sensor of each axis, then of each amplifier. Real-time safe."""
         return self._devices.status(now_ns)
 
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
-        """Call these displacements zero from now on."""
+        """Use these displacements as zero from now on, in µm."""
         self._devices.zero(zero_um, true_zero_um)
 
     def commands(self) -> Sequence[Sample]:
-        """Tell what commanded each axis when it was read last; may be called in the loop."""
+        """Return the value that commanded each axis at its last read. Real-time safe."""
         return self._devices.commands()
 
     def open(self) -> Identity:
@@ -76,7 +78,7 @@ class TimedChannels:
         return self._devices.open()
 
     def capabilities(self) -> Capabilities:
-        """Tell what all devices can do together."""
+        """Return the capabilities of all devices together."""
         return self._devices.capabilities()
 
     def activate(self, now_ns: int) -> None:
@@ -88,5 +90,5 @@ class TimedChannels:
         self._devices.deactivate(now_ns)
 
     def close(self) -> None:
-        """Make the outputs of every device safe and let go of it."""
+        """Make the outputs of every device safe, and release it."""
         self._devices.close()

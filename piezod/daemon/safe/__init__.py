@@ -1,1 +1,1 @@
-"""Bringing a stage without a loop to its safe voltage."""
+"""Brings a stage without a loop to its safe voltage."""

@@ -1,7 +1,7 @@
-"""The way of one amplifier to its safe voltage, without a loop.
+"""Ramps one amplifier to its safe voltage, without a loop.
 
-It knows only the driver interface, measures nothing but the voltage, and imports neither numpy nor
-numba: it must work when much else does not.
+It knows only the driver interface, measures only the voltage, and imports neither numpy nor numba:
+it must work when much else does not.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,20 +18,21 @@ from piezod.units import NS_PER_S
 
 STEP_S: Final = 0.01
 """Time between two steps."""
-PATIENCE_S: Final = 2.0
-"""For how long an amplifier may refuse, tell nothing, or not be where it was sent."""
+MAX_FAILING_S: Final = 2.0
+"""How long an amplifier may refuse, report nothing, or not reach its voltage, in s."""
 NEAR_V: Final = 1.0
-"""An output that is no farther outside the limits, and takes nothing there, is given the limit."""
+"""An output that is outside the limits by no more than this, and refuses the next step, is set to
+the limit."""
 
 
 class AxisOutcome(NamedTuple):
-    """What became of an axis.
+    """The result for an axis.
 
     Attributes:
-        from_v: Where the ramp began, in V; NaN if that was never known.
-        from_noted: Whether that is the voltage written last, as the amplifier told nothing.
-        safe_v: Where it was to end, in V.
-        read_back_v: What was read back in the end, in V; NaN where nothing was.
+        from_v: Voltage at which the ramp began, in V; NaN if it was never known.
+        from_noted: Whether that is the last written voltage, because the amplifier reported none.
+        safe_v: Voltage at which the ramp should end, in V.
+        read_back_v: Read-back voltage at the end, in V; NaN if there is none.
         why: Why the voltage is unknown; empty if the axis is safe.
     """
 
@@ -43,30 +44,30 @@ class AxisOutcome(NamedTuple):
 
 
 class AmplifierRamp:
-    """Opens an amplifier, finds out where it is, ramps it down, and looks whether it got there.
+    """Opens an amplifier, finds its voltage, ramps it down, and verifies the result.
 
-    Each of that is tried until its time is over; a fault is then what `outcomes` tell.
+    Each phase is tried until its time is over; then `outcomes` has the reason.
 
     Args:
         channels: The amplifier, not open.
         axes: The axes that it drives.
-        noted_v: The voltage written last on each, in V; NaN where that is not known.
-        wait_s: For how long it may be unavailable, as that of a loop that is about to end.
-        expected: Who it has to be, whatever its firmware; None: anybody.
+        last_v: Last written voltage of each axis, in V; NaN if it is not known.
+        wait_s: How long it may be unavailable, in s, as while another process closes it.
+        expected: Identity that it must have, apart from its firmware; None accepts any.
 
     Attributes:
-        done: Whether there is nothing left to do but to close it.
+        done: Whether it only has to be closed.
     """
 
     def __init__(
         self,
         channels: Channels,
         axes: Sequence[StageAxisConfig],
-        noted_v: Sequence[float],
+        last_v: Sequence[float],
         wait_s: float,
         expected: Identity | None = None,
     ) -> None:
-        self._channels, self._noted_v, self._expected = channels, noted_v, expected
+        self._channels, self._last_v, self._expected = channels, last_v, expected
         self._limits_v = [(axis.limits.drive_min_v, axis.limits.drive_max_v) for axis in axes]
         self._steps_v = [axis.safety.ramp_v_per_s * STEP_S for axis in axes]
         self._tolerances_v = [
@@ -76,67 +77,69 @@ class AmplifierRamp:
         self._from_v = self._drive_v = self._read_back_v = [nan] * len(axes)
         self._from_noted = self._reads_back = self.done = False
         self._why = ""
-        # What is done now, for how long it may fail, and what that means.
+        # The present phase, how long it may fail, why it fails, and since when.
         self._phase: Callable[[int], bool] = self._open
-        self._patience_s = wait_s
+        self._max_failing_s = wait_s
         self._trouble = ""
         self._since_ns: int | None = None
 
     def step(self, now_ns: int) -> None:
-        """Do what is next; whatever a driver raises is a reason, so that others go on."""
+        """Do the next step of the present phase; an exception of a driver ends this ramp only."""
         if self._since_ns is None:
             self._since_ns = now_ns
         try:
             progress = self._phase(now_ns)
-        except Exception as error:  # noqa: BLE001 - a driver may fail in any way; the reason is told
+        except Exception as error:  # noqa: BLE001 - a driver may fail in any way: an outcome
             self._give_up(str(error) or type(error).__name__)
             return
-        if progress:
+        if progress:  # each step may fail for the full time
             self._since_ns = None
-        elif not self.done and self._failing_s(now_ns) > self._patience_s:
+        elif not self.done and self._failing_s(now_ns) > self._max_failing_s:
             self._give_up(self._trouble)
 
     def close(self) -> None:
-        """Let go of the amplifier; to be called in any case. Never raises."""
-        with suppress(Exception):  # others are still to be let go of
+        """Close the amplifier; call it in any case. Never raises."""
+        with suppress(Exception):  # the other amplifiers must be closed too
             self._channels.close()
 
     def outcomes(self) -> list[AxisOutcome]:
-        """Tell what became of each axis."""
-        noted = [self._from_noted] * len(self._safe_v)
+        """Return the outcome of each axis."""
+        from_noted = [self._from_noted] * len(self._safe_v)
         whys = [self._why] * len(self._safe_v)
-        values = zip(self._from_v, noted, self._safe_v, self._read_back_v, whys, strict=True)
+        values = zip(self._from_v, from_noted, self._safe_v, self._read_back_v, whys, strict=True)
         return [AxisOutcome(*each) for each in values]
 
     def _open(self, now_ns: int) -> bool:
         try:
-            self._recognise(self._channels.open())
+            self._check_identity(self._channels.open())
             self._channels.activate(now_ns)
-        except DeviceUnavailableError as error:
+        except DeviceUnavailableError as error:  # a loop that ends may still hold it: try again
             self._channels.close()
             self._trouble = str(error)
             return False
         self._reads_back = self._channels.capabilities().read_back
-        self._phase, self._patience_s = self._find_start, PATIENCE_S
+        self._phase, self._max_failing_s = self._find_start, MAX_FAILING_S
         return True
 
-    def _recognise(self, found: Identity) -> None:
-        """Refuse an amplifier that nobody meant: what rests on it is not known either."""
+    def _check_identity(self, found: Identity) -> None:
+        """Refuse another amplifier, on which something unknown may rest."""
         if self._expected is not None and not is_same(found, self._expected):
-            who, wanted = (" ".join(each[:3]) for each in (found, self._expected))
+            present, wanted = (" ".join(each[:3]) for each in (found, self._expected))
             raise DeviceError(
-                f"it is another device: {who}, expected: {wanted}; nothing was written; connect "
-                "the right one, or start the daemon with this one"
+                f"it is another device: {present}, expected: {wanted}; nothing was written; "
+                "connect the right one, or start the daemon with this one"
             )
 
     def _find_start(self, now_ns: int) -> bool:
-        told_v = list(self._channels.read_back(now_ns)) if self._reads_back else []
-        silent = not told_v or not all(map(isfinite, told_v))
-        if silent and self._reads_back and self._failing_s(now_ns) < PATIENCE_S / 2:
+        read_back_v = list(self._channels.read_back(now_ns)) if self._reads_back else []
+        unknown = not read_back_v or not all(map(isfinite, read_back_v))
+        # Use the last write after half of the time; after all of it `step` gives up.
+        if unknown and self._reads_back and self._failing_s(now_ns) < MAX_FAILING_S / 2:
             return False
-        self._from_v, self._from_noted = (list(self._noted_v), True) if silent else (told_v, False)
+        self._from_v = list(self._last_v) if unknown else read_back_v
+        self._from_noted = unknown
         if not all(map(isfinite, self._from_v)):
-            self._give_up("the amplifier tells no voltage, and no last write is on record")
+            self._give_up("the amplifier reports no voltage, and no last write is stored")
             return False
         self._drive_v = self._from_v
         self._phase = self._descend
@@ -150,6 +153,7 @@ class AmplifierRamp:
             )
         ]
         if not self._channels.write(next_v, now_ns):
+            # An amplifier may rest just outside its limits and refuse any value there.
             inside_v = self._just_inside(next_v)
             if inside_v == next_v or not self._channels.write(inside_v, now_ns):
                 self._trouble = f"the amplifier refuses {_volts(next_v)}"
@@ -161,7 +165,7 @@ class AmplifierRamp:
         return True
 
     def _just_inside(self, drive_v: list[float]) -> list[float]:
-        """Return the limits instead of what is a little beyond them."""
+        """Return the limits for values that are a little beyond them; other values unchanged."""
         inside_v = [
             min(max(each_v, low_v), high_v)
             for each_v, (low_v, high_v) in zip(drive_v, self._limits_v, strict=True)
@@ -172,14 +176,15 @@ class AmplifierRamp:
     def _verify(self, now_ns: int) -> bool:
         if self._reads_back:
             self._read_back_v = list(self._channels.read_back(now_ns))
+        # Without a read-back, the last accepted write has to be enough.
         self.done = not self._reads_back or all(
-            abs(told_v - safe_v) <= tolerance_v
-            for told_v, safe_v, tolerance_v in zip(
+            abs(read_back_v - safe_v) <= tolerance_v
+            for read_back_v, safe_v, tolerance_v in zip(
                 self._read_back_v, self._safe_v, self._tolerances_v, strict=True
             )
         )
         self._trouble = (
-            f"the amplifier was sent to {_volts(self._safe_v)} and tells "
+            f"the amplifier was set to {_volts(self._safe_v)} and reads back "
             f"{_volts(self._read_back_v)}"
         )
         return self.done

@@ -1,6 +1,6 @@
-"""Brings a stage to its safe voltage when there is no loop to do it; imports no numpy.
+"""Brings a stage to its safe voltage if it has no loop; imports no numpy.
 
-Each amplifier goes its own way: one that fails leaves the others to their ramps.
+Each amplifier has its own ramp: one that fails does not stop the others.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,11 +18,11 @@ from piezod.units import s_to_ns
 
 
 class Noted(NamedTuple):
-    """What the loop left on record.
+    """What the loop has stored.
 
     Attributes:
-        drive_v: Voltage written last on each axis, in V, where that is known.
-        identities: Who each device said it is when the loop opened it, where that is known.
+        drive_v: Last written voltage of each axis, in V, if known.
+        identities: Identity of each device when the loop opened it, if known.
     """
 
     drive_v: Mapping[str, float]
@@ -32,21 +32,22 @@ class Noted(NamedTuple):
 def ramp_down(
     config: DaemonConfig, noted: Noted, wait_s: float, clock: Clock
 ) -> dict[str, AxisOutcome]:
-    """Ramp every axis of a stage from the voltage in force to its safe voltage.
+    """Ramp every axis of a stage from its present voltage to its safe voltage.
 
     Args:
-        config: The stage.
-        noted: What the loop left on record.
-        wait_s: For how long an amplifier may be unavailable.
+        config: The configuration of the stage.
+        noted: What the loop has stored.
+        wait_s: How long an amplifier may be unavailable, in s.
         clock: Paces the steps.
 
     Returns:
-        What became of each axis; a device's fault is among it, and no exception.
+        The outcome of each axis; failures of devices are outcomes, not exceptions.
 
     Raises:
         DeviceError: If a device that drives an axis is no amplifier.
         RegistryError: If a driver cannot be loaded.
     """
+    # One amplifier may drive several axes: each once, in the order of the axes.
     amplifiers = list(dict.fromkeys(axis.amplifier.device for axis in config.axes.values()))
     outcomes: dict[str, AxisOutcome] = {}
     with _ramps(config, amplifiers, noted, wait_s) as ramps:
@@ -54,7 +55,7 @@ def ramp_down(
             for ramp in ramps:
                 if not ramp.done:
                     ramp.step(clock.now_ns())
-            # From now on, and not from the last step on: what is late is not made up for.
+            # Counted from now: after a late step the ramp does not become faster.
             clock.sleep_until_ns(clock.now_ns() + s_to_ns(STEP_S))
         for amplifier, ramp in zip(amplifiers, ramps, strict=True):
             outcomes.update(zip(_driven(config, amplifier), ramp.outcomes(), strict=True))
@@ -72,10 +73,10 @@ def _ramps(
     try:
         for name in amplifiers:
             driven = _driven(config, name)
-            noted_v = [noted.drive_v.get(axis, nan) for axis in driven]
+            last_v = [noted.drive_v.get(axis, nan) for axis in driven]
             axes = [config.axes[axis] for axis in driven]
-            channels, who = _channels(config, name, driven), noted.identities.get(name)
-            ramps.append(AmplifierRamp(channels, axes, noted_v, wait_s, who))
+            channels, expected = _channels(config, name, driven), noted.identities.get(name)
+            ramps.append(AmplifierRamp(channels, axes, last_v, wait_s, expected))
         yield ramps
     finally:
         for ramp in ramps:
@@ -87,7 +88,7 @@ def _driven(config: DaemonConfig, amplifier: str) -> list[str]:
 
 
 def _channels(config: DaemonConfig, amplifier: str, driven: list[str]) -> Channels:
-    """Construct an amplifier as the loop would; what measures is left out."""
+    """Construct an amplifier as the loop does, but without its sensors."""
     pairs = pairs_of(config.axes)
     made = construct({amplifier: config.devices[amplifier]}, pairs, config.seed)
     return Channels(made, {axis: pairs[axis]._replace(sensor="", command=None) for axis in driven})

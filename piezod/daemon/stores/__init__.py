@@ -1,1 +1,1 @@
-"""What the supervisor keeps on disk: parameters, recordings, the audit log."""
+"""Files that the supervisor keeps: parameters, recordings, flight records, the audit log."""

@@ -1,4 +1,4 @@
-"""Who asked for what, and what became of it: lines of JSON that are only ever added."""
+"""The audit log: who asked for what, and the answer; JSON lines that are only appended."""
 
 import json
 import os
@@ -11,24 +11,24 @@ from typing import Final, NamedTuple
 from piezod.daemon.logging import logger
 
 MAX_BYTES: Final = 4 << 20
-"""A file that would become larger is put aside."""
+"""Largest size of a file; then a new one is begun."""
 KEPT: Final = 5
-"""How many files are kept, the one that is written included."""
+"""Number of files that are kept, including the present one."""
 
 _MAX_TEXT: Final = 1000
 
 
 class AuditLine(NamedTuple):
-    """One request and its outcome.
+    """One request and its answer.
 
     Attributes:
         when: ISO 8601 with the offset from UTC.
-        uid: User id of the process that asked.
-        user: Name of that user; empty where it has none.
-        client: What the client calls itself.
-        what: What it asked for, as in "goto x 12.5 µm".
-        accepted: Whether that was carried out.
-        why: Why not; empty where it was.
+        uid: User id of the client.
+        user: Name of that user; empty if it has none.
+        client: Name that the client gives itself.
+        what: The request, as in "goto x 12.5 µm".
+        accepted: Whether it was accepted.
+        why: Why not; empty if it was accepted.
     """
 
     when: str
@@ -45,14 +45,14 @@ def _utc_now() -> datetime:
 
 
 class AuditLog:
-    """Appends entries to a file; a disk that is full costs entries, never a request.
+    """Appends entries to a file; a full disk loses entries, but never refuses a request.
 
-    For one thread; `sync` and `last` may be called in another meanwhile.
+    For one thread, except that `sync` and `last` may run in another one at the same time.
 
     Args:
-        path: The file, made where absent; older ones have `.1`, `.2` behind their names.
+        path: The file, made if it is absent; older files have the suffix `.1`, `.2`, ….
         now: The time of day.
-        max_bytes: Size at which the file is put aside.
+        max_bytes: Largest size of a file.
 
     Raises:
         OSError: If the file cannot be opened.
@@ -68,24 +68,24 @@ class AuditLog:
         self._path, self._now, self._max_bytes = path, now, max_bytes
         self._descriptor = _open(path)
         self._size = os.fstat(self._descriptor).st_size
-        # Whatever cut the last line off, the next entry gets a line of its own.
+        # If the last line was cut off, the next entry must still begin a line of its own.
         self._torn = self._size > 0 and _last_byte(path) != b"\n"
         self.failed = 0
-        """Entries that could not be written."""
+        """Number of entries that could not be written."""
 
     def write(
         self, uid: int, user: str, client: str, what: str, accepted: bool, why: str = ""
     ) -> None:
-        """Add an entry; it survives the end of this process, and a loss of power after `sync`.
+        """Append an entry; it survives the end of this process, and a power failure after `sync`.
 
         Texts are cut at 1000 characters.
 
         Args:
-            uid: User id of the process that asks.
+            uid: User id of the client.
             user: Name of that user.
-            client: What the client calls itself.
-            what: What it asks for.
-            accepted: Whether that is carried out.
+            client: Name that the client gives itself.
+            what: The request.
+            accepted: Whether it is accepted.
             why: Why not.
         """
         when = self._now().isoformat(timespec="milliseconds")
@@ -95,15 +95,15 @@ class AuditLog:
         try:
             self._append(line)
         except OSError as error:
-            if not self.failed:
+            if not self.failed:  # a full disk would fill the log too
                 logger("audit").error("audit entry lost", file=str(self._path), why=error.strerror)
             self.failed += 1
 
     def last(self, number: int) -> tuple[AuditLine, ...]:
-        """Return the newest entries of the file and of the one before, newest first.
+        """Return the newest entries of the present file and the one before, newest first.
 
         Args:
-            number: How many at most.
+            number: Largest number of entries.
 
         Raises:
             OSError: If the file cannot be read.
@@ -112,9 +112,9 @@ class AuditLog:
         return tuple(islice(filter(None, map(_entry, lines)), number))
 
     def sync(self) -> None:
-        """Have what was written reach the disk; may block, so call it in a worker thread."""
+        """Bring the entries to the disk; may block, so call it in a worker thread."""
         try:
-            # By a descriptor of its own: a file may be put aside and closed meanwhile.
+            # A descriptor of its own, because `write` may begin a new file meanwhile.
             descriptor = _open(self._path)
             try:
                 os.fsync(descriptor)
@@ -124,7 +124,7 @@ class AuditLog:
             logger("audit").error("audit not synced", file=str(self._path), why=error.strerror)
 
     def close(self) -> None:
-        """Sync and close the file; once."""
+        """Sync and close the file; call it once."""
         self.sync()
         os.close(self._descriptor)
 
@@ -133,19 +133,19 @@ class AuditLog:
             self._rotate()
         if self._torn:
             line = b"\n" + line
-        # One write for a line: nothing can come between its parts.
+        # One write per line, so that lines never mix.
         written = os.write(self._descriptor, line)
         self._size += written
         self._torn = written < len(line)
         if self._torn:
-            raise OSError(0, "the disk took only a part of it")
+            raise OSError(0, "the disk took only a part of the entry")
 
     def _rotate(self) -> None:
         for number in range(KEPT - 1, 0, -1):
             newer = self._older(number - 1) if number > 1 else self._path
             if newer.exists():
                 newer.replace(self._older(number))
-        descriptor = _open(self._path)
+        descriptor = _open(self._path)  # before the old one is closed: if this fails, it stays
         os.close(self._descriptor)
         self._descriptor, self._size, self._torn = descriptor, 0, False
 
@@ -172,5 +172,5 @@ def _last_byte(path: Path) -> bytes:
 def _entry(line: bytes) -> AuditLine | None:
     try:
         return AuditLine(**json.loads(line))
-    except (ValueError, TypeError):  # cut off by a loss of power
+    except (ValueError, TypeError):  # cut off by a power failure
         return None

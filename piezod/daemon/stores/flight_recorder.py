@@ -1,4 +1,4 @@
-"""What happened around a fault: the seconds before and after it, written out by themselves."""
+"""The flight recorder: writes the seconds before and after a fault, by itself."""
 
 import json
 from collections.abc import Callable
@@ -18,21 +18,22 @@ from piezod.units import NS_PER_S
 BEFORE_NS: Final = 10 * NS_PER_S
 AFTER_NS: Final = 2 * NS_PER_S
 PAUSE_NS: Final = 10 * NS_PER_S
-"""After a file no other is begun for so long, so that a fault that flickers does not fill disks."""
+"""Pause after a file, so that a flickering fault does not fill the disk."""
 KEPT: Final = 50
-"""How many files are kept."""
+"""Number of files that are kept."""
 MAX_EVENTS: Final = 1000
-"""How many events a file may hold, at most half of them from before the fault."""
+"""Largest number of events in a file; at most half of them are from before the fault."""
 
 
 class FlightRecorder:
-    """Collects events, and writes the cycles around the first fault with them.
+    """Collects events, and writes them with the cycles around the first fault.
 
-    `note` costs next to nothing; the others may block on the disk, so call them in a worker thread.
+    `take_event` costs next to nothing. The other methods may block on the disk: call them in a
+    worker thread.
 
     Args:
-        last: Gives up to so many of the newest records, oldest first, as `RingReader.last`.
-        folder: Where the files go; made where absent.
+        last: Returns the newest records, at most a given number, oldest first.
+        folder: Folder of the files; made if it is absent.
         now: The time of day.
 
     Raises:
@@ -52,31 +53,35 @@ class FlightRecorder:
         self._fault: StageEvent | None = None
         self._not_before_ns: int | None = None
 
-    def note(self, event: StageEvent) -> None:
-        """Take an event; the first fault of severity "error" makes a file due 2 s later."""
+    def take_event(self, event: StageEvent) -> None:
+        """Take an event; the first fault of severity "error" triggers a file, due 2 s later."""
         with self._lock:
-            if self._fault is not None:
+            if self._fault is not None:  # a file is due: what follows the fault is added to it
                 if len(self._events) < MAX_EVENTS:
                     self._events.append(event)
                 return
             oldest_ns = event.t_ns - BEFORE_NS
             recent = [each for each in self._events if each.t_ns >= oldest_ns]
             self._events = [*recent[-MAX_EVENTS // 2 :], event]
-            if event.kind == "fault" and event.severity == "error" and self._may(event.t_ns):
+            if (
+                event.kind == "fault"
+                and event.severity == "error"
+                and self._may_trigger(event.t_ns)
+            ):
                 self._fault = event
 
     def write_due(self, header: TelemetryHeader, now_ns: int) -> Path | None:
-        """Write the file that is due, if one is.
+        """Write the file if one is due.
 
         Args:
-            header: What is said of the stage; title, notes and instants are filled in.
+            header: Header of the stage; title, notes and instants are filled in.
             now_ns: Now, on the clock of the records.
 
         Returns:
-            The file that was written, None where none is due.
+            The file that was written; None if none is due.
 
         Raises:
-            OSError: If the disk does not take it; it is not tried again.
+            OSError: If it cannot be written; there is no second attempt.
         """
         with self._lock:
             fault = self._fault
@@ -85,24 +90,25 @@ class FlightRecorder:
         return self.write_now(header, now_ns)
 
     def write_now(self, header: TelemetryHeader, now_ns: int) -> Path | None:
-        """Write the file that a fault wants without waiting, as when the loop has ended.
+        """Write the file of a fault at once, because the loop has ended.
 
-        Args, return value and errors are those of `write_due`.
+        Arguments, return value and errors are those of `write_due`.
         """
         with self._lock:
             fault, events = self._fault, self._events
-            self._fault, self._events = None, []
+            self._fault, self._events = None, []  # before the write: a failure is not repeated
             if fault is None:
                 return None
             self._not_before_ns = now_ns + PAUSE_NS
         return self._write(header, fault, events, now_ns)
 
-    def _may(self, t_ns: int) -> bool:
+    def _may_trigger(self, t_ns: int) -> bool:
         return self._not_before_ns is None or t_ns >= self._not_before_ns
 
     def _write(
         self, header: TelemetryHeader, fault: StageEvent, events: list[StageEvent], now_ns: int
     ) -> Path:
+        # Records and events have monotonic instants; the file has the time of day of the fault.
         happened = self._now() - timedelta(microseconds=(now_ns - fault.t_ns) / 1000)
         span_s = (BEFORE_NS + now_ns - fault.t_ns) / NS_PER_S
         records = self._last(round(span_s * header.rate_hz) + 1)
@@ -116,7 +122,7 @@ class FlightRecorder:
             start_ns=fault.t_ns,
             notes={**header.notes, "events": lines},
         )
-        # HDF5 takes 12 MB of memory; only a supervisor that records pays for it.
+        # Imported here: HDF5 takes 12 MB of memory, which only a supervisor that records needs.
         from piezod.records.telemetry_file import TelemetryWriter  # noqa: PLC0415 - see above
 
         path = self.folder.new(happened, fault.fault)

@@ -1,4 +1,4 @@
-"""The parameters of a stage on disk: each save a new file, older ones kept to fall back on."""
+"""The parameters of a stage on the disk: each save makes a new file, and older ones are kept."""
 
 import os
 import re
@@ -18,7 +18,7 @@ from piezod.daemon.stores.parameter_document import (
 from piezod.errors import DataError
 
 KEPT: Final = 20
-"""How many good files are kept."""
+"""Number of valid files that are kept."""
 
 _FILE_NAME: Final = re.compile(r"([0-9]{9})\.json")
 
@@ -40,13 +40,13 @@ class Rejected(NamedTuple):
 
 
 class Loaded(NamedTuple):
-    """What a store gave.
+    """The result of a load.
 
     Attributes:
-        document: The parameters, None where there are none that can be used.
-        copy: Which they are: "newest", "number 7", or empty where there are none.
-        rejected: What was passed over on the way to them, newest first; to be told to people, and
-            reason enough not to adapt on from them before a person has agreed.
+        document: The parameters; None if no file is valid.
+        copy: Which file: "newest", "number 7", or "" without one.
+        rejected: Newer files that were skipped, newest first. People must be told of them, and must
+            agree before the stage adapts from older parameters.
     """
 
     document: ParameterDocument | None
@@ -58,11 +58,11 @@ class Stored(NamedTuple):
     """A file of the history.
 
     Attributes:
-        sequence: Its number, rising with each save.
-        saved_at: When, ISO 8601 with the offset from UTC; empty where it cannot be used.
-        saved_by: Who; empty where it cannot be used.
-        axes: Names of its axes; none where it cannot be used.
-        why: What is wrong with it; empty where it can be used.
+        sequence: Its number, which increases with each save.
+        saved_at: Instant of the save, ISO 8601 with the offset from UTC; empty if it is not valid.
+        saved_by: User who saved it; empty if it is not valid.
+        axes: Names of its axes; none if it is not valid.
+        why: What is wrong with it; empty if it is valid.
     """
 
     sequence: int
@@ -73,14 +73,14 @@ class Stored(NamedTuple):
 
 
 class ParameterStore:
-    """Numbered files in a folder, of which the newest good one counts.
+    """Numbered files in a folder, of which the newest valid one counts.
 
-    A save adds a file and touches no other, so whatever happens during it, the files before are
-    there. Only the owner of the daemon's lock may have one. Every call may block on the disk.
+    A save makes a new file and changes no other one; whatever interrupts it, the older files stay.
+    Only the owner of the daemon's lock may use a store. Every method may block on the disk.
 
     Args:
-        folder: Where the files are; made where absent.
-        stage_id: Identity of the stage, at most 255 characters; files of others are refused.
+        folder: Folder of the files; made if it is absent.
+        stage_id: Name of the stage, at most 255 characters; files of other stages are refused.
         now: The time of day.
 
     Raises:
@@ -89,24 +89,24 @@ class ParameterStore:
 
     def __init__(self, folder: Path, stage_id: str, now: Callable[[], datetime] = _utc_now) -> None:
         folder.mkdir(mode=0o750, parents=True, exist_ok=True)
-        sweep_temporaries(folder)
+        sweep_temporaries(folder)  # the daemon's lock excludes other writers
         self._folder, self._stage_id, self._now = folder, stage_id, now
 
     def save(self, axes: Mapping[str, AxisParameters], who: str) -> int:
-        """Store parameters.
+        """Save parameters.
 
         Args:
-            axes: Parameters by the names of the axes.
-            who: Who saves them, for people.
+            axes: Parameters by name of the axis.
+            who: User who saves them, for people.
 
         Returns:
-            The number by which they can be loaded.
+            The number under which they can be loaded.
 
         Raises:
-            OSError: If they cannot be stored, as on a full disk; those before are unharmed.
-            DataError: If they could not be loaded again, as a model that is not monotone.
+            OSError: If they cannot be written, as on a full disk; older files are unharmed.
+            DataError: If they could not be loaded again, for example a model that is not monotone.
         """
-        sequence = max(self._sequences(), default=0) + 1
+        sequence = max(self._sequences(), default=0) + 1  # after invalid files too
         content = encode(
             ParameterDocument(
                 sequence=sequence,
@@ -116,15 +116,15 @@ class ParameterStore:
                 axes=dict(axes),
             )
         )
-        decode(content)
+        decode(content)  # never store a file that `load` would refuse
         write_durably(self._path(sequence), content)
-        self._prune()
+        self._prune()  # after the write, so that there are always enough files
         return sequence
 
     def load(self, sequence: int | None = None) -> Loaded:
-        """Return the newest good parameters, or those of a number.
+        """Return the newest valid parameters, or those with a number.
 
-        Where a number is given and its file is bad, there is no falling back to another.
+        With a number, no other file is used instead of an invalid one.
 
         Args:
             sequence: The number that `save` returned; None for the newest.
@@ -141,7 +141,7 @@ class ParameterStore:
         return Loaded(None, "", tuple(rejected))
 
     def history(self) -> tuple[Stored, ...]:
-        """Return what is stored, newest first, what cannot be used included."""
+        """Return the stored files, newest first, including invalid ones."""
         return tuple(self._stored(number) for number in self._newest_first())
 
     def _stored(self, number: int) -> Stored:
@@ -159,14 +159,14 @@ class ParameterStore:
         if document.stage != self._stage_id:
             raise DataError(
                 f"it belongs to stage {document.stage!r}, this is {self._stage_id!r}; identify "
-                "this stage, or bring the files of its own"
+                "this stage, or use its own files"
             )
-        if document.sequence != number:
+        if document.sequence != number:  # else an old file could pass for the newest
             raise DataError(f"it was number {document.sequence} and has been renamed")
         return document
 
     def _prune(self) -> None:
-        """Remove what is older than enough good files; what is bad does not count as one."""
+        """Remove the files that are older than enough valid ones; invalid files do not count."""
         good = 0
         for number in self._newest_first():
             if good >= KEPT:
@@ -189,7 +189,8 @@ class ParameterStore:
 
 
 def _content(path: Path) -> bytes:
-    """Return what a file holds, at most a byte more than is allowed; links are not followed."""
+    """Return the contents of a file, up to one byte more than is allowed; follow no link."""
+    # O_NONBLOCK: opening a named pipe must not wait for a writer.
     descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     try:
         with open(descriptor, "rb", closefd=False) as file:

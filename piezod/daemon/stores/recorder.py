@@ -1,4 +1,4 @@
-"""Recording every cycle to a file, in a thread beside everything else."""
+"""Records every cycle to a file, in a thread."""
 
 import shutil
 from collections.abc import Callable, Mapping
@@ -21,21 +21,21 @@ if TYPE_CHECKING:
     from piezod.records.telemetry_file import TelemetryWriter
 
 DRAIN_S: Final = 0.025
-"""How often the ring is emptied; it holds many times that."""
+"""Period in which the ring is read, in s; it holds the records of many periods."""
 MAX_RECORDS: Final = 10_000
-"""How many records are taken at once."""
+"""Records that one read takes at most."""
 
 _CHECK_EVERY: Final = 40
-"""How many times the ring is emptied between two looks at the room on the disk."""
+"""Reads of the ring between two checks of the free space: one check a second."""
 _RESERVE_BYTES: Final = 500_000_000
 _RESERVE_SHARE: Final = 0.05
 
 
 class RecordSource(Protocol):
-    """What a recording is made from; `telemetry.ring.RingReader` is one."""
+    """A source of records; `telemetry.ring.RingReader` is one."""
 
     def read(self, limit: int) -> tuple[NDArray[Any], int]:
-        """Return up to so many records since the last call, and how many were lost."""
+        """Return the records since the last call, at most `limit`, and the number of lost ones."""
         ...
 
 
@@ -44,14 +44,14 @@ class RecorderError(PiezodError):
 
 
 class RecorderStatus(NamedTuple):
-    """How a recording stands.
+    """Status of a recording.
 
     Attributes:
-        recording: Whether it goes on.
-        name: Name of the recording, the last one where none goes on; empty before the first.
-        records: Records that were taken.
-        lost: Records that came too fast for the disk.
-        why: Why it ended by itself; empty where it did not.
+        recording: Whether it is running.
+        name: Name of the running or the last recording; empty before the first.
+        records: Number of records.
+        lost: Number of records that were overwritten before the disk took them.
+        why: Why it ended by itself; empty if it did not.
     """
 
     recording: bool
@@ -62,32 +62,32 @@ class RecorderStatus(NamedTuple):
 
 
 def no_room(folder: Path) -> str:
-    """Say why a disk is too full to record on; empty where it is not.
+    """Return why a disk is too full for a recording, or "".
 
-    500 MB or 5 %, whichever is more, are left for those who need it more.
+    500 MB or 5 % of the disk, whichever is more, are kept free for other uses.
     """
     usage = shutil.disk_usage(folder)
     reserve = max(_RESERVE_BYTES, _RESERVE_SHARE * usage.total)
     if usage.free >= reserve:
         return ""
     return (
-        f"{usage.free / 1e6:.0f} MB are free in {folder}, needed are {reserve / 1e6:.0f} MB; "
-        "delete recordings"
+        f"{usage.free / 1e6:.0f} MB are free in {folder}, and {reserve / 1e6:.0f} MB must stay "
+        "free; delete recordings"
     )
 
 
 class Recorder:
     """Starts and ends recordings, one at a time.
 
-    `start` and `stop` may block on the disk, so call them in a worker thread, one at a time;
-    `status` may be called at any time.
+    `start` and `stop` may block on the disk: call them in a worker thread, one at a time. `status`
+    may be read at any time.
 
     Args:
-        open_reader: Gives a new reader that begins with what comes next.
-        dtype: Description of its records, as `telemetry.layout.record_dtype` gives it.
-        folder: Where the recordings go; made where absent.
-        learned: Gives the weights that axes have now, by their names.
-        no_room: Says why a folder's disk is too full; empty where it is not.
+        open_reader: Returns a new reader that begins with the next record.
+        dtype: dtype of its records, see `telemetry.layout.record_dtype`.
+        folder: Folder of the recordings; made if it is absent.
+        learned: Returns the present weights of the axes, by name.
+        no_room: Returns why the disk of a folder is too full, or "".
 
     Raises:
         OSError: If the folder cannot be made.
@@ -111,7 +111,7 @@ class Recorder:
 
     @property
     def status(self) -> RecorderStatus:
-        """How the recording stands that goes on, or the last one."""
+        """Status of the running recording, or of the last one."""
         with self._lock:
             return self._status
 
@@ -119,20 +119,20 @@ class Recorder:
         """Start a recording with the next cycle.
 
         Args:
-            header: What is said of it as a whole; how many weights there are is filled in.
-            label: What to write into its name, see `RecordingsFolder.new`.
+            header: Header of the file; the number of weights is filled in.
+            label: Label in its name, see `RecordingsFolder.new`.
 
         Returns:
             Its name.
 
         Raises:
-            RecorderError: If there is one already, there is no room, or the file cannot be made.
-            ValueError: If the label has signs that are not allowed.
+            RecorderError: If one is running, the disk is too full, or the file cannot be made.
+            ValueError: If the label has characters that are not allowed.
         """
         if self.status.recording:
-            raise RecorderError(f"recording {self.status.name} goes on; stop it first")
-        self._join()
-        # HDF5 takes 12 MB of memory; only a supervisor that records pays for it.
+            raise RecorderError(f"recording {self.status.name} is running; stop it first")
+        self._join()  # the thread of a recording that ended by itself
+        # Imported here: HDF5 takes 12 MB of memory, which only a supervisor that records needs.
         from piezod.records.telemetry_file import TelemetryWriter  # noqa: PLC0415 - see above
 
         path = self.folder.new(datetime.now(UTC), label)
@@ -143,18 +143,18 @@ class Recorder:
             widths = {axis: np.size(learned[axis]) for axis in header.axes if axis in learned}
             writer = TelemetryWriter(path, replace(header, weights=widths), self._dtype)
         except OSError as error:
-            raise RecorderError(f"no recording: {error}") from error
-        self._note(RecorderStatus(True, path.stem, 0, 0, ""))
-        self._ending.clear()
+            raise RecorderError(f"the recording cannot be started: {error}") from error
+        self._set_status(RecorderStatus(True, path.stem, 0, 0, ""))
+        self._ending.clear()  # the last `stop` has set it
         arguments = (self._open_reader(), writer)
         self._thread = Thread(target=self._record, args=arguments, name="recorder")
         self._thread.start()
         return path.stem
 
     def stop(self) -> RecorderStatus:
-        """End the recording, with everything that came until now, and close its file.
+        """End the recording after the records that have come so far, and close its file.
 
-        Where none goes on, the last one's status is returned.
+        Without a running recording, return the status of the last one.
         """
         self._ending.set()
         self._join()
@@ -167,43 +167,45 @@ class Recorder:
 
     def _record(self, reader: RecordSource, writer: "TelemetryWriter") -> None:
         why = _failure_of(lambda: self._drain_until_end(reader, writer))
-        why_not_closed = _failure_of(writer.close)
+        why_not_closed = _failure_of(writer.close)  # also after a failure: it keeps what is there
         why = why or why_not_closed
         name = self.status.name
-        self._note(RecorderStatus(False, name, writer.records, writer.lost, why))
+        self._set_status(RecorderStatus(False, name, writer.records, writer.lost, why))
         if why:
             logger("recorder").error("recording ended", name=name, why=why)
 
     def _drain_until_end(self, reader: RecordSource, writer: "TelemetryWriter") -> str:
-        """Return why the recording ends, empty where it was asked to."""
+        """Copy records until the end; return why it ends, or "" on request."""
         times = 0
         while not self._ending.wait(DRAIN_S):
             self._drain(reader, writer)
             times += 1
             if times % _CHECK_EVERY == 0 and (why := self._no_room(self.folder.path)):
                 return why
+        # The records of the last period; fewer than the most mean that the ring is empty.
         while self._drain(reader, writer) == MAX_RECORDS:
             pass
         return ""
 
     def _drain(self, reader: RecordSource, writer: "TelemetryWriter") -> int:
-        """Return how many records there were."""
+        """Copy records; return their number."""
         records, lost = reader.read(MAX_RECORDS)
         if len(records):
+            # The writer stores weights only if they have changed.
             for axis, weights in self._learned().items():
                 writer.append_weights(axis, int(records["t_ns"][-1]), weights)
         writer.append(records, lost)
-        self._note(self.status._replace(records=writer.records, lost=writer.lost))
+        self._set_status(self.status._replace(records=writer.records, lost=writer.lost))
         return len(records)
 
-    def _note(self, status: RecorderStatus) -> None:
+    def _set_status(self, status: RecorderStatus) -> None:
         with self._lock:
             self._status = status
 
 
 def _failure_of(action: Callable[[], str | None]) -> str:
-    """Return why something ends, be it what it returns or what it raises."""
+    """Return why an action fails: its return value, or its exception."""
     try:
         return action() or ""
-    except Exception as error:  # noqa: BLE001 - a thread's end, whatever its cause, must be told
-        return f"the file did not take it: {error}"
+    except Exception as error:  # noqa: BLE001 - the status must report any end of the thread
+        return f"the file cannot be written: {error}"

@@ -1,4 +1,4 @@
-"""A folder of recordings, whose names nobody but the daemon makes."""
+"""A folder of recordings; only the daemon makes their names."""
 
 import re
 from datetime import UTC, datetime
@@ -14,7 +14,7 @@ class StoredRecording(NamedTuple):
     """A file in the folder.
 
     Attributes:
-        name: Its name, without the ending.
+        name: Its name, without the suffix.
         size_bytes: Its size.
     """
 
@@ -23,10 +23,10 @@ class StoredRecording(NamedTuple):
 
 
 class RecordingsFolder:
-    """Makes names, lists and finds files, and keeps their number down.
+    """Makes names, finds and lists files, and limits their number.
 
     Args:
-        path: The folder; made where absent.
+        path: The folder; made if it is absent.
 
     Raises:
         OSError: If it cannot be made.
@@ -37,14 +37,14 @@ class RecordingsFolder:
         self.path = path
 
     def new(self, when: datetime, label: str = "") -> Path:
-        """Return the path of a file that is not there yet, as `20240501T120000Z-label.h5`.
+        """Return the path of a new file, as in `20240501T120000Z-label.h5`.
 
         Args:
             when: Time of day, with its zone.
-            label: What to write behind it: up to 32 letters, digits, `_` and `-`.
+            label: End of the name: up to 32 letters, digits, `_` and `-`.
 
         Raises:
-            ValueError: If the label has other signs or is longer.
+            ValueError: If the label has other characters or is longer.
         """
         if label and not _LABEL.fullmatch(label):
             raise ValueError(
@@ -61,18 +61,20 @@ class RecordingsFolder:
             number += 1
 
     def find(self, name: str) -> Path | None:
-        """Return the file of a name, None where there is none; no name leads out of the folder."""
+        """Return the file of a name, or None; no name leads out of the folder."""
         path = self.path / f"{name}{_SUFFIX}"
+        # The pattern first: it refuses "..", slashes and zero bytes before the disk is asked.
         found = _NAME.fullmatch(name) and path.is_file() and not path.is_symlink()
         return path if found else None
 
     def files(self) -> tuple[StoredRecording, ...]:
         """Return the files, newest first."""
+        # Names begin with the time, so that their order is that of time.
         names = sorted((path.stem for path in self.path.glob(f"*{_SUFFIX}")), reverse=True)
         found = [(name, path) for name in names if (path := self.find(name))]
         return tuple(StoredRecording(name, path.stat().st_size) for name, path in found)
 
     def keep_newest(self, number: int) -> None:
-        """Remove all but the newest files."""
+        """Remove all files except the newest."""
         for file in self.files()[number:]:
             (self.path / f"{file.name}{_SUFFIX}").unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""The HTTP service as a part of the supervisor: begun with it, ended with it."""
+"""Runs the HTTP service inside the supervisor."""
 
 import asyncio
 from pathlib import Path
@@ -11,7 +11,7 @@ from piezod.daemon.service.server import bind, make_server
 _POLL_S = 0.005
 
 
-class Api:
+class ApiServer:
     """Serves an application on a unix socket, from `start` to `stop`.
 
     Args:
@@ -26,7 +26,7 @@ class Api:
         self._serving: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
-        """Bind the socket, and return when it answers.
+        """Bind the socket, and return when the server accepts connections.
 
         Raises:
             OSError: If the socket cannot be bound.
@@ -34,15 +34,16 @@ class Api:
         endpoint = bind(self._path)
         self._inode = self._path.stat().st_ino
         self._serving = asyncio.create_task(self._server.serve([endpoint]))
+        # The server has no event for this; a task that has ended raises in `stop`.
         while not self._server.started and not self._serving.done():
             await asyncio.sleep(_POLL_S)
 
     async def stop(self) -> None:
-        """Let answers that are on their way end, close, and remove the socket."""
+        """Finish pending answers, close the server, and remove the socket."""
         if self._serving is None:
             return
         self._server.should_exit = True
         await self._serving
-        # After the lock was released the socket may be another daemon's.
+        # If the lock was released before, the socket may belong to another daemon by now.
         if self._path.exists() and self._path.stat().st_ino == self._inode:
             self._path.unlink()

@@ -1,4 +1,4 @@
-"""One run of the loop process as the supervisor reaches it: its memory and its configuration."""
+"""The supervisor's connection to one run of the loop process."""
 
 import time
 from collections.abc import Mapping
@@ -24,11 +24,11 @@ from piezod.telemetry.words import Word
 
 
 class LoopConnection:
-    """All that speaks through the memory that is shared with a loop.
+    """The readers and writers of the memory that is shared with one loop.
 
     Args:
-        config: What the loop runs.
-        shared: The memory; made before the loop is started, so that nothing it says is missed.
+        config: The configuration of the loop.
+        shared: The memory, made before the loop starts, so that no event is lost.
     """
 
     def __init__(self, config: DaemonConfig, shared: SharedMap) -> None:
@@ -39,7 +39,7 @@ class LoopConnection:
         self.events = EventReader(shared)
         self.learned = LearnedReader(shared)
         self.models = {name: _model(axis.model) for name, axis in config.axes.items()}
-        """The model file that each axis uses, None without one."""
+        """Model that each axis uses now; None without one."""
         self._range_um = {
             name: axis.command_range_um or _range_um(self.models[name])
             for name, axis in config.axes.items()
@@ -49,32 +49,33 @@ class LoopConnection:
 
     @property
     def state(self) -> State:
-        """The state of the newest cycle; BOOT before the first."""
+        """State of the newest cycle; BOOT before the first."""
         return STATES[self.shared.words[Word.LOOP_STATE]]
 
     def beat(self, now_ns: int) -> None:
-        """Show the loop that the supervisor lives."""
+        """Renew the beat, by which the loop sees that the supervisor is alive."""
         self.shared.words[Word.SUPERVISOR_BEAT_NS] = now_ns
 
     def latest(self) -> np.void | None:
-        """Return the newest record, None before the first."""
+        """Return the newest record; None before the first."""
         return self._ring.latest()
 
     @property
-    def opened(self) -> bool:
-        """Whether the loop has had the devices."""
+    def devices_opened(self) -> bool:
+        """Whether the loop has opened the devices."""
         return bool(self.shared.words[Word.DEVICES_OPEN])
 
-    def left_safe(self) -> bool:
-        """Tell whether a loop that has ended left every axis at its safe voltage.
+    def ended_at_safe_voltage(self) -> bool:
+        """Return whether a loop that has ended left every axis at its safe voltage.
 
-        One that never had the devices, or never wrote, left them as they were.
+        A loop that never opened the devices, or never wrote, left them as they were: True.
         """
-        ending = self.last(2)  # the last is in STOPPING
+        ending = self.last(2)  # the last record is of STOPPING, the one before of the state before
         if not len(ending) or ending[-1]["shadow"]:
             return True
+        # In BLIND the present voltage is unknown: the record has only the last written one.
         blind = any(STATES[record["state"]] is State.BLIND for record in ending)
-        drive_v = ending[-1]["axes"]["drive_v"]  # where nothing is driven, what is read back
+        drive_v = ending[-1]["axes"]["drive_v"]  # the read-back voltage, if nothing is driven
         axes = self.config.axes.values()
         off_v = np.abs(drive_v - [axis.safe_v for axis in axes])
         allowed_v = [
@@ -83,14 +84,14 @@ class LoopConnection:
         return not blind and bool(np.all(off_v <= allowed_v))
 
     def last(self, count: int) -> NDArray[Any]:
-        """Return up to so many of the newest records, oldest first."""
+        """Return the newest records, at most `count`, oldest first."""
         return self._ring.last(count)
 
     def stream_setpoint(self, setpoints_um: Mapping[str, float]) -> None:
-        """Leave setpoints for the next cycle, in µm by axis.
+        """Set setpoints for the next cycle, in µm by axis.
 
         Raises:
-            BadValueError: If an axis may not go there; none is set then.
+            BadValueError: If a setpoint is out of range; none is set then.
             NotNowError: If the stage follows no stream.
         """
         if self.state is not State.RUN:
@@ -101,6 +102,7 @@ class LoopConnection:
             if not low_um <= position_um <= high_um:
                 what = f"axis {name}: out of range (got {position_um:g} µm)"
                 raise BadValueError(what, f"allowed range {low_um:g} to {high_um:g} µm")
+        # Only when all are valid: the axes of one setpoint move together.
         now_ns = time.monotonic_ns()
         for name, position_um in setpoints_um.items():
             self._streams.set(self.axes.index(name), position_um, now_ns)
@@ -111,6 +113,6 @@ def _model(path: Any) -> ModelFile | None:
 
 
 def _range_um(model: ModelFile | None) -> tuple[float, float]:
-    """Return the range of positions of an axis whose configuration leaves it to the model."""
-    assert model is not None  # noqa: S101 - the configuration wants one of the two
+    """Return the range of positions of a model, in µm."""
+    assert model is not None  # noqa: S101 - the configuration requires a range or a model
     return model.position_low_um, model.position_high_um

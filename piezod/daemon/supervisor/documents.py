@@ -1,4 +1,4 @@
-"""What is told of a stage, as documents: status, faults, how the loop runs."""
+"""Documents about a stage, for clients: status, faults, timing of the loop."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -28,7 +28,7 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
     Args:
         config: Its configuration.
         shared: The memory shared with the loop.
-        record: The newest record, None before the first.
+        record: The newest record; None before the first.
     """
     axes = {
         name: _axis(None if record is None else record["axes"][i], config)
@@ -50,7 +50,7 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
 
 
 def _axis(record: np.void | None, config: DaemonConfig) -> Document:
-    if record is None:
+    if record is None:  # before the first cycle: the same keys, without values
         unknown = dict.fromkeys(_NUMBERS, float("nan"))
         return {**unknown, "mode": config.mode.value, "gate": "", "on_target": False, "motion": 0}
     return {
@@ -63,7 +63,8 @@ def _axis(record: np.void | None, config: DaemonConfig) -> Document:
 
 
 def masks(record: np.void) -> tuple[int, int]:
-    """Return which faults a record says are present, and which latched, one bit for each."""
+    """Return the masks of present and of latched faults of a record, one bit for each fault."""
+    # Two fields of 64 bits each, because there are more than 64 faults.
     return (
         int(record["present_lo"]) | int(record["present_hi"]) << 64,
         int(record["latched_lo"]) | int(record["latched_hi"]) << 64,
@@ -71,7 +72,7 @@ def masks(record: np.void) -> tuple[int, int]:
 
 
 def faults(present: int, latched: int) -> list[Document]:
-    """Return what is to be said of the faults that are present or latched."""
+    """Return the documents of the faults that are present or latched."""
     return [
         {
             "id": rule.id,
@@ -91,7 +92,7 @@ def fault_ids(mask: int) -> Sequence[str]:
 
 
 def realtime(config: DaemonConfig, shared: SharedMap) -> Document:
-    """Return what the loop process obtained of the operating system, and how it has run since."""
+    """Return what the loop process obtained from the operating system, and its counters."""
     words = shared.words
     return {
         "rate_hz": config.rate_hz,
@@ -109,6 +110,6 @@ def realtime(config: DaemonConfig, shared: SharedMap) -> Document:
 
 
 def _obtained(shared: SharedMap) -> Document:
-    """Return the steps of the loop's set-up and its devices; none before it has told them."""
+    """Return the real-time steps and the devices that the loop has reported."""
     report: Document = shared.report() or {"steps": [], "devices": []}
     return report

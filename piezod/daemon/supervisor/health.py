@@ -1,4 +1,4 @@
-"""Whether the loop runs, as its supervisor and systemd's watchdog want to know."""
+"""Whether the loop runs, for the supervisor and for systemd's watchdog."""
 
 from typing import Final
 
@@ -7,16 +7,17 @@ from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 
 HUNG_S: Final = 2.0
-"""A loop without a healthy cycle for so long is killed. systemd's watchdog is slower: it is for a
-supervisor that hangs itself."""
+"""A loop without a healthy cycle for longer than this, in s, is killed. systemd's watchdog waits
+longer: it is for a supervisor that hangs itself."""
 HUNG_PERIODS: Final = 5
-BLINK_NS: Final = NS_PER_S // 2
-"""A pause between two looks that is longer tells nothing of the loop: what stopped the supervisor
-may have stopped it too."""
+"""The same in periods; the longer time counts."""
+LONG_GAP_NS: Final = NS_PER_S // 2
+"""A longer gap between two updates does not count: what stopped the supervisor may have stopped the
+loop too."""
 
 
 class LoopHealth:
-    """Judges by its healthy cycles whether the loop runs; `look` is to be called often.
+    """Judges by its healthy cycles whether the loop runs; call `update` often.
 
     Args:
         shared: The memory shared with the loop, made for this run.
@@ -28,16 +29,17 @@ class LoopHealth:
         self._fresh_ns = 2 * period_ns
         self._hung_ns = max(int(HUNG_S * NS_PER_S), HUNG_PERIODS * period_ns)
         self._cycles = 0
-        self._advanced_ns = self._looked_ns = now_ns
+        self._advanced_ns = self._updated_ns = now_ns
 
-    def look(self, now_ns: int) -> bool:
-        """Tell whether there were healthy cycles since the last look, or in the last two periods.
+    def update(self, now_ns: int) -> bool:
+        """Return whether there were healthy cycles since the last update or in two periods.
 
-        The periods count for slow loops, of which not every look can find a new cycle.
+        The periods are for slow loops, which do not run a cycle between any two updates.
         """
-        pause_ns, self._looked_ns = now_ns - self._looked_ns, now_ns
-        if pause_ns > BLINK_NS:
-            self._advanced_ns += pause_ns
+        gap_ns, self._updated_ns = now_ns - self._updated_ns, now_ns
+        # Count as if there had been no gap.
+        if gap_ns > LONG_GAP_NS:
+            self._advanced_ns += gap_ns
         cycles = self._words[Word.HEALTHY_CYCLES]
         if cycles == self._cycles:
             return self.started and now_ns - self._advanced_ns <= self._fresh_ns
@@ -46,13 +48,13 @@ class LoopHealth:
 
     @property
     def started(self) -> bool:
-        """Whether there was a healthy cycle at all; before the first it may take its time."""
+        """Whether there was a healthy cycle; the first one may take its time."""
         return self._cycles > 0
 
     def hung(self, now_ns: int) -> bool:
-        """Tell whether a loop that ran has had no healthy cycle for too long."""
+        """Return whether a loop that ran has had no healthy cycle for too long."""
         return self.started and now_ns - self._advanced_ns > self._hung_ns
 
     def age_s(self, now_ns: int) -> float:
-        """Tell how long ago a look found healthy cycles, in s."""
+        """Return how long ago an update found healthy cycles, in s."""
         return (now_ns - self._advanced_ns) / NS_PER_S

@@ -1,4 +1,4 @@
-"""What has to be written out beside the service: the loop's events, flights, the audit."""
+"""Writes the loop's events to the log, and flight records and audit log to the disk."""
 
 import asyncio
 from typing import Final
@@ -6,13 +6,13 @@ from typing import Final
 from piezod.daemon.logging import logger
 from piezod.daemon.supervisor.stage_link import StageLink
 
-EACH_S: Final = 0.5
+PERIOD_S: Final = 0.5
 
 _log = logger("loop")
 
 
 class Housekeeping:
-    """Hands on what the loop tells, and brings to the disk what belongs there.
+    """Handles the events of the loop, and writes what belongs on the disk.
 
     Args:
         link: The stage.
@@ -22,32 +22,33 @@ class Housekeeping:
         self._link = link
 
     def log_events(self) -> None:
-        """Log what has happened in the loop since the last call; does not block."""
+        """Log the events of the loop since the last call, without blocking."""
         events, lost = self._link.loop.events.read()
         for event in events:
-            self._link.recordings_of_stage.note(event)
-            told = {name: value for name, value in event._asdict().items() if value != ""}
-            severity, kind = told.pop("severity"), told.pop("kind")
-            getattr(_log, severity)(kind, **told)
+            self._link.stage_recordings.take_event(event)
+            fields = {name: value for name, value in event._asdict().items() if value != ""}
+            severity, kind = fields.pop("severity"), fields.pop("kind")
+            getattr(_log, severity)(kind, **fields)
         if lost:
             _log.warning("events lost", count=lost)
 
     async def run(self) -> None:
-        """Write flights and sync the audit until cancelled; the disk is waited for elsewhere."""
+        """Write flight records and sync the audit log until cancelled, without blocking."""
         while True:
-            await asyncio.sleep(EACH_S)
+            await asyncio.sleep(PERIOD_S)
             try:
-                await self._link.recordings_of_stage.write_flight(self._link.loop)
-                await asyncio.to_thread(self._link.audit_of_stage.sync)
-            except Exception:  # noqa: BLE001 - whatever a disk does to it, the stage goes on
+                await self._link.stage_recordings.write_flight(self._link.loop)
+                await asyncio.to_thread(self._link.stage_audit.sync)
+            except Exception:  # noqa: BLE001 - a failing disk must not stop the stage
                 _log.exception("housekeeping failed")
 
     async def close(self) -> None:
-        """Write out what is left, end a recording, and close the audit."""
+        """Write the last events and flight record, end a recording, and close the audit log."""
+        # The events first: a fault among them starts the flight record.
         self.log_events()
-        await self._link.recordings_of_stage.write_flight(self._link.loop, at_once=True)
-        await self._link.recordings_of_stage.close()
+        await self._link.stage_recordings.write_flight(self._link.loop, at_once=True)
+        await self._link.stage_recordings.close()
         try:
-            self._link.audit_of_stage.close()
+            self._link.stage_audit.close()
         except OSError as error:
             _log.error("audit not closed", why=str(error))

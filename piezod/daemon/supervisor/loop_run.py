@@ -1,4 +1,4 @@
-"""The loop process as its supervisor sees it: started, asked to end, replaced when it is gone."""
+"""One run of the loop process: started, asked to end, killed; and `piezod safe` in its place."""
 
 import json
 import os
@@ -27,8 +27,8 @@ from piezod.telemetry.words import Word
 from piezod.units import NS_PER_S
 
 END_GRACE_S: Final = 10.0
-"""So much longer than its ramp the loop may take to end."""
-_LOOK_EACH_S: Final = 0.1
+"""How much longer than its ramp the loop may take to end, in s."""
+_POLL_S: Final = 0.1
 
 _log = logger("supervisor")
 
@@ -41,8 +41,13 @@ class LoopRun:
     Args:
         paths: The files of the stage.
         source: The configuration file.
-        slot: Name of the folder for the accepted copy; `source` is not in it.
+        slot: Name of the folder for the accepted copy; `source` is in another one.
         strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
+
+    Attributes:
+        config_file: Path of the accepted copy.
+        config: The accepted configuration, after `accept`.
+        loop: Connection to the loop, after `accept`.
     """
 
     def __init__(
@@ -52,21 +57,21 @@ class LoopRun:
         self._paths, self._source, self._overdue_ns = paths, source, 0
         arguments = [str(paths.runtime), str(source), str(self.config_file)]
         strict = ["--strict-rt"] if strict_rt else []
-        self._process = _start("piezod.daemon.loop.process", *arguments, *strict, talks=True)
+        self._process = _start("piezod.daemon.loop.process", *arguments, *strict, piped=True)
 
     def accept(self, ended: Callable[[], bool] = bool) -> bool:
         """Wait until the process has accepted the configuration.
 
         Args:
-            ended: Whether to give up; asked several times a second.
+            ended: Returns whether to stop waiting; called several times a second.
 
         Returns:
-            Whether it has; False if it was given up.
+            Whether it has accepted; False if `ended` stopped the wait.
 
         Raises:
             ConfigError: If the configuration is not valid; the text has every problem.
-            PiezodError: If the process ended without a word.
-            OSError: If the memory shared with the loop cannot be made.
+            PiezodError: If the process ended without an answer.
+            OSError: If the shared memory cannot be made.
         """
         answer = self._read_line(ended)
         if answer is None:
@@ -86,8 +91,9 @@ class LoopRun:
         output = self._process.stdout
         if output is None:
             raise PiezodError("the loop process has no output")
+        # The process writes one line here, then redirects its output to stderr: the pipe may close.
         with output:
-            while not select([output], [], [], _LOOK_EACH_S)[0]:
+            while not select([output], [], [], _POLL_S)[0]:
                 if ended():
                     return None
             line = output.readline()
@@ -106,8 +112,9 @@ class LoopRun:
         """
         self.loop.shared.words[Word.UNCLEAN] = unclean
         if self._process.stdin is not None:
-            with suppress(BrokenPipeError), self._process.stdin as word:  # its exit code tells
-                word.write(b"start\n")
+            # If it has ended already, its exit code is the report.
+            with suppress(BrokenPipeError), self._process.stdin as pipe:
+                pipe.write(b"start\n")
 
     @property
     def exit_code(self) -> int | None:
@@ -115,29 +122,29 @@ class LoopRun:
         return self._process.poll()
 
     @property
-    def begun(self) -> bool:
-        """Whether the loop has come so far that it is to be asked; before that it has nothing."""
+    def takes_requests(self) -> bool:
+        """Whether the loop answers requests; before that it has touched no device."""
         return bool(self.loop.shared.words[Word.LOOP_ASKABLE])
 
-    def ask_to_end(self) -> bool:
-        """Ask the loop to ramp down and end; tell whether it was asked in time until now."""
+    def request_end(self) -> bool:
+        """Ask the loop to ramp down and end; return False when it has not done so in time."""
         now_ns = time.monotonic_ns()
-        if not self._overdue_ns:
+        if not self._overdue_ns:  # the request is posted once
             within_s = ramp_s(self.loop.config) + END_GRACE_S
             expires_ns = now_ns + int(within_s * NS_PER_S)
             try:
                 self.loop.requests.post(Shutdown(), expires_ns)
             except UnavailableError:
-                return True  # its mailbox is full: next time
+                return True  # its mailbox is full: try again at the next call
             self._overdue_ns = expires_ns
         return now_ns < self._overdue_ns
 
     def kill(self) -> None:
-        """End the process at once."""
+        """Kill the process."""
         self._process.kill()
 
     def discard(self) -> None:
-        """End a process that was not started: it has touched nothing."""
+        """Kill a process that was not started: it has touched no device."""
         self._process.kill()
         if self._process.stdin is not None:
             self._process.stdin.close()
@@ -145,13 +152,13 @@ class LoopRun:
 
 
 class RampDown:
-    """`piezod safe` at work: brings a stage without a loop to its safe voltage.
+    """A process of `piezod safe`: brings a stage without a loop to its safe voltage.
 
-    It takes the lock of the stage, so whoever starts this lets go of that first.
+    It takes the lock of the stage: release that before.
 
     Args:
         config_file: The configuration that was in force.
-        config: What is in it.
+        config: Its contents.
     """
 
     def __init__(self, config_file: Path, config: DaemonConfig) -> None:
@@ -159,10 +166,10 @@ class RampDown:
         self._process = _start("piezod.cli.main", "safe", str(config_file))
 
     def wait(self) -> bool:
-        """Wait for its end; tell whether the safe voltage was reached and verified."""
+        """Wait for its end; return whether the safe voltage was reached and verified."""
         try:
             code = self._process.wait(self._within_s)
-        except subprocess.TimeoutExpired:
+        except subprocess.TimeoutExpired:  # a driver hangs
             self._process.kill()
             code = self._process.wait()
         if code:
@@ -172,23 +179,24 @@ class RampDown:
         return code == 0
 
 
-def _start(module: str, *arguments: str, talks: bool = False) -> "subprocess.Popen[bytes]":
-    """Start a module of ours as a process that signals of our terminal do not reach.
+def _start(module: str, *arguments: str, piped: bool = False) -> "subprocess.Popen[bytes]":
+    """Start a module of piezod as a process that the signals of this terminal do not reach.
 
-    Not asyncio's processes: those kill the child when the parent ends by an error, and a loop
+    It is no process of asyncio, which would kill it when this process ends with an error: a loop
     without its supervisor has to ramp down.
 
     Args:
         module: The module.
         arguments: Its arguments.
-        talks: Whether we read its standard output and write to its standard input; otherwise what
-            it prints goes to our stderr.
+        piped: Whether this process reads its standard output and writes to its standard input;
+            otherwise its output goes to stderr.
     """
+    # A new session: Ctrl-C in a terminal reaches only the supervisor.
     return subprocess.Popen(  # noqa: S603 - our own interpreter and module
         [sys.executable, "-m", module, *arguments],
-        stdin=subprocess.PIPE if talks else subprocess.DEVNULL,
-        stdout=subprocess.PIPE if talks else sys.stderr,
-        # Linear algebra of this size needs no threads, and a real-time process wants none.
+        stdin=subprocess.PIPE if piped else subprocess.DEVNULL,
+        stdout=subprocess.PIPE if piped else sys.stderr,
+        # Linear algebra of this size needs no threads, and they would disturb a real-time process.
         env={**without_manager(os.environ), "OPENBLAS_NUM_THREADS": "1"},
         start_new_session=True,
     )

@@ -1,11 +1,11 @@
-"""The mark of a running stage: found at the start, it says that the last run ended by violence."""
+"""The mark of a running stage: if a start finds it, the last run did not end in order."""
 
 import os
 from pathlib import Path
 
 
 class Marker:
-    """A file that is there from the start of a run until its orderly end.
+    """A file that exists from the start of a run until its orderly end.
 
     Args:
         path: The file; its folder must exist.
@@ -17,10 +17,10 @@ class Marker:
         """Whether the run before this one did not end in order."""
 
     def put(self) -> None:
-        """Make the file, so that it survives a loss of power.
+        """Make the file, so that it survives a power failure.
 
         Raises:
-            OSError: If that is not possible.
+            OSError: If that fails.
         """
         file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
@@ -29,13 +29,13 @@ class Marker:
             os.fsync(file)
         finally:
             os.close(file)
-        self._sync_folder()
+        self._sync_folder()  # the content alone would be lost with its name
 
     def remove(self) -> None:
         """Remove the file: the run has ended in order.
 
         Raises:
-            OSError: If that is not possible.
+            OSError: If that fails.
         """
         self._path.unlink(missing_ok=True)
         self._sync_folder()

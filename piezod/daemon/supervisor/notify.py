@@ -1,4 +1,4 @@
-"""What a service tells systemd: ready, alive, reloading, stopping (see sd_notify(3))."""
+"""Reports to systemd: ready, alive, reloading, stopping (see sd_notify(3))."""
 
 import os
 import socket
@@ -7,11 +7,11 @@ from collections.abc import Mapping
 
 
 class Notifier:
-    """Tells the service manager how the service is; does nothing where there is no manager.
+    """Reports to the service manager; does nothing without one.
 
     Args:
-        environ: The environment variables, of which `NOTIFY_SOCKET`, `WATCHDOG_USEC` and
-            `WATCHDOG_PID` are read.
+        environ: The environment variables; `NOTIFY_SOCKET`, `WATCHDOG_USEC` and `WATCHDOG_PID` are
+            used.
     """
 
     def __init__(self, environ: Mapping[str, str] = os.environ) -> None:
@@ -19,18 +19,18 @@ class Notifier:
         # A leading @ stands for the zero byte of an address that is not in the file system.
         self._address = "\0" + address[1:] if address.startswith("@") else address
         self.watchdog_s = _watchdog_s(environ)
-        """Within which time the manager wants to hear from us, s; 0 where it does not."""
+        """Period within which the manager expects `alive`, in s; 0 without a watchdog."""
 
     def ready(self, status: str) -> None:
-        """Say that the start, or a reload, is over; `status` is shown to people."""
+        """Report that the start, or a reload, has ended; `status` is shown to people."""
         self._send("READY=1", f"STATUS={status}")
 
     def take_longer(self, within_s: float, status: str) -> None:
-        """Say that what is going on may take so long, in s, whatever its unit allows."""
+        """Extend the time-out of the present phase to this time, in s."""
         self._send(f"EXTEND_TIMEOUT_USEC={int(within_s * 1e6)}", f"STATUS={status}")
 
     def status(self, status: str) -> None:
-        """Say what the service does, for people."""
+        """Report the state, for people."""
         self._send(f"STATUS={status}")
 
     def alive(self) -> None:
@@ -39,12 +39,12 @@ class Notifier:
             self._send("WATCHDOG=1")
 
     def reloading(self) -> None:
-        """Say that a reload begins; `ready` says that it is over."""
-        # systemd compares this with the instant at which it asked.
+        """Report that a reload begins; `ready` reports its end."""
+        # systemd compares this with the instant of its own request.
         self._send("RELOADING=1", f"MONOTONIC_USEC={time.monotonic_ns() // 1000}")
 
     def stopping(self, status: str) -> None:
-        """Say that the service is on its way out."""
+        """Report that the service is ending."""
         self._send("STOPPING=1", f"STATUS={status}")
 
     def _send(self, *lines: str) -> None:
@@ -52,8 +52,8 @@ class Notifier:
             return
         message = "\n".join(line.replace("\n", " ") for line in lines).encode()
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sender:
-            # A manager that does not listen shall not hold up or end the service: what it misses
-            # is its own judgement of our health, and that it acts on.
+            # A manager that does not listen must neither delay nor end the service; if it misses
+            # `alive` for too long, it restarts the service anyway.
             sender.setblocking(False)
             try:
                 sender.sendto(message, self._address)
@@ -62,12 +62,13 @@ class Notifier:
 
 
 def _watchdog_s(environ: Mapping[str, str]) -> float:
+    # Children inherit the variables; the watchdog is for one process.
     meant_for_us = environ.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
     period_us = environ.get("WATCHDOG_USEC", "")
     return int(period_us) / 1e6 if meant_for_us and period_us.isdecimal() else 0.0
 
 
 def without_manager(environ: Mapping[str, str]) -> dict[str, str]:
-    """Return the environment for a child: only the service itself talks to its manager."""
+    """Return the environment for a child: only the service itself reports to the manager."""
     ours = ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID")
     return {name: value for name, value in environ.items() if name not in ours}

@@ -1,4 +1,4 @@
-"""What a stage has learned, saved and taken back."""
+"""Saves the learned parameters of a stage, and loads them again."""
 
 import asyncio
 from collections.abc import Mapping
@@ -25,15 +25,16 @@ _log = logger("parameters")
 
 
 class LearnedParameters:
-    """Saves what the loop has learned, and has it take back what was saved.
+    """Saves the parameters that the loop has learned, and loads saved ones into it.
 
     Args:
-        store: Where they are.
+        store: Stores them on the disk.
     """
 
     def __init__(self, store: ParameterStore) -> None:
         self._store = store
         self._sequence: int | None = None
+        # The store is for one thread at a time, and weights must belong to the model in use.
         self._one_at_a_time = asyncio.Lock()
 
     async def now(self, loop: LoopConnection) -> Document:
@@ -44,16 +45,16 @@ class LearnedParameters:
         return {"sequence": self._sequence, "axes": axes}
 
     async def history(self) -> list[Document]:
-        """Return what is stored, newest first."""
+        """Return the saved parameters, newest first."""
         async with self._one_at_a_time:
             stored = await asyncio.to_thread(self._store.history)
         return [{**each._asdict(), "axes": list(each.axes)} for each in stored]
 
     async def save(self, loop: LoopConnection, who: str) -> Document:
-        """Store the parameters in use.
+        """Save the parameters in use.
 
         Raises:
-            NotNowError: If there are none yet, or they cannot be stored.
+            NotNowError: If there are none yet, or they cannot be saved.
         """
         async with self._one_at_a_time:
             try:
@@ -62,15 +63,15 @@ class LearnedParameters:
                     raise NotNowError("nothing has been learned yet", "wait until the loop runs")
                 self._sequence = await asyncio.to_thread(self._store.save, axes, who)
             except (DataError, OSError, ValidationError) as error:
-                raise NotNowError(f"not saved: {error}", "those saved before are kept") from error
+                raise NotNowError(f"not saved: {error}", "older ones are kept") from error
         return {"sequence": self._sequence}
 
     async def load(self, loop: LoopConnection, sequence: int | None) -> Document:
-        """Have the loop use stored parameters, of a number or the newest good ones.
+        """Load the parameters with a number, or the newest valid ones, into the loop.
 
         Raises:
             UnknownNameError: If there are none.
-            NotNowError: If they are not of these axes, or the loop does not take them now.
+            NotNowError: If they belong to other axes, or the loop refuses them now.
         """
         async with self._one_at_a_time:
             loaded = await asyncio.to_thread(self._store.load, sequence)
@@ -80,9 +81,9 @@ class LearnedParameters:
         if loaded.document is None:
             why = "; ".join(f"{each.file}: {each.why}" for each in loaded.rejected)
             raise UnknownNameError(why or "nothing is saved", "see `piezod params list`")
-        _check_axes(loaded.document.axes, loop)
+        _check_axes(loaded.document.axes, loop)  # all of them, before the first is changed
         for name, axis in loaded.document.axes.items():
-            if axis.model is not None:  # without one there is nothing to use
+            if axis.model is not None:  # an axis without a model has learned nothing
                 request = AdoptModel(axis=name, model=axis.model, zero_um=axis.zero_um)
                 answer = await self.adopt(loop, request)
                 if not answer.accepted:
@@ -91,10 +92,14 @@ class LearnedParameters:
         return {"sequence": self._sequence, "copy": loaded.copy, "rejected": rejected}
 
     async def adopt(self, loop: LoopConnection, request: AdoptModel) -> Answer:
-        """Have the loop use a model; nobody is told the weights of one with those of another."""
+        """Let the loop use a model.
+
+        No parameters are read meanwhile: they would mix the weights of one model with another one.
+        """
         async with self._one_at_a_time:
             answer = await loop.requests.ask(request)
             if answer.accepted:
+                # Only now: a refused model must not be saved with the weights of the present one.
                 loop.models[request.axis or loop.axes[0]] = request.model
         return answer
 
@@ -102,7 +107,7 @@ class LearnedParameters:
 def _check_axes(stored: Mapping[str, AxisParameters], loop: LoopConnection) -> None:
     unknown = ", ".join(stored.keys() - set(loop.axes))
     if unknown:
-        what = f"they are of axes that this stage does not have: {unknown}"
+        what = f"they belong to axes that this stage does not have: {unknown}"
         raise NotNowError(what, f"its axes are {', '.join(loop.axes)}")
 
 
@@ -121,7 +126,7 @@ def _in_use(loop: LoopConnection) -> dict[str, AxisParameters]:
 
 
 def _with_weights(model: ModelFile | None, learned: LearnedAxis) -> ModelFile | None:
-    """Return a model with what its weights have become; left weights come first in memory."""
+    """Return a model with the learned weights; the left weights come first in memory."""
     if model is None:
         return None
     weights = tuple(learned.weights.tolist())

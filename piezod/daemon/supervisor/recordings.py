@@ -1,4 +1,4 @@
-"""Recordings on request and around faults, of a stage whose loop may be exchanged."""
+"""Recordings on request and flight records of a stage, across exchanges of its loop."""
 
 import asyncio
 import json
@@ -26,14 +26,14 @@ _log = logger("recorder")
 
 
 class StageRecordings:
-    """The recorder, the flight recorder, and what both say of the stage.
+    """The recorder and the flight recorder of a stage.
 
     Args:
-        paths: Where the files go.
+        paths: The files of the stage.
         axes: Number of axes.
-        open_reader: Gives a reader that begins with the next cycle.
-        last: Gives up to so many of the newest records.
-        learned: Gives the weights that axes have now, by their names.
+        open_reader: Returns a reader that begins with the next record.
+        last: Returns the newest records, at most a given number.
+        learned: Returns the present weights of the axes, by name.
     """
 
     def __init__(
@@ -47,11 +47,11 @@ class StageRecordings:
         self._name = paths.name
         self._recorder = Recorder(open_reader, record_dtype(axes), paths.recordings, learned)
         self._flights = FlightRecorder(last, paths.flights)
-        self._one_at_a_time = asyncio.Lock()
+        self._one_at_a_time = asyncio.Lock()  # `Recorder.start` and `stop` must not overlap
 
     @property
-    def under_way(self) -> str:
-        """The name of the recording that goes on; empty where none does."""
+    def running_name(self) -> str:
+        """Name of the running recording; empty if there is none."""
         status = self._recorder.status
         return status.name if status.recording else ""
 
@@ -60,7 +60,7 @@ class StageRecordings:
 
         Raises:
             BadValueError: If the label cannot be part of a name.
-            NotNowError: If one goes on already, or there is no room.
+            NotNowError: If a recording is running already, or the disk is too full.
         """
         async with self._one_at_a_time:
             header = self._header(loop, label or self._name)
@@ -76,43 +76,44 @@ class StageRecordings:
         """End the recording.
 
         Raises:
-            NotNowError: If none goes on.
+            NotNowError: If there is none.
         """
-        if not self.under_way:
+        if not self.running_name:
             raise NotNowError("nothing is being recorded", "start a recording first")
         async with self._one_at_a_time:
             status = await asyncio.to_thread(self._recorder.stop)
         return status._asdict()
 
     async def list(self) -> tuple[Document | None, list[Document]]:
-        """Return the recording that goes on, or None, and those that are finished."""
+        """Return the running recording, or None, and the finished ones."""
         status = self._recorder.status
         files = await asyncio.to_thread(self._recorder.folder.files)
-        finished = [each._asdict() for each in files if each.name != self.under_way]
+        finished = [each._asdict() for each in files if each.name != self.running_name]
         return (status._asdict() if status.recording else None), finished
 
-    def note(self, event: StageEvent) -> None:
-        """Tell the flight recorder what happened."""
-        self._flights.note(event)
+    def take_event(self, event: StageEvent) -> None:
+        """Pass an event to the flight recorder, which a fault triggers."""
+        self._flights.take_event(event)
 
     async def write_flight(self, loop: LoopConnection, *, at_once: bool = False) -> None:
-        """Write what a fault wants to be kept, as soon as that is over, or at once."""
+        """Write the flight record of a fault when its time is over, or at once."""
         write = self._flights.write_now if at_once else self._flights.write_due
         header = self._header(loop, self._name)
         try:
             path = await asyncio.to_thread(write, header, time.monotonic_ns())
-        except OSError as error:
+        except OSError as error:  # a full disk must not end the housekeeping
             _log.error("flight recorder failed", why=str(error))
             return
         if path is not None:
             _log.warning("flight recorded", file=str(path))
 
     async def close(self) -> None:
-        """End the recording, if one goes on."""
+        """End the recording, if there is one."""
         async with self._one_at_a_time:
             await asyncio.to_thread(self._recorder.stop)
 
     def _header(self, loop: LoopConnection, title: str) -> TelemetryHeader:
+        # Recordings store members of enumerations as numbers; the header has their names.
         places = enumerations().items()
         return TelemetryHeader(
             title=title,

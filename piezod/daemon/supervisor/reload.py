@@ -1,8 +1,7 @@
-"""A new configuration for a running stage: validated as a whole, then swapped, or the old one kept.
+"""Exchanges the configuration of a running stage: all of it, or nothing.
 
-A second loop process accepts the new configuration while the first one runs. The swap ends the
-first and starts the second, so nothing can be applied by halves. If the new one does not come up, a
-loop with the old configuration is started.
+A second loop process accepts the new configuration while the first one runs. The exchange ends the
+first and starts the second. If the second does not start, a loop with the old configuration does.
 """
 
 import asyncio
@@ -18,7 +17,7 @@ from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.errors import ConfigError, PiezodError
 
 UP_WITHIN_S: Final = 60.0
-"""A loop without a healthy cycle by then has not come up; compiling may take most of it."""
+"""How long a loop may take to its first healthy cycle, in s; compiling may take most of it."""
 AT_REST: Final = (State.SAFE, State.FAULT, State.BLIND)
 """States in which nothing is driven."""
 _POLL_S: Final = 0.02
@@ -27,18 +26,19 @@ _POLL_S: Final = 0.02
 async def prepare(
     run: LoopRun, paths: StagePaths, source: Path, *, strict_rt: bool = False
 ) -> LoopRun:
-    """Have a second loop process accept a configuration; it drives nothing before it is started.
+    """Let a second loop process accept a configuration; it drives nothing before it is started.
 
     Args:
-        run: The loop that runs.
+        run: The running loop.
         paths: The files of the stage.
         source: The configuration file.
         strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
 
     Raises:
         BadValueError: If it is not valid; the text has every problem.
-        NotNowError: If it is one that only a start can take, or there is no room for it.
+        NotNowError: If it needs a restart, or the process cannot be started.
     """
+    # Two folders by turns: the copy of the running loop stays, for `piezod safe` and a way back.
     slot = "config-b" if run.config_file.parent.name == "config-a" else "config-a"
     try:
         fresh = LoopRun(paths, source, slot, strict_rt=strict_rt)
@@ -46,7 +46,10 @@ async def prepare(
     except ConfigError as error:
         raise BadValueError(str(error), "the configuration in force is kept; correct it") from error
     except (PiezodError, OSError) as error:
-        raise NotNowError(f"not exchanged: {error}", "see the log and the disk") from error
+        raise NotNowError(
+            f"the configuration was not exchanged: {error}", "look at the log and at the disk"
+        ) from error
+    # Rings, recordings and leases depend on the axes.
     old, new = run.config.axes, fresh.config.axes
     if list(new) != list(old):
         fresh.discard()
@@ -56,16 +59,16 @@ async def prepare(
 
 
 def changes(old: LoopRun, new: LoopRun) -> list[str]:
-    """Return the paths of all values that differ in two configurations.
+    """Return the paths of all values that differ between two configurations, sorted.
 
-    A model file counts by its contents, wherever it is.
+    Model files are compared by contents, wherever they are.
     """
     before, after = _flat(_contents(old)), _flat(_contents(new))
     return sorted(key for key in before.keys() | after.keys() if before.get(key) != after.get(key))
 
 
 def _contents(run: LoopRun) -> dict[str, Any]:
-    """Return an accepted configuration with the model files in the place of their paths."""
+    """Return an accepted configuration with the contents of model files instead of their paths."""
     kept: dict[str, Any] = json.loads(run.config_file.read_text(encoding="utf-8"))
     for axis in kept["axes"].values():
         if "model" in axis:
@@ -74,6 +77,7 @@ def _contents(run: LoopRun) -> dict[str, Any]:
 
 
 def _flat(document: dict[str, Any], path: str = "") -> dict[str, Any]:
+    """Return the values of nested documents by their paths, as in "axes.x.model"."""
     flat: dict[str, Any] = {}
     for key, value in document.items():
         inner = f"{path}.{key}" if path else key
@@ -84,27 +88,28 @@ def _flat(document: dict[str, Any], path: str = "") -> dict[str, Any]:
 async def exchange(
     run: LoopRun, paths: StagePaths, fresh: LoopRun, use: Callable[[LoopRun], None]
 ) -> bool:
-    """End a loop that drives nothing, and start another in its place.
+    """End a loop that drives nothing, and start another one in its place.
 
     Args:
-        run: The loop that runs.
+        run: The running loop.
         paths: The files of the stage.
         fresh: Its successor, from `prepare`.
-        use: Called with each loop just before it is started, so that it is supervised.
+        use: Called with each loop just before it is started; from then on it is supervised.
 
     Returns:
-        Whether the new one came up; else a loop with the old configuration has been started.
+        Whether the new loop started; otherwise a loop with the old configuration was started.
 
     Raises:
         StageError: If that one could not be started either.
     """
+    # Never both: they would drive the same devices.
     await _end(run)
     use(fresh)
     fresh.start()
     if await _up(fresh):
         return True
     await _end(fresh)
-    back = await prepare(run, paths, run.config_file)
+    back = await prepare(run, paths, run.config_file)  # the copy, not the file, which has changed
     use(back)
     back.start()
     return False
@@ -112,13 +117,13 @@ async def exchange(
 
 async def _end(run: LoopRun) -> None:
     while run.exit_code is None:
-        if not run.ask_to_end():
-            run.kill()
+        if not run.request_end():
+            run.kill()  # nothing is driven at rest
         await asyncio.sleep(_POLL_S)
 
 
 async def _up(run: LoopRun) -> bool:
-    """Wait for the first healthy cycle; somebody else looks after the health of the loop."""
+    """Wait for the first healthy cycle; the caller's `_watch` updates the health of the loop."""
     loop = asyncio.get_running_loop()
     end_s = loop.time() + UP_WITHIN_S
     while run.exit_code is None and loop.time() < end_s:

@@ -1,4 +1,4 @@
-"""Asks the loop, and waits for its answer without holding anybody else up."""
+"""Posts requests to the loop, and waits for its answers without blocking the event loop."""
 
 import asyncio
 import time
@@ -16,16 +16,17 @@ from piezod.units import NS_PER_S
 
 URGENT: Final = (Stop, Hold, Disarm, Shutdown)
 EXPIRES_S: Final = 0.5
-"""So long the loop may take to look at a request, or so many periods where these are longer."""
 EXPIRES_PERIODS: Final = 4
+"""A request expires if the loop has not taken it after this time, in s, or this many periods,
+whichever is longer."""
 _POLL_S: Final = 0.001
 
 
 class LoopRequests:
-    """The supervisor's end of the mailbox.
+    """The supervisor's side of the mailbox.
 
     Args:
-        shared: The memory shared with the loop; there is one writer.
+        shared: The memory shared with the loop; this object is the only writer of its mailbox.
     """
 
     def __init__(self, shared: SharedMap) -> None:
@@ -34,12 +35,12 @@ class LoopRequests:
         self._expires_ns = max(int(EXPIRES_S * NS_PER_S), periods_ns)
 
     async def ask(self, request: Request) -> Answer:
-        """Have the loop carry out a request.
+        """Execute a request in the loop; return the answer.
 
         Raises:
             UnavailableError: If too many requests wait already.
-            NoAnswerError: If the loop does not take it in time; it is not carried out then, but an
-                emergency stop is as soon as the loop looks.
+            NoAnswerError: If the loop does not take it in time. Then it is not executed, except an
+                emergency stop, which the loop executes as soon as it can.
         """
         expires_ns = time.monotonic_ns() + self._expires_ns
         find: Callable[[int], MailboxAnswer | None]
@@ -47,21 +48,22 @@ class LoopRequests:
             number, find = self._mailbox.post_estop(), self._mailbox.estop_answer
         else:
             number, find = self.post(request, expires_ns), self._mailbox.answer
-        # The loop may take it at the last moment, and needs a cycle for it.
+        # Twice as long: the loop may take it at the last moment, and answers in the next cycles.
         while time.monotonic_ns() < expires_ns + self._expires_ns:
             found = find(number)
             if found is not None and found.why == EXPIRED:
                 break
             if found is not None:
                 return Answer(found.accepted, found.why, found.motion)
-            await asyncio.sleep(_POLL_S)
+            await asyncio.sleep(_POLL_S)  # the loop only writes to memory, and wakes no process
+        # A loop that still compiles its kernels takes no request.
         if not self._words[Word.HEALTHY_CYCLES]:
             raise NoAnswerError("the loop is starting", "try again in some seconds")
-        what = f"the loop did not look at the request within {self._expires_ns / NS_PER_S:g} s"
+        what = f"the loop did not take the request within {self._expires_ns / NS_PER_S:g} s"
         raise NoAnswerError(what, "look at the log and at `piezod status`, then try again")
 
     def post(self, request: Request, expires_ns: int) -> int:
-        """Hand a request over without waiting; return its number.
+        """Post a request without waiting; return its number.
 
         Raises:
             UnavailableError: If too many requests wait already, or it is too large.

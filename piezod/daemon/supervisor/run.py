@@ -1,4 +1,4 @@
-"""A stage from its configuration file to the end of its daemon."""
+"""Runs a stage, from its configuration file to the end of its daemon."""
 
 import asyncio
 from pathlib import Path
@@ -19,45 +19,46 @@ from piezod.errors import DeviceUnavailableError
 def run_stage(
     source: Path, options: RunOptions, paths: StagePaths, lock: Lock, signals: Signals
 ) -> bool:
-    """Run the daemon of a stage until it is told to stop, or its loop is gone.
+    """Run the daemon of a stage until a shutdown is requested or its loop is lost.
 
     Args:
         source: The configuration file.
-        options: What the command line adds to it.
+        options: Options of the command line.
         paths: The files of the stage.
-        lock: Its lock, which was taken before anything else; released where `piezod safe` is run.
-        signals: What signals have asked for, and will.
+        lock: Its lock, taken before anything else; released while `piezod safe` runs.
+        signals: The signals that were received.
 
     Returns:
-        Whether it ended in order, the output at the safe voltage.
+        Whether the run ended in order, with the output at the safe voltage.
 
     Raises:
         ConfigError: If the configuration is not valid; no device was opened.
         PiezodError: If the loop process ended before it had read the configuration.
-        AlreadyRunningError: If somebody else came first while an earlier run was cleared up.
-        DeviceUnavailableError: If a device had to be there and was absent.
+        AlreadyRunningError: If another daemon took the lock while `piezod safe` had it.
+        DeviceUnavailableError: If a required device was absent.
         OSError: If a file of the stage cannot be made.
     """
     set_up_logging()
     marker = Marker(paths.running)
     run = LoopRun(paths, source, "config-a", strict_rt=options.strict_rt)
     if not run.accept(lambda: bool(signals.end) and not marker.unclean):
-        return True  # nothing has been touched
+        return True  # no device was touched
+    # Before the loop starts: then an end without `remove` leaves the mark.
     marker.put()
-    if marker.unclean:  # whoever died may have left a voltage in force, and nobody saw to it since
+    if marker.unclean:  # a voltage of the last run may still be in force
         lock.release()
         Notifier().take_longer(ramped_down_within_s(run.config), "ramping down after the last run")
         safe = RampDown(source, run.config).wait()
         if signals.end:
             run.discard()
-            return safe  # the mark stays: nobody has looked yet
+            return safe  # the mark stays: no operator has looked at the stage yet
         lock.take()
     supervisor = Supervisor(source, paths, run, options, Notifier(), signals)
     ending, safe = asyncio.run(_run(supervisor, lock, unclean=marker.unclean))
     if ending in (Ending.IN_ORDER, Ending.ABSENT):
         paths.loop_map.unlink(missing_ok=True)
-        # What an earlier run left in force nobody has seen to where there was no device.
-        if supervisor.run_of_loop.loop.opened or not marker.unclean:
+        # Without its device this run cannot have ended what an unclean one left in force.
+        if supervisor.loop_run.loop.devices_opened or not marker.unclean:
             marker.remove()
     if ending is Ending.ABSENT:
         raise DeviceUnavailableError("a device of this stage is absent; the log says which")
@@ -65,7 +66,7 @@ def run_stage(
 
 
 async def _run(supervisor: Supervisor, lock: Lock, *, unclean: bool) -> tuple[Ending, bool]:
-    """Run; where the loop did not leave the stage safe, have that done before all else.
+    """Run the supervisor; if the loop does not leave the stage safe, ramp down before all else.
 
     Returns:
         How it ended, and whether the output is known to be at the safe voltage.
@@ -73,12 +74,13 @@ async def _run(supervisor: Supervisor, lock: Lock, *, unclean: bool) -> tuple[En
     try:
         ending = await supervisor.run(unclean=unclean)
     except BaseException:
-        await supervisor.close()  # the loop goes to the safe voltage when it hears no more of us
+        await supervisor.close()  # without a beat the loop ramps down by itself
         raise
     if ending in (Ending.IN_ORDER, Ending.ABSENT):
         await supervisor.close()
         return ending, ending is Ending.IN_ORDER
+    # The ramp before `close`, which writes files and may take a while.
     lock.release()
-    ramp_down = RampDown(supervisor.run_of_loop.config_file, supervisor.run_of_loop.loop.config)
+    ramp_down = RampDown(supervisor.loop_run.config_file, supervisor.loop_run.loop.config)
     await supervisor.close()
     return ending, ramp_down.wait()

@@ -1,4 +1,4 @@
-"""What signals ask of a daemon, noted from its first moment on; only the standard library."""
+"""Records the signals of a daemon from its first moment on; imports only the standard library."""
 
 import signal
 from collections.abc import Iterator
@@ -10,10 +10,10 @@ _ENDING: Final = (signal.SIGTERM, signal.SIGINT)
 
 
 class Signals:
-    """What was asked for so far; somebody looks at it now and then.
+    """The signals that were received.
 
     Attributes:
-        end: The signal that asked for the end; empty as long as none has.
+        end: Name of the first signal that ends the daemon; empty before that.
     """
 
     def __init__(self) -> None:
@@ -21,12 +21,12 @@ class Signals:
         self._reload = False
 
     def take_reload(self) -> bool:
-        """Tell whether SIGHUP came since the last call."""
+        """Return whether SIGHUP came since the last call."""
         reload, self._reload = self._reload, False
         return reload
 
-    def note(self, number: int, _frame: FrameType | None = None) -> None:
-        """Note a signal; the first that asks for the end is the one that counts."""
+    def receive(self, number: int, _frame: FrameType | None = None) -> None:
+        """Record a signal; of those that end the daemon, the first counts."""
         if number == signal.SIGHUP:
             self._reload = True
         else:
@@ -35,12 +35,12 @@ class Signals:
 
 @contextmanager
 def noted_signals() -> Iterator[Signals]:
-    """Note SIGTERM, SIGINT and SIGHUP while the block runs, in place of what they did before.
+    """Record SIGTERM, SIGINT and SIGHUP while the block runs, instead of their former handlers.
 
-    Not by asyncio, which takes its handlers away before the process has ended.
+    asyncio's own handlers would not do: it removes them before the process has ended.
     """
     signals = Signals()
-    before = {each: signal.signal(each, signals.note) for each in (*_ENDING, signal.SIGHUP)}
+    before = {each: signal.signal(each, signals.receive) for each in (*_ENDING, signal.SIGHUP)}
     try:
         yield signals
     finally:

@@ -1,4 +1,4 @@
-"""The stage as the HTTP service sees it: requests go to the loop, answers come from its memory."""
+"""The stage as the HTTP service sees it: posts requests to the loop, reads the shared memory."""
 
 import asyncio
 import time
@@ -34,14 +34,14 @@ _log = logger("service")
 
 
 class StageLink:
-    """Implements `StageService` over the memory that is shared with the loop.
+    """Implements `StageService` with the memory that is shared with the loop.
 
     Args:
         paths: The files of the stage; their folders exist.
-        loop: The loop, whether it runs yet or not.
-        stop: Called when the daemon is to end, with the reason.
-        reload: Called when the configuration is to be read again.
-        shadow: Whether nothing is ever written, whatever a client asks for.
+        loop: Connection to the loop, which need not run yet.
+        stop: Called with the reason when a client requests a shutdown.
+        reload: Called when a client requests a reload.
+        shadow: Whether every arming is in shadow, so that nothing is written.
     """
 
     def __init__(
@@ -54,14 +54,14 @@ class StageLink:
         shadow: bool,
     ) -> None:
         self.loop = loop
-        """The loop; exchanged by a reload."""
+        """Connection to the loop; a reload replaces it."""
         self.available = True
-        """Whether the loop takes requests; not while it is exchanged."""
+        """Whether the loop accepts requests; False during an exchange."""
         self.parameters = LearnedParameters(ParameterStore(paths.parameters, paths.name))
-        self.recordings_of_stage = StageRecordings(
+        self.stage_recordings = StageRecordings(
             paths, len(loop.axes), self.open_reader, self._last, self._weights
         )
-        self.audit_of_stage = AuditLog(paths.audit)
+        self.stage_audit = AuditLog(paths.audit)
         self._paths, self._stop, self._reload, self._shadow = paths, stop, reload, shadow
 
     @property
@@ -71,39 +71,41 @@ class StageLink:
 
     @property
     def recordings_folder(self) -> Path:
-        """Where the recordings are."""
+        """Folder of the recordings."""
         return self._paths.recordings
 
     async def request(self, request: Request, peer: Peer) -> Answer:
-        """Have the loop carry out a request."""
+        """Execute a request and return the answer."""
+        # Only the supervisor shuts down: a loop that ends without its request counts as lost.
         if isinstance(request, Shutdown):
-            self._stop(f"asked to by {peer.user}")
+            self._stop(f"requested by {peer.user}")
             return Answer(True)
         if isinstance(request, Arm) and self._shadow:
             request = Arm(shadow=True)
         loop = self._running()
-        if isinstance(request, AdoptModel):
+        if isinstance(request, AdoptModel):  # not while parameters are read or saved
             return await self.parameters.adopt(loop, request)
         return await loop.requests.ask(request)
 
     def stream_setpoint(self, setpoints_um: Mapping[str, float]) -> None:
-        """Set the newest setpoint of each axis named, in µm."""
+        """Set the newest setpoint of each given axis, in µm."""
         self._running().stream_setpoint(setpoints_um)
 
     def status(self) -> Document:
-        """Return state, mode, faults and each axis in the newest cycle."""
+        """Return state, mode, faults and axes of the newest cycle."""
         loop = self.loop
         document = stage_documents.status(loop.config, loop.shared, loop.latest())
         return {"stage": self._paths.name, **document}
 
     def health(self) -> tuple[bool, Document]:
-        """Return whether the loop runs on schedule, and what tells so."""
+        """Return whether the loop runs on schedule, with the age of its last healthy cycle."""
+        # Before its first healthy cycle a loop neither hangs nor is healthy.
         health, now_ns = self.loop.health, time.monotonic_ns()
         healthy = self.available and health.started and not health.hung(now_ns)
         return healthy, {"healthy": healthy, "cycle_age_s": health.age_s(now_ns)}
 
     def faults(self) -> list[Document]:
-        """Return what is present or latched."""
+        """Return the faults that are present or latched."""
         record = self.loop.latest()
         return [] if record is None else stage_documents.faults(*stage_documents.masks(record))
 
@@ -112,7 +114,7 @@ class StageLink:
         return stage_documents.fault_ids(mask)
 
     def realtime(self) -> Document:
-        """Return what the loop obtained of the operating system, and how it has run."""
+        """Return what the loop obtained from the operating system, and its counters."""
         return stage_documents.realtime(self.loop.config, self.loop.shared)
 
     def config(self) -> Document:
@@ -120,11 +122,11 @@ class StageLink:
         return accepted_config.document(self.loop.config)
 
     async def reload(self, peer: Peer) -> Document:
-        """Read the configuration again; it is swapped as a whole, or kept."""
+        """Read the configuration again; exchange all of it, or keep the present one."""
         return await self._reload(peer)
 
     def open_reader(self) -> RecordReader:
-        """Return a new reader of the ring that begins with what comes next."""
+        """Return a new reader of the ring; it begins with the next record."""
         return _FollowingReader(self)
 
     async def params(self) -> Document:
@@ -132,7 +134,7 @@ class StageLink:
         return await self.parameters.now(self.loop)
 
     async def params_history(self) -> list[Document]:
-        """Return what is saved, newest first."""
+        """Return the saved parameters, newest first."""
         return await self.parameters.history()
 
     async def save_params(self, peer: Peer) -> Document:
@@ -140,48 +142,48 @@ class StageLink:
         return await self.parameters.save(self._running(), peer.user)
 
     async def load_params(self, sequence: int | None, peer: Peer) -> Document:
-        """Have the loop use saved parameters."""
+        """Load saved parameters into the loop."""
         document = await self.parameters.load(self._running(), sequence)
         _log.info("parameters loaded", user=peer.user, sequence=document["sequence"])
         return document
 
-    async def take_up_params(self) -> None:
-        """Have a loop that has just started use what was saved last, if anything was."""
+    async def restore_params(self) -> None:
+        """Load the newest saved parameters, if there are any, into a loop that has just started."""
         try:
             document = await self.parameters.load(self._running(), None)
         except UnknownNameError:
-            return  # nothing was saved, or what was has been told of
+            return  # nothing was saved; rejected files are in the log already
         except StageError as error:
-            _log.error("saved parameters not taken up", why=str(error))
+            _log.error("saved parameters not loaded", why=str(error))
             return
-        _log.info("parameters taken up", sequence=document["sequence"])
+        _log.info("saved parameters loaded", sequence=document["sequence"])
 
     async def start_recording(self, label: str | None, peer: Peer) -> Document:
         """Start recording every cycle."""
-        document = await self.recordings_of_stage.start(self._running(), label)
+        document = await self.stage_recordings.start(self._running(), label)
         _log.info("recording started", user=peer.user, name=document["name"])
         return document
 
     async def stop_recording(self, peer: Peer) -> Document:
         """End the recording and close its file."""
-        document = await self.recordings_of_stage.stop()
+        document = await self.stage_recordings.stop()
         _log.info("recording stopped", user=peer.user, name=document["name"])
         return document
 
     async def recordings(self) -> tuple[Document | None, list[Document]]:
-        """Return the one under way, or None, and those that are finished."""
-        return await self.recordings_of_stage.list()
+        """Return the running recording, or None, and the finished ones."""
+        return await self.stage_recordings.list()
 
     def audit(self, entry: AuditEntry) -> None:
-        """Note what somebody asked for."""
+        """Write a request and its answer to the audit log."""
         peer = entry.peer
-        self.audit_of_stage.write(
+        self.stage_audit.write(
             peer.uid, peer.user, peer.client, entry.what, entry.accepted, entry.why
         )
 
     async def audit_log(self, limit: int) -> list[Document]:
-        """Return the newest entries, newest first."""
-        entries = await asyncio.to_thread(self.audit_of_stage.last, limit)
+        """Return the newest entries of the audit log, newest first."""
+        entries = await asyncio.to_thread(self.stage_audit.last, limit)
         return [entry._asdict() for entry in entries]
 
     def _last(self, count: int) -> NDArray[Any]:
@@ -198,14 +200,15 @@ class StageLink:
 
 
 class _FollowingReader:
-    """Reads the ring of whichever loop runs."""
+    """Reads the ring of the present loop, also after an exchange."""
 
     def __init__(self, link: StageLink) -> None:
         self._link, self._loop = link, link.loop
         self._ring = RingReader(link.loop.shared)
 
     def read(self, limit: int) -> tuple[NDArray[Any], int]:
-        """Return the records since the last call, and how many of them were lost."""
+        """Return the records since the last call, and the number of lost ones."""
+        # An exchange makes a new ring; its records count from zero.
         if self._loop is not self._link.loop:
             self._loop = self._link.loop
             self._ring = RingReader(self._loop.shared)

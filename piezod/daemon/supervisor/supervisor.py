@@ -1,8 +1,8 @@
 """The supervisor: owns the lock of a stage, starts the loop process, and answers for both.
 
-It has no handle of a device. Everything happens in one event loop, looked after by `_watch`: the
-loop process hears that we live, through `heart.Heart`; systemd hears that the loop is healthy, and
-a loop that is gone is replaced by `piezod safe`.
+It has no handle of a device. Everything runs in one event loop: `_watch` checks the loop process in
+each period and reports its health to systemd. If the loop process is lost, the run ends, and
+`piezod safe` ramps the stage down.
 """
 
 import asyncio
@@ -19,8 +19,8 @@ from piezod.daemon.paths import StagePaths
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.roles import GroupRoles
 from piezod.daemon.service.stage_service import Document, NotNowError, Peer, StageError
-from piezod.daemon.supervisor.api_server import Api
-from piezod.daemon.supervisor.heart import Heart
+from piezod.daemon.supervisor.api_server import ApiServer
+from piezod.daemon.supervisor.heartbeat import Heartbeat
 from piezod.daemon.supervisor.housekeeping import Housekeeping
 from piezod.daemon.supervisor.loop_run import LoopRun
 from piezod.daemon.supervisor.notify import Notifier
@@ -29,25 +29,28 @@ from piezod.daemon.supervisor.signals import Signals
 from piezod.daemon.supervisor.stage_link import StageLink
 from piezod.daemon.supervisor.terms import Ending, RunOptions
 
-TICK_S: Final = 0.1
-"""How often everything is looked after; the loop takes a supervisor for dead after 1 s."""
+PERIOD_S: Final = 0.1
+"""Period of `_watch`, in s."""
 
-_ADOPTING: Final = frozenset({State.SAFE, State.FAULT})
-"""States in which a loop takes other parameters."""
+_ACCEPTS_PARAMS: Final = frozenset({State.SAFE, State.FAULT})
+"""States in which a loop accepts other parameters."""
 
 _log = logger("supervisor")
 
 
 class Supervisor:
-    """Runs a stage until it is told to stop or the loop is gone.
+    """Runs a stage until a shutdown is requested or the loop is lost.
 
     Args:
-        source: The configuration file, read again by a reload.
+        source: The configuration file; a reload reads it again.
         paths: The files of the stage; its lock is held.
         run: The loop process, which has accepted the configuration.
-        options: What the command line adds.
-        notifier: The way to the service manager.
-        signals: What signals have asked for, and will.
+        options: Options of the command line.
+        notifier: Reports to the service manager.
+        signals: The signals that were received.
+
+    Attributes:
+        loop_run: The present run of the loop process; a reload replaces it.
     """
 
     def __init__(
@@ -64,45 +67,46 @@ class Supervisor:
         self._ending = Ending.IN_ORDER
         self._stopping = self._ready = self._exchanging = False
         self._state: State | None = None
-        self.run_of_loop = run
+        self.loop_run = run
         self._link = StageLink(
             paths,
-            self.run_of_loop.loop,
+            self.loop_run.loop,
             stop=self.stop,
             reload=self.reload,
             shadow=options.shadow,
         )
-        self._heart = Heart(self.run_of_loop.loop)
-        self._house = Housekeeping(self._link)
-        self._api = Api(
+        self._heartbeat = Heartbeat(self.loop_run.loop)
+        self._housekeeping = Housekeeping(self._link)
+        self._api = ApiServer(
             create_app(self._link, GroupRoles(os.getuid(), time.monotonic)), paths.api_socket
         )
         self._tasks: set[asyncio.Task[object]] = set()
-        self._taken_up: LoopRun | None = None
+        self._restored: LoopRun | None = None
 
     async def run(self, *, unclean: bool) -> Ending:
-        """Run until the end; the loop process has ended then, or hears no more of us.
+        """Run until the end; then the loop process has ended, or no longer gets a beat.
 
         Args:
             unclean: Whether the daemon did not end in order last time.
         """
+        # The socket first: if it cannot be bound, no device has been touched.
         await self._api.start()
-        self.run_of_loop.start(unclean=unclean)
-        housekeeping = asyncio.create_task(self._house.run())
-        self._heart.start()
+        self.loop_run.start(unclean=unclean)
+        housekeeping = asyncio.create_task(self._housekeeping.run())
+        self._heartbeat.start()
         try:
             return await self._watch()
         finally:
-            self._heart.stop()
+            self._heartbeat.stop()  # a loop that still runs then ramps down
             housekeeping.cancel()
 
     async def close(self) -> None:
-        """Write out and close everything; after `run`."""
+        """Write and close everything; call it after `run`."""
         await self._api.stop()
-        await self._house.close()
+        await self._housekeeping.close()
 
     def stop(self, why: str) -> None:
-        """Have the loop ramp down and end, then end; again it does nothing."""
+        """Request a shutdown: the loop ramps down and ends. A second call does nothing."""
         if not self._stopping:
             self._stopping = True
             self._notifier.stopping(f"ramping down: {why}")
@@ -111,26 +115,28 @@ class Supervisor:
     async def _watch(self) -> Ending:
         while True:
             now_ns = time.monotonic_ns()
-            run = self.run_of_loop
-            self._heart.tick(now_ns)
-            self._heed_signals()
-            healthy = run.loop.health.look(now_ns)
+            run = self.loop_run
+            self._heartbeat.tick(now_ns)
+            self._handle_signals()
+            healthy = run.loop.health.update(now_ns)
+            # During an exchange no loop may be running, which is no reason for the watchdog.
             if healthy or self._exchanging:
                 self._notifier.alive()
-            self._house.log_events()
+            # Before the exit code: the last events may have the reason of an end.
+            self._housekeeping.log_events()
             if not self._exchanging:
-                self._note_state(run, healthy=healthy)
+                self._report_state(run, healthy=healthy)
                 if run.exit_code is not None:
                     return self._ended(run.exit_code)
-                self._see_to_its_end(run, now_ns)
-            await asyncio.sleep(TICK_S)
+                self._end_if_due(run, now_ns)
+            await asyncio.sleep(PERIOD_S)
 
-    def _see_to_its_end(self, run: LoopRun, now_ns: int) -> None:
-        """Ask the loop to end where it shall, and kill it where it does not answer any more."""
-        if self._stopping and not run.begun:
-            run.kill()  # it starts, and has touched nothing
+    def _end_if_due(self, run: LoopRun, now_ns: int) -> None:
+        """Ask the loop to end if that was requested; kill it if it does not answer any more."""
+        if self._stopping and not run.takes_requests:
+            run.kill()  # it has not touched a device yet
             return
-        overdue = self._stopping and not run.ask_to_end()
+        overdue = self._stopping and not run.request_end()
         if overdue or run.loop.health.hung(now_ns):
             what = "it did not end in time" if overdue else "it runs no cycles any more"
             _log.error("loop killed", what=what)
@@ -138,89 +144,98 @@ class Supervisor:
             run.kill()
 
     def _ended(self, code: int) -> Ending:
-        if self._stopping and not self.run_of_loop.begun:
-            return self._ending
+        """Return how the run ended, from the exit code of the loop process."""
+        if self._stopping and not self.loop_run.takes_requests:
+            return self._ending  # it was killed before it touched a device
         if not self._stopping or code != 0:
             _log.error("loop gone", code=code, what="piezod safe takes over")
-            # The watchdog would end us, and the ramp with us: from now on another timeout counts.
+            # From here on systemd applies its stop time-out; the watchdog would end the ramp.
             self._notifier.stopping("ramping down: the loop is gone")
             return Ending.LOST
-        if self._ending is not Ending.LOST and not self.run_of_loop.loop.left_safe():
+        if self._ending is not Ending.LOST and not self.loop_run.loop.ended_at_safe_voltage():
             _log.error("not at the safe voltage", what="piezod safe takes over")
             return Ending.UNSAFE
         return self._ending
 
-    def _note_state(self, run: LoopRun, *, healthy: bool) -> None:
+    def _report_state(self, run: LoopRun, *, healthy: bool) -> None:
+        """Report readiness and state to the service manager."""
+        # A loop that waits for an absent device is healthy: the service is ready in BLIND too.
         if healthy and not self._ready:
             self._ready = True
             self._notifier.ready(run.loop.state.value)
             _log.info("ready", stage=self._paths.name, socket=str(self._paths.api_socket))
-            if self._options.require_device and not run.loop.opened:
+            if self._options.require_device and not run.loop.devices_opened:
                 self._ending = Ending.ABSENT
                 self.stop("a device is absent")
         if not self._stopping:
-            self._take_up_params(run)
+            self._restore_params(run)
         if run.loop.state is not self._state and not self._stopping:
             self._state = run.loop.state
             self._notifier.status(self._state.value)
 
-    def _take_up_params(self, run: LoopRun) -> None:
-        """Have each loop begin with the parameters that were saved, once it has its devices."""
-        if run is not self._taken_up and run.loop.opened and run.loop.state in _ADOPTING:
-            self._taken_up = run
-            self._do(self._link.take_up_params())
+    def _restore_params(self, run: LoopRun) -> None:
+        """Let each new loop begin with the saved parameters, when it has its devices."""
+        if (
+            run is not self._restored
+            and run.loop.devices_opened
+            and run.loop.state in _ACCEPTS_PARAMS
+        ):
+            self._restored = run
+            self._run_beside(self._link.restore_params())
 
-    def _do(self, what: Coroutine[object, object, object]) -> None:
+    def _run_beside(self, what: Coroutine[object, object, object]) -> None:
         task = asyncio.create_task(what)
-        self._tasks.add(task)
+        self._tasks.add(task)  # the event loop keeps only a weak reference
         task.add_done_callback(self._tasks.discard)
 
     async def reload(self, peer: Peer) -> Document:
-        """Read the configuration again; swap it where nothing is driven, or keep the old one.
+        """Read the configuration again and exchange the loop, or keep the present one.
 
         Raises:
-            BadValueError: If it is not valid.
-            NotNowError: If it cannot be swapped now.
+            BadValueError: If the configuration is not valid.
+            NotNowError: If it cannot be exchanged now.
         """
-        run, strict_rt = self.run_of_loop, self._options.strict_rt
+        run, strict_rt = self.loop_run, self._options.strict_rt
         self._check_exchange()
         fresh = await prepare(run, self._paths, self._source, strict_rt=strict_rt)
         different = changes(run, fresh)
         try:
-            self._check_exchange()  # again: that took a while
+            self._check_exchange()  # again: the state may have changed meanwhile
         except NotNowError:
             fresh.discard()
             raise
         _log.info("reload", user=peer.user, changes=different)
+        # From here on the end of a loop is not taken for a loss.
         self._exchanging, self._link.available = True, False
         try:
-            came_up = await exchange(run, self._paths, fresh, self._use)
+            started = await exchange(run, self._paths, fresh, self._use)
         finally:
             self._exchanging, self._link.available = False, True
-        if not came_up:
-            _log.error("reload failed", what="the configuration before is in force")
-            what = "the loop did not come up with the new configuration; the one before is in force"
+        if not started:
+            _log.error("reload failed", what="the old configuration is in force")
+            what = "the loop did not start with the new configuration; the old one is in force"
             raise NotNowError(what, "the log says why")
         return {"changes": different}
 
     def _check_exchange(self) -> None:
-        state = self.run_of_loop.loop.state
+        state = self.loop_run.loop.state
         if self._stopping or self._exchanging:
             raise NotNowError("the loop is being exchanged or stopped", "try again later")
         if state not in AT_REST:
             raise NotNowError(f"not in state {state}", "disarm first")
-        if name := self._link.recordings_of_stage.under_way:
-            raise NotNowError(f"recording {name} goes on", "stop it first")
+        # The header of a recording has one configuration for all its records.
+        if name := self._link.stage_recordings.running_name:
+            raise NotNowError(f"recording {name} is running", "stop it first")
 
     def _use(self, run: LoopRun) -> None:
-        self.run_of_loop, self._link.loop = run, run.loop
-        self._heart.beat_for(run.loop)
+        self.loop_run, self._link.loop = run, run.loop
+        self._heartbeat.beat_for(run.loop)
 
-    def _heed_signals(self) -> None:
+    def _handle_signals(self) -> None:
         if self._signals.end:
             self.stop(self._signals.end)
-        if self._signals.take_reload():  # what `systemctl reload` asks for
-            self._do(self._reload_for_manager())
+        if self._signals.take_reload():  # SIGHUP, sent by `systemctl reload`
+            self._run_beside(self._reload_for_manager())
 
     async def _reload_for_manager(self) -> None:
         self._notifier.reloading()
@@ -228,4 +243,4 @@ class Supervisor:
             await self.reload(Peer(os.getuid(), os.getpid(), "SIGHUP", "", Role.ENGINEER))
         except StageError as error:
             _log.error("reload refused", why=str(error))
-        self._notifier.ready(self.run_of_loop.loop.state.value)
+        self._notifier.ready(self.loop_run.loop.state.value)  # systemd waits for it in any case

@@ -1,15 +1,15 @@
-"""What a run of a stage is given, and how it may end."""
+"""Options of a run, and the ways in which it may end."""
 
 from enum import Enum
 from typing import NamedTuple
 
 
 class RunOptions(NamedTuple):
-    """What the command line adds to a configuration.
+    """Options of the command line, besides the configuration.
 
     Attributes:
-        strict_rt: Whether arming is refused where the loop is not real-time.
-        require_device: Whether to end where a device is absent at the start.
+        strict_rt: Whether arming is refused if the loop is not real-time.
+        require_device: Whether the run ends if a device is absent at the start.
         shadow: Whether nothing is ever written.
     """
 
@@ -22,10 +22,10 @@ class Ending(Enum):
     """How a run ended."""
 
     IN_ORDER = "in order"
-    """The loop ramped down and ended because it was asked to."""
+    """The loop ramped down and ended on request."""
     ABSENT = "no device"
-    """Likewise, because a device was absent that had to be there."""
+    """The loop ended on request, because a required device was absent."""
     UNSAFE = "unsafe"
-    """The loop ended because it was asked to, and could not reach the safe voltage."""
+    """The loop ended on request, but did not reach the safe voltage."""
     LOST = "lost"
-    """The loop ended by itself, by violence, or not in time."""
+    """The loop ended by itself, was killed, or did not end in time."""

@@ -1,4 +1,4 @@
-"""What must not happen to a loop is counted, and told."""
+"""Page faults and garbage collections in the loop are counted and reported."""
 
 import gc
 import resource
@@ -31,8 +31,8 @@ def not_collecting() -> Iterator[None]:
 
 @pytest.mark.fault("L6")
 @pytest.mark.usefixtures("not_collecting")
-def test_a_collection_is_told_once(shared: SharedMap) -> None:
-    """Somebody has called the collector although it is off."""
+def test_a_collection_is_reported_once(shared: SharedMap) -> None:
+    """A collection is a detection if the collector is off."""
     counters = ProcessCounters(shared.words)
     gc.collect(0)
 
@@ -43,10 +43,8 @@ def test_a_collection_is_told_once(shared: SharedMap) -> None:
 
 @pytest.mark.fault("L8")
 @pytest.mark.usefixtures("not_collecting")
-def test_memory_that_had_to_be_fetched_is_told(
-    shared: SharedMap, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A major fault costs milliseconds."""
+def test_major_page_faults_are_reported(shared: SharedMap, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A major page fault costs milliseconds."""
     used = SimpleNamespace(ru_minflt=1000, ru_majflt=4)
     monkeypatch.setattr(resource, "getrusage", lambda _who: used)
     counters = ProcessCounters(shared.words)

@@ -5,17 +5,17 @@ from typing import Any
 import pytest
 
 from piezod.daemon.loop import devices as loop_devices
-from piezod.daemon.loop.devices import Opening
+from piezod.daemon.loop.devices import DeviceOpener
 from piezod.errors import DeviceUnavailableError
 from piezod.testing.fake_clock import FakeClock
 
 
 class FakeChannels:
-    """Implements what is asked of channels here.
+    """Implements the methods of channels that the thread uses.
 
     Args:
-        absent: How often they cannot be opened.
-        wrong: What a driver raises where it is closed.
+        absent: How often opening fails.
+        wrong: Exception that a driver raises when it is closed.
     """
 
     def __init__(self, absent: int, wrong: Exception | None = None) -> None:
@@ -37,11 +37,11 @@ class FakeChannels:
             raise self.wrong
 
 
-def opened(channels: Any) -> Opening:
-    """Return the thread after it has run; it has waited for nothing."""
-    opening = Opening(channels, FakeClock())
-    opening.run()
-    return opening
+def opened(channels: Any) -> DeviceOpener:
+    """Return the thread after it has run."""
+    opener = DeviceOpener(channels, FakeClock())
+    opener.run()
+    return opener
 
 
 @pytest.fixture(autouse=True)
@@ -50,17 +50,17 @@ def _no_waits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_devices_that_are_absent_are_tried_again() -> None:
-    """Each time they are closed before; why the last attempt failed is told."""
+    """The devices are closed before each further attempt; the reason of a failure is kept."""
     channels = FakeChannels(absent=2)
-    opening = opened(channels)
+    opener = opened(channels)
 
     assert channels.done == ["open", "close", "open", "close", "open", "activate"]
-    assert (opening.absent, opening.crash) == ("it is away", None)
+    assert (opener.absent, opener.crash) == ("it is away", None)
 
 
 def test_a_driver_that_fails_to_close_is_not_taken_for_devices_that_are_open() -> None:
-    """What it raised ends the thread, and is told."""
+    """An exception in closing ends the thread and is kept."""
     wrong = OSError("closed by the wrong end")
-    opening = opened(FakeChannels(absent=1, wrong=wrong))
+    opener = opened(FakeChannels(absent=1, wrong=wrong))
 
-    assert opening.crash is wrong
+    assert opener.crash is wrong

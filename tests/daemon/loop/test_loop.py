@@ -35,7 +35,7 @@ AXES = ("x", "y")
 
 
 class Rig(NamedTuple):
-    """A loop, and all that it is connected to."""
+    """A loop and all that it is connected to."""
 
     loop: Loop
     controller: FakeController
@@ -44,19 +44,19 @@ class Rig(NamedTuple):
     output: Path
 
     def run(self, cycles: int, each: Callable[[], object] = lambda: None) -> None:
-        """Run so many cycles, with something done before each."""
+        """Run cycles, and call a function before each."""
         for _ in range(cycles):
             each()
             self.loop.cycle()
 
     def beat(self) -> None:
-        """Show life, as the supervisor does."""
+        """Renew the beat of the supervisor."""
         self.shared.words[Word.SUPERVISOR_BEAT_NS] = self.clock.t_ns
 
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Rig:
-    """Return a loop over two simulated axes and a controller that takes everything."""
+    """Return a loop over two simulated axes, with a controller that accepts every request."""
     clock = FakeClock(10**9)
     pairs = {axis: ChannelPair("rig", "rig") for axis in AXES}
     channels = Channels({"rig": SimulatedRig(SimulatedOptions(), Wiring.both(AXES), 1)}, pairs)
@@ -71,7 +71,7 @@ def rig(tmp_path: Path) -> Rig:
 
 
 def test_every_cycle_leaves_its_record(rig: Rig) -> None:
-    """One a period, with the axes, the faults beyond the 64th, and names as their places."""
+    """One record a cycle has its axes, faults beyond the 64th, and enumerations as numbers."""
     reader = RingReader(rig.shared)
 
     rig.run(100)
@@ -89,8 +89,8 @@ def test_every_cycle_leaves_its_record(rig: Rig) -> None:
     assert (axis["drive_v"], axis["motion"], axis["on_target"]) == (7.5, 3, True)
 
 
-def test_phases_of_a_cycle_are_told(rig: Rig) -> None:
-    """How late it began, what took how long, and when the write began."""
+def test_phases_of_a_cycle_are_recorded(rig: Rig) -> None:
+    """The record has the durations of read, computation and write, and the instant of the write."""
     rig.controller.busy_ns = 200_000
 
     rig.run(1)
@@ -103,8 +103,8 @@ def test_phases_of_a_cycle_are_told(rig: Rig) -> None:
     assert record["write_late_ns"] == pytest.approx(200_000, abs=1000)
 
 
-def test_cycle_that_writes_nothing_says_so(rig: Rig) -> None:
-    """There is no instant of a write then."""
+def test_cycle_that_writes_nothing_records_no_write(rig: Rig) -> None:
+    """The record of a cycle without a write has no instant of a write."""
     rig.controller.state = State.SAFE
 
     rig.run(1)
@@ -114,15 +114,15 @@ def test_cycle_that_writes_nothing_says_so(rig: Rig) -> None:
     assert (record["write_late_ns"], record["write_ns"]) == (NOT_WRITTEN, 0)
 
 
-def test_what_is_written_is_noted(rig: Rig) -> None:
-    """For whoever has to ramp down from there."""
+def test_written_voltages_are_stored(rig: Rig) -> None:
+    """The last voltage of each axis is in the file that `piezod safe` reads."""
     rig.run(3)
 
     assert [output.drive_v for output in read_last_output(rig.output)] == [7.5, 8.5]
 
 
-def test_requests_are_carried_out_and_answered(rig: Rig) -> None:
-    """One in a cycle, in their order, each with its answer."""
+def test_requests_are_executed_and_answered(rig: Rig) -> None:
+    """Each cycle executes one request, in order, and each request gets its answer."""
     mailbox = MailboxWriter(rig.shared)
     sent = [Goto(position_um=1.0), Goto(position_um=2.0)]
     first, second = (mailbox.post(encode(each), 2 * 10**9) for each in sent)
@@ -138,7 +138,7 @@ def test_requests_are_carried_out_and_answered(rig: Rig) -> None:
 
 
 def test_request_that_cannot_be_read_is_refused(rig: Rig) -> None:
-    """The loop goes on."""
+    """An unreadable request is refused, and the loop runs on."""
     mailbox = MailboxWriter(rig.shared)
     number = mailbox.post(b"junk", 2 * 10**9)
 
@@ -151,7 +151,7 @@ def test_request_that_cannot_be_read_is_refused(rig: Rig) -> None:
 
 
 def test_setpoints_come_before_the_cycle(rig: Rig) -> None:
-    """The newest of each axis, once."""
+    """The newest streamed setpoint of an axis reaches the controller once."""
     StreamWriter(rig.shared).set(1, 4.5, 77)
 
     rig.run(2)
@@ -159,8 +159,8 @@ def test_setpoints_come_before_the_cycle(rig: Rig) -> None:
     assert rig.controller.setpoints == [(1, 4.5, 77)]
 
 
-def test_events_are_handed_over(rig: Rig) -> None:
-    """All that the controller tells of a cycle."""
+def test_events_are_published(rig: Rig) -> None:
+    """Every event of the controller is published."""
     reader = EventReader(rig.shared)
     rig.controller.events = [StageEvent(1, "info", "state", "SAFE to READY")]
 
@@ -170,7 +170,7 @@ def test_events_are_handed_over(rig: Rig) -> None:
 
 
 def test_learned_parameters_are_published_twenty_times_a_second(rig: Rig) -> None:
-    """Each axis in its turn."""
+    """The axes are published in turn."""
     reader = LearnedReader(rig.shared)
 
     rig.run(100)
@@ -184,7 +184,7 @@ def test_learned_parameters_are_published_twenty_times_a_second(rig: Rig) -> Non
 
 
 def test_cycles_that_skip_are_counted_and_not_healthy(rig: Rig) -> None:
-    """What the watchdog is fed with are cycles on schedule only."""
+    """Only cycles on schedule feed the watchdog."""
     rig.run(5)
     rig.clock.spend_ns(4 * PERIOD_NS)
     rig.run(5)
@@ -196,8 +196,8 @@ def test_cycles_that_skip_are_counted_and_not_healthy(rig: Rig) -> None:
     assert rig.controller.timings[5].skipped == 3
 
 
-def test_duration_of_a_cycle_is_told_to_the_next(rig: Rig) -> None:
-    """All of it, publishing included."""
+def test_next_cycle_gets_the_duration_of_the_last_one(rig: Rig) -> None:
+    """The duration includes publishing."""
     rig.controller.busy_ns = 300_000
 
     rig.run(2)
@@ -207,7 +207,7 @@ def test_duration_of_a_cycle_is_told_to_the_next(rig: Rig) -> None:
 
 
 def test_loop_ends_when_the_controller_has_finished(rig: Rig) -> None:
-    """Not in the cycle in which it is told to, but when that is done."""
+    """The loop ends after the shutdown has ended, not when it is requested."""
     MailboxWriter(rig.shared).post(encode(Shutdown()), 2 * 10**9, urgent=True)
 
     rig.loop.run()
@@ -216,7 +216,7 @@ def test_loop_ends_when_the_controller_has_finished(rig: Rig) -> None:
 
 
 def test_loop_without_supervisor_shuts_down(rig: Rig) -> None:
-    """A second after the last beat, once, with the fault that says why."""
+    """A second after the last beat the loop shuts down, once, and reports H1."""
     rig.run(2000, rig.beat)
     before = list(rig.controller.requests)
 
@@ -230,7 +230,7 @@ def test_loop_without_supervisor_shuts_down(rig: Rig) -> None:
 
 
 def test_pause_of_the_machine_is_not_taken_for_a_lost_supervisor(rig: Rig) -> None:
-    """What stopped the loop stopped the supervisor too: it gets its second afterwards."""
+    """After a pause of the loop the supervisor has a full second to beat again."""
     rig.run(10, rig.beat)
     rig.clock.spend_ns(5 * SUPERVISOR_LOST_NS)
 
@@ -240,8 +240,8 @@ def test_pause_of_the_machine_is_not_taken_for_a_lost_supervisor(rig: Rig) -> No
     assert rig.controller.requests == []
 
 
-def test_process_counts_what_must_not_happen(rig: Rig) -> None:
-    """Once a second: page faults, collections, blocks of memory."""
+def test_process_counters_are_published(rig: Rig) -> None:
+    """Page faults, collections and memory blocks are published once a second."""
     rig.run(2001, rig.beat)
 
     assert rig.shared.words[Word.ALLOCATED_BLOCKS] > 0
@@ -261,7 +261,7 @@ def test_urgent_request_goes_first(rig: Rig) -> None:
 
 @pytest.mark.fault("E1")
 def test_emergency_stop_waits_for_no_other_request(rig: Rig) -> None:
-    """It is carried out in the next cycle, once, whatever is before it in the urgent lane."""
+    """An emergency stop is executed in the next cycle, once, even if the urgent lane is full."""
     mailbox = MailboxWriter(rig.shared)
     for _ in range(3):
         mailbox.post(encode(Hold()), 10**12, urgent=True)

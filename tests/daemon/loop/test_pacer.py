@@ -13,7 +13,7 @@ SPIN_NS = 40_000
 
 
 def test_cycles_begin_at_multiples_of_the_period() -> None:
-    """Deadlines are absolute: what one cycle takes does not move the next."""
+    """Deadlines are absolute: the duration of one cycle does not move the next."""
     clock = FakeClock()
     pacer = Pacer(clock, PERIOD_NS, SPIN_NS)
     start_ns = clock.t_ns
@@ -27,7 +27,7 @@ def test_cycles_begin_at_multiples_of_the_period() -> None:
 
 
 def test_sleep_ends_before_the_deadline_and_spinning_at_it() -> None:
-    """A sleeper that wakes up as late as the spin is long is still on time."""
+    """A cycle is on time if the sleep ends late by less than the spin."""
 
     class LateClock(FakeClock):
         def sleep_until_ns(self, t_ns: int) -> None:
@@ -39,7 +39,7 @@ def test_sleep_ends_before_the_deadline_and_spinning_at_it() -> None:
 
 
 def test_cycle_that_is_late_runs_at_once() -> None:
-    """By less than a period nothing is skipped, and the next one is on time again."""
+    """A delay of less than a period skips nothing, and the next cycle is on time again."""
     clock = FakeClock()
     pacer = Pacer(clock, PERIOD_NS, SPIN_NS)
     first = pacer.wait()
@@ -55,7 +55,7 @@ def test_cycle_that_is_late_runs_at_once() -> None:
 
 @given(pauses_ns=st.lists(st.integers(0, 20 * PERIOD_NS), max_size=30))
 def test_periods_that_are_over_are_skipped_and_counted(pauses_ns: list[int]) -> None:
-    """However long cycles take, each period is run or counted, and none is run twice."""
+    """Each period is run or counted as skipped, and none is run twice."""
     clock = FakeClock()
     pacer = Pacer(clock, PERIOD_NS, SPIN_NS)
     start_ns = clock.t_ns
@@ -72,7 +72,7 @@ def test_periods_that_are_over_are_skipped_and_counted(pauses_ns: list[int]) -> 
 
 
 def test_sleeping_too_long_skips_too() -> None:
-    """A process that was stopped while it slept does not run what is over."""
+    """A process that was stopped in its sleep skips the periods that are over."""
 
     class StoppedClock(FakeClock):
         def sleep_until_ns(self, t_ns: int) -> None:
@@ -85,7 +85,7 @@ def test_sleeping_too_long_skips_too() -> None:
 
 
 def test_monotonic_clock_sleeps_until_an_instant() -> None:
-    """Never less, and not at all until one that is past."""
+    """It never wakes up early, and does not sleep until an instant in the past."""
     clock = MonotonicClock()
     until_ns = clock.now_ns() + 2_000_000
 
@@ -97,7 +97,7 @@ def test_monotonic_clock_sleeps_until_an_instant() -> None:
 
 
 def test_offsets_lead_from_one_clock_to_the_others() -> None:
-    """Added to the monotonic clock they give the time of day and the time since boot."""
+    """Monotonic time plus an offset is the time of day, or the time since boot."""
     wall_ns, boot_ns = clock_offsets_ns()
 
     now_ns = time.monotonic_ns()

@@ -1,4 +1,4 @@
-"""Where each device is used, from how long its round trips take."""
+"""Placement of devices by the duration of their round trips."""
 
 from collections.abc import Sequence
 from math import inf
@@ -12,8 +12,8 @@ from piezod.daemon.loop.placement import (
     cost_ns,
     measure,
     place,
-    raise_threads,
-    refusal,
+    raise_thread_priorities,
+    rate_refusal,
     start_threads,
 )
 from piezod.daemon.loop.worker import DeviceWorker
@@ -27,13 +27,13 @@ US = 1_000
 
 
 class TimedLink(FakeLink):
-    """A device whose exchanges take a time that is known.
+    """A device whose exchanges have a known duration.
 
     Args:
-        clock: What they take it of.
-        read_us: How long a reading takes.
-        read_back_us: How long a read-back takes.
-        able: What differs in what it can do.
+        clock: The clock that they advance.
+        read_us: Duration of a read.
+        read_back_us: Duration of a read-back.
+        able: Capabilities that differ from the usual ones.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class TimedLink(FakeLink):
 
 
 class Plain:
-    """A device that cannot be lost, and has no exchange for both roles."""
+    """A device that cannot be lost and has no combined exchange."""
 
     def __init__(self, link: TimedLink) -> None:
         self.capabilities, self.read, self.read_back = link.capabilities, link.read, link.read_back
@@ -70,7 +70,7 @@ class Plain:
 
 
 def placed(*devices: object, rate_hz: float = 1000.0, clock: FakeClock) -> list[Placement]:
-    """Place devices d0, d1, ….."""
+    """Place devices d0, d1, …."""
     names = {f"d{i}": device for i, device in enumerate(devices)}
     return place(names, dict.fromkeys(names, WHO), rate_hz, clock)  # type: ignore[arg-type] # fakes
 
@@ -86,10 +86,10 @@ def placed(*devices: object, rate_hz: float = 1000.0, clock: FakeClock) -> list[
         (5000.0, 0.0, DevicePlace.WORKER),
     ],
 )
-def test_a_device_is_placed_by_what_its_exchanges_take(
+def test_a_device_is_placed_by_the_duration_of_its_exchanges(
     read_us: float, read_back_us: float, expected: DevicePlace
 ) -> None:
-    """Half a period is there for reading, read-back and a write; else for one exchange, or none."""
+    """Half a period must have room for read, read-back and write, or else for one exchange."""
     clock = FakeClock()
     link = TimedLink(clock, read_us, read_back_us)
     [one] = placed(link, clock=clock)
@@ -99,8 +99,8 @@ def test_a_device_is_placed_by_what_its_exchanges_take(
     assert one.trips.median_ns == pytest.approx((read_us + read_back_us) * US, abs=1 * US)
 
 
-def test_what_is_put_around_a_device_is_what_its_place_needs() -> None:
-    """A device that can be lost is tended wherever it is."""
+def test_a_device_gets_the_wrappers_that_its_place_needs() -> None:
+    """A device that can be lost gets a reconnecting wrapper in every place."""
     clock = FakeClock()
     kinds = []
     for read_us in (1.0, 300.0, 900.0):
@@ -110,8 +110,8 @@ def test_what_is_put_around_a_device_is_what_its_place_needs() -> None:
     assert kinds == [(ReconnectingDevice, 1), (CombinedExchange, 1), (DeviceWorker, 2)]
 
 
-def test_a_device_that_is_fast_and_cannot_be_lost_is_used_as_it_is() -> None:
-    """Nothing comes between."""
+def test_a_device_that_is_fast_and_cannot_be_lost_gets_no_wrapper() -> None:
+    """The device itself is used, without a thread."""
     clock = FakeClock()
     plain = Plain(TimedLink(clock, 1.0))
     [one] = placed(plain, clock=clock)
@@ -121,7 +121,7 @@ def test_a_device_that_is_fast_and_cannot_be_lost_is_used_as_it_is() -> None:
 
 
 def test_the_fastest_come_first_into_the_cycle() -> None:
-    """Until it is full; the order of the devices stays."""
+    """The fastest devices fill the cycle; the list keeps the order of the devices."""
     clock = FakeClock()
     sensors = [TimedLink(clock, read_us, outputs=()) for read_us in (300.0, 200.0, 100.0)]
     found = placed(*sensors, clock=clock)
@@ -134,21 +134,21 @@ def test_the_fastest_come_first_into_the_cycle() -> None:
     ]
 
 
-def test_a_sensor_slower_than_the_loop_is_refused_by_name() -> None:
-    """The text says how long it takes and what it allows."""
+def test_a_sensor_slower_than_the_loop_is_refused() -> None:
+    """The message names the device, its round trip and its highest rate."""
     clock = FakeClock()
     fast, slow = TimedLink(clock, 1.0), TimedLink(clock, 5000.0, outputs=())
     found = placed(fast, slow, clock=clock)
 
-    assert refusal(found, 1000.0) == (
-        "rate_hz is 1000; device d1 measures at most 200 times a second, its round trip takes "
-        "5 ms: choose a lower rate"
+    assert rate_refusal(found, 1000.0) == (
+        "rate_hz is 1000; device d1 measures at most 200 times a second (round trip 5 ms): "
+        "choose a lower rate"
     )
-    assert refusal(found, 199.0) == ""
+    assert rate_refusal(found, 199.0) == ""
 
 
-def test_a_sensor_that_is_slow_now_and_then_is_not_refused() -> None:
-    """It is used behind a worker, so that nobody waits; its usual round trip is what counts."""
+def test_a_sensor_that_is_rarely_slow_is_not_refused() -> None:
+    """It is used behind a worker; the median of its round trips counts."""
 
     class Unsteady(TimedLink):
         def read(self, now_ns: int) -> Sequence[Sample]:
@@ -160,19 +160,19 @@ def test_a_sensor_that_is_slow_now_and_then_is_not_refused() -> None:
     found = placed(Unsteady(clock, 70.0, outputs=()), clock=clock)
 
     assert found[0].place is DevicePlace.WORKER
-    assert refusal(found, 1000.0) == ""
+    assert rate_refusal(found, 1000.0) == ""
 
 
-def test_a_sensor_may_say_itself_that_it_is_slower() -> None:
-    """However fast it answers: it would tell old samples."""
+def test_the_highest_rate_that_a_sensor_reports_counts() -> None:
+    """A sensor that replies quickly may still have old samples."""
     clock = FakeClock()
     found = placed(TimedLink(clock, 1.0, max_rate_hz=100.0), clock=clock)
 
-    assert "measures at most 100 times a second" in refusal(found, 1000.0)
+    assert "measures at most 100 times a second" in rate_refusal(found, 1000.0)
 
 
 def test_a_slow_amplifier_is_not_waited_for() -> None:
-    """Neither where it takes long, nor where it says so; it is refused at no rate."""
+    """A slow amplifier is used behind a worker at any rate, if it reports its rate and if not."""
     clock = FakeClock()
     says_so = TimedLink(clock, 0.0, 1.0, inputs=(), max_rate_hz=50.0)
     takes_long = TimedLink(clock, 0.0, 20_000.0, inputs=())
@@ -180,11 +180,11 @@ def test_a_slow_amplifier_is_not_waited_for() -> None:
 
     assert [one.place for one in found] == [DevicePlace.WORKER, DevicePlace.WORKER]
     assert [one.allowed_hz for one in found] == [inf, inf]
-    assert refusal(found, 20_000.0) == ""
+    assert rate_refusal(found, 20_000.0) == ""
 
 
 def silent_amplifier(clock: FakeClock, max_rate_hz: float) -> TimedLink:
-    """Return an amplifier that can be asked for nothing."""
+    """Return an amplifier without a read-back."""
     return TimedLink(clock, 0.0, inputs=(), read_back=False, max_rate_hz=max_rate_hz)
 
 
@@ -198,10 +198,10 @@ def silent_amplifier(clock: FakeClock, max_rate_hz: float) -> TimedLink:
         (1e5, 1000.0, DevicePlace.CYCLE),
     ],
 )
-def test_an_amplifier_that_tells_nothing_costs_what_it_says(
+def test_an_amplifier_without_read_back_costs_a_period_of_its_highest_rate(
     max_rate_hz: float, rate_hz: float, expected: DevicePlace
 ) -> None:
-    """Its write, which nobody has tried, may wait for a reply."""
+    """Its write may wait for a reply, and is never measured."""
     clock = FakeClock()
     [one] = placed(silent_amplifier(clock, max_rate_hz), clock=clock, rate_hz=rate_hz)
     write_ns = 1e9 / max_rate_hz
@@ -213,8 +213,8 @@ def test_an_amplifier_that_tells_nothing_costs_what_it_says(
         assert lag_ns == pytest.approx(3 * write_ns, abs=3 * US)
 
 
-def test_an_amplifier_that_tells_nothing_does_not_drive_out_a_sensor() -> None:
-    """It is not taken for the fastest of all."""
+def test_an_amplifier_without_read_back_leaves_room_for_a_sensor() -> None:
+    """It does not count as the fastest device."""
     clock = FakeClock()
     amplifier, sensor = silent_amplifier(clock, 1050.0), TimedLink(clock, 100.0, outputs=())
     found = placed(amplifier, sensor, clock=clock, rate_hz=500.0)
@@ -223,7 +223,7 @@ def test_an_amplifier_that_tells_nothing_does_not_drive_out_a_sensor() -> None:
 
 
 def test_a_device_costs_its_exchanges_and_a_write() -> None:
-    """One as long as the longest of them, where it has outputs."""
+    """A device with outputs costs its round trip and a write as long as its longest exchange."""
     trips = RoundTrips(10, 30, 90, 20, 5)
     able = Capabilities(("x",), ("x",), read_back=True, max_rate_hz=10.0)
 
@@ -233,8 +233,8 @@ def test_a_device_costs_its_exchanges_and_a_write() -> None:
     assert cost_ns(able._replace(outputs=()), trips) == 30
 
 
-def test_a_single_round_trip_that_was_held_up_counts_for_nothing() -> None:
-    """One in a hundred is left out."""
+def test_a_single_delayed_round_trip_is_left_out() -> None:
+    """The 99th percentile ignores one of a hundred."""
 
     class HeldUp(TimedLink):
         def read(self, now_ns: int) -> Sequence[Sample]:
@@ -249,8 +249,8 @@ def test_a_single_round_trip_that_was_held_up_counts_for_nothing() -> None:
     assert trips.p99_ns < 20 * US
 
 
-def test_a_driver_that_fails_when_it_is_measured_harms_nobody() -> None:
-    """The loop will meet it again, and tell it."""
+def test_a_driver_that_fails_when_it_is_measured_is_placed() -> None:
+    """The failure is left to the loop, which reports it."""
 
     class Failing(TimedLink):
         def read(self, now_ns: int) -> Sequence[Sample]:
@@ -264,7 +264,7 @@ def test_a_driver_that_fails_when_it_is_measured_harms_nobody() -> None:
 
 
 def test_a_placement_is_shown_as_plain_values() -> None:
-    """Name, who it is, where, round trips in µs, what it can do."""
+    """The document has name, identity, place, round trips in µs and capabilities."""
     clock = FakeClock()
     [one] = placed(TimedLink(clock, 100.0), clock=clock)
     document = one.document()
@@ -278,15 +278,15 @@ def test_a_placement_is_shown_as_plain_values() -> None:
     assert document["capabilities"]["read_back"] is True
 
 
-def test_threads_are_started_once_all_is_decided(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They are counted; the interpreter is told to change between them more often."""
+def test_threads_are_started_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The interpreter switches between threads more often if there are any."""
     intervals: list[float] = []
     monkeypatch.setattr("sys.setswitchinterval", intervals.append)
     clock = FakeClock()
     found = placed(TimedLink(clock, 900.0), TimedLink(clock, 1.0), clock=clock)
 
     assert start_threads(found) == 3
-    raise_threads(found)  # without a priority of the loop there is nothing to raise
+    raise_thread_priorities(found)  # without a priority of the loop there is nothing to raise
     for one in found:
         one.device.close()
     assert start_threads([]) == 0
@@ -294,7 +294,7 @@ def test_threads_are_started_once_all_is_decided(monkeypatch: pytest.MonkeyPatch
 
 
 def test_workers_run_one_below_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And nobody else does."""
+    """Only the workers get a real-time priority."""
     raised: list[tuple[int, int]] = []
     monkeypatch.setattr("os.sched_getparam", lambda _pid: type("P", (), {"sched_priority": 60}))
     monkeypatch.setattr(
@@ -305,7 +305,7 @@ def test_workers_run_one_below_the_loop(monkeypatch: pytest.MonkeyPatch) -> None
     found = placed(TimedLink(clock, 900.0), TimedLink(clock, 1.0), clock=clock)
     monkeypatch.setattr("sys.setswitchinterval", lambda _interval: None)
     start_threads(found)
-    raise_threads(found)
+    raise_thread_priorities(found)
     worker = found[0].threads[-1].native_id
     for one in found:
         one.device.close()

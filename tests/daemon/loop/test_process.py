@@ -19,9 +19,9 @@ SIMULATED = CONFIG / "simulated.yaml"
 
 @pytest.fixture
 def child(tmp_path: Path) -> Iterator[LoopChild]:
-    """Return a loop process on the simulated stage, disarmed.
+    """Return a loop process of the simulated stage, disarmed.
 
-    It is slow: on a busy machine a fast one would stop for its own lateness.
+    It is slow: on a busy machine a faster one would stop because of late cycles.
     """
     config = config_with(tmp_path, "rate_hz: 1000", "rate_hz: 20")
     with LoopChild(tmp_path, config) as child:
@@ -40,7 +40,7 @@ def config_with(tmp_path: Path, before: str, after: str, name: str = "simulated.
 
 
 def test_stage_moves_and_comes_back(child: LoopChild) -> None:
-    """Armed, it goes where it is told; told to end, it does so at the safe voltage, with code 0."""
+    """An armed stage reaches its target; a shutdown ends at the safe voltage with code 0."""
     armed, moving = child.ask(Arm()), child.ask(Goto(position_um=5.0))
     eventually(lambda: child.latest()["axes"][0]["on_target"])
     [moved] = read_last_output(child.runtime / "output.map")
@@ -57,8 +57,8 @@ def test_stage_moves_and_comes_back(child: LoopChild) -> None:
     assert left.drive_v == pytest.approx(0.0, abs=0.1)
 
 
-def test_devices_are_on_record(child: LoopChild) -> None:
-    """By their names in the configuration, for whoever has to bring the stage down without them."""
+def test_identities_are_stored(child: LoopChild) -> None:
+    """`piezod safe` finds the identity of each device by its name in the configuration."""
     [(name, who)] = noted_identities(child.runtime / "identities.json").items()
 
     assert (name, who.model) == ("rig", "simulated stack")
@@ -66,7 +66,7 @@ def test_devices_are_on_record(child: LoopChild) -> None:
 
 @pytest.mark.fault("H1")
 def test_stage_without_supervisor_comes_back_by_itself(child: LoopChild) -> None:
-    """A supervisor that is silent is gone: the loop ramps down and ends."""
+    """If the supervisor is silent, the loop ramps down and ends."""
     child.ask(Arm())
     child.ask(Goto(position_um=5.0))
     eventually(lambda: child.latest()["axes"][0]["drive_v"] > 1.0)
@@ -80,7 +80,7 @@ def test_stage_without_supervisor_comes_back_by_itself(child: LoopChild) -> None
 
 
 def test_signals_are_for_the_supervisor(child: LoopChild) -> None:
-    """Ctrl-C in a terminal reaches all its processes; the loop waits to be told."""
+    """The loop ignores Ctrl-C, which a terminal sends to all its processes."""
     cycles = child.shared.words[Word.HEALTHY_CYCLES]
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -90,8 +90,8 @@ def test_signals_are_for_the_supervisor(child: LoopChild) -> None:
     assert child.process.poll() is None
 
 
-def test_process_tells_what_it_obtained(child: LoopChild) -> None:
-    """Before its first cycle: each step, and the rate that it can keep."""
+def test_process_reports_what_it_obtained(child: LoopChild) -> None:
+    """Before the first cycle it reports each real-time step and the rate that it sustains."""
     report = child.shared.report()
 
     assert report["steps"][-1]["name"] == "scheduling"
@@ -101,8 +101,8 @@ def test_process_tells_what_it_obtained(child: LoopChild) -> None:
     assert isnan(read_last_output(child.runtime / "output.map")[0].drive_v)
 
 
-def test_faster_than_measured_is_not_armed(tmp_path: Path) -> None:
-    """The rig follows 20 kHz at most, and a cycle takes longer than that leaves time for."""
+def test_rate_above_the_measured_one_is_not_armed(tmp_path: Path) -> None:
+    """At 20 kHz the cycle is too long, and arming is refused."""
     config = config_with(tmp_path, "rate_hz: 1000", "rate_hz: 20000")
     with LoopChild(tmp_path, config) as child:
         child.wait_for(State.SAFE)
@@ -114,7 +114,7 @@ def test_faster_than_measured_is_not_armed(tmp_path: Path) -> None:
 
 
 def test_absent_device_is_waited_for(tmp_path: Path) -> None:
-    """BLIND and alive, refusing with the reason, until it is told to end."""
+    """The process is BLIND and alive, refuses with the reason, and ends on a shutdown."""
     config = config_with(tmp_path, "rig.sock", f"{tmp_path}/rig.sock", "emulated.yaml")
     with LoopChild(tmp_path, config) as child:
         child.wait_for(State.BLIND)
@@ -131,8 +131,8 @@ def test_absent_device_is_waited_for(tmp_path: Path) -> None:
 
 
 @pytest.mark.fault("P2")
-def test_after_an_unclean_end_somebody_must_look(tmp_path: Path) -> None:
-    """The stage is not armed before a reset."""
+def test_arming_after_an_unclean_end_needs_a_reset(tmp_path: Path) -> None:
+    """After an unclean end, P2 forbids arming."""
     with LoopChild(tmp_path, SIMULATED, UNCLEAN=1) as child:
         child.wait_for(State.FAULT, State.SAFE)
 

@@ -1,4 +1,4 @@
-"""A cable that is pulled from a running daemon, and plugged in again: with an emulated device."""
+"""The cable of an emulated device is pulled from a running daemon, and plugged in again."""
 
 import csv
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ sensor:
 
 
 def configured(folder: Path, port: str, laser: str = "") -> Path:
-    """Write the configuration of a stage at an E-816, measured by it or by a laser."""
+    """Write the configuration of a stage at an E-816, measured by the E-816 or by a laser."""
     text = (REPOSITORY / "config" / "devices" / "pi-e816.yaml").read_text(encoding="utf-8")
     text = text.replace("/dev/serial/by-id/EXAMPLE", port)
     text = text.replace("timeout_ms: 50", "timeout_ms: 200")
@@ -48,22 +48,22 @@ def configured(folder: Path, port: str, laser: str = "") -> Path:
 
 
 def present(daemon: Daemon) -> set[str]:
-    """Return the ids of what is present or latched."""
+    """Return the ids of the faults that are present or latched."""
     return {fault["id"] for fault in daemon.status()["faults"]}
 
 
 def cycles_until_blind(daemon: Daemon) -> int:
-    """Return after how many cycles without a read-back a stage was BLIND."""
+    """Return how many cycles without a read-back passed before the stage was BLIND."""
     records = RingReader(attach(daemon.paths.loop_map)).last(200)
     silent = np.isnan(records["axes"]["read_back_v"][:, 0])
     blind = records["state"] == STATES.index(State.BLIND)
-    before = silent[: np.argmax(blind)]  # counted back: a late reply may have come long before
+    before = silent[: np.argmax(blind)]  # count backwards: a late reply may have come long before
     return int(np.argmin([*before[::-1], False]))
 
 
 @contextmanager
 def high_up(start: StartDaemon, folder: Path) -> Iterator[tuple[Daemon, Emulated]]:
-    """Give a daemon whose stage is armed and has been driven to some 40 V, and its device."""
+    """Yield a daemon whose stage is armed and driven to some 40 V, and its device."""
     arguments = ("--trace", str(folder / "trace.csv"))
     with emulated("pi-e816", arguments=arguments) as far:
         daemon = start(configured(folder, far.where[0])).up()
@@ -76,7 +76,7 @@ def high_up(start: StartDaemon, folder: Path) -> Iterator[tuple[Daemon, Emulated
 
 @pytest.mark.fault("B1")
 def test_a_cable_that_is_pulled_and_plugged_in_again(start: StartDaemon, tmp_path: Path) -> None:
-    """BLIND, then from what is read back to the safe voltage, and no further without a reset."""
+    """The stage is BLIND, then ramps down from the read-back voltage, and stays until a reset."""
     with high_up(start, tmp_path) as (daemon, far):
         far.faults(f"disconnect:now:{AWAY_S:g}")
         daemon.until("BLIND")
@@ -108,7 +108,7 @@ def test_a_cable_that_is_pulled_and_plugged_in_again(start: StartDaemon, tmp_pat
 def test_a_reset_after_the_cable_was_plugged_in_makes_the_stage_as_before(
     start: StartDaemon, tmp_path: Path
 ) -> None:
-    """Arm, and go: the same device, opened again."""
+    """After a reset the stage can be armed and moved again."""
     with high_up(start, tmp_path) as (daemon, far):
         far.faults(f"disconnect:now:{AWAY_S:g}")
         daemon.until("BLIND")
@@ -125,7 +125,7 @@ def test_a_reset_after_the_cable_was_plugged_in_makes_the_stage_as_before(
 
 @pytest.mark.fault("S10")
 def test_another_device_at_the_cable_is_not_driven(start: StartDaemon, tmp_path: Path) -> None:
-    """It stays BLIND as long as it is the wrong one, and nothing is sent to it."""
+    """The stage stays BLIND while another device is connected, and nothing is sent to it."""
     with high_up(start, tmp_path) as (daemon, far):
         far.faults("wrong-identity:now:0.5")
         daemon.until("BLIND")
@@ -142,10 +142,10 @@ def test_another_device_at_the_cable_is_not_driven(start: StartDaemon, tmp_path:
 
 
 @pytest.mark.fault("B1")
-def test_a_laser_whose_cable_is_pulled_makes_nobody_blind(
+def test_a_laser_whose_cable_is_pulled_makes_no_stage_blind(
     start: StartDaemon, tmp_path: Path
 ) -> None:
-    """The amplifier is still there: the stage is held, then ramped down."""
+    """The amplifier still answers: the stage is held, then ramped down."""
     with emulated("pi-e816") as amplifier, emulated("ild1420") as laser:
         daemon = start(configured(tmp_path, amplifier.where[0], laser.where[0])).up()
         daemon.do("mode", mode="feedforward")
@@ -154,9 +154,9 @@ def test_a_laser_whose_cable_is_pulled_makes_nobody_blind(
         daemon.until("FAULT")
 
         eventually(lambda: "to FAULT" in daemon.text)
-        told = daemon.text
+        log = daemon.text
 
-    assert "B1" in told
-    assert "READY to HOLD" in told
-    assert "HOLD to RAMP" in told
-    assert "BLIND" not in told
+    assert "B1" in log
+    assert "READY to HOLD" in log
+    assert "HOLD to RAMP" in log
+    assert "BLIND" not in log

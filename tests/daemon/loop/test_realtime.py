@@ -1,4 +1,4 @@
-"""What is asked of the operating system; each time in a process of its own, which it changes."""
+"""Requests to the operating system, each test in a process of its own, which it changes."""
 
 import json
 import os
@@ -41,14 +41,14 @@ print(json.dumps({
 
 @pytest.fixture
 def map_file(tmp_path: Path) -> Path:
-    """Return a shared memory."""
+    """Return the file of a shared memory."""
     path = tmp_path / "loop.map"
     create(path, Layout(("x",), 64, 1_000_000))
     return path
 
 
 def set_up(map_file: Path, power: str) -> dict[str, Any]:
-    """Set a process up, and return what it tells of itself."""
+    """Set up real time in a process; return its own report."""
     command = [sys.executable, "-c", SET_UP, str(map_file), power]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
     found: dict[str, Any] = json.loads(done.stdout)
@@ -56,8 +56,8 @@ def set_up(map_file: Path, power: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("power", ["as it is", "powerless"])
-def test_what_is_reported_is_so(map_file: Path, power: str) -> None:
-    """A step that says it was obtained was, by the kernel's own account, and no other was."""
+def test_report_agrees_with_the_kernel(map_file: Path, power: str) -> None:
+    """A step is reported as obtained if and only if the kernel agrees."""
     found = set_up(map_file, power)
 
     steps = found["steps"]
@@ -70,8 +70,8 @@ def test_what_is_reported_is_so(map_file: Path, power: str) -> None:
     assert found["policy afterwards"] & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
 
 
-def test_process_without_rights_is_told_what_to_do(map_file: Path) -> None:
-    """It goes on without, and the report says why and what would help."""
+def test_process_without_rights_reports_the_remedy(map_file: Path) -> None:
+    """A process without rights runs on, and the report says why and what helps."""
     steps = set_up(map_file, "powerless")["steps"]
 
     assert not steps["scheduling"]["ok"]
@@ -79,7 +79,7 @@ def test_process_without_rights_is_told_what_to_do(map_file: Path) -> None:
 
 
 def test_priority_is_raised_last_and_memory_locked_after_the_heap(map_file: Path) -> None:
-    """The order is the one in which no step undoes or hampers another."""
+    """The order is the one in which no step undoes another."""
     names = list(set_up(map_file, "as it is")["steps"])
 
     assert names[-1] == "scheduling"

@@ -1,4 +1,4 @@
-"""An amplifier that is slower than the loop, in a running daemon: with emulated devices."""
+"""An amplifier that is slower than the loop: a daemon with emulated devices."""
 
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ SLOW = {"mdt": "/dev/serial/by-id/EXAMPLE-MDT", "ild": "/dev/serial/by-id/EXAMPL
 
 
 def configured(folder: Path, amplifier: str, sensor: str, rate_hz: float) -> Path:
-    """Write the configuration of an amplifier of some tens of hertz, and a laser."""
+    """Write the configuration of an amplifier of some tens of hertz, and a laser sensor."""
     text = (REPOSITORY / "config" / "devices" / "mdt693b.yaml").read_text(encoding="utf-8")
     text = text.replace(SLOW["mdt"], amplifier).replace(SLOW["ild"], sensor)
     text = text.replace("../models/", f"{REPOSITORY}/config/models/")
@@ -23,12 +23,12 @@ def configured(folder: Path, amplifier: str, sensor: str, rate_hz: float) -> Pat
 
 
 def on_target(status: dict[str, Any]) -> bool:
-    """Tell whether the stage is where it was told to go."""
+    """Return whether the stage is on target."""
     return bool(status["axes"]["x"]["on_target"])
 
 
 def test_a_loop_is_faster_than_its_amplifier(start: StartDaemon, tmp_path: Path) -> None:
-    """It is used behind a worker, goes where it is told, and nobody takes it for faulty."""
+    """The amplifier is used behind a worker, reaches the target and causes no fault."""
     with emulated("mdt693b", "ild1420") as far:
         amplifier, laser = far.where
         daemon = start(configured(tmp_path, amplifier, laser, 60.0)).up()

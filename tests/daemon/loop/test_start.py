@@ -1,4 +1,4 @@
-"""The loop process before its first cycle, in this process."""
+"""The loop process before its first cycle, run in the process of the test."""
 
 import os
 import threading
@@ -17,8 +17,8 @@ from piezod.daemon.last_output import LastOutputWriter
 from piezod.daemon.lock import device_lock
 from piezod.daemon.loop.devices import make_channels
 from piezod.daemon.loop.rate import (
-    LEAST_CYCLES,
-    MOST_CYCLES,
+    MAX_CYCLES,
+    MIN_CYCLES,
     measure_busy_ns,
     sustained_rate_hz,
     usable_spin_ns,
@@ -47,24 +47,24 @@ SIMULATED = Path(__file__).parents[3] / "config" / "simulated.yaml"
 ABSENT = "nothing answers; plug it in"
 
 
-class ShyRig(SimulatedRig):
-    """A rig that is absent until somebody lets it be there, or that breaks."""
+class AbsentRig(SimulatedRig):
+    """A rig that cannot be opened while it has an error."""
 
     def __init__(self, error: Exception | None = None) -> None:
         super().__init__(SimulatedOptions(), Wiring.both("x"), 1)
         self.error = error
 
     def open(self) -> Identity:
-        """Be opened, or not."""
+        """Open, or raise the error."""
         if self.error is not None:
             raise self.error
         return super().open()
 
 
 class Waiting:
-    """A loop that waits for its devices in a thread of its own."""
+    """A loop that waits for its devices in a thread."""
 
-    def __init__(self, rig: ShyRig, shared: SharedMap) -> None:
+    def __init__(self, rig: AbsentRig, shared: SharedMap) -> None:
         self._rig, self._shared = rig, shared
         self.outcome: bool | Exception | None = None
         self._mailbox = MailboxWriter(shared)
@@ -79,27 +79,27 @@ class Waiting:
             self.outcome = error
 
     def ask(self, request: Request) -> MailboxAnswer:
-        """Ask for something."""
+        """Post a request; return its answer."""
         number = self._mailbox.post(encode(request), time.monotonic_ns() + 10 * 10**9)
         answer = eventually(lambda: self._mailbox.answer(number))
         assert answer is not None
         return answer
 
     def ended(self) -> bool | Exception | None:
-        """Wait for the end; return what it gave."""
+        """Wait for the end; return the result."""
         self._thread.join()
         return self.outcome
 
 
 @pytest.fixture
 def unsupervised(tmp_path: Path) -> SharedMap:
-    """Return a shared memory, of whose supervisor nobody has heard yet."""
+    """Return a shared memory whose supervisor has never beaten."""
     return create(tmp_path / "loop.map", Layout(("x",), 64, 1_000_000))
 
 
 @pytest.fixture
 def shared(unsupervised: SharedMap) -> Iterator[SharedMap]:
-    """Return a shared memory whose supervisor lives."""
+    """Return a shared memory whose supervisor is alive."""
     silent = threading.Event()
     with ThreadPoolExecutor(1) as supervisor:
         beating = supervisor.submit(beat, unsupervised, silent)
@@ -109,8 +109,8 @@ def shared(unsupervised: SharedMap) -> Iterator[SharedMap]:
 
 
 def test_present_devices_are_opened_at_once(shared: SharedMap) -> None:
-    """And the supervisor can see that they are."""
-    waiting = Waiting(ShyRig(), shared)
+    """The supervisor sees that the devices are open."""
+    waiting = Waiting(AbsentRig(), shared)
 
     assert waiting.ended() is True
     assert shared.words[Word.DEVICES_OPEN] == 1
@@ -118,8 +118,8 @@ def test_present_devices_are_opened_at_once(shared: SharedMap) -> None:
 
 
 def test_absent_devices_are_tried_until_they_are_there(shared: SharedMap) -> None:
-    """Meanwhile the process is BLIND and healthy, tells why, and refuses with that."""
-    rig, events = ShyRig(DeviceUnavailableError(ABSENT)), EventReader(shared)
+    """While a device is absent the process is BLIND and healthy, and refuses with the reason."""
+    rig, events = AbsentRig(DeviceUnavailableError(ABSENT)), EventReader(shared)
     waiting = Waiting(rig, shared)
     eventually(lambda: shared.words[Word.HEALTHY_CYCLES] > 1)
 
@@ -134,8 +134,8 @@ def test_absent_devices_are_tried_until_they_are_there(shared: SharedMap) -> Non
 
 
 def test_waiting_ends_on_request(shared: SharedMap) -> None:
-    """Who waits for a device can be told to end."""
-    waiting = Waiting(ShyRig(DeviceUnavailableError(ABSENT)), shared)
+    """A shutdown ends the wait for a device."""
+    waiting = Waiting(AbsentRig(DeviceUnavailableError(ABSENT)), shared)
 
     answer = waiting.ask(Shutdown())
 
@@ -143,9 +143,9 @@ def test_waiting_ends_on_request(shared: SharedMap) -> None:
     assert waiting.ended() is False
 
 
-def test_what_is_no_request_is_refused_like_one(shared: SharedMap) -> None:
-    """It does not end the process."""
-    rig = ShyRig(DeviceUnavailableError(ABSENT))
+def test_unreadable_request_is_refused_while_waiting(shared: SharedMap) -> None:
+    """An unreadable request does not end the process."""
+    rig = AbsentRig(DeviceUnavailableError(ABSENT))
     waiting = Waiting(rig, shared)
     mailbox = MailboxWriter(shared)
 
@@ -159,13 +159,13 @@ def test_what_is_no_request_is_refused_like_one(shared: SharedMap) -> None:
 
 
 def test_waiting_ends_without_supervisor(unsupervised: SharedMap) -> None:
-    """Nobody is left who could tell it to end."""
-    assert Waiting(ShyRig(DeviceUnavailableError(ABSENT)), unsupervised).ended() is False
+    """The process ends if its supervisor is lost."""
+    assert Waiting(AbsentRig(DeviceUnavailableError(ABSENT)), unsupervised).ended() is False
 
 
 def test_emergency_stop_is_answered_while_nothing_is_driven(shared: SharedMap) -> None:
-    """Whoever asks learns that there is nothing to stop, and why."""
-    rig = ShyRig(DeviceUnavailableError(ABSENT))
+    """The answer says why there is nothing to stop."""
+    rig = AbsentRig(DeviceUnavailableError(ABSENT))
     waiting = Waiting(rig, shared)
     eventually(lambda: shared.words[Word.HEALTHY_CYCLES] > 1)
     mailbox = MailboxWriter(shared)
@@ -180,7 +180,7 @@ def test_emergency_stop_is_answered_while_nothing_is_driven(shared: SharedMap) -
 
 @pytest.mark.fault("P2")
 def test_loop_of_an_earlier_run_is_waited_for(shared: SharedMap, tmp_path: Path) -> None:
-    """It may still ramp, without a supervisor; meanwhile requests are refused with that reason."""
+    """An earlier loop may still ramp without a supervisor; requests are refused meanwhile."""
     path, mailbox = tmp_path / "loop.lock", MailboxWriter(shared)
     earlier = device_lock(path)
     number = mailbox.post(encode(Arm()), time.monotonic_ns() + 10 * 10**9)
@@ -199,8 +199,8 @@ def test_loop_of_an_earlier_run_is_waited_for(shared: SharedMap, tmp_path: Path)
 
 
 @pytest.mark.fault("P2")
-def test_loop_that_does_not_end_is_not_joined(shared: SharedMap, tmp_path: Path) -> None:
-    """Two must never drive one amplifier; the error says whom to end, and so does the log."""
+def test_loop_that_does_not_end_keeps_the_devices(shared: SharedMap, tmp_path: Path) -> None:
+    """Two loops never drive one amplifier; error and log name the process to end."""
     path, events = tmp_path / "loop.lock", EventReader(shared)
     with device_lock(path), pytest.raises(AlreadyRunningError, match=f"kill -9 {os.getpid()}"):
         wait_for_lock(path, shared, FakeClock(10**9), 0.1)
@@ -209,7 +209,7 @@ def test_loop_that_does_not_end_is_not_joined(shared: SharedMap, tmp_path: Path)
 
 
 def test_waiting_for_an_earlier_loop_ends_on_request(shared: SharedMap, tmp_path: Path) -> None:
-    """As does every waiting."""
+    """A shutdown ends the wait for the lock."""
     mailbox = MailboxWriter(shared)
     mailbox.post(encode(Shutdown()), time.monotonic_ns() + 10 * 10**9)
 
@@ -218,15 +218,15 @@ def test_waiting_for_an_earlier_loop_ends_on_request(shared: SharedMap, tmp_path
 
 
 def test_broken_driver_ends_the_process(shared: SharedMap) -> None:
-    """What is no fault of a device is not tried again."""
-    outcome = Waiting(ShyRig(RuntimeError("a mistake")), shared).ended()
+    """An exception that is no `DeviceError` is raised, and nothing is tried again."""
+    outcome = Waiting(AbsentRig(RuntimeError("a mistake")), shared).ended()
 
     assert isinstance(outcome, RuntimeError)
 
 
 @pytest.fixture
 def controller(tmp_path: Path) -> FakeController:
-    """Return a disarmed controller on the simulated rig."""
+    """Return a disarmed controller of the simulated rig."""
     clock = FakeClock(10**9)
     devices = make_channels(load_daemon(SIMULATED, registry))
     devices.open()
@@ -237,30 +237,30 @@ def controller(tmp_path: Path) -> FakeController:
     return controller
 
 
-def test_duration_of_a_cycle_is_that_of_most(controller: FakeController) -> None:
-    """The median over 200 cycles."""
+def test_duration_of_a_cycle_is_the_median(controller: FakeController) -> None:
+    """The median of 200 cycles is returned."""
     controller.busy_ns = 50_000
 
     busy_ns = measure_busy_ns(controller, controller.clock)
 
     assert busy_ns == pytest.approx(50_000, abs=1000)
-    assert len(controller.timings) == MOST_CYCLES
+    assert len(controller.timings) == MAX_CYCLES
 
 
 def test_slow_cycles_are_measured_for_a_short_time(controller: FakeController) -> None:
-    """A loop of one cycle a second is not kept from starting for minutes."""
+    """A slow loop does not wait minutes for the measurement."""
     controller.busy_ns = 100_000_000
 
     measure_busy_ns(controller, controller.clock)
 
-    assert len(controller.timings) == LEAST_CYCLES
+    assert len(controller.timings) == MIN_CYCLES
 
 
 @pytest.mark.parametrize(
     ("busy_ns", "period_ns"), [(60_000, 1_000_000), (60_000, 100_000), (90_000, 100_000)]
 )
 def test_spinning_leaves_time_to_sleep(busy_ns: int, period_ns: int) -> None:
-    """A real-time thread that never sleeps loses 50 ms each second, so spinning gives way."""
+    """Spinning gives way, because a real-time thread that never sleeps loses 50 ms each second."""
     spin_ns = usable_spin_ns(40_000, busy_ns, period_ns)
 
     assert 0 <= spin_ns <= 40_000
@@ -268,6 +268,6 @@ def test_spinning_leaves_time_to_sleep(busy_ns: int, period_ns: int) -> None:
 
 
 def test_rate_leaves_a_part_of_the_period_free() -> None:
-    """The longer a cycle takes, the lower the rate."""
+    """The rate is inversely proportional to the duration of a cycle, and below its inverse."""
     assert sustained_rate_hz(100_000) < 10_000
     assert sustained_rate_hz(100_000) == 2 * sustained_rate_hz(200_000)

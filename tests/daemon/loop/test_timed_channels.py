@@ -17,13 +17,13 @@ AXES = ("x", "y")
 
 @pytest.fixture
 def clock() -> FakeClock:
-    """Return the clock of the stopwatch."""
+    """Return the clock of the measurement."""
     return FakeClock(10**9)
 
 
 @pytest.fixture
 def timed(tmp_path: Path, clock: FakeClock) -> TimedChannels:
-    """Return two simulated axes with a stopwatch, active."""
+    """Return two simulated axes whose calls are measured, active."""
     pairs = {axis: ChannelPair("rig", "rig") for axis in AXES}
     channels = Channels({"rig": SimulatedRig(SimulatedOptions(), Wiring.both(AXES), 1)}, pairs)
     timed = TimedChannels(channels, clock, LastOutputWriter(tmp_path / "output.map", len(AXES)))
@@ -33,7 +33,7 @@ def timed(tmp_path: Path, clock: FakeClock) -> TimedChannels:
 
 
 def test_devices_answer_as_they_do_without_it(timed: TimedChannels, clock: FakeClock) -> None:
-    """What is read, told and refused passes through unchanged."""
+    """Results of the devices pass through unchanged."""
     t_ns = clock.now_ns()
 
     assert timed.capabilities().inputs == AXES
@@ -44,29 +44,29 @@ def test_devices_answer_as_they_do_without_it(timed: TimedChannels, clock: FakeC
 
 
 def test_phases_add_up_until_the_next_start(timed: TimedChannels, clock: FakeClock) -> None:
-    """Reading includes reading back; each look at the clock takes 50 ns."""
+    """The duration of reading includes reading back; reading the clock takes 50 ns."""
     timed.start()
     timed.read(clock.now_ns())
     timed.read_back(clock.now_ns())
     before_ns = clock.t_ns
     timed.write([1.0, 2.0], clock.now_ns())
-    told = timed.read_ns, timed.write_ns, timed.write_begin_ns - before_ns
+    before = timed.read_ns, timed.write_ns, timed.write_begin_ns - before_ns
 
     timed.start()
 
-    assert told == (2 * READING_NS, READING_NS, 2 * READING_NS)
+    assert before == (2 * READING_NS, READING_NS, 2 * READING_NS)
     assert (timed.read_ns, timed.write_ns, timed.write_begin_ns) == (0, 0, NOT_WRITTEN)
 
 
-def test_voltage_is_noted_before_it_is_written(timed: TimedChannels, tmp_path: Path) -> None:
-    """Even where the device then refuses: it is what may be in force."""
+def test_voltage_is_stored_before_it_is_written(timed: TimedChannels, tmp_path: Path) -> None:
+    """A voltage that the device refuses is stored too, because it may be in force."""
     timed.write([1.0, 1e6], 10**10)
 
     assert [each.drive_v for each in read_last_output(tmp_path / "output.map")] == [1.0, 1e6]
 
 
 def test_zero_is_passed_on(timed: TimedChannels, clock: FakeClock) -> None:
-    """Displacements count from there."""
+    """Positions count from the zero."""
     before_um = timed.read(clock.now_ns())[0].position_um
 
     timed.zero([5.0, 0.0], [0.0, 0.0])
@@ -74,8 +74,8 @@ def test_zero_is_passed_on(timed: TimedChannels, clock: FakeClock) -> None:
     assert timed.read(clock.now_ns())[0].position_um == pytest.approx(before_um - 5.0, abs=0.1)
 
 
-def test_life_ends_as_that_of_the_devices(timed: TimedChannels, clock: FakeClock) -> None:
-    """Deactivated they refuse writes, closed they tell nothing."""
+def test_deactivation_and_closing_are_passed_on(timed: TimedChannels, clock: FakeClock) -> None:
+    """Inactive devices refuse writes; closed ones raise."""
     timed.deactivate(clock.now_ns())
     taken = timed.write([1.0, 1.0], clock.now_ns())
     timed.close()

@@ -1,4 +1,4 @@
-"""A device behind a worker: nobody waits for it, and nothing old is ever taken for new."""
+"""A device behind a worker: the loop never waits, and no old sample is taken for a new one."""
 
 import threading
 from collections.abc import Iterator, Sequence
@@ -21,13 +21,13 @@ STUCK = frozenset({DeviceFlag.STUCK})
 
 
 class SlowLink(FakeLink):
-    """A device whose exchanges take as long as a test wants.
+    """A device whose exchanges last as long as a test wants.
 
     Attributes:
-        free: Whether an exchange goes on at once.
-        held: How many exchanges wait now.
-        sent: What was set, in this order.
-        breaks: What its driver raises instead of reading.
+        free: Whether an exchange ends at once.
+        held: Number of exchanges that wait now.
+        sent: Values that were written, in order.
+        breaks: Exception that its driver raises instead of reading.
     """
 
     def __init__(self) -> None:
@@ -92,7 +92,7 @@ class Bench:
         return eventually(lambda: [one for one in self.begin() if one.valid])[0]
 
     def close(self) -> None:
-        """End."""
+        """End the thread."""
         self.link.free.set()
         self.worker.close()
         assert not self.worker.thread.is_alive()
@@ -107,7 +107,7 @@ def bench() -> Iterator[Bench]:
 
 
 def test_samples_come_with_the_instants_at_which_they_were_taken(bench: Bench) -> None:
-    """By the clock of the loop, and no later than the cycle that gets them."""
+    """The instant of a sample is on the clock of the loop, not after the cycle that gets it."""
     first = bench.begin()
     found = bench.sampled()
 
@@ -116,8 +116,8 @@ def test_samples_come_with_the_instants_at_which_they_were_taken(bench: Bench) -
     assert found.position_um == 1.0
 
 
-def test_what_is_in_force_is_known_from_the_first_cycle_on(bench: Bench) -> None:
-    """It is asked for before the thread begins."""
+def test_read_back_is_known_in_the_first_cycle(bench: Bench) -> None:
+    """The device is read back before the thread begins."""
     bench.link.free.clear()
     bench.begin()
 
@@ -125,19 +125,19 @@ def test_what_is_in_force_is_known_from_the_first_cycle_on(bench: Bench) -> None
 
 
 def test_a_sample_is_given_once(bench: Bench) -> None:
-    """A cycle into which none falls gets one that is not valid: an old one is not repeated."""
+    """A cycle without a new sample gets an invalid one; no sample is repeated."""
     bench.sampled()
     bench.link.free.clear()
     bench.begin()
     eventually(lambda: bench.link.held)
-    bench.begin()  # with what came of the round before
+    bench.begin()  # with the sample of the round before
     given = bench.begin()
 
     assert [one.valid for one in given] == [False]
 
 
 def test_the_newest_setpoint_wins(bench: Bench) -> None:
-    """Those that were wished while the device was busy are never sent."""
+    """Setpoints that were replaced while the device was busy are never sent."""
     bench.sampled()
     bench.link.free.clear()
     bench.begin()
@@ -152,8 +152,8 @@ def test_the_newest_setpoint_wins(bench: Bench) -> None:
     eventually(lambda: bench.begin() and bench.worker.read_back(bench.now_ns) == [4.0])
 
 
-def test_a_write_is_taken_as_long_as_the_device_takes_the_last_one(bench: Bench) -> None:
-    """The answer is that of the write before; it comes back with the device."""
+def test_a_write_returns_what_became_of_the_one_before(bench: Bench) -> None:
+    """Writes fail while the device refuses, and succeed again when it accepts."""
     bench.begin()
     assert bench.write(1.0)
     bench.link.refuses = True
@@ -162,8 +162,8 @@ def test_a_write_is_taken_as_long_as_the_device_takes_the_last_one(bench: Bench)
     eventually(lambda: bench.begin() and bench.write(3.0))
 
 
-def test_nothing_is_taken_by_a_device_that_did_not_let_itself_be_activated(bench: Bench) -> None:
-    """What it is not sent it has not taken, until it is active."""
+def test_a_device_that_refuses_activation_accepts_no_write(bench: Bench) -> None:
+    """Nothing is sent to a device that refused activation, and every write fails."""
     bench.worker.deactivate(bench.now_ns)
     bench.link.refuses_activation = True
     bench.worker.activate(bench.now_ns)
@@ -178,7 +178,7 @@ def test_nothing_is_taken_by_a_device_that_did_not_let_itself_be_activated(bench
 
 @pytest.mark.fault("B15")
 def test_a_device_that_does_not_answer_is_stuck_until_it_does(bench: Bench) -> None:
-    """After two periods: no samples, no write, no voltage; after a while it is said why."""
+    """After two periods writes fail and values are unknown; later the flag is STUCK."""
     bench.sampled()
     bench.link.free.clear()
     bench.begin()
@@ -203,7 +203,7 @@ def test_a_device_that_does_not_answer_is_stuck_until_it_does(bench: Bench) -> N
 
 
 def test_a_setpoint_that_has_waited_too_long_is_not_sent(bench: Bench) -> None:
-    """What was wished before a device hung is not done when it answers again."""
+    """A setpoint from before a device hung is dropped when the device answers again."""
     bench.sampled()
     bench.link.free.clear()
     bench.begin()
@@ -220,8 +220,8 @@ def test_a_setpoint_that_has_waited_too_long_is_not_sent(bench: Bench) -> None:
 
 
 @pytest.mark.fault("B15")
-def test_a_driver_that_fails_is_left_alone_and_tried_again(bench: Bench) -> None:
-    """It is said as long as it fails; the thread lives on."""
+def test_a_driver_that_fails_is_tried_again_after_a_pause(bench: Bench) -> None:
+    """The flag STUCK stays while the driver fails; the thread does not end."""
     bench.link.breaks = RuntimeError("no such luck")
     eventually(lambda: bench.begin() and bench.worker.status(bench.now_ns) == [STUCK, STUCK])
     assert str(bench.worker.crash) == "no such luck"
@@ -231,22 +231,22 @@ def test_a_driver_that_fails_is_left_alone_and_tried_again(bench: Bench) -> None
     assert bench.worker.crash is None
 
 
-def test_what_passes_is_told_once_and_what_lasts_as_long_as_it_does(bench: Bench) -> None:
-    """Cycles into which no round falls repeat no event."""
+def test_passing_flags_are_reported_once_and_lasting_ones_always(bench: Bench) -> None:
+    """A cycle without a new round repeats no passing flag."""
     bench.link.noticed(DeviceFlag.BAD_CHECKSUM)
     bench.link.noticed(DeviceFlag.OVERLOAD)
     eventually(lambda: bench.begin() and any(bench.worker.status(bench.now_ns)))
-    told = bench.worker.status(bench.now_ns)
+    reported = bench.worker.status(bench.now_ns)
     again = bench.worker.status(bench.now_ns)
     bench.link.free.clear()
     eventually(lambda: bench.begin() and bench.link.held)
 
-    assert told == again == [frozenset({DeviceFlag.BAD_CHECKSUM, DeviceFlag.OVERLOAD})] * 2
+    assert reported == again == [frozenset({DeviceFlag.BAD_CHECKSUM, DeviceFlag.OVERLOAD})] * 2
     assert all(DeviceFlag.BAD_CHECKSUM not in flags for flags in bench.worker.status(bench.now_ns))
 
 
-def test_what_happened_in_a_round_that_nobody_looked_at_is_told_with_the_next() -> None:
-    """Two rounds may fall between two cycles."""
+def test_flags_of_a_round_between_two_cycles_are_kept() -> None:
+    """If two rounds end between two cycles, the passing flags of the first are reported too."""
     bench = Bench()
     bench.link.noticed(DeviceFlag.GARBAGE)
     bench.begin()
@@ -262,7 +262,7 @@ def test_what_happened_in_a_round_that_nobody_looked_at_is_told_with_the_next() 
 
 
 def test_a_device_that_is_deactivated_is_neither_read_nor_written() -> None:
-    """A voltage is told nevertheless; what was wished before is not sent once it is active."""
+    """An inactive device is still read back; after activation, no older setpoint is sent."""
     bench = Bench()
     bench.worker.deactivate(0)
     eventually(lambda: "deactivate" in bench.link.done[-1])
@@ -277,8 +277,8 @@ def test_a_device_that_is_deactivated_is_neither_read_nor_written() -> None:
     bench.close()
 
 
-def test_one_exchange_serves_both_roles_where_the_device_has_one() -> None:
-    """What it gives is the sample of the round."""
+def test_a_device_with_an_exchange_is_written_and_read_in_one() -> None:
+    """The sample of the round is that of the exchange."""
     bench = Bench(exchanges=True)
     bench.begin()
     eventually(lambda: bench.link.reads)
@@ -290,12 +290,12 @@ def test_one_exchange_serves_both_roles_where_the_device_has_one() -> None:
 
 
 def test_a_device_that_is_lost_is_opened_again_behind_the_worker() -> None:
-    """The worker goes on, and tells what the one that tends the device says."""
+    """The worker runs on and reports the flags of the reconnecting device."""
     link = SlowLink()
     link.open()
-    tended = ReconnectingDevice(link, WHO, first_wait_s=0.0005, longest_wait_s=0.001)
-    worker = DeviceWorker(tended, FakeClock(MS), MS, MS)
-    for thread in (tended.thread, worker.thread):
+    reconnecting = ReconnectingDevice(link, WHO, first_wait_s=0.0005, longest_wait_s=0.001)
+    worker = DeviceWorker(reconnecting, FakeClock(MS), MS, MS)
+    for thread in (reconnecting.thread, worker.thread):
         thread.start()
     link.pulled = True
     cycles = iter(range(2 * MS, 10_000 * MS, MS))
@@ -307,14 +307,14 @@ def test_a_device_that_is_lost_is_opened_again_behind_the_worker() -> None:
 
     eventually(gone)
     link.pulled = False
-    eventually(lambda: not gone() and tended.there)
+    eventually(lambda: not gone() and reconnecting.there)
     worker.close()
 
-    assert not tended.thread.is_alive()
+    assert not reconnecting.thread.is_alive()
 
 
-def test_a_device_is_not_asked_more_often_than_it_says() -> None:
-    """The next round waits for its time, whoever asks; the end waits for nothing."""
+def test_rounds_keep_to_the_pace_of_the_device() -> None:
+    """A request for a round does not shorten the pause between rounds; closing does."""
     bench = Bench(pace_ns=3600 * 1000 * MS)
     bench.begin()
     eventually(lambda: bench.link.reads == 1)
@@ -328,7 +328,7 @@ def test_a_device_is_not_asked_more_often_than_it_says() -> None:
 
 
 def test_an_amplifier_follows_any_loop() -> None:
-    """The newest setpoint goes out as soon as one can; a sensor's rate stays what it is."""
+    """A worker reports no highest rate for an amplifier, and keeps that of a sensor."""
 
     class Alone(FakeLink):
         def capabilities(self) -> Capabilities:

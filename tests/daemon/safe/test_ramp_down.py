@@ -16,10 +16,10 @@ from tests.daemon.fake_amplifier import FakeAmplifier, plugin_of, stage_of
 
 
 class Bench:
-    """Amplifiers that are made before the driver is asked for them, and a clock.
+    """Amplifiers, made before the driver is asked for them, and a clock.
 
     Args:
-        monkeypatch: To be the driver.
+        monkeypatch: Replaces the registry of drivers.
         **axes: Amplifier and safe voltage of each axis.
     """
 
@@ -34,11 +34,11 @@ class Bench:
         monkeypatch.setattr(registry, "load", lambda _name: plugin)
         self.config = stage_of(axes)
         self.identities: dict[str, Identity] = {}
-        """Who each amplifier was when the loop opened it."""
+        """Identity of each amplifier when the loop opened it."""
 
-    def run(self, **noted_v: float) -> dict[str, AxisOutcome]:
-        """Ramp down; the amplifiers are closed afterwards."""
-        noted = Noted(noted_v, self.identities)
+    def run(self, **last_v: float) -> dict[str, AxisOutcome]:
+        """Ramp down; the amplifiers are closed at the end."""
+        noted = Noted(last_v, self.identities)
         outcomes = ramp_down(self.config, noted, 5.0, FakeClock(NS_PER_S))
         assert all(amplifier.closed for amplifier in self.amplifiers.values())
         return outcomes
@@ -51,7 +51,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
 
 
 def test_axis_ramps_from_the_voltage_read_back(bench: Bench) -> None:
-    """It ends at the safe voltage, read back, and was never faster than its ramp."""
+    """The ramp keeps to its rate and ends at the safe voltage, which is read back."""
     outcomes = bench.run(x=3.0)
     points = [(NS_PER_S, [75.0]), *bench.amplifiers["amp"].writes]
     speeds = [abs(v[0] - u[0]) / (t - s) * NS_PER_S for (s, u), (t, v) in pairwise(points[1:])]
@@ -62,7 +62,7 @@ def test_axis_ramps_from_the_voltage_read_back(bench: Bench) -> None:
 
 
 def test_axis_outside_its_range_comes_back(bench: Bench) -> None:
-    """A voltage beyond the limits of the axis is ramped down like any other."""
+    """A voltage beyond the limits of the axis is ramped down too."""
     bench.amplifiers["amp"].drive_v = [130.0]
 
     assert bench.run()["x"].why == ""
@@ -70,10 +70,10 @@ def test_axis_outside_its_range_comes_back(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize(("drive_v", "safe"), [(120.8, True), (125.0, False)])
-def test_axis_a_little_beyond_what_can_be_given_is_brought_to_its_end(
+def test_axis_a_little_beyond_the_limits_is_set_to_the_limit(
     bench: Bench, drive_v: float, *, safe: bool
 ) -> None:
-    """Where nothing outside the limits can be written; from farther away that would be a jump."""
+    """Farther away, that would be a jump, and the voltage is unknown."""
     amplifier = bench.amplifiers["amp"]
     amplifier.drive_v, amplifier.highest_v = [drive_v], 120.0
     outcome = bench.run()["x"]
@@ -88,7 +88,7 @@ WHO = Identity("piezod", "fake", "0", "0")
 
 @pytest.mark.parametrize("part", ["maker", "model", "serial"])
 def test_another_amplifier_is_left_alone(bench: Bench, part: str) -> None:
-    """Nothing is known of what rests on it: it is not activated, and no write reaches it."""
+    """Another amplifier is neither activated nor written to."""
     bench.identities["amp"] = WHO._replace(**{part: "other"})
     outcome = bench.run(x=75.0)["x"]
 
@@ -98,14 +98,14 @@ def test_another_amplifier_is_left_alone(bench: Bench, part: str) -> None:
 
 
 def test_the_same_amplifier_with_other_firmware_is_ramped(bench: Bench) -> None:
-    """As is one of which nothing was noted: see every other test."""
+    """The firmware does not belong to the identity."""
     bench.identities.update(amp=WHO._replace(firmware="1"), other=WHO._replace(serial="1"))
 
     assert bench.run()["x"].why == ""
 
 
 def test_axis_at_its_safe_voltage_stays(bench: Bench) -> None:
-    """Where nothing is to be done, the safe voltage is written once."""
+    """The safe voltage is written once."""
     bench.amplifiers["amp"].drive_v = [10.0]
 
     assert bench.run()["x"].why == ""
@@ -113,7 +113,7 @@ def test_axis_at_its_safe_voltage_stays(bench: Bench) -> None:
 
 
 def test_amplifier_without_read_back_starts_from_the_last_write(bench: Bench) -> None:
-    """The outcome says that the start was noted and that nothing was read back."""
+    """The outcome says so, and has no read-back voltage."""
     bench.amplifiers["amp"].reads_back = False
     outcome = bench.run(x=75.0)["x"]
 
@@ -123,48 +123,48 @@ def test_amplifier_without_read_back_starts_from_the_last_write(bench: Bench) ->
 
 
 def test_silent_amplifier_starts_from_the_last_write(bench: Bench) -> None:
-    """An amplifier that should tell its voltage and does not is ramped, and is not called safe."""
+    """An amplifier that should read back and does not is ramped, but is not safe."""
     bench.amplifiers["amp"].silent = True
     outcome = bench.run(x=75.0)["x"]
 
-    assert "tells nan V" in outcome.why
+    assert "reads back nan V" in outcome.why
     assert bench.amplifiers["amp"].drive_v == [10.0]
 
 
 @pytest.mark.parametrize("reads_back", [True, False])
-def test_voltage_that_nobody_knows_is_left_alone(bench: Bench, *, reads_back: bool) -> None:
-    """Without a read-back and without a last write nothing is written."""
+def test_unknown_voltage_is_left_alone(bench: Bench, *, reads_back: bool) -> None:
+    """Without a read-back and a last write, nothing is written."""
     bench.amplifiers["amp"].reads_back = reads_back
     bench.amplifiers["amp"].silent = True
     outcome = bench.run()["x"]
 
-    assert "no last write is on record" in outcome.why
+    assert "no last write is stored" in outcome.why
     assert bench.amplifiers["amp"].writes == []
 
 
 def test_amplifier_that_refuses_is_unknown(bench: Bench) -> None:
-    """The outcome says what was refused."""
+    """The outcome has the refused voltage."""
     bench.amplifiers["amp"].refuses = True
 
     assert bench.run()["x"].why == "the amplifier refuses 74.50 V"
 
 
 def test_amplifier_that_is_stuck_is_unknown(bench: Bench) -> None:
-    """An amplifier that takes every write and stays where it is, is found out."""
+    """An amplifier that accepts writes and does not follow is detected."""
     bench.amplifiers["amp"].stuck = True
 
-    assert bench.run()["x"].why == "the amplifier was sent to 10.00 V and tells 75.00 V"
+    assert bench.run()["x"].why == "the amplifier was set to 10.00 V and reads back 75.00 V"
 
 
 def test_absent_amplifier_is_waited_for(bench: Bench) -> None:
-    """One that somebody else still holds is opened as soon as that is possible."""
+    """An amplifier that another process still holds is opened as soon as possible."""
     bench.amplifiers["amp"].absent = 100
 
     assert bench.run()["x"].why == ""
 
 
 def test_amplifier_that_stays_away_is_unknown(bench: Bench) -> None:
-    """When the time is over the outcome has the driver's own words."""
+    """After the wait, the outcome has the message of the driver."""
     bench.amplifiers["amp"].absent = 1_000_000
 
     assert bench.run()["x"].why == "it is away"
@@ -172,14 +172,14 @@ def test_amplifier_that_stays_away_is_unknown(bench: Bench) -> None:
 
 @pytest.mark.parametrize("error", [DeviceError("it answers in Morse"), OSError("in Morse")])
 def test_amplifier_whose_driver_fails_is_unknown(bench: Bench, error: Exception) -> None:
-    """Whatever a driver raises is told, and nothing is tried again."""
+    """Any exception of a driver is an outcome, without a second attempt."""
     bench.amplifiers["amp"].wrong = error
 
     assert bench.run()["x"].why == str(error)
 
 
 def test_one_that_fails_leaves_the_others_to_their_ramps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Axes of other amplifiers get to their own safe voltages meanwhile."""
+    """Axes of other amplifiers reach their safe voltages."""
     bench = Bench(monkeypatch, x=("one", 0.0), y=("two", 5.0), z=("one", -10.0))
     bench.amplifiers["two"].refuses = True
     outcomes = bench.run()
@@ -192,10 +192,10 @@ def test_one_that_fails_leaves_the_others_to_their_ramps(monkeypatch: pytest.Mon
     assert bench.amplifiers["one"].drive_v == [0.0, -10.0]
 
 
-def test_one_that_cannot_be_let_go_of_leaves_the_others_to_their_drivers(
+def test_one_that_fails_to_close_does_not_keep_others_open(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """They are closed all the same, and what became of each is told."""
+    """All amplifiers are closed, and every axis has its outcome."""
     bench = Bench(monkeypatch, x=("bad", 10.0), y=("good", 20.0))
     close = bench.amplifiers["bad"].close
 

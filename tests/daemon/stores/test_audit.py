@@ -1,4 +1,4 @@
-"""The audit: who asked for what, kept whatever happens, and never in the way."""
+"""The audit log: kept in any case, and never a reason to refuse a request."""
 
 import errno
 import json
@@ -20,20 +20,20 @@ STAMP = "2024-05-01T12:00:00.000+00:00"
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """Return the path of a file that is not there yet."""
+    """Return the path of a file that does not exist yet."""
     return tmp_path / "state" / "audit.jsonl"
 
 
 @pytest.fixture
 def audit(path: Path) -> Iterator[AuditLog]:
-    """Return an audit at a known time of day, put aside at 2000 bytes."""
+    """Return an audit log with a fixed time of day and files of 2000 bytes."""
     audit = AuditLog(path, lambda: WHEN, 2000)
     yield audit
     audit.close()
 
 
 def test_entries_come_back_newest_first(audit: AuditLog) -> None:
-    """Everything that was said of a request is there."""
+    """An entry has everything that was written."""
     audit.write(1000, "ann", "cli 12", "goto x 12.5 µm", accepted=True)
     audit.write(1001, "", "", "arm", accepted=False, why="the state is FAULT")
 
@@ -46,7 +46,7 @@ def test_entries_come_back_newest_first(audit: AuditLog) -> None:
 
 
 def test_entries_of_an_earlier_run_stay(audit: AuditLog, path: Path) -> None:
-    """The file is only ever added to."""
+    """Entries are only appended."""
     audit.write(1000, "ann", "", "arm", accepted=True)
     again = AuditLog(path, lambda: WHEN)
     again.write(1000, "ann", "", "stop", accepted=True)
@@ -57,7 +57,7 @@ def test_entries_of_an_earlier_run_stay(audit: AuditLog, path: Path) -> None:
 
 @given(text=st.text(max_size=3000))
 def test_an_entry_is_one_line(text: str, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """No text, whatever signs are in it, makes a second entry, and none is longer than allowed."""
+    """No text makes a second line, and long texts are cut."""
     path = tmp_path_factory.mktemp("audit") / "audit.jsonl"
     audit = AuditLog(path, lambda: WHEN)
     audit.write(0, text, text, text, accepted=False, why=text)
@@ -71,7 +71,7 @@ def test_an_entry_is_one_line(text: str, tmp_path_factory: pytest.TempPathFactor
 
 
 def test_size_is_bounded(audit: AuditLog, path: Path) -> None:
-    """Full files are put aside, the oldest goes, and the newest entries are in reach."""
+    """Full files are renamed, the oldest is removed, and the newest entries can be read."""
     for number in range(300):
         audit.write(1000, "ann", "", f"goto {number}", accepted=True)
     files = sorted(each.name for each in path.parent.iterdir())
@@ -83,7 +83,7 @@ def test_size_is_bounded(audit: AuditLog, path: Path) -> None:
 
 @pytest.mark.fault("P8")
 def test_entry_that_was_cut_off_costs_only_itself(audit: AuditLog, path: Path) -> None:
-    """After a loss of power the next entry begins a line of its own."""
+    """After a power failure the next entry begins a new line."""
     audit.write(1000, "ann", "", "arm", accepted=True)
     with path.open("ab") as file:
         file.write(b'{"when": "2024-')
@@ -99,7 +99,7 @@ def test_entry_that_was_cut_off_costs_only_itself(audit: AuditLog, path: Path) -
 def test_full_disk_costs_entries_and_no_request(
     audit: AuditLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What cannot be written is counted, nothing is raised, and later entries are whole."""
+    """Lost entries are counted, nothing is raised, and later entries are whole."""
 
     def fail(*_arguments: object) -> int:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -117,10 +117,8 @@ def test_full_disk_costs_entries_and_no_request(
 
 
 @pytest.mark.fault("P6")
-def test_disk_that_does_not_sync_stops_nobody(
-    audit: AuditLog, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It is logged, nothing is raised, and the entries stay in reach."""
+def test_failed_sync_is_logged(audit: AuditLog, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is raised, and the entries can still be read."""
 
     def fail(_descriptor: int) -> None:
         raise OSError(errno.EIO, os.strerror(errno.EIO))
@@ -137,7 +135,7 @@ def test_disk_that_does_not_sync_stops_nobody(
 
 
 def test_file_is_not_for_everybody(audit: AuditLog, path: Path) -> None:
-    """Owner and group may read it, others may not, and links are not followed."""
+    """Owner and group may read the file, others may not; links are not followed."""
     audit.write(0, "", "", "", accepted=True)
     link = path.with_name("link.jsonl")
     link.symlink_to(path)

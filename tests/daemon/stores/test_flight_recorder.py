@@ -1,4 +1,4 @@
-"""The flight recorder: what happened around a fault, without anybody having asked for it."""
+"""The flight recorder: the seconds around a fault, without a request."""
 
 import json
 from datetime import UTC, datetime, timedelta
@@ -18,7 +18,7 @@ CYCLE_NS = 1_000_000
 
 
 class Stage:
-    """A ring that fills as time goes by, and a flight recorder that looks at it."""
+    """A ring that fills as time passes, and a flight recorder that reads it."""
 
     def __init__(self, folder: Path) -> None:
         self.ring = FakeRing(16_000)
@@ -33,12 +33,14 @@ class Stage:
         """Return the time of day of the newest record."""
         return NOON + timedelta(microseconds=(self.t_ns - START_NS) / 1000)
 
-    def note(self, kind: str, fault: str = "", severity: str = "error") -> None:
-        """Have an event now."""
-        self.flights.note(StageEvent(self.t_ns, severity, kind, f"{kind} µ", fault, "x", 3.0, 2.0))
+    def take_event(self, kind: str, fault: str = "", severity: str = "error") -> None:
+        """Make an event now."""
+        self.flights.take_event(
+            StageEvent(self.t_ns, severity, kind, f"{kind} µ", fault, "x", 3.0, 2.0)
+        )
 
     def write_due(self) -> Path | None:
-        """Write what is due now."""
+        """Write the file if it is due."""
         return self.flights.write_due(header(notes={"configuration": "a: 1"}), self.t_ns)
 
 
@@ -51,9 +53,9 @@ def stage(tmp_path: Path) -> Stage:
 
 
 def test_ten_seconds_before_and_two_after(stage: Stage) -> None:
-    """Every cycle around the fault is in the file, which counts time from the fault on."""
+    """The file has every cycle around the fault, and its time counts from the fault."""
     fault_cycle = stage.ring.newest - 1
-    stage.note("fault", "S5")
+    stage.take_event("fault", "S5")
     stage.ring.run(2100)
     path = stage.write_due()
     assert path is not None
@@ -69,14 +71,14 @@ def test_ten_seconds_before_and_two_after(stage: Stage) -> None:
 
 
 def test_events_are_in_the_file(stage: Stage) -> None:
-    """Those of the time around it, each a line of JSON, beside what the stage says of itself."""
-    stage.note("request", severity="info")
+    """The events around the fault are lines of JSON, beside the notes of the stage."""
+    stage.take_event("request", severity="info")
     stage.ring.run(11_000)
-    stage.note("state", severity="info")
+    stage.take_event("state", severity="info")
     stage.ring.run(1000)
-    stage.note("fault", "S5")
+    stage.take_event("fault", "S5")
     stage.ring.run(500)
-    stage.note("fault", "A3")
+    stage.take_event("fault", "A3")
     stage.ring.run(1500)
     path = stage.write_due()
     assert path is not None
@@ -93,9 +95,9 @@ def test_events_are_in_the_file(stage: Stage) -> None:
 
 
 def test_nothing_is_written_before_its_time(stage: Stage) -> None:
-    """Until 2 s after the fault nothing is due, and after the file nothing either."""
+    """A file is due 2 s after the fault, once."""
     before = stage.write_due()
-    stage.note("fault", "S5")
+    stage.take_event("fault", "S5")
     stage.ring.run(AFTER_NS // CYCLE_NS - 1)
     early = stage.write_due()
     stage.ring.run(1)
@@ -108,8 +110,8 @@ def test_nothing_is_written_before_its_time(stage: Stage) -> None:
 
 @pytest.mark.parametrize(("kind", "severity"), [("fault", "warning"), ("state", "error")])
 def test_only_errors_are_written(stage: Stage, kind: str, severity: str) -> None:
-    """A warning, and what is no fault, leave no file."""
-    stage.note(kind, "L1", severity)
+    """A warning, or an event that is no fault, makes no file."""
+    stage.take_event(kind, "L1", severity)
     stage.ring.run(3000)
 
     assert stage.write_due() is None
@@ -117,9 +119,9 @@ def test_only_errors_are_written(stage: Stage, kind: str, severity: str) -> None
 
 @pytest.mark.fault("P15")
 def test_flickering_fault_does_not_fill_the_disk(stage: Stage) -> None:
-    """However often a fault comes, a file is written once in 12 s, and holds so many events."""
+    """A file is written every 12 s at most, and its number of events is limited."""
     for _ in range(24_000):
-        stage.note("fault", "S5")
+        stage.take_event("fault", "S5")
         stage.ring.run(1)
         stage.write_due()
     events = read_telemetry(stage.flights.folder.path / "20240501T120019Z-S5.h5").header.notes
@@ -129,10 +131,10 @@ def test_flickering_fault_does_not_fill_the_disk(stage: Stage) -> None:
 
 
 def test_newest_files_are_kept(stage: Stage) -> None:
-    """Of many flights the oldest go."""
+    """The oldest files are removed."""
     for second in range(KEPT):
         stage.flights.folder.new(NOON - timedelta(seconds=second)).touch()
-    stage.note("fault", "S5")
+    stage.take_event("fault", "S5")
     stage.ring.run(2000)
     path = stage.write_due()
     names = [each.name for each in stage.flights.folder.files()]
@@ -143,9 +145,9 @@ def test_newest_files_are_kept(stage: Stage) -> None:
 
 
 def test_flight_of_a_loop_that_has_ended(stage: Stage) -> None:
-    """Where nothing more can come it is written at once, with what there is."""
+    """After the end of the loop, the file is written at once."""
     nothing = stage.flights.write_now(header(), stage.t_ns)
-    stage.note("fault", "P4")
+    stage.take_event("fault", "P4")
     path = stage.flights.write_now(header(), stage.t_ns)
     assert path is not None
 

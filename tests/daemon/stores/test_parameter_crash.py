@@ -1,4 +1,4 @@
-"""The parameter store under kills and power losses: the old parameters or the new, never half."""
+"""The parameter store under kills and power failures: old parameters or new ones, never half."""
 
 import os
 import random
@@ -32,10 +32,10 @@ def saver(folder: Path) -> Iterator[Popen[str]]:
 
 
 def kill_while_saving(process: Popen[str], saves: int, further_s: float) -> int:
-    """Have parameters saved and kill that after so many saves and a moment.
+    """Save parameters in a process, and kill it after some saves and a moment.
 
     Returns:
-        Number of the last save that was acknowledged, 0 where none was.
+        Number of the last acknowledged save; 0 if there was none.
     """
     lines, orders = process.stdout, process.stdin
     assert lines is not None
@@ -46,25 +46,25 @@ def kill_while_saving(process: Popen[str], saves: int, further_s: float) -> int:
     for _ in range(saves):
         last = int(lines.readline())
     end_s = time.perf_counter() + further_s
-    while time.perf_counter() < end_s:  # not a wait for anything: the moment is the point
+    while time.perf_counter() < end_s:  # spin, because a sleep is not exact enough
         pass
     os.kill(child, signal.SIGKILL)
     return max([last, *numbers_until_gone(lines)])
 
 
 def numbers_until_gone(lines: IO[str]) -> list[int]:
-    """Return what the killed process still told."""
+    """Return the numbers that the killed process had still printed."""
     return [int(line) for line in iter(lines.readline, "gone\n")]
 
 
 def check_kills(folder: Path, kills: int) -> None:
-    """Kill a saving process at random moments and look at what is left each time."""
+    """Kill a saving process at random moments, and check the store each time."""
     moments = random.Random(4)  # noqa: S311 - no secret
     last = 0
     with saver(folder) as process:
         for _ in range(kills):
-            told = kill_while_saving(process, moments.randrange(4), moments.uniform(0, 3e-3))
-            last = max(last, told)
+            number = kill_while_saving(process, moments.randrange(4), moments.uniform(0, 3e-3))
+            last = max(last, number)
             loaded = ParameterStore(folder, "rig 1").load()
             if last == 0 and loaded.document is None:
                 continue
@@ -77,31 +77,31 @@ def check_kills(folder: Path, kills: int) -> None:
 
 @pytest.mark.fault("P8")
 def test_kills_at_random_moments(tmp_path: Path) -> None:
-    """After kill -9 the last acknowledged save is there, or the one under way; 20 times."""
+    """After each of 20 kills the last acknowledged save is loaded, or the one in progress."""
     check_kills(tmp_path, 20)
 
 
 @pytest.mark.stress
 @pytest.mark.fault("P8")
 def test_two_hundred_kills_at_random_moments(tmp_path: Path) -> None:
-    """The same 200 times."""
+    """After each of 200 kills the last acknowledged save is loaded, or the one in progress."""
     check_kills(tmp_path, 200)
 
 
 def log_of_a_save(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Folder, list[Op]]:
-    """Save twice; return the folder after the first, and what the second did."""
+    """Save twice; return the folder after the first save, and the operations of the second."""
     store = ParameterStore(folder, "rig 1", lambda: WHEN)
     store.save(parameters(1.0), "ann")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    noting = LoggingOs()
+    logging_os = LoggingOs()
     with monkeypatch.context() as patch:
-        patch.setattr(durable, "os", noting)
+        patch.setattr(durable, "os", logging_os)
         store.save(parameters(2.0), "ann")
-    return before, noting.log
+    return before, logging_os.log
 
 
 def zeros_found(before: Folder, log: list[Op], new_folder: Callable[[], Path]) -> set[float]:
-    """Return by what the parameters are known that may be found after a power loss."""
+    """Return the sensor zeros that a load may find after a power failure."""
     found = set()
     for state in crash_states(before, log):
         folder = new_folder()
@@ -115,7 +115,7 @@ def zeros_found(before: Folder, log: list[Op], new_folder: Callable[[], Path]) -
 
 @pytest.fixture
 def new_folder(tmp_path: Path) -> Callable[[], Path]:
-    """Return what makes a new empty folder."""
+    """Return a function that makes a new empty folder."""
     numbers = iter(range(10_000))
 
     def make() -> Path:
@@ -128,7 +128,7 @@ def new_folder(tmp_path: Path) -> Callable[[], Path]:
 
 @pytest.mark.fault("P8")
 def test_name_follows_content_to_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A save writes, syncs the content, renames, and syncs the folder, in this order."""
+    """A save writes, syncs the contents, renames, and syncs the folder, in this order."""
     _, log = log_of_a_save(tmp_path / "store", monkeypatch)
 
     assert [op.kind for op in log[:4]] == ["write", "sync", "rename", "sync-folder"]
@@ -139,7 +139,7 @@ def test_name_follows_content_to_the_disk(tmp_path: Path, monkeypatch: pytest.Mo
 def test_power_loss_at_each_step(
     tmp_path: Path, new_folder: Callable[[], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Before a save returns, the old or the new parameters are found; afterwards only the new."""
+    """Before a save returns, old or new parameters are found; after that only the new ones."""
     before, log = log_of_a_save(tmp_path / "store", monkeypatch)
     found = [zeros_found(before, log[:steps], new_folder) for steps in range(len(log) + 1)]
 
@@ -156,7 +156,7 @@ def test_model_of_the_disk_finds_what_is_not_synced(
     new_folder: Callable[[], Path],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A store that left out a sync would lose parameters that it has acknowledged."""
+    """A store without one of the syncs would lose acknowledged parameters."""
     before, log = log_of_a_save(tmp_path / "store", monkeypatch)
     careless = [op for op in log if op.kind != left_out]
 

@@ -1,4 +1,4 @@
-"""The parameter store: what was saved comes back, and nothing else ever does."""
+"""The parameter store: saved parameters come back exactly, or are refused."""
 
 import errno
 import os
@@ -35,30 +35,30 @@ CONTENT = encode(
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return the folder of a store, which is not there yet."""
+    """Return the folder of a store, which does not exist yet."""
     return tmp_path / "state" / "parameters"
 
 
 def open_store(folder: Path, stage: str = "rig 1") -> ParameterStore:
-    """Return a store at a known time of day."""
+    """Return a store with a fixed time of day."""
     return ParameterStore(folder, stage, lambda: WHEN)
 
 
 def zero_of(loaded: Loaded) -> float:
-    """Return by what a saved document is known."""
+    """Return the sensor zero of a loaded document, by which tests recognise it."""
     assert loaded.document is not None
     return loaded.document.axes["x"].zero_um
 
 
 def why_refused(content: bytes) -> str:
-    """Return what is said of a content that must be refused."""
+    """Return the reason for which contents are refused."""
     with pytest.raises(DataError) as caught:
         decode(content)
     return str(caught.value)
 
 
 def test_saved_parameters_come_back(folder: Path) -> None:
-    """They are equal to the last bit, and it is said when and by whom they were saved."""
+    """They are equal to the last bit, with the instant and the user of the save."""
     sequence = open_store(folder).save(parameters(1 / 3), "ann (uid 1000)")
     loaded = open_store(folder).load()
 
@@ -71,12 +71,12 @@ def test_saved_parameters_come_back(folder: Path) -> None:
 
 
 def test_empty_store_gives_nothing(folder: Path) -> None:
-    """Before the first save there are no parameters, and nothing is wrong."""
+    """Before the first save there are no parameters, and nothing is rejected."""
     assert open_store(folder).load() == Loaded(None, "", ())
 
 
 def test_older_parameters_come_back_by_number(folder: Path) -> None:
-    """Each save keeps those before."""
+    """Each save keeps the older files."""
     store = open_store(folder)
     numbers = [store.save(parameters(zero_um), "ann") for zero_um in (1.0, 2.0, 3.0)]
 
@@ -88,7 +88,7 @@ def test_older_parameters_come_back_by_number(folder: Path) -> None:
 
 
 def test_twenty_good_files_are_kept(folder: Path) -> None:
-    """Older ones go; a bad one does not take the place of a good one."""
+    """Older files are removed; an invalid one does not replace a valid one."""
     store = open_store(folder)
     for zero_um in range(KEPT):
         store.save(parameters(zero_um), "ann")
@@ -103,7 +103,7 @@ def test_twenty_good_files_are_kept(folder: Path) -> None:
 
 @pytest.mark.fault("D8")
 def test_no_flipped_byte_is_accepted() -> None:
-    """Whichever byte is another, the file is refused with a reason."""
+    """A file with any changed byte is refused with a reason."""
     for index in range(len(CONTENT)):
         for flip in (0x01, 0x20, 0x80):
             damaged = bytearray(CONTENT)
@@ -114,7 +114,7 @@ def test_no_flipped_byte_is_accepted() -> None:
 
 @pytest.mark.fault("D8")
 def test_no_truncated_file_is_accepted() -> None:
-    """Whatever length is left, or added, the file is refused with a reason."""
+    """A file of any other length is refused with a reason."""
     for length in range(len(CONTENT)):
         assert why_refused(CONTENT[:length])
     assert why_refused(CONTENT + b"\n")
@@ -123,13 +123,13 @@ def test_no_truncated_file_is_accepted() -> None:
 @pytest.mark.fault("D8")
 @given(content=st.binary() | st.text().map(str.encode) | st.just(b"[" * 100_000))
 def test_no_foreign_bytes_are_accepted(content: bytes) -> None:
-    """Whatever else is in a file, it is refused with a reason."""
+    """Any other contents are refused with a reason."""
     assert why_refused(content)
 
 
 @pytest.mark.fault("D8")
 def test_huge_file_is_refused(folder: Path) -> None:
-    """It is neither parsed nor read to its end."""
+    """A huge file is neither parsed nor read to its end."""
     store = open_store(folder)
     with (folder / "000000001.json").open("wb") as file:
         file.truncate(1 << 40)
@@ -138,8 +138,8 @@ def test_huge_file_is_refused(folder: Path) -> None:
 
 
 @pytest.mark.fault("D8")
-def test_damaged_newest_file_is_passed_over_aloud(folder: Path) -> None:
-    """The one before is used, and it is said which, and what is wrong with the newest."""
+def test_damaged_newest_file_is_skipped_and_reported(folder: Path) -> None:
+    """The file before is used, and the result has the reason for the newest one."""
     store = open_store(folder)
     store.save(parameters(1.0), "ann")
     store.save(parameters(2.0), "ann")
@@ -156,8 +156,8 @@ def test_damaged_newest_file_is_passed_over_aloud(folder: Path) -> None:
 
 
 @pytest.mark.fault("D8")
-def test_number_that_was_asked_for_is_never_replaced_by_another(folder: Path) -> None:
-    """Where that file is bad, or not there, nothing is loaded and the reason is said."""
+def test_requested_number_is_never_replaced_by_another(folder: Path) -> None:
+    """If that file is invalid or absent, nothing is loaded, and the result has the reason."""
     store = open_store(folder)
     store.save(parameters(1.0), "ann")
     store.save(parameters(2.0), "ann")
@@ -170,7 +170,7 @@ def test_number_that_was_asked_for_is_never_replaced_by_another(folder: Path) ->
 
 @pytest.mark.fault("D8")
 def test_parameters_of_another_stage_are_refused(folder: Path) -> None:
-    """A folder that was copied from another stage gives nothing, and says why."""
+    """A folder that was copied from another stage gives no parameters, with the reason."""
     open_store(folder, "rig 1").save(parameters(1.0), "ann")
     loaded = open_store(folder, "rig 2").load()
 
@@ -180,7 +180,7 @@ def test_parameters_of_another_stage_are_refused(folder: Path) -> None:
 
 @pytest.mark.fault("D8")
 def test_renamed_file_is_refused(folder: Path) -> None:
-    """An old file under a new number does not pass for the newest."""
+    """An old file with a new number is not taken for the newest."""
     store = open_store(folder)
     store.save(parameters(1.0), "ann")
     store.save(parameters(2.0), "ann")
@@ -193,7 +193,7 @@ def test_renamed_file_is_refused(folder: Path) -> None:
 
 @pytest.mark.fault("D8")
 def test_links_and_folders_are_refused(folder: Path, tmp_path: Path) -> None:
-    """What is no plain file is passed over with a reason."""
+    """Anything but a plain file is skipped with a reason."""
     store = open_store(folder)
     store.save(parameters(1.0), "ann")
     (folder / "000000001.json").rename(tmp_path / "elsewhere.json")
@@ -207,14 +207,14 @@ def test_links_and_folders_are_refused(folder: Path, tmp_path: Path) -> None:
 
 
 def test_limits_are_those_of_the_identifiers() -> None:
-    """The store does not import them, because compiled kernels would come with them."""
+    """The store cannot import them, because that would load the compiled kernels."""
     assert (OFFSET_LIMIT, SCALE_LIMIT) == (learner.OFFSET_LIMIT, learner.SCALE_LIMIT)
 
 
 @pytest.mark.fault("D2")
 @pytest.mark.parametrize("weight", [nan, inf, 1e7])
 def test_weights_that_are_no_numbers_are_never_stored(folder: Path, weight: float) -> None:
-    """Whatever has been learned, only what can be loaded again is saved."""
+    """Only parameters that can be loaded again are saved."""
     broken = MODEL.model_copy(update={"left_stop_weights": (weight, 0.1)})
     store = open_store(folder)
     with pytest.raises(DataError, match=r"axes\.x\.model\.left_stop_weights\.0"):
@@ -235,7 +235,7 @@ def test_any_parameters_come_back(
     numbers: tuple[float, float, float],
     texts: tuple[str, str, str],
 ) -> None:
-    """Whatever was learned and whatever things are called, what is decoded is what was encoded."""
+    """The decoded document equals the encoded one, for any values and texts."""
     zero_um, offset, scale = numbers
     update = {
         "right_stop_weights": weights[:2],
@@ -256,7 +256,7 @@ def test_any_parameters_come_back(
 
 @pytest.mark.fault("P13")
 def test_newer_format_is_refused() -> None:
-    """A file of a later piezod is not guessed at."""
+    """A file of a later version is refused."""
     newer = CONTENT.replace(b'"version": 1', b'"version": 2', 1)
 
     assert "version '2', this piezod reads version 1" in why_refused(newer)
@@ -267,7 +267,7 @@ def test_newer_format_is_refused() -> None:
 def test_failed_save_keeps_what_is_there(
     folder: Path, step: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On a full disk a save fails, leaves nothing behind, and the next one is as good as any."""
+    """On a full disk a save fails, leaves nothing behind, and the next one succeeds."""
     store = open_store(folder)
     store.save(parameters(1.0), "ann")
     before = sorted(folder.iterdir())
@@ -286,7 +286,7 @@ def test_failed_save_keeps_what_is_there(
 
 
 def test_temporary_files_are_swept_up(folder: Path) -> None:
-    """What a killed process left behind is gone when the store is opened again."""
+    """Opening a store removes the files that a killed process left."""
     open_store(folder).save(parameters(1.0), "ann")
     (folder / ".000000002.json.4711.part").write_bytes(b"half")
     store = open_store(folder)

@@ -1,4 +1,4 @@
-"""The recorder: every cycle, whatever the disk does, and no harm to anybody else."""
+"""The recorder: every cycle is recorded or counted as lost, and the loop is never disturbed."""
 
 import shutil
 import subprocess
@@ -23,7 +23,7 @@ from tests.records.telemetry import header, record_dtype
 
 
 class Disk:
-    """Says how full the disk is."""
+    """Returns why the disk is too full."""
 
     def __init__(self) -> None:
         self.why = ""
@@ -34,7 +34,7 @@ class Disk:
 
 @pytest.fixture
 def ring() -> FakeRing:
-    """Return a ring that already holds something."""
+    """Return a ring with some records."""
     ring = FakeRing(5000)
     ring.run(300)
     return ring
@@ -42,13 +42,13 @@ def ring() -> FakeRing:
 
 @pytest.fixture
 def disk() -> Disk:
-    """Return a disk with room."""
+    """Return a disk with free space."""
     return Disk()
 
 
 @pytest.fixture
 def recorder(ring: FakeRing, disk: Disk, tmp_path: Path) -> Iterator[Recorder]:
-    """Return a recorder, which is stopped in the end."""
+    """Return a recorder, which is stopped at the end."""
     folder = tmp_path / "recordings"
     recorder = Recorder(ring.open_reader, record_dtype(), folder, ring.learned, disk)
     yield recorder
@@ -56,14 +56,14 @@ def recorder(ring: FakeRing, disk: Disk, tmp_path: Path) -> Iterator[Recorder]:
 
 
 def read(recorder: Recorder) -> RecordedTelemetry:
-    """Return what the last recording holds."""
+    """Return the contents of the last recording."""
     path = recorder.folder.find(recorder.status.name)
     assert path is not None
     return read_telemetry(path)
 
 
 def test_every_cycle_is_recorded(recorder: Recorder, ring: FakeRing) -> None:
-    """From the first cycle after the start to the last one before the stop none is missing."""
+    """No cycle between start and stop is missing."""
     name = recorder.start(header(), "all")
     for _ in range(7):
         ring.run(1111)
@@ -80,7 +80,7 @@ def test_every_cycle_is_recorded(recorder: Recorder, ring: FakeRing) -> None:
 
 
 def test_weights_are_recorded_when_they_change(recorder: Recorder, ring: FakeRing) -> None:
-    """With the instant of the newest cycle, and once as long as they stay what they are."""
+    """Weights are stored once per change, with the instant of the newest cycle."""
     recorder.start(header())
     for _ in range(3):
         ring.run(1000)
@@ -95,7 +95,7 @@ def test_weights_are_recorded_when_they_change(recorder: Recorder, ring: FakeRin
 
 
 def test_recordings_follow_each_other(recorder: Recorder, ring: FakeRing) -> None:
-    """After a stop the next one starts with what comes then, in a file of its own."""
+    """The next recording begins with the next cycle, in a new file."""
     names = []
     for _ in range(2):
         names.append(recorder.start(header()))
@@ -109,21 +109,21 @@ def test_recordings_follow_each_other(recorder: Recorder, ring: FakeRing) -> Non
 
 
 def test_one_recording_at_a_time(recorder: Recorder) -> None:
-    """A second start is refused, and the first goes on."""
+    """A second start is refused, and the first recording continues."""
     name = recorder.start(header())
-    with pytest.raises(RecorderError, match=f"recording {name} goes on; stop it first"):
+    with pytest.raises(RecorderError, match=f"recording {name} is running; stop it first"):
         recorder.start(header())
 
     assert recorder.status.recording
 
 
 def test_stop_without_a_start(recorder: Recorder) -> None:
-    """It does nothing."""
+    """A stop without a recording does nothing."""
     assert recorder.stop() == (False, "", 0, 0, "")
 
 
 def test_label_that_is_not_allowed(recorder: Recorder) -> None:
-    """It is refused, and nothing is recorded."""
+    """An invalid label is refused, and nothing is recorded."""
     with pytest.raises(ValueError, match="label"):
         recorder.start(header(), "../x")
 
@@ -131,7 +131,7 @@ def test_label_that_is_not_allowed(recorder: Recorder) -> None:
 
 
 def test_folder_that_is_gone(recorder: Recorder) -> None:
-    """A start says so, and can be tried again."""
+    """A start without the folder fails, and can be repeated."""
     recorder.folder.path.rmdir()
     with pytest.raises(RecorderError, match="No such file"):
         recorder.start(header())
@@ -142,7 +142,7 @@ def test_folder_that_is_gone(recorder: Recorder) -> None:
 
 @pytest.mark.fault("P6")
 def test_nothing_is_recorded_on_a_full_disk(recorder: Recorder, disk: Disk) -> None:
-    """A start is refused with how much is free and what would help."""
+    """A start is refused with the free space and the remedy."""
     disk.why = "12 MB are free"
     with pytest.raises(RecorderError, match="12 MB are free"):
         recorder.start(header())
@@ -154,7 +154,7 @@ def test_nothing_is_recorded_on_a_full_disk(recorder: Recorder, disk: Disk) -> N
 def test_recording_ends_before_the_disk_is_full(
     recorder: Recorder, ring: FakeRing, disk: Disk
 ) -> None:
-    """When others need the room it ends by itself, closed cleanly, and says why."""
+    """If the free space gets too small, the recording ends cleanly, with the reason."""
     recorder.start(header())
     ring.run(100)
     disk.why = "12 MB are free"
@@ -183,11 +183,11 @@ def test_room_that_is_left_for_others(tmp_path: Path, monkeypatch: pytest.Monkey
 
     assert found["small"] == found["large"] == ""
     assert "490 MB are free" in found["small, full"]
-    assert "needed are 5000 MB; delete recordings" in found["large, full"]
+    assert "5000 MB must stay free; delete recordings" in found["large, full"]
 
 
 class StallingWriter(TelemetryWriter):
-    """A file on a disk that stalls: the first records are taken only when the gate opens."""
+    """A file on a disk that stalls: the first records are written when the gate opens."""
 
     gate = Event()
     reached = Event()
@@ -203,7 +203,7 @@ class StallingWriter(TelemetryWriter):
 def test_stalled_disk_costs_records_that_are_counted(
     recorder: Recorder, ring: FakeRing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The ring goes on and overwrites its oldest; how many are missing stands in the file."""
+    """The ring overwrites its oldest records meanwhile; the file has the number of lost ones."""
     monkeypatch.setattr(telemetry_file, "TelemetryWriter", StallingWriter)
     recorder.start(header())
     ring.run(100)
@@ -219,10 +219,10 @@ def test_stalled_disk_costs_records_that_are_counted(
     np.testing.assert_array_equal(np.diff(recorded.cycles["seq"]).max(), 2001)
 
 
-def test_any_failure_ends_a_recording_aloud(
+def test_any_failure_ends_a_recording_with_the_reason(
     recorder: Recorder, ring: FakeRing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever goes wrong in the thread, the status says that it has ended and why."""
+    """Any exception in the thread is in the status."""
 
     def fail(*_arguments: object) -> None:
         raise RuntimeError("Unable to flush")
@@ -232,7 +232,7 @@ def test_any_failure_ends_a_recording_aloud(
     ring.run(1)
     eventually(lambda: not recorder.status.recording)
 
-    assert recorder.status.why == "the file did not take it: Unable to flush"
+    assert recorder.status.why == "the file cannot be written: Unable to flush"
 
 
 FULL = """
@@ -251,8 +251,8 @@ print(recorder.status.why)
 
 
 @pytest.mark.fault("P6")
-def test_disk_that_takes_no_more(tmp_path: Path) -> None:
-    """The recording ends and says why, the process lives on, and what was written can be read."""
+def test_file_that_cannot_grow(tmp_path: Path) -> None:
+    """The recording ends with the reason, the process runs on, and the file can be read."""
     done = subprocess.run(
         [sys.executable, "-c", FULL, str(tmp_path)],
         cwd=Path(__file__).parents[3],

@@ -19,7 +19,7 @@ def folder(tmp_path: Path) -> RecordingsFolder:
 
 
 def test_names_tell_the_time_in_utc(folder: RecordingsFolder) -> None:
-    """A name is the time of day in UTC, with the label behind it."""
+    """A name is the time of day in UTC, followed by the label."""
     east = WHEN.astimezone(timezone(timedelta(hours=2)))
 
     assert folder.new(WHEN).name == "20240501T123015Z.h5"
@@ -40,7 +40,7 @@ def test_names_are_never_given_twice(folder: RecordingsFolder) -> None:
 
 @pytest.mark.parametrize("label", ["..", "a/b", "a b", "-a", "a" * 33, "ä", "a\n", ".h5"])
 def test_labels_that_could_lead_elsewhere_are_refused(folder: RecordingsFolder, label: str) -> None:
-    """Only letters, digits, _ and - are allowed, and not many."""
+    """A label has at most 32 letters, digits, _ and -."""
     with pytest.raises(ValueError, match="allowed are up to 32"):
         folder.new(WHEN, label)
 
@@ -51,7 +51,7 @@ def test_labels_that_could_lead_elsewhere_are_refused(folder: RecordingsFolder, 
     ["../20240501T123015Z", "..", "", "20240501T123015Z/../x", "20240501T123015Z\0", "x", "%2e%2e"],
 )
 def test_names_that_lead_elsewhere_find_nothing(folder: RecordingsFolder, name: str) -> None:
-    """Whatever is asked for, nothing outside the folder is found."""
+    """No name finds a file outside the folder."""
     (folder.path.parent / "20240501T123015Z.h5").touch()
     (folder.path.parent / "x.h5").touch()
 
@@ -60,7 +60,7 @@ def test_names_that_lead_elsewhere_find_nothing(folder: RecordingsFolder, name: 
 
 @pytest.mark.fault("C7")
 def test_links_are_not_followed(folder: RecordingsFolder, tmp_path: Path) -> None:
-    """A link with a proper name is neither found nor listed."""
+    """A link with a valid name is neither found nor listed."""
     (tmp_path / "secret").touch()
     (folder.path / "20240501T123015Z.h5").symlink_to(tmp_path / "secret")
 
@@ -73,7 +73,7 @@ def test_links_are_not_followed(folder: RecordingsFolder, tmp_path: Path) -> Non
 def test_whatever_is_found_is_in_the_folder(
     name: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """No text finds a file elsewhere, and none fails."""
+    """Any text finds a file in the folder, or none."""
     folder = RecordingsFolder(tmp_path_factory.getbasetemp() / "recordings")
     found = folder.find(name)
 
@@ -81,7 +81,7 @@ def test_whatever_is_found_is_in_the_folder(
 
 
 def test_newest_are_kept(folder: RecordingsFolder) -> None:
-    """Older ones are removed, and nothing that is no recording."""
+    """Older recordings are removed; other files stay."""
     for second in range(5):
         folder.new(WHEN + timedelta(seconds=second)).write_bytes(b"12")
     (folder.path / "notes.txt").touch()

@@ -1,4 +1,4 @@
-"""The exchange of a loop for one with another configuration, with loops that drive nothing."""
+"""The exchange of a loop for one with another configuration, with loops without devices."""
 
 import asyncio
 import json
@@ -23,20 +23,20 @@ FAKE = Path(__file__).parents[1] / "fake_loop.py"
 
 @pytest.fixture(autouse=True)
 def _fake_loops(monkeypatch: pytest.MonkeyPatch) -> None:
-    def started(_module: str, *arguments: str, talks: bool = False) -> "Popen[bytes]":
-        pipe = PIPE if talks else None
+    def started(_module: str, *arguments: str, piped: bool = False) -> "Popen[bytes]":
+        pipe = PIPE if piped else None
         return Popen([sys.executable, str(FAKE), *arguments], stdin=pipe, stdout=pipe)
 
     monkeypatch.setattr(loop_run, "_start", started)
 
 
 class Exchanged:
-    """What a reload left behind.
+    """The result of a reload.
 
     Args:
         folder: Folder for the files of the stage.
         source: The configuration file.
-        text: What it says when it is read again.
+        text: Its contents when it is read again.
     """
 
     def __init__(self, folder: Path, source: Path, text: str) -> None:
@@ -60,7 +60,7 @@ class Exchanged:
             self.code_of_first = self.runs[0].exit_code
             self.title = self.runs[-1].loop.config.title
             self.kept = json.loads(self.runs[-1].config_file.read_text(encoding="utf-8"))
-            while self.runs[-1].exit_code is None and self.runs[-1].ask_to_end():
+            while self.runs[-1].exit_code is None and self.runs[-1].request_end():
                 await asyncio.sleep(0.01)
         finally:
             watching.cancel()
@@ -70,24 +70,24 @@ class Exchanged:
 
     async def _watch(self) -> None:
         while True:
-            self.runs[-1].loop.health.look(0)
+            self.runs[-1].loop.health.update(0)
             await asyncio.sleep(0.005)
 
 
 def titled(path: Path, title: str) -> str:
-    """Return a configuration with another title."""
+    """Return the text of a configuration with another title."""
     return re.sub("(?m)^title: .*", f"title: {title}", path.read_text(encoding="utf-8"))
 
 
 @pytest.fixture
 def old_file(rig_file: Path) -> Path:
-    """Return the configuration of a simulated stage with a title of its own."""
+    """Return the configuration of a simulated stage with the title "old"."""
     rig_file.write_text(titled(rig_file, "old"), encoding="utf-8")
     return rig_file
 
 
 def test_new_configuration_is_in_force(tmp_path: Path, old_file: Path) -> None:
-    """The loop before ended in order, and the new one runs what was accepted."""
+    """The old loop ends in order, and the new one runs the accepted configuration."""
     exchanged = Exchanged(tmp_path, old_file, titled(old_file, "new"))
 
     assert exchanged.came_up
@@ -96,7 +96,7 @@ def test_new_configuration_is_in_force(tmp_path: Path, old_file: Path) -> None:
 
 
 @pytest.mark.fault("P11")
-def test_configuration_that_does_not_come_up_is_taken_back(tmp_path: Path, old_file: Path) -> None:
+def test_configuration_whose_loop_fails_is_taken_back(tmp_path: Path, old_file: Path) -> None:
     """A loop with the old configuration runs again, from its own copy."""
     exchanged = Exchanged(tmp_path, old_file, titled(old_file, "broken"))
 
@@ -107,7 +107,7 @@ def test_configuration_that_does_not_come_up_is_taken_back(tmp_path: Path, old_f
 
 
 class Accepted:
-    """The loop that runs, as far as a reload looks at it before it prepares another."""
+    """The running loop, as far as `prepare` uses it."""
 
     def __init__(self, source: Path) -> None:
         self.config = accept.load(source)
@@ -115,11 +115,11 @@ class Accepted:
 
 
 def prepared(folder: Path, running: Path, source: Path) -> LoopRun:
-    """Prepare another loop beside one that runs."""
+    """Prepare another loop beside a running one."""
     paths = StagePaths("rig", folder / "runtime", folder / "state")
     paths.make_folders()
     old = Accepted(running)
-    return asyncio.run(prepare(old, paths, source))  # type: ignore[arg-type] # all it looks at
+    return asyncio.run(prepare(old, paths, source))  # type: ignore[arg-type] # all that it uses
 
 
 @pytest.mark.fault("P11")
@@ -133,13 +133,13 @@ def test_invalid_file_is_refused_with_all_its_mistakes(tmp_path: Path, rig_file:
 
 
 def test_missing_file_is_refused(tmp_path: Path, rig_file: Path) -> None:
-    """A file that is gone changes nothing."""
+    """A missing file changes nothing."""
     with pytest.raises(BadValueError, match=r"gone\.yaml"):
         prepared(tmp_path, rig_file, tmp_path / "gone.yaml")
 
 
 def test_other_axes_need_a_restart(tmp_path: Path, rig_file: Path) -> None:
-    """Readers, recordings and leases count on the axes that there are."""
+    """Readers, recordings and leases depend on the axes."""
     other = tmp_path / "other.yaml"
     other.write_text(rig_file.read_text("utf-8").replace("  x:\n", "  y:\n"), encoding="utf-8")
 
@@ -148,21 +148,21 @@ def test_other_axes_need_a_restart(tmp_path: Path, rig_file: Path) -> None:
 
 
 class Kept:
-    """An accepted configuration, as far as `changes` looks at it."""
+    """An accepted configuration, as far as `changes` uses it."""
 
     def __init__(self, source: Path, folder: Path) -> None:
         self.config_file = accepted_config.keep(accept.load(source), folder, "rig")
 
 
 def test_changes_are_named_by_their_paths(tmp_path: Path, rig_file: Path) -> None:
-    """A value that is left out counts as changed, and so does a model with other contents."""
+    """A value that is left out is a change, and so is a model file with other contents."""
     old = Kept(rig_file, tmp_path / "config-a")
     path = configuration(tmp_path, rate_hz="50", speed_um_per_s="100")
     new = Kept(path, tmp_path / "config-b")
-    compared = changes(old, new)  # type: ignore[arg-type] # all that it looks at
+    compared = changes(old, new)  # type: ignore[arg-type] # all that it uses
     model = tmp_path / "config-b" / "model-x.yaml"
     model.write_text(model.read_text("utf-8") + "# another\n", encoding="utf-8")
-    again = changes(old, new)  # type: ignore[arg-type] # all that it looks at
+    again = changes(old, new)  # type: ignore[arg-type] # all that it uses
 
     assert compared == ["axes.x.speed_um_per_s", "rate_hz"]
     assert again == ["axes.x.model", *compared]

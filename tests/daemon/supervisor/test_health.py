@@ -1,4 +1,4 @@
-"""Whether the loop runs."""
+"""Health of the loop, by its healthy cycles."""
 
 from pathlib import Path
 
@@ -18,36 +18,36 @@ def _shared(folder: Path, period_ns: int) -> SharedMap:
 
 
 def test_only_new_cycles_count(tmp_path: Path) -> None:
-    """A look finds the loop healthy where it has run a cycle since the last one."""
+    """An update finds the loop healthy if it ran a cycle since the last update."""
     shared = _shared(tmp_path, 1_000_000)
     health = LoopHealth(shared, 0)
-    looks = []
-    for look, cycles in enumerate((0, 0, 5, 5, 6)):
+    healthy = []
+    for step, cycles in enumerate((0, 0, 5, 5, 6)):
         shared.words[Word.HEALTHY_CYCLES] = cycles
-        looks.append(health.look(look * TENTH_NS))
+        healthy.append(health.update(step * TENTH_NS))
 
-    assert looks == [False, False, True, False, True]
+    assert healthy == [False, False, True, False, True]
 
 
 def test_slow_loop_is_healthy_between_its_cycles(tmp_path: Path) -> None:
-    """With one cycle a second most looks find none, and the watchdog is fed all the same."""
+    """At one cycle a second, updates without a new cycle still find the loop healthy."""
     shared = _shared(tmp_path, NS_PER_S)
     health = LoopHealth(shared, 0)
     shared.words[Word.HEALTHY_CYCLES] = 1
 
-    looks = [health.look(look * TENTH_NS) for look in range(25)]
+    healthy = [health.update(step * TENTH_NS) for step in range(25)]
 
-    assert looks == [True] * 21 + [False] * 4
+    assert healthy == [True] * 21 + [False] * 4
 
 
 @pytest.mark.fault("L3")
 def test_loop_hangs_after_two_seconds_or_five_periods(tmp_path: Path) -> None:
-    """A loop that has run counts as hung, one that still starts does not."""
+    """A loop that ran can hang; one that starts cannot."""
     shared = _shared(tmp_path, NS_PER_S)
     health = LoopHealth(shared, 0)
     starting = health.hung(100 * NS_PER_S)
     shared.words[Word.HEALTHY_CYCLES] = 1
-    health.look(0)
+    health.update(0)
 
     assert not starting
     assert not health.hung(5 * NS_PER_S)
@@ -56,13 +56,13 @@ def test_loop_hangs_after_two_seconds_or_five_periods(tmp_path: Path) -> None:
 
 
 def test_pause_of_the_supervisor_is_none_of_the_loop(tmp_path: Path) -> None:
-    """A machine that stood still for a minute does not make the loop hang."""
+    """A pause of the whole machine does not count for the loop."""
     shared = _shared(tmp_path, 1_000_000)
     health = LoopHealth(shared, 0)
     shared.words[Word.HEALTHY_CYCLES] = 1
-    health.look(0)
+    health.update(0)
 
-    health.look(60 * NS_PER_S)
+    health.update(60 * NS_PER_S)
 
     assert not health.hung(62 * NS_PER_S)
     assert health.hung(62 * NS_PER_S + 1)

@@ -1,4 +1,4 @@
-"""What is written out beside the service."""
+"""Log of the loop's events, recordings and flight records."""
 
 import asyncio
 import io
@@ -21,7 +21,7 @@ from tests.daemon.bench import PEER, Bench
 
 @pytest.fixture
 def log() -> io.StringIO:
-    """Return what is logged, for people."""
+    """Return the log, in the form for people."""
     stream = io.StringIO()
     set_up_logging(stream, {})
     return stream
@@ -34,15 +34,15 @@ def bench(tmp_path: Path, rig_file: Path) -> Bench:
 
 
 def test_events_of_the_loop_are_logged(bench: Bench, log: io.StringIO) -> None:
-    """Its own time and its text first, then what it is about; NaN says nothing."""
+    """A line has the instant of the event, its text, then its fields; NaN is left out."""
     hour_ago_ns = time.monotonic_ns() - 3600 * NS_PER_S
     event = StageEvent(hour_ago_ns, "error", "fault", "no sample", "S5", "x", 4.0, nan)
     before = datetime.now().astimezone() - timedelta(hours=1, minutes=1)
     EventWriter(bench.loop.shared).append(event)
-    house = Housekeeping(bench.link)
+    housekeeping = Housekeeping(bench.link)
 
-    house.log_events()
-    asyncio.run(house.close())
+    housekeeping.log_events()
+    asyncio.run(housekeeping.close())
 
     time_of_day, _, line = log.getvalue().partition(" ")
     assert "error" in line
@@ -52,8 +52,8 @@ def test_events_of_the_loop_are_logged(bench: Bench, log: io.StringIO) -> None:
     assert time_of_day[:2] in {(before + timedelta(minutes=i)).strftime("%H") for i in (0, 2)}
 
 
-def test_end_writes_what_a_fault_wants_to_be_kept(bench: Bench, log: io.StringIO) -> None:
-    """A loop that dies of a fault has its last seconds on the disk, and a recording is closed."""
+def test_end_writes_the_flight_record_of_a_fault(bench: Bench, log: io.StringIO) -> None:
+    """The last seconds of a loop that ends with a fault are written, and a recording is closed."""
     bench.record(State.RUN, drive_v=3.0)
     bench.do(lambda link: link.start_recording("last", PEER))
     event = StageEvent(5, "error", "fault", "it is gone", "A1", "x", nan, nan)
@@ -63,19 +63,19 @@ def test_end_writes_what_a_fault_wants_to_be_kept(bench: Bench, log: io.StringIO
 
     assert len(list(bench.paths.flights.glob("*-A1.h5"))) == 1
     assert "flight recorded" in log.getvalue()
-    assert not bench.link.recordings_of_stage.under_way
+    assert not bench.link.stage_recordings.running_name
 
 
 def test_recording_on_request(bench: Bench) -> None:
-    """It is listed while it goes on and after it was stopped, once in each list."""
+    """A recording is listed as running, and after its end as finished."""
     started = bench.do(lambda link: link.start_recording(None, PEER))
-    under_way, finished = bench.do(lambda link: link.recordings())
+    running_name, finished = bench.do(lambda link: link.recordings())
     stopped = bench.do(lambda link: link.stop_recording(PEER))
     none, files = bench.do(lambda link: link.recordings())
     asyncio.run(Housekeeping(bench.link).close())
 
-    assert under_way is not None
-    assert (under_way["name"], finished) == (started["name"], [])
+    assert running_name is not None
+    assert (running_name["name"], finished) == (started["name"], [])
     assert (stopped["name"], stopped["records"]) == (started["name"], 0)
     assert none is None
     assert [file["name"] for file in files] == [started["name"]]

@@ -1,4 +1,4 @@
-"""Whatever process is killed, at whatever moment: the stage goes to its safe voltage, gently."""
+"""Processes are killed at random moments: the stage always goes to its safe voltage, gently."""
 
 import os
 import random
@@ -19,12 +19,12 @@ from tests.daemon.waiting import eventually
 from tests.hosted_rig import Write, hosted, writes
 
 LOW_V, HIGH_V, SAFE_V = 0.0, 150.0, 5.0
-SLEW_V_PER_S = 500.0  # less than the wave asks for now and then
-GAIN_ERROR_V = 0.01 * HIGH_V  # what is read back, to ramp from, is not quite what was written
+SLEW_V_PER_S = 500.0  # the wave needs more in some parts
+GAIN_ERROR_V = 0.01 * HIGH_V  # the read-back voltage, where a ramp begins, differs that much
 WAVE = {"kind": "sine", "low": 4.0, "high": 20.0, "frequency_hz": 1.5}
 
 VICTIMS = ("loop", "supervisor", "supervisor, then safe", "both, then safe")
-KILLS_IN_SHORT = 4  # each victim once, one of them on the way down
+KILLS_IN_SHORT = 4  # each victim once, one of them during its ramp
 KILLS = [
     pytest.param(number, marks=[] if number < KILLS_IN_SHORT else pytest.mark.stress)
     for number in range(200)
@@ -35,7 +35,7 @@ class Stage:
     """A daemon with a rig that outlives it.
 
     Args:
-        folder: Where the rig has its files.
+        folder: Folder for the files of the rig.
         start: Starts a daemon.
     """
 
@@ -59,45 +59,45 @@ class Stage:
         return writes(self._trace)
 
     def run(self) -> None:
-        """Have it follow a wave, on a machine that may be too busy at first."""
+        """Follow a wave; repeat the command on a machine that is too busy at first."""
         self.daemon.moving("wave", {"command_um": {"x": WAVE}, "duration_s": 600.0})
 
-    def go_on_for(self, cycles: int) -> None:
-        """Wait for a number of writes; where they end before, as in SAFE, have it run again."""
+    def wait_for_writes(self, cycles: int) -> None:
+        """Wait for a number of writes; if they end before, as in SAFE, follow the wave again."""
         end = len(self.writes()) + cycles
 
-        def went_on() -> bool:
+        def written() -> bool:
             if self.idle():
                 self.run()
             return len(self.writes()) >= end
 
-        eventually(went_on, 60.0)
+        eventually(written, 60.0)
 
     def idle(self) -> bool:
-        """Tell whether it was not written to lately."""
+        """Return whether the last write is longer than half a second ago."""
         return time.monotonic_ns() - self.writes()[-1].asked_ns > NS_PER_S // 2
 
     def ramp_for(self, cycles: int) -> None:
-        """Send it to its safe voltage and wait for a number of writes, or for the end of them."""
+        """Begin a ramp to the safe voltage, and wait for a number of writes, or for their end."""
         self.daemon.do("stop")
         end = len(self.writes()) + cycles
         eventually(lambda: len(self.writes()) >= end or self.idle())
 
     def kill(self, victim: str) -> None:
-        """Kill one of its processes or both, and wait until nobody drives the stage."""
+        """Kill one of its processes or both, and wait until no process drives the stage."""
         supervisor = self.daemon.process
         if victim != "loop":
             supervisor.kill()
         if victim.startswith(("loop", "both")):
             os.kill(self.loop_pid, signal.SIGKILL)
         assert supervisor.wait(60) == (1 if victim == "loop" else -signal.SIGKILL)
-        if victim.endswith("safe"):  # as a service manager does, while a loop may still be ramping
+        if victim.endswith("safe"):  # as the service manager does; a loop may still be ramping
             safe = self.daemon.command("safe", str(self.daemon.config), "--unless-clean")
             assert safe.returncode == 0, safe.stderr
         eventually(lambda: not is_alive(self.loop_pid))
 
     def in_force_v(self) -> float:
-        """Return the voltage that the rig has now, in V; nobody else may be its client."""
+        """Return the present voltage of the rig, in V; the rig must have no other client."""
         self._rig.open()
         (drive_v,) = self._rig.read_back(time.monotonic_ns())
         self._rig.close()
@@ -112,7 +112,7 @@ def stage(tmp_path: Path, start: StartDaemon) -> Iterator[Stage]:
 
 
 def assert_gentle(trace: list[Write]) -> None:
-    """Assert that no write was out of range or too fast, and that one process at a time wrote."""
+    """Assert that every write is in range and slow enough, and by one process at a time."""
     drivers = [pid for pid, _ in groupby(write.pid for write in trace)]
     assert len(drivers) == len(set(drivers))
     assert all(LOW_V <= write.drive_v <= HIGH_V for write in trace)
@@ -125,11 +125,11 @@ def assert_gentle(trace: list[Write]) -> None:
 @pytest.mark.fault("P2")
 @pytest.mark.parametrize("number", KILLS)
 def test_killed(stage: Stage, number: int) -> None:
-    """The trace of the rig keeps to range and slew rate, and ends at the safe voltage."""
+    """The writes keep to range and slew rate, and end at the safe voltage."""
     draw = random.Random(number)  # noqa: S311 - reproducible, not secret
     stage.run()
-    stage.go_on_for(draw.randrange(40))
-    if draw.random() < 0.2:  # on its way down already
+    stage.wait_for_writes(draw.randrange(40))
+    if draw.random() < 0.2:  # kill during a ramp
         stage.ramp_for(draw.randrange(10))
 
     stage.kill(VICTIMS[number % len(VICTIMS)])
@@ -142,9 +142,9 @@ def test_killed(stage: Stage, number: int) -> None:
 
 @pytest.mark.fault("P2")
 def test_restart_brings_the_rig_to_its_safe_voltage_first(stage: Stage) -> None:
-    """Where nothing ramped down in between, the next daemon does, and wants somebody to look."""
+    """If nothing ramped down before, the next daemon does, and latches P2."""
     stage.run()
-    stage.go_on_for(15)
+    stage.wait_for_writes(15)
     stage.kill("both")
     left_v = stage.in_force_v()
     stage.daemon.start()

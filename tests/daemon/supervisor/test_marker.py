@@ -8,15 +8,15 @@ from piezod.daemon.supervisor.marker import Marker
 
 
 @pytest.mark.fault("P2")
-def test_run_that_ended_by_violence_is_noticed(tmp_path: Path) -> None:
-    """A mark that nobody removed tells the next run."""
+def test_run_that_did_not_end_in_order_is_detected(tmp_path: Path) -> None:
+    """A mark that was not removed is found by the next run."""
     Marker(tmp_path / "running").put()
 
     assert Marker(tmp_path / "running").unclean
 
 
 def test_orderly_end_leaves_no_mark(tmp_path: Path) -> None:
-    """Removing it twice does nothing more."""
+    """Removing the mark twice is no error."""
     marker = Marker(tmp_path / "running")
     marker.put()
     marker.remove()

@@ -1,4 +1,4 @@
-"""What systemd is told."""
+"""Reports to systemd."""
 
 import os
 import socket
@@ -12,7 +12,7 @@ from piezod.daemon.supervisor.notify import Notifier, without_manager
 
 @pytest.fixture
 def manager(tmp_path: Path) -> Iterator[socket.socket]:
-    """Return a socket as systemd has one."""
+    """Return a socket like that of systemd."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
         listener.settimeout(10)
         listener.bind(str(tmp_path / "notify"))
@@ -20,7 +20,7 @@ def manager(tmp_path: Path) -> Iterator[socket.socket]:
 
 
 def test_messages_arrive(manager: socket.socket) -> None:
-    """Each message is one datagram with one assignment in a line."""
+    """Each message is one datagram with one assignment per line."""
     notifier = Notifier({"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "1000000"})
 
     notifier.ready("SAFE,\nall well")
@@ -37,8 +37,8 @@ def test_messages_arrive(manager: socket.socket) -> None:
     ]
 
 
-def test_reload_tells_its_instant(manager: socket.socket) -> None:
-    """Systemd wants the time of the clock that no one sets."""
+def test_reload_reports_its_instant(manager: socket.socket) -> None:
+    """Systemd expects the instant on the monotonic clock."""
     Notifier({"NOTIFY_SOCKET": manager.getsockname()}).reloading()
 
     first, second = manager.recv(200).split(b"\n")
@@ -60,12 +60,12 @@ def test_abstract_address_is_understood() -> None:
 
 @pytest.mark.parametrize("environ", [{}, {"NOTIFY_SOCKET": "/nowhere/at/all"}])
 def test_missing_manager_is_no_error(environ: dict[str, str]) -> None:
-    """Whoever starts it by hand has no manager, and one that is gone ends nothing."""
+    """Without a manager, or if it is gone, the daemon runs on."""
     Notifier(environ).ready("SAFE")
 
 
 def test_watchdog_of_another_process_is_not_ours(manager: socket.socket) -> None:
-    """Only the process that is watched feeds the watchdog."""
+    """Only the watched process feeds the watchdog."""
     environ = {
         "NOTIFY_SOCKET": manager.getsockname(),
         "WATCHDOG_USEC": "1000000",
@@ -82,5 +82,5 @@ def test_watchdog_of_another_process_is_not_ours(manager: socket.socket) -> None
 
 
 def test_child_knows_no_manager() -> None:
-    """A child that inherited the address could speak for the service."""
+    """A child must not report for the service."""
     assert without_manager({"NOTIFY_SOCKET": "@x", "WATCHDOG_USEC": "1", "A": "b"}) == {"A": "b"}

@@ -1,4 +1,4 @@
-"""A configuration that is read again while the stage runs, as processes."""
+"""A reload while the stage runs, with real processes."""
 
 import signal
 import socket
@@ -12,7 +12,7 @@ from tests.daemon.daemons import UP_WITHIN_S, configuration, is_alive
 
 @pytest.mark.fault("P11")
 def test_reload_swaps_as_a_whole_or_keeps(start: StartDaemon, tmp_path: Path) -> None:
-    """A valid file is in force after a reload, and nothing else ever is."""
+    """A valid file is in force after a reload at rest; any other reload changes nothing."""
     daemon = start(configuration(tmp_path)).up()
     first = daemon.loop_pid
 
@@ -41,7 +41,7 @@ def test_reload_swaps_as_a_whole_or_keeps(start: StartDaemon, tmp_path: Path) ->
 
 @pytest.mark.fault("P11")
 def test_service_manager_may_reload(start: StartDaemon, tmp_path: Path) -> None:
-    """SIGHUP does the same, and tells the manager when it begins and that it is over."""
+    """SIGHUP reloads, and the manager gets the beginning and the end."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
         manager.settimeout(UP_WITHIN_S)

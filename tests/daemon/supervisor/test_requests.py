@@ -1,4 +1,4 @@
-"""Asking the loop."""
+"""Requests of the supervisor to the loop."""
 
 import asyncio
 import time
@@ -29,7 +29,7 @@ def _ask(requests: LoopRequests, request: Request) -> Answer:
 
 @pytest.mark.parametrize("answer", [Answer(True, "", 3), Answer(False, "cannot move in SAFE")])
 def test_answer_of_the_loop_is_given_back(shared: SharedMap, answer: Answer) -> None:
-    """What the loop decides arrives as it was, with its reason."""
+    """The answer arrives unchanged, with its reason."""
     with FakeLoop(shared, answer) as loop:
         found = _ask(LoopRequests(shared), Goto(position_um=3.0))
 
@@ -37,8 +37,8 @@ def test_answer_of_the_loop_is_given_back(shared: SharedMap, answer: Answer) -> 
     assert loop.requests == [Goto(position_um=3.0)]
 
 
-def test_request_that_nobody_takes_expires(shared: SharedMap) -> None:
-    """The error says whether the loop has begun; the request is not carried out later."""
+def test_request_that_the_loop_does_not_take_expires(shared: SharedMap) -> None:
+    """The error says whether the loop has started; the request is not executed later."""
     requests = LoopRequests(shared)
 
     with pytest.raises(NoAnswerError, match="the loop is starting"):
@@ -54,7 +54,7 @@ def test_request_that_nobody_takes_expires(shared: SharedMap) -> None:
 
 @pytest.mark.fault("E1")
 def test_emergency_stop_is_never_refused(shared: SharedMap) -> None:
-    """Not even where others have filled the urgent lane of a loop that is slow."""
+    """An emergency stop has room even if the urgent lane is full."""
     requests, later_ns = LoopRequests(shared), time.monotonic_ns() + 60 * NS_PER_S
     for _ in range(URGENT_SLOTS):
         requests.post(Hold(), later_ns)
@@ -75,8 +75,8 @@ def test_emergency_stop_is_never_refused(shared: SharedMap) -> None:
 
 
 @pytest.mark.fault("E1")
-def test_emergency_stop_that_nobody_takes_stays(shared: SharedMap) -> None:
-    """Whoever asked is told that there was no answer, and it is carried out as soon as may be."""
+def test_emergency_stop_does_not_expire(shared: SharedMap) -> None:
+    """The client gets no answer in time, and the stop is executed as soon as possible."""
     requests = LoopRequests(shared)
 
     with pytest.raises(NoAnswerError):
@@ -87,8 +87,8 @@ def test_emergency_stop_that_nobody_takes_stays(shared: SharedMap) -> None:
     assert loop.requests == [Estop(), Hold()]
 
 
-def test_full_mailbox_is_told_at_once(shared: SharedMap) -> None:
-    """A loop that takes nothing does not make requests pile up; a hold still gets through."""
+def test_full_mailbox_is_an_error_at_once(shared: SharedMap) -> None:
+    """Requests to a loop that takes none do not pile up; a hold still gets through."""
     requests, later_ns = LoopRequests(shared), time.monotonic_ns() + 60 * NS_PER_S
     for _ in range(REQUEST_SLOTS):
         requests.post(Goto(position_um=3.0), later_ns)

@@ -1,4 +1,4 @@
-"""A stage from start to end within this process, with a loop that drives nothing."""
+"""A stage from start to end in the process of the test, with a loop without devices."""
 
 import os
 import signal
@@ -39,9 +39,9 @@ class Rig(NamedTuple):
     Attributes:
         config: Its configuration.
         paths: Its files.
-        processes: What was started, as the module and the process.
+        processes: The processes that were started, each with its module.
         safe_codes: The exit code of `piezod safe`, in a list.
-        loop_command: What Python runs in the place of the loop.
+        loop_command: Arguments of Python in place of the loop process.
     """
 
     config: Path
@@ -51,7 +51,7 @@ class Rig(NamedTuple):
     loop_command: list[str]
 
     def run(self, during: Callable[[], None]) -> bool:
-        """Run the stage; meanwhile do something, and end it after that."""
+        """Run the stage; call a function meanwhile, and end the stage after it."""
 
         def then_end() -> None:
             try:
@@ -75,7 +75,7 @@ class Rig(NamedTuple):
         eventually(lambda: attach(self.paths.loop_map).words[Word.HEALTHY_CYCLES])
 
     def end(self) -> None:
-        """Tell it to end, if it has not: it may do so at any moment."""
+        """Request a shutdown; the stage may end by itself at any moment."""
         head = HEAD % b"shutdown" + b"content-type: application/json\r\nconnection: close\r\n"
         with suppress(OSError), connected(self.paths.api_socket) as connection:
             connection.sendall(head + b"content-length: 2\r\n\r\n{}")
@@ -90,16 +90,16 @@ class Rig(NamedTuple):
 
 @pytest.fixture
 def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
-    """Return a stage whose loop, and whose ramp-down, drive nothing."""
+    """Return a stage whose loop and ramp-down use no device."""
     processes: list[tuple[str, Popen[bytes]]] = []
     safe_codes, loop_command = [0], [str(FAKE)]
 
-    def started(module: str, *arguments: str, talks: bool = False) -> "Popen[bytes]":
+    def started(module: str, *arguments: str, piped: bool = False) -> "Popen[bytes]":
         if arguments[0] == "safe":
             command = [sys.executable, "-c", f"raise SystemExit({safe_codes[0]})"]
         else:
             command = [sys.executable, *loop_command, *arguments]
-        pipe = PIPE if talks else None
+        pipe = PIPE if piped else None
         process = Popen(command, stdin=pipe, stdout=pipe)
         processes.append((module, process))
         return process
@@ -119,12 +119,12 @@ def _modules(rig: Rig) -> list[str]:
 
 
 def test_stage_ends_in_order(rig: Rig) -> None:
-    """A loop that ends because it was asked to leaves nothing to be done."""
-    told: list[httpx.Response] = []
+    """After a loop that ends on request, `piezod safe` is not run."""
+    answers: list[httpx.Response] = []
 
     def healthy() -> bool:
-        told.append(rig.ask("GET", "health"))
-        return told[-1].status_code == 200
+        answers.append(rig.ask("GET", "health"))
+        return answers[-1].status_code == 200
 
     def until_healthy() -> None:
         eventually(healthy)
@@ -132,7 +132,7 @@ def test_stage_ends_in_order(rig: Rig) -> None:
     in_order = rig.run(until_healthy)
 
     assert in_order
-    assert told[-1].json()["healthy"]
+    assert answers[-1].json()["healthy"]
     assert _modules(rig) == ["piezod.daemon.loop.process"]
     assert not rig.paths.running.exists()
     assert not rig.paths.api_socket.exists()
@@ -140,18 +140,18 @@ def test_stage_ends_in_order(rig: Rig) -> None:
 
 @pytest.mark.fault("P1")
 def test_signal_ends_it_in_order(rig: Rig) -> None:
-    """SIGTERM does what a request to shut down does."""
+    """SIGTERM has the same effect as a shutdown request."""
     assert rig.run(lambda: os.kill(os.getpid(), signal.SIGTERM))
 
 
 @pytest.mark.fault("P1")
-def test_signal_before_the_loop_has_begun_ends_it_in_order(
+def test_signal_before_the_loop_answers_ends_it_in_order(
     rig: Rig,
 ) -> None:
-    """A loop that only starts has touched nothing: it is not waited for, nor followed by a ramp."""
+    """A loop that has touched no device is killed, without a wait or a ramp."""
     rig.loop_command[:] = ["-c", "import time; time.sleep(600)"]
     signals = Signals()
-    signals.note(signal.SIGTERM)
+    signals.receive(signal.SIGTERM)
     rig.paths.make_folders()
 
     with Lock(rig.paths.lock) as lock:
@@ -163,11 +163,11 @@ def test_signal_before_the_loop_has_begun_ends_it_in_order(
 
 @pytest.mark.fault("P1")
 @pytest.mark.parametrize("safe_code", [0, 1])
-def test_signal_while_an_earlier_run_is_cleared_up(rig: Rig, safe_code: int) -> None:
+def test_signal_while_an_earlier_run_is_ramped_down(rig: Rig, safe_code: int) -> None:
     """The ramp is waited for, no loop is started, and the mark stays."""
     rig.safe_codes[0] = safe_code
     signals = Signals()
-    signals.note(signal.SIGTERM)
+    signals.receive(signal.SIGTERM)
     rig.paths.make_folders()
     rig.paths.running.touch()
 
@@ -181,7 +181,7 @@ def test_signal_while_an_earlier_run_is_cleared_up(rig: Rig, safe_code: int) -> 
 
 
 def test_ramp_down_is_not_cut_off(rig: Rig) -> None:
-    """However slow the ramp of a stage is, it has that time three times over, and a minute."""
+    """A ramp-down may take three times the duration of its ramp, and a minute."""
     config = configuration(rig.config.parent, safety="{safe_v: 0, ramp_v_per_s: 0.1}")
     slow = accept.load(config)
 
@@ -190,10 +190,10 @@ def test_ramp_down_is_not_cut_off(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("safe_code", [0, 1])
-def test_lost_loop_is_no_orderly_end(
+def test_lost_loop_is_ramped_down(
     rig: Rig, safe_code: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The stage is ramped down, the log says with which success, and the mark stays."""
+    """The log reports the result of the ramp, and the mark stays."""
     rig.safe_codes[0] = safe_code
 
     in_order = rig.run(lambda: _kill_and_wait(rig, signal.SIGKILL))
@@ -206,7 +206,7 @@ def test_lost_loop_is_no_orderly_end(
 
 @pytest.mark.fault("L3")
 def test_hung_loop_is_killed(rig: Rig, capsys: pytest.CaptureFixture[str]) -> None:
-    """A loop that has no cycles any more is ended, and the stage ramped down."""
+    """A loop without cycles is killed, and the stage ramped down."""
     in_order = rig.run(lambda: _kill_and_wait(rig, signal.SIGSTOP))
 
     assert not in_order
@@ -222,7 +222,7 @@ def _kill_and_wait(rig: Rig, number: int) -> None:
 
 
 def test_device_that_must_be_there(rig: Rig) -> None:
-    """With --require-device an absent one is an error, and the end is orderly."""
+    """With --require-device an absent device is an error, and the end is orderly."""
     rig.paths.make_folders()
 
     with Lock(rig.paths.lock) as lock, pytest.raises(DeviceUnavailableError, match="absent"):
@@ -235,7 +235,7 @@ def test_device_that_must_be_there(rig: Rig) -> None:
 def test_stage_that_its_loop_left_unsafe_is_ramped_down(
     rig: Rig, safe_code: int, in_order: bool
 ) -> None:
-    """An end that was asked for counts as orderly where `piezod safe` reaches the voltage."""
+    """An end on request is orderly if `piezod safe` reaches the safe voltage."""
     rig.safe_codes[0] = safe_code
 
     def drive() -> None:
@@ -248,8 +248,8 @@ def test_stage_that_its_loop_left_unsafe_is_ramped_down(
 
 
 @pytest.mark.fault("P2")
-def test_mark_of_an_earlier_run_stays_where_no_device_was_opened(rig: Rig) -> None:
-    """Nobody has seen to what that run left in force."""
+def test_mark_of_an_earlier_run_stays_if_no_device_was_opened(rig: Rig) -> None:
+    """The voltage of the earlier run may still be in force."""
     rig.paths.make_folders()
     rig.paths.running.touch()
     unclean: list[int] = []
@@ -261,8 +261,8 @@ def test_mark_of_an_earlier_run_stays_where_no_device_was_opened(rig: Rig) -> No
 
 
 @pytest.mark.fault("P2")
-def test_what_an_earlier_run_left_in_force_is_ramped_down_first(rig: Rig) -> None:
-    """Before the loop is started; where that fails, the loop is started all the same."""
+def test_voltage_of_an_earlier_run_is_ramped_down_first(rig: Rig) -> None:
+    """The ramp comes before the start of the loop, which starts even if the ramp fails."""
     rig.paths.make_folders()
     rig.paths.running.touch()
     rig.safe_codes[0] = 1
@@ -274,7 +274,7 @@ def test_what_an_earlier_run_left_in_force_is_ramped_down_first(rig: Rig) -> Non
 
 @pytest.mark.fault("P11")
 def test_reload_within_the_service(rig: Rig) -> None:
-    """A changed file is taken, an invalid one is not, and the service answers all the time."""
+    """A valid file is loaded, an invalid one is refused, and the service always answers."""
     answers: list[httpx.Response] = []
 
     def reload() -> None:
@@ -292,7 +292,7 @@ def test_reload_within_the_service(rig: Rig) -> None:
 
 @pytest.mark.fault("P11")
 def test_reload_that_fails_leaves_the_old_configuration(rig: Rig) -> None:
-    """Whoever reloads is told that the new loop did not come up, and the old one runs again."""
+    """The client gets an error, and a loop with the old configuration runs again."""
     answers: list[httpx.Response] = []
 
     def reload() -> None:
@@ -303,13 +303,13 @@ def test_reload_that_fails_leaves_the_old_configuration(rig: Rig) -> None:
 
     assert rig.run(reload)
     assert answers[0].status_code == 409
-    assert "the one before is in force" in answers[0].text
+    assert "the old one is in force" in answers[0].text
     assert answers[1].json()["title"] == "Simulated stack actuator"
 
 
 @pytest.mark.fault("P11")
 def test_reload_by_a_signal(rig: Rig, capsys: pytest.CaptureFixture[str]) -> None:
-    """SIGHUP reads the file too; what is wrong with it is in the log."""
+    """SIGHUP reads the file too; its problems are in the log."""
 
     def reload() -> None:
         configuration(rig.config.parent, rate_hz="25")
@@ -323,8 +323,8 @@ def test_reload_by_a_signal(rig: Rig, capsys: pytest.CaptureFixture[str]) -> Non
     assert rig.run(reload)
 
 
-def test_recording_keeps_the_configuration(rig: Rig) -> None:
-    """A recording knows the configuration that it began with."""
+def test_reload_during_a_recording_is_refused(rig: Rig) -> None:
+    """The header of a recording has the configuration of all its records."""
     answers: list[httpx.Response] = []
 
     def reload() -> None:
@@ -333,16 +333,16 @@ def test_recording_keeps_the_configuration(rig: Rig) -> None:
 
     assert rig.run(reload)
     assert answers[0].status_code == 409
-    assert "goes on" in answers[0].text
+    assert "is running" in answers[0].text
 
 
 def test_loop_that_cannot_be_started_touches_nothing(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A machine without room for a process refuses to run; no mark is made."""
+    """If no process can be started, the run fails and makes no mark."""
 
-    def refused(*_arguments: str, talks: bool = False) -> "Popen[bytes]":
-        raise BlockingIOError(11, f"no process left, {talks}")
+    def refused(*_arguments: str, piped: bool = False) -> "Popen[bytes]":
+        raise BlockingIOError(11, f"no process left, {piped}")
 
     monkeypatch.setattr(loop_supervision, "_start", refused)
     rig.paths.make_folders()
@@ -355,7 +355,7 @@ def test_loop_that_cannot_be_started_touches_nothing(
 
 @pytest.mark.fault("P10")
 def test_bad_configuration_starts_nothing(rig: Rig) -> None:
-    """The process that reads it ends, and no mark is made."""
+    """The process that reads the configuration ends, and no mark is made."""
     configuration(rig.config.parent, rate_hz="0")
     rig.paths.make_folders()
 

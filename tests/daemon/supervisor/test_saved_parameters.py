@@ -1,4 +1,4 @@
-"""What was saved is what the next run begins with."""
+"""A run begins with the parameters that the last run saved."""
 
 from pathlib import Path
 
@@ -6,8 +6,8 @@ from tests.daemon.daemons import Daemon, configuration
 from tests.daemon.waiting import eventually
 
 
-def test_the_next_run_begins_with_what_was_saved(tmp_path: Path) -> None:
-    """The sensor's zero, which this run found, is there in the next one without being asked for."""
+def test_the_next_run_begins_with_the_saved_parameters(tmp_path: Path) -> None:
+    """The sensor zero of a run is in force in the next one."""
     with Daemon(configuration(tmp_path)) as daemon:
         daemon.up().do("zero")
         zero_um = eventually(lambda: _zero_um(daemon))

@@ -1,4 +1,4 @@
-"""The stage as the HTTP service sees it, over a loop that drives nothing."""
+"""The stage as the HTTP service sees it, with a loop without devices."""
 
 import asyncio
 from collections.abc import Iterator
@@ -34,14 +34,14 @@ def config(rig_file: Path) -> DaemonConfig:
 
 @pytest.fixture
 def bench(tmp_path: Path, config: DaemonConfig) -> Iterator[Bench]:
-    """Return a link to try."""
+    """Return a link to test."""
     bench = Bench(tmp_path, config)
     yield bench
-    bench.link.audit_of_stage.close()
+    bench.link.stage_audit.close()
 
 
 def test_status_before_the_first_cycle_has_no_numbers(bench: Bench) -> None:
-    """A loop that starts is in BOOT, and its axes are there by name."""
+    """Before the first cycle the state is BOOT, and the axes have NaN."""
     status = bench.link.status()
 
     assert (status["stage"], status["state"], status["mode"]) == ("rig", "BOOT", "feedforward")
@@ -50,8 +50,8 @@ def test_status_before_the_first_cycle_has_no_numbers(bench: Bench) -> None:
     assert bench.link.faults() == []
 
 
-def test_status_tells_the_newest_cycle(bench: Bench) -> None:
-    """Position, command and drive of each axis, the mode by its name, faults with their remedy."""
+def test_status_is_that_of_the_newest_cycle(bench: Bench) -> None:
+    """Status has position, command and drive of each axis, mode, and faults with a remedy."""
     last = len(FAULTS) - 1
     bench.record(State.RUN, 1 << last, position_um=3.0, command_um=3.1, drive_v=20.0)
 
@@ -66,8 +66,8 @@ def test_status_tells_the_newest_cycle(bench: Bench) -> None:
     assert bench.link.fault_ids(1 << last) == [FAULTS[last].id]
 
 
-def test_status_tells_what_is_missing_for_real_time(bench: Bench) -> None:
-    """Whoever is refused for that finds there what it is."""
+def test_status_names_the_failed_real_time_steps(bench: Bench) -> None:
+    """A failed step explains why arming is refused."""
     steps = [{"name": "memory", "ok": False}, {"name": "processor", "ok": True}]
     bench.loop.shared.set_report({"steps": steps, "devices": [{"name": "rig"}]})
 
@@ -77,35 +77,33 @@ def test_status_tells_what_is_missing_for_real_time(bench: Bench) -> None:
 
 
 def test_request_reaches_the_loop_and_its_answer_comes_back(bench: Bench) -> None:
-    """What the loop says is the answer."""
+    """The answer is that of the loop."""
     answer = bench.do(lambda link: link.request(Goto(position_um=4.0), PEER))
 
     assert answer == Answer(accepted=True, motion=7)
     assert bench.requests == [Goto(position_um=4.0)]
 
 
-def test_shadow_makes_every_arming_one_without_writing(
-    tmp_path: Path, config: DaemonConfig
-) -> None:
+def test_shadow_makes_every_arming_a_shadow(tmp_path: Path, config: DaemonConfig) -> None:
     """With --shadow no client can have a voltage written."""
     bench = Bench(tmp_path, config, shadow=True)
     bench.do(lambda link: link.request(Arm(), PEER))
-    bench.link.audit_of_stage.close()
+    bench.link.stage_audit.close()
 
     assert bench.requests == [Arm(shadow=True)]
 
 
 def test_shutdown_is_for_the_supervisor(bench: Bench) -> None:
-    """The loop alone would be taken for lost."""
+    """A shutdown does not go to the loop directly, which would then count as lost."""
     answer = bench.do(lambda link: link.request(Shutdown(), PEER))
 
     assert answer.accepted
     assert bench.requests == []
-    assert bench.stopped == ["asked to by somebody"]
+    assert bench.stopped == ["requested by somebody"]
 
 
-def test_nothing_is_asked_while_the_loop_is_exchanged(bench: Bench) -> None:
-    """A client is told to try again instead of waiting."""
+def test_requests_during_an_exchange_are_refused(bench: Bench) -> None:
+    """The client gets an error at once instead of waiting."""
     bench.link.available = False
 
     with pytest.raises(UnavailableError, match="being exchanged"):
@@ -115,7 +113,7 @@ def test_nothing_is_asked_while_the_loop_is_exchanged(bench: Bench) -> None:
 
 
 def test_setpoints_of_a_stream_arrive_together_or_not_at_all(bench: Bench) -> None:
-    """One beyond the range is refused with that range, and only RUN follows any."""
+    """A setpoint out of range is refused with the range; outside RUN all are refused."""
     reader = StreamReader(bench.loop.shared)
     with pytest.raises(NotNowError, match="the stage is in BOOT"):
         bench.link.stream_setpoint({"x": 3.0})
@@ -138,8 +136,8 @@ def _learn(bench: Bench, zero_um: float) -> list[float]:
     return weights
 
 
-def test_saved_parameters_are_taken_back(bench: Bench) -> None:
-    """What was learned is a model again, with the sensor's zero."""
+def test_saved_parameters_are_loaded(bench: Bench) -> None:
+    """The learned weights become a model again, with the sensor zero."""
     weights = _learn(bench, zero_um=0.25)
     saved = bench.do(lambda link: link.save_params(PEER))
     history = bench.do(lambda link: link.params_history())
@@ -157,15 +155,15 @@ def test_saved_parameters_are_taken_back(bench: Bench) -> None:
 
 
 def test_parameters_beyond_their_range_are_not_saved(bench: Bench) -> None:
-    """What could not be loaded again is refused now, and what was saved before stays."""
+    """Parameters that could not be loaded again are refused, and older ones stay."""
     _learn(bench, zero_um=1e9)
 
     with pytest.raises(NotNowError, match=r"not saved: (?s:.*)zero_um"):
         bench.do(lambda link: link.save_params(PEER))
 
 
-def test_parameters_that_the_loop_does_not_take_are_not_in_use(bench: Bench) -> None:
-    """The loop's reason is the client's."""
+def test_parameters_that_the_loop_refuses_are_not_in_use(bench: Bench) -> None:
+    """The client gets the reason of the loop."""
     _learn(bench, zero_um=0.0)
     bench.do(lambda link: link.save_params(PEER))
     before = bench.loop.models["x"]
@@ -177,8 +175,8 @@ def test_parameters_that_the_loop_does_not_take_are_not_in_use(bench: Bench) -> 
 
 
 @pytest.mark.fault("D8")
-def test_corrupt_parameters_are_passed_over_and_told(bench: Bench) -> None:
-    """Those before are used, and whoever loads is told what is wrong with the newer ones."""
+def test_corrupt_parameters_are_skipped_and_reported(bench: Bench) -> None:
+    """Older parameters are loaded, and the answer names the rejected files."""
     _learn(bench, zero_um=0.0)
     for _ in range(2):
         bench.do(lambda link: link.save_params(PEER))
@@ -192,22 +190,22 @@ def test_corrupt_parameters_are_passed_over_and_told(bench: Bench) -> None:
 
 
 def test_parameters_of_other_axes_are_refused(tmp_path: Path, config: DaemonConfig) -> None:
-    """A stage that was rebuilt under its old name has other axes."""
+    """A rebuilt stage may have other axes under the same name."""
     before = Bench(tmp_path, config.model_copy(update={"axes": {"y": config.axes["x"]}}))
     weights = np.ones(4)
     before.loop.models["y"] = None
     LearnedWriter(before.loop.shared).publish(0, weights, 0.0, 0.0, 0.0)
     before.do(lambda link: link.save_params(PEER))
-    before.link.audit_of_stage.close()
+    before.link.stage_audit.close()
     bench = Bench(tmp_path, config)
 
     with pytest.raises(NotNowError, match="axes that this stage does not have: y"):
         bench.do(lambda link: link.load_params(None, PEER))
-    bench.link.audit_of_stage.close()
+    bench.link.stage_audit.close()
 
 
-def test_parameters_that_do_not_exist_are_no_name(bench: Bench) -> None:
-    """Before the first save there is nothing to load, nor to save before the first cycle."""
+def test_missing_parameters_are_an_error(bench: Bench) -> None:
+    """Nothing can be loaded before the first save, nor saved before the first cycle."""
     with pytest.raises(UnknownNameError, match="nothing is saved"):
         bench.do(lambda link: link.load_params(None, PEER))
     with pytest.raises(NotNowError, match="nothing has been learned"):
@@ -215,7 +213,7 @@ def test_parameters_that_do_not_exist_are_no_name(bench: Bench) -> None:
 
 
 def test_adopted_model_is_the_one_to_save(bench: Bench) -> None:
-    """Weights that are learned later belong to the thresholds of the model in use."""
+    """Weights learned later belong to the thresholds of the adopted model."""
     model = bench.loop.models["x"]
     assert model is not None
     other = model.model_copy(update={"created_by": "somebody else"})
@@ -225,7 +223,7 @@ def test_adopted_model_is_the_one_to_save(bench: Bench) -> None:
 
 
 def test_readers_follow_an_exchanged_loop(bench: Bench) -> None:
-    """Whoever streams goes on with the loop that runs now."""
+    """After an exchange a reader reads the ring of the new loop."""
     reader = bench.link.open_reader()
     bench.record(State.SAFE)
     before, _ = reader.read(10)
@@ -239,7 +237,7 @@ def test_readers_follow_an_exchanged_loop(bench: Bench) -> None:
 
 
 def test_audit_is_read_newest_first(bench: Bench) -> None:
-    """Who asked for what is there in the order in which people look for it."""
+    """The newest entry comes first."""
     bench.link.audit(AuditEntry(PEER, "arm", accepted=True))
     bench.link.audit(AuditEntry(PEER, "goto", accepted=False, why="cannot"))
 
@@ -249,7 +247,7 @@ def test_audit_is_read_newest_first(bench: Bench) -> None:
 
 
 def test_configuration_and_reload_are_passed_on(bench: Bench) -> None:
-    """What is in force is told as JSON."""
+    """The configuration in force is returned as JSON."""
     assert bench.link.config()["rate_hz"] == 20
     assert asyncio.run(bench.link.reload(PEER)) == {"by": "somebody"}
     assert bench.link.realtime()["rate_hz"] == 20

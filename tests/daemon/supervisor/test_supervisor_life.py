@@ -1,4 +1,4 @@
-"""A stage from its start to its end, as processes."""
+"""A stage from its start to its end, with real processes."""
 
 import signal
 from pathlib import Path
@@ -15,7 +15,7 @@ EXCITATION = {"kind": "sine", "low": 0.0, "high": 50.0, "frequency_hz": 0.1}
 
 
 def test_stage_is_driven_to_a_position_and_back(start: StartDaemon, rig_file: Path) -> None:
-    """Armed and told where to go it is there in the end, and an orderly end leaves no trace."""
+    """An armed stage reaches its position, and an orderly end removes the files of the run."""
     daemon = start(rig_file).up()
     assert daemon.do("arm")["accepted"]
     daemon.do("mode", mode="adaptive")
@@ -55,7 +55,7 @@ def test_stage_is_driven_to_a_position_and_back(start: StartDaemon, rig_file: Pa
 def test_end_is_orderly_in_every_state(
     start: StartDaemon, rig_file: Path, state: str, verbs: tuple[str, ...]
 ) -> None:
-    """SIGTERM ends it with 0 whatever it does; further signals change nothing."""
+    """SIGTERM ends the daemon with code 0 in every state; further signals change nothing."""
     daemon = start(rig_file).up()
     for verb in verbs:
         if verb == "goto":
@@ -89,7 +89,7 @@ def test_end_is_orderly_in_every_state(
 def test_end_is_orderly_while_it_starts(
     start: StartDaemon, rig_file: Path, sign_of_life: str
 ) -> None:
-    """Whatever there is of it already: SIGTERM ends it with 0, and leaves no process."""
+    """SIGTERM ends the daemon with code 0 at every moment of its start, and leaves no process."""
     daemon = start(rig_file)
     eventually(getattr(daemon.paths, sign_of_life).exists)
     loop_pid = daemon.loop_pid
@@ -103,12 +103,12 @@ def test_end_is_orderly_while_it_starts(
 
 
 @pytest.mark.fault("P1")
-def test_end_is_orderly_while_an_earlier_run_is_cleared_up(
+def test_end_is_orderly_while_an_earlier_run_is_ramped_down(
     start: StartDaemon, tmp_path: Path
 ) -> None:
-    """The ramp is waited for, and the mark stays for the next start.
+    """The daemon waits for the ramp, and the mark stays for the next start.
 
-    It takes long enough for somebody who looks now and then to see it.
+    The ramp is slow enough for a test that polls to see it.
     """
     daemon = start(configuration(tmp_path, safety="{safe_v: 40, ramp_v_per_s: 40}"))
     daemon.signal(signal.SIGKILL)
@@ -140,8 +140,8 @@ def test_end_is_orderly_without_a_device(start: StartDaemon, tmp_path: Path) -> 
 
 @pytest.mark.stress
 @pytest.mark.fault("P1")
-def test_end_without_the_device_that_was_driven_is_none(start: StartDaemon, tmp_path: Path) -> None:
-    """What is in force then nobody knows: `piezod safe` tries, says so, and the code is 1."""
+def test_end_without_the_device_that_was_driven_fails(start: StartDaemon, tmp_path: Path) -> None:
+    """`piezod safe` reports the voltage as UNKNOWN, and the exit code is 1."""
     rig = f"{{driver: emulated, options: {{socket: {tmp_path}/rig.sock, deadline_ms: 500}}}}"
     path = configuration(tmp_path, rig=rig)
     with hosted(tmp_path / "rig.sock", tmp_path / "trace.csv"):
@@ -158,7 +158,7 @@ def test_end_without_the_device_that_was_driven_is_none(start: StartDaemon, tmp_
 
 
 def test_shipped_configuration_runs(start: StartDaemon) -> None:
-    """What the README starts with works from anywhere; an engineer's request ends it as SIGTERM."""
+    """The shipped example runs from any folder, and a shutdown request ends it like SIGTERM."""
     daemon = start(SHIPPED).up()
     name = daemon.status()["stage"]
 
@@ -170,7 +170,7 @@ def test_shipped_configuration_runs(start: StartDaemon) -> None:
 
 @pytest.mark.fault("P10")
 def test_bad_configuration_starts_nothing(start: StartDaemon, tmp_path: Path) -> None:
-    """It ends with 78, every mistake with its place, and no device or loop was started."""
+    """The exit code is 78, every mistake has its place, and no loop or device was started."""
     daemon = start(configuration(tmp_path, rate_hz="0", speed_um_per_s="fast"))
 
     assert daemon.exit_code() == 78

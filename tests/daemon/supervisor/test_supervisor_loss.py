@@ -1,4 +1,4 @@
-"""What happens when a loop or its supervisor is gone, as processes."""
+"""Loss of the loop or of its supervisor, with real processes."""
 
 import os
 import signal
@@ -14,7 +14,7 @@ from tests.daemon.waiting import eventually
 
 @pytest.mark.fault("P3")
 def test_killed_loop_is_replaced_by_a_ramp_down(start: StartDaemon, rig_file: Path) -> None:
-    """The supervisor has the stage ramped down, says so and ends with 1; the mark stays."""
+    """The supervisor runs `piezod safe` and ends with code 1; the mark stays."""
     daemon = start(rig_file).up()
 
     os.kill(daemon.loop_pid, signal.SIGKILL)
@@ -31,7 +31,7 @@ def test_killed_loop_is_replaced_by_a_ramp_down(start: StartDaemon, rig_file: Pa
 def test_loop_that_hangs_is_killed_and_feeds_no_watchdog(
     start: StartDaemon, rig_file: Path, tmp_path: Path
 ) -> None:
-    """A loop without cycles starves the watchdog; where there is none it is killed all the same."""
+    """A loop without cycles gets no watchdog fed, and the supervisor kills it."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
         manager.settimeout(90)
@@ -46,7 +46,7 @@ def test_loop_that_hangs_is_killed_and_feeds_no_watchdog(
         assert daemon.exit_code() == 1
         assert "loop killed" in daemon.text
         manager.setblocking(False)
-        # At most what was sent before it hung, and never again after it was killed.
+        # Only messages from before it hung; none after it was killed.
         waiting = b"".join(iter(lambda: _received(manager), b""))
         assert waiting.count(b"WATCHDOG=1") < 10
 
@@ -62,9 +62,9 @@ def _received(manager: socket.socket) -> bytes:
 def test_loop_without_a_supervisor_goes_to_safe_and_ends(
     start: StartDaemon, tmp_path: Path
 ) -> None:
-    """Killing the supervisor leaves no loop behind; a start at once waits for it, and for a reset.
+    """A loop whose supervisor was killed ramps down; the next start waits for it and latches P2.
 
-    The ramp takes longer than a start does.
+    The ramp takes longer than a start.
     """
     config = configuration(tmp_path, safety="{safe_v: 0, ramp_v_per_s: 20}")
     daemon = start(config).up()
@@ -86,7 +86,7 @@ def test_loop_without_a_supervisor_goes_to_safe_and_ends(
 
 
 def test_absent_device_may_be_an_error(start: StartDaemon, tmp_path: Path) -> None:
-    """With --require-device a stage without its device ends with 69, in order."""
+    """With --require-device a stage without its device ends in order, with code 69."""
     path = configuration(tmp_path, rig="{driver: emulated, options: {socket: nobody.sock}}")
     daemon = start(path, "--require-device")
 

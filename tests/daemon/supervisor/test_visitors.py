@@ -1,4 +1,4 @@
-"""What others try with a daemon that is at rest, and that goes on as before."""
+"""Large requests and second starts do not disturb a daemon at rest."""
 
 import threading
 from collections.abc import Iterator
@@ -17,17 +17,17 @@ from tests.daemon.daemons import Daemon, configuration
 from tests.daemon.service.raw import HEAD, connected, read_to_end
 
 COUNT = 30
-LOOK_EACH_S = 0.005
+POLL_S = 0.005
 BODY = (b'{"a": [' + b"0," * LARGE_BODY)[: LARGE_BODY - 3] + b"0]}"
 
 
-class Looks(threading.Thread):
-    """Counts for how long the supervisor's beat is the same.
+class BeatMonitor(threading.Thread):
+    """Counts how often in a row the same beat of the supervisor is seen.
 
-    In looks rather than in time: when the machine stands still, so does who counts.
+    It counts looks, not time: if the machine pauses, the counting pauses too.
 
     Args:
-        loop_map: What supervisor and loop share.
+        loop_map: The memory shared by supervisor and loop.
     """
 
     def __init__(self, loop_map: Path) -> None:
@@ -37,15 +37,15 @@ class Looks(threading.Thread):
         self._ended = threading.Event()
 
     def run(self) -> None:
-        """Look again and again."""
-        looks, before_ns = 0, 0
-        while not self._ended.wait(LOOK_EACH_S):
+        """Count until `end`."""
+        count, before_ns = 0, 0
+        while not self._ended.wait(POLL_S):
             beat_ns = self._words[Word.SUPERVISOR_BEAT_NS]
-            looks = looks + 1 if beat_ns == before_ns else 0
-            self._most, before_ns = max(self._most, looks), beat_ns
+            count = count + 1 if beat_ns == before_ns else 0
+            self._most, before_ns = max(self._most, count), beat_ns
 
     def end(self) -> int:
-        """Return how many looks in a row saw the same beat, at most."""
+        """End the thread; return the highest count."""
         self._ended.set()
         self.join()
         return self._most
@@ -53,39 +53,39 @@ class Looks(threading.Thread):
 
 @pytest.fixture(scope="module")
 def resting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """Return a daemon that all tests use, disarmed."""
+    """Return a disarmed daemon that all tests share."""
     with Daemon(configuration(tmp_path_factory.mktemp("resting"))) as daemon:
         yield daemon.up()
 
 
 def send(path: Path, verb: str) -> bytes:
-    """Send a large body; return the beginning of the answer, nothing where there is none."""
+    """Send a large body; return the beginning of the answer, or nothing."""
     head = HEAD % verb.encode() + b"content-type: application/json\r\nconnection: close\r\n"
     with connected(path) as connection:
-        with suppress(BrokenPipeError):  # it need not read what it refuses
+        with suppress(BrokenPipeError):  # the service need not read a body that it refuses
             connection.sendall(head + b"content-length: %d\r\n\r\n" % len(BODY) + BODY)
         return read_to_end(connection)[:12]
 
 
 @pytest.mark.fault("C2")
 def test_large_bodies_do_not_stop_the_beat(resting: Daemon) -> None:
-    """All of them are refused, and the loop has seen its supervisor all the time."""
+    """All bodies are refused, and the beat never stops for long."""
     daemon = resting
-    looks = Looks(daemon.paths.loop_map)
-    looks.start()
+    monitor = BeatMonitor(daemon.paths.loop_map)
+    monitor.start()
 
     with ThreadPoolExecutor(COUNT // 2) as clients:
         paths, verbs = [daemon.paths.api_socket] * 2 * COUNT, ["estop"] * COUNT + ["wave"] * COUNT
         answers = set(clients.map(send, paths, verbs))
 
-    assert looks.end() * LOOK_EACH_S < SUPERVISOR_LOST_NS / NS_PER_S / 2
+    assert monitor.end() * POLL_S < SUPERVISOR_LOST_NS / NS_PER_S / 2
     assert answers <= {b"HTTP/1.1 413", b"HTTP/1.1 422", b"HTTP/1.1 429", b""}
     assert daemon.status()["state"] == "SAFE"
 
 
 @pytest.mark.fault("P9")
 def test_second_start_leaves_the_first_alone(resting: Daemon) -> None:
-    """Whoever comes second ends with 75 and has touched nothing, however many come at once."""
+    """Every further start ends with code 75 and changes nothing."""
     daemon = resting
     pid = daemon.loop_pid
     before = daemon.paths.api_socket.stat()

@@ -1,4 +1,4 @@
-"""CAN in a kernel that has it: run in the guest, by `tests/system/test_guest_buses.py`."""
+"""CAN at a real kernel; `tests/system/test_guest_buses.py` runs this file in the guest."""
 
 import gc
 import os
@@ -36,20 +36,20 @@ NOBODY = 65_534
 
 
 def system(command: str) -> str:
-    """Run a command; return what it prints."""
+    """Run a command; return its output."""
     ended = subprocess.run(command.split(), capture_output=True, text=True, check=False)
     assert ended.returncode == 0, f"{command}: {ended.stderr}"
     return ended.stdout
 
 
 def up(name: str) -> None:
-    """Bring a controller's interface up."""
+    """Bring the interface of a controller up."""
     system(f"ip link set {name} up type can bitrate 500000")
 
 
 @pytest.fixture
 def vcan() -> Iterator[str]:
-    """Return a virtual interface of the kernel, which is up."""
+    """Return a virtual interface of the kernel, up."""
     system("ip link add vcan0 type vcan")
     system("ip link set vcan0 up")
     yield "vcan0"
@@ -58,7 +58,7 @@ def vcan() -> Iterator[str]:
 
 @pytest.fixture
 def controllers() -> Iterator[tuple[str, str]]:
-    """Return two controllers on one bus, which are up."""
+    """Return two controllers on one bus, up."""
     for name in ("can0", "can1"):
         up(name)
     yield "can0", "can1"
@@ -68,7 +68,7 @@ def controllers() -> Iterator[tuple[str, str]]:
 
 @contextmanager
 def node_on(name: str) -> Iterator[None]:
-    """Have a node by the canopen library on an interface."""
+    """Run a node of the canopen library on an interface."""
     network = canopen.Network()
     network.connect(interface="socketcan", channel=name)
     try:
@@ -80,25 +80,25 @@ def node_on(name: str) -> Iterator[None]:
 
 @contextmanager
 def listening(name: str) -> Iterator[can.BusABC]:
-    """Hear everything on an interface."""
+    """Receive every frame on an interface."""
     with can.Bus(interface="socketcan", channel=name) as bus:
         yield bus
 
 
 def next_data(bus: can.BusABC) -> bytes:
-    """Return the data of the next frame that comes."""
+    """Return the data of the next frame."""
     message = eventually(lambda: bus.recv(0))
     assert message is not None
     return bytes(message.data)
 
 
 def heard(bus: can.BusABC) -> list[can.Message]:
-    """Return what has come."""
+    """Return the frames that have come."""
     return list(iter(lambda: bus.recv(0), None))
 
 
 def device_on(name: str, **more: Any) -> Any:
-    """Return our driver's device for the node on an interface; it is not open."""
+    """Return the device of our driver for the node on an interface, not open."""
     bus = {"interface": "socketcan", "channel": name}
     plugin = registry.load("canopen")
     settings = {**canopen_options("", **more), "bus": bus}
@@ -108,7 +108,7 @@ def device_on(name: str, **more: Any) -> Any:
 
 
 def device_at(name: str, **more: Any) -> Any:
-    """Return our driver's device, open and active."""
+    """Return the device of our driver, open and active."""
     device = device_on(name, **more)
     device.open()
     device.activate(time.monotonic_ns())
@@ -116,7 +116,7 @@ def device_at(name: str, **more: Any) -> Any:
 
 
 def drives(device: Any, volts: float) -> None:
-    """Assert that the output is set, read back, and that its half is at the input."""
+    """Assert that the output is set and read back, and that the input shows half of it."""
     now_ns = time.monotonic_ns()
     taken, (sample,) = device.exchange([volts], now_ns)
     assert taken, device.status(now_ns)
@@ -125,13 +125,13 @@ def drives(device: Any, volts: float) -> None:
 
 
 def flags(device: Any) -> set[DeviceFlag]:
-    """Return what the status of a device tells of any channel."""
+    """Return the flags of all channels of a device."""
     return set().union(*device.status(time.monotonic_ns()))
 
 
 @contextmanager
 def plugged(name: str, n_frames: int) -> Iterator[None]:
-    """Hold frames up in the kernel's queue, as on a bus where nobody acknowledges."""
+    """Hold frames back in the queue of the kernel, as on a bus without acknowledgement."""
     system(f"tc qdisc add dev {name} root plug limit {n_frames * 16}")
     try:
         yield
@@ -140,12 +140,12 @@ def plugged(name: str, n_frames: int) -> Iterator[None]:
 
 
 def unplug(name: str) -> None:
-    """Let the queue go, and all that is to come."""
+    """Release the queue."""
     system(f"tc qdisc change dev {name} root plug release_indefinite")
 
 
 def test_driver_drives_a_node_at_a_virtual_interface(vcan: str) -> None:
-    """Opened, set up, driven, read and read back, by frames of the kernel."""
+    """The driver opens, sets up, writes, reads and reads back, by frames of the kernel."""
     with node_on(vcan):
         device = device_at(vcan)
         for volts in (1.0, -3.0, 8.0):
@@ -155,7 +155,7 @@ def test_driver_drives_a_node_at_a_virtual_interface(vcan: str) -> None:
 
 
 def test_driver_drives_a_node_at_another_controller(controllers: tuple[str, str]) -> None:
-    """So at the registers of an SJA1000, with the node at another one."""
+    """The same works with an SJA1000 at each end."""
     ours, theirs = controllers
     with node_on(theirs):
         device = device_at(ours)
@@ -165,8 +165,8 @@ def test_driver_drives_a_node_at_another_controller(controllers: tuple[str, str]
         device.close()
 
 
-def test_kernel_filters_and_spares_us_our_own(vcan: str) -> None:
-    """What is not accepted, and what we have sent, does not come; the rest does."""
+def test_kernel_filters_foreign_and_own_frames(vcan: str) -> None:
+    """Frames that are not accepted, and our own frames, do not arrive; all others do."""
     bus = LibraryBus("socketcan", vcan, {})
     bus.open((0x123, 0x12345))
     with listening(vcan) as other:
@@ -181,8 +181,8 @@ def test_kernel_filters_and_spares_us_our_own(vcan: str) -> None:
     assert sent == b"own"
 
 
-def test_host_shows_that_it_lives(vcan: str) -> None:
-    """Where the node watches this host, its heartbeat is on the bus, and stops in the end."""
+def test_host_sends_a_heartbeat(vcan: str) -> None:
+    """If the node watches this host, its heartbeat is on the bus, and stops at the end."""
     outputs = {"ao1": {"number": 1, **CODES, "safe_code": 0}}
     with node_on(vcan), listening(vcan) as ear:
         device = device_at(vcan, outputs=outputs, watchdog_ms=10_000)
@@ -195,8 +195,8 @@ def test_host_shows_that_it_lives(vcan: str) -> None:
 
 
 @pytest.mark.sees("canopen", "B12")
-def test_foreign_setpoint_is_told(vcan: str) -> None:
-    """Another program that sends what only this host should is seen."""
+def test_foreign_setpoint_is_detected(vcan: str) -> None:
+    """A setpoint that another program sends is detected."""
     with node_on(vcan), listening(vcan) as other:
         device = device_at(vcan)
         drives(device, 1.0)
@@ -207,14 +207,14 @@ def test_foreign_setpoint_is_told(vcan: str) -> None:
 
 
 def is_lost(device: Any) -> bool:
-    """Tell whether a device says that it is lost."""
+    """Return whether a device reports that it is lost."""
     _, (sample,) = device.exchange([1.0], time.monotonic_ns())
     return not sample.valid and flags(device) == {DeviceFlag.DISCONNECTED}
 
 
 @pytest.mark.sees("canopen", "B1")
-def test_interface_that_is_taken_down_is_told(controllers: tuple[str, str]) -> None:
-    """The device is lost, cannot be opened meanwhile, and is there again when it is up."""
+def test_interface_that_is_taken_down_is_detected(controllers: tuple[str, str]) -> None:
+    """The device is lost, cannot be opened, and works again when the interface is up."""
     ours, theirs = controllers
     with node_on(theirs):
         device = device_at(ours)
@@ -232,10 +232,10 @@ def test_interface_that_is_taken_down_is_told(controllers: tuple[str, str]) -> N
         device.close()
 
 
-@pytest.mark.filterwarnings("ignore:unclosed:ResourceWarning")  # python-can's, where it raises
+@pytest.mark.filterwarnings("ignore:unclosed:ResourceWarning")  # of python-can, when it raises
 @pytest.mark.sees("canopen", "B1")
-def test_controller_that_is_pulled_out_is_told(controllers: tuple[str, str]) -> None:
-    """So where the controller itself goes and comes back."""
+def test_removed_controller_is_detected(controllers: tuple[str, str]) -> None:
+    """The same holds if the controller itself is removed and comes back."""
     ours, theirs = controllers
     function = Path(f"/sys/class/net/{ours}/device").resolve()
     with node_on(theirs):
@@ -257,8 +257,8 @@ def test_controller_that_is_pulled_out_is_told(controllers: tuple[str, str]) -> 
 
 
 @pytest.mark.sees("canopen", "B9")
-def test_full_queue_is_told(controllers: tuple[str, str]) -> None:
-    """The kernel's ENOBUFS becomes `NOT_SENT`."""
+def test_full_queue_is_detected(controllers: tuple[str, str]) -> None:
+    """The kernel's ENOBUFS becomes the flag `NOT_SENT`."""
     ours, _ = controllers
     bus = LibraryBus("socketcan", ours, {})
     bus.open(())
@@ -271,8 +271,8 @@ def test_full_queue_is_told(controllers: tuple[str, str]) -> None:
         bus.close()
 
 
-def test_kernel_keeps_frames_of_who_is_gone(controllers: tuple[str, str]) -> None:
-    """A frame in the queue outlives its socket, and leaves later: that is the danger."""
+def test_kernel_keeps_frames_of_a_closed_socket(controllers: tuple[str, str]) -> None:
+    """A frame in the queue outlives its socket and is sent later, which is the danger."""
     ours, theirs = controllers
     with plugged(ours, 2):
         with listening(ours) as sender:
@@ -284,7 +284,7 @@ def test_kernel_keeps_frames_of_who_is_gone(controllers: tuple[str, str]) -> Non
 
 @pytest.mark.sees("canopen", "B8")
 def test_old_setpoint_never_leaves(controllers: tuple[str, str]) -> None:
-    """After a stall, what is opened again sends the new setpoint and none of the old ones."""
+    """A bus that is opened again after a stall sends the new setpoint and no old one."""
     ours, theirs = controllers
     bus = LibraryBus("socketcan", ours, {})
     bus.open(())
@@ -302,7 +302,7 @@ def test_old_setpoint_never_leaves(controllers: tuple[str, str]) -> None:
 
 @pytest.mark.sees("canopen", "B8")
 def test_stalled_device_drives_again(controllers: tuple[str, str]) -> None:
-    """Where nothing leaves, the device is lost; opened again, it sends nothing old, and drives."""
+    """A stalled device is lost; opened again, it sends no old setpoint, and drives."""
     ours, theirs = controllers
     with node_on(theirs), listening(theirs) as ear:
         device = device_at(ours)
@@ -322,14 +322,14 @@ def test_stalled_device_drives_again(controllers: tuple[str, str]) -> None:
 
 
 def test_queue_is_not_used_without_the_right_to_empty_it(controllers: tuple[str, str]) -> None:
-    """Who may not take the interface down is told what to do; whoever does it, it is enough."""
+    """A user without this right is told what to do; any user may do it."""
     ours, _ = controllers
     bus = LibraryBus("socketcan", ours, {})
     bus.open(())
     with plugged(ours, 2):
         stall(CanConversation(bus, SECOND_NS, (), lambda _: None))
         bus.close()
-        os.seteuid(NOBODY)  # which gives up what root may
+        os.seteuid(NOBODY)  # gives up the rights of root
         try:
             with pytest.raises(DeviceUnavailableError, match=f"ip link set {ours} down"):
                 bus.open(())
@@ -346,8 +346,8 @@ def test_queue_is_not_used_without_the_right_to_empty_it(controllers: tuple[str,
 
 
 @pytest.mark.sees("canopen", "B8")
-def test_controller_off_the_bus_is_told(vcan: str) -> None:
-    """The kernel's error frame loses the device; to open it again takes the interface down."""
+def test_controller_off_the_bus_is_detected(vcan: str) -> None:
+    """After the kernel's error frame the device is lost; reopening it takes the interface down."""
     with listening(vcan) as driver:
         with node_on(vcan):
             device = device_at(vcan)
@@ -365,7 +365,7 @@ def test_controller_off_the_bus_is_told(vcan: str) -> None:
 
 
 def stall(cycle: CanConversation) -> None:
-    """Send until the bus counts as left."""
+    """Send until the bus counts as off."""
     for _ in range(2):
         cycle.tell(OLD)
     caught = []

@@ -1,4 +1,4 @@
-"""A USB serial adapter of a real kernel: run in the guest, by `test_guest_buses.py`."""
+"""A USB serial adapter at a real kernel; `test_guest_buses.py` runs this file in the guest."""
 
 import errno
 import os
@@ -34,7 +34,7 @@ _SERIAL_STRUCT: Final = struct.Struct("iiIii")
 
 
 def host(request: str) -> None:
-    """Have the machine that we are a guest of do something."""
+    """Send a request to the machine that hosts the guest."""
     fd = os.open("/dev/ttyS1", os.O_RDWR | os.O_NOCTTY)
     os.write(fd, f"{request}\n".encode())
     answer = b""
@@ -45,40 +45,40 @@ def host(request: str) -> None:
 
 
 def path_of(identity: str) -> Path:
-    """Return what udev calls the adapter with this serial number."""
+    """Return the path that udev gives to the adapter with this serial number."""
     return BY_ID / f"usb-QEMU_QEMU_USB_SERIAL_{identity}-if00-port0"
 
 
 def plug(identity: str, what: str = "wire") -> str:
-    """Plug an adapter in; return its path, which is there then."""
+    """Plug an adapter in; return its path when it exists."""
     host(f"plug {identity} {what}")
     eventually(path_of(identity).exists)
     return str(path_of(identity))
 
 
 def unplug(identity: str) -> None:
-    """Pull it out; udev knows it then."""
+    """Unplug an adapter, and wait until its path is gone."""
     host(f"unplug {identity}")
     eventually(lambda: not path_of(identity).exists())
 
 
 @pytest.fixture
 def adapter() -> Iterator[str]:
-    """Return the path of an adapter, which is pulled out in the end."""
+    """Return the path of an adapter, which is unplugged at the end."""
     yield plug(OURS)
     if path_of(OURS).exists():
         unplug(OURS)
 
 
 def amplifier(path: str) -> Any:
-    """Return the amplifier behind the adapter; it is not open."""
+    """Return the amplifier behind the adapter, not open."""
     plugin = registry.load("thorlabs_mdt")
     options = plugin.options_model.model_validate({"port": path, "timeout_ms": 2000})
     return plugin.create(options, Wiring((), ("x",)), 1)
 
 
 def drives(device: Any, volts: float) -> None:
-    """Open it, and assert that it sets its output."""
+    """Open the amplifier, and assert that it sets its output."""
     device.open()
     device.activate(time.monotonic_ns())
     assert device.write([volts], time.monotonic_ns())
@@ -86,7 +86,7 @@ def drives(device: Any, volts: float) -> None:
 
 
 def flags(device: Any) -> set[DeviceFlag]:
-    """Return what the status of a device tells of any channel."""
+    """Return the flags of all channels of a device."""
     return set().union(*device.status(time.monotonic_ns()))
 
 
@@ -97,9 +97,9 @@ def test_bytes_are_passed_on_at_once(adapter: str) -> None:
     line = SerialLine(adapter, 115_200)
     line.open()
     fd = os.open(adapter, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    told = ioctl(fd, termios.TIOCGSERIAL, bytes(256))
+    settings = ioctl(fd, termios.TIOCGSERIAL, bytes(256))
     os.close(fd)
-    assert _SERIAL_STRUCT.unpack_from(told)[4] & _LOW_LATENCY
+    assert _SERIAL_STRUCT.unpack_from(settings)[4] & _LOW_LATENCY
     print("latency timer, ms:", before.strip(), timer.read_text().strip())
     assert timer.read_text().strip() == "1"
     line.close()
@@ -107,13 +107,13 @@ def test_bytes_are_passed_on_at_once(adapter: str) -> None:
 
 @pytest.mark.sees("thorlabs_mdt", "B14")
 def test_port_is_held_alone(adapter: str) -> None:
-    """Others are refused: ours by the lock, those that ask for none by the kernel."""
+    """Our lock refuses a second line, and the kernel refuses programs that ask for no lock."""
     Path(adapter).chmod(0o666)
     line, other = SerialLine(adapter, 115_200), SerialLine(adapter, 115_200)
     line.open()
     with pytest.raises(DeviceUnavailableError, match="held by another program"):
         other.open()
-    os.seteuid(NOBODY)  # root is let in, whoever holds it
+    os.seteuid(NOBODY)  # the kernel never refuses root
     try:
         with pytest.raises(OSError, match="busy") as refusal:
             os.close(os.open(adapter, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))
@@ -128,8 +128,8 @@ def test_port_is_held_alone(adapter: str) -> None:
 
 
 @pytest.mark.sees("thorlabs_mdt", "B1")
-def test_adapter_that_is_pulled_out_is_told(adapter: str) -> None:
-    """The device is lost, cannot be opened meanwhile, and drives when it is plugged in again."""
+def test_unplugged_adapter_is_detected(adapter: str) -> None:
+    """The device is lost, cannot be opened, and drives again when the adapter is plugged in."""
     device = amplifier(adapter)
     drives(device, 20.0)
     unplug(OURS)
@@ -145,8 +145,8 @@ def test_adapter_that_is_pulled_out_is_told(adapter: str) -> None:
 
 
 @pytest.mark.sees("thorlabs_mdt", "B1")
-def test_who_waits_for_a_reply_is_told(adapter: str) -> None:
-    """An adapter that is pulled out during an exchange ends it: it is no time-out."""
+def test_unplugging_ends_an_exchange(adapter: str) -> None:
+    """Unplugging during an exchange is a loss, not a time-out."""
     line = SerialLine(adapter, 115_200)
     line.open()
     puller = threading.Timer(0.2, unplug, (OURS,))
@@ -162,8 +162,8 @@ def test_who_waits_for_a_reply_is_told(adapter: str) -> None:
 
 
 @pytest.mark.sees("thorlabs_mdt", "B2")
-def test_other_path_is_told(adapter: str) -> None:
-    """By its lasting name it is found where the kernel has called it something else."""
+def test_other_path_is_detected(adapter: str) -> None:
+    """The device is found by its lasting name at the kernel's new path."""
     device = amplifier(adapter)
     drives(device, 20.0)
     first = Path(adapter).resolve()
@@ -183,7 +183,7 @@ def test_other_path_is_told(adapter: str) -> None:
 
 @pytest.mark.sees("thorlabs_mdt", "B2")
 def test_old_descriptor_keeps_its_name(adapter: str) -> None:
-    """Plugged in again before the device was closed, it is at another path; it drives there."""
+    """An adapter that was plugged in again before the device was closed gets another path."""
     device = amplifier(adapter)
     drives(device, 20.0)
     first = Path(adapter).resolve()

@@ -1,5 +1,5 @@
 #!/bin/busybox sh
-# The first process of all: mounts the host's files, read-only, and goes on in them.
+# The first process: mounts the files of the host, read-only, and continues there.
 /bin/busybox --install -s /bin
 mount -t devtmpfs dev /dev
 for module in $(cat /modules/order); do insmod /modules/$module; done

@@ -1,4 +1,4 @@
-"""Debian's ordinary kernel, made ready to boot with the files of this machine as its root."""
+"""Debian's ordinary kernel, prepared to boot with this machine's files as its root."""
 
 import lzma
 import os
@@ -10,16 +10,16 @@ from typing import Final, NamedTuple
 _HERE: Final = Path(__file__).parent
 _PACKAGE: Final = "linux-image-amd64"
 _BOOT: Final = ("virtio_pci", "9pnet_virtio", "9p")
-"""Modules without which there is no root."""
+"""Modules that mounting the root needs."""
 
 
 class Kernel(NamedTuple):
-    """What is booted.
+    """A kernel to boot.
 
     Attributes:
         image: The kernel.
-        initial: What it runs first: the modules for its root, and what mounts that.
-        modules: Folder of its other modules, as `modprobe --dirname` takes it.
+        initial: Its initial file system: the modules for the root, and a script that mounts it.
+        modules: Folder of its other modules, for `modprobe --dirname`.
         release: Its version.
     """
 
@@ -30,13 +30,13 @@ class Kernel(NamedTuple):
 
 
 def fetch(cache: Path) -> Kernel:
-    """Return Debian's kernel; a package of it in the cache is not fetched again.
+    """Return Debian's kernel; a package in the cache is not downloaded again.
 
     Args:
-        cache: Keeps the package, 70 MB, and what is unpacked of it.
+        cache: Folder for the package, 70 MB, and its unpacked files.
 
     Raises:
-        OSError: If there is none to be had.
+        OSError: If the package cannot be downloaded.
     """
     unpacked = cache / "unpacked"
     if not unpacked.is_dir():
@@ -68,7 +68,7 @@ def _package(cache: Path) -> Path:
 
 
 def _pack(unpacked: Path, release: str, initial: Path) -> None:
-    """Pack what runs first into an archive of the kernel's kind."""
+    """Pack the initial file system into an archive for the kernel."""
     folder = initial.with_suffix(".d")
     shutil.rmtree(folder, ignore_errors=True)
     for name in ("bin", "dev", "modules", "root"):

@@ -1,8 +1,8 @@
-"""A guest in QEMU with a kernel of its own, for buses that the kernel of this machine may lack.
+"""A guest in QEMU with its own kernel, for buses that the kernel of this machine may not have.
 
-Its root are the files of this machine, read-only, so that it has the interpreter and the libraries
-of the test at the same places. It has two CAN controllers on one bus and a USB controller; USB
-serial adapters are plugged and unplugged as the test wants.
+Its root is this machine's file system, read-only, so that it has interpreter and libraries of the
+test at the same places. It has two CAN controllers on one bus, and a USB controller; the test plugs
+and unplugs USB serial adapters.
 """
 
 import json
@@ -33,20 +33,20 @@ _COMMAND_S: Final = 900.0
 
 
 def why_not() -> str:
-    """Tell why no guest can be booted here; empty if one can."""
+    """Return why no guest can be booted here, or ""."""
     if os.geteuid() != 0:
-        return "only root can lend a guest all files"
+        return "only root can share all files with a guest"
     missing = [name for name in _NEEDED if shutil.which(name) is None]
     return f"not installed: {', '.join(missing)}" if missing else ""
 
 
 class Guest:
-    """A guest that is running.
+    """A running guest.
 
     Args:
         share: Folder that it can write to.
-        control: Carries commands to it, and what it asks for.
-        monitor: Carries commands to QEMU.
+        control: Connection for commands to the guest, and for its requests.
+        monitor: Connection to QEMU.
     """
 
     def __init__(self, share: Path, control: socket.socket, monitor: socket.socket) -> None:
@@ -56,26 +56,26 @@ class Guest:
         self._control = control.makefile("rw", encoding="utf-8", newline="\n")
         self._monitor = monitor.makefile("rw", encoding="utf-8", newline="\n")
         self._monitor.readline()
-        self._tell_qemu("qmp_capabilities")
+        self._qemu("qmp_capabilities")
 
     def close(self) -> None:
-        """Let go of its wires."""
+        """Close the connections."""
         self._control.close()
         self._monitor.close()
 
     def wait_until_booted(self) -> None:
-        """Wait until it takes commands."""
+        """Wait until it accepts commands."""
         assert self._serve() == 0
 
     def run(self, command: str) -> tuple[int, str]:
         """Run a shell command in it.
 
-        Meanwhile it may ask for an adapter to be plugged or unplugged.
+        Meanwhile it may request that an adapter is plugged or unplugged.
 
         Returns:
-            The exit code, and what it printed.
+            The exit code and the output.
         """
-        self._say(command)
+        self._send(command)
         code = self._serve()
         return code, (self._share / "output").read_text("utf-8", "replace")
 
@@ -87,7 +87,7 @@ class Guest:
         return self.run(f"cd {_REPOSITORY} && PIEZOD_GUEST=1 {command}")
 
     def _serve(self) -> int:
-        """Do what it asks for until it has done what it was told; return its exit code."""
+        """Execute the requests of the guest until its command has ended; return the exit code."""
         for line in self._control:
             word, _, rest = line.strip().partition(" ")
             match word:
@@ -95,17 +95,17 @@ class Guest:
                     return int(rest)
                 case "plug":
                     identity, _, chardev = rest.partition(" ")
-                    self._say(self._plug(identity, chardev))
+                    self._send(self._plug(identity, chardev))
                 case "unplug":
-                    self._say(self._tell_qemu("device_del", id=rest))
+                    self._send(self._qemu("device_del", id=rest))
         raise AssertionError("the guest has ended")
 
-    def _say(self, line: str) -> None:
+    def _send(self, line: str) -> None:
         self._control.write(line + "\n")
         self._control.flush()
 
     def _plug(self, identity: str, chardev: str) -> str:
-        return self._tell_qemu(
+        return self._qemu(
             "device_add",
             driver="usb-serial",
             bus="usb.0",
@@ -114,8 +114,8 @@ class Guest:
             chardev=chardev,
         )
 
-    def _tell_qemu(self, command: str, **arguments: str) -> str:
-        """Have QEMU do something; return `ok`, or why it has not."""
+    def _qemu(self, command: str, **arguments: str) -> str:
+        """Send QEMU a command; return `ok`, or the reason of its failure."""
         document: dict[str, Any] = {"execute": command}
         if arguments:
             document["arguments"] = arguments
@@ -137,9 +137,9 @@ def booted(kernel: Kernel, console: Path, far_end: str) -> Iterator[Guest]:
     """Boot a guest; it is switched off when the block ends.
 
     Args:
-        kernel: What is booted.
-        console: Takes what its kernel prints.
-        far_end: Serial port or pty that is behind a USB adapter at `wire`.
+        kernel: The kernel to boot.
+        console: File for the messages of the kernel.
+        far_end: Serial port or pty behind a USB adapter at `wire`.
     """
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pz-guest-")))
@@ -156,8 +156,8 @@ def booted(kernel: Kernel, console: Path, far_end: str) -> Iterator[Guest]:
         control.settimeout(_BOOT_S)
         guest.wait_until_booted()
         control.settimeout(_COMMAND_S)
-        code, told = guest.run(f"modprobe --dirname={kernel.modules} --all {' '.join(_MODULES)}")
-        assert code == 0, told
+        code, output = guest.run(f"modprobe --dirname={kernel.modules} --all {' '.join(_MODULES)}")
+        assert code == 0, output
         yield guest
 
 

@@ -1,6 +1,6 @@
 #!/bin/sh
-# The first process of the guest, once its root is there: obeys what comes on its second serial
-# port, a line at a time, and tells there how each command has ended.
+# The first process of the guest after its root is mounted: executes each line that comes on the
+# second serial port as a command, and writes the exit code there.
 export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/tmp
 export PYTHONDONTWRITEBYTECODE=1
 stty -F /dev/ttyS1 115200 raw -echo clocal

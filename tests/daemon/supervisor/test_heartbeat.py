@@ -7,7 +7,7 @@ import pytest
 
 from piezod.daemon.loop import accept
 from piezod.daemon.supervisor.connection import LoopConnection
-from piezod.daemon.supervisor.heart import BUSY_S, Heart
+from piezod.daemon.supervisor.heartbeat import BUSY_S, Heartbeat
 from piezod.telemetry.layout import Layout
 from piezod.telemetry.shared_map import create
 from piezod.telemetry.words import Word
@@ -24,12 +24,12 @@ def loops(tmp_path: Path, rig_file: Path) -> list[LoopConnection]:
 
 
 @pytest.fixture
-def heart(loops: list[LoopConnection]) -> Iterator[Heart]:
-    """Return a heart that beats for the first loop."""
-    heart = Heart(loops[0])
-    heart.start()
-    yield heart
-    heart.stop()
+def heartbeat(loops: list[LoopConnection]) -> Iterator[Heartbeat]:
+    """Return a heartbeat for the first loop."""
+    heartbeat = Heartbeat(loops[0])
+    heartbeat.start()
+    yield heartbeat
+    heartbeat.stop()
 
 
 def beat_ns(loop: LoopConnection) -> int:
@@ -37,32 +37,32 @@ def beat_ns(loop: LoopConnection) -> int:
     return loop.shared.words[Word.SUPERVISOR_BEAT_NS]
 
 
-@pytest.mark.usefixtures("heart")
+@pytest.mark.usefixtures("heartbeat")
 def test_it_beats_beside_an_event_loop_that_is_busy(loops: list[LoopConnection]) -> None:
-    """Without a further tick."""
+    """The beat continues without further ticks."""
     first_ns = eventually(lambda: beat_ns(loops[0]))
 
     eventually(lambda: beat_ns(loops[0]) > first_ns)
 
 
 @pytest.mark.fault("H1")
-def test_it_stops_where_the_event_loop_hangs(loops: list[LoopConnection]) -> None:
-    """A supervisor that answers nobody is as good as gone; when it goes on, so does its heart."""
-    heart, busy_ns = Heart(loops[0]), s_to_ns(BUSY_S)
+def test_it_stops_if_the_event_loop_hangs(loops: list[LoopConnection]) -> None:
+    """The beat stops 3 s after the last tick, and continues with the next one."""
+    heartbeat, busy_ns = Heartbeat(loops[0]), s_to_ns(BUSY_S)
 
-    heart.tick(1000)
-    heart.beat(1000 + busy_ns - 1)
-    heart.beat(1000 + busy_ns)
+    heartbeat.tick(1000)
+    heartbeat.beat(1000 + busy_ns - 1)
+    heartbeat.beat(1000 + busy_ns)
     last_ns = beat_ns(loops[0])
-    heart.tick(2000 + busy_ns)
-    heart.beat(2001 + busy_ns)
+    heartbeat.tick(2000 + busy_ns)
+    heartbeat.beat(2001 + busy_ns)
 
     assert last_ns == 1000 + busy_ns - 1
     assert beat_ns(loops[0]) == 2001 + busy_ns
 
 
-def test_it_beats_for_the_loop_that_runs(loops: list[LoopConnection], heart: Heart) -> None:
-    """A reload exchanges that."""
-    heart.beat_for(loops[1])
+def test_it_beats_for_the_loop_that_runs(loops: list[LoopConnection], heartbeat: Heartbeat) -> None:
+    """After a reload it beats for the new loop."""
+    heartbeat.beat_for(loops[1])
 
     eventually(lambda: beat_ns(loops[1]))

@@ -1,4 +1,4 @@
-"""The supervisor's beat, by which the loop sees that it lives."""
+"""The heartbeat of the supervisor, by which the loop sees that it is alive."""
 
 import threading
 import time
@@ -8,37 +8,37 @@ from piezod.daemon.supervisor.connection import LoopConnection
 from piezod.units import s_to_ns
 
 BEAT_S: Final = 0.1
-"""How often it beats; the loop takes a supervisor for dead after 1 s."""
+"""Period of the beat, in s; the loop takes its supervisor for lost after 1 s without one."""
 BUSY_S: Final = 3.0
-"""For how long the event loop may have no time before the beat stops: a supervisor that hangs is
-found by that. As long as systemd's watchdog waits."""
+"""If the event loop does not tick for longer, in s, the beat stops: the supervisor hangs. Equal to
+WatchdogSec= of the unit."""
 
 
-class Heart:
-    """Beats beside the event loop, which may be busy for a while, and stops where that hangs.
+class Heartbeat:
+    """Beats in a thread while the event loop is alive, even if that is busy for a while.
 
     Args:
-        loop: The loop that is to see it.
+        loop: The loop that sees the beat.
     """
 
     def __init__(self, loop: LoopConnection) -> None:
         self._loop = loop
         self._ticked_ns = 0
         self._stopped = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="heart", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="heartbeat", daemon=True)
 
     def start(self) -> None:
-        """Begin to beat; once."""
+        """Start the thread; call it once."""
         self.tick(time.monotonic_ns())
         self._thread.start()
 
     def stop(self) -> None:
-        """End, so that the loop sees nobody any more."""
+        """End the thread; the loop then takes its supervisor for lost."""
         self._stopped.set()
         self._thread.join()
 
     def tick(self, now_ns: int) -> None:
-        """Note that the event loop goes on; to be called from there."""
+        """Report that the event loop is alive; call it from there."""
         self._ticked_ns = now_ns
 
     def beat_for(self, loop: LoopConnection) -> None:
@@ -46,7 +46,8 @@ class Heart:
         self._loop = loop
 
     def beat(self, now_ns: int) -> None:
-        """Beat, where the event loop has gone on lately."""
+        """Beat if the event loop has ticked recently."""
+        # Without the tick, this thread would beat for a supervisor whose event loop hangs.
         if now_ns - self._ticked_ns < s_to_ns(BUSY_S):
             self._loop.beat(now_ns)
 

@@ -1,4 +1,4 @@
-"""A device that can be lost, behind a worker: what the loop was told that it is, it becomes."""
+"""A device that can be lost, behind a worker: a mode requested during the loss is applied later."""
 
 import threading
 from collections.abc import Iterator
@@ -25,36 +25,36 @@ def link() -> FakeLink:
 
 
 @pytest.fixture
-def tended(link: FakeLink) -> ReconnectingDevice:
-    """Return it tended, by a thread that does not wait long."""
+def reconnecting(link: FakeLink) -> ReconnectingDevice:
+    """Return the device with a thread that opens it again without a long wait."""
     return ReconnectingDevice(link, WHO, first_wait_s=0.0005, longest_wait_s=0.001)
 
 
 @pytest.fixture
-def worker(tended: ReconnectingDevice) -> Iterator[DeviceWorker]:
-    """Return it behind a worker whose rounds are never late, both threads running."""
-    worker = DeviceWorker(tended, CLOCK, NS_PER_S, NS_PER_S, pause_s=0.0005)
-    tended.thread.start()
+def worker(reconnecting: ReconnectingDevice) -> Iterator[DeviceWorker]:
+    """Return the device behind a worker whose rounds are never late; both threads run."""
+    worker = DeviceWorker(reconnecting, CLOCK, NS_PER_S, NS_PER_S, pause_s=0.0005)
+    reconnecting.thread.start()
     worker.thread.start()
     yield worker
     worker.close()
 
 
 def measures(worker: DeviceWorker) -> bool:
-    """Tell whether there is a sample in a cycle that begins now."""
+    """Return whether a cycle that begins now gets a sample."""
     return any(sample.valid for sample in worker.read(CLOCK.now_ns()))
 
 
 def test_a_device_that_was_activated_while_it_was_away_is_used_when_it_is_back(
-    link: FakeLink, tended: ReconnectingDevice, worker: DeviceWorker
+    link: FakeLink, reconnecting: ReconnectingDevice, worker: DeviceWorker
 ) -> None:
-    """The worker has told long ago that it will be active."""
+    """A device that is activated during its loss is read and written after it is opened again."""
     worker.deactivate(0)
     eventually(lambda: link.done[-1].startswith("deactivate"))
     link.pulled = True
-    eventually(lambda: worker.read_back(CLOCK.now_ns()) and not tended.there)
+    eventually(lambda: worker.read_back(CLOCK.now_ns()) and not reconnecting.there)
     worker.activate(0)
-    eventually(lambda: tended.absent and worker.read_back(CLOCK.now_ns()))
+    eventually(lambda: reconnecting.absent and worker.read_back(CLOCK.now_ns()))
     link.pulled = False
 
     eventually(lambda: measures(worker))
@@ -66,24 +66,24 @@ def test_a_device_that_was_activated_while_it_was_away_is_used_when_it_is_back(
 
 def test_a_device_that_was_deactivated_while_it_was_away_is_so_when_it_is_back(
     link: FakeLink,
-    tended: ReconnectingDevice,
+    reconnecting: ReconnectingDevice,
     worker: DeviceWorker,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Its outputs come to rest then."""
-    told = threading.Event()
-    deactivate = tended.deactivate
+    """A device that is deactivated during its loss is inactive after it is opened again."""
+    deactivated = threading.Event()
+    deactivate = reconnecting.deactivate
 
     def note(now_ns: int) -> None:
         deactivate(now_ns)
-        told.set()
+        deactivated.set()
 
-    monkeypatch.setattr(tended, "deactivate", note)
+    monkeypatch.setattr(reconnecting, "deactivate", note)
     link.pulled = True
-    eventually(lambda: worker.read(CLOCK.now_ns()) and not tended.there)
+    eventually(lambda: worker.read(CLOCK.now_ns()) and not reconnecting.there)
     worker.deactivate(0)
-    assert told.wait(20.0)
+    assert deactivated.wait(20.0)
     link.pulled = False
 
-    eventually(lambda: tended.there)
+    eventually(lambda: reconnecting.there)
     assert link.done[-1].startswith("deactivate")
