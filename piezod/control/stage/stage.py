@@ -261,10 +261,10 @@ class Stage:
         A read-back farther from the safe voltage is ignored: no way down may begin with a step up,
         and a single answer may be wrong.
         """
-        axis, strayed_v = self.axes[index], self.watches[index].amplifier.strayed_v
+        axis, unexpected_v = self.axes[index], self.watches[index].amplifier.unexpected_v
         safe_v = axis.config.safe_v
-        if abs(strayed_v - safe_v) < abs(axis.live.in_force_v - safe_v):  # False for NaN
-            axis.track(strayed_v)
+        if abs(unexpected_v - safe_v) < abs(axis.live.in_force_v - safe_v):  # False for NaN
+            axis.track(unexpected_v)
             self.boundary.forget_sent(index)
 
     def _facts(self) -> Facts:
