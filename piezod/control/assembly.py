@@ -11,7 +11,7 @@ from piezod.control.controller import StageController
 from piezod.control.faults.register import FaultRegister
 from piezod.control.law.compensated import Start, compensated_axis
 from piezod.control.law.creep import CreepState
-from piezod.control.law.gains import check_known, naming
+from piezod.control.law.gains import check_gains, prefix_errors
 from piezod.control.law.model import StageModel
 from piezod.control.law.model_files import from_model_file, read_model
 from piezod.control.stage.axis import StageAxis
@@ -36,7 +36,7 @@ def check_stage(config: DaemonConfig) -> None:
         DataError: If a model leaves out the rest voltage.
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
-    check_known(config.axes, 1.0 / config.rate_hz, trimmed=config.mode is Mode.TRIMMED)
+    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=config.mode is Mode.TRIMMED)
     for name, axis in config.axes.items():
         _model_of(name, axis)
 
@@ -104,7 +104,7 @@ def _model_of(name: str, axis: StageAxisConfig) -> StageModel | None:
 
 
 def _zeroed(name: str, axis: StageAxisConfig, model: StageModel) -> StageModel:
-    with naming(name):
+    with prefix_errors(name):
         return model.zeroed_at(axis.limits.rest_v)
 
 

@@ -154,7 +154,7 @@ class StageAxis:
 
     def stay(self, t_ns: int) -> None:
         """Follow a command that leaves the drive as it is; may be called in the loop."""
-        self._move(rest_at(self.live.command_here_um), t_ns)
+        self._move(rest_at(self.live.holding_command_um), t_ns)
 
     def go_to(self, position_um: float, speed_um_per_s: float | None, t_ns: int) -> int:
         """Move to a position; return the number of the movement; may be called in the loop."""
@@ -204,7 +204,7 @@ class StageAxis:
     def _reference_at(self, t_ns: int) -> tuple[float, float]:
         """Return where the reference is, in µm, and its speed, in µm/s."""
         if self._forced:
-            return self.live.command_here_um, 0.0
+            return self.live.holding_command_um, 0.0
         t_s = (t_ns - self._started_ns) / NS_PER_S
         here_um = self._motion.reference_um(t_s)
         return here_um, (self._motion.reference_um(t_s + self._period_s) - here_um) / self._period_s

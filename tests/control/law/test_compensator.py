@@ -107,10 +107,10 @@ def test_scale_beyond_the_range_stops_at_its_end() -> None:
     top = [one.step(0.95, 0.0, 2.0, WEIGHTS, scale=0.1) for _ in range(200)][-1]
 
     assert top == pytest.approx(1.0, abs=1e-12)
-    assert (one.stop, one.limited) == (1, False)
+    assert (one.limited_direction, one.limited) == (1, False)
 
 
-def test_stop_says_which_way_nothing_more_is_to_be_had() -> None:
+def test_limited_direction_is_the_one_without_room() -> None:
     """Neither from the drive nor from the displacement."""
     one = compensator(Mode.FEEDFORWARD)
     seen = []
@@ -123,7 +123,7 @@ def test_stop_says_which_way_nothing_more_is_to_be_had() -> None:
         (0.5, 0.0, 1.0, 0.01),
     ]:
         one.step(command, low, high, WEIGHTS, trim=trim)
-        seen.append((one.stop, one.limited))
+        seen.append((one.limited_direction, one.limited))
 
     assert seen == [(0, False), (1, True), (-1, True), (-1, False), (1, False), (0, False)]
 

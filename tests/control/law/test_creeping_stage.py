@@ -99,7 +99,7 @@ def test_creep_follows_what_was_applied(
         if taken:
             in_force = drive
         else:
-            one.refused()
+            one.discard_last()
         stage.step(in_force)
 
     one.switch(Mode.FEEDFORWARD)
@@ -117,6 +117,6 @@ def test_a_refused_command_leaves_no_trace(commands: list[float]) -> None:
             one.step(command, 0.0, 1.0, WEIGHTS)
         for one, asked in ((refused, 0.95), (spared, 0.05)):
             one.step(asked, 0.0, 1.0, WEIGHTS)
-            one.refused()
+            one.discard_last()
 
     assert refused.step(0.5, 0.0, 1.0, WEIGHTS) == spared.step(0.5, 0.0, 1.0, WEIGHTS)

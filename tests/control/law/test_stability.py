@@ -15,7 +15,7 @@ from piezod.control.law.stability import (
     LEAST_MODULUS_MARGIN,
     LEAST_PHASE_MARGIN_DEG,
     TrimMargins,
-    check_trim,
+    margins_of,
     refuse_unstable,
 )
 from piezod.errors import ModelError
@@ -64,7 +64,7 @@ def loops(draw: st.DrawFn) -> Loop:
 
 def largest_stable(loop: Loop) -> float:
     """Return the gain at which the gain margin is 1."""
-    return check_trim(1.0, *loop).gain_margin
+    return margins_of(1.0, *loop).gain_margin
 
 
 def rate_of_change(loop: Loop, mode: FloatArray, drive: FloatArray) -> FloatArray:
@@ -163,7 +163,7 @@ def enough(margins: TrimMargins) -> bool:
 @settings(max_examples=40, deadline=None)
 def test_late_margin_leaves_the_loop_stable_with_more_delay(loop: Loop, quarters: int) -> None:
     """With the gain that it allows, anything up to one more period does no harm."""
-    gain_per_s = check_trim(1.0, *loop).late_gain_margin
+    gain_per_s = margins_of(1.0, *loop).late_gain_margin
 
     assert growth(loop.later(quarters / 4 * loop.period_s), 0.998 * gain_per_s) < 1.0
 
@@ -174,11 +174,11 @@ def test_largest_gain_parts_what_is_allowed_from_what_is_not(
     loop: Loop, part: float, beyond: float
 ) -> None:
     """Every gain below it has all margins; the first above it lack one."""
-    largest = check_trim(1.0, *loop).largest_gain_per_s
+    largest = margins_of(1.0, *loop).largest_gain_per_s
 
-    assert enough(check_trim(part * largest, *loop))
-    assert not enough(check_trim(1.001 * largest, *loop))
-    assert check_trim(beyond * largest, *loop).largest_gain_per_s == largest
+    assert enough(margins_of(part * largest, *loop))
+    assert not enough(margins_of(1.001 * largest, *loop))
+    assert margins_of(beyond * largest, *loop).largest_gain_per_s == largest
 
 
 @given(loop=loops(), low=GAINS_PER_S, high=GAINS_PER_S)
@@ -187,7 +187,7 @@ def test_margins_shrink_with_the_gain(loop: Loop, low: float, high: float) -> No
     """A larger gain has no larger gain and phase margin."""
     assume(low < high)
 
-    little, much = check_trim(low, *loop), check_trim(high, *loop)
+    little, much = margins_of(low, *loop), margins_of(high, *loop)
 
     assert little.gain_margin > much.gain_margin
     assert little.late_gain_margin > much.late_gain_margin
@@ -200,7 +200,7 @@ def test_delay_never_raises_the_limit(period_s: float, periods: float, more: flo
     """Where there is no mode; the grid of frequencies leaves a thousandth."""
     loop = Loop(period_s, periods * period_s)
 
-    before, after = check_trim(1.0, *loop), check_trim(1.0, *loop.later(more * period_s))
+    before, after = margins_of(1.0, *loop), margins_of(1.0, *loop.later(more * period_s))
 
     assert after.gain_margin <= 1.001 * before.gain_margin
     assert after.largest_gain_per_s <= 1.001 * before.largest_gain_per_s
@@ -216,9 +216,9 @@ def test_limits_of_an_integrator_behind_a_delay_are_known(periods: int, largest:
 
 def test_stiff_mode_is_as_none() -> None:
     """A mode that is over within a small part of a cycle makes no difference."""
-    with_mode = check_trim(50.0, 1e-3, 0.65e-3, 80_000.0, 1.0)
+    with_mode = margins_of(50.0, 1e-3, 0.65e-3, 80_000.0, 1.0)
 
-    assert with_mode == pytest.approx(check_trim(50.0, 1e-3, 0.65e-3, None, None), rel=1e-3)
+    assert with_mode == pytest.approx(margins_of(50.0, 1e-3, 0.65e-3, None, None), rel=1e-3)
 
 
 @pytest.mark.parametrize(

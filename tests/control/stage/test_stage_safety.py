@@ -320,7 +320,7 @@ def test_a_model_that_leaves_out_the_rest_voltage_is_refused() -> None:
     stage.cycle()
     answer = stage.ask(rq.AdoptModel(model=file.model_copy(update={"drive_low_v": 50.0})))
 
-    assert "leaves out the rest voltage" in answer.why
+    assert "but the rest voltage is" in answer.why
     assert stage.state == State.SAFE
 
 

@@ -221,7 +221,7 @@ def test_rest_outside_of_the_model_is_refused() -> None:
     """A model that was not identified from rest on cannot tell where rest is."""
     model = fitted(record_of()).model
 
-    with pytest.raises(DataError, match=r"leaves out the rest voltage.*identify from rest on"):
+    with pytest.raises(DataError, match=r"the rest voltage is .*a drive that starts at rest"):
         model.zeroed_at(model.drive_v.low - 0.1 * model.drive_v.width)
 
 
