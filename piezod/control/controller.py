@@ -95,7 +95,11 @@ class StageController:
             t_ns: Instant at which it came.
         """
         one = self._stage.axes[axis]
-        if one.stream is not None and not one.follows_input and usable(position_um, one.pace):
+        if (
+            one.stream is not None
+            and not one.follows_input
+            and usable(position_um, one.motion_limits)
+        ):
             one.stream.newest_um = position_um
             for each in self._stage.axes:  # one setpoint keeps the streams of all axes alive
                 if not each.follows_input:

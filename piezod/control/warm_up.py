@@ -77,7 +77,12 @@ def warm_up(config: DaemonConfig) -> None:
     controller = assemble(config, devices, devices.capabilities())
     period_ns, t_ns = round(NS_PER_S / config.rate_hz), NS_PER_S
     waves: dict[str, WaveformConfig] = {
-        name: Sine(kind="sine", low=axis.pace.low_um, high=axis.pace.high_um, frequency_hz=1.0)
+        name: Sine(
+            kind="sine",
+            low=axis.motion_limits.low_um,
+            high=axis.motion_limits.high_um,
+            frequency_hz=1.0,
+        )
         for name, axis in zip(config.axes, controller.axes, strict=True)
     }
     for request in (

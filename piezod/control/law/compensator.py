@@ -179,8 +179,7 @@ class Compensator:
             self._offset += share * (offset - self._offset)
             self._scale += share * (scale - self._scale)
         stretch = 1.0 + self._scale
-        # What crept before the zero is not in the sensor's position, but the hysteresis has it: add
-        # it again.
+        # The sensor's zero contains the creep at that instant, so it is added to the command.
         added = stretch * self._zeroed - self._offset + trim
         position_arguments = command, stretch, added
         return step(*self._arguments, target, share, self._strength, *position_arguments, low, high)

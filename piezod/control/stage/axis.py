@@ -10,7 +10,14 @@ from math import ceil, isfinite, nan
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.modes import Mode
 from piezod.control.law.axis import AxisOutput, CompensatedAxis
-from piezod.control.reference.motion import Motion, Pace, StreamedReference, along, rest_at, way
+from piezod.control.reference.motion import (
+    Motion,
+    MotionLimits,
+    StreamedReference,
+    rest_at,
+    smooth_motion,
+    waveform_motion,
+)
 from piezod.control.reference.programs import VoltageProgram
 from piezod.control.reference.waveforms import Waveform
 from piezod.devices.interface import Sample
@@ -44,9 +51,9 @@ class OnTarget:
         return self._cycles > self._settle_cycles
 
 
-SHORTEST_WAY_PERIODS = 3.0
+SHORTEST_MOTION_PERIODS = 3.0
 """The shortest way takes this many periods of the first mode, or of the loop where none is known"""
-SHORTEST_WAY_CYCLES = 10
+SHORTEST_MOTION_CYCLES = 10
 ROUNDING_V = 1e-6
 """A voltage is the one that was asked for within this."""
 
@@ -66,7 +73,7 @@ class StageAxis:
     ) -> None:
         self.name, self.config, self.live = name, config, live
         self._period_s = period_ns / NS_PER_S
-        self.pace = _pace(config, live, self._period_s)
+        self.motion_limits = _motion_limits(config, live, self._period_s)
         self._voltage: Callable[[int], float] = lambda _t_ns: self.live.in_force_v
         self._forced = True
         self._ends_ns, self._ramps_to_v = 0, nan
@@ -158,21 +165,24 @@ class StageAxis:
 
     def go_to(self, position_um: float, speed_um_per_s: float | None, t_ns: int) -> int:
         """Move to a position; return the number of the movement; may be called in the loop."""
-        pace = self.pace
+        limits = self.motion_limits
         if speed_um_per_s is not None:
-            pace = pace._replace(speed_um_per_s=speed_um_per_s)
+            limits = limits._replace(speed_um_per_s=speed_um_per_s)
         start_um, start_um_per_s = self._reference_at(t_ns)
-        return self._move(way(start_um, start_um_per_s, position_um, pace), t_ns)
+        return self._move(smooth_motion(start_um, start_um_per_s, position_um, limits), t_ns)
 
     def follow(self, waveform: Waveform, duration_s: float, t_ns: int) -> int:
         """Follow a waveform; return the number of the movement; may be called in the loop."""
         start_um, start_um_per_s = self._reference_at(t_ns)
-        return self._move(along(waveform, duration_s, start_um, start_um_per_s, self.pace), t_ns)
+        return self._move(
+            waveform_motion(waveform, duration_s, start_um, start_um_per_s, self.motion_limits),
+            t_ns,
+        )
 
     def follow_stream(self, t_ns: int) -> int:
         """Follow the setpoints of a stream; return the number of the movement."""
         start_um, _ = self._reference_at(t_ns)
-        stream = StreamedReference(start_um, self.pace, self._period_s)
+        stream = StreamedReference(start_um, self.motion_limits, self._period_s)
         number = self._move(Motion(stream, 0.0, nan), t_ns)
         self.stream, self.commanded_ns = stream, t_ns
         return number
@@ -188,7 +198,7 @@ class StageAxis:
 
     def command(self, told: Sample) -> None:
         """Take what the command input tells; what is not usable counts as none."""
-        if self.stream is not None and told.valid and usable(told.position_um, self.pace):
+        if self.stream is not None and told.valid and usable(told.position_um, self.motion_limits):
             self.stream.newest_um = told.position_um
             self.commanded_ns = max(self.commanded_ns, told.t_ns)
 
@@ -259,15 +269,15 @@ class StageAxis:
         )
 
 
-def _pace(config: StageAxisConfig, live: CompensatedAxis, period_s: float) -> Pace:
+def _motion_limits(config: StageAxisConfig, live: CompensatedAxis, period_s: float) -> MotionLimits:
     model_um = live.zeroed_range_um
     low_um, high_um = config.command_range_um or (model_um.low, model_um.high)
-    shortest_s = SHORTEST_WAY_CYCLES * period_s
+    shortest_s = SHORTEST_MOTION_CYCLES * period_s
     if config.first_mode is not None:
-        shortest_s = max(shortest_s, SHORTEST_WAY_PERIODS / config.first_mode.frequency_hz)
-    return Pace(config.speed_um_per_s, shortest_s, low_um, high_um)
+        shortest_s = max(shortest_s, SHORTEST_MOTION_PERIODS / config.first_mode.frequency_hz)
+    return MotionLimits(config.speed_um_per_s, shortest_s, low_um, high_um)
 
 
-def usable(position_um: float, pace: Pace) -> bool:
+def usable(position_um: float, limits: MotionLimits) -> bool:
     """Tell whether a position may be commanded."""
-    return isfinite(position_um) and pace.low_um <= position_um <= pace.high_um
+    return isfinite(position_um) and limits.low_um <= position_um <= limits.high_um

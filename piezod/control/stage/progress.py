@@ -90,7 +90,7 @@ def _run(stage: Stage, t_ns: int) -> None:
             continue
         text = f"no setpoint for {quiet_ns / 1e6:g} ms: the stream has stopped"
         if axis.follows_input:
-            low_um, high_um = axis.pace.low_um, axis.pace.high_um
+            low_um, high_um = axis.motion_limits.low_um, axis.motion_limits.high_um
             text = (
                 f"the command input gave nothing from {low_um:g} to {high_um:g} µm for "
                 f"{quiet_ns / 1e6:g} ms: the axis does not follow it any more"

@@ -120,7 +120,7 @@ def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
     if why:
         return Answer(False, why)
     axis, position_um = stage.axes[axes[0]], request.position_um
-    speed_um_per_s, fastest_um_per_s = request.speed_um_per_s, axis.pace.speed_um_per_s
+    speed_um_per_s, fastest_um_per_s = request.speed_um_per_s, axis.motion_limits.speed_um_per_s
     why = _beyond(axis, position_um, position_um)
     if not why and speed_um_per_s is not None and speed_um_per_s > fastest_um_per_s:
         why = (
@@ -187,14 +187,12 @@ def _run_in(mode: Mode) -> Event:
 
 
 def _beyond(axis: StageAxis, low_um: float, high_um: float) -> str:
-    pace = axis.pace
-    slack_um = 1e-9 * (pace.high_um - pace.low_um)  # bounds are sums, and off by rounding
-    if low_um >= pace.low_um - slack_um and high_um <= pace.high_um + slack_um:
+    lowest_um, highest_um = axis.motion_limits.low_um, axis.motion_limits.high_um
+    slack_um = 1e-9 * (highest_um - lowest_um)  # bounds are sums, with rounding errors
+    if low_um >= lowest_um - slack_um and high_um <= highest_um + slack_um:
         return ""
     got = f"{low_um:g} µm" if low_um == high_um else f"{low_um:g} to {high_um:g} µm"
-    return (
-        f"position out of range (got {got}), allowed range {pace.low_um:g} to {pace.high_um:g} µm"
-    )
+    return f"position out of range (got {got}), allowed range {lowest_um:g} to {highest_um:g} µm"
 
 
 # ---------------------------------------------------------------------- voltages
