@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from piezod.config.faults import Fault
-from piezod.control.faults.cases import COUNTED_FLAGS, LOST, NOT_SENT, Case
+from piezod.control.faults.cases import COUNTED_FLAGS, NOT_SENT, UNREACHABLE, Case
 from piezod.control.faults.register import Detection
 from piezod.control.signals import LeakyBucket
 from piezod.devices.status import DeviceFlag, Flags
@@ -86,7 +86,7 @@ class _DeviceWatch:
             return Case.BUSY
         if fault is Fault.S10 and self._drives:
             return Case.AMPLIFIER
-        return Case.SENSOR if fault in LOST and not self._drives else Case.USUAL
+        return Case.SENSOR if fault in UNREACHABLE and not self._drives else Case.USUAL
 
 
 class BusWatch:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezod.control.faults.cases import CASES, COUNTED_FLAGS, LOST, Case
+from piezod.control.faults.cases import CASES, COUNTED_FLAGS, UNREACHABLE, Case
 from piezod.control.faults.register import Detection
 from piezod.control.watch.bus import AT_ONCE, NOT_SENT_CYCLES, BusWatch
 from piezod.devices.status import NO_FLAGS, DeviceFlag, Flags
@@ -93,7 +93,7 @@ def test_a_device_that_only_measures_makes_no_amplifier_unreachable(flag: Device
         found = told(watch.check(of(flag), NO_FLAGS))
 
     ((fault, case),) = found
-    assert (case is Case.SENSOR) == (fault in LOST)
+    assert (case is Case.SENSOR) == (fault in UNREACHABLE)
     assert watch.explains_silence
 
 
