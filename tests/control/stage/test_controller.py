@@ -301,7 +301,7 @@ def test_the_sensor_is_not_zeroed_elsewhere(stage: LiveStage) -> None:
     stage.run(0.5)
     answer = stage.ask(rq.Zero())
 
-    assert answer.why == "the stage is in RUN; the sensor is zeroed in SAFE or READY"
+    assert answer.why == "the stage is in RUN; a sensor can be zeroed in SAFE or READY"
 
 
 def test_another_model_is_adopted_while_disarmed(stage: LiveStage) -> None:
@@ -315,7 +315,9 @@ def test_another_model_is_adopted_while_disarmed(stage: LiveStage) -> None:
     learned = stage.controller.learned(0)
     assert learned.weights[len(scaled) :] == pytest.approx(scaled)
     assert learned.zero_um == 0.25
-    assert answer.why == "the stage is in READY; a model is changed in SAFE: `piezod disarm` first"
+    assert (
+        answer.why == "the stage is in READY; a model can be changed in SAFE: `piezod disarm` first"
+    )
 
 
 def test_shadow_computes_everything_and_writes_nothing(stage: LiveStage) -> None:

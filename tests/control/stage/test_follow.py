@@ -86,8 +86,7 @@ def test_what_is_not_usable_is_left_out_and_held_where_it_lasts(value: float | N
     assert stage.state == "HOLD"
     [told] = [event for event in stage.events if event.kind == "stream"]
     assert told.text == (
-        "the command input gave nothing from 0 to 26 µm for 100 ms: "
-        "the axis does not follow it any more"
+        "the command input gave no value from 0 to 26 µm for 100 ms: the axis stops following it"
     )
     assert told.axis == "x"
     stage.run(3.0)

@@ -193,7 +193,7 @@ def test_what_somebody_else_left_is_not_guessed() -> None:
 def test_an_axis_that_oscillates_goes_with_half_its_gain_until_it_is_reset() -> None:
     """Half a second later, if it still oscillates, it goes on in feedforward."""
     stage = Faulty(Mode.TRIMMED)
-    trim, seen = stage.stage.axes[0].live.trim, []
+    trim, seen = stage.stage.axes[0].law.trim, []
     for _ in range(502):
         stage.controller.report(Detection(Fault.D6, 0))
         stage.cycle()
@@ -253,7 +253,7 @@ def test_a_control_law_that_raises_holds_the_voltage(monkeypatch: pytest.MonkeyP
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(stage.stage.axes[0].live, "update", broken)
+    monkeypatch.setattr(stage.stage.axes[0].law, "update", broken)
     before_v = stage.x.drive_v
     after = stage.run(0.02)
 
