@@ -14,7 +14,7 @@ from piezod.control.law.identifier import DriveHistory, Identifier
 from piezod.control.law.trim import Trim
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence, even_thresholds, new_bank
-from tests.control.fakes import MS, FakeGate, FakeTrim, PairsOnly
+from tests.control.fakes import MS, FakeGate, FakeTrim, RecordingIdentifier
 
 DRIVE_V = AffineRange(0.0, 150.0)
 POSITION_UM = AffineRange(0.0, 10.0)
@@ -29,7 +29,7 @@ def compensated(
     reference_um: Callable[[float], float],
     limits: Limits = WIDE,
     *,
-    lms: PairsOnly | None = None,
+    lms: RecordingIdentifier | None = None,
     gate: FakeGate | None = None,
     trim: Trim | None = None,
     in_force_v: float = 0.0,
@@ -41,7 +41,7 @@ def compensated(
     """Return an axis; without weights its drive is in proportion, 15 V per micrometre."""
     history = DriveHistory(in_force_v, entries=256)
     identifier = Identifier(
-        lms or PairsOnly(),
+        lms or RecordingIdentifier(),
         DRIVE_V,
         POSITION_UM,
         history,
@@ -169,7 +169,7 @@ def test_reference_that_is_not_a_number_holds_the_drive() -> None:
 
 def test_identifier_gets_the_voltage_before_the_delay() -> None:
     """A sample belongs to the voltage that was in force half a period earlier."""
-    lms = PairsOnly()
+    lms = RecordingIdentifier()
     axis = compensated(lambda t_s: 1000 * t_s, lms=lms)
     for k in range(4):
         axis.applied(axis.update(START_NS + k * MS, Sample(START_NS + k * MS, 5.0, True)).drive_v)
@@ -182,7 +182,7 @@ def test_identifier_gets_the_voltage_before_the_delay() -> None:
 
 def test_first_weights_that_converge_become_the_model() -> None:
     """A stage without a model gets the identified weights when they have converged."""
-    lms = PairsOnly(errors=[0.5, 0.5, 0.5])
+    lms = RecordingIdentifier(errors=[0.5, 0.5, 0.5])
     axis = compensated(lambda _: 5.0, lms=lms)
     lms.weights[:] = (0.02, 0.03)
     adopted = []
@@ -246,4 +246,4 @@ def test_trim_gets_the_direction_that_is_limited() -> None:
     for k in range(7):
         axis.applied(axis.update(START_NS + k * MS, AT_REST).drive_v)
 
-    assert trim.stops == [0, 1, 1, 0, -1, -1, 0]
+    assert trim.limited == [0, 1, 1, 0, -1, -1, 0]

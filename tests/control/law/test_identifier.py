@@ -8,14 +8,14 @@ from piezod.config.gate_reasons import GateReason
 from piezod.control.law.identifier import DriveHistory, Identifier
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence
-from tests.control.fakes import MS, FakeGate, PairsOnly
+from tests.control.fakes import MS, FakeGate, RecordingIdentifier
 
 DRIVE_V = AffineRange(0.0, 100.0)
 POSITION_UM = AffineRange(-5.0, 5.0)
 
 
 def identifier(
-    lms: PairsOnly, delay_ns: int = 0, cycles: int = 10, gate: FakeGate | None = None
+    lms: RecordingIdentifier, delay_ns: int = 0, cycles: int = 10, gate: FakeGate | None = None
 ) -> Identifier:
     """Return an identifier of a stage whose voltage was k volts at k milliseconds."""
     history = DriveHistory(0.0, entries=256)
@@ -33,7 +33,7 @@ def learn(subject: Identifier, position_um: float = 0.0, valid: bool = True) -> 
 
 def test_pair_is_normalised() -> None:
     """Position and voltage arrive in units of their ranges."""
-    lms = PairsOnly()
+    lms = RecordingIdentifier()
 
     learn(identifier(lms), 2.5)
 
@@ -45,7 +45,7 @@ def test_pair_is_normalised() -> None:
 )
 def test_sample_is_paired_with_the_voltage_one_delay_before(delay_ns: int, drive_v: float) -> None:
     """The voltage is the one in force one delay before the sample was taken."""
-    lms = PairsOnly()
+    lms = RecordingIdentifier()
 
     learn(identifier(lms, delay_ns))
 
@@ -54,7 +54,7 @@ def test_sample_is_paired_with_the_voltage_one_delay_before(delay_ns: int, drive
 
 def test_age_of_a_sample_counts() -> None:
     """A sample that was taken before the cycle is paired with an earlier voltage."""
-    lms, gate = PairsOnly(), FakeGate()
+    lms, gate = RecordingIdentifier(), FakeGate()
     sample = Sample(8 * MS - MS // 2, 0.0, valid=True)
 
     identifier(lms, MS, gate=gate).learn(8 * MS, sample, limited=True, expected=0.3)
@@ -66,7 +66,7 @@ def test_age_of_a_sample_counts() -> None:
 @pytest.mark.parametrize("reason", [GateReason.LIMITED, GateReason.QUIET, GateReason.REPEATED])
 def test_sample_that_is_not_learned_from_still_enters_the_memory(reason: GateReason) -> None:
     """The algorithm gets it without learning; the convergence stays as it was."""
-    lms, gate = PairsOnly(errors=[0.0] * 3), FakeGate()
+    lms, gate = RecordingIdentifier(errors=[0.0] * 3), FakeGate()
     subject = identifier(lms, gate=gate)
     for _ in range(3):
         learn(subject)
@@ -74,7 +74,7 @@ def test_sample_that_is_not_learned_from_still_enters_the_memory(reason: GateRea
     gate.reason = reason
     learn(subject, 3.0)
 
-    assert lms.taught == [True, True, True, False]
+    assert lms.learned == [True, True, True, False]
     assert lms.pairs[-1][0] == pytest.approx(0.8)
     assert subject.converged
 
@@ -84,7 +84,7 @@ def test_expected_position_replaces_a_sample_that_is_not_accurate(
     position_um: float, valid: bool
 ) -> None:
     """The memory gets the expected displacement; the convergence stays as it was."""
-    lms, gate = PairsOnly(errors=[0.0] * 3), FakeGate()
+    lms, gate = RecordingIdentifier(errors=[0.0] * 3), FakeGate()
     subject = identifier(lms, gate=gate)
     for _ in range(3):
         learn(subject)
@@ -93,13 +93,13 @@ def test_expected_position_replaces_a_sample_that_is_not_accurate(
     learn(subject, position_um, valid)
 
     assert lms.pairs[-1] == (0.3, 0.08)
-    assert lms.taught == [True, True, True, False]
+    assert lms.learned == [True, True, True, False]
     assert subject.converged
 
 
 def test_convergence_ends_with_a_disturbance() -> None:
     """The convergence holds up to the last sample: a disturbance ends it."""
-    subject = identifier(PairsOnly(errors=[0.5, 0.5, 0.5, 0.9, 0.9]))
+    subject = identifier(RecordingIdentifier(errors=[0.5, 0.5, 0.5, 0.9, 0.9]))
     converged = []
     for _ in range(5):
         learn(subject)
@@ -110,7 +110,7 @@ def test_convergence_ends_with_a_disturbance() -> None:
 
 def test_rest_does_not_count_for_convergence() -> None:
     """Only motion counts, however small the differences at rest are."""
-    lms = PairsOnly(errors=[0.5] * 6)
+    lms = RecordingIdentifier(errors=[0.5] * 6)
     subject = identifier(lms)
     lms.at_rest = True
     for _ in range(3):
@@ -126,7 +126,7 @@ def test_rest_does_not_count_for_convergence() -> None:
 
 def test_weights_are_those_of_the_algorithm() -> None:
     """The weights are the same array, so that following them costs no copy."""
-    lms = PairsOnly()
+    lms = RecordingIdentifier()
 
     assert identifier(lms).weights is lms.weights
 
@@ -134,7 +134,7 @@ def test_weights_are_those_of_the_algorithm() -> None:
 @pytest.mark.fault("D6")
 def test_identifier_with_halved_gain_learns_from_every_second_sample() -> None:
     """The other samples only enter the memory."""
-    lms = PairsOnly()
+    lms = RecordingIdentifier()
     subject = identifier(lms)
     subject.gain_halved = True
     for _ in range(4):
@@ -143,4 +143,4 @@ def test_identifier_with_halved_gain_learns_from_every_second_sample() -> None:
     for _ in range(2):
         learn(subject)
 
-    assert lms.taught == [False, True, False, True, True, True]
+    assert lms.learned == [False, True, False, True, True, True]
