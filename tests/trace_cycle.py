@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from piezod.config import requests
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from tests.control.live_stage import ON_TIME, LiveStage
+from tests.control.rig_stage import ON_TIME, RigStage
 
 ROOT = Path(__file__).parents[1]
 
@@ -34,7 +34,7 @@ class Step(NamedTuple):
 
 def trace() -> list[Step]:
     """Return the functions that one cycle in RUN and adaptive runs, in order."""
-    stage = LiveStage()
+    stage = RigStage()
     stage.until(State.SAFE)
     stage.do(requests.Arm(), requests.SelectMode(mode=Mode.ADAPTIVE))
     stage.do(requests.Goto(axis="x", position_um=12.0))

@@ -1,4 +1,4 @@
-"""One control cycle, pure: time is an argument.
+"""Control of a stage: one cycle, pure, with time as an argument.
 
-Knows nothing of clocks, processes and buses.
+Knows no clocks, processes or buses.
 """

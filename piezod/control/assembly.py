@@ -1,4 +1,4 @@
-"""A stage put together from its configuration, ready for the loop."""
+"""Builds a stage from its configuration, ready for the loop."""
 
 from collections.abc import Callable
 
@@ -11,7 +11,7 @@ from piezod.control.controller import StageController
 from piezod.control.faults.register import FaultRegister
 from piezod.control.law.compensated import Start, compensated_axis
 from piezod.control.law.creep import CreepState
-from piezod.control.law.gains import check_known, naming
+from piezod.control.law.gains import check_gains, prefix_errors
 from piezod.control.law.model import StageModel
 from piezod.control.law.model_files import from_model_file, read_model
 from piezod.control.stage.axis import StageAxis
@@ -33,10 +33,10 @@ def check_stage(config: DaemonConfig) -> None:
 
     Raises:
         ConfigError: If a model file cannot be used.
-        DataError: If a model leaves out the rest voltage.
+        DataError: If a model does not hold at the rest voltage.
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
-    check_known(config.axes, 1.0 / config.rate_hz, trimmed=config.mode is Mode.TRIMMED)
+    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=config.mode is Mode.TRIMMED)
     for name, axis in config.axes.items():
         _model_of(name, axis)
 
@@ -44,72 +44,77 @@ def check_stage(config: DaemonConfig) -> None:
 def assemble(
     config: DaemonConfig,
     devices: StageDevices,
-    able: Capabilities,
+    capabilities: Capabilities,
     on_output_lost: Callable[[], None] | None = None,
 ) -> StageController:
-    """Return the controller of a stage; arguments and errors as for `make_stage`."""
-    return StageController(make_stage(config, devices, able, on_output_lost))
+    """Return the controller of a stage; arguments and errors are those of `make_stage`."""
+    return StageController(make_stage(config, devices, capabilities, on_output_lost))
 
 
 def make_stage(
     config: DaemonConfig,
     devices: StageDevices,
-    able: Capabilities,
+    capabilities: Capabilities,
     on_output_lost: Callable[[], None] | None = None,
 ) -> Stage:
-    """Put a stage together; its devices are open and active.
+    """Build a stage; its devices are open and active.
 
     Args:
-        config: What `check_stage` has passed.
-        devices: The devices as one, one axis for each of the configuration, in its order.
-        able: What the devices can do together.
-        on_output_lost: Called when the last written voltage says nothing any more about the one
-            in force.
+        config: Configuration that `check_stage` has accepted.
+        devices: The devices as one, with the axes of the configuration, in its order.
+        capabilities: Capabilities of the devices together.
+        on_output_lost: Called when the voltage in force can no longer be derived from the last
+            write.
 
     Raises:
         ConfigError: If a model file cannot be used.
-        DataError: If a model leaves out the rest voltage.
+        DataError: If a model does not hold at the rest voltage.
         ModelError: If a gain is not safe.
     """
     period_ns = round(NS_PER_S / config.rate_hz)
 
-    def rebuilt(name: str, model: ModelFile, in_force_v: float) -> WatchedAxis:
+    def rebuild(name: str, model: ModelFile, in_force_v: float) -> WatchedAxis:
         axis = config.axes[name]
         zeroed = _zeroed(name, axis, from_model_file(model))
-        return _axis(config, name, zeroed, in_force_v, able.lag_ns)
+        return _build_axis(config, name, zeroed, in_force_v, capabilities.lag_ns)
 
     axes = {
-        name: _axis(config, name, _model_of(name, axis), axis.limits.rest_v, able.lag_ns)
+        name: _build_axis(
+            config, name, _model_of(name, axis), axis.limits.rest_v, capabilities.lag_ns
+        )
         for name, axis in config.axes.items()
     }
     boundary = DeviceBoundary(
         devices,
         len(axes),
-        reads_back=able.read_back,
-        holds=able.holds,
-        tells_restart=able.tells_restart,
+        reads_back=capabilities.read_back,
+        holds=capabilities.holds,
+        reports_restart=capabilities.tells_restart,
     )
     register = FaultRegister(reset_after_cycles=NS_PER_S // period_ns)
     return Stage(
-        StageParts(axes, boundary, period_ns, rebuilt),
+        StageParts(axes, boundary, period_ns, rebuild),
         register,
-        memory_known=able.opens_relaxed,
+        memory_known=capabilities.opens_relaxed,
         on_output_lost=on_output_lost,
     )
 
 
 def _model_of(name: str, axis: StageAxisConfig) -> StageModel | None:
-    """Return the model of an axis, None where it is still to be identified."""
+    """Return the model of an axis; None if it is not yet identified."""
     return None if axis.model is None else _zeroed(name, axis, read_model(axis.model)[0])
 
 
 def _zeroed(name: str, axis: StageAxisConfig, model: StageModel) -> StageModel:
-    with naming(name):
+    with prefix_errors(name):
         return model.zeroed_at(axis.limits.rest_v)
 
 
-def _unidentified(axis: StageAxisConfig) -> StageModel:
-    """Return what stands for a model where there is none: in proportion, nothing compensated."""
+def _proportional_model(axis: StageAxisConfig) -> StageModel:
+    """Return a model without compensation, for an axis that is not yet identified.
+
+    It maps the range of the commands to the range of the drive in proportion.
+    """
     low_um, high_um = axis.command_range_um or (0.0, 1.0)
     thresholds = even_thresholds(axis.compensator.operators)
     delay_s = axis.compensator.delay_s
@@ -122,29 +127,33 @@ def _unidentified(axis: StageAxisConfig) -> StageModel:
     )
 
 
-def _axis(
+def _build_axis(
     config: DaemonConfig, name: str, model: StageModel | None, in_force_v: float, lag_ns: int
 ) -> WatchedAxis:
+    """Return an axis and its watches."""
     axis, period_ns = config.axes[name], round(NS_PER_S / config.rate_hz)
-    used = model or _unidentified(axis)
+    law_model = model or _proportional_model(axis)
     mode = config.mode if model else Mode.UNCOMPENSATED
-    creep = _at_rest(used, period_ns / NS_PER_S)
+    creep = _at_rest(law_model, period_ns / NS_PER_S)
     start = Start(0, period_ns, in_force_v)
-    live = compensated_axis(axis, used, creep, mode, lambda _t_s: used.position_um.low, start)
-    delay_ns = s_to_ns(used.delay_s)
+    law = compensated_axis(
+        axis, law_model, creep, mode, lambda _t_s: law_model.position_um.low, start
+    )
+    delay_ns = s_to_ns(law_model.delay_s)
     index = list(config.axes).index(name)
-    adaptation = live.identifier.adaptation
+    # The watches compare with the identified model, which `law_model` replaces if there is none.
+    adaptation = law.identifier.adaptation
     watches = AxisWatch(
         BusWatch(index),
         SensorWatch(index, WatchedSensor.of(axis, model), period_ns),
-        AmplifierWatch(index, live.limits, delay_ns, period_ns, lag_ns),
-        AdaptationWatch(index, adaptation, model, used.position_um, period_ns),
+        AmplifierWatch(index, law.limits, delay_ns, period_ns, lag_ns),
+        AdaptationWatch(index, adaptation, model, law_model.position_um, period_ns),
     )
-    return WatchedAxis(StageAxis(name, axis, live, period_ns), watches)
+    return WatchedAxis(StageAxis(name, axis, law, period_ns), watches)
 
 
 def _at_rest(model: StageModel, period_s: float) -> CreepState:
-    """Return the creep of a stage that has rested for long."""
+    """Return the creep of a stage after a long rest."""
     rest = model.position_um.to_unit(0.0)
     lags = np.full(model.creep.weights.size, rest)
     zeroed = float(model.creep.weights @ lags)

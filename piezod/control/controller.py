@@ -1,7 +1,7 @@
-"""A stage as the loop process sees it: requests come in, each cycle goes out as a record.
+"""The interface of a stage to the loop process: requests in, one record per cycle out.
 
 The controller is pure: time is an argument, and the devices are behind a boundary that turns
-exceptions into values. What happens in a cycle is in `control.cycle`.
+exceptions into values. `control.cycle` contains the cycle.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from piezod.control.cycle import CycleParts, run_cycle
 from piezod.control.faults.register import Detection
 from piezod.control.guard import Guard
 from piezod.control.stage.answer import Answer
-from piezod.control.stage.axis import StageAxis, usable
+from piezod.control.stage.axis import StageAxis, is_allowed
 from piezod.control.stage.requests import execute
 from piezod.control.stage.stage import Stage
 from piezod.control.watch.loop import CycleTiming, LoopWatch
@@ -25,12 +25,12 @@ from piezod.units import NS_PER_S
 
 
 class Learned(NamedTuple):
-    """What an axis has learned.
+    """Learned parameters of an axis.
 
     Attributes:
         weights: (2 M,) weights [a^l, a^r] of the identifier; they change in place.
-        offset: Drift of the displacement, in units of the range.
-        scale: Relative excess of the displacement that the hysteresis sees.
+        offset: Offset of the displacement, in units of the range.
+        scale: Relative gain of the hysteresis input over the displacement.
         zero_um: Sensor zero, in µm as the sensor shows it.
     """
 
@@ -50,7 +50,7 @@ class StageController:
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
         period_s = stage.period_ns / NS_PER_S
-        guard = Guard([axis.live.limits for axis in stage.axes], longest_s=period_s)
+        guard = Guard([axis.law.limits for axis in stage.axes], longest_s=period_s)
         loop_watch = LoopWatch(stage.period_ns)
         parts = CycleParts(stage.boundary, stage.axes, guard, period_s, stage, loop_watch)
         self.cycle: Callable[[int, CycleTiming], CycleRecord] = partial(run_cycle, parts)
@@ -72,7 +72,7 @@ class StageController:
         return self._stage.axes
 
     def execute(self, request: Request, t_ns: int) -> Answer:
-        """Carry out a request between two cycles, or say why not."""
+        """Carry out a request between two cycles; return the answer."""
         stage = self._stage
         try:
             answer = execute(stage, request, t_ns)
@@ -91,18 +91,21 @@ class StageController:
 
         Args:
             axis: Index of the axis.
-            position_um: The setpoint, in µm; one that is out of range is dropped.
-            t_ns: Instant at which it came.
+            position_um: The setpoint, in µm; a setpoint out of range is dropped.
+            t_ns: Instant at which it arrived, in ns.
         """
-        one = self._stage.axes[axis]
-        if one.stream is not None and not one.follows_input and usable(position_um, one.pace):
-            one.stream.newest_um = position_um
-            for each in self._stage.axes:  # one setpoint keeps the streams of all axes alive
-                if not each.follows_input:
-                    each.commanded_ns = max(each.commanded_ns, t_ns)
+        target = self._stage.axes[axis]
+        if target.stream is None or target.follows_input:
+            return
+        if is_allowed(position_um, target.motion_limits):
+            target.stream.newest_um = position_um
+            # One setpoint keeps the streams of all axes alive.
+            for other in self._stage.axes:
+                if not other.follows_input:
+                    other.commanded_ns = max(other.commanded_ns, t_ns)
 
     def report(self, detection: Detection) -> None:
-        """Take a fault that the loop process found, for the next cycle."""
+        """Take a fault that the loop process detected, for the next cycle."""
         self._stage.report(detection)
 
     def forbid_entry(self, why: str) -> None:
@@ -114,8 +117,8 @@ class StageController:
         self._stage.forbid_entry(why)
 
     def learned(self, axis: int) -> Learned:
-        """Return what an axis has learned."""
-        identifier = self._stage.axes[axis].live.identifier
+        """Return the learned parameters of an axis."""
+        identifier = self._stage.axes[axis].law.identifier
         zero_um = self._stage.zero.um(axis)
         return Learned(identifier.weights, identifier.offset, identifier.scale, zero_um)
 

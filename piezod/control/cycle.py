@@ -29,8 +29,12 @@ from piezod.units import NS_PER_S
 PUNCTUAL: Final = CycleTiming(0, 0, 0, 0, 0)
 """The timing of a cycle in virtual time."""
 
-_UNVERIFIED, _FORGOTTEN, _ESTOP = Detection(Fault.A10), Detection(Fault.D10), Detection(Fault.E1)
-_OVERLOADED, _OSCILLATES = mask([Fault.A4]), mask([Fault.D6])
+_UNVERIFIED, _MEMORY_UNKNOWN, _ESTOP = (
+    Detection(Fault.A10),
+    Detection(Fault.D10),
+    Detection(Fault.E1),
+)
+_OVERLOADED, _OSCILLATING = mask([Fault.A4]), mask([Fault.D6])
 _EVENTS: Final = {
     Reaction.HOLD: Event.FAULT_HOLD,
     Reaction.RAMP: Event.FAULT_RAMP,
@@ -40,36 +44,37 @@ _EVENTS: Final = {
 
 
 class CycleAxis(Protocol):
-    """What the cycle asks of an axis: its reference and its control law."""
+    """Interface of an axis to the cycle: its reference and its control law. All real-time safe."""
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
-        """Take the sample of this cycle; return the voltage to write. Real-time safe."""
+        """Take the sample of this cycle; return the voltage to write."""
         ...
 
     def applied(self, drive_v: float) -> None:
-        """Take the voltage that is in force from now on. Real-time safe."""
+        """Take the voltage that is in force from now on, in V."""
         ...
 
     def record(
         self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
     ) -> AxisRecord:
-        """Return what the cycle leaves of this axis. Real-time safe."""
+        """Return the record of this axis."""
         ...
 
 
 @dataclass
 class CycleParts:
-    """What a cycle works on.
+    """Everything that a cycle works on.
 
     Attributes:
         devices: The sensors and amplifiers of all axes.
-        axes: The axes, in the order of the devices; their owner may exchange them.
+        axes: The axes, in the order of the devices; the owner may replace them.
         guard: The last check before the write.
         period_s: Period of the loop, in s.
-        stage: The stage whose faults and state belong to it; None watches nothing, as an
-            experiment in virtual time does.
-        loop_watch: Watches the loop; None as above.
-        written_ns: Instant of the last write that the amplifiers took; None before the first.
+        stage: The stage with faults and state; None without watches, as in an experiment in virtual
+            time.
+        loop_watch: The watch of the loop; None likewise.
+        written_ns: Instant of the last write that the amplifiers took, in ns; None before the
+            first.
     """
 
     devices: DeviceBoundary
@@ -85,9 +90,9 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     """Run one cycle. Real-time safe.
 
     Args:
-        parts: What it works on.
-        t_ns: Instant of the cycle.
-        timing: How punctual the loop is.
+        parts: Everything that the cycle works on.
+        t_ns: Instant of the cycle, in ns.
+        timing: Timing of the loop.
     """
     devices, axes, stage = parts.devices, parts.axes, parts.stage
     slew_halved: Sequence[int] = ()
@@ -102,7 +107,7 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
             detections = [*parts.loop_watch.check(timing), *stage.take_reports()]
             usable = _watch_axes(stage, t_ns, samples, read_back_v, detections)
             for stage_axis in stage.axes:
-                stage_axis.live.pause_learning(timing.skipped > 0)
+                stage_axis.law.pause_learning(timing.skipped > 0)
             _watch_stage(stage, t_ns, read_back_v, detections)
             # Faults: which are new, and the worst reaction to them.
             reaction = stage.register.update(detections, t_ns)
@@ -146,6 +151,7 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
         return CycleRecord(t_ns, State.RUN, False, written, 0, 0, records)
     _watch_write(stage, admitted, written)
     register, shadow = stage.register, devices.shadow
+    # Without a write in this state nothing has failed.
     written |= stage.state not in DRIVEN
     return CycleRecord(
         t_ns, stage.state, shadow, written, register.present, register.latched, records
@@ -162,13 +168,15 @@ def _watch_axes(
     read_back_v: Sequence[float],
     detections: list[Detection],
 ) -> Sequence[Sample]:
-    """Add what is wrong on the axes; return the samples that may be used."""
+    """Add the faults of all axes; return the samples that may be used."""
     if not stage.boundary.active:
         return samples
     flags, n_axes = stage.boundary.status(t_ns), len(samples)
     for i, sample in enumerate(samples):
-        of_sensor, of_amplifier = flags[i], flags[n_axes + i]
-        _watch_axis(stage, i, t_ns, sample, of_sensor, of_amplifier, read_back_v[i], detections)
+        sensor_flags, amplifier_flags = flags[i], flags[n_axes + i]
+        _watch_axis(
+            stage, i, t_ns, sample, sensor_flags, amplifier_flags, read_back_v[i], detections
+        )
     return [watch.sensor.sample for watch in stage.watches]
 
 
@@ -177,28 +185,29 @@ def _watch_axis(
     i: int,
     t_ns: int,
     sample: Sample,
-    of_sensor: Flags,
-    of_amplifier: Flags,
+    sensor_flags: Flags,
+    amplifier_flags: Flags,
     read_back_v: float,
     detections: list[Detection],
 ) -> None:
-    """Add what is wrong on one axis."""
+    """Add the faults of one axis."""
     axis, watch, driven = stage.axes[i], stage.watches[i], stage.state in DRIVEN
     closed = stage.state is State.RUN and axis.mode in SENSED
-    if of_sensor or of_amplifier or watch.bus.counting:  # else the devices report nothing
-        detections += watch.bus.check(of_sensor, of_amplifier)
+    if sensor_flags or amplifier_flags or watch.bus.counting:  # most cycles: no flags, no counters
+        detections += watch.bus.check(sensor_flags, amplifier_flags)
     for detection in watch.sensor.check(
         t_ns,
         sample,
-        of_sensor,
-        axis.live.in_force_v,
+        sensor_flags,
+        axis.law.in_force_v,
         axis.command_um,
         driven=driven and not stage.boundary.shadow,
         needed=closed,
     ):
+        # Missing samples (S5) are the consequence of a bus fault, which is reported already.
         if detection.fault is not Fault.S5 or not watch.bus.explains_silence:
             detections.append(detection)
-    detections += watch.amplifier.check(read_back_v, of_amplifier)
+    detections += watch.amplifier.check(read_back_v, amplifier_flags)
     usable = watch.sensor.sample
     position_um = usable.position_um if usable.valid else nan
     detections += watch.adaptation.check(
@@ -213,7 +222,7 @@ def _watch_axis(
 def _watch_stage(
     stage: Stage, t_ns: int, read_back_v: Sequence[float], detections: list[Detection]
 ) -> None:
-    """Add what is wrong with the stage as a whole."""
+    """Add the faults of the stage as a whole."""
     boundary, driven = stage.boundary, stage.state in DRIVEN
     if boundary.reads_back and not boundary.shadow:
         silent = stage.output.take_read_back(read_back_v, driven=driven)
@@ -227,17 +236,17 @@ def _watch_stage(
         detections.append(_ESTOP)
     if driven and not (boundary.reads_back or boundary.shadow):
         detections.append(_UNVERIFIED)
-    if stage.memory_is_missed():
-        detections.append(_FORGOTTEN)
+    if stage.memory_is_missing():
+        detections.append(_MEMORY_UNKNOWN)
 
 
 def _watch_write(stage: Stage, admitted: Admitted, written: bool) -> None:
-    """Let the watches of the amplifiers know what this cycle wrote; the next one compares."""
+    """Report this write to the watches of the amplifiers, which compare it in the next cycle."""
     boundary = stage.boundary
     if stage.state not in DRIVEN or boundary.shadow or boundary.withheld:
         return
     for i, (axis, watch) in enumerate(zip(stage.axes, stage.watches, strict=True)):
-        law = axis.live
+        law = axis.law
         cut_off = axis.following and law.compensator.limited
         at_end = cut_off and law.at_end_of_range
         watch.amplifier.wrote(
@@ -250,7 +259,7 @@ def _watch_write(stage: Stage, admitted: Admitted, written: bool) -> None:
 
 
 def _crashed(stage: Stage, t_ns: int, fault: Fault, axis: int, text: str) -> Detection:
-    """Note an exception; return the fault that it is."""
+    """Store an event of an exception; return its detection."""
     stage.note(StageEvent(t_ns, "error", "crash", text, fault))
     return Detection(fault, axis)
 
@@ -258,7 +267,7 @@ def _crashed(stage: Stage, t_ns: int, fault: Fault, axis: int, text: str) -> Det
 def _hold_after_crash(
     stage: Stage, t_ns: int, samples: Sequence[Sample], error: Exception
 ) -> Sequence[Sample]:
-    """Hold the voltages of all axes after a mistake in watching or reacting."""
+    """Hold the voltages of all axes after an exception in watching or reacting."""
     text = f"judging failed: {error!r}"
     stage.report(_crashed(stage, t_ns, Fault.P4, -1, text))
     for axis in stage.axes:
@@ -270,15 +279,17 @@ def _hold_after_crash(
 
 
 def _react(stage: Stage, reaction: Reaction, t_ns: int) -> None:
-    """Report new faults, and do what the worst of them asks for."""
+    """Report the changes of faults, and carry out the most severe reaction."""
     register = stage.register
     for news in register.news:
-        if news.rule.reaction is not Reaction.NONE:  # else it would flood the log
+        if news.rule.reaction is not Reaction.NONE:  # such faults would flood the log
             stage.note(_fault_event(stage, t_ns, news))
-    known = register.present | register.latched
-    if known or register.news:
-        _halve_gains(stage, register.axes_of(Fault.D6) if known & _OSCILLATES else 0)
-    if reaction in {Reaction.DEGRADE, Reaction.HOLD} or (known and not register.adapt_allowed):
+    active_faults = register.present | register.latched
+    if active_faults or register.news:
+        _halve_gains(stage, register.axes_of(Fault.D6) if active_faults & _OSCILLATING else 0)
+    if reaction in {Reaction.DEGRADE, Reaction.HOLD} or (
+        active_faults and not register.adapt_allowed
+    ):
         for axis in stage.axes:
             if axis.mode in SENSED:
                 axis.select(Mode.FEEDFORWARD)
@@ -287,6 +298,7 @@ def _react(stage: Stage, reaction: Reaction, t_ns: int) -> None:
         event = Event.FAULT_RAMP
     if event is not None:
         stage.go(event, t_ns)
+    # A lost amplifier may have any voltage when it answers again.
     if event is Event.FAULT_BLIND:
         for watch in stage.watches:
             watch.amplifier.forget()
@@ -295,17 +307,18 @@ def _react(stage: Stage, reaction: Reaction, t_ns: int) -> None:
 def _halve_gains(stage: Stage, oscillating: int) -> None:
     """Halve the gains of the axes that oscillate (bits), until that fault is reset."""
     for i, axis in enumerate(stage.axes):
-        axis.live.halve_gains(bool(oscillating >> i & 1))
+        axis.law.halve_gains(bool(oscillating >> i & 1))
 
 
 def _overloaded_axes(stage: Stage) -> Sequence[int]:
-    """Return the axes whose amplifier is overloaded: they may go only half as fast as usual."""
+    """Return the axes with an overloaded amplifier: their slew rate is halved."""
     if not stage.register.present & _OVERLOADED:
         return ()
     return [i for i, watch in enumerate(stage.watches) if watch.amplifier.overloaded]
 
 
 def _fault_event(stage: Stage, t_ns: int, news: News) -> StageEvent:
+    """Return the event of a fault that appeared, escalated or ended."""
     rule, detection, appeared = news
     axis = stage.axes[detection.axis].name if detection.axis >= 0 else ""
     text = f"{rule.name}; {rule.remedy}" if appeared else f"{rule.name}: gone"

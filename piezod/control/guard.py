@@ -1,7 +1,7 @@
-"""The last thing before the write: finite, in range, no faster than allowed, and of this cycle.
+"""The last check before the write: finite, in range, within the slew rate, and of this cycle.
 
-Nothing above is trusted. A voltage that is not a number leaves the one in force as it is: a clamp
-alone would make full scale of it.
+The guard trusts no caller. A voltage that is not finite leaves the voltage in force as it is,
+because a clamp alone would turn it into full scale.
 """
 
 from collections.abc import Container, Sequence
@@ -9,34 +9,35 @@ from math import isfinite
 from typing import NamedTuple
 
 READ_BACK_V, READ_BACK_PART = 0.5, 0.005
-"""What is read back may differ from what was written by this, or by this part of the range."""
+"""The read-back may differ from the written voltage by this many volts, or by this share of the
+range, whichever is larger."""
 
 
 def read_back_tolerance_v(drive_min_v: float, drive_max_v: float) -> float:
-    """Return by how much what is read back may differ from what was written, in V.
+    """Return the allowed difference between read-back and written voltage, in V.
 
-    It is what noise and offset of an amplifier's own measurement may be; whoever asks whether a
-    stage is at a voltage, asks within this.
+    It covers noise and offset of an amplifier's own measurement. All checks whether a stage is at a
+    voltage use it.
 
     Args:
         drive_min_v: Lowest voltage of the axis, in V.
-        drive_max_v: Highest, in V.
+        drive_max_v: Highest voltage of the axis, in V.
     """
     return max(READ_BACK_V, READ_BACK_PART * (drive_max_v - drive_min_v))
 
 
 class Window(NamedTuple):
-    """The drive that the limits leave open in one cycle, in V."""
+    """Range of drives that the limits allow in one cycle, in V."""
 
     low_v: float
     high_v: float
 
     def admit(self, drive_v: float, previous_v: float) -> float:
-        """Return the nearest voltage inside; one that is not finite moves nothing.
+        """Return the nearest voltage inside; if `drive_v` is not finite, the previous voltage.
 
-        May be called in the loop.
+        Real-time safe.
         """
-        if drive_v - drive_v != 0.0:  # infinite or not a number; clamps would make full scale of it
+        if drive_v - drive_v != 0.0:  # infinity or NaN: a clamp would give full scale
             return previous_v
         return min(max(drive_v, self.low_v), self.high_v)
 
@@ -56,13 +57,14 @@ class Limits(NamedTuple):
 
     @property
     def read_back_tolerance_v(self) -> float:
-        """By how much what is read back may differ from what was written, in V."""
+        """Allowed difference between read-back and written voltage, in V."""
         return read_back_tolerance_v(self.drive_min_v, self.drive_max_v)
 
     def window(self, previous_v: float, elapsed_s: float) -> Window:
-        """Return what may follow a voltage after a time; may be called in the loop.
+        """Return the drives that may follow a voltage after a time. Real-time safe.
 
-        A previous voltage outside the range (a stage taken over) is brought back at the slew rate.
+        A previous voltage outside the range, of a stage that was taken over, returns at the slew
+        rate.
         """
         reach_v = self.slew_v_per_s * elapsed_s
         low_v = min(max(previous_v - reach_v, self.drive_min_v), previous_v + reach_v)
@@ -70,20 +72,20 @@ class Limits(NamedTuple):
         return Window(low_v, high_v)
 
     def admit(self, drive_v: float, previous_v: float, elapsed_s: float) -> float:
-        """Return what `Window.admit` does, for the window after a time; call it in the loop."""
+        """Return `Window.admit` for the window after a time. Real-time safe."""
         return self.window(previous_v, elapsed_s).admit(drive_v, previous_v)
 
 
 class Admitted(NamedTuple):
-    """What may be written in this cycle; axes by their index.
+    """Voltages that may be written in this cycle; axes are given by their index.
 
     Attributes:
-        drive_v: Voltage of each axis; not finite where what is in force is unknown.
-        writable: Whether all of it is known: else nothing at all may be written.
-        refused: Axes whose voltage, asked for or in force, is not a number: theirs stays.
-        range_limited: Axes that asked for a voltage outside their range.
-        slew_limited: Axes that asked for a faster change than theirs.
-        stale: Whether it was planned for another cycle: every voltage stays.
+        drive_v: Voltage of each axis, in V; not finite if the voltage in force is unknown.
+        writable: Whether all voltages are finite; otherwise nothing may be written.
+        refused: Axes whose requested voltage, or voltage in force, is not finite: they hold.
+        range_limited: Axes that requested a voltage outside their range.
+        slew_limited: Axes that requested a faster change than their slew rate.
+        stale: Whether the voltages were planned for another cycle: all axes hold.
     """
 
     drive_v: list[float]
@@ -95,12 +97,12 @@ class Admitted(NamedTuple):
 
 
 class Guard:
-    """Lets through what is allowed, for all axes; it remembers nothing.
+    """Limits the voltages of all axes. Stateless, real-time safe.
 
     Args:
-        limits: What the drive of each axis may do.
-        longest_s: Longest time that counts for the slew rate, in s: after a pause the loop must not
-            make up for it in one step.
+        limits: Limits of the drive of each axis.
+        longest_s: Longest time that counts for the slew rate, in s: after a pause the drive must
+            not catch up in one step.
     """
 
     def __init__(self, limits: Sequence[Limits], longest_s: float) -> None:
@@ -116,19 +118,20 @@ class Guard:
         sent_v: Sequence[float] | None = None,
         slew_halved: Container[int] = (),
     ) -> Admitted:
-        """Return what may be written; may be called in the loop.
+        """Return the voltages that may be written.
 
         Args:
-            planned_t_ns: Instant of the cycle for which the voltages were made.
-            t_ns: Instant of this cycle.
-            asked_v: Voltage of each axis, in V; any float.
-            in_force_v: Voltage in force on each axis, in V; not finite where it is unknown.
+            planned_t_ns: Instant of the cycle for which the voltages were made, in ns.
+            t_ns: Instant of this cycle, in ns.
+            asked_v: Requested voltage of each axis, in V; any float.
+            in_force_v: Voltage in force on each axis, in V; not finite if it is unknown.
             elapsed_s: Time since the voltages in force were written, in s; any float.
-            sent_v: What was sent last and not acknowledged, None where nothing was: it may be in
-                force or not, so that what follows must be near enough to both.
-            slew_halved: Axes that may go only half as fast as usual.
+            sent_v: Voltages that were sent last and not acknowledged, None if there are none. They
+                may be in force or not, so the new voltage must be within the slew rate of both.
+            slew_halved: Axes whose slew rate is halved.
         """
         if planned_t_ns != t_ns:
+            # A plan for another instant belongs to another position of the reference.
             kept_v = list(in_force_v)
             return Admitted(kept_v, all(map(isfinite, kept_v)), (), (), (), True)
         elapsed_s = min(max(elapsed_s, 0.0), self._longest_s) if isfinite(elapsed_s) else 0.0
@@ -138,18 +141,18 @@ class Guard:
         range_limited: tuple[int, ...] = ()
         slew_limited: tuple[int, ...] = ()
         for axis, limits in enumerate(self._limits):
-            wished_v, previous_v = asked_v[axis], in_force_v[axis]
-            if not (isfinite(wished_v) and isfinite(previous_v)):
+            requested_v, previous_v = asked_v[axis], in_force_v[axis]
+            if not (isfinite(requested_v) and isfinite(previous_v)):
                 refused += (axis,)
                 writable = writable and isfinite(previous_v)
                 drive_v.append(previous_v)
                 continue
-            target_v = min(max(wished_v, limits.drive_min_v), limits.drive_max_v)
+            target_v = min(max(requested_v, limits.drive_min_v), limits.drive_max_v)
             reach_s = elapsed_s / 2.0 if axis in slew_halved else elapsed_s
             admitted_v = limits.window(previous_v, reach_s).admit(target_v, previous_v)
             if sent_v is not None and isfinite(sent_v[axis]):
                 admitted_v = limits.window(sent_v[axis], reach_s).admit(admitted_v, previous_v)
-            if target_v != wished_v:
+            if target_v != requested_v:
                 range_limited += (axis,)
             if admitted_v != target_v:
                 slew_limited += (axis,)

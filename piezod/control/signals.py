@@ -1,29 +1,29 @@
-"""Small statistics over the last cycles of a signal; pure, with fixed memory."""
+"""Small statistics over the last cycles of a signal. Pure, with fixed memory, real-time safe."""
 
 from math import inf, nan
 from typing import Final
 
 
 class LeakyBucket:
-    """Trips at so many errors in a row, or where they are more than a share for long.
+    """Trips after several errors in a row, or if their share is too large for too long.
 
-    With the values below: five in a row, or for long more than one in three.
+    With the default values: five errors in a row, or more than one in three cycles for long.
 
     Args:
-        up: What an error fills in.
-        down: What leaks out in a cycle without one.
-        trip: The level from which on it is tripped; the bucket holds no more than that.
+        up: Rise of the level at an error.
+        down: Fall of the level in a cycle without an error.
+        trip: Level at which the bucket is tripped; the level never exceeds it.
     """
 
     def __init__(self, up: int = 2, down: int = 1, trip: int = 10) -> None:
         self._up, self._down, self._trip = up, down, trip
         self.level = 0
-        """What is in it now, 0 to `trip`."""
+        """Level now, 0 to `trip`."""
 
     def update(self, error: bool) -> bool:
-        """Take whether this cycle had an error; return whether it is tripped; call it in the loop.
+        """Take whether this cycle had an error; return whether the bucket is tripped.
 
-        Being full, it is no longer tripped after the first cycle without an error.
+        A full bucket is no longer tripped after the first cycle without an error.
         """
         if error:
             self.level = min(self.level + self._up, self._trip)
@@ -32,32 +32,35 @@ class LeakyBucket:
         return self.level >= self._trip
 
     def reset(self) -> None:
-        """Empty it; may be called in the loop."""
+        """Set the level to zero."""
         self.level = 0
 
 
 class RecentRange:
-    """Lowest and highest value over the last cycles: over `cycles` at least, under twice as many.
+    """Lowest and highest value over the last cycles.
+
+    They cover at least the last `cycles` values, and fewer than twice as many. Two blocks of
+    `cycles` values replace a sliding window, so that the cost does not depend on the length.
 
     Args:
-        cycles: At least 1.
+        cycles: Length of a block, at least 1.
     """
 
     def __init__(self, cycles: int) -> None:
         self._cycles = cycles
         self.low, self.high = inf, -inf
-        """Lowest and highest value; the lowest is the larger where there was none yet."""
+        """Lowest and highest value; inf and -inf before the first value."""
         self._low_now, self._high_now = inf, -inf
         self._low_before, self._high_before = inf, -inf
         self._filled = 0
 
     @property
     def swing(self) -> float:
-        """Highest minus lowest value, at least 0."""
+        """Highest minus lowest value; 0 before the first value."""
         return max(self.high - self.low, 0.0)
 
     def add(self, value: float) -> None:
-        """Take the value of this cycle, finite; may be called in the loop."""
+        """Take the value of this cycle; it must be finite."""
         if self._filled == self._cycles:
             self._low_before, self._high_before = self._low_now, self._high_now
             self._low_now = self._high_now = value
@@ -68,7 +71,7 @@ class RecentRange:
         self.high = max(self._high_before, self._high_now)
 
     def forget(self) -> None:
-        """Forget all values; may be called in the loop."""
+        """Forget all values."""
         self.low = self._low_before = self._low_now = inf
         self.high = self._high_before = self._high_now = -inf
         self._filled = 0
@@ -80,10 +83,10 @@ _PARTS = 20  # the window slides by a twentieth of its length
 class SlidingRange:
     """Highest minus lowest value over a window that slides by parts.
 
-    The window holds the last `cycles` values, less at most a part: a twentieth of them, or one.
+    The window holds the last `cycles` values, less at most one part: a twentieth of them, or one.
 
     Args:
-        cycles: Length of the window; at least 1.
+        cycles: Length of the window, at least 1.
     """
 
     def __init__(self, cycles: int) -> None:
@@ -93,7 +96,7 @@ class SlidingRange:
         self._part, self._filled = 0, 0
 
     def add(self, value: float) -> float:
-        """Take the value of this cycle; return the swing. May be called in the loop.
+        """Take the value of this cycle; return the swing.
 
         Args:
             value: Finite.
@@ -109,14 +112,14 @@ class SlidingRange:
 
 
 STUCK_SAMPLES: Final = 20
-"""A sensor is stuck when this many samples are the same."""
+"""A sensor is stuck if this many samples are equal while the drive moves."""
 
 
 class StuckSensor:
-    """Watches for samples that stay the same while the drive moves.
+    """Detects samples that stay equal while the drive moves.
 
     Args:
-        swing: By more than this the drive has to move meanwhile, as a share of its range.
+        swing: The drive must move meanwhile by more than this share of its range.
     """
 
     def __init__(self, swing: float) -> None:
@@ -127,18 +130,15 @@ class StuckSensor:
 
     @property
     def repeated(self) -> bool:
-        """Whether the last sample was the same as the one before: it may be the first of many."""
+        """Whether the last sample equals the one before: it may be the first of many."""
         return self._samples > 1
 
     def forget(self) -> None:
-        """Begin anew; may be called in the loop."""
+        """Start again."""
         self._position = nan
 
     def update(self, position: float, drive: float) -> bool:
-        """Take a sample and the drive in force; return whether the sensor is stuck.
-
-        May be called in the loop.
-        """
+        """Take a sample and the drive in force; return whether the sensor is stuck."""
         if position != self._position:
             self._position, self._samples = position, 0
             self._low = self._high = drive
@@ -148,90 +148,98 @@ class StuckSensor:
 
 
 STILL_SAMPLES: Final = 200
-"""So many samples that are the same to the bit are still."""
-USUALLY: Final = 0.5
-"""Where less than this part of the samples differs from the one before, none is expected to."""
+"""A sensor stands still if this many samples are equal to the last bit."""
+USUAL_CHANGES: Final = 0.5
+"""If fewer than this share of the samples differ from the one before, equal samples are normal: the
+sensor is coarse or slow."""
 
 _AVERAGED_SAMPLES = 1000
 
 
 class StillSensor:
-    """Watches one sensor; fixed memory."""
+    """Detects a sensor that stands still although its samples usually differ."""
 
     def __init__(self) -> None:
         self._position = nan
         self.samples = 0
-        """How many samples in a row have been the same."""
+        """Number of equal samples in a row."""
         self._changing = 0.0
         self.still = False
-        """Whether the sensor stands still though it usually does not."""
+        """Whether the sensor stands still although its samples usually differ."""
 
     def update(self, position: float) -> None:
-        """Take a sample; may be called in the loop."""
+        """Take a sample."""
         if position != self._position:
             self._position, self.samples, self.still = position, 1, False
+            # A slow average of the share of samples that differ from the one before.
             self._changing += (1.0 - self._changing) / _AVERAGED_SAMPLES
             return
         self.samples += 1
         self._changing -= self._changing / _AVERAGED_SAMPLES
         if self.samples == STILL_SAMPLES:
-            self.still = self._changing > USUALLY
+            self.still = self._changing > USUAL_CHANGES
 
 
 SPIKE_SIGMAS: Final = 6.0
-"""A second difference beyond this is a spike; noise alone gives one in 5e8 samples."""
+"""A second difference beyond this many standard deviations is a spike; noise alone makes one in 5e8
+samples."""
 AVERAGED_CYCLES: Final = 200
-"""Time constant of the level. After noise has become ten times larger it takes about two of these
-until that is no spike any more."""
+"""Time constant of the variance, in cycles. Noise that has become ten times larger makes spikes for
+about two of these."""
 USUAL_CYCLES: Final = 10_000
-"""Time constant of what is usual. Noise that has become ten times larger and stays is called usual
-after about three of these."""
+"""Time constant of the usual variance, in cycles. Noise that has become ten times larger and stays
+is usual after about three of these."""
 UNUSUAL: Final = 4.0
-"""A variance of so many times the usual one, twice its amplitude, is unusual."""
+"""The noise is unusual if its variance exceeds the usual one by this factor, its amplitude by
+two."""
 START_VARIANCE: Final = 1e-6
-"""What the noise is taken for at first: a thousandth of the range."""
+"""Variance that is assumed at first: an amplitude of a thousandth of the range."""
 LEAST_VARIANCE: Final = 1e-8
-"""The level stays above this, a ten-thousandth of the range, so that a sensor without noise does
-not make a spike of every motion."""
+"""Smallest variance, an amplitude of a ten-thousandth of the range: without it, any motion would be
+a spike for a sensor without noise."""
 
-_PER_VARIANCE = 1.0 + 4.0 + 1.0  # squares of the second difference's coefficients
-_CUT = 4.0  # squares count up to this many times the level, two sigmas
-_CUT_MEAN = 0.9205  # what is left of the mean square of normal noise, so cut: E min(g², 4)
+_PER_VARIANCE = 1.0 + 4.0 + 1.0  # Σ c² of the second difference, 1, -2, 1
+_CLIP = 4.0  # squares count up to this many variances, two sigmas
+_CLIP_MEAN = 0.9205  # mean square of normal noise that is clipped so: E min(g², 4)
 
 
 class NoiseLevel:
-    """Follows the noise of one sensor, in squares of the unit of its displacement's range."""
+    """Estimates the noise of one sensor, from second differences of its positions.
+
+    A smooth motion hardly changes the second difference, so the estimate needs no rest. Clipped
+    squares keep spikes out of it.
+    """
 
     def __init__(self) -> None:
         self.variance = START_VARIANCE
-        """Variance of the displacement's noise; a robust, slow average."""
+        """Variance of the noise of the position, in units of the range squared."""
         self._usual, self._cycles = START_VARIANCE, AVERAGED_CYCLES
         self._before, self._last = nan, nan
 
     @property
     def unusual(self) -> bool:
-        """Whether the noise is now much larger than it usually is."""
+        """Whether the noise is now much larger than usual."""
         return self.excess > UNUSUAL
 
     @property
     def excess(self) -> float:
-        """How many times its usual variance the noise has now."""
+        """Variance of the noise over the usual one."""
         return self.variance / self._usual
 
     def update(self, position: float) -> bool:
-        """Take a displacement, in units of the range; return whether it is part of a spike.
+        """Take a position, in units of the range; return whether it is part of a spike.
 
-        A single spike is seen in three samples: the one that has it and two after it. May be called
-        in the loop.
+        A single spike shows in three samples: its own and the two after it.
         """
         difference = position - 2.0 * self._last + self._before
-        square = difference * difference / _PER_VARIANCE  # `**` would raise where this is infinite
+        square = difference * difference / _PER_VARIANCE  # `**` would raise for infinity
         self._before, self._last = self._last, position
-        if square != square:  # noqa: PLR0124 - not a number before there are three samples
+        if square != square:  # noqa: PLR0124 - NaN until there are three samples
             return False
-        level = self.variance
-        cut = min(square, _CUT * level) / _CUT_MEAN
-        self.variance = max(level + (cut - level) / AVERAGED_CYCLES, LEAST_VARIANCE)
-        self._cycles = min(self._cycles + 1, USUAL_CYCLES)  # at first it is the plain mean
+        variance = self.variance
+        clipped = min(square, _CLIP * variance) / _CLIP_MEAN
+        self.variance = max(variance + (clipped - variance) / AVERAGED_CYCLES, LEAST_VARIANCE)
+        self._cycles = min(self._cycles + 1, USUAL_CYCLES)  # at first the plain mean
+        # A rise counts up to a factor of two, so that the usual level follows slowly.
         self._usual += (min(self.variance, 2.0 * self._usual) - self._usual) / self._cycles
-        return square > SPIKE_SIGMAS**2 * level
+        return square > SPIKE_SIGMAS**2 * variance

@@ -1,4 +1,4 @@
-"""Every path of the cycle, run once before it counts: what is compiled is compiled then."""
+"""Runs every path of the cycle once before it counts, so that everything is compiled by then."""
 
 from collections.abc import Sequence
 from math import nan
@@ -15,10 +15,11 @@ from piezod.devices.status import NO_FLAGS, Flags
 from piezod.units import NS_PER_S
 
 _CYCLES = 50
+"""Cycles after each request: enough for every state to be reached."""
 
 
-class _Obedient:
-    """Devices that take everything, and a stage that moves in proportion."""
+class _IdealDevices:
+    """Devices that accept every write, with a stage that moves in proportion."""
 
     def __init__(self, config: DaemonConfig) -> None:
         self._axes = tuple(config.axes)
@@ -66,18 +67,23 @@ class _Obedient:
 
 
 def warm_up(config: DaemonConfig) -> None:
-    """Run a stage like the one configured through all its states and modes, on no devices.
+    """Run a stage of this configuration through all states and modes, without its devices.
 
     Raises:
         ConfigError: If a model file cannot be used.
-        DataError: If a model leaves out the rest voltage.
+        DataError: If a model does not hold at the rest voltage.
         ModelError: If a gain is not safe.
     """
-    devices = _Obedient(config)
+    devices = _IdealDevices(config)
     controller = assemble(config, devices, devices.capabilities())
     period_ns, t_ns = round(NS_PER_S / config.rate_hz), NS_PER_S
     waves: dict[str, WaveformConfig] = {
-        name: Sine(kind="sine", low=axis.pace.low_um, high=axis.pace.high_um, frequency_hz=1.0)
+        name: Sine(
+            kind="sine",
+            low=axis.motion_limits.low_um,
+            high=axis.motion_limits.high_um,
+            frequency_hz=1.0,
+        )
         for name, axis in zip(config.axes, controller.axes, strict=True)
     }
     for request in (

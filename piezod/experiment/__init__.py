@@ -1,4 +1,4 @@
-"""From an experiment file to a run in virtual time, its records and its metrics.
+"""From an experiment file to a run, in virtual time or on a running stage, and its errors.
 
-Knows nothing of buses: devices come from the registry.
+Knows no buses: devices come from the registry.
 """

@@ -10,7 +10,7 @@ from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.yaml_loader import load_yaml
 from piezod.control.assembly import check_stage
-from piezod.control.law.gains import check_known
+from piezod.control.law.gains import check_gains
 from piezod.control.law.model_files import read_model
 from piezod.devices import registry
 from piezod.errors import ConfigError, DataError, ModelError, Problem
@@ -70,7 +70,7 @@ def _kind(path: Path) -> FileKind:
 def _describe_experiment(path: Path) -> str:
     config = load_experiment(path, registry)
     try:
-        check_known(config.axes, 1.0 / config.rate_hz, trimmed=Mode.TRIMMED in config.modes)
+        check_gains(config.axes, 1.0 / config.rate_hz, trimmed=Mode.TRIMMED in config.modes)
     except ModelError as error:
         raise ConfigError(Problem(str(path), 0, 0, "", str(error))) from error
     cases, modes = _count(len(config.cases), "case"), _count(len(config.modes), "mode")

@@ -1,1 +1,1 @@
-"""Between loop and supervisor: the record of a cycle, the shared ring, the command mailbox."""
+"""Shared memory between loop and supervisor: records, events, requests, setpoints, counters."""

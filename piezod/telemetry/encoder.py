@@ -7,9 +7,9 @@ from piezod.telemetry.record import AxisRecord, CycleHeader
 
 
 def _enumerated(record: type[AxisRecord] | type[CycleHeader]) -> list[tuple[int, dict[int, int]]]:
-    """Return the index of each enumerated field, and the place of each member by its identity.
+    """Return the index of each enumerated field, and the index of each member by its identity.
 
-    By identity, because hashing a member of an enumeration can be a call into Python.
+    By identity, because hashing a member of an enumeration can call Python code.
     """
     return [
         (index, {id(member): place for place, member in enumerate(kind)})

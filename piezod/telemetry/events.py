@@ -1,4 +1,4 @@
-"""What happened in the loop, handed to the supervisor for log and audit; the oldest give way."""
+"""Events of the loop, for log and audit of the supervisor; new events overwrite the oldest."""
 
 from struct import Struct
 from typing import Final
@@ -11,14 +11,14 @@ from piezod.telemetry.words import Word
 _NUMBERS: Final = Struct("<qddq")  # instant, measured, limit, length of the text
 _TEXT_AT: Final = 8 + _NUMBERS.size
 _TEXT_BYTES: Final = EVENT_BYTES - _TEXT_AT
-_BETWEEN: Final = "\x1f"
+_SEPARATOR: Final = "\x1f"
 
 
 class EventWriter:
-    """The loop's end.
+    """End of the loop.
 
     Args:
-        shared: The memory, writable; there is one writer.
+        shared: The memory, writable; it has one writer.
     """
 
     def __init__(self, shared: SharedMap) -> None:
@@ -27,9 +27,9 @@ class EventWriter:
         self._seq = shared.words[Word.NEWEST_EVENT]
 
     def append(self, event: StageEvent) -> None:
-        """Hand an event over; a long text is cut off; may be called in the loop."""
+        """Publish an event; a long text is cut off. Real-time safe."""
         t_ns, severity, kind, text, fault, axis, measured, limit = event
-        texts = _BETWEEN.join((severity, kind, fault, axis, text)).encode()[:_TEXT_BYTES]
+        texts = _SEPARATOR.join((severity, kind, fault, axis, text)).encode()[:_TEXT_BYTES]
         self._seq = seq = self._seq + 1
         at = seq % EVENT_SLOTS * EVENT_BYTES
         self._numbers[at >> 3] = seq
@@ -39,7 +39,7 @@ class EventWriter:
 
 
 class EventReader:
-    """Follows the events from where they were when this was made; any number of them.
+    """Follows the events from the present one on; any number of readers is possible.
 
     Args:
         shared: The memory.
@@ -50,11 +50,11 @@ class EventReader:
         self._position = self._words[Word.NEWEST_EVENT]
 
     def read(self) -> tuple[list[StageEvent], int]:
-        """Return the events since the last call, oldest first, and how many were lost."""
+        """Return the events since the last call, oldest first, and the number of lost events."""
         newest = self._words[Word.NEWEST_EVENT]
         start = max(self._position, newest - EVENT_SLOTS + 1)
         copied = [(seq, self._copy(seq)) for seq in range(start + 1, newest + 1)]
-        # The writer may be at the event after the newest, in the place of one this much older.
+        # The writer may be at the next event, whose slot holds the event that is one turn older.
         oldest = self._words[Word.NEWEST_EVENT] + 2 - EVENT_SLOTS
         events = [_event(slot) for seq, slot in copied if seq >= oldest]
         lost = newest - self._position - len(events)
@@ -69,5 +69,5 @@ class EventReader:
 def _event(slot: bytes) -> StageEvent:
     t_ns, measured, limit, length = _NUMBERS.unpack_from(slot, 8)
     text = slot[_TEXT_AT : _TEXT_AT + length].decode(errors="ignore")
-    severity, kind, fault, axis, text = text.split(_BETWEEN, 4)
+    severity, kind, fault, axis, text = text.split(_SEPARATOR, 4)
     return StageEvent(t_ns, severity, kind, text, fault, axis, measured, limit)

@@ -1,7 +1,7 @@
-"""What lies where in the memory that loop and supervisor share, and what a record holds.
+"""Layout of the shared memory of loop and supervisor, and of the records in it.
 
-A record is written by `struct`, because a loop needs no array for it, and read as a structured
-array; both descriptions derive from `telemetry.record`. Numbers are little-endian; each record is a
+A record is written by `struct`, because the loop needs no array for it, and read as a structured
+array. Both descriptions derive from `telemetry.record`. Numbers are little-endian. Each record is a
 multiple of eight bytes long, so that its sequence numbers are aligned.
 """
 
@@ -19,10 +19,10 @@ from piezod.units import NS_PER_S, s_to_ns
 
 PAGE: Final = 4096
 WORDS: Final = 64
-"""How many words of eight bytes there are for `words.Word`."""
+"""Number of words of eight bytes for `words.Word`."""
 REPORT_BYTES: Final = 16 * 1024
 STREAM_WORDS: Final = 8
-"""Words of one axis in the setpoint stream, a cache line."""
+"""Words per axis in the setpoint stream: one cache line."""
 URGENT_SLOTS: Final = 4
 URGENT_BYTES: Final = 1024
 REQUEST_SLOTS: Final = 16
@@ -37,23 +37,23 @@ LEARNED_HEADER: Final = 8
 EVENT_SLOTS: Final = 512
 EVENT_BYTES: Final = 512
 RING_S: Final = 16.0
-"""What the ring holds: the flight recorder wants 10 s, and time to come for them."""
+"""Length of the ring, in s: 10 s for the flight recorder, and time to fetch them."""
 RING_MAX_BYTES: Final = 64 * 1024 * 1024
 
 _CODES: Final = {int: ("<i8", "q"), float: ("<f8", "d"), bool: ("?", "?")}
-"""Type of a field: numpy's description of it, and that of `struct`."""
+"""Type of a field: its description for numpy and for `struct`."""
 _MASK: Final = ("<u8", "Q")
-_PLACE: Final = ("u1", "B")
-"""A member of an enumeration is stored as its place in it."""
+_INDEX: Final = ("u1", "B")
+"""A member of an enumeration is stored as its index."""
 
 
 class Field(NamedTuple):
     """One field of a record in memory.
 
     Attributes:
-        name: Its name; one that begins with "_" is a gap.
-        dtype: Numpy's description of it.
-        code: That of `struct`.
+        name: Name of the field; a gap has a name that starts with "_".
+        dtype: Its description for numpy.
+        code: Its description for `struct`.
     """
 
     name: str
@@ -64,12 +64,12 @@ class Field(NamedTuple):
 def fields_of(record: type[AxisRecord] | type[CycleHeader]) -> tuple[Field, ...]:
     """Return the fields of a record in memory, from its declaration.
 
-    Gaps keep the fields of eight bytes, and the end, at multiples of eight.
+    Gaps align fields of eight bytes, and the end, to multiples of eight.
     """
     fields: list[Field] = []
     at = 0
     for name, kind in get_type_hints(record).items():
-        dtype, code = _described(name, kind)
+        dtype, code = _description(name, kind)
         size = np.dtype(dtype).itemsize
         if at % size:
             fields.append(_gap(len(fields), -at % size))
@@ -81,10 +81,10 @@ def fields_of(record: type[AxisRecord] | type[CycleHeader]) -> tuple[Field, ...]
     return tuple(fields)
 
 
-def _described(name: str, kind: type) -> tuple[str, str]:
+def _description(name: str, kind: type) -> tuple[str, str]:
     if name.endswith(("_lo", "_hi")):
         return _MASK
-    return _PLACE if issubclass(kind, Enum) else _CODES[kind]
+    return _INDEX if issubclass(kind, Enum) else _CODES[kind]
 
 
 def _gap(place: int, size: int) -> Field:
@@ -96,32 +96,32 @@ AXIS_FIELDS: Final = fields_of(AxisRecord)
 
 
 def record_dtype(axes: int) -> np.dtype[np.void]:
-    """Describe a record of this many axes; the field `axes` has shape (axes,)."""
+    """Return the numpy type of a record; the field `axes` has shape (axes,)."""
     axis = np.dtype([(name, dtype) for name, dtype, _ in AXIS_FIELDS])
     cycle = [(name, dtype) for name, dtype, _ in CYCLE_FIELDS]
     return np.dtype([("seq", "<i8"), *cycle, ("axes", axis, (axes,)), ("end_seq", "<i8")])
 
 
 def body_format(axes: int) -> str:
-    """Describe the same for `struct`, without the sequence numbers at both ends."""
+    """Return the format of a record for `struct`, without the sequence numbers at both ends."""
     cycle = "".join(field.code for field in CYCLE_FIELDS)
     return "<" + cycle + "".join(field.code for field in AXIS_FIELDS) * axes
 
 
 def enumerations() -> dict[str, tuple[Enum, ...]]:
-    """Return the fields that hold a place in an enumeration, each with the members."""
+    """Return the fields that contain an index of an enumeration, each with the members."""
     hints = get_type_hints(CycleHeader) | get_type_hints(AxisRecord)
     return {name: tuple(kind) for name, kind in hints.items() if issubclass(kind, Enum)}
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What the shared memory of a stage is made for.
+    """Sizes of the shared memory of a stage.
 
     Attributes:
-        axes: Names of the axes, in their order.
-        capacity: Records in the ring.
-        period_ns: Period of the loop.
+        axes: Names of the axes, in order.
+        capacity: Number of records in the ring.
+        period_ns: Period of the loop, in ns.
     """
 
     axes: tuple[str, ...]
@@ -130,7 +130,7 @@ class Layout:
 
     @classmethod
     def of(cls, config: DaemonConfig) -> Self:
-        """Lay out the memory of a stage: 16 s of records, or what fits into 64 MiB."""
+        """Return the layout for a stage: 16 s of records, or as many as fit into 64 MiB."""
         fitting = RING_MAX_BYTES // record_dtype(len(config.axes)).itemsize
         capacity = min(max(round(RING_S * config.rate_hz), 64), fitting)
         return cls(tuple(config.axes), capacity, s_to_ns(1 / config.rate_hz))
@@ -141,17 +141,17 @@ class Layout:
         return NS_PER_S / self.period_ns
 
     def dump(self) -> bytes:
-        """Write it as JSON, for the header."""
+        """Return the layout as JSON, for the header."""
         return json.dumps(asdict(self)).encode()
 
     @classmethod
     def load(cls, text: bytes) -> Self:
-        """Read what `dump` wrote."""
+        """Return the layout that `dump` wrote."""
         fields = json.loads(text)
         return cls(tuple(fields["axes"]), fields["capacity"], fields["period_ns"])
 
     def parts(self) -> dict[str, slice]:
-        """Tell the bytes of each part; each begins on a page of its own."""
+        """Return the bytes of each part; each part starts on a page of its own."""
         axes = len(self.axes)
         sizes = {
             "header": PAGE,
@@ -174,6 +174,6 @@ class Layout:
 
     @property
     def size(self) -> int:
-        """Bytes of the whole."""
+        """Size of the whole, in bytes."""
         end: int = self.parts()["ring"].stop
         return -(-end // PAGE) * PAGE

@@ -1,4 +1,4 @@
-"""What the identifier of each axis has learned, published by the loop some 20 times a second."""
+"""Learned parameters of each axis, published by the loop about 20 times per second."""
 
 from typing import Any, Final, NamedTuple
 
@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from piezod.telemetry.layout import LEARNED_HEADER, MAX_WEIGHTS
 from piezod.telemetry.shared_map import SharedMap
 
-_TRIES: Final = 1000
+_ATTEMPTS: Final = 1000
 _AREA: Final = np.dtype(
     [
         ("begun", "<i8"),
@@ -24,13 +24,13 @@ _AREA: Final = np.dtype(
 
 
 class LearnedAxis(NamedTuple):
-    """What is known of an axis.
+    """Learned parameters of an axis.
 
     Attributes:
-        weights: Of the operators, in the order of the compensator's bank.
+        weights: Weights of the operators, in the order of the compensator's bank.
         offset: Offset of the displacement, normalised.
         scale: Scale of the displacement.
-        zero_um: Displacement, as the sensor gives it, that is called zero.
+        zero_um: Sensor zero, in µm as the sensor shows it.
     """
 
     weights: NDArray[np.float64]
@@ -40,10 +40,10 @@ class LearnedAxis(NamedTuple):
 
 
 class LearnedWriter:
-    """The loop's end.
+    """End of the loop.
 
     Args:
-        shared: The memory, writable; there is one writer.
+        shared: The memory, writable; it has one writer.
     """
 
     def __init__(self, shared: SharedMap) -> None:
@@ -55,9 +55,11 @@ class LearnedWriter:
     def publish(
         self, axis: int, weights: ArrayLike, offset: float, scale: float, zero_um: float
     ) -> None:
-        """Publish what is known of an axis; up to 2048 weights; may be called in the loop."""
-        count = len(weights)  # type: ignore[arg-type]  # a row of numbers, of whatever kind
+        """Publish the parameters of an axis, up to 2048 weights. Real-time safe."""
+        count = len(weights)  # type: ignore[arg-type] # any sequence of numbers
         at = axis * _AREA.itemsize // 8
+        # The turn is written before and after the values, so that a reader can detect a write in
+        # between.
         self._words[at] = turn = self._words[at] + 1
         self._words[at + 2] = count
         self._values[at + 3] = offset
@@ -68,7 +70,7 @@ class LearnedWriter:
 
 
 class LearnedReader:
-    """The other end; any number of them.
+    """End of a reader; any number of readers is possible.
 
     Args:
         shared: The memory.
@@ -78,8 +80,8 @@ class LearnedReader:
         self._areas = shared.array("learned", _AREA)
 
     def read(self, axis: int) -> LearnedAxis | None:
-        """Return what is known of an axis, None before the first time."""
-        for _ in range(_TRIES):
+        """Return the parameters of an axis, None before they were first published."""
+        for _ in range(_ATTEMPTS):
             done = int(self._areas[axis]["done"])
             area: Any = self._areas[axis].copy()
             if done and int(self._areas[axis]["begun"]) == done:

@@ -1,9 +1,10 @@
-"""Requests from the supervisor to the loop, and what became of each.
+"""Requests from the supervisor to the loop, and their answers.
 
-Two bounded lanes, each with one writer and one reader that never wait for each other: an urgent one
-for what must not queue behind others (stop, hold), and an ordinary one. The loop takes one request
-in a cycle, urgent ones first. An emergency stop is in no lane: it is a level, so that there is room
-for it however many wait. Numbers are common to all of them; the answer is found by it.
+There are two bounded lanes, each with one writer and one reader that never wait for each other. The
+urgent lane is for requests that must not queue behind others (stop, hold), the ordinary lane for
+all others. The loop takes one request per cycle, urgent ones first. An emergency stop uses no lane:
+it is a level, so that there is room for it however many requests wait. All share one sequence of
+numbers, by which the answer is found.
 """
 
 from struct import Struct
@@ -31,11 +32,11 @@ EXPIRED: Final = "expired: the loop did not take it in time"
 
 
 class MailboxFullError(PiezodError):
-    """Raised when the loop has not yet taken what was posted before."""
+    """Raised when the loop has not yet taken earlier requests, or when a request is too large."""
 
 
 class MailboxAnswer(NamedTuple):
-    """What became of a request; the fields are those of `control.stage.record.Answer`."""
+    """Answer to a request, with the fields of `control.stage.answer.Answer`."""
 
     accepted: bool
     why: str
@@ -43,7 +44,7 @@ class MailboxAnswer(NamedTuple):
 
 
 class _Lane:
-    """A row of slots, and the two words that say how many were posted and taken."""
+    """A row of slots, and the words that count posted and taken requests."""
 
     def __init__(self, shared: SharedMap, name: str, slots: int, size: int, posted: Word) -> None:
         self.name, self.slots, self.size = name, slots, size
@@ -59,6 +60,7 @@ class _Lane:
         at = posted % self.slots * (SLOT_HEADER + self.size)
         _REQUEST.pack_into(self._bytes, at, number, expires_ns, len(payload))
         at += SLOT_HEADER
+        # The payload must be complete before the count makes it visible to the reader.
         self._bytes[at : at + len(payload)] = payload
         self._words[self._posted] = posted + 1
 
@@ -80,10 +82,10 @@ def _lanes(shared: SharedMap) -> tuple[_Lane, _Lane]:
 
 
 class MailboxWriter:
-    """The supervisor's end.
+    """End of the supervisor.
 
     Args:
-        shared: The memory, writable; there is one writer.
+        shared: The memory, writable; it has one writer.
     """
 
     def __init__(self, shared: SharedMap) -> None:
@@ -93,18 +95,18 @@ class MailboxWriter:
         self._words = shared.words
 
     def post(self, payload: bytes, expires_ns: int, *, urgent: bool = False) -> int:
-        """Hand a request over; does not wait.
+        """Post a request without waiting.
 
         Args:
-            payload: What `requests_codec.encode` made.
-            expires_ns: Until when the loop may take it.
-            urgent: Whether it goes before all others that wait; at most 1 KiB.
+            payload: Result of `requests_codec.encode`.
+            expires_ns: Instant until which the loop may take it, in ns.
+            urgent: Whether it goes before all other waiting requests; at most 1 KiB.
 
         Returns:
-            Its number, for `answer`; they start at 1.
+            Number of the request, for `answer`; the first is 1.
 
         Raises:
-            MailboxFullError: If too many wait, or it is too large.
+            MailboxFullError: If too many requests wait, or if the request is too large.
         """
         lane = self._urgent if urgent else self._ordinary
         if len(payload) > lane.size:
@@ -117,22 +119,22 @@ class MailboxWriter:
         return number
 
     def post_estop(self) -> int:
-        """Ask for an emergency stop; it is never refused and does not expire.
+        """Request an emergency stop; it is never refused and does not expire.
 
         Returns:
-            Its number, for `estop_answer`.
+            Number of the stop, for `estop_answer`.
         """
         number = self._next()
         self._words[Word.ESTOP_ASKED] = number
         return number
 
     def estop_answer(self, number: int) -> MailboxAnswer | None:
-        """Return what became of an emergency stop, or of one that was asked for after it."""
+        """Return the answer to an emergency stop, or to a later one."""
         done = self._words[Word.ESTOP_DONE]
         return self.answer(done) if done >= number else None
 
     def answer(self, number: int) -> MailboxAnswer | None:
-        """Return what became of a request, None while that is open.
+        """Return the answer to a request, None while it is open.
 
         Answers to the newest 64 requests are kept.
         """
@@ -150,10 +152,10 @@ class MailboxWriter:
 
 
 class MailboxReader:
-    """The loop's end.
+    """End of the loop. All methods are real-time safe.
 
     Args:
-        shared: The memory, writable; there is one reader.
+        shared: The memory, writable; it has one reader.
     """
 
     def __init__(self, shared: SharedMap) -> None:
@@ -163,10 +165,7 @@ class MailboxReader:
         self._numbers = self._answers.cast("q")
 
     def take(self, now_ns: int) -> tuple[int, bytes] | None:
-        """Take the next request that has not expired, as number and payload; None if none waits.
-
-        May be called in the loop.
-        """
+        """Take the next request that has not expired, as number and payload; None if none waits."""
         for lane in self._lanes:
             while lane.waiting:
                 number, expires_ns, payload = lane.get()
@@ -177,22 +176,20 @@ class MailboxReader:
         return None
 
     def take_estop(self) -> int:
-        """Return the number of an emergency stop that was asked for, 0 if none is open.
-
-        May be called in the loop.
-        """
+        """Return the number of a requested emergency stop, 0 if none is open."""
         asked = self._words[_ESTOP_ASKED]
         return 0 if asked == self._words[_ESTOP_DONE] else asked
 
     def answer_estop(self, number: int, *, accepted: bool, motion: int, why: str) -> None:
-        """Tell what became of an emergency stop, which is open no more; as `answer`."""
+        """Answer an emergency stop, and close it; arguments as for `answer`."""
         self.answer(number, accepted=accepted, motion=motion, why=why)
         self._words[_ESTOP_DONE] = number
 
     def answer(self, number: int, *, accepted: bool, motion: int, why: str) -> None:
-        """Tell what became of a request; a long text is cut off; may be called in the loop."""
+        """Answer a request; a long text is cut off."""
         text = why.encode()[:ANSWER_BYTES]
         at = number % ANSWER_SLOTS * (SLOT_HEADER + ANSWER_BYTES)
+        # The number is cleared first and written last, so that no reader takes half an answer.
         self._numbers[at >> 3] = 0
         _ANSWER.pack_into(self._answers, at + _ANSWER_AT, accepted, motion, len(text))
         start = at + SLOT_HEADER

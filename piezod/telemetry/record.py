@@ -1,6 +1,6 @@
-"""What one cycle leaves: the declarations that the layout of the ring and its readers derive from.
+"""The record of a cycle: declarations from which the layout of the ring and its readers derive.
 
-`layout` makes the memory layout from the annotations, `encoder` the values, and recordings take
+`layout` derives the memory layout from the annotations, `encoder` the values, and recordings take
 their columns from the layout. A new field needs one line here, and the place that fills it.
 """
 
@@ -13,20 +13,20 @@ from piezod.config.states import State
 
 
 class AxisRecord(NamedTuple):
-    """One axis in one cycle.
+    """Record of one axis in one cycle.
 
     Attributes:
-        sample_ns: Instant at which the sample was taken.
-        position_um: Measured position, NaN if the sample may not be used.
-        command_um: Command at the instant of the cycle, NaN if there is none.
-        target_um: Position at which the movement ends, NaN if it does not end at a position.
-        uncompensated_v: Voltage in proportion to the command.
-        asked_v: Voltage that the axis asked for.
-        drive_v: Voltage that the guard let through and that was written; in force from now on.
-        in_force_v: Voltage in force when the sample was taken.
-        read_back_v: Voltage that the amplifier reports, NaN if it does not.
-        trim_um: What mode `trimmed` adds to the command now.
-        mode: How the drive is made from the command.
+        sample_ns: Instant of the sample, in ns.
+        position_um: Measured position, in µm; NaN if the sample may not be used.
+        command_um: Command at the instant of the cycle, in µm; NaN if there is none.
+        target_um: Position at which the movement ends, in µm; NaN if it does not end at a position.
+        uncompensated_v: Voltage in proportion to the command, in V.
+        asked_v: Voltage that the axis requested, in V.
+        drive_v: Voltage that the guard admitted and that was written, in V; in force from now on.
+        in_force_v: Voltage in force when the sample was taken, in V.
+        read_back_v: Voltage that the amplifier reports, in V; NaN if it does not.
+        trim_um: Displacement that mode `trimmed` adds now, in µm.
+        mode: Mode in which the drive is made from the command.
         gate: Whether the identifier learns, and if not, why not.
         on_target: Whether the position has been reached and has stayed there.
         motion: Number of the movement; each accepted movement gets the next number.
@@ -49,16 +49,16 @@ class AxisRecord(NamedTuple):
 
 
 class CycleRecord(NamedTuple):
-    """All axes in one cycle, as the control law leaves them.
+    """Record of all axes in one cycle, as the control law returns it.
 
     Attributes:
-        t_ns: Instant of the cycle.
+        t_ns: Instant of the cycle, in ns.
         state: State of the stage.
         shadow: Whether everything is computed and nothing written.
-        written: Whether the amplifiers took the voltages; True if none were to be written.
-        present: Faults that are present, bit `1 << place` in `config.faults.Fault`.
-        latched: Faults that are latched, likewise.
-        axes: The axes, in their order.
+        written: Whether the amplifiers took the voltages; True if there was nothing to write.
+        present: Bit mask of the present faults; the bit is the index in `config.faults.Fault`.
+        latched: Bit mask of the latched faults.
+        axes: Records of the axes, in order.
     """
 
     t_ns: int
@@ -71,23 +71,23 @@ class CycleRecord(NamedTuple):
 
 
 class CycleHeader(NamedTuple):
-    """What the ring holds of a cycle before its axes.
+    """Part of a record in the ring before the axes.
 
     Attributes:
-        t_ns: Instant of the cycle.
-        late_ns: Wake-up after the deadline.
-        read_ns: Time that reading took, read-back included.
-        compute_ns: Time that everything between reading and writing took.
-        write_late_ns: Begin of the write after the deadline, -1 if nothing was written.
-        write_ns: Time that writing took.
+        t_ns: Instant of the cycle, in ns.
+        late_ns: Wake-up after the deadline, in ns.
+        read_ns: Duration of reading, with the read-back, in ns.
+        compute_ns: Duration of everything between reading and writing, in ns.
+        write_late_ns: Begin of the write after the deadline, in ns; -1 if nothing was written.
+        write_ns: Duration of writing, in ns.
         skipped: Periods skipped since the start.
-        present_lo: Faults that are present, the first 64.
-        present_hi: The others.
-        latched_lo: Faults that are latched, the first 64.
-        latched_hi: The others.
+        present_lo: The first 64 bits of the present faults.
+        present_hi: The other bits.
+        latched_lo: The first 64 bits of the latched faults.
+        latched_hi: The other bits.
         state: State of the stage.
         shadow: Whether everything is computed and nothing written.
-        written: Whether the amplifiers took the voltages; True if none were to be written.
+        written: Whether the amplifiers took the voltages; True if there was nothing to write.
     """
 
     t_ns: int
@@ -107,17 +107,17 @@ class CycleHeader(NamedTuple):
 
 
 class StageEvent(NamedTuple):
-    """Something that happened, for log and audit.
+    """An event, for log and audit.
 
     Attributes:
-        t_ns: Instant of the cycle.
+        t_ns: Instant of the cycle, in ns.
         severity: "info", "warning" or "error".
-        kind: What happened, as in "state", "fault", "fault-cleared", "request".
-        text: For people: what happened, value, limit, what to do.
-        fault: Name of the fault; empty if it is none.
-        axis: Name of the axis; empty if it concerns all.
-        measured: The value that was found, NaN if there is none.
-        limit: What it was compared with, NaN if there is none.
+        kind: Kind of event, as "state", "fault", "fault-cleared", "request".
+        text: Text for people: event, value, limit, remedy.
+        fault: Id of the fault; empty if there is none.
+        axis: Name of the axis; empty if the event concerns all.
+        measured: Measured value, NaN if there is none.
+        limit: Limit of that value, NaN if there is none.
     """
 
     t_ns: int

@@ -1,7 +1,7 @@
 """Requests as bytes, for the mailbox.
 
-`marshal` is right here and nowhere else: both ends are the same interpreter under the same user,
-nobody else can write to the mapped file, and the loop has no time for JSON.
+`marshal` is acceptable here only: both ends are the same interpreter under the same user, no one
+else can write to the mapped file, and JSON takes too long for the loop.
 """
 
 import marshal
@@ -13,32 +13,36 @@ from piezod.config.requests import Goto, Request, SelectMode
 from piezod.config.waveforms import Points, Staircase
 
 _ADAPTER: Final[TypeAdapter[Any]] = TypeAdapter(Request)
-_LONG: Final[dict[str, type[Points] | type[Staircase]]] = {"points": Points, "staircase": Staircase}
+_LONG_PATHS: Final[dict[str, type[Points] | type[Staircase]]] = {
+    "points": Points,
+    "staircase": Staircase,
+}
 
 
 def encode(request: Request) -> bytes:
-    """Write a request; it has been validated."""
+    """Return a validated request as bytes."""
     fields = request.model_dump()
     if isinstance(request, SelectMode):
-        fields["mode"] = request.mode.value  # marshal knows no enumerations
+        fields["mode"] = request.mode.value  # marshal has no enumerations
     return marshal.dumps(fields)
 
 
 def decode(payload: bytes) -> Request:
-    """Read what `encode` wrote; may be called in the loop, after `warm_up`.
+    """Return the request that `encode` wrote. Real-time safe after `warm_up`.
 
-    It is validated once more, but for long paths: that would take 5 ms for 10 000 points.
+    The request is validated once more, except long paths: their validation takes 5 ms for 10 000
+    points.
 
     Raises:
-        ValueError: If it is no request.
+        ValueError: If the bytes are no request.
     """
     try:
         fields = marshal.loads(payload)  # noqa: S302 - see above
         for name in ("command_um", "drive_v"):
             waveforms = fields.get(name, {})
             for axis, waveform in waveforms.items():
-                if long := _LONG.get(waveform["kind"]):
-                    waveforms[axis] = long.model_construct(**waveform)
+                if long_path := _LONG_PATHS.get(waveform["kind"]):
+                    waveforms[axis] = long_path.model_construct(**waveform)
         request: Request = _ADAPTER.validate_python(fields)
     except (AttributeError, EOFError, KeyError, TypeError) as error:
         raise ValueError(f"no request: {error}") from error
@@ -46,5 +50,5 @@ def decode(payload: bytes) -> Request:
 
 
 def warm_up() -> None:
-    """Go the whole way once, so that the first request finds everything in place."""
+    """Encode and decode once, so that the first request finds everything loaded."""
     decode(encode(Goto(position_um=0.0)))

@@ -1,9 +1,9 @@
 """The records of the newest cycles: one writer that never waits, readers that cannot disturb it.
 
-A record carries its sequence number first and last, and the number of the newest complete one is a
-word of its own. The writer overwrites the oldest; a reader copies first and looks at that word
-again afterwards: what may have been overwritten meanwhile it drops and counts. This relies on
-stores and loads being seen in their order, which x86-64 guarantees and where it is tested.
+A record has its sequence number at both ends. The number of the newest complete record is a word of
+its own. The writer overwrites the oldest record. A reader copies first and then checks that word
+again: it drops and counts every record that may have been overwritten meanwhile. This requires that
+stores and loads are seen in order. x86-64 guarantees that, and the tests run there.
 """
 
 from collections.abc import Sequence
@@ -19,10 +19,10 @@ from piezod.telemetry.words import Word
 
 
 class RingWriter:
-    """Appends a record in each cycle.
+    """Appends one record per cycle.
 
     Args:
-        shared: The memory; the only writer of its ring.
+        shared: The memory; this is the only writer of its ring.
     """
 
     def __init__(self, shared: SharedMap) -> None:
@@ -35,14 +35,14 @@ class RingWriter:
         self._seq = shared.words[Word.NEWEST_RECORD]
 
     def append(self, fields: Sequence[float]) -> int:
-        """Write a record; may be called in the loop.
+        """Write a record. Real-time safe.
 
         Args:
-            fields: The values of `layout.CYCLE_FIELDS`, then those of `layout.AXIS_FIELDS` for
-                each axis, gaps left out.
+            fields: Values of `layout.CYCLE_FIELDS`, then of `layout.AXIS_FIELDS` for each axis,
+                without the gaps.
 
         Returns:
-            Its sequence number.
+            Sequence number of the record.
         """
         self._seq = seq = self._seq + 1
         at = seq % self._capacity * self._size
@@ -55,7 +55,7 @@ class RingWriter:
 
 
 class RingReader:
-    """Follows the ring from where it was when this was made; any number of them.
+    """Follows the ring from its present position; any number of readers is possible.
 
     Args:
         shared: The memory.
@@ -79,7 +79,7 @@ class RingReader:
         return latest
 
     def last(self, count: int) -> NDArray[Any]:
-        """Return up to so many of the newest records, oldest first; the position stays."""
+        """Return up to `count` of the newest records, oldest first; the position stays."""
         newest = self.newest
         return self._copy(max(newest - count, 0), newest)
 
@@ -87,10 +87,10 @@ class RingReader:
         """Return the records since the last call, oldest first.
 
         Args:
-            limit: How many at most; the others come with the next call.
+            limit: Largest number of records; the others come with the next call.
 
         Returns:
-            The records, and how many were lost before or among them.
+            The records, and the number of records that were lost before or among them.
         """
         newest = self.newest
         start = max(self._position, newest - self._capacity + 1)
@@ -101,11 +101,11 @@ class RingReader:
         return records, lost
 
     def _copy(self, after: int, until: int) -> NDArray[Any]:
-        """Copy the records after one sequence number up to another, as far as they are whole."""
+        """Return copies of the complete records after one sequence number up to another."""
         after = max(after, until - self._capacity + 1)
         seqs = np.arange(after + 1, until + 1)
         records = self._ring[seqs % self._capacity]
-        whole = (records["seq"] == seqs) & (records["end_seq"] == seqs)
-        # The writer may be at the record after the newest, in the place of one this much older.
-        whole &= seqs > self.newest + 1 - self._capacity
-        return records if whole.all() else records[whole]
+        complete = (records["seq"] == seqs) & (records["end_seq"] == seqs)
+        # The writer may be at the next record, whose slot holds the record that is one ring older.
+        complete &= seqs > self.newest + 1 - self._capacity
+        return records if complete.all() else records[complete]

@@ -1,8 +1,8 @@
 """The file that loop and supervisor map into their memory: RUNTIME/loop.map.
 
-The supervisor makes it before it starts the loop, and removes it. A file and not
+The supervisor creates it before it starts the loop, and removes it. It is a file and not
 `multiprocessing.shared_memory`, whose resource tracker unlinks segments under living readers before
-Python 3.13. It stays mapped as long as a view of it is held; nothing needs to be closed.
+Python 3.13. It stays mapped while a view of it exists; nothing needs to be closed.
 """
 
 import json
@@ -25,15 +25,15 @@ _TEXT_AT: Final = _HEADER_WORDS * 8
 
 
 class MapError(PiezodError):
-    """Raised when a file is no shared memory of this version of piezod."""
+    """Raised when a file is not a shared memory of this version of piezod."""
 
 
 class SharedMap:
-    """The parts of a mapped file; made by `create` and `attach`.
+    """The parts of a mapped file; built by `create` and `attach`.
 
     Args:
         memory: The mapped file.
-        layout: What lies where in it.
+        layout: Layout of its parts.
         path: The file.
     """
 
@@ -42,41 +42,41 @@ class SharedMap:
         self._memory = memory
         self._parts = layout.parts()
         self.words = self.part("words").cast("q")
-        """The numbers of `Word`."""
+        """The words, indexed by `Word`."""
 
     def part(self, name: str) -> "memoryview[int]":
-        """Give the bytes of a part of `Layout.parts`; they are the memory, no copy."""
+        """Return the bytes of a part of `Layout.parts`, without a copy."""
         return memoryview(self._memory)[self._parts[name]]
 
     def array(self, name: str, dtype: Any) -> NDArray[Any]:
-        """Give a part as an array over the memory, no copy."""
+        """Return a part as an array, without a copy."""
         return np.frombuffer(self.part(name), dtype)
 
     def set_report(self, report: Any) -> None:
-        """Publish once what the loop obtained from the system; at most 16 KiB of JSON."""
+        """Publish once the real-time set-up that the loop obtained; at most 16 KiB of JSON."""
         text = json.dumps(report).encode()
         self.part("report")[: len(text)] = text
         self.words[Word.REPORT_BYTES] = len(text)
 
     def report(self) -> Any:
-        """Return what `set_report` published, None before that."""
+        """Return the report of `set_report`, None before it."""
         length = self.words[Word.REPORT_BYTES]
         return json.loads(bytes(self.part("report")[:length])) if length else None
 
 
 def create(path: Path, layout: Layout) -> SharedMap:
-    """Make the file, readable by its owner only, in place of one left by an earlier run.
+    """Create the file, readable by its owner only, in place of one from an earlier run.
 
     It gets its name when it is complete.
 
     Raises:
-        OSError: If it cannot be made; ENOSPC also where only the memory for it is missing.
+        OSError: If it cannot be created; ENOSPC also if only its memory is missing.
     """
     unfinished = path.with_name(f"{path.name}.new")
     unfinished.unlink(missing_ok=True)
     file = os.open(unfinished, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
     try:
-        # Takes the memory now: a file with holes would kill the loop when memory runs out later.
+        # Allocate the memory now: a sparse file would kill the loop when memory runs out later.
         os.posix_fallocate(file, 0, layout.size)
         memory = mmap.mmap(file, layout.size, mmap.MAP_SHARED)
     finally:
@@ -90,15 +90,15 @@ def create(path: Path, layout: Layout) -> SharedMap:
 
 
 def attach(path: Path, *, writable: bool = False) -> SharedMap:
-    """Map a file that `create` has made.
+    """Map a file that `create` has created.
 
     Args:
         path: The file.
-        writable: Whether the caller writes; readers cannot even by mistake.
+        writable: Whether the caller writes; a reader cannot write even by mistake.
 
     Raises:
-        OSError: If it cannot be read.
-        MapError: If it is something else, or of another version of piezod.
+        OSError: If the file cannot be read.
+        MapError: If it is another file, or one of another version of piezod.
     """
     flags = os.O_RDWR if writable else os.O_RDONLY
     file = os.open(path, flags | os.O_CLOEXEC)
@@ -110,7 +110,9 @@ def attach(path: Path, *, writable: bool = False) -> SharedMap:
         os.close(file)
     layout = _layout(memory) if memory else None
     if memory is None or layout is None or layout.size != size:
-        raise MapError(f"{path} is no shared memory of this version of piezod; restart the daemon")
+        raise MapError(
+            f"{path} is not a shared memory of this version of piezod; restart the daemon"
+        )
     return SharedMap(memory, layout, path)
 
 

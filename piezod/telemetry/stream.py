@@ -1,4 +1,4 @@
-"""The newest setpoint of each axis, from the supervisor to the loop; older ones are overwritten."""
+"""The newest setpoint of each axis, from the supervisor to the loop; it replaces older ones."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ from piezod.telemetry.shared_map import SharedMap
 
 
 class StreamedSetpoint(NamedTuple):
-    """A position that a stream asks for."""
+    """A setpoint of a stream."""
 
     axis: int
     position_um: float
@@ -15,10 +15,10 @@ class StreamedSetpoint(NamedTuple):
 
 
 class StreamWriter:
-    """The supervisor's end.
+    """End of the supervisor.
 
     Args:
-        shared: The memory, writable; there is one writer.
+        shared: The memory, writable; it has one writer.
     """
 
     def __init__(self, shared: SharedMap) -> None:
@@ -26,8 +26,9 @@ class StreamWriter:
         self._words, self._values = part.cast("q"), part.cast("d")
 
     def set(self, axis: int, position_um: float, t_ns: int) -> None:
-        """Leave a setpoint for the next cycle, in µm; `t_ns` is when it came."""
+        """Publish a setpoint for the next cycle, in µm; `t_ns` is its arrival."""
         at = axis * STREAM_WORDS
+        # The count is written before and after the values; a reader takes them if both are equal.
         count = self._words[at] + 1
         self._words[at] = count
         self._values[at + 1] = position_um
@@ -36,7 +37,7 @@ class StreamWriter:
 
 
 class StreamReader:
-    """The loop's end.
+    """End of the loop.
 
     Args:
         shared: The memory.
@@ -45,20 +46,20 @@ class StreamReader:
     def __init__(self, shared: SharedMap) -> None:
         part = shared.part("streams")
         self._words, self._values = part.cast("q"), part.cast("d")
-        self._seen = [0] * len(shared.layout.axes)
+        self._last_counts = [0] * len(shared.layout.axes)
 
     def take(self) -> list[StreamedSetpoint]:
-        """Return what is new since the last call; may be called in the loop.
+        """Return the setpoints that are new since the last call. Real-time safe.
 
-        A setpoint that is just being written comes with the next call.
+        A setpoint that is being written comes with the next call.
         """
-        words, fresh = self._words, []
-        for axis, seen in enumerate(self._seen):
+        words, new = self._words, []
+        for axis, last_count in enumerate(self._last_counts):
             at = axis * STREAM_WORDS
             count = words[at + 3]
-            if count != seen:
+            if count != last_count:
                 setpoint = StreamedSetpoint(axis, self._values[at + 1], words[at + 2])
                 if words[at] == count:
-                    self._seen[axis] = count
-                    fresh.append(setpoint)
-        return fresh
+                    self._last_counts[axis] = count
+                    new.append(setpoint)
+        return new

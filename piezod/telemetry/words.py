@@ -1,64 +1,65 @@
-"""Single numbers that loop and supervisor tell each other, by name.
+"""Single numbers in the shared memory, by name.
 
-Each is an aligned word of eight bytes with one writer. Reading and writing one is atomic, which
-`struct.pack_into` is not: it clears the bytes before it sets them.
+Each number is an aligned word of eight bytes with one writer. Reads and writes of a word are
+atomic. `struct.pack_into` is not atomic, because it clears the bytes before it sets them.
 """
 
 from enum import IntEnum
 
 
 class Word(IntEnum):
-    """Place of each number in `SharedMap.words`; 0 until it is first written."""
+    """Index of each number in `SharedMap.words`; 0 until it is first written."""
 
     LOOP_PID = 0
     """Process id of the loop."""
     LOOP_BEAT_NS = 1
     """Instant of the newest cycle."""
     HEALTHY_CYCLES = 2
-    """Cycles that ran on schedule to their end, whatever state or fault they report."""
+    """Cycles that ran on schedule to their end, in any state and with any fault."""
     LOOP_STATE = 3
-    """Place of the state in `config.states.State`."""
+    """Index of the state in `config.states.State`."""
     SKIPPED_CYCLES = 4
-    """Periods that were skipped."""
+    """Number of skipped periods."""
     SUPERVISOR_PID = 5
     """Process id of the supervisor."""
     SUPERVISOR_BEAT_NS = 6
-    """Instant at which the supervisor last showed that it lives."""
+    """Instant of the last sign of life of the supervisor."""
     NEWEST_RECORD = 7
-    """Sequence number of the newest record in the ring; they start at 1."""
+    """Sequence number of the newest record in the ring; the first is 1."""
     NEWEST_EVENT = 8
-    """Sequence number of the newest event; they start at 1."""
+    """Sequence number of the newest event; the first is 1."""
     URGENT_POSTED = 9
-    """Requests put into the urgent lane."""
+    """Requests posted to the urgent lane."""
     URGENT_TAKEN = 10
-    """Requests taken out of it."""
+    """Requests taken from the urgent lane."""
     REQUESTS_POSTED = 11
-    """Requests put into the ordinary lane."""
+    """Requests posted to the ordinary lane."""
     REQUESTS_TAKEN = 12
-    """Requests taken out of it."""
+    """Requests taken from the ordinary lane."""
     REQUESTS_EXPIRED = 13
-    """Requests that were not taken in time."""
+    """Requests that expired before the loop took them."""
     REPORT_BYTES = 14
-    """Length of the report on the real-time set-up; 0 until it is complete."""
+    """Length of the report on the real-time set-up, in bytes; 0 until it is complete."""
     MEASURED_RATE_HZ = 15
-    """The rate that the cycle can keep, as measured before the first; 0 until then."""
+    """Highest rate that the cycle can keep, measured before the first cycle, in Hz; 0 until
+    then."""
     GC_COLLECTIONS = 16
-    """Garbage collections since the loop is real-time."""
+    """Garbage collections since the loop became real-time."""
     MINOR_FAULTS = 17
-    """Page faults without input since the loop is real-time."""
+    """Minor page faults, without disk access, since the loop became real-time."""
     MAJOR_FAULTS = 18
-    """Page faults with input since the loop is real-time."""
+    """Major page faults, with disk access, since the loop became real-time."""
     ALLOCATED_BLOCKS = 19
-    """Blocks of memory that the loop's interpreter holds."""
+    """Memory blocks of the loop's interpreter."""
     DEVICES_OPEN = 20
     """1 while the devices are open, 0 while they are absent."""
     UNCLEAN = 21
-    """1 where the daemon before this one did not end properly; set before the loop starts."""
+    """1 if the previous daemon did not end cleanly; set before the loop starts."""
     LOOP_ASKABLE = 22
-    """1 once the loop takes requests; before that it has touched no device."""
+    """1 when the loop takes requests; before that it has accessed no device."""
     NEWEST_REQUEST = 23
-    """Number of the newest request; they start at 1."""
+    """Number of the newest request; the first is 1."""
     ESTOP_ASKED = 24
-    """Number of the newest emergency stop: a level, for which there is always room."""
+    """Number of the newest emergency stop. It is a level, so there is always room for it."""
     ESTOP_DONE = 25
     """Number of the newest emergency stop that was answered."""

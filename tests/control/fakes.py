@@ -1,4 +1,4 @@
-"""Small devices, axes and algorithms that do what a test tells them and write down what happens."""
+"""Fake devices, axes and algorithms, which a test controls and which record their calls."""
 
 from collections.abc import Sequence
 from math import nan
@@ -17,12 +17,12 @@ MS = 1_000_000
 
 
 class FakeDevices:
-    """Sensors and amplifiers of two axes, with the samples that a test gives.
+    """Sensors and amplifiers of two axes.
 
     Attributes:
-        samples: What `read` returns.
+        samples: Samples that `read` returns.
         refuses: Whether writes are refused.
-        drive_v: Voltages that were taken last.
+        drive_v: Voltages that were taken last, in V.
     """
 
     def __init__(self, log: list[str], samples: Sequence[Sample]) -> None:
@@ -35,7 +35,7 @@ class FakeDevices:
         return Identity("piezod", "fake", "0", "0")
 
     def capabilities(self) -> Capabilities:
-        """Serve two axes."""
+        """Return the capabilities of two axes."""
         return Capabilities(("x", "y"), ("x", "y"), read_back=True, max_rate_hz=1e3)
 
     def activate(self, now_ns: int) -> None:
@@ -69,7 +69,7 @@ class FakeDevices:
         return self.drive_v
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Take the voltages unless told to refuse."""
+        """Take the voltages, unless `refuses` is set."""
         self.log.append(f"write {list(drive_v)} at {now_ns}")
         if not self.refuses:
             self.drive_v = drive_v
@@ -77,24 +77,24 @@ class FakeDevices:
 
 
 class FakeAxis:
-    """Asks for the voltage that a test sets."""
+    """An axis that requests a fixed voltage."""
 
     def __init__(self, log: list[str], name: str, drive_v: float) -> None:
         self.log, self.name, self.drive_v = log, name, drive_v
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
-        """Ask for the voltage."""
+        """Return the voltage."""
         self.log.append(f"{self.name} updates at {t_ns} with {sample.position_um} µm")
         return AxisOutput(self.drive_v, 0.0, 0.0, 0.0, t_ns)
 
     def applied(self, drive_v: float) -> None:
-        """Write down what is in force."""
+        """Record the voltage in force."""
         self.log.append(f"{self.name} has {drive_v} V")
 
     def record(
         self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
     ) -> AxisRecord:
-        """Return what the cycle leaves."""
+        """Return the record of the cycle."""
         return AxisRecord(
             sample_ns=sample.t_ns,
             position_um=sample.position_um,
@@ -113,30 +113,30 @@ class FakeAxis:
         )
 
 
-class PairsOnly(LMSIdentifier):
-    """Writes down the pairs that it was given, and gives the errors that it was told to give."""
+class RecordingIdentifier(LMSIdentifier):
+    """Records its pairs, and returns the errors that a test sets."""
 
     def __init__(self, errors: Sequence[float] = ()) -> None:
         super().__init__(new_bank(even_thresholds(1), even_thresholds(1)))
         self.pairs: list[tuple[float, float]] = []
-        self.taught: list[bool] = []
+        self.learned: list[bool] = []
         self.errors = list(errors)
         self.at_rest = False
 
     @property
     def position(self) -> float:
-        """Move with every pair unless told to rest."""
+        """Return a position that changes with every pair, unless `at_rest` is set."""
         return 0.0 if self.at_rest else float(len(self.pairs))
 
     def step(self, position: float, drive: float, learn: bool = True) -> float:
-        """Write down a pair, and whether it may teach."""
+        """Record a pair, and whether it is learned from."""
         self.pairs.append((position, drive))
-        self.taught.append(learn)
+        self.learned.append(learn)
         return self.errors.pop(0) if self.errors else 1.0
 
 
 class FakeGate(LearningGate):
-    """Gives the verdict that it was told to give, and writes down what it was asked."""
+    """A gate with the decision that a test sets; it records its arguments."""
 
     def __init__(self) -> None:
         super().__init__(MS)
@@ -152,24 +152,24 @@ class FakeGate(LearningGate):
         drive: float,  # noqa: ARG002 - asked for by LearningGate
         position: float,  # noqa: ARG002 - asked for by LearningGate
     ) -> bool:
-        """Give the verdict."""
+        """Return the decision."""
         self.asked.append((valid, age_ns, limited))
         return self.reason is GateReason.OPEN
 
 
 class FakeTrim(Trim):
-    """Writes down the errors that it was given, and adds nothing."""
+    """A trim that records its errors and adds nothing."""
 
     def __init__(self) -> None:
         super().__init__(1.0, 1e-3, 0.05, 1)
         self.active = True
         self.errors: list[float] = []
         self.valid: list[bool] = []
-        self.stops: list[int] = []
+        self.limited: list[int] = []
 
     def step(self, error: float, valid: bool, limited: int) -> float:
-        """Write down what was measured."""
+        """Record the error."""
         self.errors.append(error)
         self.valid.append(valid)
-        self.stops.append(limited)
+        self.limited.append(limited)
         return 0.0

@@ -1,4 +1,4 @@
-"""What every guard must hold, and guards that do not: properties that miss those prove nothing."""
+"""Properties of every guard, and broken guards that the properties must detect."""
 
 from collections.abc import Callable, Sequence
 from math import inf, isfinite, isnan, nan
@@ -26,7 +26,7 @@ def check_all(
     in_force_v: Sequence[float],
     elapsed_s: float,
 ) -> None:
-    """Check a guard for `LIMITS` in the cycle at 0 ns, with whatever it is asked."""
+    """Check a guard for `LIMITS` in the cycle at 0 ns, for any arguments."""
     admitted = admit(planned_t_ns, 0, asked_v, in_force_v, elapsed_s)
     allowed_s = min(max(elapsed_s, 0.0), LONGEST_S) if isfinite(elapsed_s) else 0.0
     assert admitted.stale == (planned_t_ns != 0)
@@ -40,11 +40,11 @@ def check_all(
             assert (axis in admitted.refused) == (unusable and not admitted.stale)
             continue
         check_allowed(limits, before_v, after_v, allowed_s)
-        check_told(admitted, axis, asked_v[axis], after_v)
+        check_reported(admitted, axis, asked_v[axis], after_v)
 
 
 def check_allowed(limits: Limits, before_v: float, after_v: float, allowed_s: float) -> None:
-    """Check one voltage: in range, or on its way there; no faster than the slew rate."""
+    """Check one voltage: in range, or on its way there; within the slew rate."""
     reach_v = limits.slew_v_per_s * allowed_s
     rounding_v = 1e-12 * (1.0 + abs(before_v))
     assert isfinite(after_v)
@@ -56,8 +56,8 @@ def check_allowed(limits: Limits, before_v: float, after_v: float, allowed_s: fl
         assert low_v <= after_v <= high_v
 
 
-def check_told(admitted: Admitted, axis: int, asked_v: float, after_v: float) -> None:
-    """Check that what was cut off is told, and only that."""
+def check_reported(admitted: Admitted, axis: int, asked_v: float, after_v: float) -> None:
+    """Check that the limited axes are reported, and only those."""
     limits = LIMITS[axis]
     outside = not limits.drive_min_v <= asked_v <= limits.drive_max_v
     limited = axis in admitted.range_limited or axis in admitted.slew_limited
@@ -67,12 +67,12 @@ def check_told(admitted: Admitted, axis: int, asked_v: float, after_v: float) ->
 
 
 def same(first: float, second: float) -> bool:
-    """Return whether two floats are the same, also where they are no number."""
+    """Return whether two floats are the same; NaN equals NaN."""
     return first == second or (isnan(first) and isnan(second))
 
 
 def _broken(drive_v: Callable[[float, float, Limits, float], float]) -> Admit:
-    """Make a guard that tells the truth about all but the voltages, which a function makes."""
+    """Return a guard that is right except for the voltages, which a function makes."""
     good = Guard(LIMITS, LONGEST_S)
 
     def admit(
@@ -83,8 +83,8 @@ def _broken(drive_v: Callable[[float, float, Limits, float], float]) -> Admit:
         elapsed_s: float,
     ) -> Admitted:
         admitted = good.admit(planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s)
-        made_v = map(drive_v, asked_v, in_force_v, LIMITS, (elapsed_s, elapsed_s))
-        return admitted._replace(drive_v=list(made_v))
+        broken_v = map(drive_v, asked_v, in_force_v, LIMITS, (elapsed_s, elapsed_s))
+        return admitted._replace(drive_v=list(broken_v))
 
     return admit
 
@@ -108,7 +108,7 @@ def _without_range(asked_v: float, before_v: float, limits: Limits, elapsed_s: f
     return wide.admit(asked_v, before_v, min(max(elapsed_s, 0.0), LONGEST_S))
 
 
-def _deaf_to_staleness(
+def _ignores_staleness(
     _: int, t_ns: int, asked_v: Sequence[float], in_force_v: Sequence[float], elapsed_s: float
 ) -> Admitted:
     return Guard(LIMITS, LONGEST_S).admit(t_ns, t_ns, asked_v, in_force_v, elapsed_s)
@@ -126,10 +126,10 @@ def _to_zero_when_unknown(
 
 
 BROKEN_GUARDS: dict[str, Admit] = {
-    "a clamp makes full scale of what is not a number": _broken(_clamped),
+    "a clamp turns NaN into full scale": _broken(_clamped),
     "slew, then clamp": _broken(_slew_then_clamp),
-    "a pause is made up for in one step": _broken(_unclamped_time),
+    "catches up after a pause in one step": _broken(_unclamped_time),
     "no range": _broken(_without_range),
-    "any cycle's plan will do": _deaf_to_staleness,
-    "the unknown is taken for 0 V": _to_zero_when_unknown,
+    "accepts the plan of any cycle": _ignores_staleness,
+    "takes an unknown voltage for 0 V": _to_zero_when_unknown,
 }

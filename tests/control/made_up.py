@@ -1,4 +1,4 @@
-"""A made-up stage in normalised units: its hysteresis is a model that can be inverted exactly."""
+"""A made-up stage in normalised units, whose hysteresis has an exact inverse model."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ RIGHT = np.array([0.15, 0.4, 0.6, 0.9])
 BANK = new_bank(LEFT, RIGHT)
 WEIGHTS = np.array([0.01, 0.03, 0.04, 0.05, 0.02, 0.01, 0.03, 0.04])  # left stops first
 CREEP = Creep(np.array([0.01, 0.02, 0.02]), 1.0 - np.exp(-1e-3 / np.array([0.03, 0.3, 3.0])))
-"""5 % in all, at samples that are 1 ms apart."""
+"""5 % in total, for samples 1 ms apart."""
 
 
 def inverse() -> InverseMPI:
@@ -24,7 +24,7 @@ def inverse() -> InverseMPI:
 
 
 class MadeUpStage:
-    """Answers to drives as the inverse model and the creep say, from rest."""
+    """A stage at rest that moves exactly as the inverse model and the creep predict."""
 
     def __init__(self, creep: Creep = CREEP, lags: Array | None = None) -> None:
         self._hysteresis = inverse().exact_inverse()
@@ -33,7 +33,7 @@ class MadeUpStage:
         self._quick = 0.0
 
     def step(self, drive: float) -> float:
-        """Return the displacement at a sample, given the drive that is in force then."""
+        """Return the displacement at a sample for the drive in force."""
         crept = advance_creep(self.lags, self._creep.gains, self._creep.weights, self._quick)
         self._quick = self._hysteresis.step(drive)
         return self._quick + crept
@@ -47,18 +47,18 @@ def wander(seconds: float) -> Array:
 
 
 def compensator(mode: Mode, weights: Array = WEIGHTS, fade_cycles: int = 1) -> Compensator:
-    """Return a compensator of the stage at rest, which knows of no creep."""
+    """Return a compensator of the stage at rest, without creep."""
     return Compensator(BANK, weights, mode=mode, fade_cycles=fade_cycles)
 
 
 def drives(
-    one: Compensator, commands: list[float] | Array, identified: Array = WEIGHTS
+    subject: Compensator, commands: list[float] | Array, identified: Array = WEIGHTS
 ) -> list[float]:
-    """Return the drives for commands when the limits leave everything open."""
-    return [one.step(command, 0.0, 1.0, identified) for command in commands]
+    """Return the drives for commands without limits."""
+    return [subject.step(command, 0.0, 1.0, identified) for command in commands]
 
 
 def sine(seconds: float) -> Array:
-    """Return a command of 0.5 Hz at 1 kHz that grows and shrinks."""
+    """Return a command of 0.5 Hz at 1 kHz whose amplitude grows and shrinks."""
     t = np.arange(0, seconds, 1e-3)
     return 0.5 - (0.5 - 0.2 * np.cos(0.3 * t)) * np.cos(np.pi * t) * 0.9

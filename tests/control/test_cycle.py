@@ -1,4 +1,4 @@
-"""One cycle: what happens in it, in which order, and what a refused write leaves behind."""
+"""Tests of one cycle: its steps, their order, and the effect of a refused write."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ TWO_SAMPLES = (Sample(0, 1.5, valid=True), Sample(0, 2.5, valid=True))
 def parts_of(
     devices: FakeDevices, axes: Sequence[CycleAxis], low_v: float = 0.0, *, reads_back: bool = False
 ) -> CycleParts:
-    """Return a cycle of 1 kHz, at most 5 V each."""
+    """Return a cycle at 1 kHz with at most 5 V per cycle."""
     boundary = DeviceBoundary(devices, len(axes), reads_back=reads_back, holds=False)
     boundary.open = True
     guard = Guard([Limits(low_v, 150.0, 5000.0)] * len(axes), longest_s=2e-3)
@@ -25,7 +25,7 @@ def parts_of(
 
 
 def two_axes(x_v: float = 3.0, y_v: float = 4.0) -> tuple[list[str], FakeDevices, CycleParts]:
-    """Return what happens, the devices, and a cycle of two axes that ask for these voltages."""
+    """Return the log, the devices, and a cycle of two axes with these voltages."""
     log: list[str] = []
     devices = FakeDevices(log, TWO_SAMPLES)
     axes = [FakeAxis(log, "x", x_v), FakeAxis(log, "y", y_v)]
@@ -33,14 +33,14 @@ def two_axes(x_v: float = 3.0, y_v: float = 4.0) -> tuple[list[str], FakeDevices
 
 
 def one_axis(asked_v: float, low_v: float = 0.0) -> CycleParts:
-    """Return a cycle of one axis that asks for this voltage."""
+    """Return a cycle of one axis with this voltage."""
     log: list[str] = []
     devices = FakeDevices(log, TWO_SAMPLES[:1])
     return parts_of(devices, [FakeAxis(log, "x", asked_v)], low_v)
 
 
 def test_cycle_reads_updates_writes_and_informs_the_axes() -> None:
-    """The order is the way of a sample, and all axes are written in one transaction."""
+    """All axes are written in one transaction, after the read and the update."""
     log, devices, _ = two_axes()
     axes = [FakeAxis(log, "x", 3.0), FakeAxis(log, "y", 4.0)]
 
@@ -57,7 +57,7 @@ def test_cycle_reads_updates_writes_and_informs_the_axes() -> None:
     ]
 
 
-def test_record_holds_what_happened() -> None:
+def test_record_contains_the_values_of_the_cycle() -> None:
     """Positions and voltages are in the order of the axes."""
     _, _, parts = two_axes()
 
@@ -71,7 +71,7 @@ def test_record_holds_what_happened() -> None:
 
 
 def test_refused_write_leaves_the_voltage_in_force() -> None:
-    """The axes do not hear of voltages that the amplifier did not take."""
+    """The axes do not get voltages that the amplifier did not take."""
     log, devices, parts = two_axes()
     devices.refuses = True
 
@@ -81,8 +81,8 @@ def test_refused_write_leaves_the_voltage_in_force() -> None:
     assert log[-1] == "write [3.0, 4.0] at 7000000"
 
 
-def test_cycle_goes_on_after_a_refused_write() -> None:
-    """A fault is a value: the next cycle writes again."""
+def test_next_cycle_writes_after_a_refused_write() -> None:
+    """A fault is a value, not an exception."""
     log, devices, parts = two_axes()
     devices.refuses = True
     run_cycle(parts, 7 * MS)
@@ -92,8 +92,8 @@ def test_cycle_goes_on_after_a_refused_write() -> None:
     assert log[-2:] == ["x has 3.0 V", "y has 4.0 V"]
 
 
-def test_sensor_with_a_sample_too_few_is_a_mistake() -> None:
-    """An axis without a sample is not passed over in silence."""
+def test_missing_sample_of_an_axis_raises() -> None:
+    """An axis without a sample is not skipped silently."""
     log: list[str] = []
     devices = FakeDevices(log, TWO_SAMPLES[:1])
     axes = [FakeAxis(log, "x", 3.0), FakeAxis(log, "y", 4.0)]
@@ -102,8 +102,8 @@ def test_sensor_with_a_sample_too_few_is_a_mistake() -> None:
         run_cycle(parts_of(devices, axes), 0)
 
 
-def test_the_guard_is_the_last_thing_before_the_write() -> None:
-    """What an axis asks for is cut to what the limits allow, and nothing else is written."""
+def test_guard_limits_every_write() -> None:
+    """Only voltages that the guard has limited are written."""
     log, _, parts = two_axes(float("nan"), 400.0)
 
     record = run_cycle(parts, 0)
@@ -113,25 +113,25 @@ def test_the_guard_is_the_last_thing_before_the_write() -> None:
 
 
 def test_cycle_soon_after_a_late_one_may_move_less() -> None:
-    """The slew rate holds for the time since the last write, and no step makes up for a pause."""
+    """The slew rate counts from the last write, and no step catches up after a pause."""
     parts = one_axis(100.0)
     instants_ns = (0, MS, int(1.9 * MS), 2 * MS, 9 * MS)
 
-    # The fake axis stays at 0 V, so each voltage is as far as it may go in one step.
+    # The fake axis stays at 0 V, so each voltage is the largest step.
     steps_v = [run_cycle(parts, t_ns).axes[0].drive_v for t_ns in instants_ns]
 
     assert steps_v == pytest.approx([5.0, 5.0, 4.5, 0.5, 5.0])
 
 
 class Stale(FakeAxis):
-    """Answers with what it made for the cycle before."""
+    """An axis that returns the output of the cycle before."""
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
-        """Ask for a voltage of another cycle."""
+        """Return a voltage for another cycle."""
         return super().update(t_ns, sample)._replace(t_ns=t_ns - MS)
 
 
-def test_what_was_made_for_another_cycle_is_not_written() -> None:
+def test_output_for_another_cycle_is_not_written() -> None:
     """The voltage in force stays."""
     log: list[str] = []
     devices = FakeDevices(log, TWO_SAMPLES[:1])
@@ -142,10 +142,10 @@ def test_what_was_made_for_another_cycle_is_not_written() -> None:
 
 
 @pytest.mark.parametrize(("asked_v", "written_v"), [(-9.0, 0.0), (3.0, 3.0), (99.0, 5.0)])
-def test_what_follows_an_unacknowledged_write_is_near_to_both(
+def test_write_after_an_unacknowledged_one_is_within_reach_of_both(
     asked_v: float, written_v: float
 ) -> None:
-    """From 0 V, if 5 V may be in force or not, one step leads to 0 to 5 V only."""
+    """At 0 V, and perhaps at 5 V, one step leads to 0 to 5 V only."""
     parts = one_axis(asked_v, low_v=-150.0)
     parts.devices.sent_v = (5.0,)
 

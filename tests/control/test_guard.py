@@ -1,4 +1,4 @@
-"""What the last check before the write lets through."""
+"""Tests of the guard, the last check before the write."""
 
 from collections.abc import Sequence
 from math import inf, isfinite, nan
@@ -33,16 +33,16 @@ PLANNED_NS = st.sampled_from((0, 0, 0, 1, -1_000_000))
 @example(0, (nan, -inf), (150.0, 0.0), PERIOD_S)
 @example(0, (150.0, 100.0), (-0.0, 5e-324), inf)
 @settings(max_examples=500)
-def test_whatever_is_asked_what_comes_out_is_allowed(
+def test_admitted_voltages_are_always_allowed(
     planned_ns: int, asked_v: Sequence[float], in_force_v: Sequence[float], elapsed_s: float
 ) -> None:
-    """Finite, in range, no faster than the slew rate, of this cycle; else nothing moves."""
+    """They are finite, in range, within the slew rate and of this cycle; or nothing moves."""
     check_all(GUARD.admit, planned_ns, asked_v, in_force_v, elapsed_s)
 
 
 @pytest.mark.parametrize("broken", BROKEN_GUARDS.values(), ids=BROKEN_GUARDS.keys())
-def test_the_properties_catch_a_broken_guard(broken: Admit) -> None:
-    """Each mistake that others have made is found."""
+def test_properties_detect_a_broken_guard(broken: Admit) -> None:
+    """Each of these errors violates a property."""
 
     @settings(
         max_examples=1000,
@@ -64,10 +64,10 @@ def test_the_properties_catch_a_broken_guard(broken: Admit) -> None:
 
 @example(200.0, 171.0, PERIOD_S)
 @given(ASKED_V, IN_FORCE_V, ELAPSED_S)
-def test_what_it_lets_through_it_lets_through_again(
+def test_admitted_voltage_is_admitted_again(
     asked_v: float, in_force_v: float, elapsed_s: float
 ) -> None:
-    """A voltage that has passed passes unchanged; one that was refused has not."""
+    """A voltage that was admitted passes unchanged."""
     before_v = [in_force_v, 0.0]
     first = GUARD.admit(0, 0, [asked_v, 0.0], before_v, elapsed_s)
     assume(not first.refused)
@@ -78,15 +78,15 @@ def test_what_it_lets_through_it_lets_through_again(
 
 @pytest.mark.fault("A5")
 @pytest.mark.parametrize("asked_v", [nan, inf, -inf])
-def test_a_voltage_that_is_not_a_number_moves_nothing(asked_v: float) -> None:
-    """The axis is told as refused; the other one goes on."""
+def test_voltage_that_is_not_a_number_moves_nothing(asked_v: float) -> None:
+    """The axis is reported as refused; the other axis continues."""
     admitted = GUARD.admit(T_NS, T_NS, [asked_v, 40.1], [75.0, 40.0], PERIOD_S)
 
     assert admitted == ([75.0, 40.1], True, (0,), (), (), False)
 
 
-def test_an_unknown_voltage_in_force_forbids_to_write() -> None:
-    """Nothing is said about a voltage that nobody knows."""
+def test_unknown_voltage_in_force_forbids_a_write() -> None:
+    """Without a known start no voltage is safe."""
     admitted = GUARD.admit(T_NS, T_NS, [20.0, 40.1], [nan, 40.0], PERIOD_S)
 
     assert not admitted.writable
@@ -95,15 +95,15 @@ def test_an_unknown_voltage_in_force_forbids_to_write() -> None:
 
 
 @pytest.mark.parametrize("planned_ns", [T_NS - 1_000_000, T_NS - 1, T_NS + 1, 0])
-def test_what_was_planned_for_another_cycle_moves_nothing(planned_ns: int) -> None:
-    """Every voltage stays, and it is told why."""
+def test_plan_for_another_cycle_moves_nothing(planned_ns: int) -> None:
+    """Every voltage stays, and the result is marked as stale."""
     admitted = GUARD.admit(planned_ns, T_NS, [20.0, 60.0], [30.0, 40.0], PERIOD_S)
 
     assert admitted == ([30.0, 40.0], True, (), (), (), True)
 
 
-def test_range_and_slew_rate_are_told_apart() -> None:
-    """Outside the range, too fast, or both."""
+def test_range_and_slew_rate_are_reported_separately() -> None:
+    """A voltage can be out of range, too fast, or both."""
     too_far = GUARD.admit(T_NS, T_NS, [160.0, 0.0], [149.0, 0.0], PERIOD_S)
     too_fast = GUARD.admit(T_NS, T_NS, [0.0, 1.0], [0.0, 0.0], PERIOD_S)
     both = GUARD.admit(T_NS, T_NS, [0.0, 200.0], [0.0, 0.0], PERIOD_S)
@@ -114,26 +114,24 @@ def test_range_and_slew_rate_are_told_apart() -> None:
 
 
 @pytest.mark.parametrize("elapsed_s", [LONGEST_S, 0.1, 10.0, 1e300])
-def test_a_pause_is_not_made_up_for(elapsed_s: float) -> None:
-    """However long it was, the step after it is one of two periods."""
+def test_no_step_catches_up_after_a_pause(elapsed_s: float) -> None:
+    """After a pause of any length the step is that of two periods."""
     admitted = GUARD.admit(T_NS, T_NS, [150.0, 100.0], [0.0, 0.0], elapsed_s)
 
     assert admitted.drive_v == [40.0, 1.0]
 
 
 @pytest.mark.parametrize("elapsed_s", [0.0, -1.0, nan, inf, -inf])
-def test_without_a_sensible_time_nothing_moves(elapsed_s: float) -> None:
-    """A time that is not finite, or runs backwards, is none."""
+def test_nothing_moves_without_a_valid_time(elapsed_s: float) -> None:
+    """A time that is not finite, or negative, counts as zero."""
     admitted = GUARD.admit(T_NS, T_NS, [20.0, 60.0], [30.0, 40.0], elapsed_s)
 
     assert admitted.drive_v == [30.0, 40.0]
 
 
 @pytest.mark.parametrize(("start_v", "end_v"), [(215.0, 150.0), (-75.0, -10.0)])
-def test_a_stage_found_outside_its_range_comes_back_at_the_slew_rate(
-    start_v: float, end_v: float
-) -> None:
-    """In four cycles, without a step, told as limited until it is there."""
+def test_stage_outside_its_range_returns_at_the_slew_rate(start_v: float, end_v: float) -> None:
+    """It returns in four cycles without a step, and is reported as limited meanwhile."""
     in_force_v, limited = [start_v, 0.0], []
     for _ in range(4):
         admitted = GUARD.admit(T_NS, T_NS, [end_v, 0.0], in_force_v, PERIOD_S)
@@ -145,14 +143,14 @@ def test_a_stage_found_outside_its_range_comes_back_at_the_slew_rate(
 
 
 @pytest.mark.fault("A4")
-def test_an_axis_that_is_eased_goes_half_as_fast_and_the_others_as_before() -> None:
-    """From what is in force and from what was sent and not acknowledged."""
+def test_halved_slew_rate_acts_on_its_axis_only() -> None:
+    """It counts from the voltage in force and from one that was not acknowledged."""
     step_v = LIMITS[0].slew_v_per_s * 1e-4
     asked_v = [100.0, LIMITS[1].drive_max_v]
     in_force_v, sent_v = [10.0, LIMITS[1].drive_min_v], [9.0, LIMITS[1].drive_min_v]
     usual = GUARD.admit(0, 0, asked_v, in_force_v, 1e-4, sent_v)
-    eased = GUARD.admit(0, 0, asked_v, in_force_v, 1e-4, sent_v, (0,))
+    halved = GUARD.admit(0, 0, asked_v, in_force_v, 1e-4, sent_v, (0,))
 
     assert usual.drive_v[0] == pytest.approx(9.0 + step_v)
-    assert eased.drive_v[0] == pytest.approx(9.0 + step_v / 2.0)
-    assert eased.drive_v[1] == usual.drive_v[1]
+    assert halved.drive_v[0] == pytest.approx(9.0 + step_v / 2.0)
+    assert halved.drive_v[1] == usual.drive_v[1]

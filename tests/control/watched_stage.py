@@ -1,4 +1,4 @@
-"""A stage in proportion, with noise: just enough to watch a sensor by."""
+"""A stage that moves in proportion, with noise, for tests of the sensor watch."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -18,8 +18,8 @@ POSITION_UM = AffineRange(0.0, 30.0)
 SIGMA_UM = 0.018
 
 
-class Told(NamedTuple):
-    """What a watch is told in a cycle."""
+class WatchInput(NamedTuple):
+    """Arguments of the watch in a cycle."""
 
     t_ns: int
     sample: Sample
@@ -28,12 +28,12 @@ class Told(NamedTuple):
     driven: bool = True
     needed: bool = True
 
-    def showing(self, position_um: float) -> "Told":
-        """Return the same with another displacement."""
+    def showing(self, position_um: float) -> "WatchInput":
+        """Return the same with another position."""
         return self._replace(sample=self.sample._replace(position_um=position_um))
 
 
-Disturb = Callable[[int, Told], Told]
+Disturb = Callable[[int, WatchInput], WatchInput]
 
 
 def sine_v(k: int) -> float:
@@ -42,25 +42,25 @@ def sine_v(k: int) -> float:
 
 
 def at_rest_v(k: int) -> float:  # noqa: ARG001 - a drive is a function of the cycle
-    """Return a drive that rests."""
+    """Return a constant drive."""
     return 75.0
 
 
-def as_it_is(k: int, told: Told) -> Told:  # noqa: ARG001 - the one that disturbs nothing
-    """Disturb nothing."""
-    return told
+def undisturbed(k: int, inputs: WatchInput) -> WatchInput:  # noqa: ARG001 - the one that disturbs nothing
+    """Return the input unchanged."""
+    return inputs
 
 
-def measured(cycles: int, drive_v: Callable[[int], float] = sine_v) -> Iterator[Told]:
-    """Give the cycles of a stage that follows its drive, 0.2 µm/V, with noise."""
+def measured(cycles: int, drive_v: Callable[[int], float] = sine_v) -> Iterator[WatchInput]:
+    """Yield the cycles of a stage that follows its drive, 0.2 µm/V, with noise."""
     noise_um = np.random.default_rng(1).normal(0.0, SIGMA_UM, cycles).tolist()
     for k in range(cycles):
         volts, t_ns = drive_v(k), (k + 1) * MS
-        yield Told(t_ns, Sample(t_ns, 0.2 * volts + noise_um[k], True), volts)
+        yield WatchInput(t_ns, Sample(t_ns, 0.2 * volts + noise_um[k], True), volts)
 
 
-class Seen(NamedTuple):
-    """What a watch made of a run."""
+class WatchResult(NamedTuple):
+    """Result of a watch over a run."""
 
     faults: list[list[Detection]]
     samples: list[Sample]
@@ -70,7 +70,7 @@ class Seen(NamedTuple):
         return [detection.fault for detection in self.faults[cycle]]
 
     def first(self, fault: str) -> int:
-        """Return the first cycle with a fault, -1 where there is none."""
+        """Return the first cycle with a fault, -1 if there is none."""
         return next((k for k in range(len(self.faults)) if fault in self.ids(k)), -1)
 
     @property
@@ -84,21 +84,23 @@ def watch(sensor: WatchedSensor | None = None) -> SensorWatch:
     return SensorWatch(0, sensor or WatchedSensor(DRIVE_V, POSITION_UM), MS)
 
 
-def see(told: Iterator[Told], disturb: Disturb = as_it_is, one: SensorWatch | None = None) -> Seen:
-    """Let a watch see a run."""
-    one = one or watch()
+def run_watch(
+    inputs: Iterator[WatchInput], disturb: Disturb = undisturbed, subject: SensorWatch | None = None
+) -> WatchResult:
+    """Run a watch over all cycles."""
+    subject = subject or watch()
     faults, samples = [], []
-    for k, cycle in enumerate(told):
-        spoilt = disturb(k, cycle)
-        found = one.check(
+    for k, cycle in enumerate(inputs):
+        disturbed = disturb(k, cycle)
+        found = subject.check(
             cycle.t_ns,
-            spoilt.sample,
-            spoilt.flags,
-            spoilt.in_force_v,
+            disturbed.sample,
+            disturbed.flags,
+            disturbed.in_force_v,
             math.nan,
-            driven=spoilt.driven,
-            needed=spoilt.needed,
+            driven=disturbed.driven,
+            needed=disturbed.needed,
         )
         faults.append(list(found))
-        samples.append(one.sample)
-    return Seen(faults, samples)
+        samples.append(subject.sample)
+    return WatchResult(faults, samples)

@@ -11,7 +11,7 @@ import numpy as np
 
 from piezod.config.experiment import ExperimentConfig, load_experiment
 from piezod.config.modes import Mode
-from piezod.control.law.axis import Waveform
+from piezod.control.law.axis import TimeFunction
 from piezod.control.law.compensated import Start, compensated_axis
 from piezod.control.law.model import StageModel
 from piezod.devices import registry
@@ -91,7 +91,7 @@ def swing_um(t_s: float) -> float:
     return MIDDLE_UM + 0.5 * SWING_UM * float(np.sin(2.0 * np.pi * t_s / CYCLE_S))
 
 
-def approached(reference_um: Waveform) -> Waveform:
+def approached(reference_um: TimeFunction) -> TimeFunction:
     """Return a reference that goes from rest to where another begins, then follows it."""
     start_um = reference_um(0.0)
 
@@ -137,7 +137,7 @@ class StressRig:
     """
 
     def __init__(
-        self, stage: Identified, reference_um: Waveform, mode: Mode = Mode.ADAPTIVE
+        self, stage: Identified, reference_um: TimeFunction, mode: Mode = Mode.ADAPTIVE
     ) -> None:
         config, self._model = stage
         device = config.devices["rig"]

@@ -47,7 +47,7 @@ def test_a_sensor_that_saturates_is_said(low: float, high: float, end: str) -> N
     (warning,) = saturation_warnings(replace(record, position_um=position_um))
 
     assert warning.startswith(f"The displacement stands at its {end} value")
-    assert "Drive less far" in warning
+    assert "Use a smaller drive" in warning
 
 
 @pytest.mark.parametrize("digits", [0, 1, 3])

@@ -12,7 +12,7 @@ CAPACITY = 64
 
 @pytest.fixture
 def shared(tmp_path: Path) -> SharedMap:
-    """Return the memory of a stage with two axes, as the supervisor makes it."""
+    """Return the memory of a stage with two axes, as the supervisor creates it."""
     return create(tmp_path / "loop.map", Layout(("x", "y"), CAPACITY, 1_000_000))
 
 

@@ -1,4 +1,4 @@
-"""Writes records into a ring as fast as it can: `python hammer.py FILE COUNT`."""
+"""Writes records into a ring without a pause: `python hammer.py FILE COUNT`."""
 
 import sys
 from pathlib import Path

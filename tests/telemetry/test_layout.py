@@ -29,7 +29,7 @@ LAYOUTS = st.builds(
 
 @pytest.mark.parametrize("axes", [1, 2, 3, 16])
 def test_struct_and_array_describe_the_same_record(axes: int) -> None:
-    """What `struct` packs, an array reads back field by field; the ends are aligned words."""
+    """A record packed by `struct` has the same fields as an array; the ends are aligned words."""
     dtype = record_dtype(axes)
     cycle: list[float] = [*range(1, 12), 3, True, False]
     axis: list[float] = [21, *(i / 7 for i in range(9)), 2, 4, True, 22]
@@ -47,21 +47,21 @@ def test_struct_and_array_describe_the_same_record(axes: int) -> None:
 
 
 def test_fields_of_an_axis_are_those_of_the_record_of_the_cycle() -> None:
-    """In the same order, so that the loop can pass them on as they are."""
+    """They have the same order, so that the loop can pass them on unchanged."""
     names = [name for name, *_ in AXIS_FIELDS if "gap" not in name]
 
     assert names == list(AxisRecord._fields)
 
 
 @given(layout=LAYOUTS)
-def test_layout_survives_its_text(layout: Layout) -> None:
-    """The header of the memory gives back what it was made from."""
+def test_layout_is_restored_from_its_text(layout: Layout) -> None:
+    """The header of the memory contains the layout."""
     assert Layout.load(layout.dump()) == layout
 
 
 @given(layout=LAYOUTS)
 def test_parts_begin_on_pages_and_do_not_overlap(layout: Layout) -> None:
-    """Each part has pages of its own, up to the end of the whole."""
+    """Each part has its own pages, up to the end of the memory."""
     end = 0
     for part in layout.parts().values():
         assert part.start == end
@@ -73,7 +73,7 @@ def test_parts_begin_on_pages_and_do_not_overlap(layout: Layout) -> None:
 
 @pytest.mark.parametrize(("rate_hz", "seconds"), [(1.0, 64), (1000.0, 16), (20_000.0, 16)])
 def test_ring_holds_sixteen_seconds(rate_hz: float, seconds: float) -> None:
-    """Slow loops have at least 64 records; a single axis fits up to the highest rate."""
+    """Slow loops have at least 64 records; one axis fits at the highest rate."""
     config = load_daemon(SIMULATED, registry).model_copy(update={"rate_hz": rate_hz})
 
     layout = Layout.of(config)

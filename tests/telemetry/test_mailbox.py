@@ -19,7 +19,7 @@ LATER = 1000
 
 
 def test_request_arrives_once(shared: SharedMap) -> None:
-    """What is posted is taken, with its number, and then gone."""
+    """A posted request is taken once, with its number."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
 
     number = writer.post(b"move", LATER)
@@ -29,7 +29,7 @@ def test_request_arrives_once(shared: SharedMap) -> None:
 
 
 def test_requests_keep_their_order(shared: SharedMap) -> None:
-    """First come, first served; their numbers go up."""
+    """Requests are taken in the order of their numbers."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
     sent = [(writer.post(str(i).encode(), LATER), str(i).encode()) for i in range(REQUEST_SLOTS)]
 
@@ -39,8 +39,8 @@ def test_requests_keep_their_order(shared: SharedMap) -> None:
     assert [number for number, _ in sent] == list(range(1, REQUEST_SLOTS + 1))
 
 
-def test_urgent_request_overtakes(shared: SharedMap) -> None:
-    """A stop does not queue behind movements, even where their lane is full."""
+def test_urgent_request_comes_first(shared: SharedMap) -> None:
+    """A stop does not queue behind movements, even if their lane is full."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
     for _ in range(REQUEST_SLOTS):
         writer.post(b"move", LATER)
@@ -52,7 +52,7 @@ def test_urgent_request_overtakes(shared: SharedMap) -> None:
 
 @pytest.mark.parametrize(("urgent", "slots"), [(False, REQUEST_SLOTS), (True, URGENT_SLOTS)])
 def test_full_lane_refuses(shared: SharedMap, urgent: bool, slots: int) -> None:
-    """Nothing is overwritten; there is room again once one was taken."""
+    """Nothing is overwritten; after one request was taken there is room again."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
     for i in range(slots):
         writer.post(str(i).encode(), LATER, urgent=urgent)
@@ -68,7 +68,7 @@ def test_full_lane_refuses(shared: SharedMap, urgent: bool, slots: int) -> None:
 
 @pytest.mark.parametrize(("urgent", "size"), [(False, REQUEST_BYTES), (True, URGENT_BYTES)])
 def test_payload_may_fill_its_slot_and_no_more(shared: SharedMap, urgent: bool, size: int) -> None:
-    """The largest arrives whole; a larger one is refused."""
+    """The largest payload arrives complete; a larger one is refused."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
     payload = bytes(i % 251 for i in range(size))
 
@@ -80,7 +80,7 @@ def test_payload_may_fill_its_slot_and_no_more(shared: SharedMap, urgent: bool, 
 
 
 def test_there_is_always_room_for_an_emergency_stop(shared: SharedMap) -> None:
-    """However many wait in the lanes, however many ask for one; one answer is for all."""
+    """It is accepted with full lanes and repeatedly; one answer serves all."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
     for _ in range(URGENT_SLOTS):
         writer.post(b"hold", LATER, urgent=True)
@@ -97,7 +97,7 @@ def test_there_is_always_room_for_an_emergency_stop(shared: SharedMap) -> None:
 
 
 def test_emergency_stop_that_comes_meanwhile_stays_open(shared: SharedMap) -> None:
-    """The answer to an earlier one is none to it."""
+    """The answer to an earlier stop does not answer it."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
     first = writer.post_estop()
     taken = reader.take_estop()
@@ -111,7 +111,7 @@ def test_emergency_stop_that_comes_meanwhile_stays_open(shared: SharedMap) -> No
 
 
 def test_answer_is_found_by_number(shared: SharedMap) -> None:
-    """Before it is given there is none."""
+    """Before the answer there is none."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
     number = writer.post(b"move", LATER)
     before = writer.answer(number)
@@ -123,7 +123,7 @@ def test_answer_is_found_by_number(shared: SharedMap) -> None:
 
 
 def test_long_answer_is_cut_off_between_letters(shared: SharedMap) -> None:
-    """The text fits into its slot and is valid, whatever was in it."""
+    """The text fits into its slot and is valid UTF-8."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
     reader.answer(1, accepted=False, motion=0, why="x" + "µ" * ANSWER_BYTES)
 
@@ -133,8 +133,8 @@ def test_long_answer_is_cut_off_between_letters(shared: SharedMap) -> None:
     assert answer.why == "x" + "µ" * (ANSWER_BYTES // 2 - 1)
 
 
-def test_old_answers_give_way(shared: SharedMap) -> None:
-    """The answers to the newest requests are kept, those before are gone."""
+def test_old_answers_are_overwritten(shared: SharedMap) -> None:
+    """The answers to the newest requests are kept."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
     for number in range(1, ANSWER_SLOTS + 2):
         reader.answer(number, accepted=True, motion=number, why="")
@@ -144,7 +144,7 @@ def test_old_answers_give_way(shared: SharedMap) -> None:
 
 
 def test_expired_request_is_answered_and_dropped(shared: SharedMap) -> None:
-    """The loop gets the next one that is still wanted, and the count goes up."""
+    """The loop gets the next request that has not expired, and the count rises."""
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
     late, wanted = writer.post(b"late", 10), writer.post(b"wanted", 30)
 
@@ -155,8 +155,8 @@ def test_expired_request_is_answered_and_dropped(shared: SharedMap) -> None:
     assert shared.words[Word.REQUESTS_EXPIRED] == 1
 
 
-def test_numbers_go_on_after_a_new_start(shared: SharedMap) -> None:
-    """Another writer of the same memory does not give a number twice."""
+def test_numbers_continue_with_a_new_writer(shared: SharedMap) -> None:
+    """Another writer of the same memory does not use a number twice."""
     MailboxWriter(shared).post(b"a", LATER)
     MailboxWriter(shared).post(b"b", LATER, urgent=True)
 
@@ -164,8 +164,10 @@ def test_numbers_go_on_after_a_new_start(shared: SharedMap) -> None:
 
 
 @given(payloads=st.lists(st.binary(max_size=2000), max_size=40))
-def test_any_bytes_pass(tmp_path_factory: pytest.TempPathFactory, payloads: list[bytes]) -> None:
-    """Slots are used again and again, and no request leaves anything in the next."""
+def test_any_payload_passes(
+    tmp_path_factory: pytest.TempPathFactory, payloads: list[bytes]
+) -> None:
+    """Slots are used again, and no request leaves bytes in the next one."""
     shared = create(tmp_path_factory.mktemp("m") / "loop.map", Layout(("x",), 64, 10**6))
     writer, reader = MailboxWriter(shared), MailboxReader(shared)
 

@@ -44,13 +44,13 @@ EVERY_KIND = [
 
 
 @pytest.mark.parametrize("request_", EVERY_KIND, ids=lambda request: request.kind)
-def test_request_survives_the_way(request_: requests.Request) -> None:
-    """What arrives equals what was sent, of every kind there is."""
+def test_request_is_restored(request_: requests.Request) -> None:
+    """A decoded request equals the encoded one, for every kind."""
     assert decode(encode(request_)) == request_
 
 
-def test_every_kind_is_tried() -> None:
-    """A new request must be added above."""
+def test_every_kind_is_tested() -> None:
+    """A new kind of request must be added above."""
     tried = {type(request) for request in EVERY_KIND}
     known = {each for each in vars(requests).values() if hasattr(each, "model_fields")}
 
@@ -58,7 +58,7 @@ def test_every_kind_is_tried() -> None:
 
 
 def test_longest_path_fits() -> None:
-    """A path of as many points as a waveform may have goes through the mailbox."""
+    """A path with the largest number of points fits into the mailbox."""
     points = tuple((0.001 * i, 1e-9 + i / 7) for i in range(10_000))
     request = wave(Points(kind="points", points=points))
 
@@ -72,12 +72,12 @@ def test_longest_path_fits() -> None:
     "payload",
     [b"", b"\x00", b"junk", encode(requests.Stop())[:-1], marshal.dumps([1]), marshal.dumps({})],
 )
-def test_what_is_no_request_is_an_error_that_the_loop_knows(payload: bytes) -> None:
-    """Always of the same kind: it answers with a refusal and goes on."""
+def test_invalid_payload_raises_value_error(payload: bytes) -> None:
+    """The loop refuses such a request and continues."""
     with pytest.raises(ValueError, match=r"."):
         decode(payload)
 
 
-def test_warming_up_leaves_no_trace() -> None:
+def test_warm_up_has_no_side_effect() -> None:
     """It may be called at any time."""
     warm_up()

@@ -16,8 +16,8 @@ HAMMER = Path(__file__).with_name("hammer.py")
 KEPT = CAPACITY - 1  # the place of the record after the newest is not to be relied on
 
 
-def test_record_comes_out_as_it_went_in(shared: SharedMap) -> None:
-    """Every field, of the cycle and of each axis, under its name."""
+def test_record_is_read_as_written(shared: SharedMap) -> None:
+    """Every field of the cycle and of each axis has its value."""
     reader = RingReader(shared)
 
     seq = RingWriter(shared).append(fields_of(5))
@@ -29,8 +29,8 @@ def test_record_comes_out_as_it_went_in(shared: SharedMap) -> None:
     assert list(record["axes"]["drive_v"]) == [5.0, 5.0]
 
 
-def test_empty_ring_has_nothing_to_tell(shared: SharedMap) -> None:
-    """Before the first cycle there is no newest record, and nothing is lost."""
+def test_empty_ring_has_no_record(shared: SharedMap) -> None:
+    """Before the first cycle there is no record, and none is lost."""
     reader = RingReader(shared)
 
     assert reader.latest() is None
@@ -42,7 +42,7 @@ def test_empty_ring_has_nothing_to_tell(shared: SharedMap) -> None:
 def test_each_record_is_read_once_or_counted_as_lost(
     tmp_path_factory: pytest.TempPathFactory, turns: list[tuple[int, int]]
 ) -> None:
-    """However writing and reading alternate, the records come in order, and the sum is right."""
+    """For any sequence of writes and reads the records are in order and the sum is right."""
     path = tmp_path_factory.mktemp("ring") / "loop.map"
     shared = create(path, Layout(("x",), CAPACITY, 1_000_000))
     writer, reader = RingWriter(shared), RingReader(shared)
@@ -64,8 +64,8 @@ def test_each_record_is_read_once_or_counted_as_lost(
     assert len(read) + lost + more == written
 
 
-def test_what_was_overwritten_is_counted(shared: SharedMap) -> None:
-    """A reader that comes late gets the newest, and is told how many it missed."""
+def test_overwritten_records_are_counted(shared: SharedMap) -> None:
+    """A late reader gets the newest records and the number of lost ones."""
     reader, writer = RingReader(shared), RingWriter(shared)
     for number in range(1, 3 * CAPACITY + 1):
         writer.append(fields_of(number))
@@ -77,8 +77,8 @@ def test_what_was_overwritten_is_counted(shared: SharedMap) -> None:
     assert len(records) == KEPT
 
 
-def test_last_records_leave_the_position(shared: SharedMap) -> None:
-    """Looking back is not reading."""
+def test_last_does_not_change_the_position(shared: SharedMap) -> None:
+    """`last` returns records without reading them."""
     reader, writer = RingReader(shared), RingWriter(shared)
     for number in range(1, 11):
         writer.append(fields_of(number))
@@ -88,8 +88,8 @@ def test_last_records_leave_the_position(shared: SharedMap) -> None:
     assert len(reader.read(100)[0]) == 10
 
 
-def test_half_written_record_is_not_told(shared: SharedMap) -> None:
-    """One whose numbers at both ends differ is left out."""
+def test_half_written_record_is_not_returned(shared: SharedMap) -> None:
+    """A record with different numbers at its ends is dropped."""
     reader, writer = RingReader(shared), RingWriter(shared)
     for number in (1, 2, 3):
         writer.append(fields_of(number))
@@ -102,15 +102,15 @@ def test_half_written_record_is_not_told(shared: SharedMap) -> None:
     assert lost == 1
 
 
-def test_writer_goes_on_where_the_one_before_ended(shared: SharedMap) -> None:
-    """Numbers do not start again when the ring gets another writer."""
+def test_new_writer_continues_the_numbers(shared: SharedMap) -> None:
+    """The numbers do not start again with another writer."""
     RingWriter(shared).append(fields_of(1))
 
     assert RingWriter(shared).append(fields_of(2)) == 2
 
 
 def hammered(shared: SharedMap, count: int) -> tuple[int, int]:
-    """Read while another process writes without a pause; return records read and lost."""
+    """Read while another process writes without a pause; return the read and lost records."""
     reader = RingReader(attach(shared.path))
     read = lost = 0
     with subprocess.Popen([sys.executable, HAMMER, shared.path, str(count)]) as process:
@@ -128,7 +128,7 @@ def hammered(shared: SharedMap, count: int) -> tuple[int, int]:
 
 
 def test_readers_never_see_a_torn_record(shared: SharedMap) -> None:
-    """A writer that never pauses cannot make a reader take halves of two records for one."""
+    """No reader gets halves of two records from a writer that never pauses."""
     read, lost = hammered(shared, 200_000)
 
     assert read + lost == 200_000
@@ -136,7 +136,7 @@ def test_readers_never_see_a_torn_record(shared: SharedMap) -> None:
 
 @pytest.mark.stress
 def test_readers_never_see_a_torn_record_for_long(shared: SharedMap) -> None:
-    """The same, with 20 million records."""
+    """The same holds for 20 million records."""
     read, lost = hammered(shared, 20_000_000)
 
     assert read + lost == 20_000_000

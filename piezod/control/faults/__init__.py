@@ -1,1 +1,1 @@
-"""The fault table, and the register that remembers faults from cycle to cycle."""
+"""The fault table, and the register that keeps faults from cycle to cycle."""

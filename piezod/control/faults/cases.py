@@ -1,4 +1,4 @@
-"""What holds for a fault where it depends on more than its id: device, number, code."""
+"""Cases of a fault: rules that depend on the device, on a count or on an error code."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -19,20 +19,20 @@ from piezod.units import NS_PER_S
 
 
 class Case(StrEnum):
-    """Which case of a fault was found."""
+    """Case of a fault."""
 
     USUAL = ""
-    """The one in the table."""
+    """The rule in the table holds."""
     SINGLE = "single"
-    """It has happened, but not often enough to be reacted to."""
+    """It has happened, but not often enough for a reaction."""
     SENSOR = "of a sensor"
-    """The device only measures: what the amplifier does is still known."""
+    """The device only measures; the amplifier can still be reached."""
     AMPLIFIER = "of an amplifier"
-    """The device drives."""
+    """The device is an amplifier."""
     REQUEST = "wrong request"
-    """The device refuses what it is asked for."""
+    """The device rejects a request as wrong."""
     BUSY = "busy"
-    """The device, or a gateway, has no time now, again and again."""
+    """The device, or a gateway, is busy repeatedly."""
 
 
 COUNTED_FLAGS: Final = {
@@ -45,28 +45,40 @@ COUNTED_FLAGS: Final = {
     DeviceFlag.BUSY: Fault.B10,
     DeviceFlag.BUS_OVERLOADED: Fault.B11,
 }
-"""One of these is a fault when its bucket has tripped: five cycles in a row, or many for long."""
+"""Flags that are a fault when their bucket has tripped: five cycles in a row, or many for long."""
 NOT_SENT: Final = Fault.B9
-"""The fault of frames that could not be sent, some in a row."""
-_NEVER_AT_ONCE: Final = (*COUNTED_FLAGS.values(), NOT_SENT)
-"""Faults that a single event does not make."""
-LOST: Final = (Fault.A2, Fault.B1, Fault.B2, Fault.B8, Fault.B9, Fault.B13, Fault.B14, Fault.B15)
-"""Faults that make an amplifier unreachable; of a sensor they are none the amplifier minds."""
+"""Fault of several frames in a row that could not be sent."""
+_COUNTED_FAULTS: Final = (*COUNTED_FLAGS.values(), NOT_SENT)
+"""Faults that a single event does not raise."""
+UNREACHABLE: Final = (
+    Fault.A2,
+    Fault.B1,
+    Fault.B2,
+    Fault.B8,
+    Fault.B9,
+    Fault.B13,
+    Fault.B14,
+    Fault.B15,
+)
+"""Faults that make an amplifier unreachable. If only a sensor has them, the amplifier still
+works."""
 
 
-def _single(rule: FaultRule) -> FaultRule:
+def _single_rule(rule: FaultRule) -> FaultRule:
+    """Return the rule for a single event: it is shown, without a reaction."""
     return rule._replace(reaction=Reaction.NONE, latch=Latch.L0, severity="info", escalation=None)
 
 
-def _of_sensor(rule: FaultRule) -> FaultRule:
-    worse = Escalation(0, NS_PER_S, Reaction.RAMP, Latch.L2)
-    return rule._replace(reaction=Reaction.HOLD, latch=Latch.L1, escalation=worse)
+def _sensor_rule(rule: FaultRule) -> FaultRule:
+    """Return the rule for a device that only measures: hold, then ramp from the known voltage."""
+    escalation = Escalation(0, NS_PER_S, Reaction.RAMP, Latch.L2)
+    return rule._replace(reaction=Reaction.HOLD, latch=Latch.L1, escalation=escalation)
 
 
-_OTHER_CODES: Final = {
+_OTHER_CASES: Final = {
     (Fault.B10, Case.REQUEST): FaultRule(
         Fault.B10,
-        "device knows no such register or command",
+        "device has no such register or command",
         Source.BUS,
         Reaction.HOLD,
         Latch.L3,
@@ -75,16 +87,16 @@ _OTHER_CODES: Final = {
     ),
     (Fault.B10, Case.BUSY): FaultRule(
         Fault.B10,
-        "device or gateway busy again and again",
+        "device or gateway repeatedly busy",
         Source.BUS,
         Reaction.HOLD,
         Latch.L1,
         "error",
-        "lower rate_hz; look for another program that asks the same device",
+        "lower rate_hz; look for another program that uses the same device",
     ),
     (Fault.S10, Case.AMPLIFIER): FaultRule(
         Fault.S10,
-        "amplifier is another device",
+        "amplifier is not the configured device",
         Source.SENSOR,
         Reaction.BLIND,
         Latch.L3,
@@ -94,17 +106,17 @@ _OTHER_CODES: Final = {
 }
 
 CASES: Final[Mapping[tuple[Fault, Case], FaultRule]] = {
-    **{(fault, Case.SINGLE): _single(FAULTS[INDEX[fault]]) for fault in _NEVER_AT_ONCE},
-    **{(fault, Case.SENSOR): _of_sensor(FAULTS[INDEX[fault]]) for fault in LOST},
-    **_OTHER_CODES,
+    **{(fault, Case.SINGLE): _single_rule(FAULTS[INDEX[fault]]) for fault in _COUNTED_FAULTS},
+    **{(fault, Case.SENSOR): _sensor_rule(FAULTS[INDEX[fault]]) for fault in UNREACHABLE},
+    **_OTHER_CASES,
 }
-"""What holds instead of the table's rule."""
+"""Rules that replace the rule in the table."""
 
 
 def rule_of(fault: Fault, case: Case) -> FaultRule:
-    """Return what holds for a fault; may be called in the loop.
+    """Return the rule that holds for a case of a fault. Real-time safe.
 
     Raises:
-        KeyError: If there is no such case of it.
+        KeyError: If the fault has no such case.
     """
     return FAULTS[INDEX[fault]] if case is Case.USUAL else CASES[fault, case]

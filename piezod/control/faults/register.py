@@ -1,4 +1,7 @@
-"""Which faults are present and latched, which are consequences of others, and what to do now."""
+"""The register of the faults that are present or latched.
+
+It separates causes from consequences and returns the reaction of each cycle.
+"""
 
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
@@ -16,9 +19,9 @@ from piezod.control.faults.table import (
 )
 
 GOOD_CYCLES: Final = 20
-"""A fault is gone after so many cycles in a row in which no watch finds it."""
+"""A fault is gone after this many cycles in a row without a detection."""
 CAUSE_CYCLES: Final = 10
-"""For so many cycles after it appeared, a fault is taken for the cause of others."""
+"""For this many cycles after it appeared, a fault counts as the cause of others."""
 _TRIPPED: Final = mask([Fault.A9])
 _DEGRADING: Final = mask(
     rule.id
@@ -28,14 +31,14 @@ _DEGRADING: Final = mask(
 
 
 class Detection(NamedTuple):
-    """A fault that a watch finds in this cycle; it is told in every cycle in which it is there.
+    """A fault that a watch detects in this cycle; reported in every cycle in which it is there.
 
     Attributes:
-        fault: Which fault.
-        axis: Index of the axis, -1 where it concerns all.
-        measured: The value that was found, NaN where there is none.
-        limit: What it was compared with, NaN where there is none.
-        case: Which case of it.
+        fault: The fault.
+        axis: Index of the axis, -1 if the fault concerns all.
+        measured: Measured value, NaN if there is none.
+        limit: Limit of that value, NaN if there is none.
+        case: Case of the fault.
     """
 
     fault: Fault
@@ -46,12 +49,12 @@ class Detection(NamedTuple):
 
 
 class News(NamedTuple):
-    """A fault that came, became worse, or went.
+    """A fault that appeared, escalated or ended.
 
     Attributes:
-        rule: What holds for it now; after an escalation with the worse reaction and latch.
-        detection: Where it was found last.
-        appeared: Whether it came or became worse; else it is gone, and no longer latched.
+        rule: Rule that holds now; after an escalation with the worse reaction and latch.
+        detection: The last detection.
+        appeared: Whether the fault appeared or escalated. Otherwise it is gone, and not latched.
     """
 
     rule: FaultRule
@@ -60,20 +63,20 @@ class News(NamedTuple):
 
 
 class FaultRegister:
-    """Remembers faults from cycle to cycle; deterministic, fixed memory.
+    """Keeps faults from cycle to cycle. Deterministic, fixed memory, real-time safe.
 
     Args:
-        reset_after_cycles: For how many cycles a fault must be gone before `reset` drops it.
+        reset_after_cycles: Cycles that a fault must be gone before `reset` drops it.
     """
 
     def __init__(self, reset_after_cycles: int) -> None:
         self._reset_after_cycles = max(reset_after_cycles, GOOD_CYCLES)
         self.present = 0
-        """Faults that are there, as bits: found in one of the last cycles."""
+        """Bit mask of the present faults: detected in one of the last cycles."""
         self.latched = 0
-        """Faults that only somebody ends, as bits."""
+        """Bit mask of the latched faults: only a request ends them."""
         self.news: list[News] = []
-        """What the last `update` brought, and what was dropped since the one before."""
+        """Changes of the last `update`, and faults that were dropped since the one before."""
         self._dropped: list[News] = []
         self._cycle = 0
         self._rules = list(FAULTS)
@@ -82,14 +85,14 @@ class FaultRegister:
         self._since_cycle = [0] * len(FAULTS)
         self._since_ns = [0] * len(FAULTS)
         self._axes = [0] * len(FAULTS)
-        self._cause_until = [[-1] * len(Reaction) for _ in Source]
+        self._cause_until_cycle = [[-1] * len(Reaction) for _ in Source]
 
     def update(self, detections: Sequence[Detection], t_ns: int) -> Reaction:
-        """Take what the watches found in this cycle; call it once in each, in the loop.
+        """Take the detections of this cycle. Call once per cycle.
 
         Returns:
-            The worst reaction to what is new: it appeared, it became worse, or it came to another
-            axis. A second HOLD from the same source is not new: it is the same trouble.
+            The most severe reaction to a fault that appeared, escalated, or reached another axis. A
+            second HOLD from the same source is not included: it has the same cause.
         """
         self._cycle += 1
         if self.news:
@@ -100,74 +103,78 @@ class FaultRegister:
         if not (detections or self.present):
             return Reaction.NONE
         worst = Reaction.NONE
+        # Causes first: consequences are then suppressed in the same cycle.
         for detection in sorted(detections, key=_source) if len(detections) > 1 else detections:
-            worst = max(worst, self._take(detection, t_ns))
-        for index in _places(self.present):
+            worst = max(worst, self._add(detection, t_ns))
+        for index in _positions(self.present):
             if self._cycle - self._seen_cycle[index] >= GOOD_CYCLES:
-                self._gone(index)
+                self._end(index)
         return worst
 
     @property
     def unreachable(self) -> bool:
-        """Whether a fault is present that makes an amplifier unreachable.
+        """Whether a present fault makes an amplifier unreachable.
 
-        A watchdog that has tripped does not: many tell so until they take a write.
+        A tripped watchdog does not: many amplifiers report it until they take a write.
         """
-        places = _places(self.present & ~_TRIPPED)
+        places = _positions(self.present & ~_TRIPPED)
         return any(self._rules[index].reaction is Reaction.BLIND for index in places)
 
     def axes_of(self, fault: Fault) -> int:
-        """Return the axes on which a fault was found since it is present or latched, as bits."""
+        """Return the axes of a fault that is present or latched, as a bit mask."""
         return self._axes[INDEX[fault]]
 
     @property
     def adapt_allowed(self) -> bool:
-        """Whether no fault that is present or latched forbids to adapt."""
+        """Whether no present or latched fault forbids adaptation."""
         bits = (self.present | self.latched) & _DEGRADING
-        return not any(self._rules[index].reaction >= Reaction.DEGRADE for index in _places(bits))
+        return not any(
+            self._rules[index].reaction >= Reaction.DEGRADE for index in _positions(bits)
+        )
 
     @property
     def blocking(self) -> int:
-        """Latched faults that stop the stage and that only `reset` ends, as bits."""
+        """Bit mask of the latched faults that stop the stage and that only `reset` ends."""
         return self._select(self.latched, Latch.L2)
 
     @property
     def no_entry(self) -> str:
-        """Why nothing may be started: the worst fault that stops the stage; empty: it may."""
-        return self._why(self._select(self.latched, Latch.L1))
+        """Most severe fault that stops the stage, as a text; empty if there is none."""
+        return self._describe_worst(self._select(self.latched, Latch.L1))
 
     def resume(self) -> str:
-        """Drop what is latched until `resume` and gone; return why not, empty where done."""
+        """Drop the faults that `resume` ends and that are gone; return why not, empty if done."""
         stopping = self._select(self.present, Latch.L1) | self.blocking
         if not stopping:
-            for index in _places(self.latched & ~self.present):
+            for index in _positions(self.latched & ~self.present):
                 if self._rules[index].latch is Latch.L1:
                     self._drop(index)
-        return self._why(stopping)
+        return self._describe_worst(stopping)
 
     def reset(self, engineer: bool) -> str:
-        """Drop all that is latched and may be dropped.
+        """Drop all latched faults that may be dropped.
 
         Args:
-            engineer: Whether an engineer asks for it.
+            engineer: Whether an engineer requests it.
 
         Returns:
-            Why the stage stays stopped, or why nothing was dropped; empty where it is done.
+            Why the stage remains stopped, or why nothing was dropped; empty if done.
         """
         before = self.latched
-        for index in _places(before):
+        for index in _positions(before):
             latch = self._rules[index].latch
             wait = GOOD_CYCLES if latch is Latch.L1 else self._reset_after_cycles
             gone = self._cycle - self._seen_cycle[index] >= wait
             if gone and (latch < Latch.L3 or engineer):
                 self._drop(index)
         stopping = self._select(self.latched, Latch.L1)
-        return self._why(stopping or (self.latched if self.latched == before else 0))
+        return self._describe_worst(stopping or (self.latched if self.latched == before else 0))
 
-    def _take(self, detection: Detection, t_ns: int) -> Reaction:
+    def _add(self, detection: Detection, t_ns: int) -> Reaction:
+        """Add one detection; return its reaction."""
         index, rule = INDEX[detection.fault], rule_of(detection.fault, detection.case)
         if self.latched >> index & 1 and not rule.latch:
-            return Reaction.NONE  # what is only counted does not keep a fault from being over
+            return Reaction.NONE  # single events do not keep a latched fault present
         self._seen_cycle[index] = self._cycle
         axis = 1 << detection.axis if detection.axis >= 0 else -1
         if not self.present >> index & 1 or rule.reaction > self._rules[index].reaction:
@@ -176,76 +183,82 @@ class FaultRegister:
         if axis & ~self._axes[index]:
             self._axes[index] |= axis
             self.news.append(News(self._rules[index], detection, True))
-            return self._unless_held(index, self._rules[index])
-        return self._stay(index, detection, t_ns)
+            return self._without_repeated_hold(index, self._rules[index])
+        return self._escalate(index, detection, t_ns)
 
     def _appear(
         self, index: int, axis: int, rule: FaultRule, detection: Detection, t_ns: int
     ) -> Reaction:
+        """Register a fault that was not present, or whose case is more severe now."""
         if self._is_consequence(rule):
             return Reaction.NONE
         latched = self.latched >> index & 1
-        if latched:  # it comes back: as at first, but what ends it is what it was
+        if latched:  # it returns: first reaction, but the latch it had
             rule = rule._replace(latch=max(rule.latch, self._rules[index].latch))
-        reaction = self._unless_held(index, rule)
+        reaction = self._without_repeated_hold(index, rule)
         self._rules[index], self._last[index] = rule, detection
         self._axes[index] = axis | (self._axes[index] if latched else 0)
         self._since_cycle[index], self._since_ns[index] = self._cycle, t_ns
-        self._cause_until[rule.source][rule.reaction] = self._cycle + CAUSE_CYCLES
+        self._cause_until_cycle[rule.source][rule.reaction] = self._cycle + CAUSE_CYCLES
         self.present |= 1 << index
         if rule.latch:
             self.latched |= 1 << index
         self.news.append(News(rule, detection, True))
         return reaction
 
-    def _stay(self, index: int, detection: Detection, t_ns: int) -> Reaction:
+    def _escalate(self, index: int, detection: Detection, t_ns: int) -> Reaction:
+        """Apply the escalation of a fault that has stayed long enough."""
         rule = self._rules[index]
-        worse = rule.escalation
+        escalation = rule.escalation
         if (
-            worse is None
-            or self._cycle - self._since_cycle[index] < worse.cycles
-            or t_ns - self._since_ns[index] < worse.after_ns
+            escalation is None
+            or self._cycle - self._since_cycle[index] < escalation.cycles
+            or t_ns - self._since_ns[index] < escalation.after_ns
         ):
             return Reaction.NONE
-        rule = rule._replace(reaction=worse.reaction, latch=worse.latch, escalation=worse.then)
-        reaction = self._unless_held(index, rule)
+        rule = rule._replace(
+            reaction=escalation.reaction, latch=escalation.latch, escalation=escalation.then
+        )
+        reaction = self._without_repeated_hold(index, rule)
         self._rules[index] = rule
         self.latched |= 1 << index
         self.news.append(News(rule, detection, True))
         return reaction
 
     def _is_consequence(self, rule: FaultRule) -> bool:
-        """Tell whether a cause has appeared lately that is reacted to at least as strictly."""
+        """Return whether a cause with at least as severe a reaction has appeared recently."""
         if rule.source is Source.PROCESS:
             return False
         return any(
-            max(self._cause_until[source][rule.reaction :]) >= self._cycle
+            max(self._cause_until_cycle[source][rule.reaction :]) >= self._cycle
             for source in range(rule.source)
         )
 
-    def _unless_held(self, index: int, rule: FaultRule) -> Reaction:
-        """Return a reaction, unless it is a HOLD that is no new trouble.
+    def _without_repeated_hold(self, index: int, rule: FaultRule) -> Reaction:
+        """Return the reaction, or NONE if it is a HOLD that is already in effect.
 
-        Its source already has one, or what follows from it was found a little earlier.
+        That is so if the same source already holds the stage, or if a consequence of this fault was
+        found a little earlier.
         """
         if rule.reaction is Reaction.HOLD:
-            for other in _places(self.present & ~(1 << index)):
+            for other in _positions(self.present & ~(1 << index)):
                 held = self._rules[other]
                 if held.reaction >= Reaction.HOLD and (
-                    held.source is rule.source or self._followed(rule, other)
+                    held.source is rule.source or self._can_cause(rule, other)
                 ):
                     return Reaction.NONE
             if self.present >> index & 1 and self._rules[index].reaction >= Reaction.HOLD:
                 return Reaction.NONE
         return rule.reaction
 
-    def _followed(self, rule: FaultRule, other: int) -> bool:
-        """Tell whether another fault, found a little earlier, is a consequence of one."""
+    def _can_cause(self, rule: FaultRule, other: int) -> bool:
+        """Return whether this rule can be the cause of another fault, found shortly before."""
         source = self._rules[other].source
         lately = self._cycle - self._since_cycle[other] <= CAUSE_CYCLES
         return lately and rule.source < source < Source.PROCESS
 
-    def _gone(self, index: int) -> None:
+    def _end(self, index: int) -> None:
+        """End a present fault; without a latch it is over."""
         self.present &= ~(1 << index)
         if not self.latched >> index & 1:
             self._axes[index] = 0
@@ -257,26 +270,26 @@ class FaultRegister:
         self._dropped.append(News(self._rules[index], self._last[index], False))
 
     def _select(self, bits: int, latch: Latch) -> int:
-        """Return those of some faults that stop the stage and are latched at least so."""
+        """Return the faults of a bit mask that stop the stage and have at least this latch."""
         selected = 0
-        for index in _places(bits):
+        for index in _positions(bits):
             rule = self._rules[index]
             if rule.reaction >= Reaction.HOLD and rule.latch >= latch:
                 selected |= 1 << index
         return selected
 
-    def _why(self, bits: int) -> str:
-        """Return what the worst of some faults is and what ends it; empty where there is none."""
+    def _describe_worst(self, bits: int) -> str:
+        """Return the most severe fault of a bit mask and its remedy; empty if the mask is empty."""
         if not bits:
             return ""
-        index = max(_places(bits), key=lambda place: self._rules[place].reaction)
+        index = max(_positions(bits), key=lambda place: self._rules[place].reaction)
         rule = self._rules[index]
         if self.present >> index & 1:
             return f"{rule.id} is present: {rule.name}; {rule.remedy}"
-        who = "an engineer's `piezod reset`" if rule.latch is Latch.L3 else "`piezod reset`"
+        request = "an engineer's `piezod reset`" if rule.latch is Latch.L3 else "`piezod reset`"
         return (
             f"{rule.id} was found: {rule.name}; {rule.remedy}; "
-            f"{who} ends it once it has been gone for a second"
+            f"{request} ends it once it has been gone for a second"
         )
 
 
@@ -284,8 +297,8 @@ def _source(detection: Detection) -> Source:
     return FAULTS[INDEX[detection.fault]].source
 
 
-def _places(bits: int) -> Iterator[int]:
-    """Go through the places of the bits that are set."""
+def _positions(bits: int) -> Iterator[int]:
+    """Yield the positions of the bits that are set."""
     while bits:
         lowest = bits & -bits
         yield lowest.bit_length() - 1

@@ -1,4 +1,7 @@
-"""The control law of one axis: from a sample and a reference to the voltage of the next cycle."""
+"""The control law of one axis: from a sample and a reference to the voltage of the next cycle.
+
+Paper, section 3 and Fig. 4: reference, inverse compensator, identifier and switch.
+"""
 
 from collections.abc import Callable
 from math import nan
@@ -15,19 +18,19 @@ from piezod.hysteresis.normalisation import AffineRange
 from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S
 
-Waveform = Callable[[float], float]
-"""A reference over time: seconds since its start to µm or V."""
+TimeFunction = Callable[[float], float]
+"""A quantity over time: seconds since its start to µm or V."""
 
 
 class AxisOutput(NamedTuple):
-    """What an axis asks for in one cycle.
+    """Output of an axis in one cycle.
 
     Attributes:
-        drive_v: Voltage to write, within the limits.
-        command_um: Displacement asked for at the instant of the sample, NaN for an open-loop drive.
-        uncompensated_v: Voltage in proportion to that command.
-        in_force_v: Voltage that was in force when the sample was taken.
-        t_ns: Instant of the cycle that it is made for.
+        drive_v: Voltage to write, within the limits, in V.
+        command_um: Command at the instant of the cycle, in µm; NaN for an open-loop drive.
+        uncompensated_v: Voltage in proportion to that command, in V.
+        in_force_v: Voltage that was in force when the sample was taken, in V.
+        t_ns: Instant of the cycle for which it was made, in ns.
     """
 
     drive_v: float
@@ -38,34 +41,38 @@ class AxisOutput(NamedTuple):
 
 
 class CompensatedAxis:
-    """Follows a displacement: reference → shape → normalise → trim → compensate within the limits.
+    """Makes an axis follow a reference: shape → normalise → trim → compensate within the limits.
 
-    What is written in a cycle answers in the next one, after the delay: the reference is read that
-    much ahead. The sensor's part of the delay is not counted: the stage itself is there earlier.
-    Where the first mode is known, what is read ahead is shaped so that corners do not ring it; the
-    record and the trim keep the reference as it is.
+    All methods are real-time safe.
+
+    A voltage that is written in a cycle shows in the next one, after the delay. So the axis reads
+    the reference that much ahead. It does not count the sensor's part of the delay, because the
+    stage itself is there earlier. If the first mode is known, the reference that is read ahead is
+    shaped, so that corners do not ring the mode. The record and the trim use the reference as it
+    is.
 
     Args:
-        reference_um: Displacement over time since the start, in µm.
+        reference_um: Position over time since the start, in µm.
         drive_v: Range of the drive that is [0, 1] for the model, in V.
         position_um: Range of the displacement that is [0, 1] for the model, in µm.
-        compensator: Command to drive, normalised.
+        compensator: Normalised command to normalised drive.
         identifier: Samples to weights.
         history: Voltages in force, shared with the identifier.
-        limits: What the drive may do.
-        in_force_v: Voltage in force at the start.
-        start_ns: Instant at which the reference starts.
-        period_ns: Period of the loop.
-        delay_ns: How long the displacement that is measured lags behind the voltage.
-        sensor_delay_ns: Part of it that lies in the sensor: a sample shows the stage so long ago.
+        limits: Limits of the drive.
+        in_force_v: Voltage in force at the start, in V.
+        start_ns: Instant at which the reference starts, in ns.
+        period_ns: Period of the loop, in ns.
+        delay_ns: Delay of the measured displacement behind the voltage, in ns.
+        sensor_delay_ns: Part of that delay that lies in the sensor: the age of the displacement
+            that a sample shows, in ns.
         trim: Integral of the measured error, for mode `trimmed`.
-        first_mode_hz: Frequency of the first mechanical mode, in Hz; None where it is not known.
+        first_mode_hz: Frequency of the first mode, in Hz; None if it is unknown.
     """
 
     def __init__(
         self,
         *,
-        reference_um: Waveform,
+        reference_um: TimeFunction,
         drive_v: AffineRange,
         position_um: AffineRange,
         compensator: Compensator,
@@ -86,17 +93,17 @@ class CompensatedAxis:
         self._history, self._limits = history, limits
         self._in_force_v = in_force_v
         self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
-        self._awaits_write = False
+        self._write_pending = False
         self._first_mode_hz = first_mode_hz
-        self._shaped_um = CornerFilter(reference_um, first_mode_hz, self._period_s)
-        self._ahead_s = (period_ns + delay_ns - sensor_delay_ns) / NS_PER_S
+        self._shaped_reference = CornerFilter(reference_um, first_mode_hz, self._period_s)
+        self._lookahead_s = (period_ns + delay_ns - sensor_delay_ns) / NS_PER_S
         self._sensor_delay_ns = sensor_delay_ns
         self.trim = trim
         self._forced_v = nan
         self.switch(compensator.mode)
 
     def switch(self, mode: Mode) -> None:
-        """Change the mode; the drive goes over without a jump; may be called in the loop."""
+        """Change the mode; the drive changes over without a jump."""
         if mode is not self.compensator.mode:
             self.compensator.switch(mode)
         if mode is Mode.TRIMMED:
@@ -105,21 +112,21 @@ class CompensatedAxis:
             self.trim.disable()
 
     def halve_gains(self, halved: bool) -> None:
-        """Trim and learn with half the gain, or with the whole gain again. Real-time safe."""
+        """Trim and learn with half the gain, or with the full gain again."""
         self.trim.gain_halved = self.identifier.gain_halved = halved
 
     def pause_learning(self, paused: bool) -> None:
-        """Learn nothing from the next sample, or learn again. Real-time safe."""
+        """Learn nothing from the next sample, or learn again."""
         self.identifier.gate.skipped = paused
 
     @property
     def limits(self) -> Limits:
-        """What the drive may do."""
+        """Limits of the drive."""
         return self._limits
 
     @property
     def at_end_of_range(self) -> bool:
-        """Whether the voltage in force is the lowest or the highest that the range allows."""
+        """Whether the voltage in force is at the lower or the upper limit of the range."""
         low_v, high_v, _ = self._limits
         rounding_v = 1e-9 * (high_v - low_v)
         return not low_v + rounding_v < self._in_force_v < high_v - rounding_v
@@ -130,67 +137,79 @@ class CompensatedAxis:
         return self._in_force_v
 
     @property
-    def command_here_um(self) -> float:
-        """Command that leaves the drive as it is, in µm; may be called in the loop."""
+    def holding_command_um(self) -> float:
+        """Command that leaves the drive as it is, in µm."""
         drive = self._drive_v.to_unit(self._in_force_v)
-        return self._position_um.from_unit(self.compensator.command_here(drive, self.trim.value))
+        return self._position_um.from_unit(self.compensator.holding_command(drive, self.trim.value))
 
     @property
     def expected_um(self) -> float:
-        """Displacement that the model expects the sensor to show, in µm; call it in the loop."""
+        """Position that the model expects the sensor to show, in µm."""
         return self._position_um.from_unit(self.compensator.expected)
 
     @property
     def zeroed_range_um(self) -> AffineRange:
-        """Range of the displacement that the model covers, in µm from rest."""
+        """Range of the displacement that the model covers, from the zero at rest, in µm."""
         return self._position_um
 
-    def follow(self, reference_um: Waveform, start_ns: int) -> None:
-        """Follow another reference from now on; may be called in the loop.
+    def follow(self, reference_um: TimeFunction, start_ns: int) -> None:
+        """Follow another reference from now on.
 
         Args:
-            reference_um: Displacement over time since its start, in µm.
-            start_ns: Instant at which it starts.
+            reference_um: Position over time since its start, in µm.
+            start_ns: Instant at which it starts, in ns.
         """
         self._reference_um, self._start_ns = reference_um, start_ns
-        self._shaped_um = CornerFilter(reference_um, self._first_mode_hz, self._period_s)
+        self._shaped_reference = CornerFilter(reference_um, self._first_mode_hz, self._period_s)
         self._forced_v = nan
 
     def force(self, drive_v: float) -> None:
-        """Go to a voltage, whatever the reference; the memory follows; call it in the loop.
+        """Drive a voltage instead of the reference; the hysteresis memory follows.
 
         Args:
-            drive_v: Voltage for the next cycles, in V; within the limits as any other.
+            drive_v: Voltage for the next cycles, in V; the limits apply.
         """
         self._forced_v = drive_v
 
     def zero(self) -> None:
-        """Count displacements from here on, where the stage rests; may be called in the loop."""
+        """Take the present displacement, at rest, as zero."""
         self.compensator.zero()
         self.identifier.zero()
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
-        """Identify from the sample, compensate the reference; may be called in the loop."""
-        refused = self._awaits_write
-        if refused:
-            self.compensator.refused()
-        self._awaits_write = True
+        """Learn from the sample and compensate the reference; return the voltage to write.
+
+        Call once per cycle.
+        """
+        not_applied = self._write_pending
+        if not_applied:
+            self.compensator.discard_last()
+        self._write_pending = True
+        # The write of the cycle before, or the old voltage if that write was not applied, is in
+        # force now.
         self._history.append(t_ns, self._in_force_v)
         limited, expected = self.compensator.limited, self.compensator.position
         self.identifier.learn(t_ns, sample, limited=limited, expected=expected)
+        # Paper, section 3, switch turned off: copy the parameters once they have converged.
         if self.identifier.converged:
             self.compensator.adopt_first(self.identifier.weights)
         t_s = (t_ns - self._start_ns) / NS_PER_S
         command_um = self._reference_um(t_s)
         forced = self._forced_v == self._forced_v
-        credible = self.identifier.gate.credible and not (refused or forced)
+        # The error of a forced voltage, or of a write that was not applied, is no error of the
+        # model.
+        credible = self.identifier.gate.credible and not (not_applied or forced)
         trim = 0.0
         if self.trim.active:
-            trim = self.trim.step(self._lacks(sample), credible, self.compensator.stop)
-        ahead = self._position_um.to_unit(self._shaped_um.value(t_s + self._ahead_s))
+            trim = self.trim.step(
+                self._error_of(sample), credible, self.compensator.limited_direction
+            )
+        # The value that the voltage of this cycle will reach, when it acts.
+        ahead = self._position_um.to_unit(self._shaped_reference.value(t_s + self._lookahead_s))
         window = self._limits.window(self._in_force_v, self._period_s)
         if forced:
             drive_v = window.admit(self._forced_v, self._in_force_v)
+            # A window of no width makes the compensator follow the forced voltage, with its memory.
             window = Window(drive_v, drive_v)
         drive = self.compensator.step(
             ahead,
@@ -206,9 +225,9 @@ class CompensatedAxis:
         return AxisOutput(drive_v, command_um, uncompensated_v, self._in_force_v, t_ns)
 
     def applied(self, drive_v: float) -> None:
-        """Learn what is in force from now on; may be called in the loop."""
+        """Take the voltage that is in force from now on, in V."""
         self._in_force_v = drive_v
-        self._awaits_write = False
+        self._write_pending = False
 
     def record(
         self,
@@ -221,11 +240,11 @@ class CompensatedAxis:
         on_target: bool = False,
         motion: int = 0,
     ) -> AxisRecord:
-        """Return what this cycle leaves. Real-time safe.
+        """Return the record of this cycle.
 
         Args:
             sample: The sample that was used.
-            output: What the axis asked for.
+            output: The output of the axis.
             drive_v: Voltage that was written, in V.
             read_back_v: Voltage that the amplifier reports, in V; NaN if it does not.
             target_um: Position at which the movement ends, in µm; NaN if there is none.
@@ -249,8 +268,8 @@ class CompensatedAxis:
             motion,
         )
 
-    def _lacks(self, sample: Sample) -> float:
-        """Return what a sample lacks to the command of the instant it shows, in units of range."""
+    def _error_of(self, sample: Sample) -> float:
+        """Return the error at the instant that a sample shows, in units of the range."""
         shown_s = (sample.t_ns - self._sensor_delay_ns - self._start_ns) / NS_PER_S
         error_um = self._reference_um(shown_s) - sample.position_um
         return error_um / self._position_um.width

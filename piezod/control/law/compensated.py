@@ -1,4 +1,4 @@
-"""A compensated axis, put together from its configuration and its model."""
+"""Builds the control law of an axis from its configuration and its model."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ import numpy as np
 from piezod.config.axes import AxisConfig
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits
-from piezod.control.law.axis import CompensatedAxis, Waveform
+from piezod.control.law.axis import CompensatedAxis, TimeFunction
 from piezod.control.law.compensator import Compensator
 from piezod.control.law.creep import CreepState
 from piezod.control.law.identifier import DriveHistory, Identifier, LearningGate
@@ -26,29 +26,30 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.units import NS_PER_S, s_to_ns
 
 FADE_S = 0.1
-"""A switch of mode or of parameters is spread over this time."""
+"""Duration over which a change of mode or of parameters is faded."""
 CONVERGED_WITHIN = 0.005
-"""The identifier has converged when successive errors differ by less than this part of the range"""
+"""Largest difference of successive errors, as a share of the range, in an identifier that has
+converged; the criterion of the paper, section 2.3."""
 CONVERGED_FOR_S = 1.0
-"""and have done so for this long."""
-JUDGED_EVERY_S = 1.0
-"""What was learned is compared with what was known before after so long of learning."""
+"""The differences must stay that small for this long; the paper asks for a single one."""
+SHADOW_WINDOW_S = 1.0
+"""The learned model is compared with the last good one after this time of learning."""
 SPARE_ENTRIES = 4
-"""Cycles that the drive history keeps beyond the delay: both ends, and late samples."""
+"""Entries that the drive history keeps beyond the delay: for both ends, and for late samples."""
 
 
 def limits_of(config: AxisConfig) -> Limits:
-    """Return what the drive of an axis may do."""
+    """Return the limits of the drive of an axis."""
     limits = config.limits
     return Limits(limits.drive_min_v, limits.drive_max_v, limits.slew_v_per_s)
 
 
 class Start(NamedTuple):
-    """Where an axis is taken over.
+    """Conditions under which an axis starts.
 
     Attributes:
-        t_ns: Instant at which its reference starts.
-        period_ns: Period of the loop.
+        t_ns: Instant at which its reference starts, in ns.
+        period_ns: Period of the loop, in ns.
         in_force_v: Voltage in force, in V.
     """
 
@@ -58,30 +59,31 @@ class Start(NamedTuple):
 
 
 def check_identifier(config: AxisConfig, bank: FloatArray) -> None:
-    """Refuse a gain with which the identifier could run away.
+    """Refuse a gain with which the identifier could diverge.
 
     Raises:
-        ModelError: If there is one.
+        ModelError: If the gain is not safe for these thresholds.
     """
+    # The identifiers check their gain when they are built.
     _adaptation(config, bank, np.zeros(bank.shape[1]))
 
 
 def check_trim(config: AxisConfig, period_s: float, delay_s: float) -> None:
-    """Refuse a gain of the trim that leaves too little margin on a stage.
+    """Refuse a gain of the trim that leaves too little margin.
 
     Args:
-        config: Trim and first mode of the axis.
+        config: Configuration of the axis, with trim and first mode.
         period_s: Period of the loop, in s.
         delay_s: Delay from drive to sensor, in s.
 
     Raises:
-        ModelError: If it does.
+        ModelError: If a margin is too small.
     """
     mode = config.first_mode
     refuse_unstable(
         config.trim.gain_per_s,
         period_s,
-        delay_s + 0.5 * period_s,  # it counts from the middle of the cycle in which a voltage holds
+        delay_s + 0.5 * period_s,  # counted from the middle of the cycle in which a voltage holds
         mode.frequency_hz if mode else None,
         mode.damping if mode else None,
     )
@@ -92,29 +94,30 @@ def compensated_axis(
     model: StageModel,
     creep: CreepState,
     mode: Mode,
-    reference_um: Waveform,
+    reference_um: TimeFunction,
     start: Start,
 ) -> CompensatedAxis:
-    """Return an axis that follows a reference from rest, its memory relaxed.
+    """Return an axis that follows a reference from rest, with a relaxed memory.
 
     Args:
-        config: Limits and compensator of the axis.
-        model: Its inverse model; the identifier starts from the same weights.
-        creep: How far it has crept.
-        mode: How the drive is made from the command.
-        reference_um: Displacement over time since the start, in µm.
-        start: Where it is taken over.
+        config: Configuration of the axis.
+        model: Model of the axis; the identifier starts from its weights.
+        creep: Creep so far.
+        mode: Mode in which the axis starts.
+        reference_um: Position over time since the start, in µm.
+        start: Conditions at the start.
     """
     period_ns, delay_ns = start.period_ns, s_to_ns(model.delay_s)
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
     history = DriveHistory(start.in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
     adaptation = _adaptation(config, model.bank, model.weights)
     identifier = Identifier(
-        Shadowed(adaptation, window=_cycles(JUDGED_EVERY_S, period_ns)),
+        Shadowed(adaptation, window=_cycles(SHADOW_WINDOW_S, period_ns)),
         model.drive_v,
         model.position_um,
         history,
         delay_ns,
+        # A model from a file or an identification counts as converged.
         None if np.any(model.weights) else _convergence(period_ns),
         LearningGate(period_ns, latency_ns=sensor_delay_ns),
         creep,

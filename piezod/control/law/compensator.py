@@ -1,17 +1,17 @@
-"""The inverse compensator with the paper's switch (its section 3), in normalised units.
+"""The inverse compensator with the switch of the paper (section 3), in normalised units.
 
-One memory, that of the inverse model's operators, serves every mode, so that switching loses
-nothing. The modes differ in two numbers only: `strength`, from 0 (the drive is proportional to the
-command) to 1 (compensated), and `share`, how far the weights move towards the identifier's in a
-cycle. Both are faded over a number of cycles, which makes a switch bumpless in either direction.
+One memory, that of the inverse model, serves every mode, so that a change of mode loses nothing.
+The modes differ in two numbers only. `strength` is 0 for a drive in proportion to the command and 1
+for a compensated drive. `share` is the part of the distance to the identifier's weights that the
+weights move in a cycle. Both are faded over a number of cycles, so that no change makes a jump.
 
-What creeps and drifts by itself is left to do so: the hysteresis is asked for the remainder of the
-command only, and for the trim on top of it.
+The compensator does not counteract creep and drift as such: it subtracts them from the command, and
+the hysteresis makes the remainder plus the trim.
 
-The drive never leaves the window that the limits leave open, and the memory advances with the
-voltage that is applied, not with the one that was wished: where the two differ, the displacement is
-found at which the model gives the applied voltage. It advances in the next step, so that a drive
-that was refused leaves no trace.
+The drive never leaves the window of the limits. The memory advances with the applied voltage, not
+with the requested one: if they differ, it takes the displacement at which the model gives the
+applied voltage. The memory advances in the next step, so that a drive that was not applied leaves
+no trace.
 """
 
 from math import isfinite
@@ -24,21 +24,21 @@ from piezod.control.law.step import BEYOND, OUTSIDE, POSITION, step
 from piezod.hysteresis.bank import new_bank_memory
 from piezod.hysteresis.memory import MERGED, SEEN, FloatArray
 
-FOLLOWED_SHARE = 0.3
-"""Part of the way to the identifier's weights that mode `adaptive` goes in each cycle. All of it,
-as in the paper, would hand the sensor's noise on to the drive."""
+ADAPTIVE_SHARE = 0.3
+"""Share of the distance to the identifier's weights that mode `adaptive` moves in each cycle. The
+full distance, as in the paper, would pass the sensor noise on to the drive."""
 
 
 class Compensator:
-    """Turns a normalised command into a normalised drive, by a mode that may change while it runs.
+    """Turns a normalised command into a normalised drive. Its methods are real-time safe.
 
     Args:
         bank: Thresholds and gains of the inverse model's stops, from `new_bank`.
-        weights: (2 M,) weights [a^l, a^r] to start from; all zero for a stage not yet identified.
-        mode: The mode to start in.
-        fade_cycles: Cycles over which a switch of mode or of weights is spread; at least 1.
-        creep: How far the stage has crept, and where it is.
-        trimmed_follows: Whether mode `trimmed` is on top of `adaptive`, not of `feedforward`.
+        weights: (2 M,) initial weights [a^l, a^r]; all zero if the stage is not yet identified.
+        mode: The mode in which it starts.
+        fade_cycles: Cycles over which a change of mode or of weights is faded; at least 1.
+        creep: Creep so far, and the displacement.
+        trimmed_follows: Whether mode `trimmed` is based on `adaptive` instead of `feedforward`.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Compensator:
         trimmed_follows: bool = False,
     ) -> None:
         self.weights: FloatArray = weights.copy()
-        """Weights in use, shape (2 M,); they change while the identifier is followed."""
+        """Weights in use, shape (2 M,); they change in place if they follow the identifier."""
         self._target = self.weights.copy()
         self._fade_cycles = fade_cycles
         self._has_model = bool(np.any(weights))
@@ -78,72 +78,73 @@ class Compensator:
 
     @property
     def mode(self) -> Mode:
-        """The mode that was asked for last."""
+        """The present mode."""
         return self._mode
 
     @property
     def limited(self) -> bool:
-        """Whether the window cut off part of the last wished drive."""
+        """Whether the window limited the last requested drive."""
         return self._pending.item(BEYOND) != 0.0
 
     @property
-    def stop(self) -> int:
-        """1 where the last drive or displacement could go no higher, -1 no lower, else 0."""
+    def limited_direction(self) -> int:
+        """1 if the last drive or displacement could go no higher, -1 if no lower, else 0."""
         excess = self._pending.item(BEYOND) or self._pending.item(OUTSIDE)
         return (excess > 0.0) - (excess < 0.0)
 
     @property
     def position(self) -> float:
-        """Displacement that the operators see once the last drive acts, unless it was refused."""
+        """Displacement in the operators after the last drive, unless that drive was not applied."""
         pending: float = self._pending.item(POSITION)
         return pending if isfinite(pending) else self._memory.last.item(SEEN)
 
     @property
     def merged_pairs(self) -> int:
-        """Number of pairs of extrema that a full memory had to give up."""
+        """Number of pairs of extrema that a full memory has removed."""
         return int(self._memory.counts[MERGED])
 
     def switch(self, mode: Mode) -> None:
-        """Change the mode; the drive goes over without a jump; may be called in the loop."""
+        """Change the mode; the drive changes over without a jump."""
         self._mode = mode
         self._strength_aim = 0.0 if mode is Mode.UNCOMPENSATED else 1.0
         if self._following:
+            # The weights stay where the identifier has brought them.
             self._target[:] = self.weights
         self._following = mode in self._adaptive
         self._fading = self._fade_cycles
 
     def adopt(self, weights: FloatArray) -> None:
-        """Go over to other weights, shape (2 M,), without a jump; may be called in the loop."""
+        """Change over to other weights, shape (2 M,), without a jump."""
         self._target[:] = weights
         self._fading = self._fade_cycles
         self._has_model = True
 
     def adopt_first(self, weights: FloatArray) -> None:
-        """Adopt weights that have converged if there are none yet; may be called in the loop."""
+        """Adopt converged weights if there are none yet."""
         if not self._has_model:
             self.adopt(weights)
 
     def zero(self) -> None:
-        """Count from here on: the stage rests, and its sensor was zeroed; call it in the loop."""
+        """Take the present displacement as zero: the stage rests, and its sensor was zeroed."""
         self._zeroed = float(self._creep_weights @ self._lags)
 
     @property
     def expected(self) -> float:
-        """Displacement that the sensor is expected to show once the last drive acts, normalised."""
+        """Displacement that the sensor is expected to show after the last drive, normalised."""
         crept = float(self._creep_weights @ self._lags)
         return (self.position + crept + self._offset) / (1.0 + self._scale) - self._zeroed
 
-    def command_here(self, drive: float, trim: float) -> float:
-        """Return the command that asks for what a drive has brought; may be called in the loop.
+    def holding_command(self, drive: float, trim: float) -> float:
+        """Return the command that keeps a drive.
 
         Args:
             drive: Drive in force, normalised.
-            trim: Displacement that is added, in units of the range.
+            trim: Displacement that the trim adds, in units of the range.
         """
         return self.expected - trim / (1.0 + self._scale) if self._strength_aim else drive
 
-    def refused(self) -> None:
-        """Learn that the last drive was not applied; may be called in the loop."""
+    def discard_last(self) -> None:
+        """Take back the last drive: it was not applied."""
         self._pending[POSITION] = np.nan
 
     def step(
@@ -156,19 +157,21 @@ class Compensator:
         scale: float = 0.0,
         trim: float = 0.0,
     ) -> float:
-        """Return the drive for the next command; may be called in the loop.
+        """Return the drive for the next command.
 
         Args:
-            command: Displacement asked for, in [0, 1]; clamped; not a number means no move.
+            command: Command in [0, 1]; clamped. NaN means no move.
             low: Lowest drive that the limits allow in this cycle.
             high: Highest drive that the limits allow in this cycle.
-            identified: (2 M,) the identifier's weights, followed in mode `adaptive`.
-            offset: The identifier's drift of the displacement, followed likewise.
-            scale: The identifier's scale of the displacement, followed likewise.
+            identified: (2 M,) weights of the identifier, followed in mode `adaptive`.
+            offset: Offset of the identifier, followed likewise.
+            scale: Scale of the identifier, followed likewise.
             trim: Displacement to add, in units of the range.
         """
         target = identified if self._following else self._target
-        share = 1.0 / self._fading if self._fading else self._following * FOLLOWED_SHARE
+        # With n cycles left, 1/n of the remaining distance in each makes a straight fade that ends
+        # exactly.
+        share = 1.0 / self._fading if self._fading else self._following * ADAPTIVE_SHARE
         if self._fading:
             self._strength += (self._strength_aim - self._strength) * share
             self._fading -= 1
@@ -176,6 +179,7 @@ class Compensator:
             self._offset += share * (offset - self._offset)
             self._scale += share * (scale - self._scale)
         stretch = 1.0 + self._scale
+        # The sensor's zero contains the creep at that instant, so it is added to the command.
         added = stretch * self._zeroed - self._offset + trim
-        wish = command, stretch, added
-        return step(*self._arguments, target, share, self._strength, *wish, low, high)
+        position_arguments = command, stretch, added
+        return step(*self._arguments, target, share, self._strength, *position_arguments, low, high)

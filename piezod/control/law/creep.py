@@ -1,4 +1,4 @@
-"""Creep in seconds: how much, over which times, and how far a stage has crept."""
+"""The creep of a stage, in seconds: its law and its present state."""
 
 from typing import NamedTuple
 
@@ -10,15 +10,16 @@ from piezod.hysteresis.memory import FloatArray
 
 LAGS_PER_DECADE = 2
 TIME_CONSTANTS_S: FloatArray = 10.0 ** (np.arange(8) / LAGS_PER_DECADE - 1.5)
-"""From 0.03 to 100 s. Faster creep is a part of the hysteresis, slower creep one of the drift."""
+"""Time constants from 0.03 to 100 s. Faster creep is part of the hysteresis, slower creep is part
+of the drift."""
 
 
 class CreepLaw(NamedTuple):
-    """Creep as first-order lags that follow the quick displacement.
+    """Creep as first-order lags that follow the displacement without creep.
 
     Attributes:
         time_constants_s: (K,) time constants, in s.
-        weights: (K,) what each lag adds, as a share of what it follows.
+        weights: (K,) contribution of each lag, as a share of the displacement that it follows.
     """
 
     time_constants_s: FloatArray
@@ -26,11 +27,11 @@ class CreepLaw(NamedTuple):
 
     @property
     def per_decade(self) -> float:
-        """Creep after a step per decade of time, as a share of the step."""
+        """Creep after a step, per decade of time, as a share of the step."""
         return LAGS_PER_DECADE * float(np.mean(self.weights)) if self.weights.size else 0.0
 
     def at(self, period_s: float) -> Creep:
-        """Return the lags for samples that are this far apart, in s."""
+        """Return the lags for samples of this period, in s."""
         return Creep(self.weights, -np.expm1(-period_s / self.time_constants_s))
 
 
@@ -38,21 +39,21 @@ NO_CREEP = CreepLaw(np.empty(0), np.empty(0))
 
 
 def logarithmic(weight: float) -> CreepLaw:
-    """Return creep that goes on with the logarithm of time, as that of piezo ceramics does.
+    """Return creep that grows with the logarithm of time, as that of piezo ceramics does.
 
     Args:
-        weight: What each lag adds, as a share of what it follows.
+        weight: Contribution of each lag, as a share of the displacement that it follows.
     """
     return CreepLaw(TIME_CONSTANTS_S, np.full(TIME_CONSTANTS_S.size, weight))
 
 
 class CreepState(NamedTuple):
-    """The creep of a stage at an instant; displacements in units of the range.
+    """State of the creep at an instant; displacements are in units of the range.
 
     Attributes:
-        creep: How the stage creeps.
-        lags: (K,) its lags.
-        zeroed: What had crept when the sensor was zeroed, and is not seen of it since.
+        creep: Law of the creep at the period of the loop.
+        lags: (K,) state of the lags.
+        zeroed: Creep at the instant at which the sensor was zeroed; the sensor does not show it.
         quick: Displacement without creep.
     """
 
@@ -63,4 +64,4 @@ class CreepState(NamedTuple):
 
 
 AT_REST = CreepState(NO_LAGS, np.empty(0), 0.0, 0.0)
-"""Of a stage that does not creep, at the lower end of its range."""
+"""State of a stage without creep, at the lower end of its range."""

@@ -1,4 +1,4 @@
-"""Gains that are not safe are refused as soon as what decides about them is known."""
+"""Refuses gains that are not safe, as soon as the properties that decide about them are known."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -12,10 +12,11 @@ from piezod.hysteresis import even_thresholds, new_bank
 from piezod.hysteresis.memory import FloatArray
 
 
-def check_known(axes: Mapping[str, AxisConfig], period_s: float, *, trimmed: bool) -> None:
-    """Check the gains of all axes, as far as that can be done before anything moves.
+def check_gains(axes: Mapping[str, AxisConfig], period_s: float, *, trimmed: bool) -> None:
+    """Check the gains of all axes, as far as possible before anything moves.
 
-    A model file tells the delay, and so may the configuration; else the trim has to wait.
+    The delay is in the model file, or in the configuration. Without either, the trim is checked
+    later.
 
     Args:
         axes: The axes, by name.
@@ -24,27 +25,27 @@ def check_known(axes: Mapping[str, AxisConfig], period_s: float, *, trimmed: boo
 
     Raises:
         ConfigError: If a model file cannot be used.
-        ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
+        ModelError: If the gain of an identifier or of a trim is not safe; the text names the axis.
     """
     for name, axis in axes.items():
         if axis.model is not None:
             model, _ = read_model(axis.model)
-            known = Known(model.bank, model.delay_s, period_s)
-            check_axis(name, axis, known, trimmed=trimmed)
+            properties = LoopProperties(model.bank, model.delay_s, period_s)
+            check_axis_gains(name, axis, properties, trimmed=trimmed)
             continue
         thresholds = even_thresholds(axis.compensator.operators)
         delay_s = axis.compensator.delay_s
-        known_s = None if delay_s == "auto" else delay_s
-        known = Known(new_bank(thresholds, thresholds), known_s, period_s)
-        check_axis(name, axis, known, trimmed=trimmed)
+        configured_s = None if delay_s == "auto" else delay_s
+        properties = LoopProperties(new_bank(thresholds, thresholds), configured_s, period_s)
+        check_axis_gains(name, axis, properties, trimmed=trimmed)
 
 
-class Known(NamedTuple):
-    """What decides which gains of an axis are safe.
+class LoopProperties(NamedTuple):
+    """Properties that decide which gains of an axis are safe.
 
     Attributes:
-        bank: Thresholds of its model, shape (2, 2 M).
-        delay_s: Delay from drive to sensor, in s; None while it is not known.
+        bank: Thresholds and gains of its model, shape (2, 2 M).
+        delay_s: Delay from drive to sensor, in s; None while it is unknown.
         period_s: Period of the loop, in s.
     """
 
@@ -53,27 +54,29 @@ class Known(NamedTuple):
     period_s: float
 
 
-def check_axis(name: str, axis: AxisConfig, known: Known, *, trimmed: bool) -> None:
+def check_axis_gains(
+    name: str, axis: AxisConfig, properties: LoopProperties, *, trimmed: bool
+) -> None:
     """Check the gains of an axis.
 
     Args:
-        name: Its name.
-        axis: Its configuration.
-        known: Its model's thresholds, its delay, the period.
-        trimmed: Whether mode `trimmed` is used; a trim does not count where it is not.
+        name: Name of the axis.
+        axis: Configuration of the axis.
+        properties: Properties of its loop.
+        trimmed: Whether mode `trimmed` is used; if not, any trim is allowed.
 
     Raises:
-        ModelError: If one is not safe; the text names the axis.
+        ModelError: If a gain is not safe; the text names the axis.
     """
-    with naming(name):
-        check_identifier(axis, known.bank)
-        if known.delay_s is not None and trimmed:
-            check_trim(axis, known.period_s, known.delay_s)
+    with prefix_errors(name):
+        check_identifier(axis, properties.bank)
+        if properties.delay_s is not None and trimmed:
+            check_trim(axis, properties.period_s, properties.delay_s)
 
 
 @contextmanager
-def naming(axis: str) -> Iterator[None]:
-    """Put the name of the axis before what an error says."""
+def prefix_errors(axis: str) -> Iterator[None]:
+    """Put the name of the axis before the text of an error."""
     try:
         yield
     except (DataError, ModelError) as error:

@@ -1,4 +1,4 @@
-"""Adaptation in the loop: pairs samples with voltages, and decides which samples may teach."""
+"""Adaptation in the loop: pairs samples with voltages, and decides which samples it learns from."""
 
 from math import isfinite
 from typing import Final
@@ -14,26 +14,25 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.hysteresis.normalisation import AffineRange
 from piezod.units import NS_PER_S
 
-WINDOW_S: Final = 1.0
-LEAST_SWING: Final = 0.02
-"""Excitation: the drive must swing by this share of its range within the window."""
+WINDOW_S, LEAST_SWING = 1.0, 0.02
+"""Excitation: within this window the drive must swing by this share of its range."""
 LIMITED_CYCLES: Final = 5
-"""After the drive was limited the gate stays closed this long: samples come late, and the stage
-still answers to what was cut off."""
+"""The gate stays closed for this many cycles after the drive was limited: samples come late, and
+the stage still reacts to the part that was cut off."""
 SPIKE_CYCLES: Final = 20
-"""After a spike the gate stays closed this long: noise that has become larger begins with spikes,
-one in two samples, and until then is known to be noise."""
+"""The gate stays closed for this many cycles after a spike: noise that grows first looks like
+spikes, one in two samples, until the noise level has followed."""
 STUCK_SWING: Final = 0.01
-"""A sensor is stuck when its samples stay the same while the drive moves by more than this share of
-its range."""
+"""A sensor is stuck if its samples are equal while the drive moves by more than this share of its
+range."""
 
 
 class LearningGate:
-    """Decides for one axis, cycle by cycle; deterministic, fixed memory.
+    """Decides in each cycle whether an axis may learn. Deterministic, fixed memory, real-time safe.
 
     Args:
-        period_ns: Period of the loop.
-        latency_ns: How old a sample of this sensor is at best; it is late a period after that.
+        period_ns: Period of the loop, in ns.
+        latency_ns: Smallest age of a sample, in ns; a sample is late if it is a period older.
     """
 
     def __init__(self, period_ns: int, latency_ns: int = 0) -> None:
@@ -45,34 +44,36 @@ class LearningGate:
         self._stuck = StuckSensor(STUCK_SWING)
         self._noise = NoiseLevel()
         self.reason = GateReason.QUIET
-        """Verdict on the last sample."""
+        """Decision on the last sample."""
         self.credible = False
-        """Whether it says something true about the stage: valid, not late, not stuck, no spike."""
+        """Whether the last sample is credible: valid, not late, not stuck, no spike."""
         self.accurate = False
-        """Whether it is credible and its noise what it usually is: an operator may remember it."""
+        """Whether the last sample is credible and has its usual noise: the operators may take
+        it."""
         self.counts = dict.fromkeys(GateReason, 0)
-        """Cycles with each verdict."""
+        """Number of cycles with each decision."""
 
     def admits(
         self, *, valid: bool, age_ns: int, limited: bool, drive: float, position: float
     ) -> bool:
-        """Return whether this cycle's sample may teach; call it once in each cycle, in the loop.
+        """Return whether the identifier may learn from this sample. Call once per cycle.
 
         Args:
-            valid: Whether the device calls the sample valid.
-            age_ns: How long before this cycle the sample was taken.
-            limited: Whether range or slew rate cut off part of the drive that is in force.
+            valid: Whether the device marks the sample as valid.
+            age_ns: Age of the sample in this cycle, in ns.
+            limited: Whether range or slew rate limited the drive in force.
             drive: Drive in force, normalised, finite.
-            position: Measured displacement, normalised.
+            position: Measured position, normalised.
         """
-        self.reason = self._verdict(valid, age_ns, limited, drive, position)
+        self.reason = self._decide(valid, age_ns, limited, drive, position)
         self.counts[self.reason] += 1
         return self.reason is GateReason.OPEN
 
-    def _verdict(
+    def _decide(
         self, valid: bool, age_ns: int, limited: bool, drive: float, position: float
     ) -> GateReason:
-        # Whatever the verdict, all that is followed over several cycles goes on.
+        """Return the first reason that applies."""
+        # Whatever the decision, everything that spans several cycles must be updated first.
         quiet = self._drive_swing.add(drive) < LEAST_SWING
         self._limited_cycles = LIMITED_CYCLES + 1 if limited else max(self._limited_cycles - 1, 0)
         self.credible = self.accurate = False
@@ -81,7 +82,7 @@ class LearningGate:
         if age_ns > self._late_ns:
             return GateReason.LATE
         stuck = self._stuck.update(position, drive)
-        spike = not stuck and self._noise.update(position)  # a stuck sensor has no noise to learn
+        spike = not stuck and self._noise.update(position)  # a stuck sensor has no noise
         self._spike_cycles = SPIKE_CYCLES if spike else max(self._spike_cycles - 1, 0)
         self.credible = not (stuck or spike)
         self.accurate = not (stuck or self._spike_cycles or self._noise.unusual)
@@ -94,20 +95,21 @@ class LearningGate:
         return GateReason.REPEATED if self._stuck.repeated else GateReason.OPEN
 
     def _inaccuracy(self, stuck: bool) -> GateReason:
+        """Return the reason why a sample is not accurate."""
         if stuck:
             return GateReason.STUCK
         return GateReason.SPIKE if self._spike_cycles else GateReason.NOISY
 
 
 class DriveHistory:
-    """A ring of the voltages that were in force, one entry per cycle; nothing grows.
+    """A ring of the voltages that were in force, one entry per cycle. Fixed memory, real-time safe.
 
-    Between entries the voltage is interpolated linearly, as it is for recorded data: a delay that
-    was identified from a record means the same here.
+    Between entries the voltage is interpolated linearly, as for recorded data, so that a delay that
+    was identified from a record has the same meaning here.
 
     Args:
         in_force_v: Voltage in force before the first entry, in V.
-        entries: Cycles remembered; older times get the oldest voltage.
+        entries: Number of cycles that are kept; earlier times get the oldest voltage.
     """
 
     def __init__(self, in_force_v: float, entries: int) -> None:
@@ -117,7 +119,7 @@ class DriveHistory:
         self._empty = True
 
     def append(self, t_ns: int, drive_v: float) -> None:
-        """Note the voltage in force at an instant, later than all before; call it in the loop."""
+        """Store the voltage in force at an instant, later than all before, in V."""
         if self._empty:
             self._t_ns = [t_ns] * len(self._t_ns)
             self._empty = False
@@ -126,7 +128,7 @@ class DriveHistory:
         self._drive_v[self._newest] = drive_v
 
     def at(self, t_ns: int) -> float:
-        """Return the voltage that was in force at an instant, in V; may be called in the loop."""
+        """Return the voltage that was in force at an instant, in V."""
         later = self._newest
         for back in range(len(self._t_ns)):
             index = self._newest - back
@@ -144,17 +146,17 @@ class DriveHistory:
 
 
 class Identifier:
-    """Follows one axis; its weights are what the compensator adopts or follows.
+    """Learns the inverse model of one axis, paper section 2.3. All methods are real-time safe.
 
     Args:
-        adaptation: The algorithm, with the weights to start from.
+        adaptation: The learning algorithm, with the weights to start from.
         drive_v: Range of the drive that is [0, 1] for the model, in V.
         position_um: Range of the displacement that is [0, 1] for the model, in µm.
-        history: Voltages in force, kept by the axis.
-        delay_ns: How long the displacement lags behind the voltage.
-        convergence: When the weights count as converged; None if a model is known already.
-        gate: Which samples may teach.
-        creep: How far the stage has crept, and where it is.
+        history: Voltages in force, appended by the axis.
+        delay_ns: Delay of the displacement behind the voltage, in ns.
+        convergence: Criterion of convergence; None if a model is known already.
+        gate: Decides which samples the identifier learns from.
+        creep: Creep so far, and the displacement.
     """
 
     def __init__(
@@ -174,10 +176,10 @@ class Identifier:
         self._convergence = convergence
         self._creep, self._zeroed = creep.creep, creep.zeroed
         self._lags, self._quick = creep.lags.copy(), creep.quick
-        self.gain_halved = self._left_out = False
+        self.gain_halved = self._skipped_last = False
         """Whether only every second sample is learned from."""
         self.converged = False
-        """Whether the weights have converged, over a window and up to the last sample."""
+        """Whether the weights have converged, over a window that ends with the last sample."""
 
     @property
     def weights(self) -> FloatArray:
@@ -186,57 +188,59 @@ class Identifier:
 
     @property
     def offset(self) -> float:
-        """Drift of the displacement, in units of the range; 0 where it is not identified."""
+        """Offset of the displacement, in units of the range; 0 if it is not learned."""
         return self.adaptation.offset
 
     @property
     def scale(self) -> float:
-        """By how much more than the displacement the hysteresis sees; 0 if not identified."""
+        """Relative gain of the hysteresis input over the displacement; 0 if it is not learned."""
         return self.adaptation.scale
 
     @property
     def merged_pairs(self) -> int:
-        """Number of pairs of extrema that a full memory had to give up."""
+        """Number of pairs of extrema that a full memory has removed."""
         return self.adaptation.merged_pairs
 
     def zero(self) -> None:
-        """Count from here on: the stage rests, and its sensor was zeroed; call it in the loop."""
+        """Take the present displacement as zero: the stage rests, and its sensor was zeroed."""
         self._zeroed = float(self._creep.weights @ self._lags)
 
     def learn(self, t_ns: int, sample: Sample, *, limited: bool, expected: float) -> None:
-        """Take the sample of this cycle; adapt if it can teach; may be called in the loop.
+        """Take the sample of this cycle and learn from it if the gate is open. Call once per cycle.
 
-        Where the sample is not accurate the memory goes on with what the compensator expects:
-        the stage moves all the same, and an extremum that was missed would be wrong for long.
+        If the sample is not accurate, the memory advances with the displacement that the
+        compensator expects: the stage moves anyway, and a missed extremum would be wrong for long.
 
         Args:
-            t_ns: Instant of the cycle.
-            sample: What was measured.
-            limited: Whether range or slew rate cut off part of the drive that is in force.
-            expected: Displacement that the compensator's memory has, normalised.
+            t_ns: Instant of the cycle, in ns.
+            sample: The sample.
+            limited: Whether range or slew rate limited the drive in force.
+            expected: Displacement in the compensator's memory, normalised.
         """
         lags, gains, weights = self._lags, self._creep.gains, self._creep.weights
         crept = advance_creep(lags, gains, weights, self._quick)
         position = self._position_um.to_unit(sample.position_um)
+        # The sample answers the voltage that was in force one delay before it.
         drive = self._drive_v.to_unit(self._history.at(sample.t_ns - self._delay_ns))
-        may_teach = self.gate.admits(
+        learns = self.gate.admits(
             valid=sample.valid,
             age_ns=t_ns - sample.t_ns,
             limited=limited,
             drive=drive,
             position=position,
         )
-        if self.gain_halved and may_teach:
-            self._left_out = not self._left_out
-            may_teach = not self._left_out
-        # What creeps is what the hysteresis sees: so has crept in its units, not in the sensor's.
-        seen = position + self._zeroed - crept / (1.0 + self.scale)
+        if self.gain_halved and learns:
+            self._skipped_last = not self._skipped_last
+            learns = not self._skipped_last
+        # `crept` is in the unit of the operators, the position in that of the sensor.
+        without_creep = position + self._zeroed - crept / (1.0 + self.scale)
         if not self.gate.accurate:
-            seen = (expected + self.offset) / (1.0 + self.scale)
+            without_creep = (expected + self.offset) / (1.0 + self.scale)
         convergence = self._convergence
+        # The error and its convergence follow paper eq. (30) and the criterion below it.
         before = self.adaptation.position if convergence else 0.0
-        error = self.adaptation.step(seen, drive, may_teach)
-        self._quick = (1.0 + self.scale) * seen - self.offset
-        # At rest any weights predict well.
-        if convergence and may_teach and self.adaptation.position != before:
+        error = self.adaptation.step(without_creep, drive, learns)
+        self._quick = (1.0 + self.scale) * without_creep - self.offset
+        # At rest any weights predict well, so that only motion counts.
+        if convergence and learns and self.adaptation.position != before:
             self.converged = convergence.update(error)

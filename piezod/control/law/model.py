@@ -1,4 +1,4 @@
-"""What is known of a stage: its inverse model, with the ranges, the creep and the delay."""
+"""The identified model of a stage: inverse model, ranges, creep and delay."""
 
 from dataclasses import dataclass, replace
 
@@ -10,20 +10,20 @@ from piezod.hysteresis import AffineRange, InverseMPI
 from piezod.hysteresis.memory import FloatArray
 
 REST_BEYOND = 0.01
-"""The rest voltage may leave a model's voltages by this part of them."""
+"""The rest voltage may be outside the model's voltages by this share of their range."""
 
 
 @dataclass(frozen=True)
 class StageModel:
-    """An identified inverse model with the ranges, the creep and the delay that it holds for.
+    """An identified inverse model, paper eq. (16), with the ranges, the creep and the delay.
 
     Attributes:
         bank: (2, 2 M) thresholds and gains of the stops.
         weights: (2 M,) weights [a^l, a^r].
-        drive_v: Range of the drive that is [0, 1], in V.
+        drive_v: Range of the drive that is [0, 1], paper eq. (28), in V.
         position_um: Range of the displacement without creep that is [0, 1], in µm.
-        delay_s: How long the displacement lags behind the voltage, in s.
-        creep: What the displacement adds to its quick part in time.
+        delay_s: Delay of the displacement behind the voltage, in s.
+        creep: Creep, which adds to the displacement of the hysteresis.
     """
 
     bank: FloatArray
@@ -34,29 +34,31 @@ class StageModel:
     creep: CreepLaw = NO_CREEP
 
     def inverse(self) -> InverseMPI:
-        """Return the inverse model itself, relaxed."""
+        """Return the inverse model with a relaxed memory."""
         left, right = np.split(self.bank[0], 2)
         left_weights, right_weights = np.split(self.weights, 2)
         return InverseMPI(right, left, right_weights, left_weights)
 
     def zeroed_at(self, rest_v: float) -> "StageModel":
-        """Return the model with its displacement counted from that at rest.
+        """Return the model with the displacement at rest as zero.
 
-        A stage is zeroed at rest before it is driven; recorded data may count from elsewhere.
+        A stage is zeroed at rest before it is driven. Recorded data may have another zero.
 
         Args:
             rest_v: Voltage at rest, in V.
 
         Raises:
-            DataError: If that is outside the voltages that the model holds for.
+            DataError: If the model does not hold at the rest voltage.
         """
         rest = self.drive_v.to_unit(rest_v)
         if not -REST_BEYOND <= rest <= 1.0 + REST_BEYOND:
             raise DataError(
-                f"the model holds from {self.drive_v.low:g} to {self.drive_v.high:g} V, which "
-                f"leaves out the rest voltage, {rest_v:g} V; identify from rest on"
+                f"the model holds from {self.drive_v.low:g} to {self.drive_v.high:g} V, but the "
+                f"rest voltage is {rest_v:g} V; identify with a drive that starts at rest"
             )
         x = np.linspace(0.0, 1.0, 2001)
+        # The inverse model gives drives for positions: interpolate backwards. np.interp needs
+        # drives that do not fall.
         z = np.maximum.accumulate(self.inverse().run(x))
         rest_um = self.position_um.from_unit(float(np.interp(rest, z, x)))
         low, high = self.position_um

@@ -1,4 +1,4 @@
-"""The models that model files hold."""
+"""Reads the models in model files."""
 
 from pathlib import Path
 
@@ -13,11 +13,11 @@ from piezod.hysteresis.slopes import smallest_slope_of
 
 
 def from_model_file(file: ModelFile) -> StageModel:
-    """Return the model that a file holds, equal to the last bit to the one written.
+    """Return the model in a file, equal to the last bit to the model that was written.
 
     Raises:
-        ModelError: If the file has more thresholds on one side than on the other, or the model is
-            not monotone, so that no stage is like it.
+        ModelError: If the file has more thresholds on one side than on the other, or if the model
+            is not monotone, as no real stage is.
     """
     bank = new_bank(file.left_stop_thresholds, file.right_stop_thresholds)
     weights = np.array([*file.left_stop_weights, *file.right_stop_weights])
@@ -25,7 +25,7 @@ def from_model_file(file: ModelFile) -> StageModel:
     if slope <= 0.0:
         message = (
             f"the model is not monotone: its smallest slope is {slope:.3g}, allowed is above 0; "
-            "the drive would at times go against the command; identify again"
+            "the drive would sometimes move against the command; identify again"
         )
         raise ModelError(message)
     return StageModel(
@@ -39,10 +39,10 @@ def from_model_file(file: ModelFile) -> StageModel:
 
 
 def read_model(path: Path) -> tuple[StageModel, ModelFile]:
-    """Return the model in a file, and everything that the file says of it.
+    """Return the model in a file, and the contents of the file.
 
     Raises:
-        ConfigError: If it is no model file, or holds a model that cannot be used.
+        ConfigError: If the file is no model file, or if its model cannot be used.
     """
     file = load_model(path)
     try:

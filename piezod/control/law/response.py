@@ -1,10 +1,13 @@
-"""The loop of the trim as it runs, in discrete time, as a frequency response.
+"""The loop of the trim in discrete time, as a frequency response.
 
-An integrator whose output is in force one cycle after the sample it is made from, a zero-order
-hold, the first mode, and a delay of any length between drive and sensor, whose fraction of a period
-splits the held drive in two (the modified z-transform). For a gain of 1/s, with the period T:
+The loop has an integrator, whose output is in force one cycle after its sample, a zero-order hold,
+the first mode, and a delay of any length between drive and sensor. The part of the delay that is no
+whole period splits the held drive in two (modified z-transform). For a gain of 1/s and period T:
 
     L(z) = T/(z - 1) · z^-n · c (z I - A)^-1 (b_0 + b_1 / z),     delay = n T + rest.
+
+The paper has no trim. Source of the modified z-transform: K. J. Åström and B. Wittenmark,
+"Computer-Controlled Systems", chapter 2.
 """
 
 from math import ceil, floor
@@ -25,15 +28,16 @@ def loop_response(
         period_s: Period of the loop, in s.
         delay_s: Delay from drive to sensor, in s, not negative.
         mode_hz: Undamped frequency of the first mode, in Hz; None for a stage that follows at once.
-        mode_damping: Its damping ratio, in (0, 1]; None for such a stage.
+        mode_damping: Damping ratio of the mode, in (0, 1]; None for such a stage.
     """
     periods = delay_s / period_s
     if mode_hz is None or mode_damping is None:
-        whole = ceil(periods - 1e-9)  # a hold shows late what changes between two samples
+        whole = ceil(periods - 1e-9)  # a change between two samples shows at the second
         z = np.exp(1j * _angles(whole))
         return np.asarray(period_s / (z - 1.0) * z**-whole)
     whole = floor(periods + 1e-9)
     rest_s = max(delay_s - whole * period_s, 0.0)
+    # The pole of the mode, in angles per period.
     pole = 2.0 * np.pi * mode_hz * period_s * complex(-mode_damping, (1.0 - mode_damping**2) ** 0.5)
     z = np.exp(1j * _angles(whole, pole))
     mode = _held_mode(z, rest_s, period_s, mode_hz, mode_damping)
@@ -43,8 +47,8 @@ def loop_response(
 def _angles(whole: int, pole: complex | None = None) -> FloatArray:
     """Return frequencies as angles of z, dense where the response turns fast.
 
-    The delay turns it `whole` times; a pole turns it within its real part, near its imaginary one,
-    which the sampling folds into 0 to π.
+    The delay turns the response `whole` times. The mode turns it close to its frequency, within its
+    damping; sampling folds that frequency into 0 to π.
     """
     parts = [np.geomspace(1e-8, np.pi, 4000), np.linspace(0.001, np.pi, 10_000 + 40 * whole)]
     if pole is not None:
@@ -58,11 +62,15 @@ def _angles(whole: int, pole: complex | None = None) -> FloatArray:
 def _held_mode(
     z: ComplexArray, rest_s: float, period_s: float, mode_hz: float, mode_damping: float
 ) -> ComplexArray:
-    """Return the mode behind a hold and a delay of less than a period, as seen at the samples."""
-    still = np.array([1.0, 0.0])  # where a drive of 1 leads: what is left to go decays freely
-    whole, late = (_free(t_s, mode_hz, mode_damping) for t_s in (period_s, period_s - rest_s))
-    new = still - late @ still
-    old = late @ still - whole @ still
+    """Return the mode behind a hold and a delay of less than a period, at the samples."""
+    settled = np.array([1.0, 0.0])  # final state at a drive of 1; the difference decays freely
+    whole, late = (
+        _free_motion(t_s, mode_hz, mode_damping) for t_s in (period_s, period_s - rest_s)
+    )
+    # A drive acts for the time left in its own period (new), and for the rest in the next one
+    # (old).
+    new = settled - late @ settled
+    old = late @ settled - whole @ settled
     entry = new + old / z[:, np.newaxis]
     # The first row of (z I - A)^-1, for a matrix of two rows.
     determinant = (z - whole[0, 0]) * (z - whole[1, 1]) - whole[0, 1] * whole[1, 0]
@@ -70,11 +78,11 @@ def _held_mode(
     return np.asarray(np.sum(first * entry, axis=1) / determinant)
 
 
-def _free(t_s: float, mode_hz: float, mode_damping: float) -> FloatArray:
-    """Return what a time makes of displacement and speed (per radian) of a mode left alone."""
+def _free_motion(t_s: float, mode_hz: float, mode_damping: float) -> FloatArray:
+    """Return the transition matrix of a free mode for displacement and speed (per radian)."""
     angle = 2.0 * np.pi * mode_hz * t_s
-    turned = angle * (1.0 - mode_damping**2) ** 0.5
-    sine = angle * np.sinc(turned / np.pi)
+    damped_angle = angle * (1.0 - mode_damping**2) ** 0.5
+    sine = angle * np.sinc(damped_angle / np.pi)
     system = np.array([[mode_damping, 1.0], [-1.0, -mode_damping]])
     decay = np.exp(-mode_damping * angle)
-    return np.asarray(decay * (np.cos(turned) * np.eye(2) + sine * system))
+    return np.asarray(decay * (np.cos(damped_angle) * np.eye(2) + sine * system))

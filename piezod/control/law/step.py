@@ -1,4 +1,4 @@
-"""One step of the compensator, compiled."""
+"""One step of the compensator, compiled with numba."""
 
 from piezod.hysteresis.bank import advance_plays, evaluate_plays, weighted_sum
 from piezod.hysteresis.creep import advance_creep
@@ -6,19 +6,23 @@ from piezod.hysteresis.memory import SEEN, FloatArray, IntArray, Memory, clamp, 
 from piezod.jit import compiled
 
 POSITION, COMMAND, BEYOND, OUTSIDE = 0, 1, 2, 3
-"""What waits for the next step: the displacement that the memory will advance to if the drive was
-applied, NaN for none; the command, to be held where the next one is not a number; and how far the
-wished drive lay beyond the window, the wished displacement outside of [0, 1], negative below."""
+"""Indices of the array that carries values to the next step.
 
-_MOST_STEPS = 50  # of the search for a displacement; about ten are needed
-_SAME_DRIVE = 1e-13  # a voltage that differs by rounding only is no move
+- POSITION: displacement to which the memory will advance if the drive was applied; NaN for none.
+- COMMAND: the command, which is held if the next one is NaN.
+- BEYOND: how far the requested drive lay outside the window; negative below it.
+- OUTSIDE: how far the requested displacement lay outside the range; negative below it.
+"""
+
+_MAX_STEPS = 50  # of the search for a displacement; about ten are needed
+_SAME_DRIVE = 1e-13  # a smaller difference of drives is rounding
 
 
 @compiled
 def _model(
     memory: Memory, bank: FloatArray, plays: FloatArray, weights: FloatArray, position: float
 ) -> float:
-    """Return the model's drive for a displacement; the memory stays as it is."""
+    """Return the drive for a displacement, paper eq. (16); the memory does not change."""
     evaluate_plays(memory, bank, locate(memory, position), position, plays)
     return weighted_sum(plays, bank, weights, position)
 
@@ -29,8 +33,9 @@ def _position(
 ) -> float:
     """Return the displacement for which the model gives a drive, by the Illinois method.
 
-    The model is monotone, 0 at 0 and 1 at 1. Where one end of the bracket stays twice in a row, its
-    miss is halved, so that both ends close in.
+    The model is monotone, 0 at 0 and 1 at 1, so that the bracket [0, 1] always holds the solution.
+    If one end of the bracket stays twice in a row, its miss is halved, so that both ends converge.
+    Source: M. Dowell and P. Jarratt, BIT 11 (1971).
     """
     drive = clamp(drive, 0.0)
     low, high = 0.0, 1.0
@@ -38,7 +43,7 @@ def _position(
     middle: float = memory.last[SEEN]
     stayed = 0
     miss = weighted_sum(memory.now, bank, weights, middle) - drive
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         if abs(miss) < _SAME_DRIVE:
             break
         if miss < 0.0:
@@ -77,48 +82,52 @@ def step(
     low: float,
     high: float,
 ) -> float:
-    """Return the drive for a command; may be called in the loop.
+    """Return the drive for a command. Real-time safe.
 
-    The memory and the lags advance to what the last drive has brought the stage to.
+    The memory and the lags first advance to the displacement that the last drive has caused. All
+    quantities are normalised; numba takes the arrays one by one, and positional arguments cost
+    least.
 
     Args:
-        levels: Of the memory, as what follows.
-        values: Of the memory.
-        now: Of the memory.
-        last: Of the memory.
-        counts: Of the memory.
-        bank: (2, 2 M) of the stops.
-        plays: (2 M,) room for plays.
-        pending: (4,) what waits from one step to the next.
-        weights: (2 M,) in use.
-        lags: (K,) of the creep.
-        creep_gains: (K,) of the creep.
-        creep_weights: (K,) of the creep.
-        target: (2 M,) weights that those in use go towards.
-        share: Part of the way there that they go in this step.
-        strength: From 0, the drive is in proportion to the command, to 1, compensated.
-        command: Displacement asked for.
-        stretch: What to multiply it by before it is compensated.
-        added: Displacement to add then.
+        levels: Array of the memory.
+        values: Array of the memory.
+        now: Array of the memory.
+        last: Array of the memory.
+        counts: Array of the memory.
+        bank: (2, 2 M) thresholds and gains of the stops.
+        plays: (2 M,) buffer for the plays.
+        pending: (4,) values that are carried from one step to the next.
+        weights: (2 M,) weights in use.
+        lags: (K,) lags of the creep.
+        creep_gains: (K,) gains of the creep.
+        creep_weights: (K,) weights of the creep.
+        target: (2 M,) weights that the weights in use approach.
+        share: Share of the remaining distance that they move in this step.
+        strength: 0 for a drive in proportion to the command, 1 for a compensated drive.
+        command: Command.
+        stretch: Factor of the command before it is compensated.
+        added: Displacement that is then added.
         low: Lowest drive.
         high: Highest drive.
     """
     memory = Memory(levels, values, now, last, counts)
     if pending[POSITION] == pending[POSITION]:
         advance_plays(memory, bank, 0.0, pending[POSITION])
+    # The creep of the displacement so far is subtracted: the hysteresis only has to make the
+    # remainder.
     crept = advance_creep(lags, creep_gains, creep_weights, memory.last[SEEN])
     for j in range(weights.size):
         weights[j] += share * (target[j] - weights[j])
     command = clamp(command, pending[COMMAND])
-    asked = stretch * command + added - crept
-    position = clamp(asked, command)
-    pending[OUTSIDE] = asked - position
+    requested_position = stretch * command + added - crept
+    position = clamp(requested_position, command)
+    pending[OUTSIDE] = requested_position - position
     model = _model(memory, bank, plays, weights, position)
-    wished = model + (1.0 - strength) * (command - model)
-    drive = min(max(wished, low), high)
-    if drive != model:  # at full strength and within the window it is, to the bit
+    requested_drive = model + (1.0 - strength) * (command - model)
+    drive = min(max(requested_drive, low), high)
+    if drive != model:  # at full strength, within the window, they are equal to the bit
         position = _position(memory, bank, plays, weights, drive)
     pending[POSITION] = position
     pending[COMMAND] = command
-    pending[BEYOND] = wished - drive
+    pending[BEYOND] = requested_drive - drive
     return drive

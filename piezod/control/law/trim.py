@@ -1,22 +1,22 @@
-"""Slow integral action on the measured error, for what the inverse model misses.
+"""Slow integral action on the measured error, for the part that the inverse model misses.
 
-The trim is added to the normalised command in front of the inverse. What the inverse asks for, the
-stage behind it does, so that the gain between is one whatever the hysteresis, and the gain of the
-integral is a rate: an error fades with the time constant 1/gain. Which gains are safe,
-`piezod.control.law.stability` decides.
+The trim is added to the normalised command before the inverse model. The stage does what the
+inverse model requests, so that the gain between them is one, whatever the hysteresis. The gain of
+the integral is therefore a rate: an error decays with the time constant 1/gain. `stability` in this
+folder decides which gains are safe. The paper has no trim.
 """
 
 
 class Trim:
-    """A displacement, in units of the range, that takes the measured error away.
+    """A displacement, in units of the range, that removes the measured error. Real-time safe.
 
-    It starts disabled, at zero. Plain floats: nothing in here allocates more than its answer.
+    It starts disabled, at zero.
 
     Args:
         gain_per_s: Gain of the integral, in 1/s, positive.
         period_s: Period of the loop, in s.
-        authority: Most that the trim may add, either way, as a share of the range.
-        fade_cycles: Cycles over which the whole authority fades once disabled; at least 1.
+        authority: Largest trim in either direction, as a share of the range.
+        fade_cycles: Cycles over which the full authority fades after `disable`; at least 1.
     """
 
     def __init__(
@@ -29,33 +29,33 @@ class Trim:
         self.gain_halved = False
         """Whether it integrates with half its gain."""
         self.active = False
-        """Whether `step` can give anything but zero: enabled, or still fading."""
+        """Whether the trim can differ from zero: it is enabled, or still fades."""
         self.value = 0.0
-        """The trim now, within plus and minus the authority."""
+        """Present trim, within plus and minus the authority."""
 
     def enable(self) -> None:
-        """Integrate from the present trim on, zero unless it still fades; call it in the loop."""
+        """Integrate from the present trim on, which is zero unless it still fades."""
         self._enabled = self.active = True
 
     def disable(self) -> None:
-        """Let the trim fade to zero; may be called in the loop."""
+        """Let the trim fade to zero."""
         self._enabled = False
 
     def step(self, error: float, valid: bool, limited: int) -> float:
-        """Return the trim for the next command; may be called in the loop.
+        """Return the trim for the next command. Call once per cycle while `active`.
 
         Args:
-            error: What the sample lacks to the reference of its own instant, in units of the range.
-            valid: Whether the sample may be used; one that may not, or an error that is not finite,
-                leaves the trim as it is.
-            limited: 1 while the drive or the command can go no higher, -1 while it can go no lower,
-                else 0. An error that would push further is not integrated, so nothing winds up.
+            error: Command minus position at the instant of the sample, in units of the range.
+            valid: Whether the sample may be used; if not, or if the error is not finite, the trim
+                stays.
+            limited: 1 while drive or command can go no higher, -1 while they can go no lower, else
+                0. An error that pushes further in that direction is not integrated (anti-windup).
         """
         if not self._enabled:
             self.value -= min(max(self.value, -self._fade_per_cycle), self._fade_per_cycle)
             self.active = self.value != 0.0
         elif valid and error - error == 0.0 and error * limited <= 0.0:
             gain = self._gain_per_cycle / 2.0 if self.gain_halved else self._gain_per_cycle
-            wished = self.value + gain * error
-            self.value = min(max(wished, -self._authority), self._authority)
+            requested = self.value + gain * error
+            self.value = min(max(requested, -self._authority), self._authority)
         return self.value

@@ -1,1 +1,1 @@
-"""Commands over time: waveforms, movements, voltage programs."""
+"""References: waveforms, movements and voltage programs, each a function of time."""

@@ -1,8 +1,8 @@
-"""Movements: how a reference goes from where it is to where it shall be.
+"""Movements: how a reference gets from one position to another.
 
-A movement is a function of time, in seconds since its start to µm, and the position at which it
-ends. It begins with the position and the speed of the reference before it, and never leaves the
-range that positions may have.
+A movement is a function of time, in seconds since its start to µm, with the position at which it
+ends. It starts with the position and the speed of the reference before it, and never leaves the
+allowed range of positions.
 """
 
 from collections.abc import Callable
@@ -11,30 +11,34 @@ from typing import Final, NamedTuple
 
 from piezod.control.reference.waveforms import Waveform
 
-MOST_SHARE: Final = 0.3
-"""Each neighbour counts at most this much, so that a corner stays one."""
-LATE_SHARE: Final = 0.25
-"""Cycles follow each other if they are one period apart within this part of it."""
+MAX_SHARE: Final = 0.3
+"""Largest weight of each neighbour: a larger one would smooth more than the corners."""
+PERIOD_TOLERANCE: Final = 0.25
+"""Two cycles are consecutive if they are one period apart, within this share of it."""
 
 
 def neighbour_share(mode_hz: float | None, period_s: float) -> float:
-    """Return a, from 0.25 to 0.3: what takes the mode out, if that is enough; 0 without a mode.
+    """Return the weight a of the neighbours, 0.25 to 0.3; 0 without a mode.
+
+    The filter a, 1 - 2 a, a has the gain 1 - 2 a (1 - cos ω T) at the frequency ω. The weight makes
+    it 0 at the mode, or as small as MAX_SHARE allows.
 
     Args:
-        mode_hz: Frequency of the mode, in Hz; None where it is not known.
+        mode_hz: Frequency of the mode, in Hz; None if it is unknown.
         period_s: Period of the loop, in s.
     """
     if mode_hz is None:
         return 0.0
-    taken_out = 2.0 * (1.0 - cos(tau * mode_hz * period_s))  # of the gain at the mode, for each a
-    return MOST_SHARE if MOST_SHARE * taken_out <= 1.0 else 1.0 / taken_out
+    loss_per_share = 2.0 * (1.0 - cos(tau * mode_hz * period_s))  # loss of gain at the mode, per a
+    return MAX_SHARE if MAX_SHARE * loss_per_share <= 1.0 else 1.0 / loss_per_share
 
 
 class CornerFilter:
-    """A reference, shaped, asked for once in each cycle.
+    """A reference with smoothed corners, which do not ring the first mode. Real-time safe.
 
-    The reference itself is asked for one period further ahead, once in each cycle too; the two
-    values before are kept. Where a cycle was skipped these are of other times, and asked for anew.
+    Call `value` once per cycle. It evaluates the reference once, one period further ahead, and
+    keeps the two values before. After a skipped cycle these belong to other times, and are
+    evaluated again.
 
     Args:
         reference: Seconds since its start to µm.
@@ -51,15 +55,15 @@ class CornerFilter:
         self._before = self._here = self._after = nan
 
     def value(self, t_s: float) -> float:
-        """Return the shaped reference, in µm; may be called in the loop.
+        """Return the smoothed reference, in µm.
 
         Args:
-            t_s: Instant, in s since the start of the reference; a period more in each cycle.
+            t_s: Instant, in s since the start of the reference; one period more in each cycle.
         """
         if not self._share:
             return self._reference(t_s)
         period_s, step_s = self._period_s, t_s - self._t_s
-        if abs(step_s - period_s) <= LATE_SHARE * period_s:
+        if abs(step_s - period_s) <= PERIOD_TOLERANCE * period_s:
             self._before, self._here = self._here, self._after
         else:
             self._before, self._here = self._reference(t_s - period_s), self._reference(t_s)
@@ -69,21 +73,21 @@ class CornerFilter:
 
 
 Reference = Callable[[float], float]
-"""Displacement over time: seconds since its start to µm."""
+"""Position over time: seconds since its start to µm."""
 
 _PEAK: Final = 1.875
-"""Highest speed of the smoothest way, over its mean speed."""
-_LEAD_IN: Final = 1e-9
-"""A waveform that starts closer than this to where the stage is, in µm, needs no way there."""
+"""Highest speed of a minimum-jerk motion from rest to rest, over its mean speed: 15/8."""
+_SAME_UM: Final = 1e-9
+"""A waveform that starts closer than this to the reference needs no lead-in, in µm."""
 
 
 class Motion(NamedTuple):
     """A movement of one axis.
 
     Attributes:
-        reference_um: Displacement over time since its start, in µm.
-        duration_s: When the reference stops moving, in s since its start.
-        target_um: Position at which it ends.
+        reference_um: Position over time since its start, in µm.
+        duration_s: Time at which the reference stops, in s since its start.
+        target_um: Position at which it ends, in µm.
     """
 
     reference_um: Reference
@@ -91,14 +95,14 @@ class Motion(NamedTuple):
     target_um: float
 
 
-class Pace(NamedTuple):
-    """How an axis may move.
+class MotionLimits(NamedTuple):
+    """Limits of the motion of an axis.
 
     Attributes:
         speed_um_per_s: Highest speed, in µm/s.
-        shortest_s: Least time that a way takes, in s: less would ring the stage.
-        low_um: Lowest position.
-        high_um: Highest position.
+        shortest_s: Shortest duration of a movement, in s; a shorter one would ring the stage.
+        low_um: Lowest position, in µm.
+        high_um: Highest position, in µm.
     """
 
     speed_um_per_s: float
@@ -108,27 +112,32 @@ class Pace(NamedTuple):
 
 
 def rest_at(position_um: float) -> Motion:
-    """Return the movement that stays."""
+    """Return the movement that stays at a position."""
     return Motion(lambda _t_s: position_um, 0.0, position_um)
 
 
-def way(start_um: float, start_um_per_s: float, target_um: float, pace: Pace) -> Motion:
-    """Return the smoothest way to a position: least jerk, from a speed to standstill.
+def smooth_motion(
+    start_um: float, start_um_per_s: float, target_um: float, limits: MotionLimits
+) -> Motion:
+    """Return the smoothest motion to a position: minimum jerk, from a speed to standstill.
+
+    Source: T. Flash and N. Hogan, J. Neurosci. 5 (1985): a polynomial of the fifth degree, with
+    acceleration 0 at both ends.
 
     Args:
-        start_um: Where it starts.
-        start_um_per_s: How fast the reference moves there.
-        target_um: Where it ends.
-        pace: How fast it may be. A speed at the start that is in the way may exceed it.
-
-    Source: T. Flash and N. Hogan 1985, the polynomial of fifth degree, acceleration 0 at both ends.
+        start_um: Position at the start, in µm.
+        start_um_per_s: Speed of the reference at the start, in µm/s.
+        target_um: Position at the end, in µm.
+        limits: Limits of the motion. A speed at the start against the motion may lead to a higher
+            one.
     """
     distance_um = target_um - start_um
-    duration_s = max(_PEAK * abs(distance_um) / pace.speed_um_per_s, pace.shortest_s)
-    run_um = start_um_per_s * duration_s
-    cubic = 10.0 * distance_um - 6.0 * run_um
-    quartic = -15.0 * distance_um + 8.0 * run_um
-    quintic = 6.0 * distance_um - 3.0 * run_um
+    duration_s = max(_PEAK * abs(distance_um) / limits.speed_um_per_s, limits.shortest_s)
+    initial_run_um = start_um_per_s * duration_s
+    # Coefficients for position and speed at the start, position at the end, and 0 for the others.
+    cubic = 10.0 * distance_um - 6.0 * initial_run_um
+    quartic = -15.0 * distance_um + 8.0 * initial_run_um
+    quintic = 6.0 * distance_um - 3.0 * initial_run_um
 
     def reference_um(t_s: float) -> float:
         part = t_s / duration_s
@@ -136,29 +145,36 @@ def way(start_um: float, start_um_per_s: float, target_um: float, pace: Pace) ->
             return target_um
         if part <= 0.0:
             return start_um
-        moved_um = part * (run_um + part * part * (cubic + part * (quartic + part * quintic)))
-        return min(max(start_um + moved_um, pace.low_um), pace.high_um)
+        moved_um = part * (
+            initial_run_um + part * part * (cubic + part * (quartic + part * quintic))
+        )
+        # A speed towards an end of the range would carry the polynomial beyond it.
+        return min(max(start_um + moved_um, limits.low_um), limits.high_um)
 
     return Motion(reference_um, duration_s, target_um)
 
 
-def along(
-    waveform: Waveform, duration_s: float, start_um: float, start_um_per_s: float, pace: Pace
+def waveform_motion(
+    waveform: Waveform,
+    duration_s: float,
+    start_um: float,
+    start_um_per_s: float,
+    limits: MotionLimits,
 ) -> Motion:
-    """Return the way to the start of a waveform, the waveform, and then its last value.
+    """Return the motion to the start of a waveform, the waveform, and then its last value.
 
     Args:
-        waveform: Displacement over time, in µm.
-        duration_s: How long it is followed, in s.
-        start_um: Where the reference is.
-        start_um_per_s: How fast it moves there.
-        pace: How fast it may get to the start.
+        waveform: Position over time, in µm.
+        duration_s: Duration of the waveform, in s.
+        start_um: Position of the reference, in µm.
+        start_um_per_s: Speed of the reference, in µm/s.
+        limits: Limits of the motion to the start of the waveform.
     """
     value, end_um = waveform.value, waveform.value(duration_s)
     first_um = value(0.0)
     lead_in = rest_at(first_um)
-    if abs(first_um - start_um) > _LEAD_IN or start_um_per_s:
-        lead_in = way(start_um, start_um_per_s, first_um, pace)
+    if abs(first_um - start_um) > _SAME_UM or start_um_per_s:
+        lead_in = smooth_motion(start_um, start_um_per_s, first_um, limits)
 
     def reference_um(t_s: float) -> float:
         since_s = t_s - lead_in.duration_s
@@ -170,24 +186,24 @@ def along(
 
 
 class StreamedReference:
-    """Follows the newest of the setpoints that a program sends, not faster than the axis may move.
+    """Follows the newest setpoint of a stream, no faster than the axis may move. Real-time safe.
 
     Args:
-        start_um: Where the reference is.
-        pace: How it may move.
+        start_um: Position of the reference, in µm.
+        limits: Limits of the motion.
         period_s: Period of the loop, in s.
     """
 
-    def __init__(self, start_um: float, pace: Pace, period_s: float) -> None:
+    def __init__(self, start_um: float, limits: MotionLimits, period_s: float) -> None:
         self._value_um = self.newest_um = start_um
-        """Setpoint that came last; finite and within the range, whoever sets it sees to that."""
-        self._step_um = pace.speed_um_per_s * period_s
+        """Newest setpoint, in µm; the caller ensures that it is finite and in the range."""
+        self._step_um = limits.speed_um_per_s * period_s
 
     def advance(self) -> None:
-        """Go on by one cycle; call it once in each, in the loop."""
-        away_um = self.newest_um - self._value_um
-        self._value_um += min(max(away_um, -self._step_um), self._step_um)
+        """Advance the reference by one cycle. Call once per cycle."""
+        distance_um = self.newest_um - self._value_um
+        self._value_um += min(max(distance_um, -self._step_um), self._step_um)
 
     def __call__(self, _t_s: float) -> float:
-        """Return the reference of this cycle, in µm; what comes next is not known."""
+        """Return the reference of this cycle, in µm; later values are unknown."""
         return self._value_um

@@ -1,4 +1,4 @@
-"""Voltages over time that need no model: what is driven in IDENT."""
+"""Voltages over time that need no model, for state IDENT."""
 
 from collections.abc import Callable
 from math import asin, sin, tau
@@ -12,11 +12,11 @@ DriveProgram = Callable[[float], float]
 
 
 class VoltageProgram(NamedTuple):
-    """A voltage over time that comes to an end.
+    """A voltage over time, with an end.
 
     Attributes:
         drive_v: Voltage over time since its start, in V.
-        duration_s: When it ends, in s; its last value is held.
+        duration_s: Time of its end, in s; then its last value is held.
     """
 
     drive_v: DriveProgram
@@ -24,10 +24,10 @@ class VoltageProgram(NamedTuple):
 
 
 def conditioning(config: ConditioningConfig, limits: LimitsConfig) -> VoltageProgram:
-    """Return a swing over the whole range that decays onto the rest voltage, where it starts.
+    """Return a decaying sinusoid over the whole range, which starts and ends at the rest voltage.
 
-    Each swing is smaller than the one before: the largest one wipes out what the hysteresis
-    remembers, and the others leave a memory that is known.
+    Each swing is smaller than the one before. The largest one erases the hysteresis memory, and the
+    others leave a memory that is known.
     """
     low_v, high_v, rest_v = limits.drive_min_v, limits.drive_max_v, limits.rest_v
     middle_v, half_v = 0.5 * (low_v + high_v), 0.5 * (high_v - low_v)

@@ -11,24 +11,25 @@ def random_path(config: Reversals, duration_s: float) -> tuple[tuple[float, floa
     A longer path continues a shorter one of the same seed.
 
     Args:
-        config: Range, shortest way, speeds and seed.
+        config: Range, shortest swing, speeds and seed.
         duration_s: The path ends at the first turning point at or after this time, in s.
 
     Returns:
         Times in s, increasing, each with its level.
     """
-    # The draws are the same on every machine and in every version of Python; numpy promises less.
+    # `random` draws the same values on every machine and in every version of Python; numpy does not
+    # promise that.
     draws = random.Random(config.seed)  # noqa: S311 - reproducible, not secret
     t_s, level, rising = 0.0, config.low, True
     points = [(t_s, level)]
     while t_s < duration_s:
-        # After a way of at least min_swing in one direction there is room for one in the other.
+        # After a swing of at least min_swing there is room for one in the other direction.
         room = config.high - level if rising else level - config.low
-        way = config.min_swing + (room - config.min_swing) * draws.random()
+        swing = config.min_swing + (room - config.min_swing) * draws.random()
         speed = config.min_speed + (config.max_speed - config.min_speed) * draws.random()
-        level += way if rising else -way
+        level += swing if rising else -swing
         level = min(max(level, config.low), config.high)
-        t_s += way / speed
+        t_s += swing / speed
         rising = not rising
         points.append((t_s, level))
     return tuple(points)

@@ -1,7 +1,7 @@
-"""The shapes that waveforms are made of, each a function of time in s.
+"""The shapes of waveforms, each a function of time in s. Real-time safe.
 
-What they return is plain Python on floats: one value costs well under a microsecond and allocates
-no array. Rounding never takes a value out of the range that the configuration promises.
+A shape is plain Python on floats: one value takes well under a microsecond and allocates no array.
+Rounding never moves a value out of the range that the configuration promises.
 """
 
 import math
@@ -16,41 +16,42 @@ from piezod.config.waveforms import Multisine, Periodic, Staircase
 Value: TypeAlias = Callable[[float], float]
 Point: TypeAlias = tuple[float, float]
 
-_TURN: Final = 2.0 * math.pi
+_TWO_PI: Final = 2.0 * math.pi
 
 
 def raised_cosine(turns: float) -> float:
-    """Go from 0 up to 1 and back along a cosine while `turns` goes from 0 to 1."""
-    return 0.5 - 0.5 * math.cos(_TURN * turns)
+    """Return a raised cosine: 0 to 1 and back to 0 while `turns` goes from 0 to 1."""
+    return 0.5 - 0.5 * math.cos(_TWO_PI * turns)
 
 
 def raised_triangle(turns: float) -> float:
-    """Go from 0 up to 1 and back along straight lines while `turns` goes from 0 to 1."""
+    """Return a triangle: 0 to 1 and back to 0 while `turns` goes from 0 to 1."""
     return 1.0 - abs(1.0 - 2.0 * turns)
 
 
 def setpoint(level: float) -> Value:
-    """Stay at one level."""
+    """Return a constant."""
     return lambda _: level
 
 
 def periodic(config: Periodic, shape: Callable[[float], float]) -> Value:
-    """Repeat a shape between two levels, its swing scaled by the envelope."""
+    """Return a periodic waveform between two levels, whose swing the envelope scales."""
     low, high, span = config.low, config.high, config.high - config.low
-    still = 0.5 if config.anchor == "middle" else 0.0
+    anchor = 0.5 if config.anchor == "middle" else 0.0
     frequency_hz, scale = config.frequency_hz, _scale(config.envelope)
 
     def value(t_s: float) -> float:
+        # Before its start, and for NaN, a waveform has its first value.
         elapsed_s = t_s if t_s > 0.0 else 0.0
-        swing = scale(elapsed_s) * (shape(frequency_hz * elapsed_s % 1.0) - still)
-        level = low + span * (still + swing)
+        swing = scale(elapsed_s) * (shape(frequency_hz * elapsed_s % 1.0) - anchor)
+        level = low + span * (anchor + swing)
         return level if level < high else high
 
     return value
 
 
 def multisine(config: Multisine) -> Value:
-    """Add up sinusoids."""
+    """Return a sum of sinusoids above the lowest level."""
     low = config.low
     components = [
         (part.amplitude, part.frequency_hz, math.radians(part.phase_deg))
@@ -61,7 +62,7 @@ def multisine(config: Multisine) -> Value:
         elapsed_s = t_s if t_s > 0.0 else 0.0
         level = low
         for amplitude, frequency_hz, phase in components:
-            angle = _TURN * (frequency_hz * elapsed_s % 1.0) + phase
+            angle = _TWO_PI * (frequency_hz * elapsed_s % 1.0) + phase
             level += amplitude * (1.0 - math.cos(angle))
         return level
 
@@ -69,14 +70,14 @@ def multisine(config: Multisine) -> Value:
 
 
 def staircase(config: Staircase) -> Value:
-    """Step from level to level."""
+    """Return a waveform that steps from level to level."""
     levels, dwell_s = config.levels, config.dwell_s
     edges_s = [dwell_s * count for count in range(1, len(levels))]
     return lambda t_s: levels[bisect_right(edges_s, t_s)]
 
 
 def polyline(points: Sequence[Point]) -> Value:
-    """Join points by straight lines; hold the first and the last value.
+    """Return straight lines between points; before and after them the value is constant.
 
     Args:
         points: Times in s, increasing, each with its value; at least one.
@@ -101,7 +102,7 @@ def polyline(points: Sequence[Point]) -> Value:
 
 
 def _scale(envelope: Envelope) -> Value:
-    """Give the swing over time as a fraction of the full one."""
+    """Return the swing over time, as a fraction of the full swing."""
     match envelope:
         case ConstantEnvelope():
             return lambda _: 1.0

@@ -1,8 +1,8 @@
 """Waveforms as functions of time.
 
-A value depends on the time alone: it can be asked for any instant, in any order. Before its start a
-waveform has the value it starts with. Asking never raises; for a time that is not finite the answer
-is one of the waveform's values or not a number.
+A value depends on the time alone, so that it can be evaluated for any instant, in any order. Before
+its start a waveform has its first value. Evaluation never raises; for a time that is not finite the
+result is one of the values of the waveform, or NaN.
 """
 
 from bisect import bisect_right
@@ -36,9 +36,9 @@ class Waveform:
     """A command or a drive over time, in the unit of its configuration.
 
     Attributes:
-        value: Gives the value at a time in s; may be called in the loop.
-        low: The waveform is never below this.
-        high: The waveform is never above this.
+        value: Returns the value at a time in s. Real-time safe.
+        low: Lower bound of all values.
+        high: Upper bound of all values.
     """
 
     value: Value
@@ -46,7 +46,7 @@ class Waveform:
     high: float
 
     def sample(self, t_s: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Give the values at many times; exactly those of `value`.
+        """Return the values at many times; they are exactly those of `value`.
 
         Args:
             t_s: Times in s, shape (n,).
@@ -58,12 +58,12 @@ class Waveform:
 
 
 def build_waveform(config: WaveformConfig, duration_s: float) -> Waveform:
-    """Make a waveform.
+    """Return the waveform of a configuration.
 
     Args:
-        config: Its description.
-        duration_s: How long it will be asked for, in s. A path of random reversals ends at the
-            first turning point after that; its beginning does not depend on the duration.
+        config: Its configuration.
+        duration_s: Longest time that will be evaluated, in s. A path of random reversals ends at
+            the first turning point after that; its beginning does not depend on the duration.
     """
     low, high = config.bounds()
     return Waveform(_value(config, duration_s), low, high)

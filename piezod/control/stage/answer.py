@@ -1,15 +1,15 @@
-"""What becomes of a request."""
+"""The answer to a request."""
 
 from typing import NamedTuple
 
 
 class Answer(NamedTuple):
-    """What becomes of a request.
+    """Result of a request.
 
     Attributes:
-        accepted: Whether it is carried out.
-        why: Why not, and what would help; empty where it is accepted.
-        motion: Number of the movement that it started, 0 where it started none.
+        accepted: Whether the request is carried out.
+        why: Reason of a refusal, and what would help; empty if it is accepted.
+        motion: Number of the movement that the request started, 0 if none.
     """
 
     accepted: bool

@@ -1,7 +1,7 @@
-"""One axis of a stage that a daemon owns: what it does, from cycle to cycle.
+"""One axis of a running stage: the motion or the voltage that it drives from cycle to cycle.
 
-Whatever is done, the compensated axis runs: where a voltage is held, ramped or driven, it is forced
-on it, so that its memory follows and the way back to following a command is without a jump.
+The control law runs in every case. To hold, ramp or drive a voltage, that voltage is forced on the
+law, so that its hysteresis memory follows, and a later command starts without a jump.
 """
 
 from collections.abc import Callable
@@ -10,7 +10,14 @@ from math import ceil, isfinite, nan
 from piezod.config.daemon import StageAxisConfig
 from piezod.config.modes import Mode
 from piezod.control.law.axis import AxisOutput, CompensatedAxis
-from piezod.control.reference.motion import Motion, Pace, StreamedReference, along, rest_at, way
+from piezod.control.reference.motion import (
+    Motion,
+    MotionLimits,
+    StreamedReference,
+    rest_at,
+    smooth_motion,
+    waveform_motion,
+)
 from piezod.control.reference.programs import VoltageProgram
 from piezod.control.reference.waveforms import Waveform
 from piezod.devices.interface import Sample
@@ -19,11 +26,11 @@ from piezod.units import NS_PER_S, s_to_ns
 
 
 class OnTarget:
-    """Watches the measured position of one axis.
+    """Decides whether the measured position of one axis has reached its target. Real-time safe.
 
     Args:
         tolerance_um: Largest error, in µm.
-        settle_cycles: For how many cycles the error stays below that.
+        settle_cycles: Cycles for which the error must stay within the tolerance.
     """
 
     def __init__(self, tolerance_um: float, settle_cycles: int) -> None:
@@ -31,180 +38,186 @@ class OnTarget:
         self._cycles = 0
 
     def restart(self) -> None:
-        """Wait for another position; may be called in the loop."""
+        """Wait for another target."""
         self._cycles = 0
 
     def update(self, error_um: float) -> bool:
-        """Take the error of a cycle, NaN for none; return whether the position is reached.
-
-        May be called in the loop.
-        """
+        """Take the error of a cycle, in µm, NaN for none; return whether the target is reached."""
         close = abs(error_um) <= self._tolerance_um
         self._cycles = self._cycles + 1 if close else 0
         return self._cycles > self._settle_cycles
 
 
-SHORTEST_WAY_PERIODS = 3.0
-"""The shortest way takes this many periods of the first mode, or of the loop where none is known"""
-SHORTEST_WAY_CYCLES = 10
+SHORTEST_MOTION_PERIODS = 3.0
+"""Shortest duration of a movement, in periods of the first mode."""
+SHORTEST_MOTION_CYCLES = 10
+"""Shortest duration of a movement, in cycles."""
 ROUNDING_V = 1e-6
-"""A voltage is the one that was asked for within this."""
+"""Two voltages are equal within this, in V."""
 
 
 class StageAxis:
-    """Implements `Axis` for a daemon.
+    """One axis of a running stage. All methods are real-time safe.
 
     Args:
-        name: Its name.
-        config: Its configuration.
-        live: Its control law.
-        period_ns: Period of the loop.
+        name: Name of the axis.
+        config: Configuration of the axis.
+        law: Control law of the axis.
+        period_ns: Period of the loop, in ns.
     """
 
     def __init__(
-        self, name: str, config: StageAxisConfig, live: CompensatedAxis, period_ns: int
+        self, name: str, config: StageAxisConfig, law: CompensatedAxis, period_ns: int
     ) -> None:
-        self.name, self.config, self.live = name, config, live
+        self.name, self.config, self.law = name, config, law
         self._period_s = period_ns / NS_PER_S
-        self.pace = _pace(config, live, self._period_s)
-        self._voltage: Callable[[int], float] = lambda _t_ns: self.live.in_force_v
+        self.motion_limits = _motion_limits(config, law, self._period_s)
+        self._voltage: Callable[[int], float] = lambda _t_ns: self.law.in_force_v
         self._forced = True
         self._ends_ns, self._ramps_to_v = 0, nan
         self.ramp_cycles = 0
-        """Cycles that the ramp under way should still take; negative once it is overdue."""
+        """Cycles that the present ramp should still take; negative if it is overdue."""
         self.command_um = nan
-        """Command of the last cycle, NaN where there was none."""
+        """Command of the last cycle, in µm; NaN if there was none."""
         self._motion, self._started_ns, self._arrives_ns = rest_at(nan), 0, 0
         self.stream: StreamedReference | None = None
         self.follows_input = False
-        """Whether the setpoints of the stream are those of its command input."""
+        """Whether the setpoints come from the command input of the axis."""
         self.commanded_ns = 0
-        """Instant of the newest usable setpoint, of a stream or of the command input."""
+        """Instant of the newest allowed setpoint, of a stream or of the command input, in ns."""
         self.motion = 0
-        """Number of the movement, one more with each."""
+        """Number of the movement; each movement gets the next number."""
         settle = s_to_ns(config.on_target.settle_s) // period_ns
         self._on_target = OnTarget(config.on_target.tolerance_um, settle)
-        self._reached = False
+        self._is_on_target = False
         self.crash: Exception | None = None
-        """What the control law raised, if it did; the voltage is held since."""
+        """Exception of the control law, if it raised one; the voltage is held meanwhile."""
 
     @property
     def mode(self) -> Mode:
-        """How the drive is made from the command."""
-        return self.live.compensator.mode
+        """Mode in which the drive is made from the command."""
+        return self.law.compensator.mode
 
     @property
     def following(self) -> bool:
-        """Whether it follows a command."""
+        """Whether the axis follows a command."""
         return not self._forced
 
     def select(self, mode: Mode) -> None:
-        """Change the mode without a jump; may be called in the loop."""
-        self.live.switch(mode)
+        """Change the mode without a jump."""
+        self.law.switch(mode)
 
     # ------------------------------------------------------------------ voltages
 
     def hold(self) -> None:
-        """Hold what is in force; may be called in the loop."""
-        held_v = self.live.in_force_v
+        """Hold the voltage in force."""
+        held_v = self.law.in_force_v
         self._force(lambda _t_ns: held_v, 0)
 
     def track(self, drive_v: float) -> None:
-        """Take over what the amplifier tells is in force, while nothing is written."""
-        self.live.applied(drive_v)
+        """Take over a read-back voltage, in V, while nothing is written."""
+        self.law.applied(drive_v)
         self.hold()
 
     def drive(self, drive: VoltageProgram, t_ns: int) -> None:
-        """Drive a voltage over time, from an instant on; may be called in the loop."""
+        """Drive a voltage over time, from an instant on."""
         program = drive.drive_v
         self._force(
             lambda now_ns: program((now_ns - t_ns) / NS_PER_S), t_ns + s_to_ns(drive.duration_s)
         )
 
     def ramp_to(self, drive_v: float) -> None:
-        """Go to a voltage at the rate of the safe ramp; may be called in the loop.
+        """Go to a voltage, in V, at the rate of the safe ramp.
 
-        Step by step from what is in force: after a pause, or a write that was not taken, it goes on
-        from there, and no faster.
+        Each step starts at the voltage in force, so that a pause or a refused write makes no larger
+        step.
         """
         step_v = self.config.safety.ramp_v_per_s * self._period_s
-        self.ramp_cycles = ceil(abs(drive_v - self.live.in_force_v) / step_v)
+        self.ramp_cycles = ceil(abs(drive_v - self.law.in_force_v) / step_v)
 
         def voltage(_t_ns: int) -> float:
-            in_force_v = self.live.in_force_v
+            in_force_v = self.law.in_force_v
             self.ramp_cycles -= 1
             return in_force_v + min(max(drive_v - in_force_v, -step_v), step_v)
 
         self._force(voltage, 0)
+        # After `_force`, which clears it.
         self._ramps_to_v = drive_v
 
     def drive_ended(self, t_ns: int) -> bool:
-        """Tell whether what is driven has come to its end, its last value written."""
+        """Return whether the driven voltage has reached its end and has been written."""
         if isfinite(self._ramps_to_v):
-            return abs(self.live.in_force_v - self._ramps_to_v) <= ROUNDING_V
+            return abs(self.law.in_force_v - self._ramps_to_v) <= ROUNDING_V
         return t_ns > self._ends_ns
 
     def _force(self, voltage: Callable[[int], float], ends_ns: int) -> None:
         self._voltage, self._forced, self._ends_ns = voltage, True, ends_ns
         self._ramps_to_v = nan
-        self._motion, self.stream, self._reached = rest_at(nan), None, False
+        self._motion, self.stream, self._is_on_target = rest_at(nan), None, False
         self.follows_input = False
 
     # ------------------------------------------------------------------ movements
 
     def stay(self, t_ns: int) -> None:
-        """Follow a command that leaves the drive as it is; may be called in the loop."""
-        self._move(rest_at(self.live.command_here_um), t_ns)
+        """Follow a constant command that leaves the drive as it is."""
+        self._move(rest_at(self.law.holding_command_um), t_ns)
 
     def go_to(self, position_um: float, speed_um_per_s: float | None, t_ns: int) -> int:
-        """Move to a position; return the number of the movement; may be called in the loop."""
-        pace = self.pace
+        """Move to a position; return the number of the movement."""
+        limits = self.motion_limits
         if speed_um_per_s is not None:
-            pace = pace._replace(speed_um_per_s=speed_um_per_s)
+            limits = limits._replace(speed_um_per_s=speed_um_per_s)
         start_um, start_um_per_s = self._reference_at(t_ns)
-        return self._move(way(start_um, start_um_per_s, position_um, pace), t_ns)
+        return self._move(smooth_motion(start_um, start_um_per_s, position_um, limits), t_ns)
 
     def follow(self, waveform: Waveform, duration_s: float, t_ns: int) -> int:
-        """Follow a waveform; return the number of the movement; may be called in the loop."""
+        """Follow a waveform; return the number of the movement."""
         start_um, start_um_per_s = self._reference_at(t_ns)
-        return self._move(along(waveform, duration_s, start_um, start_um_per_s, self.pace), t_ns)
+        return self._move(
+            waveform_motion(waveform, duration_s, start_um, start_um_per_s, self.motion_limits),
+            t_ns,
+        )
 
     def follow_stream(self, t_ns: int) -> int:
         """Follow the setpoints of a stream; return the number of the movement."""
         start_um, _ = self._reference_at(t_ns)
-        stream = StreamedReference(start_um, self.pace, self._period_s)
+        stream = StreamedReference(start_um, self.motion_limits, self._period_s)
         number = self._move(Motion(stream, 0.0, nan), t_ns)
         self.stream, self.commanded_ns = stream, t_ns
         return number
 
     def follow_input(self, t_ns: int) -> int:
-        """Follow the command input; return the number of the movement; may be called in the loop.
+        """Follow the command input; return the number of the movement.
 
-        What it tells is taken by `command`.
+        `take_command` takes its values.
         """
         number = self.follow_stream(t_ns)
         self.follows_input = True
         return number
 
-    def command(self, told: Sample) -> None:
-        """Take what the command input tells; what is not usable counts as none."""
-        if self.stream is not None and told.valid and usable(told.position_um, self.pace):
-            self.stream.newest_um = told.position_um
-            self.commanded_ns = max(self.commanded_ns, told.t_ns)
+    def take_command(self, sample: Sample) -> None:
+        """Take a value of the command input; values that are not allowed are ignored."""
+        if (
+            self.stream is not None
+            and sample.valid
+            and is_allowed(sample.position_um, self.motion_limits)
+        ):
+            self.stream.newest_um = sample.position_um
+            self.commanded_ns = max(self.commanded_ns, sample.t_ns)
 
     def _move(self, motion: Motion, t_ns: int) -> int:
         self._motion, self._started_ns, self._forced = motion, t_ns, False
         self._arrives_ns = t_ns + s_to_ns(motion.duration_s)
-        self.stream, self._reached, self.follows_input = None, False, False
+        self.stream, self._is_on_target, self.follows_input = None, False, False
         self._on_target.restart()
-        self.live.follow(motion.reference_um, t_ns)
+        self.law.follow(motion.reference_um, t_ns)
         self.motion += 1
         return self.motion
 
     def _reference_at(self, t_ns: int) -> tuple[float, float]:
-        """Return where the reference is, in µm, and its speed, in µm/s."""
+        """Return position and speed of the reference, in µm and µm/s."""
         if self._forced:
-            return self.live.command_here_um, 0.0
+            return self.law.holding_command_um, 0.0
         t_s = (t_ns - self._started_ns) / NS_PER_S
         here_um = self._motion.reference_um(t_s)
         return here_um, (self._motion.reference_um(t_s + self._period_s) - here_um) / self._period_s
@@ -212,62 +225,63 @@ class StageAxis:
     # ------------------------------------------------------------------ the cycle
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:
-        """Take the sample of this cycle; return what to write; may be called in the loop."""
+        """Take the sample of this cycle; return the voltage to write."""
         try:
             if self._forced:
-                self.live.force(self._voltage(t_ns))
+                self.law.force(self._voltage(t_ns))
             elif self.stream is not None:
                 self.stream.advance()
-            output = self.live.update(t_ns, sample)
+            output = self.law.update(t_ns, sample)
         except Exception as error:  # noqa: BLE001 - a mistake in the law must not drop the voltage
             self.crash = error
-            return AxisOutput(self.live.in_force_v, nan, nan, self.live.in_force_v, t_ns)
-        if self._forced:  # what it drives answers to no command
+            return AxisOutput(self.law.in_force_v, nan, nan, self.law.in_force_v, t_ns)
+        if self._forced:  # a forced voltage has no command
             output = AxisOutput(output.drive_v, nan, nan, output.in_force_v, t_ns)
         self.command_um = output.command_um
-        self._judge(t_ns, sample)
+        self._update_on_target(t_ns, sample)
         return output
 
-    def _judge(self, t_ns: int, sample: Sample) -> None:
+    def _update_on_target(self, t_ns: int, sample: Sample) -> None:
         error_um = self.command_um - sample.position_um if sample.valid else nan
         arrived = not self._forced and t_ns >= self._arrives_ns
-        self._reached = self._on_target.update(error_um if arrived else nan)
+        self._is_on_target = self._on_target.update(error_um if arrived else nan)
 
     def applied(self, drive_v: float) -> None:
-        """Learn what is in force from now on; may be called in the loop."""
-        self.live.applied(drive_v)
+        """Take the voltage that is in force from now on, in V."""
+        self.law.applied(drive_v)
 
     def record(
         self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
     ) -> AxisRecord:
-        """Return what this cycle leaves. Real-time safe.
+        """Return the record of this cycle.
 
         Args:
             sample: The sample that was used.
-            output: What the axis asked for.
+            output: The output of the axis.
             drive_v: Voltage that was written, in V.
             read_back_v: Voltage that the amplifier reports, in V; NaN if it does not.
         """
-        return self.live.record(
+        return self.law.record(
             sample,
             output,
             drive_v,
             read_back_v,
             target_um=self._motion.target_um,
-            on_target=self._reached,
+            on_target=self._is_on_target,
             motion=self.motion,
         )
 
 
-def _pace(config: StageAxisConfig, live: CompensatedAxis, period_s: float) -> Pace:
-    model_um = live.zeroed_range_um
+def _motion_limits(config: StageAxisConfig, law: CompensatedAxis, period_s: float) -> MotionLimits:
+    model_um = law.zeroed_range_um
+    # Without a configured range, positions may go as far as the model holds.
     low_um, high_um = config.command_range_um or (model_um.low, model_um.high)
-    shortest_s = SHORTEST_WAY_CYCLES * period_s
+    shortest_s = SHORTEST_MOTION_CYCLES * period_s
     if config.first_mode is not None:
-        shortest_s = max(shortest_s, SHORTEST_WAY_PERIODS / config.first_mode.frequency_hz)
-    return Pace(config.speed_um_per_s, shortest_s, low_um, high_um)
+        shortest_s = max(shortest_s, SHORTEST_MOTION_PERIODS / config.first_mode.frequency_hz)
+    return MotionLimits(config.speed_um_per_s, shortest_s, low_um, high_um)
 
 
-def usable(position_um: float, pace: Pace) -> bool:
-    """Tell whether a position may be commanded."""
-    return isfinite(position_um) and pace.low_um <= position_um <= pace.high_um
+def is_allowed(position_um: float, limits: MotionLimits) -> bool:
+    """Return whether a position may be commanded: it is finite and in the range."""
+    return isfinite(position_um) and limits.low_um <= position_um <= limits.high_um

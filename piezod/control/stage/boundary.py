@@ -1,9 +1,8 @@
-"""The edge between the cycle and the devices: what a driver raises becomes a value here.
+"""The boundary between the cycle and the devices: exceptions of drivers become values here.
 
-The same edge decides whether anything is written at all. Where nothing is, a write is refused; in
-shadow it is taken and goes nowhere.
-
-It also keeps what is known of the voltages in force, and when a lost amplifier is tried again.
+The boundary also decides whether a write reaches the amplifier. While it is closed, writes are
+refused; in shadow they are accepted and go nowhere. `OutputKnowledge` keeps whether the voltages in
+force are known, and when a lost amplifier is tried again.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,26 +17,26 @@ from piezod.units import s_to_ns
 
 
 class StageDevices(Sensor, Amplifier, TellsStatus, Protocol):
-    """All devices of a stage as one; `devices.channels.Channels` is it."""
+    """All devices of a stage as one; implemented by `devices.channels.Channels`."""
 
     def zero(self, zero_um: Sequence[float], true_zero_um: Sequence[float]) -> None:
-        """Call these displacements zero from now on."""
+        """Count displacements from these zeros from now on, in µm."""
         ...
 
     def commands(self) -> Sequence[Sample]:
-        """Tell what commanded each axis when it was read last, in µm; call it in the loop."""
+        """Return the command of each axis from its command input, in µm. Real-time safe."""
         ...
 
 
 class DeviceBoundary:
-    """The sensor and the amplifier that the cycle sees.
+    """The sensors and amplifiers that the cycle sees. All methods are real-time safe.
 
     Args:
         devices: The devices.
         n_axes: Number of their axes.
-        reads_back: Whether the amplifiers tell what is in force.
+        reads_back: Whether the amplifiers report the voltage in force.
         holds: Whether their outputs stay as they are when they are deactivated.
-        tells_restart: Whether they tell, before they take a write, that they were restarted.
+        reports_restart: Whether they report a restart before they take a write.
     """
 
     def __init__(
@@ -47,37 +46,38 @@ class DeviceBoundary:
         *,
         reads_back: bool,
         holds: bool,
-        tells_restart: bool = False,
+        reports_restart: bool = False,
     ) -> None:
         self.devices, self.reads_back, self.holds = devices, reads_back, holds
-        self.tells_restart = tells_restart
-        self._nothing, self._no_flags = [nan] * n_axes, [NO_FLAGS] * (2 * n_axes)
+        self.reports_restart = reports_restart
+        self._unknown_v, self._no_flags = [nan] * n_axes, [NO_FLAGS] * (2 * n_axes)
         self._true_zero_um = [0.0] * n_axes
         self.open = False
-        """Whether writes go through to the amplifier."""
+        """Whether writes reach the amplifier."""
         self.sent_v: Sequence[float] | None = None
-        """What was sent last and not acknowledged: in force or not; None where nothing was."""
+        """Voltages that were sent last and not acknowledged, which may be in force or not; None if
+        the last write was acknowledged or not sent."""
         self.shadow = False
-        """Whether writes are taken and go nowhere."""
+        """Whether writes are accepted and go nowhere."""
         self.withheld = False
-        """Whether writes are refused for now, as somebody else drives the amplifier."""
+        """Whether writes are refused for now because another program drives the amplifier."""
         self.active = True
-        """Whether the devices are active; after a cut they are not, until they are reset."""
+        """Whether the devices are active. After a cut they are not, until a reset."""
         self.crash: Exception | None = None
-        """What a driver raised last in this cycle, if it did; whoever looks at it clears it."""
+        """Last exception of a driver in this cycle; the reader clears it."""
 
     def read(self, now_ns: int) -> Sequence[Sample]:
-        """Take one sample of each axis; invalid ones where the driver fails."""
+        """Return one sample of each axis; invalid samples if the driver fails."""
         if not self.active:
-            return [Sample(now_ns, nan, False)] * len(self._nothing)
+            return [Sample(now_ns, nan, False)] * len(self._unknown_v)
         try:
             return self.devices.read(now_ns)
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             self.crash = error
-            return [Sample(now_ns, nan, False)] * len(self._nothing)
+            return [Sample(now_ns, nan, False)] * len(self._unknown_v)
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Set the voltage of every axis where that is allowed; may be called in the loop."""
+        """Write the voltage of every axis if that is allowed; return whether it was taken."""
         if self.shadow:
             return True
         if not (self.open and self.active) or self.withheld:
@@ -92,25 +92,22 @@ class DeviceBoundary:
         return taken
 
     def forget_sent(self, axis: int) -> None:
-        """Forget what was sent last to an axis: it is known not to be in force."""
+        """Forget the last voltage sent to an axis: it is known not to be in force."""
         if self.sent_v is not None:
             self.sent_v = [nan if i == axis else sent for i, sent in enumerate(self.sent_v)]
 
     def read_back(self, now_ns: int) -> Sequence[float]:
-        """Tell what is in force on each axis, in V, NaN where nobody can; call it in the loop."""
-        if not self.reads_back or self.shadow:  # in shadow it answers to nothing that was asked for
-            return self._nothing
+        """Return the read-back voltage of each axis, in V; NaN if it is unknown."""
+        if not self.reads_back or self.shadow:  # in shadow the read-back answers no write of ours
+            return self._unknown_v
         try:
             return [float(drive_v) for drive_v in self.devices.read_back(now_ns)]
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
             self.crash = error
-            return self._nothing
+            return self._unknown_v
 
     def status(self, now_ns: int) -> Sequence[Flags]:
-        """Tell what the sensor of each axis says is the matter, then the amplifier of each.
-
-        May be called in the loop.
-        """
+        """Return the flags of the sensor of each axis, then those of the amplifier of each axis."""
         try:
             return self.devices.status(now_ns)
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
@@ -118,7 +115,7 @@ class DeviceBoundary:
             return self._no_flags
 
     def activate(self, now_ns: int) -> bool:
-        """Make the devices ready for writes; return whether they are; may be called in the loop."""
+        """Activate the devices; return whether they are ready for writes."""
         try:
             self.devices.activate(now_ns)
         except Exception as error:  # noqa: BLE001 - a driver may fail in any way
@@ -128,9 +125,9 @@ class DeviceBoundary:
         return True
 
     def cut(self, now_ns: int) -> bool:
-        """Have the amplifiers switch their outputs off; return whether they did.
+        """Switch the outputs of the amplifiers off; return whether they did.
 
-        May be called in the loop. One that holds its output when it is deactivated cannot.
+        Amplifiers that hold their output when they are deactivated cannot.
         """
         if self.holds:
             return False
@@ -143,33 +140,33 @@ class DeviceBoundary:
         return True
 
     def zero(self, zero_um: Sequence[float]) -> None:
-        """Call these displacements, in µm as the devices give them, zero from now on."""
+        """Count displacements from these zeros from now on, in µm as the sensors show them."""
         self.devices.zero(zero_um, self._true_zero_um)
 
 
 SILENT_CYCLES: Final = 5
-"""An amplifier with read-back counts as lost after this many cycles without one."""
+"""An amplifier with read-back is lost after this many cycles in a row without one."""
 FIRST_TRY_NS, LAST_TRY_NS = s_to_ns(0.1), s_to_ns(2.0)
-"""Pause before a lost amplifier is tried again: after the first loss, and at most."""
+"""Pause before a lost amplifier is tried again, after the first loss and at most, in ns."""
 
 
 class OutputKnowledge:
     """Whether the voltages in force are known.
 
     Args:
-        on_lost: Called when the last written voltage says nothing any more about the one in force.
+        on_lost: Called when the voltage in force can no longer be derived from the last write.
     """
 
     def __init__(self, on_lost: Callable[[], None] | None) -> None:
         self.known = False
         """Whether the voltage in force is known on every axis."""
         self.known_when_lost = False
-        """Whether it was known when the amplifier was lost."""
+        """Whether the voltage in force was known when the amplifier was lost."""
         self._on_lost = on_lost
         self._silent_cycles = self._losses = 0
 
     def take_read_back(self, read_back_v: Sequence[float], *, driven: bool) -> Detection | None:
-        """Take the read-back of this cycle; return A1 if the amplifier has fallen silent.
+        """Take the read-back of this cycle; return A1 if it has been missing for too long.
 
         Call once per cycle, only if the amplifiers have a read-back. Real-time safe.
 

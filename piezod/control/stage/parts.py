@@ -1,4 +1,4 @@
-"""What a stage consists of."""
+"""The parts of a stage."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -17,7 +17,7 @@ class WatchedAxis(NamedTuple):
 
 
 Rebuild = Callable[[str, ModelFile, float], WatchedAxis]
-"""Makes an axis anew, from its name, its model and the voltage in force."""
+"""Builds an axis again, from its name, a model and the voltage in force."""
 
 
 class StageParts(NamedTuple):
@@ -26,8 +26,8 @@ class StageParts(NamedTuple):
     Attributes:
         axes: The axes, by name.
         boundary: The devices.
-        period_ns: Period of the loop.
-        rebuild: Makes an axis anew with another model.
+        period_ns: Period of the loop, in ns.
+        rebuild: Builds an axis again with another model.
     """
 
     axes: Mapping[str, WatchedAxis]

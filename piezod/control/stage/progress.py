@@ -1,4 +1,4 @@
-"""What a stage does next by itself: ramps that arrive, programs that end, holds that expire."""
+"""What a stage does by itself: ramps arrive, programs end, holds expire."""
 
 from collections.abc import Sequence
 from math import isfinite
@@ -14,13 +14,13 @@ from piezod.telemetry.record import StageEvent
 from piezod.units import s_to_ns
 
 HOLD_NS = s_to_ns(2.0)
-"""A fault holds the stage for this long; then the stage goes to the safe voltage."""
+"""Duration of a HOLD that a fault caused, in ns; then the stage ramps to the safe voltage."""
 RAMP_GRACE_NS = s_to_ns(2.0)
-"""A ramp has failed if it takes this much longer than planned."""
+"""A ramp has failed if it takes this much longer than planned, in ns."""
 STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 """A stream has stopped if no setpoint came for this many cycles and for this time."""
 
-_FALLEN, _LOCAL = mask([Fault.A7, Fault.A9]), mask([Fault.A8])
+_OUTPUT_FELL, _LOCAL_MODE = mask([Fault.A7, Fault.A9]), mask([Fault.A8])
 _WRITES_NOTHING = frozenset({State.BOOT, State.SAFE, State.FAULT, State.BLIND})
 
 
@@ -45,11 +45,11 @@ def advance(
         case State.RUN:
             _run(stage, t_ns)
         case State.IDENT:
-            stage.drive_on(t_ns)
+            stage.continue_drive(t_ns)
         case State.RAMP | State.ESTOP:
-            _arrive(stage, t_ns, read_back_v)
+            _finish_ramp(stage, t_ns, read_back_v)
         case State.BLIND:
-            _reach(stage, t_ns, read_back_v)
+            _take_over(stage, t_ns, read_back_v)
         case _:
             pass
     if stage.state in _WRITES_NOTHING:
@@ -67,9 +67,9 @@ def _boot(stage: Stage, t_ns: int) -> None:
 
 
 def _hold(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
-    """Hold for a while; while somebody else drives the amplifier, write nothing, and follow."""
+    """Hold for a limited time. In local mode, write nothing and follow the read-back."""
     boundary, withheld_before = stage.boundary, stage.boundary.withheld
-    boundary.withheld = bool(stage.register.present & _LOCAL) and not boundary.shadow
+    boundary.withheld = bool(stage.register.present & _LOCAL_MODE) and not boundary.shadow
     if boundary.withheld:
         stage.output.known &= boundary.reads_back
         stage.track(read_back_v)
@@ -85,26 +85,26 @@ def _run(stage: Stage, t_ns: int) -> None:
     quiet_ns = max(STREAM_CYCLES * stage.period_ns, STREAM_NS)
     for i, axis in enumerate(stage.axes):
         if axis.follows_input:
-            axis.command(stage.boundary.devices.commands()[i])
+            axis.take_command(stage.boundary.devices.commands()[i])
         if axis.stream is None or t_ns - axis.commanded_ns <= quiet_ns:
             continue
         text = f"no setpoint for {quiet_ns / 1e6:g} ms: the stream has stopped"
         if axis.follows_input:
-            low_um, high_um = axis.pace.low_um, axis.pace.high_um
+            low_um, high_um = axis.motion_limits.low_um, axis.motion_limits.high_um
             text = (
-                f"the command input gave nothing from {low_um:g} to {high_um:g} µm for "
-                f"{quiet_ns / 1e6:g} ms: the axis does not follow it any more"
+                f"the command input gave no value from {low_um:g} to {high_um:g} µm for "
+                f"{quiet_ns / 1e6:g} ms: the axis stops following it"
             )
         stage.note(StageEvent(t_ns, "warning", "stream", text, axis=axis.name))
         stage.hold_on_request(t_ns)
         return
 
 
-def _reach(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
-    """Take a lost amplifier over from its read-back, after a pause that grows with each loss.
+def _take_over(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
+    """Take over a lost amplifier from its read-back, after a pause that grows with each loss.
 
-    An amplifier without read-back is taken over from the write that it acknowledged last, if there
-    was one, if it reports a restart and has not, and if it holds its output by itself. Otherwise
+    An amplifier without read-back is taken over from its last acknowledged write, if there was one,
+    if it holds its output by itself, and if it reports restarts and has not reported one. Otherwise
     the start of a ramp is unknown.
     """
     if stage.register.unreachable or not stage.output.try_due(stage.time_in_state_ns(t_ns)):
@@ -113,11 +113,11 @@ def _reach(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
         if not all(map(isfinite, read_back_v)):
             return
         stage.track(read_back_v)
-    elif not _still_as_written(stage):
+    elif not _still_at_last_write(stage):
         stage.release_estop()
         text = (
-            "the amplifier answers again and does not report its voltage: bring it to the safe one "
-            "by hand, then `piezod reset` and `piezod arm --confirm-output`"
+            "the amplifier answers again, but does not report its voltage: bring it to the safe "
+            "voltage by hand, then `piezod reset` and `piezod arm --confirm-output`"
         )
         stage.note(StageEvent(t_ns, "warning", "output", text))
         stage.go(Event.OUTPUT_UNKNOWN, t_ns)
@@ -126,22 +126,23 @@ def _reach(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     stage.go(Event.LINK_BACK, t_ns)
 
 
-def _still_as_written(stage: Stage) -> bool:
-    """Return whether an amplifier that was lost still gives what it acknowledged last.
+def _still_at_last_write(stage: Stage) -> bool:
+    """Return whether a lost amplifier still outputs the last acknowledged voltage.
 
-    One that does not report a restart may have been without power meanwhile, and be at 0 V.
+    An amplifier that does not report a restart may have been without power meanwhile, and be at 0
+    V.
     """
-    fallen = stage.register.latched & _FALLEN
-    reports = stage.boundary.holds and stage.boundary.tells_restart
-    return stage.output.known_when_lost and reports and not fallen
+    output_fell = stage.register.latched & _OUTPUT_FELL
+    reports = stage.boundary.holds and stage.boundary.reports_restart
+    return stage.output.known_when_lost and reports and not output_fell
 
 
-def _arrive(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
+def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """End a ramp that has reached the safe voltage, or that takes too long."""
     at_safe = all(
         axis.drive_ended(t_ns)
-        and not abs(drive_v - axis.config.safe_v) > axis.live.limits.read_back_tolerance_v
-        for axis, drive_v in zip(stage.axes, read_back_v, strict=True)  # NaN without read-back
+        and not abs(drive_v - axis.config.safe_v) > axis.law.limits.read_back_tolerance_v
+        for axis, drive_v in zip(stage.axes, read_back_v, strict=True)  # NaN without a read-back
     )
     overdue_cycles = -min(axis.ramp_cycles for axis in stage.axes)
     if at_safe or not stage.boundary.active:  # outputs that were cut fall by themselves
@@ -149,7 +150,7 @@ def _arrive(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     elif overdue_cycles * stage.period_ns > RAMP_GRACE_NS:
         stage.release_estop()
         for i, (axis, drive_v) in enumerate(zip(stage.axes, read_back_v, strict=True)):
-            tolerance_v = axis.live.limits.read_back_tolerance_v
+            tolerance_v = axis.law.limits.read_back_tolerance_v
             stage.report(Detection(Fault.A3, i, drive_v - axis.config.safe_v, tolerance_v))
         stage.go(Event.RAMP_TIMEOUT, t_ns)
 
@@ -163,6 +164,6 @@ def _zero(stage: Stage, t_ns: int, samples: Sequence[Sample]) -> None:
         return
     for i in zeroed:
         axis = stage.axes[i]
-        axis.live.zero()
+        axis.law.zero()
         text = f"sensor zeroed at {stage.zero.um(i):.6g} µm"
         stage.note(StageEvent(t_ns, "info", "zero", text, axis=axis.name))

@@ -1,4 +1,4 @@
-"""What becomes of a request: carried out, or refused with a reason and what would help."""
+"""Carries out requests, or refuses them with a reason and a remedy."""
 
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
@@ -18,7 +18,7 @@ from piezod.units import s_to_ns
 ZERO_OVER_S = 0.2
 """A sensor is zeroed to the mean of its samples over this time."""
 AT_REST_PART = 0.01
-"""A stage is at rest when its voltage is the rest voltage within this part of its range."""
+"""A stage is at rest if its voltage is the rest voltage within this share of its range."""
 
 
 def execute(stage: Stage, request: requests.Request, t_ns: int) -> Answer:
@@ -26,8 +26,8 @@ def execute(stage: Stage, request: requests.Request, t_ns: int) -> Answer:
 
     Args:
         stage: The stage.
-        request: What is asked for; its numbers are finite and within their ranges.
-        t_ns: Instant of the next cycle, or earlier.
+        request: The request; its numbers are finite and within their ranges.
+        t_ns: Instant of the next cycle, or earlier, in ns.
     """
     return HANDLERS[type(request)](stage, request, t_ns)
 
@@ -56,7 +56,7 @@ def _reset(stage: Stage, request: requests.Reset, t_ns: int) -> Answer:
     why = stage.refusal(Event.RESET) or stage.register.reset(request.engineer)
     if why:
         return Answer(False, why)
-    if not stage.boundary.active:  # its outputs were cut
+    if not stage.boundary.active:  # the outputs were cut
         stage.boundary.activate(t_ns)
     return _answer(stage.go(Event.RESET, t_ns))
 
@@ -75,11 +75,11 @@ def _answer(refusal: str, motion: int = 0) -> Answer:
 
 def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
     if stage.state is not State.SAFE:
-        refusal = stage.go(Event.ARM, t_ns)  # armed already, or no state to arm in
+        refusal = stage.go(Event.ARM, t_ns)  # armed already, or refused
         if not refusal and request.shadow != stage.boundary.shadow:
-            refusal = f"the stage is armed {_in_shadow(stage)}: `piezod disarm` first"
+            refusal = f"the stage is armed {_shadow_text(stage)}: `piezod disarm` first"
         return _answer(refusal)
-    stage.register.resume()  # what only held the stage, and is gone, holds nothing any more
+    stage.register.resume()  # faults that only held the stage, and are gone, end here
     stage.boundary.shadow = request.shadow
     if request.confirm_output and not stage.boundary.reads_back:
         stage.output.known = True
@@ -89,11 +89,11 @@ def _arm(stage: Stage, request: requests.Arm, t_ns: int) -> Answer:
     if refusal:
         stage.boundary.shadow = False
         return Answer(False, refusal)
-    wanting = [i for i, axis in enumerate(stage.axes) if axis.config.conditioning.on_arm]
-    return _condition_axes(stage, wanting, t_ns) if wanting else Answer(True)
+    to_condition = [i for i, axis in enumerate(stage.axes) if axis.config.conditioning.on_arm]
+    return _condition_axes(stage, to_condition, t_ns) if to_condition else Answer(True)
 
 
-def _in_shadow(stage: Stage) -> str:
+def _shadow_text(stage: Stage) -> str:
     return "in shadow" if stage.boundary.shadow else "and not in shadow"
 
 
@@ -101,11 +101,11 @@ def _in_shadow(stage: Stage) -> str:
 
 
 def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
-    axes, why = _chosen(stage, request.axis)
+    axes, why = _axes_named(stage, request.axis)
     if why:
         return Answer(False, why)
-    if stage.state is not State.SAFE:  # there it is chosen for later
-        refusal = stage.go(_run_in(request.mode), t_ns)
+    if stage.state is not State.SAFE:  # in SAFE the mode is set for later
+        refusal = stage.go(_run_event(request.mode), t_ns)
         if refusal:
             return Answer(False, refusal)
     for i in axes:
@@ -114,14 +114,14 @@ def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
 
 
 def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
-    axes, why = _chosen(stage, request.axis)
+    axes, why = _axes_named(stage, request.axis)
     if not why and len(axes) > 1:
-        why = f"axis must be one of {_names(stage)}: a position belongs to one"
+        why = f"axis must be one of {_names(stage)}: a position is for one axis"
     if why:
         return Answer(False, why)
     axis, position_um = stage.axes[axes[0]], request.position_um
-    speed_um_per_s, fastest_um_per_s = request.speed_um_per_s, axis.pace.speed_um_per_s
-    why = _beyond(axis, position_um, position_um)
+    speed_um_per_s, fastest_um_per_s = request.speed_um_per_s, axis.motion_limits.speed_um_per_s
+    why = _range_refusal(axis, position_um, position_um)
     if not why and speed_um_per_s is not None and speed_um_per_s > fastest_um_per_s:
         why = (
             f"speed out of range (got {speed_um_per_s:g} µm/s), allowed: at most "
@@ -136,11 +136,11 @@ def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
 def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
     waveforms: dict[int, Waveform] = {}
     for name, config in request.command_um.items():
-        axes, why = _chosen(stage, name)
+        axes, why = _axes_named(stage, name)
         if why:
             return Answer(False, why)
         waveform = waveforms[axes[0]] = build_waveform(config, request.duration_s)
-        why = _beyond(stage.axes[axes[0]], waveform.low, waveform.high)
+        why = _range_refusal(stage.axes[axes[0]], waveform.low, waveform.high)
         if why:
             return Answer(False, why)
     why = _start_running(stage, t_ns)
@@ -156,7 +156,7 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
 def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
     axes = {axis.name: axis for axis in stage.axes}
     unknown = [name for name in request.axes if name not in axes]
-    why = _no_such(stage, unknown[0]) if unknown else _start_running(stage, t_ns)
+    why = _unknown_axis(stage, unknown[0]) if unknown else _start_running(stage, t_ns)
     if why:
         return Answer(False, why)
     motions = [axes[name].follow_stream(t_ns) for name in request.axes]
@@ -164,7 +164,7 @@ def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
 
 
 def _follow(stage: Stage, request: requests.Follow, t_ns: int) -> Answer:
-    axes, why = _chosen(stage, request.axis)
+    axes, why = _axes_named(stage, request.axis)
     commanded = [i for i in axes if stage.axes[i].config.command_input is not None]
     if not (why or commanded):
         whose = request.axis or _names(stage)
@@ -177,46 +177,45 @@ def _follow(stage: Stage, request: requests.Follow, t_ns: int) -> Answer:
 
 
 def _start_running(stage: Stage, t_ns: int) -> str:
-    """Go from READY on to RUN in the modes chosen; return why not."""
+    """Go from READY to RUN in the selected modes; return why not, empty if done."""
+    # One axis that needs the sensor is enough for the stricter edge.
     sensed = [axis.mode for axis in stage.axes if axis.mode in SENSED]
-    return stage.go(_run_in(sensed[0] if sensed else Mode.FEEDFORWARD), t_ns)
+    return stage.go(_run_event(sensed[0] if sensed else Mode.FEEDFORWARD), t_ns)
 
 
-def _run_in(mode: Mode) -> Event:
+def _run_event(mode: Mode) -> Event:
     return Event.RUN_ADAPTIVE if mode in SENSED else Event.RUN
 
 
-def _beyond(axis: StageAxis, low_um: float, high_um: float) -> str:
-    pace = axis.pace
-    slack_um = 1e-9 * (pace.high_um - pace.low_um)  # bounds are sums, and off by rounding
-    if low_um >= pace.low_um - slack_um and high_um <= pace.high_um + slack_um:
+def _range_refusal(axis: StageAxis, low_um: float, high_um: float) -> str:
+    lowest_um, highest_um = axis.motion_limits.low_um, axis.motion_limits.high_um
+    slack_um = 1e-9 * (highest_um - lowest_um)  # bounds are sums, with rounding errors
+    if low_um >= lowest_um - slack_um and high_um <= highest_um + slack_um:
         return ""
     got = f"{low_um:g} µm" if low_um == high_um else f"{low_um:g} to {high_um:g} µm"
-    return (
-        f"position out of range (got {got}), allowed range {pace.low_um:g} to {pace.high_um:g} µm"
-    )
+    return f"position out of range (got {got}), allowed range {lowest_um:g} to {highest_um:g} µm"
 
 
 # ---------------------------------------------------------------------- voltages
 
 
 def _condition(stage: Stage, request: requests.Condition, t_ns: int) -> Answer:
-    axes, why = _chosen(stage, request.axis)
+    axes, why = _axes_named(stage, request.axis)
     return Answer(False, why) if why else _condition_axes(stage, axes, t_ns)
 
 
 def _condition_axes(stage: Stage, axes: Iterable[int], t_ns: int) -> Answer:
-    swings = {
+    programs = {
         i: conditioning(stage.axes[i].config.conditioning, stage.axes[i].config.limits)
         for i in axes
     }
-    return _ident(stage, swings, t_ns, conditions=len(swings) == len(stage.axes))
+    return _start_ident(stage, programs, t_ns, conditions=len(programs) == len(stage.axes))
 
 
 def _identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
     drives: dict[int, VoltageProgram] = {}
     for name, config in request.drive_v.items():
-        axes, why = _chosen(stage, name)
+        axes, why = _axes_named(stage, name)
         if why:
             return Answer(False, why)
         limits = stage.axes[axes[0]].config.limits
@@ -228,13 +227,13 @@ def _identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
                 f"allowed range {limits.drive_min_v:g} to {limits.drive_max_v:g} V",
             )
         drives[axes[0]] = VoltageProgram(waveform.value, request.duration_s)
-    return _ident(stage, drives, t_ns, conditions=False)
+    return _start_ident(stage, drives, t_ns, conditions=False)
 
 
-def _ident(
+def _start_ident(
     stage: Stage, drives: dict[int, VoltageProgram], t_ns: int, *, conditions: bool
 ) -> Answer:
-    """Drive voltages from rest, with the way to rest before and after."""
+    """Drive voltages in IDENT, with ramps from and to the rest voltage around them."""
     refusal = stage.go(Event.IDENTIFY, t_ns)
     if refusal:
         return Answer(False, refusal)
@@ -244,21 +243,21 @@ def _ident(
 
 
 def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
-    axes, why = _chosen(stage, request.axis)
+    axes, why = _axes_named(stage, request.axis)
     if why:
         return Answer(False, why)
     if stage.state not in {State.SAFE, State.READY}:
-        why = f"the stage is in {stage.state}; the sensor is zeroed in SAFE or READY"
+        why = f"the stage is in {stage.state}; a sensor can be zeroed in SAFE or READY"
         return Answer(False, why)
     for i in axes:
-        limits, in_force_v = stage.axes[i].config.limits, stage.axes[i].live.in_force_v
+        limits, in_force_v = stage.axes[i].config.limits, stage.axes[i].law.in_force_v
         if abs(in_force_v - limits.rest_v) > AT_REST_PART * (
             limits.drive_max_v - limits.drive_min_v
         ):
             return Answer(
                 False,
-                f"axis {stage.axes[i].name} is at {in_force_v:.3g} V; zero is where it rests, "
-                f"at {limits.rest_v:g} V: `piezod stop` brings it there",
+                f"axis {stage.axes[i].name} is at {in_force_v:.3g} V; a sensor can be zeroed at "
+                f"the rest voltage, {limits.rest_v:g} V: `piezod stop` ramps there",
             )
     cycles = max(1, s_to_ns(ZERO_OVER_S) // stage.period_ns)
     stage.zero.begin(axes, cycles, t_ns + 2 * s_to_ns(ZERO_OVER_S))
@@ -266,11 +265,13 @@ def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
 
 
 def _adopt(stage: Stage, request: requests.AdoptModel, _t_ns: int) -> Answer:
-    axes, why = _chosen(stage, request.axis)
+    axes, why = _axes_named(stage, request.axis)
     if not why and len(axes) > 1:
-        why = f"axis must be one of {_names(stage)}: a model belongs to one"
+        why = f"axis must be one of {_names(stage)}: a model is for one axis"
     if not why and stage.state not in {State.SAFE, State.FAULT}:
-        why = f"the stage is in {stage.state}; a model is changed in SAFE: `piezod disarm` first"
+        why = (
+            f"the stage is in {stage.state}; a model can be changed in SAFE: `piezod disarm` first"
+        )
     if why:
         return Answer(False, why)
     index = axes[0]
@@ -286,17 +287,17 @@ def _adopt(stage: Stage, request: requests.AdoptModel, _t_ns: int) -> Answer:
 # ---------------------------------------------------------------------- axes
 
 
-def _chosen(stage: Stage, name: str | None) -> tuple[list[int], str]:
-    """Return the indexes of the named axes, all if none is named, or why there are none."""
+def _axes_named(stage: Stage, name: str | None) -> tuple[list[int], str]:
+    """Return the indices of the named axes, all if the name is None; or why there are none."""
     names = [axis.name for axis in stage.axes]
     if name is None:
         return list(range(len(names))), ""
     if name not in names:
-        return [], _no_such(stage, name)
+        return [], _unknown_axis(stage, name)
     return [names.index(name)], ""
 
 
-def _no_such(stage: Stage, name: str) -> str:
+def _unknown_axis(stage: Stage, name: str) -> str:
     return f"no axis {name!r}; this stage has {_names(stage)}"
 
 
@@ -323,4 +324,4 @@ HANDLERS: Final[Mapping[type[requests.Request], Callable[[Stage, Any, int], Answ
     requests.Estop: _estop,
     requests.Shutdown: _shut_down,
 }
-"""What carries out each request."""
+"""Handler of each kind of request."""

@@ -6,43 +6,46 @@ from piezod.control.reference.programs import VoltageProgram
 from piezod.control.stage.axis import StageAxis
 
 DriveStep = Mapping[int, VoltageProgram | float]
-"""What some axes do at the same time, by index: a voltage over time, or a ramp to a voltage."""
+"""One step: for each axis, by index, a voltage over time, or a voltage to ramp to."""
 
 
 class DriveSequence:
-    """Drives the steps one after the other; axes that a step does not name hold."""
+    """Drives steps one after the other; axes without an entry in a step hold. Real-time safe."""
 
     def __init__(self) -> None:
         self._steps: list[DriveStep] = []
         self.makes_memory_known = False
-        """Whether the hysteresis memory is known at its end."""
+        """Whether the hysteresis memory is known at the end."""
 
     def start(
         self, axes: Sequence[StageAxis], steps: Sequence[DriveStep], t_ns: int, *, conditions: bool
     ) -> None:
-        """Begin with the first step. Real-time safe.
+        """Start the first step.
 
         Args:
             axes: All axes of the stage.
-            steps: What to drive, in order.
-            t_ns: Instant of the cycle.
+            steps: Steps, in order.
+            t_ns: Instant of the cycle, in ns.
             conditions: Whether the hysteresis memory is known at the end.
         """
         self._steps, self.makes_memory_known = list(steps), conditions
-        self._begin_next(axes, t_ns)
+        self._start_next(axes, t_ns)
 
     def clear(self) -> None:
-        """Drop the steps that are left. Real-time safe."""
+        """Drop the remaining steps."""
         self._steps.clear()
 
     def ended(self, axes: Sequence[StageAxis], t_ns: int) -> bool:
-        """Go on; return whether the last step has ended. Call once per cycle. Real-time safe."""
+        """Start the next step when one has ended; return whether all have ended.
+
+        Call once per cycle.
+        """
         if not all(axis.drive_ended(t_ns) for axis in axes):
             return False
-        return not self._begin_next(axes, t_ns)
+        return not self._start_next(axes, t_ns)
 
-    def _begin_next(self, axes: Sequence[StageAxis], t_ns: int) -> bool:
-        """Begin the next step; return whether there is one."""
+    def _start_next(self, axes: Sequence[StageAxis], t_ns: int) -> bool:
+        """Start the next step; return whether there is one."""
         if not self._steps:
             return False
         step = self._steps.pop(0)

@@ -1,4 +1,4 @@
-"""A stage: its axes, its devices, its state, and what happens on the way to another state."""
+"""A stage: its axes, its devices, its state, and the actions at a change of state."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -29,20 +29,20 @@ class Stage:
     """All axes of a stage in one state.
 
     Args:
-        parts: What it consists of.
-        register: Its faults.
+        parts: The parts of the stage.
+        register: The faults of the stage.
         memory_known: Whether the hysteresis memory is known: the stage is at rest and relaxed.
-        on_output_lost: Called when the last written voltage says nothing any more about the one
-            in force.
+        on_output_lost: Called when the voltage in force can no longer be derived from the last
+            write.
 
     Attributes:
         axes: The axes, in the order of the devices.
         watches: The watches of each axis.
         boundary: The devices.
-        period_ns: Period of the loop.
+        period_ns: Period of the loop, in ns.
         register: The faults.
         state: The state.
-        output: What is known of the voltages in force.
+        output: Whether the voltages in force are known.
         zero: The zeros of the sensors.
     """
 
@@ -90,9 +90,9 @@ class Stage:
         return refusal
 
     def refusal(self, event: Event) -> str:
-        """Return why an edge would be refused, latched faults left aside. Real-time safe.
+        """Return why an edge would be refused, without regard to latched faults. Real-time safe.
 
-        A request drops latched faults only if nothing else speaks against it.
+        A request drops latched faults only if nothing else forbids it.
         """
         facts = self._facts()._replace(latched=False, no_entry=self._no_entry)
         return step(self.state, event, facts).refusal
@@ -102,11 +102,11 @@ class Stage:
         return t_ns - self._since_ns
 
     def restart_hold(self, t_ns: int) -> None:
-        """Let the time in HOLD begin anew: somebody else drives the amplifier. Real-time safe."""
+        """Restart the time in HOLD: another program drives the amplifier. Real-time safe."""
         self._since_ns = t_ns
 
     def end_self_test(self, t_ns: int) -> None:
-        """Leave BOOT: for SAFE, or for FAULT if a latched fault stops the stage."""
+        """Leave BOOT: to SAFE, or to FAULT if a latched fault stops the stage."""
         passed = self._self_tested = not self.register.blocking
         self.go(Event.SELF_TEST_PASSED if passed else Event.SELF_TEST_FAILED, t_ns)
         self._self_tested = True
@@ -127,7 +127,7 @@ class Stage:
         return refusal
 
     def hold_expires(self) -> bool:
-        """Return whether HOLD ends by itself: a fault caused it, not a request."""
+        """Return whether HOLD ends by itself, because a fault caused it and not a request."""
         return not self._held_by_request
 
     def shut_down(self, t_ns: int) -> str:
@@ -138,19 +138,19 @@ class Stage:
     # ------------------------------------------------------------------ emergency stop
 
     def press_estop(self, t_ns: int) -> str:
-        """Begin an emergency stop: cut the outputs if an axis wants that, else ramp."""
+        """Start an emergency stop: cut the outputs if an axis is configured so, otherwise ramp."""
         self._estop_pressed = True
         if any(axis.config.safety.estop == "cut" for axis in self.axes):
             self.cut(t_ns)
         return self.go(Event.ESTOP, t_ns)
 
     def release_estop(self) -> bool:
-        """End the emergency stop's own request; return whether there was one. Real-time safe."""
+        """Release the emergency stop; return whether it was pressed. Real-time safe."""
         pressed, self._estop_pressed = self._estop_pressed, False
         return pressed
 
     def estop_pressed(self) -> bool:
-        """Return whether an emergency stop is under way. Real-time safe."""
+        """Return whether the emergency stop is pressed. Real-time safe."""
         return self._estop_pressed
 
     def cut(self, t_ns: int) -> bool:
@@ -163,23 +163,23 @@ class Stage:
     # ------------------------------------------------------------------ voltages and models
 
     def drive(self, steps: Sequence[DriveStep], t_ns: int, *, conditions: bool) -> None:
-        """Begin to drive voltages in IDENT, step by step. Real-time safe.
+        """Start to drive voltages in IDENT, step by step. Real-time safe.
 
         Args:
-            steps: One after the other; axes that a step does not name hold.
-            t_ns: Instant of the cycle.
+            steps: Steps, in order; axes that a step does not name hold.
+            t_ns: Instant of the cycle, in ns.
             conditions: Whether the hysteresis memory is known at the end.
         """
         self._sequence.start(self.axes, steps, t_ns, conditions=conditions)
 
-    def drive_on(self, t_ns: int) -> None:
-        """Go on with the voltages of IDENT, and leave it at their end. Real-time safe."""
+    def continue_drive(self, t_ns: int) -> None:
+        """Continue with the voltages of IDENT, and leave IDENT at their end. Real-time safe."""
         if self._sequence.ended(self.axes, t_ns):
             self._memory_known |= self._sequence.makes_memory_known
             self.go(Event.IDENTIFY_DONE, t_ns)
 
     def track(self, read_back_v: Sequence[float]) -> None:
-        """Follow the read-back while nothing is written: somebody else may drive the outputs.
+        """Follow the read-back while nothing is written: another program may drive the outputs.
 
         Real-time safe.
         """
@@ -187,7 +187,7 @@ class Stage:
             if drive_v - drive_v == 0.0:  # finite
                 axis.track(drive_v)
 
-    def memory_is_missed(self) -> bool:
+    def memory_is_missing(self) -> bool:
         """Return whether an axis compensates without a known hysteresis memory. Real-time safe."""
         return (
             not self._memory_known
@@ -196,20 +196,20 @@ class Stage:
         )
 
     def replace_axis(self, index: int, model: ModelFile) -> None:
-        """Make an axis anew with another model, while nothing is written.
+        """Build an axis again with another model, while nothing is written.
 
         Raises:
-            ModelError: If the axis cannot use it; nothing has changed then.
+            ModelError: If the axis cannot use the model; then nothing has changed.
         """
         old = self.axes[index]
-        new = self._rebuild(old.name, model, old.live.in_force_v)
-        self._memory_known &= not self._was_driven  # the new axis remembers nothing
+        new = self._rebuild(old.name, model, old.law.in_force_v)
+        self._memory_known &= not self._was_driven  # the new axis has an empty memory
         self.axes[index], self.watches[index] = new
 
     # ------------------------------------------------------------------ reports
 
     def report(self, detection: Detection) -> None:
-        """Take a fault that no watch finds, for the next cycle. Real-time safe."""
+        """Take a fault that no watch detects, for the next cycle. Real-time safe."""
         self._reported.append(detection)
 
     def take_reports(self) -> list[Detection]:
@@ -218,7 +218,7 @@ class Stage:
         return reported
 
     def note(self, event: StageEvent) -> None:
-        """Keep an event until it is taken. Real-time safe."""
+        """Store an event until it is taken. Real-time safe."""
         self._events.append(event)
 
     def take_events(self) -> list[StageEvent]:
@@ -229,7 +229,7 @@ class Stage:
     # ------------------------------------------------------------------ inside
 
     def _enter(self, state: State, before: State, t_ns: int) -> None:
-        """Do what belongs to a new state."""
+        """Perform the actions of a new state."""
         boundary = self.boundary
         boundary.open = state in DRIVEN
         boundary.withheld = self._held_by_request = False
@@ -238,7 +238,7 @@ class Stage:
                 axis.stay(t_ns)
         elif state in {State.RAMP, State.ESTOP}:
             for i, axis in enumerate(self.axes):
-                self._begin_ramp_at_output(i)
+                self._start_ramp_at_output(i)
                 axis.ramp_to(axis.config.safe_v)
         elif state not in _NOT_HELD:
             for axis in self.axes:
@@ -249,22 +249,22 @@ class Stage:
             self._was_driven = True
         if state is State.BLIND:
             self._driven_when_lost, self._memory_known = before in DRIVEN, False
-            self.output.lose(traceable=boundary.reads_back or boundary.tells_restart)
+            self.output.lose(traceable=boundary.reads_back or boundary.reports_restart)
         elif state not in {State.RAMP, State.ESTOP}:
             self.output.settle()
         if before is State.IDENT:
             self._sequence.clear()
 
-    def _begin_ramp_at_output(self, index: int) -> None:
-        """Begin a ramp at the read-back if the output has fallen towards the safe voltage.
+    def _start_ramp_at_output(self, index: int) -> None:
+        """Start a ramp at the read-back if the output has fallen towards the safe voltage.
 
-        A read-back farther from the safe voltage is ignored: no way down may begin with a step up,
-        and a single answer may be wrong.
+        A read-back farther from the safe voltage is ignored: no ramp may start with a step away
+        from it, and a single read-back may be wrong.
         """
-        axis, strayed_v = self.axes[index], self.watches[index].amplifier.strayed_v
+        axis, unexpected_v = self.axes[index], self.watches[index].amplifier.unexpected_v
         safe_v = axis.config.safe_v
-        if abs(strayed_v - safe_v) < abs(axis.live.in_force_v - safe_v):  # False for NaN
-            axis.track(strayed_v)
+        if abs(unexpected_v - safe_v) < abs(axis.law.in_force_v - safe_v):  # False for NaN
+            axis.track(unexpected_v)
             self.boundary.forget_sent(index)
 
     def _facts(self) -> Facts:

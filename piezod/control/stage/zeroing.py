@@ -6,47 +6,47 @@ from piezod.devices.interface import Sample
 
 
 class SensorZero:
-    """Holds the zeros, and finds new ones.
+    """Stores the sensor zeros and measures new ones. Real-time safe.
 
     Args:
         n_axes: Number of axes.
-        apply: Makes the devices count from these zeros, in µm as the sensors show them.
+        apply: Makes the devices use these zeros, in µm as the sensors show them.
     """
 
     def __init__(self, n_axes: int, apply: Callable[[Sequence[float]], None]) -> None:
         self._zero_um = [0.0] * n_axes
         self._apply = apply
-        self._running: _Mean | None = None
+        self._running: _RunningMean | None = None
         self.runs = False
-        """Whether an average is being taken."""
+        """Whether zeroing is in progress."""
 
     def um(self, axis: int) -> float:
-        """Return the zero of an axis, in µm as the sensor shows it. Real-time safe."""
+        """Return the zero of an axis, in µm as the sensor shows it."""
         return self._zero_um[axis]
 
     def set_um(self, axis: int, zero_um: float) -> None:
-        """Count the displacement of an axis from another sensor value. Real-time safe."""
+        """Set the zero of an axis, in µm as the sensor shows it."""
         self._zero_um[axis] = zero_um
         self._apply(self._zero_um)
 
     def begin(self, axes: Sequence[int], cycles: int, until_ns: int) -> None:
-        """Begin to average the samples of some axes. Real-time safe.
+        """Start to average the samples of some axes.
 
         Args:
-            axes: Indexes of the axes.
+            axes: Indices of the axes.
             cycles: Number of valid samples of each axis.
-            until_ns: Instant at which to give up.
+            until_ns: Instant at which zeroing is given up, in ns.
         """
-        self._running = _Mean(axes, len(self._zero_um), cycles, until_ns)
+        self._running = _RunningMean(axes, len(self._zero_um), cycles, until_ns)
         self.runs = True
 
     def advance(
         self, t_ns: int, samples: Sequence[Sample], *, at_rest: bool
     ) -> Sequence[int] | None:
-        """Take the samples of a cycle. Call once per cycle while it runs. Real-time safe.
+        """Take the samples of a cycle. Call once per cycle while `runs`.
 
         Returns:
-            The axes that have a new zero; None if zeroing was given up.
+            Axes that have a new zero; None if zeroing was given up.
         """
         running = self._running
         if running is None:
@@ -58,12 +58,13 @@ class SensorZero:
         if given_up:
             return None
         for axis in running.axes:
+            # The samples count from the present zero, so their mean is the change of the zero.
             self.set_um(axis, self._zero_um[axis] + running.mean_um(axis))
         return running.axes
 
 
-class _Mean:
-    """Averages the displacement of some axes over some cycles."""
+class _RunningMean:
+    """Averages the position of some axes over some cycles."""
 
     def __init__(self, axes: Sequence[int], n_axes: int, cycles: int, until_ns: int) -> None:
         self.axes, self._cycles, self.until_ns = tuple(axes), cycles, until_ns

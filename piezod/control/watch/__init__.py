@@ -1,1 +1,1 @@
-"""What looks for faults: values in, detections out."""
+"""Watches: each takes the values of one cycle and returns the faults that it detects."""

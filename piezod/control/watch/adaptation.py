@@ -1,7 +1,8 @@
-"""Watches what is learned on one axis, and the loop that is closed over it.
+"""Watches the adaptation of one axis, and the loop that the adaptation closes.
 
-Detects D1, D2, D5 and D6. That weights cannot be inverted (D3) the identifiers prevent themselves;
-what may not teach them (D4, D7) the gate keeps away and counts.
+Detects D1, D2, D5 and D6. D3 (weights without an inverse) cannot occur, because the identifiers
+prevent it. D4 and D7 (samples that must not be learned from) are left out and counted by the
+learning gate.
 """
 
 from collections.abc import Sequence
@@ -19,90 +20,94 @@ from piezod.hysteresis.online import Shadowed
 from piezod.units import NS_PER_S
 
 LEAST_AMPLITUDE: Final = 0.01
-"""An error counts from this part of the range on,"""
+"""Errors up to this share of the range never count as oscillation."""
 NOISE_SIGMAS: Final = 5.0
-"""and from so many standard deviations of the noise on."""
-PART_NS: Final = NS_PER_S // 10
-PART_CYCLES: Final = 20
-"""The time is cut into parts, the longer of the two."""
-PARTS, ALTERNATIONS = 5, 2
-"""A stage oscillates when the error alternates so often in each of so many parts in a row: what
-rings after a step has faded by then."""
+"""Errors up to this many standard deviations of the sensor noise do not count either."""
+SEGMENT_NS: Final = NS_PER_S // 10
+SEGMENT_CYCLES: Final = 20
+"""The time is divided into segments of 0.1 s or 20 cycles, whichever is longer."""
+SEGMENTS, ALTERNATIONS = 5, 2
+"""A stage oscillates if the error changes its sign at least this often in each of this many
+segments in a row. The ringing after a step fades before that."""
 
 
 class Oscillation:
-    """Watches one axis; fixed memory.
+    """Detects that one axis oscillates around a constant command. Fixed memory. Real-time safe.
 
     Args:
-        period_ns: Period of the loop.
+        period_ns: Period of the loop, in ns.
     """
 
     def __init__(self, period_ns: int) -> None:
-        self._part_cycles = max(PART_NS // period_ns, PART_CYCLES)
-        self._command = RecentRange(self._part_cycles)
-        self._cycles = self._alternations = self._parts = 0
+        self._segment_cycles = max(SEGMENT_NS // period_ns, SEGMENT_CYCLES)
+        self._command = RecentRange(self._segment_cycles)
+        self._cycles = self._alternations = self._segments = 0
         self._side = 0.0
         self.amplitude, self.limit = 0.0, LEAST_AMPLITUDE
-        """Largest error in the last part, and what is compared with; in units of the range."""
+        """Largest error in the last segment, and the limit for it; in units of the range."""
         self._largest = 0.0
 
     @property
     def found(self) -> bool:
         """Whether the stage oscillates."""
-        return self._parts >= PARTS
+        return self._segments >= SEGMENTS
 
     def forget(self) -> None:
-        """Begin anew; may be called in the loop."""
-        self._cycles = self._alternations = self._parts = 0
+        """Start again without any history."""
+        self._cycles = self._alternations = self._segments = 0
         self._side = self._largest = 0.0
         self._command.forget()
 
     def update(self, command: float, position: float, noise: float) -> None:
-        """Take a cycle; in units of the range, finite. May be called in the loop.
+        """Take one cycle; all arguments are finite and in units of the range.
 
         Args:
-            command: Displacement asked for.
-            position: Measured displacement.
-            noise: Standard deviation of its noise.
+            command: Command.
+            position: Measured position.
+            noise: Standard deviation of the noise of the position.
         """
         error = command - position
         self._command.add(command)
         limit = max(LEAST_AMPLITUDE, NOISE_SIGMAS * noise)
         if abs(error) > limit:
+            # Only errors beyond the limit count, so noise around zero makes no alternations.
             self._alternations += error * self._side < 0.0
             self._side = error
         self._largest = max(self._largest, abs(error))
         self._cycles += 1
-        if self._cycles == self._part_cycles:
+        if self._cycles == self._segment_cycles:
+            # A command that moves makes errors of both signs by itself: judge segments at rest
+            # only.
             alternates = self._alternations >= ALTERNATIONS and self._command.swing < limit
-            self._parts = min(self._parts + 1, PARTS) if alternates else 0
+            self._segments = min(self._segments + 1, SEGMENTS) if alternates else 0
             self.amplitude, self.limit = self._largest, limit
             self._cycles = self._alternations = 0
             self._largest = 0.0
 
 
-RESTORED: Final = 3
-RESTORED_NS: Final = 30 * NS_PER_S
-"""Going back to the last good model so often in so long is more than a disturbance that passed."""
+RESTORATIONS: Final = 3
+RESTORATION_WINDOW_NS: Final = 30 * NS_PER_S
+"""This many returns to the last good model within this time are more than a passing disturbance."""
 DRIFT_LIMIT: Final = 0.3
-"""The drive may differ by this part of its range from that of the identified model,"""
+"""Largest difference between the drives of the learned and the identified model, as a share of the
+range."""
 DRIFT_NS: Final = 10 * NS_PER_S
-"""and by more for so long."""
-MEASURED_NS: Final = NS_PER_S // 10
-"""How often that is measured."""
+"""The difference is a fault if it exceeds the limit for this long."""
+DRIFT_INTERVAL_NS: Final = NS_PER_S // 10
+"""Interval between two measurements of the difference, which takes a few µs."""
 
 _NOTHING: Final[Sequence[Detection]] = ()
 
 
 class AdaptationWatch:
-    """Watches one axis; fixed memory.
+    """Watches the adaptation of one axis. Fixed memory. Real-time safe.
 
     Args:
         axis: Index of the axis, for the detections.
-        adaptation: What learns, `identifier.adaptation`.
-        identified: The model that it started from; None for a stage not yet identified.
-        position_um: Range of the displacement.
-        period_ns: Period of the loop.
+        adaptation: The learning algorithm, `identifier.adaptation`.
+        identified: The model that learning started from; None if the stage is not yet identified.
+        position_um: Range of the displacement, in µm.
+        period_ns: Period of the loop, in ns.
     """
 
     def __init__(
@@ -116,35 +121,36 @@ class AdaptationWatch:
         self._axis, self._position_um = axis, position_um
         self._adaptation = adaptation
         self._shadowed = adaptation if isinstance(adaptation, Shadowed) else None
-        self._restored, self._restored_cycles = 0, [-inf] * RESTORED
+        self._restored, self._restored_cycles = 0, [-inf] * RESTORATIONS
         self._cycles = 0
-        self._patience_cycles = max(RESTORED_NS // period_ns, 1)
+        self._restoration_window_cycles = max(RESTORATION_WINDOW_NS // period_ns, 1)
         self._drift = ModelDrift(identified, adaptation) if identified is not None else None
-        self._measured_cycles = max(MEASURED_NS // period_ns, 1)
+        self._drift_interval_cycles = max(DRIFT_INTERVAL_NS // period_ns, 1)
         self._drift_cycles = max(DRIFT_NS // period_ns, 1)
-        self._cycle = self._drifted_cycles = 0
-        self._drifted, self._broken = 0.0, False
+        self._interval_cycles = self._drifted_cycles = 0
+        self._drifted, self._not_finite = 0.0, False
         self._oscillation = Oscillation(period_ns)
 
     def check(
         self, command_um: float, position_um: float, *, closed: bool, noise_um: float
     ) -> Sequence[Detection]:
-        """Return what is wrong with the adaptation; call it once in each cycle, in the loop.
+        """Return the faults of the adaptation in this cycle. Call once per cycle.
 
         Args:
-            command_um: Displacement asked for, NaN where there is none.
-            position_um: Measured displacement, NaN where the sample may not be used.
+            command_um: Command, in µm; NaN if there is none.
+            position_um: Measured position, in µm; NaN if the sample may not be used.
             closed: Whether the sample acts on the drive: mode `adaptive` or `trimmed`, in RUN.
-            noise_um: Standard deviation of the sensor's noise.
+            noise_um: Standard deviation of the sensor noise, in µm.
         """
         self._cycles += 1
-        self._cycle += 1
-        if self._cycle >= self._measured_cycles:
-            self._measure()
-        restored = self._keeps_restoring()
+        self._interval_cycles += 1
+        if self._interval_cycles >= self._drift_interval_cycles:
+            self._measure_drift()
+        restored = self._restored_too_often()
         if not closed:
             self._oscillation.forget()
-            return (Detection(Fault.D2, self._axis),) if self._broken else _NOTHING
+            # In an open loop the learned model does not act on the drive, so only NaN is reported.
+            return (Detection(Fault.D2, self._axis),) if self._not_finite else _NOTHING
         if isfinite(command_um) and isfinite(position_um):
             self._oscillation.update(
                 self._position_um.to_unit(command_um),
@@ -152,31 +158,34 @@ class AdaptationWatch:
                 noise_um / self._position_um.width,
             )
         drifted = self._drifted_cycles >= self._drift_cycles
-        if not (restored or drifted or self._broken or self._oscillation.found):
+        if not (restored or drifted or self._not_finite or self._oscillation.found):
             return _NOTHING
-        return self._found(restored, drifted)
+        return self._detections(restored, drifted)
 
-    def _keeps_restoring(self) -> bool:
-        """Return whether the last good model has now been restored once too often."""
+    def _restored_too_often(self) -> bool:
+        """Return whether the last good model was restored too often within the time limit."""
         if self._shadowed is None or self._shadowed.restored == self._restored:
             return False
         self._restored = self._shadowed.restored
         self._restored_cycles = [*self._restored_cycles[1:], self._cycles]
-        return self._cycles - self._restored_cycles[0] <= self._patience_cycles
+        return self._cycles - self._restored_cycles[0] <= self._restoration_window_cycles
 
-    def _measure(self) -> None:
+    def _measure_drift(self) -> None:
+        """Measure the difference between the learned and the identified model."""
         drifted = self._drift.measure() if self._drift else 0.0
-        self._broken = not isfinite(drifted + self._adaptation.offset + self._adaptation.scale)
+        # One NaN or infinity in the weights makes the sum not finite, too.
+        self._not_finite = not isfinite(drifted + self._adaptation.offset + self._adaptation.scale)
         over = drifted > DRIFT_LIMIT
-        self._drifted_cycles = self._drifted_cycles + self._cycle if over else 0
-        self._drifted, self._cycle = drifted, 0
+        self._drifted_cycles = self._drifted_cycles + self._interval_cycles if over else 0
+        self._drifted, self._interval_cycles = drifted, 0
 
-    def _found(self, restored: bool, drifted: bool) -> Sequence[Detection]:
+    def _detections(self, restored: bool, drifted: bool) -> Sequence[Detection]:
+        """Return the detections of a loop that is closed."""
         found = []
-        if self._broken:
+        if self._not_finite:
             found.append(Detection(Fault.D2, self._axis))
         if restored:
-            found.append(Detection(Fault.D1, self._axis, RESTORED, RESTORED - 1))
+            found.append(Detection(Fault.D1, self._axis, RESTORATIONS, RESTORATIONS - 1))
         if drifted:
             found.append(Detection(Fault.D5, self._axis, self._drifted, DRIFT_LIMIT))
         if self._oscillation.found:

@@ -1,4 +1,4 @@
-"""All that watches one axis, put together."""
+"""The watches of one axis, in one tuple."""
 
 from typing import NamedTuple
 
@@ -12,10 +12,10 @@ class AxisWatch(NamedTuple):
     """The watches of one axis.
 
     Attributes:
-        bus: Watches the way to the devices.
-        sensor: Watches what is measured.
-        amplifier: Watches what becomes of what is written.
-        adaptation: Watches what is learned.
+        bus: Watches the buses to the devices of the axis.
+        sensor: Watches the samples.
+        amplifier: Watches the writes and the read-back.
+        adaptation: Watches the identifier and the loop that it closes.
     """
 
     bus: BusWatch

@@ -1,7 +1,8 @@
-"""How far what was learned is from what was identified, as voltages and not as weights.
+"""Drift of the learned model from the identified one, as a difference of drives.
 
-Weights by themselves tell little: neighbours trade slope for slope. What counts is the drive that
-they ask for, all the way up the widest loop and down again.
+The weights alone say little, because neighbouring operators can exchange slope without an effect on
+their sum. This module compares the drives that both models request along the widest loop, up and
+down.
 """
 
 import numpy as np
@@ -11,24 +12,26 @@ from piezod.hysteresis.adaptation import AdaptiveIdentifier
 from piezod.hysteresis.bank import GAINS, advance_plays, new_bank_memory
 from piezod.hysteresis.memory import FloatArray
 
-_POINTS = 9
+_LEVELS = 9
 
 
 class ModelDrift:
-    """Compares one identifier with the model that it started from.
+    """Compares one identifier with the model that it started from. Real-time safe.
 
     Args:
         model: The identified model.
-        adaptation: What learns.
+        adaptation: The learning algorithm.
     """
 
     def __init__(self, model: StageModel, adaptation: AdaptiveIdentifier) -> None:
-        rise = np.linspace(0.0, 1.0, _POINTS)
+        rise = np.linspace(0.0, 1.0, _LEVELS)
         self._positions: FloatArray = np.concatenate((rise, rise[::-1]))
         memory = new_bank_memory(model.bank)
         rows = []
         for position in self._positions:
             advance_plays(memory, model.bank, 0.0, float(position))
+            # The factor of each weight in paper eq. (16): E_j - x = g_j (x - F_j), with the gains g
+            # of the bank.
             rows.append(model.bank[GAINS] * (position - memory.now))
         self._per_weight = np.array(rows)
         self._identified = model.weights.copy()
@@ -38,11 +41,13 @@ class ModelDrift:
         self._seen = np.empty_like(self._drives)
 
     def measure(self) -> float:
-        """Return by how much of its range the drive differs at most; NaN where a weight is NaN.
+        """Return the largest difference of the drives, as a share of the range.
 
-        Takes a few µs; may be called in the loop.
+        Takes a few µs. The result is NaN if a weight is NaN.
         """
         learned = self._adaptation
+        # The drive changes by the weights, by the scale in proportion to the position, and by the
+        # offset. Every result goes into an existing array, so that nothing is allocated.
         np.subtract(learned.weights, self._identified, out=self._moved)
         np.dot(self._per_weight, self._moved, out=self._drives)
         np.multiply(self._positions, learned.scale, out=self._seen)

@@ -1,7 +1,8 @@
-"""Whether a displacement follows the drive at all: S9, by two tests that no adaptation can fool.
+"""Tests whether the displacement follows the drive: S9. Adaptation cannot hide this fault.
 
-Where there is a model, a stage is between the branches of its widest loop, whatever its past. With
-or without one it goes up when the drive goes up, once a stride is long enough to tell.
+If there is a model, the position must lie between the branches of the widest loop, whatever the
+past of the stage. With or without a model, the position must rise if the drive rises, and fall if
+it falls, once a stride is long enough.
 """
 
 from math import copysign
@@ -13,11 +14,11 @@ from piezod.control.law.model import StageModel
 from piezod.control.signals import RecentRange
 from piezod.units import NS_PER_S
 
-_POINTS = 65
+_TABLE_SIZE = 65
 
 
 class Plausible:
-    """The widest loop of an identified stage, as a table; independent of what is learned later.
+    """The widest loop of an identified stage, as a table that no learning changes. Real-time safe.
 
     Args:
         model: The identified model.
@@ -26,7 +27,8 @@ class Plausible:
     def __init__(self, model: StageModel) -> None:
         rise = np.linspace(0.0, 1.0, 513)
         drives = model.inverse().run(np.concatenate((rise, rise[::-1])))
-        grid = np.linspace(0.0, 1.0, _POINTS)
+        grid = np.linspace(0.0, 1.0, _TABLE_SIZE)
+        # The inverse gives drives for positions; np.interp needs them to increase, to swap both.
         up = np.maximum.accumulate(drives[: rise.size])
         down = np.maximum.accumulate(drives[rise.size :][::-1])
         one, other = np.interp(grid, up, rise), np.interp(grid, down, rise)
@@ -35,46 +37,48 @@ class Plausible:
         self._drive_v = model.drive_v
 
     def bounds(self, low_v: float, high_v: float) -> tuple[float, float]:
-        """Return between what a stage is while its drive is between two finite voltages.
+        """Return the range of positions that a stage can have while its drive is in a range.
 
-        May be called in the loop.
+        Args:
+            low_v: Lowest drive, finite, in V.
+            high_v: Highest drive, finite, in V.
 
         Returns:
-            Lowest and highest displacement without creep, in units of the model's range.
+            Lowest and highest position without creep, in units of the model's range.
         """
         return self._at(low_v, self._low), self._at(high_v, self._high)
 
     def _at(self, drive_v: float, table: list[float]) -> float:
-        place = min(max(self._drive_v.to_unit(drive_v), 0.0), 1.0) * (_POINTS - 1)
-        index = min(int(place), _POINTS - 2)
+        place = min(max(self._drive_v.to_unit(drive_v), 0.0), 1.0) * (_TABLE_SIZE - 1)
+        index = min(int(place), _TABLE_SIZE - 2)
         return table[index] + (table[index + 1] - table[index]) * (place - index)
 
 
 MARGIN: Final = 0.1
-"""So far beyond the widest loop, in parts of the range, creep, drift and a load may take a stage;
-an offset of the sensor or a wrong gain takes it farther."""
-OUTSIDE_CYCLES: Final = 20
-OUTSIDE_NS: Final = NS_PER_S // 100
-"""It is implausible after the longer of the two, less what rings back in between."""
+"""Creep, drift and a load may move a stage this far beyond the widest loop, as a share of the
+range. An offset of the sensor or a wrong gain moves it farther."""
+OUTSIDE_CYCLES, OUTSIDE_NS = 20, NS_PER_S // 100
+"""The position is implausible after this time outside, whichever is longer. Cycles inside count
+back."""
 STRIDE: Final = 0.02
-"""Part of the drive's range that a stride has at least."""
-STRIDE_CYCLES: Final = 20
-STRIDE_WINDOWS: Final = 4
-"""A stride lasts so many cycles and so many times what the stage takes to answer."""
+"""Shortest stride, as a share of the drive's range."""
+STRIDE_CYCLES, STRIDE_ANSWERS = 20, 4
+"""A stride lasts at least this many cycles, and this many response times of the stage."""
 TURNED: Final = 0.002
-"""A drive that goes back by this part of its range has turned: a new stride begins."""
+"""A drive that moves back by this share of its range has turned: a new stride begins."""
 AGAINST: Final = 0.005
-"""A stage that moves by this part of its range against the drive makes a wrong stride."""
+"""A stride is wrong if the position moves by this share of its range against the drive."""
 WRONG_STRIDES: Final = 3
+"""This many wrong strides in a row are a fault."""
 
 
 class FollowWatch:
-    """Watches one axis; fixed memory.
+    """Watches whether one axis follows its drive. Fixed memory. Real-time safe.
 
     Args:
-        plausible: The widest loop, None where it is not known.
-        window_cycles: What the stage takes to answer, in cycles.
-        period_ns: Period of the loop.
+        plausible: The widest loop; None if there is no model.
+        window_cycles: Response time of the stage, in cycles.
+        period_ns: Period of the loop, in ns.
     """
 
     def __init__(
@@ -84,83 +88,88 @@ class FollowWatch:
         period_ns: int,
     ) -> None:
         self._plausible = plausible
-        self._enough = max(OUTSIDE_CYCLES, OUTSIDE_NS // period_ns)
-        self._outside = 0
-        self._strides = _Strides(max(STRIDE_CYCLES, STRIDE_WINDOWS * window_cycles))
+        self._limit_cycles = max(OUTSIDE_CYCLES, OUTSIDE_NS // period_ns)
+        self._outside_cycles = 0
+        self._strides = _Strides(max(STRIDE_CYCLES, STRIDE_ANSWERS * window_cycles))
         self.measured, self.limit = 0.0, MARGIN
-        """How far beyond the widest loop it was last, or against the drive, in units of the range;
-        and what would have been allowed."""
+        """Last distance beyond the widest loop, or against the drive, and its limit; in units of
+        the range."""
 
     def update(self, position: float, drive: float, recent_v: RecentRange, noise: float) -> bool:
-        """Take a credible displacement; return whether it is implausible; call it in the loop.
+        """Take the position of a cycle; return whether it is implausible. Call once per cycle.
 
         Args:
-            position: Displacement, in units of its range.
-            drive: Drive in force, in units of its range.
-            recent_v: The voltages in force while the stage answered.
-            noise: Standard deviation of the displacement's noise, in units of the range.
+            position: Credible position, in units of its range.
+            drive: Voltage in force, in units of its range.
+            recent_v: The voltages in force during the response time.
+            noise: Standard deviation of the noise of the position, in units of the range.
         """
         against = self._strides.update(position, drive, noise)
         if self._plausible is not None:
             low, high = self._plausible.bounds(recent_v.low, recent_v.high)
             beyond = max(low - position, position - high)
             if beyond <= MARGIN:
-                self._outside = max(self._outside - 2, 0)
+                # Leave twice as fast as enter: noise at the limit never adds up to a fault.
+                self._outside_cycles = max(self._outside_cycles - 2, 0)
             else:
-                self._outside = min(self._outside + 1, self._enough)
+                self._outside_cycles = min(self._outside_cycles + 1, self._limit_cycles)
                 self.measured, self.limit = beyond, MARGIN
-            if self._outside >= self._enough:
+            if self._outside_cycles >= self._limit_cycles:
                 return True
         if against:
             self.measured, self.limit = self._strides.against, AGAINST
         return against
 
     def forget(self) -> None:
-        """Begin anew: the stage is not driven; may be called in the loop."""
-        self._outside = 0
+        """Start again: the stage is not driven."""
+        self._outside_cycles = 0
         self._strides.forget()
 
 
 class _Strides:
-    """Compares which way drive and displacement go, stride by stride.
+    """Compares the directions of drive and position, stride by stride.
 
     Args:
-        cycles: How long a stride lasts at least.
+        cycles: Shortest duration of a stride.
     """
 
     def __init__(self, cycles: int) -> None:
-        self._least_cycles = cycles
+        self._min_cycles = cycles
         self.against = 0.0
-        """How far the last wrong stride went against the drive, in units of the range."""
+        """Distance of the last wrong stride against the drive, in units of the range."""
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Start again."""
         self._cycles = -1
-        self._wrong = 0
+        self._wrong_strides = 0
         self._start_drive = self._start = self._farthest = 0.0
 
     def update(self, position: float, drive: float, noise: float) -> bool:
-        """Take a cycle; return whether several strides in a row went wrong."""
+        """Take a cycle; return whether the last strides were wrong."""
         moved = drive - self._start_drive
         turned = abs(moved) < abs(self._farthest) - TURNED or moved * self._farthest < 0.0
-        rests = self._cycles >= self._least_cycles and abs(self._farthest) < TURNED
-        if self._cycles < 0 or turned or rests:  # at rest it creeps, either way
+        rests = self._cycles >= self._min_cycles and abs(self._farthest) < TURNED
+        if self._cycles < 0 or turned or rests:  # at rest, creep may go either way
             self._begin(position, drive)
-            return self._wrong >= WRONG_STRIDES
+            return self._wrong_strides >= WRONG_STRIDES
         self._cycles += 1
         if abs(moved) > abs(self._farthest):
             self._farthest = moved
-        if self._cycles >= self._least_cycles and abs(moved) >= STRIDE:
+        if self._cycles >= self._min_cycles and abs(moved) >= STRIDE:
             along = copysign(1.0, moved) * (position - self._start)
-            # Both ends have noise: each may be off by four standard deviations.
+            # Both ends of the stride have noise: each may be off by four standard deviations.
             if along < -(AGAINST + 8.0 * noise):
-                self._wrong, self.against = min(self._wrong + 1, WRONG_STRIDES), -along
+                self._wrong_strides, self.against = (
+                    min(self._wrong_strides + 1, WRONG_STRIDES),
+                    -along,
+                )
             else:
-                self._wrong = 0
+                self._wrong_strides = 0
             self._begin(position, drive)
-        return self._wrong >= WRONG_STRIDES
+        return self._wrong_strides >= WRONG_STRIDES
 
     def _begin(self, position: float, drive: float) -> None:
+        """Begin a stride here."""
         self._cycles, self._farthest = 0, 0.0
         self._start_drive, self._start = drive, position

@@ -1,7 +1,7 @@
-"""Watches the loop itself: cycles that were missed, clocks that jumped.
+"""Watches the loop itself: missed cycles, and clocks that jump.
 
-Detects L1, L2, L4, L5 and L7. Counted is in periods that were lost, by skipping or by a cycle that
-took longer than its period.
+Detects L1, L2, L4, L5 and L7. The unit is the lost period: a period was skipped, or a cycle took
+longer than its period.
 """
 
 from collections.abc import Sequence
@@ -13,34 +13,33 @@ from piezod.control.signals import LeakyBucket
 from piezod.units import NS_PER_S
 
 LONG_GAP_PERIODS: Final = 5
-"""Skipped at once: what was planned is no longer true."""
+"""Periods skipped at once from which on L2 is reported: the planned motion no longer holds."""
 PAUSE_PERIODS: Final = 20
-"""Skipped at once: the process or the machine stood still."""
+"""Periods skipped at once from which on L5 is reported: the process or the machine stood still."""
 SUSPENDED_NS: Final = NS_PER_S // 10
-"""The machine was suspended when BOOTTIME gains so much on MONOTONIC between two cycles."""
+"""The machine was suspended if BOOTTIME gains this much on MONOTONIC between two cycles."""
 WALL_CLOCK_JUMP_NS: Final = NS_PER_S // 2
-"""The wall clock was set when REALTIME moves so much against MONOTONIC between two cycles."""
-WINDOW_S: Final = 10.0
-LEAST_WINDOW_CYCLES: Final = 1000
-"""Shares are taken over the longer of the two."""
+"""The wall clock was set if REALTIME moves this much against MONOTONIC between two cycles."""
+WINDOW_S, MIN_WINDOW_CYCLES = 10.0, 1000
+"""Shares of lost and late periods are taken over the longer of the two."""
 LATE_PART: Final = 0.5
-"""A cycle that begins later than this part of its period counts as late."""
+"""A cycle is late if it begins later than this share of its period after its deadline."""
 LATE_SHARE, LOST_SHARE = 0.01, 0.05
-"""Shares of late and of lost periods that are faults: L7, and L2."""
+"""Largest shares of late and of lost periods: more is L7, and L2."""
 
 _PARTS = 20  # the window slides by a twentieth of its length
 _NOTHING: Final[Sequence[Detection]] = ()
 
 
 class CycleTiming(NamedTuple):
-    """How punctual a cycle is; told by the loop, which has the clocks.
+    """Timing of one cycle, reported by the loop, which has the clocks.
 
     Attributes:
-        late_ns: How long after its deadline the cycle began.
-        skipped: Whole periods skipped just before it.
-        busy_ns: How long the cycle before it took.
-        wall_offset_ns: CLOCK_REALTIME minus CLOCK_MONOTONIC.
-        boot_offset_ns: CLOCK_BOOTTIME minus CLOCK_MONOTONIC.
+        late_ns: Time from the deadline to the begin of the cycle, in ns.
+        skipped: Whole periods skipped just before the cycle.
+        busy_ns: Duration of the cycle before, in ns.
+        wall_offset_ns: CLOCK_REALTIME minus CLOCK_MONOTONIC, in ns.
+        boot_offset_ns: CLOCK_BOOTTIME minus CLOCK_MONOTONIC, in ns.
     """
 
     late_ns: int
@@ -51,26 +50,27 @@ class CycleTiming(NamedTuple):
 
 
 class LoopWatch:
-    """Watches one loop; fixed memory.
+    """Watches one loop. Fixed memory. Real-time safe.
 
     Args:
-        period_ns: Period of the loop.
+        period_ns: Period of the loop, in ns.
     """
 
     def __init__(self, period_ns: int) -> None:
         self._period_ns = period_ns
         self._late_ns = round(LATE_PART * period_ns)
-        cycles = max(round(WINDOW_S * NS_PER_S / period_ns), LEAST_WINDOW_CYCLES)
+        cycles = max(round(WINDOW_S * NS_PER_S / period_ns), MIN_WINDOW_CYCLES)
         self._lost, self._late = _Share(cycles), _Share(cycles)
         self._overruns = LeakyBucket()
         self._clocks: tuple[int, int] | None = None
 
     def check(self, timing: CycleTiming) -> Sequence[Detection]:
-        """Return what is wrong with the loop in this cycle; call it first in each cycle.
+        """Return the faults of the loop in this cycle. Call once per cycle, first.
 
-        Measured and limit are periods for L1 and for a gap (L2, L5), a share of the periods for L2
-        and L7 where it lasts, and s for L4 and a suspended machine (L5).
+        `measured` and `limit` are periods for L1 and for a gap (L2, L5). They are shares of the
+        periods for L2 and L7 over the window, and seconds for L4 and for a suspended machine (L5).
         """
+        # A cycle that overran loses periods even if none was skipped yet.
         lost = max(timing.skipped, timing.busy_ns // self._period_ns)
         late = lost > 0 or timing.late_ns > self._late_ns
         lost_share = self._lost.add(lost)
@@ -93,6 +93,7 @@ class LoopWatch:
         return found
 
     def _jumps(self, timing: CycleTiming) -> Sequence[Detection]:
+        """Return the faults of clocks that jumped since the cycle before."""
         before, now = self._clocks, (timing.wall_offset_ns, timing.boot_offset_ns)
         if before == now:
             return _NOTHING
@@ -101,7 +102,7 @@ class LoopWatch:
             return _NOTHING
         found = []
         wall_ns, boot_ns = abs(now[0] - before[0]), now[1] - before[1]
-        # A machine that wakes up finds its wall clock ahead by as long as it slept: that is L5.
+        # After a suspend the wall clock has jumped by the length of the sleep. That is L5 only.
         if boot_ns > SUSPENDED_NS:
             found.append(_in_seconds(Fault.L5, boot_ns, SUSPENDED_NS))
         elif wall_ns > WALL_CLOCK_JUMP_NS:
@@ -114,10 +115,10 @@ def _in_seconds(fault: Fault, measured_ns: int, limit_ns: int) -> Detection:
 
 
 class _Share:
-    """How large a part of the last periods was bad, over a window that slides by parts.
+    """Share of bad periods among the last ones, over a window that slides by parts.
 
     Args:
-        cycles: Length of the window.
+        cycles: Length of the window, in cycles.
     """
 
     def __init__(self, cycles: int) -> None:
@@ -127,7 +128,7 @@ class _Share:
         self._part = self._filled = self._sum = 0
 
     def add(self, bad: int) -> float:
-        """Take the bad periods of this cycle; return their share of the window's length."""
+        """Take the bad periods of this cycle; return their share of the window."""
         if self._filled == self._part_cycles:
             self._part = (self._part + 1) % _PARTS
             self._sum -= self._parts[self._part]

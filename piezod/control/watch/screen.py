@@ -1,10 +1,12 @@
-"""Which samples may be used: S2 to S8, S11 and S12.
+"""Decides which samples may be used, and detects S2 to S8, S11 and S12.
 
-A sample that may not be used is left out in its own cycle. That it is a fault is said later, when a
-few came in a row or a bucket has tripped. A displacement jumps if it moved by more than noise and
-drive can explain. What the drive can explain is taken wide: a few times what it moved by while the
-stage answered, and fading from there as fast as the stage stops ringing. The noise is learned where
-what is asked for hardly bends, or has not for a while, so that no motion is taken for noise.
+A bad sample is dropped in its own cycle. It becomes a fault later, if several come in a row or if a
+bucket trips.
+
+A jump is a change of position that neither noise nor drive can explain. The part that the drive can
+explain is estimated generously: a multiple of the drive's motion during the response time, which
+decays as slowly as the stage rings. The noise is learned only while the command hardly bends, so
+that no motion is mistaken for noise.
 """
 
 from collections.abc import Sequence
@@ -20,26 +22,26 @@ from piezod.hysteresis.normalisation import AffineRange
 from piezod.units import NS_PER_S
 
 RANGE_MARGIN: Final = 0.2
-"""A displacement so far outside its range, in parts of it, is not physical."""
+"""A position farther outside its range than this share of the range is not physical."""
 IN_A_ROW: Final = 3
-"""So many samples in a row out of range, saturated or without light are a fault."""
-LATE_PERIODS: Final = 1.5
-LATE_CYCLES: Final = 20
-"""Samples that are older than this for so many cycles are a fault."""
+"""This many samples in a row that are out of range, saturated or without light are a fault."""
+LATE_PERIODS, LATE_CYCLES = 1.5, 20
+"""Samples older than this many periods, in this many cycles in a row, are a fault."""
 TOO_LATE_PERIODS: Final = 3
-"""A sample older than this may not be used; so long without one is a fault."""
+"""An older sample, in periods, may not be used. A longer time without a usable sample is a
+fault."""
 
 _NOTHING: Final[Sequence[Detection]] = ()
 
 
 class SampleScreen:
-    """Screens the samples of one sensor; fixed memory.
+    """Screens the samples of one sensor. Fixed memory. Real-time safe.
 
     Args:
         axis: Index of the axis, for the detections.
-        position_um: Range of the displacement.
-        latency_ns: How old a sample of this sensor is at best.
-        period_ns: Period of the loop.
+        position_um: Range of the displacement, in µm.
+        latency_ns: Smallest age of a sample of this sensor, in ns.
+        period_ns: Period of the loop, in ns.
     """
 
     def __init__(
@@ -54,17 +56,17 @@ class SampleScreen:
         self._usable_ns: int | None = None
         self._cause: Fault | None = None
         self._in_a_row = self._missing = 0
-        self._not_numbers, self._disordered = LeakyBucket(), LeakyBucket()
-        self._troubled = self._tripped = False
+        self._nan_bucket, self._order_bucket = LeakyBucket(), LeakyBucket()
+        self._counting = self._tripped = False
         self.usable = False
         """Whether the last sample may be used."""
 
     def check(
         self, t_ns: int, sample: Sample, flags: Flags, *, driven: bool
     ) -> Sequence[Detection]:
-        """Return what is wrong with a sample, or with those before it; call it in the loop.
+        """Return the faults of this sample and of those before it. Call once per cycle.
 
-        A stage that is not driven may not even be zeroed yet: its samples may be anywhere.
+        If the stage is not driven, the sensor may not be zeroed yet, and any position is allowed.
         """
         cause = self._find_cause(t_ns, sample, flags)
         if cause is Fault.S3 and not driven:
@@ -73,18 +75,19 @@ class SampleScreen:
         self.usable = not cause or (late and t_ns - sample.t_ns <= self._too_late_ns)
         if self.usable or self._usable_ns is None:
             self._usable_ns = t_ns
-        if not (cause or self._troubled):
+        if not (cause or self._counting):
             return _NOTHING
-        self._count(cause)
-        return self._judge(t_ns, sample)
+        self._count_cause(cause)
+        return self._faults(t_ns, sample)
 
     def _find_cause(self, t_ns: int, sample: Sample, flags: Flags) -> Fault | None:
+        """Return the fault that this sample alone would be; None if it is good."""
         taken_ns, position_um, valid = sample
         if flags and (flagged := _flagged(flags)):
             return flagged
         if not valid:
             return Fault.S5
-        if position_um - position_um != 0.0:  # infinite or not a number: time stands still for it
+        if position_um - position_um != 0.0:  # infinity or NaN; its time stamp does not count
             return Fault.S2
         newest_ns = self._newest_ns
         if taken_ns > t_ns or (newest_ns is not None and taken_ns <= newest_ns):
@@ -94,27 +97,29 @@ class SampleScreen:
             return Fault.S6 if t_ns - taken_ns > self._late_ns else None
         return Fault.S3
 
-    def _count(self, cause: Fault | None) -> None:
+    def _count_cause(self, cause: Fault | None) -> None:
+        """Count equal causes in a row, samples that are missing, and errors in the buckets."""
         self._in_a_row = self._in_a_row + 1 if cause and cause == self._cause else 1
         self._cause = cause
         self._missing = 0 if self.usable else self._missing + 1
-        self._tripped = self._not_numbers.update(cause is Fault.S2)
-        self._tripped |= self._disordered.update(cause is Fault.S11)
-        self._troubled = bool(cause or self._not_numbers.level or self._disordered.level)
+        self._tripped = self._nan_bucket.update(cause is Fault.S2)
+        self._tripped |= self._order_bucket.update(cause is Fault.S11)
+        self._counting = bool(cause or self._nan_bucket.level or self._order_bucket.level)
 
-    def _judge(self, t_ns: int, sample: Sample) -> Sequence[Detection]:
-        cause, many = self._cause, self._in_a_row >= IN_A_ROW
+    def _faults(self, t_ns: int, sample: Sample) -> Sequence[Detection]:
+        """Return the fault that has lasted long enough, the most specific one first."""
+        cause, repeated = self._cause, self._in_a_row >= IN_A_ROW
         none_left = self._missing > TOO_LATE_PERIODS
         found: Sequence[Detection] = _NOTHING
         if cause is Fault.S2 and (self._tripped or none_left):
             found = (Detection(Fault.S2, self._axis),)
         elif cause is Fault.S11 and (self._tripped or none_left):
             found = (self._in_seconds(Fault.S11, sample.t_ns - (self._newest_ns or 0), 0),)
-        elif cause is Fault.S3 and many:
+        elif cause is Fault.S3 and repeated:
             low = sample.position_um < self._low_um
             limit_um = self._low_um if low else self._high_um
             found = (Detection(Fault.S3, self._axis, sample.position_um, limit_um),)
-        elif cause in (Fault.S7, Fault.S8) and many:
+        elif cause in (Fault.S7, Fault.S8) and repeated:
             found = (Detection(cause, self._axis),)
         elif none_left:
             since_ns = self._usable_ns or t_ns
@@ -128,45 +133,48 @@ class SampleScreen:
 
 
 def _flagged(flags: Flags) -> Fault | None:
+    """Return the fault that the flags of a sensor mean; None without one."""
     if DeviceFlag.LOW_LIGHT in flags:
         return Fault.S8
     return Fault.S7 if DeviceFlag.SATURATED in flags else None
 
 
 JUMP_SIGMAS: Final = 8.0
-"""A jump exceeds the noise of both displacements by so many standard deviations,"""
+"""A jump exceeds the sum of three terms. First, this many standard deviations of the noise of both
+positions."""
 LEAST_JUMP: Final = 0.005
-"""and this part of the range,"""
-PER_SWING: Final = 3.0
-"""and so many times what the drive moved by: no stage answers that strongly."""
+"""Second, this share of the range."""
+REACH_PER_SWING: Final = 3.0
+"""Third, this multiple of the drive's motion, both in units of their range: no stage reacts more
+strongly."""
 SPIKE_SAMPLES: Final = 2
-"""So many samples in a row are left out as spikes; what comes then is where the stage is."""
+"""This many samples in a row are dropped as spikes; the next one is the new position."""
 STEADY_SIGMAS: Final = 0.5
-"""The noise is learned while what the wish's second difference can do to that of the displacement
-is less than so many standard deviations of it."""
+"""The noise is learned while the second difference of the reference moves the second difference of
+the position by less than this many standard deviations."""
 LEARNED_CYCLES: Final = 5000
-"""Before that it is not known what noise is usual."""
-EXCESS: Final = 5.0
-"""So many times its usual amplitude, noise is in excess."""
+"""The usual noise is unknown before this many cycles of learning."""
+EXCESS_FACTOR: Final = 5.0
+"""The noise is a fault if its amplitude exceeds the usual one by this factor."""
 
 
 class JumpWatch:
-    """Watches one axis; fixed memory.
+    """Detects jumps of one position signal and learns its noise. Fixed memory. Real-time safe.
 
     Args:
-        ringing_ns: How fast the stage stops ringing: to a third in this time.
-        period_ns: Period of the loop.
+        ringing_ns: Decay time of the ringing of the stage, to a third, in ns.
+        period_ns: Period of the loop, in ns.
     """
 
     def __init__(self, ringing_ns: int, period_ns: int) -> None:
-        self._fade = exp(-period_ns / ringing_ns)
+        self._decay = exp(-period_ns / ringing_ns)
         self._reach = self._bend = 0.0
-        self._wish_before, self._wish = nan, nan
+        self._reference_before, self._reference = nan, nan
         self._steady, self._learned_cycles = False, 0
-        self._last, self._spikes = nan, 0
+        self._last_position, self._spikes = nan, 0
         self._noise = NoiseLevel()
         self.jump, self.allowed = 0.0, 0.0
-        """How far the last displacement was from the one before, and how far is no jump."""
+        """Distance between the last two positions, and the largest distance that is no jump."""
 
     @property
     def noise(self) -> float:
@@ -175,52 +183,55 @@ class JumpWatch:
 
     @property
     def excess(self) -> float:
-        """How many times its usual amplitude the noise has; 1 until that is known."""
+        """Amplitude of the noise over the usual one; 1 until the usual one is known."""
         return sqrt(self._noise.excess) if self._learned_cycles >= LEARNED_CYCLES else 1.0
 
-    def move(self, wish: float, swing: float) -> None:
-        """Take what moves the stage; may be called in the loop, once in each cycle.
+    def move(self, reference: float, swing: float) -> None:
+        """Take the motion of this cycle. Call once per cycle.
 
         Args:
-            wish: Where it is asked to be: the command where there is one, as the drive has the
-                sensor's own noise in it; else the drive; in units of its range.
-            swing: By how much the drive moved while the stage answered, likewise.
+            reference: Position that the stage should follow, in units of its range. That is the
+                command if there is one, because the drive contains the sensor noise; otherwise the
+                drive.
+            swing: Motion of the drive during the response time, in units of its range.
         """
-        bend = abs(wish - 2.0 * self._wish + self._wish_before)
-        self._wish_before, self._wish = self._wish, wish
-        self._reach = max(PER_SWING * swing, self._reach * self._fade)
-        self._bend *= self._fade
-        self._bend = max(self._bend, PER_SWING * bend)  # in this order: it may not be a number yet
+        bend = abs(reference - 2.0 * self._reference + self._reference_before)
+        self._reference_before, self._reference = self._reference, reference
+        self._reach = max(REACH_PER_SWING * swing, self._reach * self._decay)
+        self._bend *= self._decay
+        # This order of the arguments keeps the old value if `bend` is NaN.
+        self._bend = max(self._bend, REACH_PER_SWING * bend)
 
     def update(self, position: float) -> int:
-        """Take a displacement, in units of the range; may be called in the loop.
+        """Take a position, in units of the range.
 
         Returns:
-            The spikes in a row that this is the last of; one more than `SPIKE_SAMPLES` where it is
-            a jump to stay; 0 where all is well.
+            Number of spikes in a row, this one included. `SPIKE_SAMPLES` plus one is a jump to a
+            new position; 0 means that the position is good.
         """
         self._learn(position)
-        self.jump = abs(position - self._last)
+        self.jump = abs(position - self._last_position)
         self.allowed = LEAST_JUMP + self._reach + JUMP_SIGMAS * sqrt(2.0 * self._noise.variance)
         if not self.jump > self.allowed:
-            self._last, self._spikes = position, 0
+            self._last_position, self._spikes = position, 0
             return 0
         self._spikes += 1
         count = self._spikes
         if count > SPIKE_SAMPLES:
-            self._last, self._spikes = position, 0
+            self._last_position, self._spikes = position, 0
         return count
 
     def missed(self) -> None:
-        """Learn that there is no displacement in this cycle; may be called in the loop."""
-        self._last, self._spikes = nan, 0
+        """Note that this cycle has no usable position."""
+        self._last_position, self._spikes = nan, 0
 
     def _learn(self, position: float) -> None:
+        """Learn the noise from this position if the stage does not accelerate."""
         noise = self._noise
         before, self._steady = self._steady, self._bend < STEADY_SIGMAS * sqrt(noise.variance)
         if not self._steady:
             return
         if not before:
-            noise.update(nan)  # what was before the motion is no neighbour
+            noise.update(nan)  # the sample before the motion is no neighbour
         noise.update(position)
         self._learned_cycles = min(self._learned_cycles + 1, LEARNED_CYCLES)

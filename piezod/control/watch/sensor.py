@@ -1,7 +1,7 @@
-"""Watches the sensor of one axis, and says which of its samples may be used.
+"""Watches the sensor of one axis, and decides which of its samples may be used.
 
-Detects S1 to S9 and S11 to S13. Some of them are single cycles, some only trip a bucket or a count:
-whichever it is, a sample that is wrong is not used in the very cycle in which it comes.
+Detects S1 to S9 and S11 to S13. Some faults need one cycle, others a count or a bucket. In either
+case a bad sample is dropped in the cycle in which it comes.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from piezod.control.signals import (
     StuckSensor,
 )
 from piezod.control.watch.follow import FollowWatch, Plausible
-from piezod.control.watch.screen import EXCESS, SPIKE_SAMPLES, JumpWatch, SampleScreen
+from piezod.control.watch.screen import EXCESS_FACTOR, SPIKE_SAMPLES, JumpWatch, SampleScreen
 from piezod.devices.interface import Sample
 from piezod.devices.status import Flags
 from piezod.errors import ModelError
@@ -28,28 +28,28 @@ from piezod.hysteresis.normalisation import AffineRange
 from piezod.units import s_to_ns
 
 ANSWER_NS: Final = 5_000_000
-"""What a stage of which no mode is known takes to answer, beyond its delay."""
+"""Response time of a stage whose first mode is unknown, beyond its delay."""
 RINGING_NS: Final = 30_000_000
-"""How fast a stage stops ringing, at least: to a third in this time."""
-STEP: Final = 0.05
-"""A displacement that has jumped to stay, by so much of its range more than can be explained, is
-wrong: the sensor has slipped, or something hit the stage."""
+"""Shortest decay time of the ringing, to a third, that is assumed."""
+LASTING_JUMP: Final = 0.05
+"""A lasting jump that exceeds the allowed one by this share of the range is a fault: the sensor has
+slipped, or something hit the stage."""
 STUCK_SWING: Final = 0.02
-"""Samples are stuck when the drive moves meanwhile by more than this part of its range."""
+"""Equal samples are stuck if the drive moves meanwhile by more than this share of its range."""
 
 _NOTHING: Final[Sequence[Detection]] = ()
 
 
 class WatchedSensor(NamedTuple):
-    """What is known of a sensor and of the stage that it measures.
+    """Properties of a sensor and of the stage that it measures.
 
     Attributes:
-        drive_v: Range of the drive.
-        position_um: Range of the displacement that belongs to it.
-        plausible: Where the stage can be at a voltage; None where there is no model.
-        latency_ns: How old a sample is at best, by its time stamp.
-        answer_ns: How long after the drive the stage is where it goes, but for ringing.
-        ringing_ns: How fast it stops ringing: to a third in this time.
+        drive_v: Range of the drive, in V.
+        position_um: Range of the displacement for that drive, in µm.
+        plausible: Positions that are possible at a voltage; None without a model.
+        latency_ns: Smallest age of a sample, by its time stamp, in ns.
+        answer_ns: Time until the stage has followed the drive, ringing left aside, in ns.
+        ringing_ns: Decay time of the ringing, to a third, in ns.
     """
 
     drive_v: AffineRange
@@ -61,20 +61,21 @@ class WatchedSensor(NamedTuple):
 
     @classmethod
     def of(cls, config: AxisConfig, model: StageModel | None) -> Self:
-        """Return what a configuration and a model tell.
+        """Return the properties that follow from a configuration and a model.
 
         Args:
-            config: Of the axis.
-            model: Its model, counted from the same zero as the samples will be. Without one the
-                range of the commands says roughly where the stage can be.
+            config: Configuration of the axis.
+            model: Model of the axis, with the same zero as the samples. Without a model, the range
+                of the commands tells roughly where the stage can be.
 
         Raises:
-            ModelError: If there is neither.
+            ModelError: If there is neither a model nor a command range.
         """
         drive_v = AffineRange(config.limits.drive_min_v, config.limits.drive_max_v)
         answer_ns, ringing_ns = ANSWER_NS, RINGING_NS
         if mode := config.first_mode:
             answer_ns = s_to_ns(1.0 / mode.frequency_hz)
+            # The amplitude decays as exp(-ζ ω t): after 1.5 time constants to 0.22, below a third.
             fades_ns = s_to_ns(1.5 / (2.0 * pi * mode.frequency_hz * mode.damping))
             ringing_ns = max(ringing_ns, fades_ns)
         if model is not None:
@@ -82,8 +83,10 @@ class WatchedSensor(NamedTuple):
             plausible = Plausible(model)
             return cls(drive_v, model.position_um, plausible, 0, answer_ns, ringing_ns)
         if config.command_range_um is None:
-            message = "a sensor is watched by a model or by a command range: there is neither"
+            message = "the axis has neither a model nor a command_range_um: set one of them"
             raise ModelError(message)
+        # The command range says nothing about the voltages that belong to it, so allow its width
+        # beyond.
         low_um, high_um = config.command_range_um
         width_um = high_um - low_um
         position_um = AffineRange(low_um - width_um, high_um + width_um)
@@ -91,17 +94,18 @@ class WatchedSensor(NamedTuple):
 
 
 class SensorWatch:
-    """Watches one sensor; fixed memory.
+    """Watches one sensor. Fixed memory. Real-time safe.
 
     Args:
         axis: Index of the axis, for the detections.
-        sensor: What is known of it.
-        period_ns: Period of the loop.
+        sensor: Properties of the sensor and of the stage.
+        period_ns: Period of the loop, in ns.
     """
 
     def __init__(self, axis: int, sensor: WatchedSensor, period_ns: int) -> None:
         self._axis = axis
         self._drive_v, self._position_um = sensor.drive_v, sensor.position_um
+        # Cycles of the response time, rounded up, and the present one.
         window = -(-sensor.answer_ns // period_ns) + 1
         self._screen = SampleScreen(axis, sensor.position_um, sensor.latency_ns, period_ns)
         self._jumps = JumpWatch(sensor.ringing_ns, period_ns)
@@ -109,7 +113,7 @@ class SensorWatch:
         self._recent_v = RecentRange(window)
         self._stuck, self._still = StuckSensor(STUCK_SWING), StillSensor()
         self.sample = Sample(0, float("nan"), False)
-        """The last sample, to be used downstream: invalid where it may not be."""
+        """The last sample for use by the control law; marked invalid if it may not be used."""
 
     def check(
         self,
@@ -122,19 +126,19 @@ class SensorWatch:
         driven: bool,
         needed: bool,
     ) -> Sequence[Detection]:
-        """Return what is wrong with the sensor; call it once in each cycle, after the read.
+        """Return the faults of the sensor. Call once per cycle, after the read.
 
-        May be called in the loop. After it, `sample` is the one to use.
+        Afterwards `sample` is the sample to use.
 
         Args:
-            t_ns: Instant of the cycle.
-            sample: As the device gave it.
-            flags: What the device says is the matter.
-            in_force_v: Voltage in force when the sample was taken, NaN where it is not known.
-            command_um: Displacement asked for, NaN where there is none.
-            driven: Whether this daemon drives the stage. If not, it is free to go anywhere, and may
-                not be zeroed yet: S1, S3, S4 and S9 are not judged.
-            needed: Whether the sample acts on the drive; where it does not, S13 stands for S1.
+            t_ns: Instant of the cycle, in ns.
+            sample: Sample from the device.
+            flags: Flags that the device reports.
+            in_force_v: Voltage in force when the sample was taken, in V; NaN if it is unknown.
+            command_um: Command, in µm; NaN if there is none.
+            driven: Whether this daemon drives the stage. If not, the stage may move freely, and its
+                sensor may not be zeroed yet: S1, S3, S4 and S9 are not reported.
+            needed: Whether the sample acts on the drive. If not, S13 is reported instead of S1.
         """
         found = self._screen.check(t_ns, sample, flags, driven=driven)
         known = self._take_drive(in_force_v, command_um)
@@ -147,41 +151,46 @@ class SensorWatch:
         spikes = self._jumps.update(position)
         self._still.update(position)
         if driven and known:
-            found = (*found, *self._judge(sample, position, in_force_v, spikes, needed))
+            found = (*found, *self._check_motion(sample, position, in_force_v, spikes, needed))
         else:
             self._follow.forget()
             self._stuck.forget()
-        if self._jumps.excess > EXCESS:
-            found = (*found, Detection(Fault.S12, self._axis, self._jumps.excess, EXCESS))
+        if self._jumps.excess > EXCESS_FACTOR:
+            found = (*found, Detection(Fault.S12, self._axis, self._jumps.excess, EXCESS_FACTOR))
         if self._still.still:
             found = (*found, Detection(Fault.S13, self._axis, self._still.samples, STILL_SAMPLES))
         return found
 
     @property
     def noise_um(self) -> float:
-        """Standard deviation of the sensor's noise."""
+        """Standard deviation of the sensor noise, in µm."""
         return self._jumps.noise * self._position_um.width
 
     def _take_drive(self, in_force_v: float, command_um: float) -> bool:
+        """Take the voltage in force; return whether it is known."""
         if in_force_v - in_force_v != 0.0:
             self._recent_v.forget()
             return False
         self._recent_v.add(in_force_v)
-        follows = command_um - command_um == 0.0
-        wish = (
-            self._position_um.to_unit(command_um) if follows else self._drive_v.to_unit(in_force_v)
+        has_command = command_um - command_um == 0.0
+        reference = (
+            self._position_um.to_unit(command_um)
+            if has_command
+            else self._drive_v.to_unit(in_force_v)
         )
-        self._jumps.move(wish, self._recent_v.swing / self._drive_v.width)
+        self._jumps.move(reference, self._recent_v.swing / self._drive_v.width)
         return True
 
-    def _judge(
+    def _check_motion(
         self, sample: Sample, position: float, in_force_v: float, spikes: int, needed: bool
     ) -> Sequence[Detection]:
+        """Return the faults of a usable sample while the stage is driven."""
         axis, width_um = self._axis, self._position_um.width
         if spikes:
             jump_um, allowed_um = self._jumps.jump * width_um, self._jumps.allowed * width_um
-            if spikes > SPIKE_SAMPLES and self._jumps.jump > self._jumps.allowed + STEP:
-                return (Detection(Fault.S9, axis, jump_um, allowed_um + STEP * width_um),)
+            if spikes > SPIKE_SAMPLES and self._jumps.jump > self._jumps.allowed + LASTING_JUMP:
+                return (Detection(Fault.S9, axis, jump_um, allowed_um + LASTING_JUMP * width_um),)
+            # The sample after the last allowed spike is accepted: the stage has really moved there.
             self.sample = Sample(sample.t_ns, sample.position_um, spikes > SPIKE_SAMPLES)
             return (Detection(Fault.S4, axis, jump_um, allowed_um),)
         drive = self._drive_v.to_unit(in_force_v)

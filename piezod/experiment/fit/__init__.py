@@ -1,1 +1,1 @@
-"""From a record to a model."""
+"""Identification: from a recorded drive and displacement to an inverse model."""

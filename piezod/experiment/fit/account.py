@@ -1,4 +1,4 @@
-"""The account of a fit that records and figures show."""
+"""The account of a fit, which records and figures show."""
 
 import numpy as np
 
@@ -10,19 +10,19 @@ from piezod.records.recording import Identification
 
 
 def account_of(fit: Fit, record: Record, *, axis: str, title: str) -> Identification:
-    """Return the record as it is, beside what the model predicts from it.
+    """Return a record and the prediction of the model from it.
 
-    A displacement answers to the voltage a delay before it, so that what is predicted from it is
-    moved there. Nothing is predicted in the run-in, nor at the end, where no later displacement was
+    A displacement belongs to the voltage one delay before it, so the prediction is shifted by that.
+    Nothing is predicted in the run-in, nor at the end, for which no later displacement was
     recorded.
 
     Args:
-        fit: The model.
-        record: What it was fitted to.
+        fit: The fit.
+        record: The record of the fit.
         axis: Name of the axis.
-        title: What the record is, for people.
+        title: Description of the record, for people.
     """
-    predicted_v = fit.predicted_v(fit.seen(record))
+    predicted_v = fit.predicted_v(fit.as_fitted(record))
     later_s = record.t_s + fit.model.delay_s
     at_drive_v = np.interp(later_s, record.t_s, predicted_v, right=np.nan)
     at_drive_v[~record.counted()] = np.nan
@@ -40,7 +40,7 @@ def account_of(fit: Fit, record: Record, *, axis: str, title: str) -> Identifica
 
 
 def parameters_of(model: StageModel) -> dict[str, FloatArray]:
-    """Return everything that makes a model, by name."""
+    """Return all parameters of a model, by name."""
     inverse = model.inverse()
     return {
         "right_stop_thresholds": inverse.right_stop_thresholds,

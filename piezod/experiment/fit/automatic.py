@@ -1,7 +1,7 @@
-"""Which model a record supports: candidates compared on what they were not fitted to.
+"""Chooses a model by cross-validation: candidates are compared on data they were not fitted to.
 
-Taken is the simplest one whose mean squared error lies within one standard error of the best one's
-(Breiman et al. 1984): what is better by less than chance makes it, is not worth more parameters.
+The choice is the simplest candidate whose mean squared error is within one standard error of the
+best one (Breiman et al. 1984). A difference that chance explains is not worth more parameters.
 """
 
 from collections.abc import Iterator
@@ -20,19 +20,19 @@ from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.record import Record
 
 ORDERS = (5, 8, 12, 19, 30)
-"""Operators on each side that are tried; 19 is the paper's."""
+"""Numbers of operators on each side that are tried; the paper has 19."""
 _SLOW_PARAMETERS = 3  # creep, offset, stretch
 REFERENCE_ORDER = 19
-"""Most operators of the model by which the delay is estimated."""
+"""Largest number of operators of the model that estimates the delay."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is not left to be chosen; None where it is.
+    """Fixed part of an automatic choice; None means free.
 
     Attributes:
         order: Operators on each side.
-        spacing: Where the thresholds are.
+        spacing: Position of the thresholds.
         creep: Whether creep is fitted.
     """
 
@@ -43,11 +43,11 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model that was tried.
+    """A candidate of the choice.
 
     Attributes:
-        fit: The fit to the whole record.
-        validation: How it predicts what it was not fitted to.
+        fit: Fit to the whole record.
+        validation: Errors of prediction on held-out data.
     """
 
     fit: Fit
@@ -55,20 +55,20 @@ class Candidate:
 
     @property
     def n_parameters(self) -> int:
-        """How many numbers were fitted."""
+        """Number of fitted parameters."""
         settings = self.fit.settings
         return 2 * settings.order + _SLOW_PARAMETERS * settings.creep
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What was tried, and what was taken.
+    """Result of an automatic choice.
 
     Attributes:
-        candidates: All, in the order they were tried.
-        best: The one with the least rms error.
-        taken: The simplest one that is as good.
-        limit_pct: Rms error up to which a model is as good as the best one.
+        candidates: All candidates, in the order of their fit.
+        best: The candidate with the smallest rms error.
+        taken: The simplest candidate that is as good.
+        limit_pct: Largest rms error that counts as good as the best, in %.
     """
 
     candidates: tuple[Candidate, ...]
@@ -80,16 +80,16 @@ class Choice:
 def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
     """Fit all candidates to a record and choose among them.
 
-    The delay is estimated once, so that all are compared on the same pairs of drive and
+    The delay is estimated once, so that all candidates are compared on the same pairs of drive and
     displacement.
 
     Args:
         record: Drive and displacement.
-        wanted: What is not left to be chosen.
-        delay_s: The delay in s; estimated if None.
+        wanted: Fixed part of the choice.
+        delay_s: Delay in s; estimated if None.
 
     Raises:
-        DataError: If the record is too short for any of them, or cannot be used.
+        DataError: If the record is too short for any candidate, or cannot be used.
     """
     estimate = None if delay_s is not None else _delay(record, wanted)
     if estimate is not None:
@@ -105,13 +105,13 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
 def _candidates(
     record: Record, wanted: Wanted, delay_s: float | None, estimate: DelayEstimate | None
 ) -> tuple[Candidate, ...]:
-    """Return the models that the record supports, at least one."""
+    """Return the candidates that the record supports, at least one."""
     candidates, refused = [], None
     for settings in _settings(record, wanted):
         try:
             fit = replace(fit_model(record, replace(settings, delay_s=delay_s)), delay=estimate)
             candidates.append(Candidate(fit, cross_validate(fit)))
-        except DataError as error:  # where a record tells nothing of creep, for one
+        except DataError as error:  # for example if a record contains no creep
             refused = error
     if refused and not candidates:
         raise refused
@@ -139,16 +139,16 @@ def _settings(record: Record, wanted: Wanted) -> Iterator[FitSettings]:
 
 
 def _affordable(record: Record) -> tuple[int, ...]:
-    """Return the orders that a record without its longest block has enough samples for."""
+    """Return the orders for which a record without its longest block has enough samples."""
     n_samples = np.count_nonzero(record.counted())
-    orders = tuple(order for order in ORDERS if _fewest_samples(order) <= n_samples)
+    orders = tuple(order for order in ORDERS if _min_samples(order) <= n_samples)
     if not orders:
         raise DataError(
             f"{n_samples} samples are too few to choose a model by cross-validation; allowed are "
-            f"{_fewest_samples(ORDERS[0])} or more; record for longer, or skip less"
+            f"{_min_samples(ORDERS[0])} or more; record for longer, or skip less"
         )
     return orders
 
 
-def _fewest_samples(order: int) -> int:
+def _min_samples(order: int) -> int:
     return 2 * order * SAMPLES_PER_WEIGHT * BLOCKS // (BLOCKS - 1)

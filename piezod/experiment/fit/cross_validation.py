@@ -1,7 +1,7 @@
-"""How well a model predicts what it was not fitted to: blocks of the record, each held out once.
+"""Cross-validation: prediction errors on blocks of the record, each held out once.
 
-Blocks are contiguous, since neighbouring samples are alike. Memory and creep run through the whole
-record; only what is fitted does without the block.
+Blocks are contiguous, because neighbouring samples are similar. Memory and creep run through the
+whole record; only the fit leaves the block out.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ BLOCKS = 5
 
 @dataclass(frozen=True)
 class Block:
-    """One part of a record, and the model that was fitted to all others.
+    """One block of a record, and the model that was fitted to the others.
 
     Attributes:
         start_s: Time of its first sample, in s.
@@ -39,38 +39,38 @@ class Block:
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """Errors of all blocks together.
+    """Errors over all blocks.
 
     Attributes:
-        blocks: The blocks in the order of time.
+        blocks: The blocks, in the order of time.
     """
 
     blocks: tuple[Block, ...]
 
     @property
     def errors(self) -> dict[str, float]:
-        """Worst and rms error of the predicted voltage in %, by name."""
+        """Worst and rms error of the predicted voltage, in %, by name."""
         return errors_of(np.concatenate([block.residuals_pct for block in self.blocks]))
 
     @property
     def rms_pct(self) -> float:
-        """The rms error, in %."""
+        """Rms error, in %."""
         return self.errors["voltage_error_rms_pct"]
 
     @property
     def rms_with_standard_error_pct(self) -> float:
-        """The rms error with one standard error of its mean square over blocks, in %."""
+        """Rms error plus one standard error of its mean square over the blocks, in %."""
         squares = [float(np.mean(block.residuals_pct**2)) for block in self.blocks]
         standard_error = float(np.std(squares, ddof=1)) / np.sqrt(len(squares))
         return float(np.sqrt(np.mean(squares) + standard_error))
 
 
 def cross_validate(fit: Fit, blocks: int = BLOCKS) -> CrossValidation:
-    """Judge a fit on blocks of its record, each predicted by a model that does not know it.
+    """Return the errors of a fit on blocks of its record, each held out once.
 
     Args:
         fit: The fit.
-        blocks: How many.
+        blocks: Number of blocks.
     """
     record = fit.record
     counted = np.flatnonzero(record.counted(fit.model.delay_s))

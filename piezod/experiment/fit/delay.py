@@ -1,4 +1,4 @@
-"""The delay from drive to displacement, from a record: the shift at which a model fits best."""
+"""Estimates the delay from drive to displacement: the shift at which a model fits best."""
 
 from dataclasses import dataclass
 
@@ -11,25 +11,26 @@ from piezod.hysteresis.memory import FloatArray
 
 LONGEST_DELAY_S = 0.02
 FEWEST_PERIODS, MOST_PERIODS = 6, 60
-"""Delays are searched from none to 20 ms, but over at least 6 and at most 60 sample periods."""
+"""Delays are searched from 0 to 20 ms, over at least 6 and at most 60 sample periods."""
 STEP_PERIODS = 0.1
 ONE_FREQUENCY_SHARE = 0.95
-"""A record has one frequency if its strongest line, with neighbours, holds this share of power."""
+"""A record has one frequency if its strongest line, with neighbours, has this share of the
+power."""
 
 
 @dataclass(frozen=True)
 class DelayEstimate:
-    """What the record says about the delay.
+    """Estimate of the delay of a record.
 
     Attributes:
         delay_s: The delay that fits best, in s.
         candidates_s: (n,) delays that were tried, in s.
         criterion_pct: (n,) rms error of the drive predicted for each, in % of its range.
-        one_frequency: Whether the drive has a single frequency; a delay then looks like a wider
-            loop, and the model takes up part of it.
-        uncertainty_s: How far the delay may be off: as far as the drive moves by the rms error that
-            the best fit leaves, since a shift could hide in it; no less than half a step between
-            candidates, and than one sample period where the drive has one frequency.
+        one_frequency: Whether the drive has a single frequency. A delay then looks like a wider
+            loop, and the model absorbs part of it.
+        uncertainty_s: Uncertainty of the delay: the time in which the drive moves by the rms error
+            of the best fit, since a shift could hide in that error. It is at least half a step
+            between candidates, and at least one sample period if the drive has one frequency.
     """
 
     delay_s: float
@@ -42,9 +43,10 @@ class DelayEstimate:
 def estimate_delay(
     record: Record, regressors: FloatArray, positions: FloatArray, drive_v: AffineRange
 ) -> DelayEstimate:
-    """Estimate the delay by fitting a model at every candidate.
+    """Estimate the delay by fitting a model for every candidate.
 
-    The regressors depend on the displacement alone, so that one factorisation serves all.
+    The regressors depend on the displacement alone, so that one factorisation serves all
+    candidates.
 
     Args:
         record: Drive and displacement.
@@ -55,39 +57,41 @@ def estimate_delay(
     Raises:
         DataError: If the record is shorter than ten times the longest delay.
     """
-    first = longest_delay_periods(record.period_s)
-    steps = round(first / STEP_PERIODS)
+    longest = longest_delay_periods(record.period_s)
+    steps = round(longest / STEP_PERIODS)
     candidates_s = np.arange(steps + 1, dtype=np.float64) * STEP_PERIODS * record.period_s
     n_samples = np.count_nonzero(record.counted())
-    if n_samples < 10 * first + regressors.shape[1]:
-        message = f"{n_samples} samples are too few to estimate a delay from; give one"
+    if n_samples < 10 * longest + regressors.shape[1]:
+        message = f"{n_samples} samples are too few to estimate a delay; give one"
         raise DataError(message)
-    counted = record.counted(first * record.period_s)
+    counted = record.counted(longest * record.period_s)
     drives = np.stack([drive_v.to_unit(record.drive_delayed_by(d)) for d in candidates_s], axis=1)
     targets = (drives - positions[:, np.newaxis])[counted]
+    # The residual of a least-squares fit is what a projection on the regressors leaves of the
+    # target.
     basis, _ = np.linalg.qr(regressors[counted])
     residual = np.sum(targets**2, axis=0) - np.sum((basis.T @ targets) ** 2, axis=0)
     criterion_pct = 100.0 * np.sqrt(np.maximum(residual, 0.0) / targets.shape[0])
-    alone = has_one_frequency(drive_v.to_unit(record.drive_v))
+    one_frequency = has_one_frequency(drive_v.to_unit(record.drive_v))
     speed = float(np.std(np.diff(drives[:, 0]))) / record.period_s
     hidden_s = 0.01 * float(criterion_pct.min()) / speed
-    least_s = (1.0 if alone else 0.5 * STEP_PERIODS) * record.period_s
+    smallest_s = (1.0 if one_frequency else 0.5 * STEP_PERIODS) * record.period_s
     return DelayEstimate(
-        delay_s=_lowest(candidates_s, criterion_pct),
+        delay_s=_minimum(candidates_s, criterion_pct),
         candidates_s=candidates_s,
         criterion_pct=criterion_pct,
-        one_frequency=alone,
-        uncertainty_s=max(hidden_s, least_s),
+        one_frequency=one_frequency,
+        uncertainty_s=max(hidden_s, smallest_s),
     )
 
 
 def longest_delay_periods(period_s: float) -> int:
-    """Return how many sample periods the search goes back."""
+    """Return the longest delay of the search, in sample periods."""
     return min(max(int(np.ceil(LONGEST_DELAY_S / period_s)), FEWEST_PERIODS), MOST_PERIODS)
 
 
 def has_one_frequency(drive: FloatArray) -> bool:
-    """Return whether one line holds nearly all power of a drive over time, shape (n,)."""
+    """Return whether one spectral line has nearly all power of a drive, shape (n,)."""
     window = np.hanning(drive.size)
     power = np.abs(np.fft.rfft((drive - drive.mean()) * window)) ** 2
     strongest = int(np.argmax(power))
@@ -95,8 +99,8 @@ def has_one_frequency(drive: FloatArray) -> bool:
     return bool(np.sum(line) > ONE_FREQUENCY_SHARE * np.sum(power))
 
 
-def _lowest(candidates: FloatArray, criterion: FloatArray) -> float:
-    """Return where the parabola through the least value and its neighbours is lowest."""
+def _minimum(candidates: FloatArray, criterion: FloatArray) -> float:
+    """Return the minimum of the parabola through the smallest value and its neighbours."""
     best = int(np.argmin(criterion))
     if best in (0, criterion.size - 1):
         return float(candidates[best])

@@ -1,8 +1,8 @@
-"""What a record leaves untold of a stage, and a drive that would tell it.
+"""Finds the excitation that a record lacks, and recommends a drive that has all of it.
 
-A weight of the model is known from swings longer than its threshold, creep from motion on several
-time scales, and the delay from several frequencies. Swings below a tenth of the range are not asked
-for: little hysteresis is left in them.
+A swing determines the weights of thresholds below its length, motion on several time scales
+determines the creep, and several frequencies determine the delay. Swings below a tenth of the range
+are not required: they contain little hysteresis.
 """
 
 from collections.abc import Iterator
@@ -17,25 +17,25 @@ from piezod.experiment.fit.record import Record
 from piezod.hysteresis.memory import FloatArray
 
 DEADBAND = 0.01
-"""Part of the range by which a displacement must come back to have turned."""
-SIZES = (0.1, 0.2, 0.4, 0.7, 1.0)
-"""Ends of the classes of swings, as parts of the range."""
-FEWEST = 2
-"""Swings that a class needs: one up, one down."""
-PARTIAL = 0.7
-"""Swings up to this part of the range tell what depends on the height."""
+"""Smallest return of the displacement that is a turn, as a share of the range."""
+SIZE_BOUNDS = (0.1, 0.2, 0.4, 0.7, 1.0)
+"""Bounds of the classes of swings, as shares of the range."""
+MIN_SWINGS = 2
+"""Smallest number of swings in a class: one up, one down."""
+PARTIAL_SWING = 0.7
+"""Swings up to this share of the range show how the hysteresis depends on the height."""
 HEIGHTS = ("lower", "middle", "upper")
-SPAN = 5.0
-"""Times as long as the fastest swing that some motion or hold has to last."""
+MIN_TIME_RATIO = 5.0
+"""Some motion or hold must last this many times the fastest swing."""
 
 
 class Swings(NamedTuple):
-    """Ways from one turning point to the next; arrays of shape (k,).
+    """Swings from one turning point to the next; arrays of shape (k,).
 
     Attributes:
-        sizes: Their lengths, as parts of the range.
-        middles: Where their middles are, from 0 at the lowest displacement to 1 at the highest.
-        durations_s: How long they take, holds on the way among them, in s.
+        sizes: Lengths, as shares of the range.
+        middles: Middles, from 0 at the lowest displacement to 1 at the highest.
+        durations_s: Durations, with holds on the way, in s.
     """
 
     sizes: FloatArray
@@ -43,11 +43,11 @@ class Swings(NamedTuple):
     durations_s: FloatArray
 
 
-def missing(record: Record) -> tuple[str, ...]:
-    """Return what a record does not tell, a sentence each.
+def missing_excitation(record: Record) -> tuple[str, ...]:
+    """Return the excitation that a record lacks, a sentence each.
 
     Args:
-        record: Drive and displacement; the displacement without noise, since that turns too.
+        record: Drive and displacement; the displacement without noise, because noise turns, too.
     """
     counted = record.counted()
     t_s, position_um = record.t_s[counted], record.position_um[counted]
@@ -76,9 +76,9 @@ def swings_of(t_s: FloatArray, positions: FloatArray) -> Swings:
 
 
 def recommended_drive(low_v: float, high_v: float) -> str:
-    """Return a drive that tells everything, as the `identification:` of an experiment, in YAML.
+    """Return a drive with all excitation, as the `identification:` of an experiment, in YAML.
 
-    It begins and ends at the lowest voltage, and does not jump.
+    It starts and ends at the lowest voltage, and does not jump.
 
     Args:
         low_v: Lowest voltage, in V.
@@ -142,58 +142,58 @@ identification:
 
 
 def _turning_points(positions: FloatArray) -> list[int]:
-    """Return where a displacement turns, with its first place and its last extreme."""
+    """Return the indices of the turns of a displacement, with its first and last extreme."""
     values = positions.tolist()
-    places, extreme, direction = [0], 0, 0.0
-    for place, value in enumerate(values):
+    indices, extreme, direction = [0], 0, 0.0
+    for index, value in enumerate(values):
         beyond = value - values[extreme]
         if direction == 0.0:
             if abs(beyond) > DEADBAND:
-                direction, extreme = (1.0 if beyond > 0.0 else -1.0), place
+                direction, extreme = (1.0 if beyond > 0.0 else -1.0), index
         elif direction * beyond >= 0.0:
-            extreme = place
+            extreme = index
         elif abs(beyond) > DEADBAND:
-            places.append(extreme)
-            direction, extreme = -direction, place
-    return [*places, extreme]
+            indices.append(extreme)
+            direction, extreme = -direction, index
+    return [*indices, extreme]
 
 
 def _missing_sizes(swings: Swings, range_um: float) -> Iterator[str]:
-    for least, most in pairwise(SIZES):
+    for least, most in pairwise(SIZE_BOUNDS):
         count = np.count_nonzero((swings.sizes >= least) & (swings.sizes <= most))
-        if count < FEWEST:
+        if count < MIN_SWINGS:
             yield (
                 f"Swings of {_sizes(least, most, range_um)}: {count or 'none'}, "
-                f"{FEWEST} are needed."
+                f"{MIN_SWINGS} are needed."
             )
 
 
 def _missing_heights(swings: Swings, range_um: float) -> Iterator[str]:
-    partial = swings.middles[(swings.sizes >= SIZES[0]) & (swings.sizes <= PARTIAL)]
+    partial = swings.middles[(swings.sizes >= SIZE_BOUNDS[0]) & (swings.sizes <= PARTIAL_SWING)]
     thirds = np.minimum((3.0 * partial).astype(int), 2)
     absent = [name for third, name in enumerate(HEIGHTS) if third not in thirds]
     if partial.size and absent:
         yield (
-            f"Swings of {_sizes(SIZES[0], PARTIAL, range_um)} around the {' and the '.join(absent)}"
-            " third of the range: none."
+            f"Swings of {_sizes(SIZE_BOUNDS[0], PARTIAL_SWING, range_um)} around the "
+            f"{' and the '.join(absent)} third of the range: none."
         )
 
 
 def _missing_times(swings: Swings) -> Iterator[str]:
-    durations_s = swings.durations_s[swings.sizes >= SIZES[0]]
+    durations_s = swings.durations_s[swings.sizes >= SIZE_BOUNDS[0]]
     if not durations_s.size:
         return
     fastest_s, slowest_s = float(durations_s.min()), float(swings.durations_s.max())
-    if slowest_s < SPAN * fastest_s:
+    if slowest_s < MIN_TIME_RATIO * fastest_s:
         yield (
-            f"Slow motion or holds, which tell the creep: the longest lasts {slowest_s:.3g} s, the "
-            f"fastest swing {fastest_s:.3g} s; {SPAN:g} times as long is needed."
+            f"Slow motion or holds, which show the creep: the longest lasts {slowest_s:.3g} s, the "
+            f"fastest swing {fastest_s:.3g} s; {MIN_TIME_RATIO:g} times as long is needed."
         )
 
 
 def _missing_frequencies(drive_v: FloatArray) -> Iterator[str]:
     if np.ptp(drive_v) and has_one_frequency(drive_v):
-        yield "A second frequency, which tells the delay from the width of the loops: none."
+        yield "A second frequency, which separates the delay from the width of the loops: none."
 
 
 def _sizes(least: float, most: float, range_um: float) -> str:

@@ -9,45 +9,45 @@ import numpy as np
 
 from piezod.errors import DataError
 from piezod.experiment.fit.automatic import Choice, Wanted, choose
-from piezod.experiment.fit.excitation import missing
+from piezod.experiment.fit.excitation import missing_excitation
 from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
 from piezod.experiment.fit.judgement import Judgement, judge
-from piezod.experiment.fit.past import with_past
+from piezod.experiment.fit.past import mark_unknown_past
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.smoothing import smoothed_record
-from piezod.experiment.fit.thinning import MOST, thinned
+from piezod.experiment.fit.thinning import MAX_SAMPLES, thinned
 from piezod.experiment.fit.uncertainty import Uncertainty, uncertainty_of
 from piezod.experiment.fit.warnings import fit_warnings, saturation_warnings
 from piezod.hysteresis import AffineRange
 from piezod.records.csv_file import read_csv
 
 START_S = 2.0
-"""How long a stage that does not start from rest shows it most, in s."""
+"""Part of a record in which a start away from rest shows most, in s."""
 WORSE_AT_START = 3.0
-"""The worst error of the start is suspicious from this many times that of the remainder"""
+"""The worst error of the start is suspicious if it exceeds the later ones by this factor."""
 SUSPICIOUS_PCT = 1.0
-"""and from this part of the voltage's range, in %."""
-_BEYOND = 0.01  # of the range: noise, and what creeps, may leave it by that
+"""It must also exceed this, in % of the voltage's range."""
+_BEYOND = 0.01  # share of the range; noise and creep may exceed the range by it
 
 
 @dataclass(frozen=True)
 class FileFit:
-    """A model fitted to a file, and how good it is.
+    """A model fitted to a file, and its quality.
 
     Attributes:
         data: The file.
-        test_data: The other file on which the model was judged, None without one.
-        recorded: What was read from it.
-        record: The same as it was fitted to: a long record is averaged.
-        taken: The model, how it came about, and its errors.
-        other: The same with creep if that is without, and without if that is with it; None for
-            LMS, which knows no creep, and where no creep could be fitted.
-        raw: The same as `taken`, but fitted to and judged on the displacement as it was recorded;
-            None for LMS, which is in any case.
-        uncertainty: How far the model may be off.
-        choice: Among which the model was chosen, None where it was asked for.
-        untold: What the record leaves untold of the stage, a sentence each.
-        warnings: What a person should know before using the model, a sentence each.
+        test_data: Another file on which the model was judged, None without one.
+        recorded: The record in the file.
+        record: The record of the fit: a long record is averaged.
+        taken: The model, its fit, and its errors.
+        other: The same fit with creep if `taken` has none, and without if it has; None for LMS,
+            which has no creep, and if no creep could be fitted.
+        raw: The same fit as `taken` to the unsmoothed displacement, and judged on it; None for LMS,
+            which never smooths.
+        uncertainty: Uncertainty of the model.
+        choice: Candidates among which the model was chosen, None if it was given.
+        untold: Excitation that the record lacks, a sentence each.
+        warnings: Warnings for the user of the model, a sentence each.
     """
 
     data: Path
@@ -74,21 +74,21 @@ def identify_file(
     """Fit a model to a recorded file.
 
     Args:
-        data: CSV with the columns t_s, drive_v, position_um.
-        test: Another such file, on which the model is judged too.
-        skip_s: The first seconds of each file that do not count.
-        delay_s: The delay in s; estimated from the data if None.
-        settings: How to fit, or what is not left to be chosen.
+        data: CSV file with the columns t_s, drive_v, position_um.
+        test: Another such file, on which the model is judged, too.
+        skip_s: First seconds of each file that do not count.
+        delay_s: Delay in s; estimated from the data if None.
+        settings: Settings of the fit, or the fixed part of an automatic choice.
 
     Raises:
-        DataError: If a file cannot be used; the text begins with its name.
+        DataError: If a file cannot be used; the text starts with its name.
         OSError: If a file cannot be read.
     """
     recorded = read_record(data, skip_s)
     record = thinned(recorded)
     test_recorded = read_record(test, skip_s) if test else None
     test_record = thinned(test_recorded) if test_recorded else None
-    with _naming(data):
+    with _prefix_errors(data):
         if isinstance(settings, Wanted):
             choice = choose(record, settings, delay_s)
             fit, validation = choice.taken.fit, choice.taken.validation
@@ -110,7 +110,7 @@ def identify_file(
         raw=judge(raw, record, test_record) if raw else None,
         uncertainty=uncertainty_of(fit, taken.validation),
         choice=choice,
-        untold=missing(smoothed_record(record)),
+        untold=missing_excitation(smoothed_record(record)),
         warnings=(
             *_length_warnings("record", recorded, record),
             *_length_warnings("test", test_recorded, test_record),
@@ -120,20 +120,20 @@ def identify_file(
 
 
 def read_record(path: Path, skip_s: float) -> Record:
-    """Read a recorded file of which the first seconds do not count.
+    """Return the record in a file, without its first seconds.
 
     Raises:
-        DataError: If the file cannot be used; the text begins with its name.
+        DataError: If the file cannot be used; the text starts with its name.
         OSError: If the file cannot be read.
     """
     columns = read_csv(path)
-    with _naming(path):
+    with _prefix_errors(path):
         record = Record(columns["t_s"], columns["drive_v"], columns["position_um"])
-        return with_past(record).after(skip_s)
+        return mark_unknown_past(record).after(skip_s)
 
 
 def _refitted(fit: Fit, record: Record, settings: FitSettings) -> Fit | None:
-    """Return the same fit but for its settings; None where the record does not support these."""
+    """Return the same fit with other settings; None if the record does not support them."""
     try:
         again = fit_model(record, replace(settings, delay_s=fit.model.delay_s))
     except DataError:
@@ -142,8 +142,8 @@ def _refitted(fit: Fit, record: Record, settings: FitSettings) -> Fit | None:
 
 
 @contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Put the name of the file before what an error says."""
+def _prefix_errors(path: Path) -> Iterator[None]:
+    """Put the name of the file before the text of an error."""
     try:
         yield
     except DataError as error:
@@ -162,10 +162,10 @@ def _length_warnings(name: str, recorded: Record | None, used: Record | None) ->
     if not (recorded and used):
         return
     left_out_s = float(recorded.t_s[-1] - used.t_s[-1])
-    if left_out_s > 2.0 * used.period_s:  # averaging may leave out parts of one
+    if left_out_s > 2.0 * used.period_s:  # averaging may drop a part of an average
         yield (
-            f"The last {left_out_s:.4g} s of the {name} are left out: it has {recorded.t_s.size} "
-            f"samples, its drive moves too sharply to average them, and {MOST} are used at most. "
+            f"The last {left_out_s:.4g} s of the {name} are not used: it has {recorded.t_s.size} "
+            f"samples, its drive is too fast for averaging, and at most {MAX_SAMPLES} are used. "
             "Record at a lower rate, or for a shorter time."
         )
 
@@ -191,6 +191,6 @@ def _range_warnings(position_um: AffineRange, test: Record) -> Iterator[str]:
     share = float(np.mean((x < -_BEYOND) | (x > 1.0 + _BEYOND)))
     if share:
         yield (
-            f"{100.0 * share:.2g} % of the test's displacements are outside of what the model was "
-            f"fitted to, {position_um.low:.6g} to {position_um.high:.6g} µm, and count as its ends."
+            f"{100.0 * share:.2g} % of the test's displacements are outside the range of the "
+            f"model, {position_um.low:.6g} to {position_um.high:.6g} µm, and count as its ends."
         )

@@ -1,4 +1,4 @@
-"""From a record of drive and displacement to an inverse model of the stage, with its delay."""
+"""Fits an inverse model, with the delay, to a record of drive and displacement."""
 
 from dataclasses import dataclass, field
 
@@ -13,9 +13,9 @@ from piezod.experiment.fit.least_squares import (
     LeastSquaresFit,
     Linearised,
     Series,
-    Slow,
+    SlowParameters,
     fit_least_squares,
-    search_delay,
+    search_slow_parameters,
 )
 from piezod.experiment.fit.method import Method, Spacing
 from piezod.experiment.fit.prediction import predicted_v
@@ -34,27 +34,28 @@ from piezod.hysteresis import (
 from piezod.hysteresis.memory import FloatArray
 
 PAPER_GAIN = 0.1
-"""γ of the paper."""
+"""γ of paper eq. (29)."""
 LMS_PASSES = 3
-"""The paper: the procedure "can be repeated for several times until satisfactory"."""
+"""Passes over the record. Paper, section 2.3: the procedure "can be repeated for several times
+until satisfactory results are obtained"."""
 FINE_ORDER = 40
-"""Operators of the fit that tells where thresholds are needed."""
+"""Operators of the first fit, which shows where thresholds are needed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
-    """How a model is fitted.
+    """Settings of a fit.
 
     Attributes:
-        method: How to find the weights.
+        method: Method to find the weights.
         order: Operators on each side, M.
-        spacing: Where their thresholds are.
-        creep: Whether creep is fitted too; by least squares only.
-        lms_gain: γ, for LMS; None for the paper's, or a stable one where that is not.
-        deadband: Width of the backlash before the memory, in units of the range, for LMS; least
-            squares sees a smoothed displacement and needs none.
-        delay_s: The delay in s; estimated from the record if None.
-        smoothing: Whether noise is taken out of the displacement first; for least squares only.
+        spacing: Position of their thresholds.
+        creep: Whether creep is fitted, too; by least squares only.
+        lms_gain: γ, for LMS; None for the paper's, or a smaller one if that is not stable.
+        deadband: Width of the backlash before the memory, in units of the range, for LMS. Least
+            squares gets a smoothed displacement and needs none.
+        delay_s: Delay in s; estimated from the record if None.
+        smoothing: Whether noise is removed from the displacement first; for least squares only.
     """
 
     method: Method = Method.LEAST_SQUARES
@@ -66,8 +67,8 @@ class FitSettings:
     delay_s: float | None = None
     smoothing: bool = True
 
-    def seen(self, record: Record) -> Record:
-        """Return a record as the fit sees it: without noise, where that is taken out."""
+    def as_fitted(self, record: Record) -> Record:
+        """Return a record as the fit uses it: smoothed, if the settings say so."""
         if self.method is Method.LMS or not self.smoothing:
             return record
         return smoothed_record(record)
@@ -75,15 +76,15 @@ class FitSettings:
 
 @dataclass(frozen=True)
 class Fit:
-    """A model and how it came about.
+    """A model, and its fit.
 
     Attributes:
         model: The model.
-        settings: How it was asked for.
-        delay: The estimate of the delay, None where the delay was given.
-        smallest_slope: The smallest slope of the inverse anywhere; it is monotone if positive.
-        problem: What was solved.
-        linearised: The problem around the solution; None for LMS.
+        settings: Settings of the fit.
+        delay: Estimate of the delay, None if the delay was given.
+        smallest_slope: Smallest slope of the inverse model; it is monotone if positive.
+        problem: The problem that was solved.
+        linearised: The problem, linear around the solution; None for LMS.
     """
 
     model: StageModel
@@ -95,32 +96,36 @@ class Fit:
 
     @property
     def record(self) -> Record:
-        """The record of the fit, as it was seen."""
+        """The record of the fit, smoothed if the settings say so."""
         return self.problem.record
 
-    def seen(self, record: Record) -> Record:
-        """Return another record as this fit sees it: without noise, where that is taken out."""
-        return self.settings.seen(record)
+    def as_fitted(self, record: Record) -> Record:
+        """Return another record as this fit uses it: smoothed, if the settings say so."""
+        return self.settings.as_fitted(record)
 
     def without(self, held_out: Rows) -> StageModel:
-        """Return the model that the record of the fit gives without some samples, shape (n,).
+        """Return the model of the same record without some samples, shape (n,).
 
-        These carry memory and creep on, as a run-in does. Ranges, thresholds and delay are those of
-        the whole record, and the problem of least squares is the one around its solution.
+        These samples advance memory and creep, as a run-in does. Ranges, thresholds and delay are
+        those of the whole record. The problem of least squares is the one that is linear around its
+        solution.
         """
         bank, delay_s = self.model.bank, self.model.delay_s
         if self.linearised is None:
-            weights, slow = self.problem.lms(bank, delay_s, held_out), Slow()
+            weights, slow_parameters = self.problem.lms(bank, delay_s, held_out), SlowParameters()
         else:
             parameters = self.linearised.solved(self.linearised.counted & ~held_out)
-            weights, slow = parameters[: bank.shape[1]], Slow(*parameters[bank.shape[1] :])
-        return self.problem.model(bank, weights, slow, delay_s)
+            weights, slow_parameters = (
+                parameters[: bank.shape[1]],
+                SlowParameters(*parameters[bank.shape[1] :]),
+            )
+        return self.problem.model(bank, weights, slow_parameters, delay_s)
 
     def predicted_v(self, record: Record, model: StageModel | None = None) -> FloatArray:
-        """Return the voltage predicted from a record as it is, in V, shape (n,).
+        """Return the voltage predicted from a record, in V, shape (n,).
 
         Args:
-            record: Any record of the stage; see `seen`.
+            record: Any record of the stage, prepared by `as_fitted`.
             model: Another model than that of the fit.
         """
         deadband = self.settings.deadband if self.settings.method is Method.LMS else 0.0
@@ -129,7 +134,7 @@ class Fit:
     def residuals_pct(self, record: Record, model: StageModel | None = None) -> FloatArray:
         """Return predicted minus actual voltage of the samples that count, shape (k,).
 
-        In % of the range that the voltage had in the record of the fit. Arguments are those of
+        In % of the range of the voltage in the record of the fit. The arguments are those of
         `predicted_v`.
         """
         delay_s = self.model.delay_s
@@ -140,13 +145,17 @@ class Fit:
         """Return worst and rms error of the predicted voltage, in % of the voltage's range.
 
         Args:
-            record: The record of the fit, or one like it; its run-in does not count.
+            record: The record of the fit, or a similar one; its run-in does not count.
         """
-        return errors_of(self.residuals_pct(self.seen(record)))
+        return errors_of(self.residuals_pct(self.as_fitted(record)))
 
 
 def errors_of(residuals_pct: FloatArray) -> dict[str, float]:
-    """Return the worst and the rms of residuals of shape (k,), by name."""
+    """Return the worst and the rms residual, by name.
+
+    Args:
+        residuals_pct: (k,) residuals, in %.
+    """
     return {
         "voltage_error_max_pct": float(np.max(np.abs(residuals_pct))),
         "voltage_error_rms_pct": float(np.sqrt(np.mean(residuals_pct**2))),
@@ -156,39 +165,40 @@ def errors_of(residuals_pct: FloatArray) -> dict[str, float]:
 def fit_model(record: Record, settings: FitSettings) -> Fit:
     """Fit an inverse model to a record.
 
-    The ranges of the record become [0, 1] (eqs 27 and 28), so that what is driven later must lie
+    The ranges of the record become [0, 1], paper eq. (27) and eq. (28). Later drives must stay
     within them.
 
     Args:
         record: Drive and displacement.
-        settings: How.
+        settings: Settings of the fit.
 
     Raises:
-        DataError: If the record is too short, constant, or does not grow with the drive.
-        ModelError: If the gain of LMS is not stable for so many operators.
+        DataError: If the record is too short or constant, or does not grow with the drive.
+        ModelError: If the gain of LMS is not stable for this number of operators.
     """
     _check(record, settings)
-    problem = FitProblem(settings.seen(record), settings)
-    bank, slow, linearised = problem.bank(), Slow(), None
-    # Creep looks like a delay; where there is one frequency, nothing tells them apart.
+    problem = FitProblem(settings.as_fitted(record), settings)
+    bank, slow_parameters, linearised = problem.bank(), SlowParameters(), None
+    # Creep looks like a delay, so both are searched together. With one frequency they cannot be
+    # separated.
     if settings.creep and settings.delay_s is None and not has_one_frequency(record.drive_v):
-        slow = search_delay(bank, problem.series)
-    estimate, delay_s = problem.delay(bank, slow)
+        slow_parameters = search_slow_parameters(bank, problem.series)
+    estimate, delay_s = problem.delay(bank, slow_parameters)
     if settings.method is Method.LMS:
         weights = problem.lms(bank, delay_s)
     else:
-        weights, slow, linearised = problem.least_squares(bank, delay_s)
-    model = problem.model(bank, weights, slow, delay_s)
+        weights, slow_parameters, linearised = problem.least_squares(bank, delay_s)
+    model = problem.model(bank, weights, slow_parameters, delay_s)
     slope = model.inverse().smallest_slope
     return Fit(model, settings, estimate, slope, problem, linearised)
 
 
 class FitProblem:
-    """A record with its ranges, and what a fit asks of both.
+    """A record with its ranges, and the parts of its fit.
 
     Args:
-        record: Drive and displacement, as the method sees them.
-        settings: How to fit.
+        record: Drive and displacement, prepared for the method.
+        settings: Settings of the fit.
     """
 
     def __init__(self, record: Record, settings: FitSettings) -> None:
@@ -198,7 +208,7 @@ class FitProblem:
         self._position_um = _range_of(record.position_um[counted])
 
     def series(self, delay_s: float) -> Series:
-        """Return the record normalised, each displacement beside its voltage."""
+        """Return the normalised record, with each displacement beside its voltage."""
         record = self.record
         return Series(
             positions=self._position_um.to_unit(record.position_um),
@@ -208,16 +218,18 @@ class FitProblem:
             counted=record.counted(delay_s),
         )
 
-    def delay(self, bank: FloatArray, slow: Slow) -> tuple[DelayEstimate | None, float]:
-        """Return the delay, estimated where it was not given, by a stage that is slow like this."""
+    def delay(
+        self, bank: FloatArray, slow_parameters: SlowParameters
+    ) -> tuple[DelayEstimate | None, float]:
+        """Return the delay, estimated with these slow parameters if it was not given."""
         if self._settings.delay_s is not None:
             return None, self._settings.delay_s
-        y = np.clip(self.series(0.0).quick(slow), 0.0, 1.0)
+        y = np.clip(self.series(0.0).quick(slow_parameters), 0.0, 1.0)
         estimate = estimate_delay(self.record, stop_regressors(bank, y), y, self.drive_v)
         return estimate, estimate.delay_s
 
     def bank(self) -> FloatArray:
-        """Return the stops, with their thresholds where the settings want them."""
+        """Return the stops, with thresholds as in the settings."""
         order, spacing = self._settings.order, self._settings.spacing
         if spacing is Spacing.EVEN:
             thresholds = even_thresholds(order)
@@ -226,26 +238,26 @@ class FitProblem:
             thresholds = graded_thresholds(order)
             return new_bank(thresholds, thresholds)
         fine = new_bank(graded_thresholds(FINE_ORDER), graded_thresholds(FINE_ORDER))
-        _, delay_s = self.delay(fine, Slow())
+        _, delay_s = self.delay(fine, SlowParameters())
         return placed_thresholds(fine, self.least_squares(fine, delay_s).weights, order)
 
     def least_squares(self, bank: FloatArray, delay_s: float) -> LeastSquaresFit:
-        """Return the weights, and what is slow where the settings want it, all at once."""
+        """Return the weights, and the slow parameters if the settings say so, all at once."""
         return fit_least_squares(bank, self.series(delay_s), creep=self._settings.creep)
 
     def lms(self, bank: FloatArray, delay_s: float, held_out: Rows | None = None) -> FloatArray:
-        """Return the weights [a^l, a^r] by the paper's update, shape (2 M,).
+        """Return the weights [a^l, a^r] by the update of paper eq. (29), shape (2 M,).
 
         Args:
-            bank: (2, 2 M) of the stops.
-            delay_s: The delay, in s.
-            held_out: (n,) samples of which nothing is learned; none by default.
+            bank: (2, 2 M) thresholds and gains of the stops.
+            delay_s: Delay, in s.
+            held_out: (n,) samples that are not learned from; none by default.
         """
         series, gain = self.series(delay_s), self._settings.lms_gain
         if gain is None:
             gain = min(PAPER_GAIN, 0.9 * largest_stable_gain(bank))
         learned = series.counted if held_out is None else series.counted & ~held_out
-        drives = np.where(learned, series.drives, np.nan)  # moves the memory, teaches nothing
+        drives = np.where(learned, series.drives, np.nan)  # NaN advances the memory only
         identifier = LMSIdentifier(bank, gain=gain, deadband=self._settings.deadband)
         for _ in range(LMS_PASSES):
             identifier.reset()
@@ -253,19 +265,19 @@ class FitProblem:
         return identifier.weights
 
     def model(
-        self, bank: FloatArray, weights: FloatArray, slow: Slow, delay_s: float
+        self, bank: FloatArray, weights: FloatArray, slow_parameters: SlowParameters, delay_s: float
     ) -> StageModel:
-        """Return the model in volts and micrometres that normalised parameters mean."""
-        # [0, 1] is then the range of y, the displacement that does not creep.
-        width_um = self._position_um.width / (1.0 + slow.stretch)
-        low_um = self._position_um.low + slow.offset * width_um
+        """Return the model of normalised parameters, in V and µm."""
+        # [0, 1] is then the range of y, the displacement without creep.
+        width_um = self._position_um.width / (1.0 + slow_parameters.stretch)
+        low_um = self._position_um.low + slow_parameters.offset * width_um
         return StageModel(
             bank,
             weights,
             self.drive_v,
             AffineRange.checked(low_um, low_um + width_um),
             delay_s,
-            logarithmic(slow.creep) if slow.creep else NO_CREEP,
+            logarithmic(slow_parameters.creep) if slow_parameters.creep else NO_CREEP,
         )
 
 
@@ -293,6 +305,6 @@ def _check(record: Record, settings: FitSettings) -> None:
     if correlation <= 0.0:
         raise DataError(
             "position_um does not grow with the drive: its correlation with drive_v is "
-            f"{correlation:.2f}; allowed is above 0; change the sign of one of them where the "
-            "sensor counts the other way, else check that the sensor is the one of this drive"
+            f"{correlation:.2f}; allowed is above 0; change the sign of one of them if the "
+            "sensor counts in the other direction, else check that it is the sensor of this drive"
         )

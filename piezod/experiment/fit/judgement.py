@@ -1,4 +1,4 @@
-"""How good a fit is: on its own record, on what it was not fitted to, and on another record."""
+"""Errors of a fit: on its own record, on held-out blocks, and on another record."""
 
 import math
 from collections.abc import Mapping
@@ -10,19 +10,19 @@ from piezod.experiment.fit.cross_validation import CrossValidation, cross_valida
 from piezod.experiment.fit.fit import Fit, errors_of
 from piezod.experiment.fit.record import Record
 
-_STEP = 0.01  # of the range, to see what a shift changes
+_STEP = 0.01  # shift in units of the range, to find its effect on the voltage
 
 
 @dataclass(frozen=True)
 class OffsetRemoved:
-    """Errors after one constant was taken off the predicted voltage of a whole record.
+    """Errors after a constant was removed from the predicted voltage of a whole record.
 
-    From one day to the next a stage, or the zero of its sensor, drifts; the loops stay.
+    From day to day a stage, or the zero of its sensor, drifts; the loops stay.
 
     Attributes:
         offset_pct: The constant, in % of the voltage's range.
         offset_um: Shift of the displacement that would cause it, in µm.
-        errors: Errors that are left, by name.
+        errors: Remaining errors, by name.
     """
 
     offset_pct: float
@@ -32,12 +32,12 @@ class OffsetRemoved:
 
 @dataclass(frozen=True)
 class Judgement:
-    """A fit and its errors, by name, in % of the range of the voltage that it was fitted to.
+    """A fit and its errors, by name, in % of the range of the voltage in its record.
 
     Attributes:
         fit: The fit.
         train: Errors on its own record.
-        validation: Errors on blocks of that record that it was not fitted to.
+        validation: Errors on held-out blocks of that record.
         test: Errors on another record, None without one.
         test_offset_removed: The same without a constant offset.
     """
@@ -52,13 +52,13 @@ class Judgement:
 def judge(
     fit: Fit, record: Record, test: Record | None, validation: CrossValidation | None = None
 ) -> Judgement:
-    """Judge a fit.
+    """Return the errors of a fit.
 
     Args:
         fit: The fit.
-        record: Its record, as it was recorded.
+        record: Its record, before smoothing.
         test: Another record of the same stage.
-        validation: The cross-validation, where it is known already.
+        validation: Its cross-validation, if it is known already.
     """
     return Judgement(
         fit=fit,
@@ -70,11 +70,13 @@ def judge(
 
 
 def _without_offset(fit: Fit, test: Record) -> OffsetRemoved:
-    seen = fit.seen(test)
-    residuals_pct = fit.residuals_pct(seen)
+    as_fitted = fit.as_fitted(test)
+    residuals_pct = fit.residuals_pct(as_fitted)
     offset_pct = float(np.mean(residuals_pct))
     step_um = _STEP * fit.model.position_um.width
-    shifted = replace(seen, position_um=seen.position_um - math.copysign(step_um, offset_pct))
+    shifted = replace(
+        as_fitted, position_um=as_fitted.position_um - math.copysign(step_um, offset_pct)
+    )
     changed_pct = abs(offset_pct - float(np.mean(fit.residuals_pct(shifted))))
     return OffsetRemoved(
         offset_pct=offset_pct,

@@ -1,23 +1,23 @@
-"""How weights are found, and where thresholds are put."""
+"""Methods to find the weights, and positions of the thresholds."""
 
 from enum import StrEnum
 
 
 class Method(StrEnum):
-    """How the weights of a model are found from a record."""
+    """Method to find the weights of a model from a record."""
 
     LMS = "lms"
-    """The paper's update, sample by sample, over the record several times."""
+    """The update of the paper, eq. (29), sample by sample, several times over the record."""
     LEAST_SQUARES = "least-squares"
-    """All weights at once, over the whole record, such that an inverse exists."""
+    """All weights at once over the whole record, such that an inverse exists."""
 
 
 class Spacing(StrEnum):
-    """Where the thresholds of the operators are."""
+    """Position of the thresholds of the operators."""
 
     EVEN = "even"
-    """At equal distances, as in the paper."""
+    """At equal distances, as in the paper, section 3."""
     GRADED = "graded"
     """Denser towards both ends, where a branch bends most: just after and just before a turn."""
     PLACED = "placed"
-    """Denser where the branches of this stage bend most, as a first fit finds them."""
+    """Denser where the branches of this stage bend most, by a first fit."""

@@ -1,4 +1,4 @@
-"""Model files out and in: a fitted model becomes a file's contents, and these a model again."""
+"""Turns a fitted model into the contents of a model file."""
 
 import hashlib
 from collections.abc import Mapping
@@ -18,16 +18,16 @@ from piezod.hysteresis.memory import FloatArray
 def to_model_file(
     fit: Fit, source: Path, errors_pct: Mapping[str, float], created_at: datetime
 ) -> ModelFile:
-    """Return the contents of a model file, with every number as it is.
+    """Return the contents of a model file, with exact numbers.
 
     Args:
-        fit: The model, and how its weights were found.
-        source: The data file that it was fitted to; read again for its hash.
+        fit: The model, and its fit.
+        source: The data file of the fit; it is read again for its hash.
         errors_pct: Errors on that data, from `Fit.errors_pct`.
-        created_at: When the model was made, with a time zone.
+        created_at: Time at which the model was made, with a time zone.
 
     Raises:
-        ModelError: If a number is beyond what a model file may hold.
+        ModelError: If a number exceeds the range of a model file.
         OSError: If the data file cannot be read.
     """
     model = fit.model
@@ -55,11 +55,13 @@ def to_model_file(
     except ValidationError as failure:
         first = failure.errors()[0]
         where = ".".join(map(str, first["loc"]))
-        raise ModelError(f"no model file can hold this model: {where}: {first['msg']}") from failure
+        raise ModelError(
+            f"a model file cannot hold this model: {where}: {first['msg']}"
+        ) from failure
 
 
 def _sides(both: FloatArray) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return what belongs to the left and to the right stops; a bank has the left ones first."""
+    """Return the values of the left and of the right stops; a bank has the left ones first."""
     left, right = np.split(both, 2)
     return tuple(left.tolist()), tuple(right.tolist())
 

@@ -1,4 +1,4 @@
-"""What an identification leaves: a model file, and beside it a figure of data and model."""
+"""Output of an identification: a model file, and a figure of data and model beside it."""
 
 from datetime import datetime
 from pathlib import Path
@@ -15,15 +15,15 @@ from piezod.records.figures import identification_figure, save_png
 
 
 def write_model(path: Path, fitted: FileFit, created_at: datetime) -> Path:
-    """Write the model file and the figure; return the figure's path.
+    """Write the model file and the figure; return the path of the figure.
 
     Args:
         path: The model file; the figure has its name with the suffix .png.
-        fitted: What to write.
-        created_at: When the model was made, with a time zone.
+        fitted: The fit to write.
+        created_at: Time at which the model was made, with a time zone.
 
     Raises:
-        ModelError: If a number is beyond what a model file may hold.
+        ModelError: If a number exceeds the range of a model file.
         OSError: If a file cannot be written.
     """
     text = dump_model(to_model_file(fitted.taken.fit, fitted.data, fitted.taken.train, created_at))
@@ -36,7 +36,7 @@ def write_model(path: Path, fitted: FileFit, created_at: datetime) -> Path:
 
 
 def _band_v(fitted: FileFit) -> FloatArray | None:
-    """Return what noise leaves open of each prediction, in V, shape (n,); NaN in the run-in."""
+    """Return the uncertainty of each prediction, in V, shape (n,); NaN in the run-in."""
     band_pct, model = fitted.uncertainty.band_pct, fitted.taken.fit.model
     if band_pct is None:
         return None

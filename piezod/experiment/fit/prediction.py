@@ -1,4 +1,4 @@
-"""What a model makes of recorded displacements: without creep, and the voltage that they need."""
+"""Prediction of a model from recorded displacements: without creep, and the voltage for them."""
 
 import numpy as np
 
@@ -13,21 +13,22 @@ from piezod.hysteresis.memory import FloatArray
 def quick_positions(model: StageModel, record: Record) -> FloatArray:
     """Return recorded displacements without creep, normalised to [0, 1], shape (n,).
 
-    What a stage did that does not start from rest is taken to have been like the record on average.
+    If the stage had not rested before, its past is taken to be like the record on average.
     """
     x = model.position_um.to_unit(record.position_um)
     return without_creep(x, model.creep, record.period_s, from_rest=record.from_rest)
 
 
 def predicted_v(model: StageModel, record: Record, deadband: float = 0.0) -> FloatArray:
-    """Return the voltage that a model needs for a recorded displacement, in V, shape (n,).
+    """Return the voltage of a model for a recorded displacement, in V, shape (n,).
 
     Args:
         model: The model.
-        record: What was measured; the memory starts relaxed at its first sample.
+        record: The record; the memory starts relaxed at its first sample.
         deadband: Width of the backlash before the memory, in units of the range.
     """
     y = np.clip(quick_positions(model, record), 0.0, 1.0)
+    # Paper eq. (16), z = x + Σ a_j (E_j - x), for all samples at once.
     return model.drive_v.from_unit(y + stop_regressors(model.bank, y, deadband) @ model.weights)
 
 
@@ -38,13 +39,14 @@ def without_creep(
 
     Args:
         positions: (n,) displacement, evenly in time.
-        creep: The creep.
-        period_s: Time from sample to sample, in s.
-        from_rest: Whether the lags begin at the first displacement; at the mean if not.
+        creep: Law of the creep.
+        period_s: Sample period, in s.
+        from_rest: Whether the lags start at the first displacement; otherwise at the mean.
     """
     if not creep.weights.size:
         return positions
     before = float(positions[0] if from_rest else np.mean(positions))
+    # After a long rest the creep is complete: before = quick (1 + Σ w).
     quick = before / (1.0 + float(np.sum(creep.weights)))
     lags = np.full(creep.weights.size, quick)
     return remove_creep(creep.at(period_s), positions, lags, quick)

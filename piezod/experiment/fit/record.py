@@ -1,4 +1,4 @@
-"""A record of one axis: what identification starts from."""
+"""A record of one axis, the input of an identification."""
 
 from dataclasses import dataclass, replace
 
@@ -8,19 +8,19 @@ from piezod.errors import DataError
 from piezod.hysteresis.memory import FloatArray
 
 Rows = np.ndarray[tuple[int], np.dtype[np.bool_]]
-"""Which samples of a record are meant, shape (n,)."""
+"""Mask of samples of a record, shape (n,)."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """Recorded data of one axis; arrays of shape (n,), times evenly spaced.
+    """Recorded data of one axis; arrays of shape (n,), evenly in time.
 
     Attributes:
         t_s: Times, in s.
         drive_v: Voltage in force at these times, in V.
-        position_um: Displacement measured at these times, in µm.
-        run_in_s: The first seconds, which only carry memory and creep on, and count in no error.
-        from_rest: Whether the stage had rested where the record begins.
+        position_um: Measured position at these times, in µm.
+        run_in_s: First seconds, which only advance memory and creep, and count in no error.
+        from_rest: Whether the stage had rested before the record.
     """
 
     t_s: FloatArray
@@ -31,30 +31,30 @@ class Record:
 
     @property
     def period_s(self) -> float:
-        """Time from sample to sample, in s."""
+        """Sample period, in s."""
         return float((self.t_s[-1] - self.t_s[0]) / (self.t_s.size - 1))
 
     def drive_delayed_by(self, delay_s: float) -> FloatArray:
-        """Return the voltage that was in force a delay before each sample, in V, shape (n,).
+        """Return the voltage that was in force one delay before each sample, in V, shape (n,).
 
-        Before the record begins, its first voltage is assumed.
+        Before the record, its first voltage is assumed.
         """
         return np.interp(self.t_s - delay_s, self.t_s, self.drive_v)
 
     def counted(self, delay_s: float = 0.0) -> Rows:
-        """Return which samples count: those after the run-in whose voltage was recorded.
+        """Return the samples that count: those after the run-in whose voltage was recorded.
 
         Args:
-            delay_s: How long the displacement lags behind the voltage, in s.
+            delay_s: Delay of the displacement behind the voltage, in s.
         """
         counted: Rows = self.t_s - self.t_s[0] >= max(delay_s, self.run_in_s)
         return counted
 
     def after(self, run_in_s: float) -> "Record":
-        """Return the record with its first seconds not counted; longer run-ins stay.
+        """Return the record with at least this run-in.
 
         Raises:
-            DataError: If nothing would be left.
+            DataError: If no samples would remain.
         """
         run_in = replace(self, run_in_s=max(run_in_s, self.run_in_s))
         if np.count_nonzero(run_in.counted()) < 2:

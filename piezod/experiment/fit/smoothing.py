@@ -1,12 +1,13 @@
-"""Noise out of a recorded displacement, without moving it in time.
+"""Removes noise from a recorded displacement, without a shift in time.
 
-Where noise makes small turning points, the operators turn with it. A least-squares parabola through
-each sample and its neighbours (Savitzky and Golay 1964) takes the noise down and delays nothing.
-How many neighbours a record can bear is asked of its drive, which has no noise: its way up alone,
-the sum of all that it rises, bends at each turn, as the displacement of a stage with hysteresis
-does, and so does its way down. Where a drive bends too sharply, as in a jump, the displacement
-stays as it is. There is one window for a whole record: with longer ones where the drive is slow,
-models of the simulated stage tracked worse (worst true error 0.30 instead of 0.24 %).
+Noise makes small turning points, and the operators turn with them. A least-squares parabola through
+each sample and its neighbours (Savitzky and Golay 1964) reduces the noise and delays nothing.
+
+The drive has no noise and decides how many neighbours are allowed. Its rising path, the sum of all
+its rises, bends at each turn, as the displacement of a stage with hysteresis does; so does its
+falling path. If a drive bends too sharply, as in a jump, the displacement stays as it is. One
+window serves the whole record: with longer windows where the drive is slow, models of the simulated
+stage tracked worse (worst true error 0.30 instead of 0.24 %).
 """
 
 from dataclasses import replace
@@ -17,26 +18,27 @@ from piezod.experiment.fit.record import Record, Rows
 from piezod.hysteresis.memory import FloatArray
 
 WINDOWS = (101, 75, 55, 41, 31, 23, 17, 13, 11, 9, 7, 5)
-"""Samples under a parabola, longest first."""
-BEARABLE = 5e-4
-"""Part of its range by which smoothing may change the way up or down of a drive."""
-RARE = 0.04
-"""Part of a record that may bend more sharply than that."""
+"""Window lengths in samples, longest first."""
+MAX_CHANGE = 5e-4
+"""Largest change of the rising or falling path of a drive by smoothing, as a share of its range."""
+MAX_SHARP_SHARE = 0.04
+"""Largest share of a record that may exceed that change."""
 
 
 def smoothed(values: FloatArray, window: int) -> FloatArray:
     """Return values over time, shape (n,), each replaced by a parabola through its neighbours.
 
-    At both ends, the parabola through the outermost ones.
+    At both ends, the outermost full parabola is used.
 
     Args:
-        values: (n,) evenly in time.
-        window: Samples under each parabola, odd and at most n; up to 3 change nothing.
+        values: (n,) values, evenly in time.
+        window: Samples under each parabola, odd and at most n; up to 3 changes nothing.
     """
     if window <= 3:
         return values
     half = window // 2
     places = np.arange(-half, half + 1) / half
+    # The weights of a least-squares parabola are the same for every window.
     powers = np.vander(places, 3, increasing=True)
     fit = np.linalg.pinv(powers)
     first, last = fit @ values[:window], fit @ values[-window:]
@@ -45,19 +47,19 @@ def smoothed(values: FloatArray, window: int) -> FloatArray:
 
 
 def longest_window(drive_v: FloatArray) -> int:
-    """Return the longest window, in samples, that a drive can bear; 1 where it bears none.
+    """Return the longest window for a drive, in samples; 1 if none is allowed.
 
     Args:
         drive_v: (n,) drive of a record, in V.
     """
     for window in WINDOWS:
-        if window <= drive_v.size and np.mean(_too_sharp(drive_v, window)) <= RARE:
+        if window <= drive_v.size and np.mean(_too_sharp(drive_v, window)) <= MAX_SHARP_SHARE:
             return window
     return 1
 
 
 def smoothed_record(record: Record) -> Record:
-    """Return a record with its displacement smoothed where its drive bears it."""
+    """Return a record whose displacement is smoothed where its drive allows it."""
     window = longest_window(record.drive_v)
     if window <= 3:
         return record
@@ -67,16 +69,17 @@ def smoothed_record(record: Record) -> Record:
 
 
 def _too_sharp(drive_v: FloatArray, window: int) -> Rows:
-    """Return where a drive bends too sharply for a window, shape (n,)."""
+    """Return the samples at which a drive bends too sharply for a window, shape (n,)."""
     steps_v = np.diff(drive_v, prepend=drive_v[0])
     sharp = np.zeros(drive_v.size, dtype=np.bool_)
-    for way_v in (np.cumsum(np.maximum(steps_v, 0.0)), np.cumsum(np.minimum(steps_v, 0.0))):
-        sharp |= np.abs(smoothed(way_v, window) - way_v) > BEARABLE * np.ptp(drive_v)
+    for path_v in (np.cumsum(np.maximum(steps_v, 0.0)), np.cumsum(np.minimum(steps_v, 0.0))):
+        sharp |= np.abs(smoothed(path_v, window) - path_v) > MAX_CHANGE * np.ptp(drive_v)
     return sharp
 
 
 def _near(places: Rows, distance: int) -> Rows:
-    """Return which samples have one of these places no farther away than that, shape (n,)."""
+    """Return the samples within a distance of any of these places, shape (n,)."""
+    # Cumulative counts answer "any place in this interval?" by one difference.
     count = np.concatenate(([0], np.cumsum(places)))
     here = np.arange(places.size)
     first, last = np.maximum(here - distance, 0), np.minimum(here + distance, places.size - 1)

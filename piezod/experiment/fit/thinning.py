@@ -1,4 +1,4 @@
-"""Long records made short enough to fit, without losing what their drive does."""
+"""Shortens long records for a fit, without loss of the motion of their drive."""
 
 from dataclasses import replace
 
@@ -8,32 +8,32 @@ from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.smoothing import longest_window
 from piezod.hysteresis.memory import FloatArray
 
-ENOUGH = 20_000
-"""A record of no more samples stays as it is."""
-MOST = 100_000
-"""Samples beyond this are left out where averaging would lose what the drive does."""
+UNAVERAGED_SAMPLES = 20_000
+"""A record of up to this many samples is not averaged."""
+MAX_SAMPLES = 100_000
+"""Later samples are dropped if averaging would lose motion of the drive."""
 PER_WINDOW = 8
-"""Averages are taken over this part of the samples that smoothing could take at the least."""
+"""An average covers at most this fraction (1/8) of the longest smoothing window."""
 
 
 def thinned(record: Record) -> Record:
-    """Return a record with neighbouring samples averaged, as far as it is long and its drive slow.
+    """Return a record with neighbouring samples averaged, if it is long and its drive slow.
 
-    Drive and displacement are averaged alike, so that neither is moved against the other. What is
-    still too long then ends earlier.
+    Drive and displacement are averaged alike, so that neither is shifted against the other. A
+    record that is still too long then ends earlier.
     """
-    while record.t_s.size > ENOUGH:
-        bears = longest_window(record.drive_v) // PER_WINDOW
-        count = min(bears, -(-record.t_s.size // ENOUGH))
+    while record.t_s.size > UNAVERAGED_SAMPLES:
+        allowed = longest_window(record.drive_v) // PER_WINDOW
+        count = min(allowed, -(-record.t_s.size // UNAVERAGED_SAMPLES))
         if count < 2:
             break
         record = _averaged(record, count)
-    kept = slice(MOST)
+    used = slice(MAX_SAMPLES)
     return replace(
         record,
-        t_s=record.t_s[kept],
-        drive_v=record.drive_v[kept],
-        position_um=record.position_um[kept],
+        t_s=record.t_s[used],
+        drive_v=record.drive_v[used],
+        position_um=record.position_um[used],
     )
 
 

@@ -1,4 +1,4 @@
-"""How far the numbers of a model may be off, by what its record leaves open."""
+"""Uncertainty of the numbers of a model, as far as its record determines them."""
 
 from dataclasses import dataclass
 
@@ -10,25 +10,27 @@ from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.least_squares import Linearised
 from piezod.hysteresis.memory import FloatArray
 
-CERTAIN = 1.96
-"""Standard errors on either side of a value between which the true one is in 95 % of all cases."""
+SIGMAS_95 = 1.96
+"""Half width of a 95 % interval, in standard errors."""
 BATCHES = 20
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Half widths of intervals of 95 %, as the scatter of the residuals tells; and over the blocks.
+    """Half widths of 95 % intervals, and the scatter over the blocks.
 
-    What the structure of the model cannot follow is no scatter: it is in the errors, not in here.
+    The intervals follow from the scatter of the residuals. Errors of the structure of the model are
+    not scatter: they are in the errors, not in here.
 
     Attributes:
-        delay_s: Of the delay, in s; None where that was given.
-        independent_samples: Samples without correlation that tell as much as the record; None for
-            LMS, as the two below.
-        creep_per_decade: Of the creep, as a share of a step.
-        band_pct: (k,) of the voltage predicted from each sample that counts, in % of its range.
+        delay_s: Half width of the delay, in s; None if the delay was given.
+        independent_samples: Number of uncorrelated samples with the same information as the record;
+            None for LMS, like the next two.
+        creep_per_decade: Half width of the creep, as a share of a step.
+        band_pct: (k,) half width of the voltage predicted from each sample that counts, in % of its
+            range.
         spread_pct: (k,) standard deviation of that voltage over the models of the blocks.
-        block_creep_per_decade: The creep in the models of the blocks.
+        block_creep_per_decade: Creep in the models of the blocks.
     """
 
     delay_s: float | None
@@ -40,7 +42,7 @@ class Uncertainty:
 
 
 def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
-    """Return how uncertain a fit is.
+    """Return the uncertainty of a fit.
 
     Args:
         fit: The fit.
@@ -53,7 +55,7 @@ def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
         samples, covariance = covariance_of(fit.linearised)
         rows = fit.linearised.regressors[fit.linearised.counted]
         variance = np.einsum("ki,ij,kj->k", rows, covariance, rows, optimize=True)
-        band_pct = 100.0 * CERTAIN * np.sqrt(np.maximum(variance, 0.0))
+        band_pct = 100.0 * SIGMAS_95 * np.sqrt(np.maximum(variance, 0.0))
         creep = _creep_error(fit, covariance)
     return Uncertainty(
         delay_s=fit.delay.uncertainty_s if fit.delay else None,
@@ -68,10 +70,10 @@ def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
 def covariance_of(linearised: Linearised) -> tuple[float, FloatArray]:
     """Return the number of independent samples, and the covariance of the parameters, (p, p).
 
-    Neighbouring residuals are alike, so that they tell less than their number promises. By how much
-    the variance of predictions is larger for it is seen from batches of the record: were residuals
-    independent, the sums of regressor times residual over a batch would be small (Liang and Zeger
-    1986, averaged here over all directions).
+    Neighbouring residuals are correlated, so that they contain less information than their number
+    suggests. Batches of the record show how much the variance of predictions is larger: for
+    independent residuals, the sums of regressor times residual over a batch would be small (Liang
+    and Zeger 1986, averaged here over all directions).
     """
     rows = linearised.regressors[linearised.counted]
     misses = linearised.misses[linearised.counted]
@@ -80,13 +82,14 @@ def covariance_of(linearised: Linearised) -> tuple[float, FloatArray]:
     per_variance = linearised.covariance(1.0)
     starts = np.linspace(0, n_samples, BATCHES, endpoint=False).astype(np.int64)
     sums = np.add.reduceat(rows * misses[:, np.newaxis], starts, axis=0)
-    seen = float(np.einsum("bi,ij,bj->", sums, per_variance, sums, optimize=True))
-    inflation = max(seen / (n_parameters * variance), 1.0) if variance > 0.0 else 1.0
+    observed = float(np.einsum("bi,ij,bj->", sums, per_variance, sums, optimize=True))
+    inflation = max(observed / (n_parameters * variance), 1.0) if variance > 0.0 else 1.0
     return n_samples / inflation, variance * inflation * per_variance
 
 
 def _creep_error(fit: Fit, covariance: FloatArray) -> float | None:
+    """Return the half width of the creep per decade; None without creep."""
     if not fit.settings.creep:
         return None
-    place = fit.model.weights.size
-    return CERTAIN * LAGS_PER_DECADE * float(np.sqrt(covariance[place, place]))
+    index = fit.model.weights.size
+    return SIGMAS_95 * LAGS_PER_DECADE * float(np.sqrt(covariance[index, index]))

@@ -1,4 +1,4 @@
-"""What a person should know before believing a model, with the remedy each."""
+"""Warnings for the user of a model, each with a remedy."""
 
 from collections.abc import Iterator
 
@@ -9,14 +9,15 @@ from piezod.experiment.fit.fit import Fit
 from piezod.experiment.fit.record import Record
 
 SATURATED = 0.1
-"""Part of its range over which a drive may move while a sensor that works shows one value."""
+"""A healthy sensor may show one value while the drive moves over at most this share of its
+range."""
 
 
 def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
-    """Yield what is to be said of a model that was fitted to a record.
+    """Yield the warnings about a model.
 
     Args:
-        fit: The model, and how it came about.
+        fit: The fit.
         period_s: Sample period of the record, in s.
     """
     if fit.delay is not None:
@@ -24,10 +25,10 @@ def fit_warnings(fit: Fit, period_s: float) -> Iterator[str]:
 
 
 def saturation_warnings(record: Record) -> Iterator[str]:
-    """Yield what is to be said of a sensor that stands still at an end while the drive goes on.
+    """Yield the warnings about a sensor that seems to saturate at an end of its range.
 
     Args:
-        record: The record, as it was recorded.
+        record: The record before smoothing.
     """
     x, counted = record.position_um, record.counted()
     range_v = float(np.ptp(record.drive_v[counted]))
@@ -38,8 +39,8 @@ def saturation_warnings(record: Record) -> Iterator[str]:
             yield (
                 f"The displacement stands at its {name} value, {end_um:.6g} µm, in "
                 f"{np.count_nonzero(there)} samples, while the drive moves over "
-                f"{100.0 * moved:.2g} % of its range: the sensor seems to saturate. Drive less "
-                "far, or move the sensor's range."
+                f"{100.0 * moved:.2g} % of its range: the sensor seems to saturate. Use a smaller "
+                "drive, or move the sensor's range."
             )
 
 
@@ -48,7 +49,7 @@ def _delay_warnings(delay: DelayEstimate, period_s: float) -> Iterator[str]:
         yield (
             "The drive has one frequency. Such a record determines the delay only to about a "
             f"sample, {1e3 * period_s:.3g} ms: a delay looks like a wider loop, and the model "
-            "takes up part of it. Record several frequencies, or measure the delay in another way "
+            "absorbs part of it. Record several frequencies, or measure the delay in another way "
             "and give it."
         )
     if delay.delay_s == delay.candidates_s[-1]:

@@ -13,9 +13,9 @@ from piezod.config.daemon import StageAxisConfig
 from piezod.config.model_file import ModelFile
 from piezod.control.law.model import StageModel
 from piezod.control.law.model_files import from_model_file
-from piezod.control.reference.motion import Motion, Pace, along
+from piezod.control.reference.motion import Motion, MotionLimits, waveform_motion
 from piezod.control.reference.waveforms import Waveform
-from piezod.control.stage.axis import SHORTEST_WAY_CYCLES, SHORTEST_WAY_PERIODS
+from piezod.control.stage.axis import SHORTEST_MOTION_CYCLES, SHORTEST_MOTION_PERIODS
 
 AT_REST_V = 1e-3
 """A safe voltage is the rest voltage within this."""
@@ -52,11 +52,11 @@ class LiveAxis:
             duration_s: How long the waveform is followed, in s.
             start_um: Where the command stays before.
         """
-        shortest_s, mode = SHORTEST_WAY_CYCLES * self.period_s, self.config.first_mode
+        shortest_s, mode = SHORTEST_MOTION_CYCLES * self.period_s, self.config.first_mode
         if mode is not None:
-            shortest_s = max(shortest_s, SHORTEST_WAY_PERIODS / mode.frequency_hz)
-        pace = Pace(self.config.speed_um_per_s, shortest_s, *self.range_um)
-        return along(waveform, duration_s, start_um, 0.0, pace)
+            shortest_s = max(shortest_s, SHORTEST_MOTION_PERIODS / mode.frequency_hz)
+        motion_limits = MotionLimits(self.config.speed_um_per_s, shortest_s, *self.range_um)
+        return waveform_motion(waveform, duration_s, start_um, 0.0, motion_limits)
 
 
 @dataclass(frozen=True)

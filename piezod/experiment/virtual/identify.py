@@ -10,8 +10,8 @@ from piezod.config.axes import AxisConfig
 from piezod.config.experiment import ExperimentConfig
 from piezod.config.experiment_fields import IdentificationConfig
 from piezod.config.modes import Mode
-from piezod.control.law.axis import Waveform
-from piezod.control.law.gains import Known, check_axis, check_known, naming
+from piezod.control.law.axis import TimeFunction
+from piezod.control.law.gains import LoopProperties, check_axis_gains, check_gains, prefix_errors
 from piezod.control.law.model import StageModel
 from piezod.control.law.model_files import read_model
 from piezod.control.reference.waveforms import build_waveform
@@ -48,7 +48,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
     period_s, trimmed = stage.period_ns / NS_PER_S, Mode.TRIMMED in config.modes
-    check_known(config.axes, period_s, trimmed=trimmed)
+    check_gains(config.axes, period_s, trimmed=trimmed)
     from_file = {
         name: _from_file(name, axis, axis.model, stage.period_ns)
         for name, axis in config.axes.items()
@@ -65,8 +65,8 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
         for name, axis in config.axes.items()
     }
     for name, one in identified.items():
-        known = Known(one.model.bank, one.model.delay_s, period_s)
-        check_axis(name, config.axes[name], known, trimmed=trimmed)
+        properties = LoopProperties(one.model.bank, one.model.delay_s, period_s)
+        check_axis_gains(name, config.axes[name], properties, trimmed=trimmed)
     return identified
 
 
@@ -82,7 +82,7 @@ def _drive(
     return dict(zip(axes, traces, strict=True))
 
 
-def _held(drive_v: float) -> Waveform:
+def _held(drive_v: float) -> TimeFunction:
     return lambda _t_s: drive_v
 
 
@@ -104,7 +104,7 @@ def _from_record(
     name: str, axis: AxisConfig, record: Record, settings: IdentificationConfig
 ) -> IdentifiedAxis:
     compensator = axis.compensator
-    with naming(name):
+    with prefix_errors(name):
         record = record.after(settings.run_in_s)
         fit = fit_model(
             record,
@@ -128,7 +128,7 @@ def _from_record(
 
 def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> IdentifiedAxis:
     in_file, file = read_model(path)
-    with naming(name):
+    with prefix_errors(name):
         model = in_file.zeroed_at(axis.limits.rest_v)
     nothing = np.empty(0)
     account = Identification(

@@ -5,7 +5,7 @@ from math import nan
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
 from piezod.control.guard import Limits
-from piezod.control.law.axis import AxisOutput, Waveform
+from piezod.control.law.axis import AxisOutput, TimeFunction
 from piezod.devices.interface import Sample
 from piezod.telemetry.record import AxisRecord
 from piezod.units import NS_PER_S
@@ -23,7 +23,12 @@ class OpenLoopAxis:
     """
 
     def __init__(
-        self, waveform_v: Waveform, limits: Limits, in_force_v: float, start_ns: int, period_ns: int
+        self,
+        waveform_v: TimeFunction,
+        limits: Limits,
+        in_force_v: float,
+        start_ns: int,
+        period_ns: int,
     ) -> None:
         self._waveform_v, self._limits = waveform_v, limits
         self._in_force_v = in_force_v

@@ -8,7 +8,7 @@ import numpy as np
 from piezod.config.experiment import ExperimentConfig
 from piezod.control.cycle import CycleAxis, CycleParts, run_cycle
 from piezod.control.guard import Guard
-from piezod.control.law.axis import Waveform
+from piezod.control.law.axis import TimeFunction
 from piezod.control.law.compensated import limits_of
 from piezod.control.stage.boundary import DeviceBoundary
 from piezod.devices.channels import Channels
@@ -127,7 +127,7 @@ class VirtualStage:
             self._progress(1)
         return trace
 
-    def open_loop(self, waveforms_v: Sequence[Waveform], duration_s: float) -> FloatArray:
+    def open_loop(self, waveforms_v: Sequence[TimeFunction], duration_s: float) -> FloatArray:
         """Drive voltage waveforms, one per axis; return the trace, as `run` does."""
         axes = [
             OpenLoopAxis(waveform, limits_of(axis), in_force_v, self.now_ns, self.period_ns)
@@ -175,7 +175,7 @@ class VirtualStage:
             self.in_force_v[i] = axis.drive_v
 
 
-def _ramp(from_v: float, to_v: float, over_s: float) -> Waveform:
+def _ramp(from_v: float, to_v: float, over_s: float) -> TimeFunction:
     def value(t_s: float) -> float:
         if t_s >= over_s:
             return to_v

@@ -1,4 +1,4 @@
-"""The table of faults, and the page that shows it."""
+"""Tests of the table of faults, and of the page that shows it."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from piezod.config.faults import Fault
-from piezod.control.faults.cases import CASES, LOST, Case, rule_of
+from piezod.control.faults.cases import CASES, UNREACHABLE, Case, rule_of
 from piezod.control.faults.table import (
     FAULTS,
     INDEX,
@@ -26,8 +26,8 @@ ENDS = {Latch.L0: "itself", Latch.L1: "resume", Latch.L2: "reset", Latch.L3: "en
 ROWS = re.findall(r"^\| ([A-Z]\d+) \| .*$", PAGE, re.MULTILINE)
 
 
-def shown(rule: FaultRule) -> str:
-    """Return the row of the page for a fault."""
+def row_of(rule: FaultRule) -> str:
+    """Return the row of a fault on the page."""
     reaction, end, worse = rule.reaction.name, ENDS[rule.latch], rule.escalation
     before: FaultRule | Escalation = rule
     while worse is not None:
@@ -42,18 +42,18 @@ def shown(rule: FaultRule) -> str:
 
 
 @pytest.mark.parametrize("rule", FAULTS, ids=lambda rule: rule.id)
-def test_the_page_shows_each_fault_as_it_is(rule: FaultRule) -> None:
-    """Name, reaction, latch and remedy; in words of the program."""
-    assert shown(rule) in PAGE.splitlines()
+def test_page_shows_each_fault_as_in_the_table(rule: FaultRule) -> None:
+    """The page has the name, the reaction, the latch and the remedy of each fault."""
+    assert row_of(rule) in PAGE.splitlines()
 
 
-def test_the_page_shows_no_fault_twice_and_all_in_the_order_of_the_table() -> None:
-    """What the table does not have is what never reaches the loop."""
+def test_page_shows_each_fault_once_in_the_order_of_the_table() -> None:
+    """Ids on the page that are not in the table are those that never reach the loop."""
     assert len(ROWS) == len(set(ROWS))
     assert [fault for fault in ROWS if fault in INDEX] == list(INDEX)
 
 
-def looked_for() -> set[str]:
+def detected_ids() -> set[str]:
     """Return the ids that modules other than the table name."""
     table = ROOT / "piezod" / "control" / "faults" / "table.py"
     modules = [path for path in (ROOT / "piezod").rglob("*.py") if path != table]
@@ -62,38 +62,38 @@ def looked_for() -> set[str]:
     )
 
 
-def marked() -> set[str]:
-    """Return the ids that tests are marked with, by themselves or in a table of cases."""
+def marked_ids() -> set[str]:
+    """Return the ids in the marks of tests, or in their tables of cases."""
     marks = re.compile(r'(?:mark\.fault|Case)\("([A-Z]\d+)"')
     tests = (ROOT / "tests").rglob("test_*.py")
     return {fault for path in tests for fault in marks.findall(path.read_text("utf-8"))}
 
 
-def test_the_page_says_which_faults_nobody_looks_for() -> None:
-    """No module but the table names them; the bus drivers will."""
-    line = re.search(r"^Not looked for in this version: (.*)\.$", PAGE, re.MULTILINE)
+def test_page_lists_the_faults_that_no_module_detects() -> None:
+    """The page lists the faults that only the table names."""
+    line = re.search(r"^Not detected in this version: (.*)\.$", PAGE, re.MULTILINE)
 
     assert line is not None
-    assert line[1] == ", ".join(rule.id for rule in FAULTS if rule.id not in looked_for())
+    assert line[1] == ", ".join(rule.id for rule in FAULTS if rule.id not in detected_ids())
 
 
-def test_tests_prove_faults_that_the_page_shows() -> None:
-    """A mark that names no fault proves nothing."""
-    assert marked() - set(ROWS) == set()
+def test_marks_of_tests_name_faults_on_the_page() -> None:
+    """Each mark of a test names a fault that exists."""
+    assert marked_ids() - set(ROWS) == set()
 
 
-def test_each_fault_that_is_looked_for_is_proved() -> None:
-    """What a module names, a test is marked with."""
-    assert looked_for() - marked() == set()
+def test_each_detected_fault_has_a_test() -> None:
+    """Each fault that a module names is in the mark of a test."""
+    assert detected_ids() - marked_ids() == set()
 
 
 def test_ids_are_unique_and_fit_the_masks_of_a_record() -> None:
-    """Two words of 64 bits."""
+    """The faults fit into two words of 64 bits."""
     assert len(INDEX) == len(FAULTS) <= 128
 
 
-def test_the_page_shows_the_cases_that_differ() -> None:
-    """Those of a sensor in one row, as they have one reaction; the others by name."""
+def test_page_shows_the_cases_with_other_rules() -> None:
+    """The cases of a sensor share one row, because they have one reaction."""
     ends = [
         f"{rule.reaction.name}, RAMP after 1 s | resume, reset after 1 s"
         for (_, case), rule in CASES.items()
@@ -103,15 +103,15 @@ def test_the_page_shows_the_cases_that_differ() -> None:
         (key, rule) for key, rule in CASES.items() if key[1] not in {Case.SENSOR, Case.SINGLE}
     ]
 
-    assert f"| {', '.join(LOST)} of a sensor | as above | {ends[0]} | as above |" in PAGE
+    assert f"| {', '.join(UNREACHABLE)} of a sensor | as above | {ends[0]} | as above |" in PAGE
     assert len(set(ends)) == 1
     for (fault, case), rule in others:
-        assert f"| {fault}: {case.value} {shown(rule).removeprefix(f'| {fault} ')}" in PAGE
+        assert f"| {fault}: {case.value} {row_of(rule).removeprefix(f'| {fault} ')}" in PAGE
 
 
 @pytest.mark.parametrize(("fault", "case"), CASES)
-def test_a_case_is_of_a_fault_and_differs_from_it(fault: Fault, case: Case) -> None:
-    """In what is done about it."""
+def test_case_has_another_reaction_or_latch_than_its_fault(fault: Fault, case: Case) -> None:
+    """A case keeps the id of its fault and differs in reaction or latch."""
     usual, other = rule_of(fault, Case.USUAL), rule_of(fault, case)
 
     assert other.id == usual.id == fault
@@ -120,7 +120,7 @@ def test_a_case_is_of_a_fault_and_differs_from_it(fault: Fault, case: Case) -> N
 
 @pytest.mark.parametrize("rule", [*FAULTS, *CASES.values()], ids=lambda rule: rule.id)
 def test_each_rule_is_consistent(rule: FaultRule) -> None:
-    """What stops the stage is latched, what is latched is told; it only becomes worse."""
+    """Faults that stop the stage are latched, latched faults are reported, escalations worse."""
     letter = {"S": Source.SENSOR, "A": Source.AMPLIFIER, "B": Source.BUS, "L": Source.LOOP}
     assert rule.source is {**letter, "D": Source.ADAPTATION}.get(rule.id[0], Source.PROCESS)
     assert (rule.severity == "error") >= (rule.reaction >= Reaction.HOLD)
@@ -158,13 +158,13 @@ def test_each_rule_is_consistent(rule: FaultRule) -> None:
         (Reaction.RAMP, [Fault.S10, Fault.B10, Fault.L3, Fault.L5, Fault.P2, Fault.E1, Fault.H1]),
     ],
 )
-def test_the_grave_reactions_are_for_these_faults(reaction: Reaction, faults: list[str]) -> None:
-    """Whoever changes that changes it here, too."""
+def test_severe_reactions_belong_to_these_faults(reaction: Reaction, faults: list[str]) -> None:
+    """A change of these reactions must be made here, too."""
     assert [rule.id for rule in FAULTS if rule.reaction is reaction] == faults
 
 
-def test_masks_and_ids_are_the_same_in_two_forms() -> None:
-    """Of one fault, of all, of none."""
+def test_mask_and_ids_are_inverse() -> None:
+    """Masks and ids convert into each other for one fault, for all and for none."""
     everything = [rule.id for rule in FAULTS]
 
     assert mask([Fault.S1]) == 1
@@ -174,5 +174,5 @@ def test_masks_and_ids_are_the_same_in_two_forms() -> None:
 
 
 def test_every_fault_has_one_row() -> None:
-    """In the order of the enumeration, which is that of the bits."""
+    """The rows have the order of the enumeration, which is that of the bits."""
     assert [rule.id for rule in FAULTS] == list(Fault)

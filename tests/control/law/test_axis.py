@@ -1,4 +1,4 @@
-"""One axis in one cycle: normalisation, look-ahead, limits, and what it knows to be in force."""
+"""Tests of one axis in one cycle: normalisation, look-ahead, limits, and the voltage in force."""
 
 import math
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from piezod.control.law.identifier import DriveHistory, Identifier
 from piezod.control.law.trim import Trim
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence, even_thresholds, new_bank
-from tests.control.fakes import MS, FakeGate, FakeTrim, PairsOnly
+from tests.control.fakes import MS, FakeGate, FakeTrim, RecordingIdentifier
 
 DRIVE_V = AffineRange(0.0, 150.0)
 POSITION_UM = AffineRange(0.0, 10.0)
@@ -29,7 +29,7 @@ def compensated(
     reference_um: Callable[[float], float],
     limits: Limits = WIDE,
     *,
-    lms: PairsOnly | None = None,
+    lms: RecordingIdentifier | None = None,
     gate: FakeGate | None = None,
     trim: Trim | None = None,
     in_force_v: float = 0.0,
@@ -38,10 +38,10 @@ def compensated(
     weights: tuple[float, float] = (0.0, 0.0),
     first_mode_hz: float | None = None,
 ) -> CompensatedAxis:
-    """Return an axis; without weights its drive is proportional, by 15 V for a micrometre."""
+    """Return an axis; without weights its drive is in proportion, 15 V per micrometre."""
     history = DriveHistory(in_force_v, entries=256)
     identifier = Identifier(
-        lms or PairsOnly(),
+        lms or RecordingIdentifier(),
         DRIVE_V,
         POSITION_UM,
         history,
@@ -67,8 +67,8 @@ def compensated(
     )
 
 
-def test_drive_answers_to_the_reference_one_period_and_one_delay_ahead() -> None:
-    """What is written at 3 ms shows at 4.5 ms; the record compares with the command of 3 ms."""
+def test_drive_follows_the_reference_one_period_and_one_delay_ahead() -> None:
+    """A write at 3 ms shows at 4.5 ms; the record has the command of 3 ms."""
     output = compensated(lambda t_s: 1000 * t_s).update(START_NS + 3 * MS, AT_REST)
 
     assert output.drive_v == pytest.approx(15 * 4.5)
@@ -76,15 +76,15 @@ def test_drive_answers_to_the_reference_one_period_and_one_delay_ahead() -> None
     assert output.uncompensated_v == pytest.approx(15 * 3.0)
 
 
-def test_the_sensor_s_part_of_the_delay_is_not_read_ahead() -> None:
-    """The stage itself is there earlier than its sensor says."""
+def test_sensor_delay_is_not_read_ahead() -> None:
+    """The stage itself arrives earlier than its sensor shows."""
     axis = compensated(lambda t_s: 1000 * t_s, delay_ns=MS // 2, sensor_delay_ns=MS // 5)
 
     assert axis.update(START_NS + 3 * MS, AT_REST).drive_v == pytest.approx(15 * 4.3)
 
 
-def test_corners_are_rounded_for_the_mode_but_not_in_the_record_nor_for_the_trim() -> None:
-    """At 500 Hz a quarter of the next cycle is in; command and error are of the reference."""
+def test_corners_are_rounded_in_the_drive_only() -> None:
+    """At 500 Hz each neighbour has a weight of 0.25; record and trim use the reference itself."""
     trim = FakeTrim()
     axis = compensated(
         lambda t_s: max(0.0, 1000 * t_s - 4.5), trim=trim, delay_ns=MS // 2, first_mode_hz=500.0
@@ -101,7 +101,7 @@ def test_corners_are_rounded_for_the_mode_but_not_in_the_record_nor_for_the_trim
 
 
 def test_drive_climbs_at_the_slew_rate() -> None:
-    """A step of the reference becomes a ramp of what is in force."""
+    """A step of the reference becomes a ramp of the voltage in force."""
     axis = compensated(lambda _: 10.0, SLOW)
     drives_v = []
     for k in range(4):
@@ -143,11 +143,11 @@ def test_memory_does_not_advance_while_writes_are_refused() -> None:
             refused.applied(refused_v)
             apart_v.append(refused_v - stopped_v)
 
-    assert np.max(np.abs(apart_v)) < 1e-9  # a memory that ran on would be 12 V off
+    assert np.max(np.abs(apart_v)) < 1e-9  # a memory that advanced would be 12 V off
 
 
-def test_stage_taken_over_outside_its_range_comes_back_at_the_slew_rate() -> None:
-    """A voltage of 155 V in force at the start goes down by 2 V in a cycle."""
+def test_stage_taken_over_outside_its_range_returns_at_the_slew_rate() -> None:
+    """A voltage of 155 V at the start falls by 2 V per cycle."""
     axis = compensated(lambda _: 10.0, SLOW, in_force_v=155.0)
     drives_v = []
     for k in range(4):
@@ -158,7 +158,7 @@ def test_stage_taken_over_outside_its_range_comes_back_at_the_slew_rate() -> Non
 
 
 def test_reference_that_is_not_a_number_holds_the_drive() -> None:
-    """A waveform that fails moves nothing."""
+    """A reference that becomes NaN moves nothing."""
     axis = compensated(lambda t_s: 5.0 if t_s < 3e-3 else math.nan)
     for k in range(4):
         output = axis.update(START_NS + k * MS, AT_REST)
@@ -167,9 +167,9 @@ def test_reference_that_is_not_a_number_holds_the_drive() -> None:
     assert output.drive_v == pytest.approx(75.0)
 
 
-def test_identifier_sees_the_voltage_before_the_delay() -> None:
-    """The sample of a cycle answers to what was in force half a period earlier."""
-    lms = PairsOnly()
+def test_identifier_gets_the_voltage_before_the_delay() -> None:
+    """A sample belongs to the voltage that was in force half a period earlier."""
+    lms = RecordingIdentifier()
     axis = compensated(lambda t_s: 1000 * t_s, lms=lms)
     for k in range(4):
         axis.applied(axis.update(START_NS + k * MS, Sample(START_NS + k * MS, 5.0, True)).drive_v)
@@ -181,8 +181,8 @@ def test_identifier_sees_the_voltage_before_the_delay() -> None:
 
 
 def test_first_weights_that_converge_become_the_model() -> None:
-    """A stage without a model gets what has been identified, once it has settled."""
-    lms = PairsOnly(errors=[0.5, 0.5, 0.5])
+    """A stage without a model gets the identified weights when they have converged."""
+    lms = RecordingIdentifier(errors=[0.5, 0.5, 0.5])
     axis = compensated(lambda _: 5.0, lms=lms)
     lms.weights[:] = (0.02, 0.03)
     adopted = []
@@ -194,8 +194,8 @@ def test_first_weights_that_converge_become_the_model() -> None:
     assert adopted[-1] == [0.02, 0.03]
 
 
-def test_identifier_learns_whether_the_drive_was_limited_and_how_old_the_sample_is() -> None:
-    """It is the drive in force that counts, which was asked for a cycle earlier."""
+def test_gate_gets_the_age_of_the_sample_and_whether_the_drive_was_limited() -> None:
+    """The drive in force counts, which was requested one cycle earlier."""
     gate = FakeGate()
     axis = compensated(lambda _: 3.0 / 15.0, SLOW, gate=gate)
     for k in range(4):
@@ -206,7 +206,7 @@ def test_identifier_learns_whether_the_drive_was_limited_and_how_old_the_sample_
 
 
 def test_trim_compares_a_sample_with_the_command_of_the_instant_it_shows() -> None:
-    """That is when the sample was taken, less the delay of the sensor."""
+    """That instant is the time of the sample minus the delay of the sensor."""
     trim = FakeTrim()
     axis = compensated(lambda t_s: 1000 * t_s, trim=trim, sensor_delay_ns=MS // 5)
     taken_ns = START_NS + 3 * MS - MS // 2
@@ -217,8 +217,8 @@ def test_trim_compares_a_sample_with_the_command_of_the_instant_it_shows() -> No
     assert trim.errors == pytest.approx([0.0, 0.1], abs=1e-12)
 
 
-def test_trim_is_told_which_samples_cannot_be_believed() -> None:
-    """It is the gate that knows, whatever the device says."""
+def test_trim_skips_samples_that_are_not_credible() -> None:
+    """The gate decides, not the flag of the device."""
     trim, gate = FakeTrim(), FakeGate()
     axis = compensated(lambda _: 0.0, trim=trim, gate=gate)
     for k, gate.credible in enumerate((True, False, True)):
@@ -227,8 +227,8 @@ def test_trim_is_told_which_samples_cannot_be_believed() -> None:
     assert trim.valid == [True, False, True]
 
 
-def test_trim_holds_after_a_write_that_was_refused() -> None:
-    """What was asked for is not in force, so that the sample is no answer to it."""
+def test_trim_holds_after_a_refused_write() -> None:
+    """The requested voltage is not in force, so the sample does not show its effect."""
     trim = FakeTrim()
     axis = compensated(lambda _: 0.0, trim=trim)
     for k in range(3):
@@ -239,11 +239,11 @@ def test_trim_holds_after_a_write_that_was_refused() -> None:
     assert trim.valid == [True, True, False]
 
 
-def test_trim_is_told_where_nothing_more_is_to_be_had() -> None:
-    """While the drive runs along its slew rate the trim must not wind up."""
+def test_trim_gets_the_direction_that_is_limited() -> None:
+    """While the slew rate limits the drive, the trim must not wind up."""
     trim = FakeTrim()
     axis = compensated(lambda t_s: 0.3 if t_s < 4e-3 else 0.0, SLOW, trim=trim)
     for k in range(7):
         axis.applied(axis.update(START_NS + k * MS, AT_REST).drive_v)
 
-    assert trim.stops == [0, 1, 1, 0, -1, -1, 0]
+    assert trim.limited == [0, 1, 1, 0, -1, -1, 0]

@@ -1,4 +1,4 @@
-"""Adaptation in the loop: which pairs the algorithm sees."""
+"""Tests of the pairs that the learning algorithm gets."""
 
 import math
 
@@ -8,14 +8,14 @@ from piezod.config.gate_reasons import GateReason
 from piezod.control.law.identifier import DriveHistory, Identifier
 from piezod.devices.interface import Sample
 from piezod.hysteresis import AffineRange, Convergence
-from tests.control.fakes import MS, FakeGate, PairsOnly
+from tests.control.fakes import MS, FakeGate, RecordingIdentifier
 
 DRIVE_V = AffineRange(0.0, 100.0)
 POSITION_UM = AffineRange(-5.0, 5.0)
 
 
 def identifier(
-    lms: PairsOnly, delay_ns: int = 0, cycles: int = 10, gate: FakeGate | None = None
+    lms: RecordingIdentifier, delay_ns: int = 0, cycles: int = 10, gate: FakeGate | None = None
 ) -> Identifier:
     """Return an identifier of a stage whose voltage was k volts at k milliseconds."""
     history = DriveHistory(0.0, entries=256)
@@ -26,14 +26,14 @@ def identifier(
     return Identifier(lms, DRIVE_V, POSITION_UM, history, delay_ns, convergence, gate)
 
 
-def learn(one: Identifier, position_um: float = 0.0, valid: bool = True) -> None:
-    """Let an identifier take a sample at 8 ms."""
-    one.learn(8 * MS, Sample(8 * MS, position_um, valid), limited=False, expected=0.3)
+def learn(subject: Identifier, position_um: float = 0.0, valid: bool = True) -> None:
+    """Give an identifier a sample at 8 ms."""
+    subject.learn(8 * MS, Sample(8 * MS, position_um, valid), limited=False, expected=0.3)
 
 
 def test_pair_is_normalised() -> None:
-    """Displacement and voltage arrive in units of their ranges."""
-    lms = PairsOnly()
+    """Position and voltage arrive in units of their ranges."""
+    lms = RecordingIdentifier()
 
     learn(identifier(lms), 2.5)
 
@@ -43,9 +43,9 @@ def test_pair_is_normalised() -> None:
 @pytest.mark.parametrize(
     ("delay_ns", "drive_v"), [(0, 8.0), (MS, 7.0), (MS // 4, 7.75), (3 * MS + 1, 5.0), (99 * MS, 0)]
 )
-def test_sample_is_paired_with_the_voltage_it_answers_to(delay_ns: int, drive_v: float) -> None:
-    """What counts is the voltage in force one delay before the sample was taken."""
-    lms = PairsOnly()
+def test_sample_is_paired_with_the_voltage_one_delay_before(delay_ns: int, drive_v: float) -> None:
+    """The voltage is the one in force one delay before the sample was taken."""
+    lms = RecordingIdentifier()
 
     learn(identifier(lms, delay_ns))
 
@@ -54,7 +54,7 @@ def test_sample_is_paired_with_the_voltage_it_answers_to(delay_ns: int, drive_v:
 
 def test_age_of_a_sample_counts() -> None:
     """A sample that was taken before the cycle is paired with an earlier voltage."""
-    lms, gate = PairsOnly(), FakeGate()
+    lms, gate = RecordingIdentifier(), FakeGate()
     sample = Sample(8 * MS - MS // 2, 0.0, valid=True)
 
     identifier(lms, MS, gate=gate).learn(8 * MS, sample, limited=True, expected=0.3)
@@ -64,83 +64,83 @@ def test_age_of_a_sample_counts() -> None:
 
 
 @pytest.mark.parametrize("reason", [GateReason.LIMITED, GateReason.QUIET, GateReason.REPEATED])
-def test_sample_that_may_not_teach_goes_on_to_the_memory(reason: GateReason) -> None:
-    """The algorithm sees it, and is told not to learn; the verdict on convergence stays."""
-    lms, gate = PairsOnly(errors=[0.0] * 3), FakeGate()
-    one = identifier(lms, gate=gate)
+def test_sample_that_is_not_learned_from_still_enters_the_memory(reason: GateReason) -> None:
+    """The algorithm gets it without learning; the convergence stays as it was."""
+    lms, gate = RecordingIdentifier(errors=[0.0] * 3), FakeGate()
+    subject = identifier(lms, gate=gate)
     for _ in range(3):
-        learn(one)
+        learn(subject)
 
     gate.reason = reason
-    learn(one, 3.0)
+    learn(subject, 3.0)
 
-    assert lms.taught == [True, True, True, False]
+    assert lms.learned == [True, True, True, False]
     assert lms.pairs[-1][0] == pytest.approx(0.8)
-    assert one.converged
+    assert subject.converged
 
 
 @pytest.mark.parametrize(("position_um", "valid"), [(math.nan, False), (4.0, True)])
-def test_memory_goes_on_without_samples_that_are_not_accurate(
+def test_expected_position_replaces_a_sample_that_is_not_accurate(
     position_um: float, valid: bool
 ) -> None:
-    """It sees the displacement that is expected; the verdict on convergence stays."""
-    lms, gate = PairsOnly(errors=[0.0] * 3), FakeGate()
-    one = identifier(lms, gate=gate)
+    """The memory gets the expected displacement; the convergence stays as it was."""
+    lms, gate = RecordingIdentifier(errors=[0.0] * 3), FakeGate()
+    subject = identifier(lms, gate=gate)
     for _ in range(3):
-        learn(one)
+        learn(subject)
 
     gate.reason, gate.accurate = GateReason.SPIKE, False
-    learn(one, position_um, valid)
+    learn(subject, position_um, valid)
 
     assert lms.pairs[-1] == (0.3, 0.08)
-    assert lms.taught == [True, True, True, False]
-    assert one.converged
+    assert lms.learned == [True, True, True, False]
+    assert subject.converged
 
 
-def test_identifier_converges_and_loses_it_again() -> None:
-    """The verdict is up to the last sample: a disturbance takes it back."""
-    one = identifier(PairsOnly(errors=[0.5, 0.5, 0.5, 0.9, 0.9]))
-    verdicts = []
+def test_convergence_ends_with_a_disturbance() -> None:
+    """The convergence holds up to the last sample: a disturbance ends it."""
+    subject = identifier(RecordingIdentifier(errors=[0.5, 0.5, 0.5, 0.9, 0.9]))
+    converged = []
     for _ in range(5):
-        learn(one)
-        verdicts.append(one.converged)
+        learn(subject)
+        converged.append(subject.converged)
 
-    assert verdicts == [False, False, True, False, False]
+    assert converged == [False, False, True, False, False]
 
 
-def test_rest_proves_nothing() -> None:
-    """However small the differences are, and however long: only moves count."""
-    lms = PairsOnly(errors=[0.5] * 6)
-    one = identifier(lms)
+def test_rest_does_not_count_for_convergence() -> None:
+    """Only motion counts, however small the differences at rest are."""
+    lms = RecordingIdentifier(errors=[0.5] * 6)
+    subject = identifier(lms)
     lms.at_rest = True
     for _ in range(3):
-        learn(one)
-    assert not one.converged
+        learn(subject)
+    assert not subject.converged
 
     lms.at_rest = False
     for _ in range(3):
-        learn(one)
+        learn(subject)
 
-    assert one.converged
+    assert subject.converged
 
 
 def test_weights_are_those_of_the_algorithm() -> None:
-    """They are the same array, so that following them costs no copy."""
-    lms = PairsOnly()
+    """The weights are the same array, so that following them costs no copy."""
+    lms = RecordingIdentifier()
 
     assert identifier(lms).weights is lms.weights
 
 
 @pytest.mark.fault("D6")
-def test_an_eased_identifier_learns_from_every_second_sample_that_can_teach() -> None:
-    """The others go on to the memory alone."""
-    lms = PairsOnly()
-    one = identifier(lms)
-    one.gain_halved = True
+def test_identifier_with_halved_gain_learns_from_every_second_sample() -> None:
+    """The other samples only enter the memory."""
+    lms = RecordingIdentifier()
+    subject = identifier(lms)
+    subject.gain_halved = True
     for _ in range(4):
-        learn(one)
-    one.gain_halved = False
+        learn(subject)
+    subject.gain_halved = False
     for _ in range(2):
-        learn(one)
+        learn(subject)
 
-    assert lms.taught == [False, True, False, True, True, True]
+    assert lms.learned == [False, True, False, True, True, True]

@@ -1,4 +1,4 @@
-"""Which gains of the trim are safe, against a simulation in small steps of time."""
+"""Tests of the margins of the trim, against a simulation in small time steps."""
 
 from functools import cache
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from piezod.control.law.stability import (
     LEAST_MODULUS_MARGIN,
     LEAST_PHASE_MARGIN_DEG,
     TrimMargins,
-    check_trim,
+    margins_of,
     refuse_unstable,
 )
 from piezod.errors import ModelError
@@ -48,7 +48,7 @@ GAINS_PER_S = st.floats(0.01, 5000.0)
 
 @st.composite
 def loops(draw: st.DrawFn) -> Loop:
-    """Draw a loop; the delay is a whole number of the simulation's steps."""
+    """Draw a loop whose delay is a whole number of steps of the simulation."""
     period_s = draw(PERIODS_S)
     delay_s = draw(st.integers(0, 4 * SUB_STEPS)) * period_s / SUB_STEPS
     if draw(st.booleans()):
@@ -56,7 +56,7 @@ def loops(draw: st.DrawFn) -> Loop:
     return Loop(
         period_s,
         delay_s,
-        # Beyond a few turns within a cycle the steps of the simulation are too long.
+        # With more than a few turns per cycle the steps of the simulation are too long.
         draw(st.floats(0.02, 1.5)) / period_s,
         draw(st.floats(0.005, 1.0)),
     )
@@ -64,7 +64,7 @@ def loops(draw: st.DrawFn) -> Loop:
 
 def largest_stable(loop: Loop) -> float:
     """Return the gain at which the gain margin is 1."""
-    return check_trim(1.0, *loop).gain_margin
+    return margins_of(1.0, *loop).gain_margin
 
 
 def rate_of_change(loop: Loop, mode: FloatArray, drive: FloatArray) -> FloatArray:
@@ -77,7 +77,7 @@ def rate_of_change(loop: Loop, mode: FloatArray, drive: FloatArray) -> FloatArra
 
 
 def advanced(loop: Loop, mode: FloatArray, drive: FloatArray) -> FloatArray:
-    """Return the mode a small step later, by the method of Runge and Kutta."""
+    """Return the mode one small step later, by the method of Runge and Kutta."""
     step_s = loop.period_s / SUB_STEPS
     first = rate_of_change(loop, mode, drive)
     second = rate_of_change(loop, mode + step_s / 2 * first, drive)
@@ -88,7 +88,7 @@ def advanced(loop: Loop, mode: FloatArray, drive: FloatArray) -> FloatArray:
 
 @cache
 def small_step(loop: Loop) -> tuple[FloatArray, FloatArray]:
-    """Return what mode and drive are multiplied by in a small step: the method is linear."""
+    """Return the factors of mode and drive in a small step: the method is linear."""
     of_mode = advanced(loop, np.eye(2), np.zeros(2))
     return of_mode, advanced(loop, np.zeros((2, 1)), np.ones(1))
 
@@ -96,10 +96,10 @@ def small_step(loop: Loop) -> tuple[FloatArray, FloatArray]:
 def one_cycle(
     loop: Loop, mode: FloatArray, trims: FloatArray, gains_per_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return mode and trims a cycle later; the newest of the trims, which are rows, comes first.
+    """Return mode and trims one cycle later; the trims are rows, the newest first.
 
-    The sample is taken, then the trim is integrated for the next cycle, while the present one is
-    held and works its way through the delay.
+    The sample is taken. Then the trim is integrated for the next cycle, while the present trim is
+    held and passes through the delay.
     """
     late = round(loop.delay_s / loop.period_s * SUB_STEPS)
     sample = mode[0] if loop.mode_hz is not None else trims[-(-late // SUB_STEPS)]
@@ -112,12 +112,12 @@ def one_cycle(
 
 
 def trims_held(loop: Loop) -> int:
-    """Return how many trims the delay holds, the one in force included."""
+    """Return the number of trims in the delay, the one in force included."""
     return round(loop.delay_s / loop.period_s * SUB_STEPS) // SUB_STEPS + 2
 
 
 def growth(loop: Loop, gain_per_s: float) -> float:
-    """Return the largest eigenvalue's size of the matrix that a cycle of the simulation is."""
+    """Return the largest eigenvalue, in size, of the matrix of one simulated cycle."""
     n_mode = 0 if loop.mode_hz is None else 2
     states = np.eye(n_mode + trims_held(loop))
     after = one_cycle(loop, states[:n_mode], states[n_mode:], np.array(gain_per_s))
@@ -127,7 +127,7 @@ def growth(loop: Loop, gain_per_s: float) -> float:
 @given(loop=loops())
 @settings(max_examples=60, deadline=None)
 def test_largest_stable_gain_is_that_of_the_closed_loop(loop: Loop) -> None:
-    """Two thousandths below it all eigenvalues are inside the unit circle, above it one is not."""
+    """0.2 % below it all eigenvalues are inside the unit circle; 0.2 % above it one is outside."""
     gain_per_s = largest_stable(loop)
 
     assert growth(loop, 0.998 * gain_per_s) < 1.0
@@ -136,7 +136,7 @@ def test_largest_stable_gain_is_that_of_the_closed_loop(loop: Loop) -> None:
 
 @pytest.mark.parametrize("loop", [STACK, FLEXURE, AFM, DELAY_ONLY, Loop(1e-4, 0.65e-3, 734, 0.03)])
 def test_largest_stable_gain_is_that_of_a_simulation_in_time(loop: Loop) -> None:
-    """Within 2 % below it a disturbance dies away, within 2 % above it grows."""
+    """2 % below it a disturbance decays; 2 % above it the disturbance grows."""
     gains_per_s = largest_stable(loop) * np.array([0.98, 1.02])
     mode, trims = np.zeros((2, 2)), np.ones((trims_held(loop), 2))
     sizes = []
@@ -150,7 +150,7 @@ def test_largest_stable_gain_is_that_of_a_simulation_in_time(loop: Loop) -> None
 
 
 def enough(margins: TrimMargins) -> bool:
-    """Tell whether all margins suffice."""
+    """Return whether all margins are large enough."""
     return (
         margins.gain_margin >= LEAST_GAIN_MARGIN
         and margins.phase_margin_deg >= LEAST_PHASE_MARGIN_DEG
@@ -162,45 +162,45 @@ def enough(margins: TrimMargins) -> bool:
 @given(loop=loops(), quarters=st.integers(0, 4))
 @settings(max_examples=40, deadline=None)
 def test_late_margin_leaves_the_loop_stable_with_more_delay(loop: Loop, quarters: int) -> None:
-    """With the gain that it allows, anything up to one more period does no harm."""
-    gain_per_s = check_trim(1.0, *loop).late_gain_margin
+    """The gain that it allows is stable with up to one more period of delay."""
+    gain_per_s = margins_of(1.0, *loop).late_gain_margin
 
     assert growth(loop.later(quarters / 4 * loop.period_s), 0.998 * gain_per_s) < 1.0
 
 
 @given(loop=loops(), part=st.floats(0.01, 0.999), beyond=st.floats(1.001, 1.5))
 @settings(max_examples=40, deadline=None)
-def test_largest_gain_parts_what_is_allowed_from_what_is_not(
+def test_largest_gain_is_the_bound_of_the_allowed_gains(
     loop: Loop, part: float, beyond: float
 ) -> None:
-    """Every gain below it has all margins; the first above it lack one."""
-    largest = check_trim(1.0, *loop).largest_gain_per_s
+    """Every gain below it has all margins; the gain just above it lacks one."""
+    largest = margins_of(1.0, *loop).largest_gain_per_s
 
-    assert enough(check_trim(part * largest, *loop))
-    assert not enough(check_trim(1.001 * largest, *loop))
-    assert check_trim(beyond * largest, *loop).largest_gain_per_s == largest
+    assert enough(margins_of(part * largest, *loop))
+    assert not enough(margins_of(1.001 * largest, *loop))
+    assert margins_of(beyond * largest, *loop).largest_gain_per_s == largest
 
 
 @given(loop=loops(), low=GAINS_PER_S, high=GAINS_PER_S)
 @settings(max_examples=40, deadline=None)
 def test_margins_shrink_with_the_gain(loop: Loop, low: float, high: float) -> None:
-    """A larger gain has no larger gain and phase margin."""
+    """A larger gain has no larger margin."""
     assume(low < high)
 
-    little, much = check_trim(low, *loop), check_trim(high, *loop)
+    at_low, at_high = margins_of(low, *loop), margins_of(high, *loop)
 
-    assert little.gain_margin > much.gain_margin
-    assert little.late_gain_margin > much.late_gain_margin
-    assert little.phase_margin_deg >= much.phase_margin_deg
+    assert at_low.gain_margin > at_high.gain_margin
+    assert at_low.late_gain_margin > at_high.late_gain_margin
+    assert at_low.phase_margin_deg >= at_high.phase_margin_deg
 
 
 @given(period_s=PERIODS_S, periods=st.floats(0.0, 50.0), more=st.floats(0.0, 5.0))
 @settings(max_examples=40, deadline=None)
 def test_delay_never_raises_the_limit(period_s: float, periods: float, more: float) -> None:
-    """Where there is no mode; the grid of frequencies leaves a thousandth."""
+    """This holds without a mode; the grid of frequencies costs a thousandth."""
     loop = Loop(period_s, periods * period_s)
 
-    before, after = check_trim(1.0, *loop), check_trim(1.0, *loop.later(more * period_s))
+    before, after = margins_of(1.0, *loop), margins_of(1.0, *loop.later(more * period_s))
 
     assert after.gain_margin <= 1.001 * before.gain_margin
     assert after.largest_gain_per_s <= 1.001 * before.largest_gain_per_s
@@ -208,24 +208,24 @@ def test_delay_never_raises_the_limit(period_s: float, periods: float, more: flo
 
 @pytest.mark.parametrize(("periods", "largest"), [(0, 2.0), (1, 1.0), (2, (5**0.5 - 1) / 2)])
 def test_limits_of_an_integrator_behind_a_delay_are_known(periods: int, largest: float) -> None:
-    """Two, one and the golden ratio's share of the sample rate: roots of small polynomials."""
+    """The limits are roots of small polynomials: 2, 1 and 0.618 times the sample rate."""
     loop = Loop(1e-3, periods * 1e-3)
 
     assert 1e-3 * largest_stable(loop) == pytest.approx(largest, rel=1e-4)
 
 
-def test_stiff_mode_is_as_none() -> None:
-    """A mode that is over within a small part of a cycle makes no difference."""
-    with_mode = check_trim(50.0, 1e-3, 0.65e-3, 80_000.0, 1.0)
+def test_stiff_mode_has_no_effect() -> None:
+    """A mode that decays within a small part of a cycle makes no difference."""
+    with_mode = margins_of(50.0, 1e-3, 0.65e-3, 80_000.0, 1.0)
 
-    assert with_mode == pytest.approx(check_trim(50.0, 1e-3, 0.65e-3, None, None), rel=1e-3)
+    assert with_mode == pytest.approx(margins_of(50.0, 1e-3, 0.65e-3, None, None), rel=1e-3)
 
 
 @pytest.mark.parametrize(
     ("loop", "largest"), [(STACK, 186), (FLEXURE, 106), (AFM, 140), (DELAY_ONLY, 453)]
 )
 def test_default_gain_is_allowed_on_usual_stages(loop: Loop, largest: int) -> None:
-    """At 1 kHz, with the delay of a filtered sensor, two to nine times as much would be."""
+    """At 1 kHz and the delay of a filtered sensor, two to nine times the gain is allowed."""
     assert int(refuse_unstable(50.0, *loop).largest_gain_per_s) == largest
 
 
@@ -264,10 +264,10 @@ def test_default_gain_is_allowed_on_usual_stages(loop: Loop, largest: int) -> No
         ),
     ],
 )
-def test_refusal_says_what_is_short_and_what_would_do(
+def test_refusal_names_the_margins_and_the_largest_gain(
     gain_per_s: float, loop: Loop, text: str
 ) -> None:
-    """The margin, its value, what is needed, what was assumed, and the largest gain allowed."""
+    """It names the margin, its value, its limit, the assumptions and the largest gain."""
     with pytest.raises(ModelError) as caught:
         refuse_unstable(gain_per_s, *loop)
 
@@ -276,8 +276,8 @@ def test_refusal_says_what_is_short_and_what_would_do(
 
 @given(loop=loops())
 @settings(max_examples=40, deadline=None)
-def test_gain_that_is_proposed_is_allowed(loop: Loop) -> None:
-    """The remedy works, and gives away no more than a tenth of the largest gain."""
+def test_proposed_gain_is_allowed(loop: Loop) -> None:
+    """The proposed gain is at least nine tenths of the largest one."""
     with pytest.raises(ModelError) as caught:
         refuse_unstable(1e9, *loop)
     proposed = float(str(caught.value).rpartition("at most ")[2].removesuffix(" 1/s"))

@@ -1,4 +1,4 @@
-"""The integral action: what it adds, when it holds, and that it never jumps."""
+"""Tests of the trim: what it adds, when it holds, and that it never jumps."""
 
 import math
 from itertools import pairwise
@@ -25,15 +25,15 @@ def enabled() -> Trim:
 
 
 def at_authority(sign: float) -> Trim:
-    """Return a trim that has gone as far as it may."""
+    """Return a trim at its authority."""
     trim = enabled()
     for _ in range(100):
         trim.step(sign, True, 0)
     return trim
 
 
-def test_error_fades_with_the_time_constant_of_the_gain() -> None:
-    """After 1/50 s an offset of the plant has come down to 1/e, but for the cycles' steps."""
+def test_error_decays_with_the_time_constant_of_the_gain() -> None:
+    """After 1/50 s an offset of the stage has decayed to 1/e, up to the steps of the cycles."""
     trim, offset = enabled(), 0.04
 
     for _ in range(20):
@@ -44,7 +44,7 @@ def test_error_fades_with_the_time_constant_of_the_gain() -> None:
 
 
 def test_trim_stays_zero_until_it_is_enabled() -> None:
-    """However large the error is meanwhile; enabling starts from zero."""
+    """Errors before `enable` do not count; then it starts from zero."""
     trim = Trim(GAIN_PER_S, PERIOD_S, AUTHORITY, FADE_CYCLES)
 
     before = [trim.step(1.0, True, 0) for _ in range(100)]
@@ -56,15 +56,15 @@ def test_trim_stays_zero_until_it_is_enabled() -> None:
 
 @given(steps=st.lists(st.tuples(st.floats(), st.booleans(), LIMITED), max_size=300))
 def test_trim_never_exceeds_its_authority(steps: list[tuple[float, bool, int]]) -> None:
-    """Whatever is measured, not a number and infinity included."""
+    """This holds for any errors, NaN and infinity included."""
     trim = enabled()
 
     assert all(abs(trim.step(*step)) <= AUTHORITY for step in steps)
 
 
 @pytest.mark.parametrize("error", [math.nan, math.inf, -math.inf])
-def test_error_that_is_not_finite_holds(error: float) -> None:
-    """The trim stays as it is, and goes on with the next sample."""
+def test_error_that_is_not_finite_holds_the_trim(error: float) -> None:
+    """The trim stays, and continues with the next sample."""
     trim = enabled()
     before = trim.step(0.1, True, 0)
 
@@ -72,8 +72,8 @@ def test_error_that_is_not_finite_holds(error: float) -> None:
     assert trim.step(0.1, True, 0) == 2 * before
 
 
-def test_invalid_sample_holds() -> None:
-    """Whatever number comes with it."""
+def test_invalid_sample_holds_the_trim() -> None:
+    """The value of an invalid sample does not matter."""
     trim = enabled()
     before = trim.step(0.1, True, 0)
 
@@ -82,7 +82,7 @@ def test_invalid_sample_holds() -> None:
 
 @given(error=ERRORS, limited=LIMITED)
 def test_trim_does_not_push_into_a_limit(error: float, limited: int) -> None:
-    """At a limit only errors that lead away from it are integrated."""
+    """At a limit the trim integrates only errors that lead away from it."""
     trim = enabled()
 
     value = trim.step(error, True, limited)
@@ -91,7 +91,7 @@ def test_trim_does_not_push_into_a_limit(error: float, limited: int) -> None:
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_nothing_winds_up(sign: float) -> None:
+def test_trim_does_not_wind_up(sign: float) -> None:
     """After any time at its authority the trim follows the first error of the other sign."""
     trim = at_authority(sign)
 
@@ -101,7 +101,7 @@ def test_nothing_winds_up(sign: float) -> None:
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_disabled_trim_fades_to_zero_and_stays(sign: float) -> None:
-    """It takes the stated cycles from the full authority; errors count no more."""
+    """From the full authority the fade takes its cycles; errors no longer count."""
     trim = at_authority(sign)
 
     trim.disable()
@@ -112,7 +112,7 @@ def test_disabled_trim_fades_to_zero_and_stays(sign: float) -> None:
 
 
 def test_faded_trim_is_exactly_zero() -> None:
-    """No trace is left."""
+    """A faded trim is zero without rounding."""
     trim = enabled()
     trim.step(0.33, True, 0)
     trim.disable()
@@ -120,8 +120,8 @@ def test_faded_trim_is_exactly_zero() -> None:
     assert [trim.step(0.0, True, 0) for _ in range(FADE_CYCLES)][-1] == 0.0
 
 
-def test_trim_enabled_while_it_fades_goes_on_from_where_it_is() -> None:
-    """There is no way back through zero."""
+def test_trim_enabled_during_its_fade_continues_from_its_value() -> None:
+    """The trim does not pass through zero first."""
     trim = at_authority(1.0)
     trim.disable()
     for _ in range(5):
@@ -134,8 +134,8 @@ def test_trim_enabled_while_it_fades_goes_on_from_where_it_is() -> None:
 @given(
     steps=st.lists(st.tuples(st.floats(-0.01, 0.01), st.booleans()), min_size=2, max_size=300),
 )
-def test_switching_never_jumps(steps: list[tuple[float, bool]]) -> None:
-    """From cycle to cycle the trim changes by a step of the fade or of the integral at most."""
+def test_enabling_and_disabling_never_jumps(steps: list[tuple[float, bool]]) -> None:
+    """In one cycle the trim changes by at most one step of the fade or of the integral."""
     trim = at_authority(1.0)
     values = [trim.value]
     for error, on in steps:
@@ -147,8 +147,8 @@ def test_switching_never_jumps(steps: list[tuple[float, bool]]) -> None:
 
 
 @pytest.mark.fault("D6")
-def test_an_eased_trim_goes_half_as_fast() -> None:
-    """From one cycle to the next, and back."""
+def test_trim_with_halved_gain_integrates_half_as_fast() -> None:
+    """The change of the gain acts from one cycle to the next."""
     trim = enabled()
     steps = []
     for trim.gain_halved in (False, True, False):

@@ -1,4 +1,4 @@
-"""Movements: smooth, no faster than allowed, never beyond the range."""
+"""Tests of movements: smooth, no faster than allowed, never out of the range."""
 
 import numpy as np
 import pytest
@@ -6,19 +6,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezod.config.waveforms import Sine
-from piezod.control.reference.motion import Pace, StreamedReference, along, rest_at, way
+from piezod.control.reference.motion import (
+    MotionLimits,
+    StreamedReference,
+    rest_at,
+    smooth_motion,
+    waveform_motion,
+)
 from piezod.control.reference.waveforms import build_waveform
 
-PACE = Pace(speed_um_per_s=100.0, shortest_s=0.01, low_um=0.0, high_um=25.0)
+LIMITS = MotionLimits(speed_um_per_s=100.0, shortest_s=0.01, low_um=0.0, high_um=25.0)
 positions = st.floats(0.0, 25.0)
 
 
 @given(start_um=positions, target_um=positions)
-def test_a_way_from_standstill_is_between_its_ends_and_not_too_fast(
+def test_motion_from_standstill_stays_between_its_ends_and_is_not_too_fast(
     start_um: float, target_um: float
 ) -> None:
-    """The polynomial of least jerk does not overshoot; its peak is 1.875 times its mean."""
-    motion = way(start_um, 0.0, target_um, PACE)
+    """A minimum-jerk motion does not overshoot; its peak speed is 1.875 times its mean speed."""
+    motion = smooth_motion(start_um, 0.0, target_um, LIMITS)
     t_s = np.linspace(0.0, motion.duration_s, 401)
     path_um = np.array([motion.reference_um(float(t)) for t in t_s])
 
@@ -30,11 +36,11 @@ def test_a_way_from_standstill_is_between_its_ends_and_not_too_fast(
 
 
 @given(start_um=positions, target_um=positions, speed=st.floats(-200.0, 200.0))
-def test_a_way_takes_over_position_and_speed_and_stays_in_range(
+def test_motion_continues_position_and_speed_and_stays_in_range(
     start_um: float, target_um: float, speed: float
 ) -> None:
-    """Wherever it comes from, it begins where and as fast as the reference was."""
-    motion = way(start_um, speed, target_um, PACE)
+    """A motion starts at the position and the speed of the reference before it."""
+    motion = smooth_motion(start_um, speed, target_um, LIMITS)
     t_s = np.linspace(-0.1, 2.0 * motion.duration_s, 501)
     path_um = np.array([motion.reference_um(float(t)) for t in t_s])
     moved_um = motion.reference_um(1e-7) - start_um
@@ -45,15 +51,15 @@ def test_a_way_takes_over_position_and_speed_and_stays_in_range(
     assert path_um[-1] == target_um
 
 
-def test_the_shortest_way_takes_its_time() -> None:
-    """A step of a nanometre is no jump either."""
-    assert way(1.0, 0.0, 1.001, PACE).duration_s == 0.01
+def test_short_motion_takes_the_shortest_duration() -> None:
+    """A motion of one nanometre takes the shortest duration, too."""
+    assert smooth_motion(1.0, 0.0, 1.001, LIMITS).duration_s == 0.01
 
 
-def test_a_waveform_is_led_to_and_held_at_its_end() -> None:
-    """From 5 µm to its start, then the waveform, then what it ended with."""
+def test_waveform_has_a_lead_in_and_holds_its_end() -> None:
+    """The reference moves to the start of the waveform, follows it, and keeps its last value."""
     sine = build_waveform(Sine(kind="sine", low=0.0, high=20.0, frequency_hz=1.0), 1.25)
-    motion = along(sine, 1.25, 5.0, 0.0, PACE)
+    motion = waveform_motion(sine, 1.25, 5.0, 0.0, LIMITS)
     lead_in_s = motion.duration_s - 1.25
 
     assert motion.reference_um(0.0) == 5.0
@@ -62,23 +68,23 @@ def test_a_waveform_is_led_to_and_held_at_its_end() -> None:
     assert motion.reference_um(9.0) == motion.target_um == pytest.approx(10.0)
 
 
-def test_a_waveform_that_starts_where_the_stage_is_starts_at_once() -> None:
-    """There is no way to go."""
+def test_waveform_that_starts_at_the_reference_has_no_lead_in() -> None:
+    """A waveform that starts at the position of the reference starts at once."""
     sine = build_waveform(Sine(kind="sine", low=5.0, high=20.0, frequency_hz=1.0), 2.0)
 
-    assert along(sine, 2.0, 5.0, 0.0, PACE).duration_s == 2.0
+    assert waveform_motion(sine, 2.0, 5.0, 0.0, LIMITS).duration_s == 2.0
 
 
-def test_rest_is_a_movement_that_has_arrived() -> None:
-    """Its reference is one value for ever."""
+def test_rest_is_a_movement_without_duration() -> None:
+    """The reference of a rest has one value for ever."""
     motion = rest_at(7.0)
 
     assert (motion.reference_um(0.0), motion.reference_um(1e6), motion.duration_s) == (7.0, 7.0, 0)
 
 
-def test_a_stream_is_followed_no_faster_than_allowed() -> None:
-    """A setpoint far away is approached by speed times period in each cycle."""
-    stream = StreamedReference(5.0, PACE, period_s=0.01)
+def test_stream_is_followed_no_faster_than_allowed() -> None:
+    """The reference approaches a distant setpoint by speed times period in each cycle."""
+    stream = StreamedReference(5.0, LIMITS, period_s=0.01)
     stream.newest_um = 7.5
     path_um = []
     for _ in range(4):

@@ -1,4 +1,4 @@
-"""Voltages over time: the swing that conditions."""
+"""Tests of the voltage program that conditions a stage."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from piezod.control.reference.programs import conditioning
 def test_conditioning_starts_and_ends_at_rest_inside_the_range(
     low_v: float, rest: float, cycles: int
 ) -> None:
-    """Wherever in the range the rest voltage is."""
+    """Conditioning starts and ends at any rest voltage, and stays in the range."""
     rest_v = min(low_v + rest * (100.0 - low_v), 100.0)  # the sum may be off by rounding
     limits = LimitsConfig(drive_min_v=low_v, drive_max_v=100.0, slew_v_per_s=1e4, rest_v=rest_v)
     drive = conditioning(ConditioningConfig(cycles=cycles), limits)
@@ -26,7 +26,7 @@ def test_conditioning_starts_and_ends_at_rest_inside_the_range(
 
 
 def test_conditioning_decays_from_the_whole_range() -> None:
-    """Each swing is smaller than the one before, the first nearly the whole range."""
+    """The first swing has nearly the whole range, and each further one is smaller."""
     limits = LimitsConfig(drive_min_v=0.0, drive_max_v=150.0, slew_v_per_s=1e4, rest_v=0.0)
     drive = conditioning(ConditioningConfig(cycles=5, frequency_hz=2.0), limits)
     peaks_v = [drive.drive_v((k + 0.5) / 2.0) for k in range(5)]

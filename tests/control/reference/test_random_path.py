@@ -1,4 +1,4 @@
-"""Paths between random turning points."""
+"""Tests of paths between random turning points."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ REVERSALS = {
 
 @given(seed=st.integers(0, 2**32 - 1), duration_s=st.floats(0.1, 30))
 def test_longer_path_continues_the_shorter(seed: int, duration_s: float) -> None:
-    """The turning points depend on the seed alone, not on how long the path is asked for."""
+    """The turning points depend on the seed, not on the duration."""
     config = Reversals.model_validate(REVERSALS | {"seed": seed})
     short, long = random_path(config, duration_s), random_path(config, 30.0)
 
@@ -25,7 +25,7 @@ def test_longer_path_continues_the_shorter(seed: int, duration_s: float) -> None
 
 
 def test_seeds_differ() -> None:
-    """Another seed is another path."""
+    """Two seeds give two paths."""
     one, two = (
         random_path(Reversals.model_validate(REVERSALS | {"seed": seed}), DURATION_S)
         for seed in (1, 2)
@@ -35,7 +35,7 @@ def test_seeds_differ() -> None:
 
 
 def test_path_of_a_seed_never_changes() -> None:
-    """The path of a seed is part of the format: an experiment stays the same over the years."""
+    """The path of a seed stays the same for ever, and with it an experiment."""
     config = Reversals.model_validate(REVERSALS | {"seed": 4})
 
     assert np.array(random_path(config, 1.0)) == pytest.approx(
@@ -46,7 +46,7 @@ def test_path_of_a_seed_never_changes() -> None:
 
 
 def test_reversals_follow_their_turning_points() -> None:
-    """The waveform goes straight from one turning point to the next."""
+    """The waveform is a straight line from one turning point to the next."""
     config = Reversals.model_validate(REVERSALS | {"seed": 7})
     points = random_path(config, DURATION_S)
     waveform = build_waveform(config, DURATION_S)

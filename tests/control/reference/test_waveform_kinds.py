@@ -1,4 +1,4 @@
-"""What each kind of waveform does."""
+"""Tests of each kind of waveform."""
 
 import math
 from typing import Any
@@ -14,7 +14,7 @@ READER: TypeAdapter[WaveformConfig] = TypeAdapter(WaveformConfig)
 
 
 def waveform_of(kind: str, **keys: Any) -> Waveform:
-    """Make a waveform from the keys of its configuration."""
+    """Return a waveform from the keys of its configuration."""
     return build_waveform(READER.validate_python({"kind": kind, **keys}), DURATION_S)
 
 
@@ -34,7 +34,7 @@ def test_sine() -> None:
 
 
 def test_triangle() -> None:
-    """A triangle takes straight lines."""
+    """A triangle consists of straight lines."""
     triangle = waveform_of("triangle", low=2, high=6, frequency_hz=0.5)
 
     assert [triangle.value(t_s) for t_s in (0.0, 0.25, 0.5, 1.0, 1.75, 2.0)] == pytest.approx(
@@ -43,7 +43,7 @@ def test_triangle() -> None:
 
 
 def test_modulated_envelope() -> None:
-    """The swing starts full, is smallest after half a period, and repeats."""
+    """A modulated swing starts at full size, is smallest after half a period, and repeats."""
     sine = waveform_of(
         "sine",
         low=1,
@@ -52,7 +52,7 @@ def test_modulated_envelope() -> None:
         envelope={"kind": "modulated", "depth": 0.8, "frequency_hz": 0.5},
     )
 
-    # The crest of the sine is where the envelope is smallest, its foot where it is full.
+    # At the crest of the sine the envelope is smallest, at its foot it is full.
     assert [sine.value(t_s) for t_s in (0.0, 1.0, 2.0, 3.0)] == pytest.approx([1.0, 3.0, 1.0, 3.0])
     assert sine.value(0.5) == pytest.approx(1 + 5 * 0.6)
 
@@ -74,7 +74,7 @@ def test_modulated_crests() -> None:
 
 
 def test_decaying_about_the_lowest() -> None:
-    """A decaying swing anchored low touches the lowest value in every period."""
+    """A decaying swing that is anchored low reaches the lowest value in every period."""
     sine = waveform_of(
         "sine",
         low=1,
@@ -90,7 +90,7 @@ def test_decaying_about_the_lowest() -> None:
 
 
 def test_decaying_about_the_middle() -> None:
-    """A decaying swing anchored in the middle ends there."""
+    """A decaying swing that is anchored in the middle ends in the middle."""
     sine = waveform_of(
         "sine",
         low=0,
@@ -126,7 +126,7 @@ def test_multisine() -> None:
 
 
 def test_staircase() -> None:
-    """A level lasts from its edge up to the next one, the last level stays."""
+    """A level lasts from its edge to the next one; the last level stays."""
     stairs = waveform_of("staircase", levels=(1.0, 5.0, 2.0), dwell_s=0.5)
 
     assert [stairs.value(t_s) for t_s in (0.0, 0.499, 0.5, 0.999, 1.0, 50.0)] == [
@@ -145,8 +145,8 @@ def test_csv(tmp_path: Any) -> None:
     ]  # fmt: skip
 
 
-def test_points_are_what_a_file_with_them_is(tmp_path: Any) -> None:
-    """The same points, in the file or beside it, are the same waveform with the same bounds."""
+def test_points_and_a_file_with_them_are_the_same_waveform(tmp_path: Any) -> None:
+    """The same points, in a file or in the configuration, give the same values and bounds."""
     path = tmp_path / "w.csv"
     path.write_text("t_s,command_um\n1,2\n2,6\n4,-2\n")
     filed = waveform_of("csv", path=path, column="command_um")
@@ -180,7 +180,7 @@ def test_sum() -> None:
 
 
 def test_sequence() -> None:
-    """Each part starts anew when the part before it is over; the end of the last one stays."""
+    """Each part starts when the part before it ends; the last value stays."""
     parts = waveform_of(
         "sequence",
         parts=(

@@ -1,4 +1,4 @@
-"""What holds for every waveform, whatever its kind."""
+"""Tests of properties that all waveforms have."""
 
 import math
 from typing import Any
@@ -107,7 +107,7 @@ TIMES = st.lists(st.floats(-10, 1e9) | st.floats(0, 30), min_size=1, max_size=20
 
 @given(keys=ANY, times_s=TIMES)
 def test_bounds_hold_at_any_time(keys: dict[str, Any], times_s: list[float]) -> None:
-    """No value is outside the bounds, not by a rounding error either."""
+    """No value is outside the bounds, not even by rounding."""
     config = READER.validate_python(keys)
     waveform = build_waveform(config, DURATION_S)
     values = [waveform.value(t_s) for t_s in times_s]
@@ -118,7 +118,7 @@ def test_bounds_hold_at_any_time(keys: dict[str, Any], times_s: list[float]) -> 
 
 @given(keys=ANY, times_s=TIMES)
 def test_samples_are_the_values(keys: dict[str, Any], times_s: list[float]) -> None:
-    """Sampling at many times gives exactly what asking one by one gives."""
+    """Sampling at many times gives exactly the values at each time."""
     waveform = build_waveform(READER.validate_python(keys), DURATION_S)
     sampled = waveform.sample(np.array(times_s))
 
@@ -128,7 +128,7 @@ def test_samples_are_the_values(keys: dict[str, Any], times_s: list[float]) -> N
 
 @given(keys=ANY)
 def test_before_the_start(keys: dict[str, Any]) -> None:
-    """Before its start a waveform has the value it starts with."""
+    """Before its start a waveform has its first value."""
     waveform = build_waveform(READER.validate_python(keys), DURATION_S)
 
     assert waveform.value(-1.0) == waveform.value(0.0)
@@ -136,7 +136,7 @@ def test_before_the_start(keys: dict[str, Any]) -> None:
 
 @given(keys=ANY, t_s=st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e300]))
 def test_no_time_raises(keys: dict[str, Any], t_s: float) -> None:
-    """A time that makes no sense gives a value within the bounds, or none."""
+    """A time that is not finite, or huge, gives a value within the bounds, or NaN."""
     waveform = build_waveform(READER.validate_python(keys), DURATION_S)
     value = waveform.value(t_s)
 
@@ -144,7 +144,7 @@ def test_no_time_raises(keys: dict[str, Any], t_s: float) -> None:
 
 
 def steepest(keys: dict[str, Any]) -> float:
-    """Give a speed per s that a waveform without steps cannot exceed."""
+    """Return a speed, per s, that a continuous waveform cannot exceed."""
     match keys["kind"]:
         case "setpoint":
             return 0.0
@@ -176,7 +176,7 @@ def test_values_change_without_steps(keys: dict[str, Any]) -> None:
 
 @given(keys=st.one_of(periodic_configs(), multisine_configs(), reversals_configs()))
 def test_swinging_waveforms_start_at_their_lowest(keys: dict[str, Any]) -> None:
-    """What swings starts at `low`, if its full swing is there at the start and no phase is set."""
+    """A periodic waveform starts at `low`, if it has its full swing then and no phase is set."""
     if keys["kind"] == "multisine":
         keys["components"] = tuple(part | {"phase_deg": 0.0} for part in keys["components"])
     if keys.get("anchor") == "middle":
@@ -188,17 +188,17 @@ def test_swinging_waveforms_start_at_their_lowest(keys: dict[str, Any]) -> None:
 
 @given(keys=reversals_configs())
 def test_turning_points_keep_to_range_swing_and_speed(keys: dict[str, Any]) -> None:
-    """Directions alternate, ways are long enough, speeds are within their limits."""
+    """Directions alternate, swings are long enough, speeds are within their limits."""
     config = Reversals.model_validate(keys)
     points = np.array(random_path(config, DURATION_S))
     (times_s, levels), tiny = points.T, 1e-9 * (1 + abs(config.low) + config.high - config.low)
-    ways, speeds = np.diff(levels), np.abs(np.diff(levels)) / np.diff(times_s)
+    swings, speeds = np.diff(levels), np.abs(np.diff(levels)) / np.diff(times_s)
 
     assert (times_s[0], levels[0]) == (0.0, config.low)
     assert times_s[-1] >= DURATION_S > times_s[-2]
     assert np.all(levels >= config.low)
     assert np.all(levels <= config.high)
-    assert np.all(np.sign(ways) == np.resize([1, -1], ways.size))
-    assert np.all(np.abs(ways) >= config.min_swing - tiny)
+    assert np.all(np.sign(swings) == np.resize([1, -1], swings.size))
+    assert np.all(np.abs(swings) >= config.min_swing - tiny)
     assert np.all(speeds >= config.min_speed * (1 - 1e-6) - tiny)
     assert np.all(speeds <= config.max_speed * (1 + 1e-6) + tiny)

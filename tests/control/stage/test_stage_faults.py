@@ -1,4 +1,4 @@
-"""A fault of a device, from its first cycle to what the stage does about it, on the rig."""
+"""Tests of faults of devices on the rig, from the first cycle to the reaction of the stage."""
 
 from functools import cache
 from itertools import pairwise
@@ -18,45 +18,45 @@ from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
-from tests.control.live_stage import LiveStage, quick
-from tests.control.swinging_stage import Case, Faulty, check_way, failed
+from tests.control.fault_cases import FaultCase, SwingingStage, check_course, run_case
+from tests.control.rig_stage import RigStage, quick_config
 
 CASES = [
-    Case("S1", InjectionKind.STUCK, {}, State.HOLD, 60),
-    Case("S2", InjectionKind.REPLACED, {"value": nan}, State.HOLD, 10),
-    Case("S3", InjectionKind.OFFSET, {"value": 500.0}, State.HOLD, 10),
-    Case("S5", InjectionKind.DROPPED, {}, State.HOLD, 10),
-    Case("S8", InjectionKind.FLAGGED, {"flag": DeviceFlag.LOW_LIGHT}, State.HOLD, 10),
-    Case("S9", InjectionKind.GAIN, {"value": 0.4}, State.HOLD, 200),
-    Case("A1", InjectionKind.REFUSED, {}, State.BLIND, 10),
-    Case("A3", InjectionKind.READ_BACK_OFFSET, {"value": 4.0}, State.HOLD, 20),
-    Case("A4", InjectionKind.FLAGGED, {"flag": DeviceFlag.OVERLOAD}, State.HOLD, 3),
-    Case("A8", InjectionKind.FLAGGED, {"flag": DeviceFlag.LOCAL_MODE}, State.HOLD, 3),
-    Case("A9", InjectionKind.FLAGGED, {"flag": DeviceFlag.WATCHDOG_TRIPPED}, State.BLIND, 3),
-    Case("A11", InjectionKind.FLAGGED, {"flag": DeviceFlag.SHORT_OR_OPEN}, State.FAULT, 3),
-    Case("A12", InjectionKind.READ_BACK_OFFSET, {"value": 200.0}, State.FAULT, 4),
-    Case("A13", InjectionKind.FLAGGED, {"flag": DeviceFlag.OVER_TEMPERATURE}, State.FAULT, 3),
+    FaultCase("S1", InjectionKind.STUCK, {}, State.HOLD, 60),
+    FaultCase("S2", InjectionKind.REPLACED, {"value": nan}, State.HOLD, 10),
+    FaultCase("S3", InjectionKind.OFFSET, {"value": 500.0}, State.HOLD, 10),
+    FaultCase("S5", InjectionKind.DROPPED, {}, State.HOLD, 10),
+    FaultCase("S8", InjectionKind.FLAGGED, {"flag": DeviceFlag.LOW_LIGHT}, State.HOLD, 10),
+    FaultCase("S9", InjectionKind.GAIN, {"value": 0.4}, State.HOLD, 200),
+    FaultCase("A1", InjectionKind.REFUSED, {}, State.BLIND, 10),
+    FaultCase("A3", InjectionKind.READ_BACK_OFFSET, {"value": 4.0}, State.HOLD, 20),
+    FaultCase("A4", InjectionKind.FLAGGED, {"flag": DeviceFlag.OVERLOAD}, State.HOLD, 3),
+    FaultCase("A8", InjectionKind.FLAGGED, {"flag": DeviceFlag.LOCAL_MODE}, State.HOLD, 3),
+    FaultCase("A9", InjectionKind.FLAGGED, {"flag": DeviceFlag.WATCHDOG_TRIPPED}, State.BLIND, 3),
+    FaultCase("A11", InjectionKind.FLAGGED, {"flag": DeviceFlag.SHORT_OR_OPEN}, State.FAULT, 3),
+    FaultCase("A12", InjectionKind.READ_BACK_OFFSET, {"value": 200.0}, State.FAULT, 4),
+    FaultCase("A13", InjectionKind.FLAGGED, {"flag": DeviceFlag.OVER_TEMPERATURE}, State.FAULT, 3),
 ]
 
 
 @cache
-def seen(case: Case) -> tuple[Faulty, list[CycleRecord]]:
-    """Return what `failed` does, once for each case."""
-    return failed(case)
+def result_of(case: FaultCase) -> tuple[SwingingStage, list[CycleRecord]]:
+    """Return the result of `run_case`, computed once for each case."""
+    return run_case(case)
 
 
 @pytest.mark.parametrize(
     "case", [pytest.param(one, marks=pytest.mark.fault(one.fault), id=one.fault) for one in CASES]
 )
-def test_a_fault_leads_to_its_state_in_time_and_nothing_goes_on_by_itself(case: Case) -> None:
-    """It is told by its id, the stage leaves RUN within the bound, and ends at rest."""
-    check_way(case, *seen(case))
+def test_fault_leads_to_its_state_in_time_and_to_rest(case: FaultCase) -> None:
+    """The fault is reported, the stage leaves RUN within the bound, and ends at rest."""
+    check_course(case, *result_of(case))
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.fault for case in CASES])
-def test_limits_hold_while_a_fault_is_reacted_to(case: Case) -> None:
-    """Whatever the sensor or the read-back say, no write leaves range or slew rate."""
-    stage, _ = seen(case)
+def test_limits_hold_during_the_reaction(case: FaultCase) -> None:
+    """No write leaves the range or the slew rate, for any sample and read-back."""
+    stage, _ = result_of(case)
 
     writes = stage.channels.writes
     assert all(isfinite(drive_v) and 0.0 <= drive_v <= 150.0 for _, (drive_v,) in writes)
@@ -65,9 +65,9 @@ def test_limits_hold_while_a_fault_is_reacted_to(case: Case) -> None:
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.fault for case in CASES])
-def test_once_healed_a_stage_runs_again_when_it_is_told_to(case: Case) -> None:
-    """Reset, arm, and where the memory was lost, condition: then it is as before."""
-    stage, _ = seen(case)
+def test_stage_runs_again_after_reset_and_arm(case: FaultCase) -> None:
+    """If the memory was lost, conditioning makes it known; then the stage works as before."""
+    stage, _ = result_of(case)
     stage.run(1.0)
     stage.do(rq.Reset(engineer=True))
     stage.run(0.1)
@@ -82,9 +82,9 @@ def test_once_healed_a_stage_runs_again_when_it_is_told_to(case: Case) -> None:
 
 
 @pytest.mark.fault("S4")
-def test_a_spike_is_not_reacted_to() -> None:
-    """One sample is replaced or left out; the stage goes on, the drive hardly notices."""
-    stage = Faulty()
+def test_spike_has_no_reaction() -> None:
+    """The sample is dropped, the stage continues, and the drive hardly changes."""
+    stage = SwingingStage()
     stage.fail(InjectionKind.OFFSET, 1, value=8.0)
     after = stage.run(0.5)
 
@@ -94,9 +94,9 @@ def test_a_spike_is_not_reacted_to() -> None:
 
 
 @pytest.mark.fault("S5")
-def test_a_short_gap_ends_where_it_is_resumed() -> None:
-    """Below a second it is held; when samples are back, `resume` goes on."""
-    stage = Faulty()
+def test_short_gap_of_samples_ends_with_resume() -> None:
+    """A gap below a second holds the stage; `resume` continues when samples are back."""
+    stage = SwingingStage()
     stage.fail(InjectionKind.DROPPED, 100)
     stage.run(0.5)
     held = stage.state
@@ -106,9 +106,9 @@ def test_a_short_gap_ends_where_it_is_resumed() -> None:
     assert (held, stage.state) == (State.HOLD, State.RUN)
 
 
-def test_a_reset_that_is_refused_drops_no_latch() -> None:
-    """In HOLD it is too early for it; `resume` is still refused afterwards."""
-    stage = Faulty()
+def test_refused_reset_drops_no_latch() -> None:
+    """In HOLD a reset is refused, and `resume` still is afterwards."""
+    stage = SwingingStage()
     stage.fail(InjectionKind.FLAGGED, 5, flag=DeviceFlag.OVERLOAD)
     stage.run(1.5)
     held = stage.state
@@ -118,14 +118,14 @@ def test_a_reset_that_is_refused_drops_no_latch() -> None:
 
 
 @pytest.mark.fault("A7")
-def test_an_amplifier_that_collapses_is_taken_over_from_what_it_reads_back() -> None:
-    """After BLIND the first write is what is in force, and the way down begins there."""
-    stage = Faulty()
+def test_collapsed_amplifier_is_taken_over_from_its_read_back() -> None:
+    """After BLIND the first write is the voltage in force, and the ramp starts there."""
+    stage = SwingingStage()
     writes = stage.channels.writes
     while stage.x.drive_v < 60.0:
         stage.cycle()
     writes.clear()
-    stage.device.deactivate(stage.t_ns)  # its power is gone: 0 V in some milliseconds
+    stage.device.deactivate(stage.t_ns)  # its power is off: 0 V within milliseconds
     stage.run(0.03)
     stage.device.activate(stage.t_ns)
     stage.run(1.5)
@@ -137,11 +137,11 @@ def test_an_amplifier_that_collapses_is_taken_over_from_what_it_reads_back() -> 
 
 
 @pytest.mark.fault("A4")
-def test_an_amplifier_that_is_overloaded_may_go_half_as_fast(
+def test_overloaded_amplifier_has_half_the_slew_rate(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """For as long as the fault is shown, and no longer."""
-    stage, halved = Faulty(), []
+    """The slew rate is halved while the fault is present."""
+    stage, halved = SwingingStage(), []
     admit = Guard.admit
 
     def seen(guard: Guard, *arguments: Any) -> Admitted:
@@ -159,9 +159,9 @@ def test_an_amplifier_that_is_overloaded_may_go_half_as_fast(
 
 
 @pytest.mark.fault("A8")
-def test_while_somebody_else_drives_nothing_is_written_and_then_it_is_taken_over() -> None:
-    """However long it takes; the voltage that is held afterwards is what they left."""
-    stage = Faulty()
+def test_nothing_is_written_in_local_mode_and_then_the_output_is_taken_over() -> None:
+    """The voltage that is held afterwards is the one that was left."""
+    stage = SwingingStage()
     stage.fail(InjectionKind.FLAGGED, 3000, flag=DeviceFlag.LOCAL_MODE)
     stage.run(0.002)
     stage.channels.writes.clear()
@@ -178,9 +178,9 @@ def test_while_somebody_else_drives_nothing_is_written_and_then_it_is_taken_over
 
 
 @pytest.mark.fault("A8")
-def test_what_somebody_else_left_is_not_guessed() -> None:
-    """Without a read-back nobody knows it: FAULT, and no write."""
-    stage = Faulty(Mode.FEEDFORWARD, reads_back=False, holds=True)
+def test_output_after_local_mode_is_unknown_without_read_back() -> None:
+    """The result is FAULT, without a write."""
+    stage = SwingingStage(Mode.FEEDFORWARD, reads_back=False, holds=True)
     stage.fail(InjectionKind.FLAGGED, 100, flag=DeviceFlag.LOCAL_MODE)
     stage.run(0.002)
     stage.channels.writes.clear()
@@ -190,29 +190,29 @@ def test_what_somebody_else_left_is_not_guessed() -> None:
 
 
 @pytest.mark.fault("D6")
-def test_an_axis_that_oscillates_goes_with_half_its_gain_until_it_is_reset() -> None:
-    """Half a second later, if it still oscillates, it goes on in feedforward."""
-    stage = Faulty(Mode.TRIMMED)
-    trim, seen = stage.stage.axes[0].live.trim, []
+def test_oscillating_axis_has_half_the_gain_until_a_reset() -> None:
+    """If it still oscillates half a second later, it continues in feedforward."""
+    stage = SwingingStage(Mode.TRIMMED)
+    trim, seen = stage.stage.axes[0].law.trim, []
     for _ in range(502):
         stage.controller.report(Detection(Fault.D6, 0))
         stage.cycle()
         seen.append((trim.gain_halved, stage.x.mode))
     stage.run(1.1)
-    still = trim.gain_halved
+    halved_before_reset = trim.gain_halved
     stage.do(rq.Reset())
     stage.run(0.01)
 
     assert seen[1] == (True, Mode.TRIMMED)
     assert seen[-1] == (True, Mode.FEEDFORWARD)
-    assert (still, trim.gain_halved) == (True, False)
+    assert (halved_before_reset, trim.gain_halved) == (True, False)
     assert stage.state == State.RUN
 
 
 @pytest.mark.fault("D10")
-def test_a_memory_that_is_not_known_is_shown_until_it_is_conditioned() -> None:
-    """While it is relied on: not in SAFE, and not where nothing is compensated."""
-    stage = LiveStage(quick(), memory_known=False)
+def test_unknown_memory_is_shown_until_conditioning() -> None:
+    """It is shown while it matters: not in SAFE, and not in mode uncompensated."""
+    stage = RigStage(quick_config(), memory_known=False)
     stage.cycle()
     before = ids(stage.records[-1].present)
     stage.do(rq.Arm())
@@ -233,9 +233,9 @@ def test_a_memory_that_is_not_known_is_shown_until_it_is_conditioned() -> None:
 
 @pytest.mark.fault("P3")
 @pytest.mark.parametrize("kind", [InjectionKind.READ_RAISES, InjectionKind.WRITE_RAISES])
-def test_a_driver_that_raises_is_a_fault_and_no_crash(kind: InjectionKind) -> None:
-    """The cycle goes on, the stage is held or blind within two cycles, and ends safe."""
-    stage = Faulty()
+def test_exception_of_a_driver_is_a_fault(kind: InjectionKind) -> None:
+    """The cycles continue, the stage holds or is blind within two cycles, and ends safe."""
+    stage = SwingingStage()
     stage.fail(kind, 50)
     first = stage.run(0.01)[3]
     stage.run(3.5)
@@ -246,14 +246,14 @@ def test_a_driver_that_raises_is_a_fault_and_no_crash(kind: InjectionKind) -> No
 
 
 @pytest.mark.fault("P4")
-def test_a_control_law_that_raises_holds_the_voltage(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A mistake in the program is no reason to drop 100 V."""
-    stage = Faulty()
+def test_exception_of_the_control_law_holds_the_voltage(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The voltage is not dropped."""
+    stage = SwingingStage()
 
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(stage.stage.axes[0].live, "update", broken)
+    monkeypatch.setattr(stage.stage.axes[0].law, "update", broken)
     before_v = stage.x.drive_v
     after = stage.run(0.02)
 
@@ -263,9 +263,9 @@ def test_a_control_law_that_raises_holds_the_voltage(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.fault("L2")
-def test_a_long_gap_holds() -> None:
-    """Seven periods that were skipped at once: what was planned is no longer true."""
-    stage = Faulty()
+def test_long_gap_holds() -> None:
+    """Seven periods skipped at once: the planned motion no longer holds."""
+    stage = SwingingStage()
     stage.cycle(CycleTiming(0, 7, 10_000, 0, 0))
 
     assert Fault.L2 in stage.faults()
@@ -273,9 +273,9 @@ def test_a_long_gap_holds() -> None:
 
 
 @pytest.mark.fault("L2")
-def test_a_gap_while_disarmed_is_over_when_it_is_over() -> None:
-    """There was nothing to hold: arming needs no `resume` or `reset` before it."""
-    stage = LiveStage()
+def test_gap_while_disarmed_needs_no_reset() -> None:
+    """Arming needs neither `resume` nor `reset` when the gap is over."""
+    stage = RigStage()
     stage.cycle()
     stage.cycle(CycleTiming(0, 7, 10_000, 0, 0))
     too_early = stage.ask(rq.Arm())
@@ -287,18 +287,18 @@ def test_a_gap_while_disarmed_is_over_when_it_is_over() -> None:
 
 
 @pytest.mark.fault("L5")
-def test_a_process_that_stood_still_ramps() -> None:
-    """A tenth of a second at once: nobody knows what the stage did meanwhile."""
-    stage = Faulty()
+def test_process_that_stood_still_ramps() -> None:
+    """The stage may have done anything in a tenth of a second."""
+    stage = SwingingStage()
     stage.cycle(CycleTiming(0, 100, 10_000, 0, 0))
 
     assert Fault.L5 in stage.faults()
     assert stage.state == State.RAMP
 
 
-def fallen_during_a_pause(flag: DeviceFlag | None = None) -> Faulty:
-    """Return a stage whose output fell from about 13 V to 0 while its loop stood still for 4 s."""
-    stage = Faulty()
+def fell_during_a_pause(flag: DeviceFlag | None = None) -> SwingingStage:
+    """Return a stage whose output fell from about 13 V to 0 V during a pause of 4 s."""
+    stage = SwingingStage()
     while not 12.0 < stage.x.drive_v < 15.0:
         stage.cycle()
     stage.device.deactivate(stage.t_ns)
@@ -311,9 +311,9 @@ def fallen_during_a_pause(flag: DeviceFlag | None = None) -> Faulty:
 
 
 @pytest.mark.fault("A9")
-def test_a_watchdog_that_tripped_is_told_and_the_way_down_begins_where_the_output_is() -> None:
-    """However little it fell, and though the loop stood still: nothing near the old voltage."""
-    stage = fallen_during_a_pause(DeviceFlag.WATCHDOG_TRIPPED)
+def test_tripped_watchdog_is_reported_and_the_ramp_starts_at_the_output() -> None:
+    """This holds for any fall of the output: no write is near the old voltage."""
+    stage = fell_during_a_pause(DeviceFlag.WATCHDOG_TRIPPED)
     blind, sent = stage.state, len(stage.channels.writes)
     stage.until("RAMP")
     stage.run(1.0)
@@ -325,9 +325,9 @@ def test_a_watchdog_that_tripped_is_told_and_the_way_down_begins_where_the_outpu
 
 
 @pytest.mark.fault("A9")
-def test_a_watchdog_that_stays_tripped_does_not_keep_a_stage_from_its_safe_voltage() -> None:
-    """Many tell so until they take a write: the stage is ramped after the first wait."""
-    stage = Faulty()
+def test_watchdog_that_stays_tripped_does_not_prevent_the_ramp() -> None:
+    """Many amplifiers report it until they take a write: the ramp starts after the first wait."""
+    stage = SwingingStage()
     stage.fail(InjectionKind.FLAGGED, None, flag=DeviceFlag.WATCHDOG_TRIPPED)
     stage.until("RAMP", within_s=0.2)
     stage.until("FAULT")
@@ -337,9 +337,9 @@ def test_a_watchdog_that_stays_tripped_does_not_keep_a_stage_from_its_safe_volta
 
 
 @pytest.mark.fault("L5")
-def test_a_way_down_begins_where_the_output_has_just_fallen() -> None:
-    """Nothing but the read-back tells that it has, and by less than a collapse."""
-    stage = fallen_during_a_pause()
+def test_ramp_starts_where_the_output_has_fallen() -> None:
+    """Only the read-back shows the fall, which is smaller than a collapse."""
+    stage = fell_during_a_pause()
     state = stage.state
     stage.run(1.0)
 
@@ -348,9 +348,9 @@ def test_a_way_down_begins_where_the_output_has_just_fallen() -> None:
 
 
 @pytest.mark.parametrize("off_v", [30.0, nan])
-def test_no_way_down_begins_with_a_step_up(off_v: float) -> None:
-    """A single answer that is wrong, or none, does not make it begin elsewhere."""
-    stage = Faulty()
+def test_no_ramp_starts_with_a_step_up(off_v: float) -> None:
+    """A single wrong read-back, or a missing one, does not change the start of the ramp."""
+    stage = SwingingStage()
     before_v = stage.x.drive_v
     stage.fail(InjectionKind.READ_BACK_OFFSET, 1, value=off_v)
     stage.cycle()
@@ -363,9 +363,9 @@ def test_no_way_down_begins_with_a_step_up(off_v: float) -> None:
 
 
 @pytest.mark.fault("L1")
-def test_a_single_overrun_is_counted_and_no_more() -> None:
-    """The stage goes on."""
-    stage = Faulty()
+def test_single_overrun_is_only_counted() -> None:
+    """The stage continues."""
+    stage = SwingingStage()
     record = stage.cycle(CycleTiming(0, 1, 1_900_000, 0, 0))
 
     assert ids(record.present) == [Fault.L1]
@@ -374,9 +374,9 @@ def test_a_single_overrun_is_counted_and_no_more() -> None:
 
 
 @pytest.mark.fault("L4")
-def test_a_wall_clock_that_jumps_changes_nothing() -> None:
-    """Positions and voltages are those of a twin whose clock did not jump."""
-    jumped, twin = Faulty(), Faulty()
+def test_jump_of_the_wall_clock_changes_nothing() -> None:
+    """The voltages are those of a stage whose clock did not jump."""
+    jumped, twin = SwingingStage(), SwingingStage()
     hour_ns = 3600 * 10**9
     ours = [jumped.cycle(CycleTiming(0, 0, 10_000, hour_ns, 0)) for _ in range(500)]
     theirs = [twin.cycle(CycleTiming(0, 0, 10_000, 0, 0)) for _ in range(500)]
@@ -388,9 +388,9 @@ def test_a_wall_clock_that_jumps_changes_nothing() -> None:
 
 
 @pytest.mark.fault("C9")
-def test_a_fault_in_feedforward_needs_no_sensor_to_be_told() -> None:
-    """A stream that stops is held, whatever the mode."""
-    stage = Faulty(Mode.FEEDFORWARD)
+def test_stream_that_stops_holds_in_feedforward() -> None:
+    """The mode does not matter."""
+    stage = SwingingStage(Mode.FEEDFORWARD)
     stage.do(rq.Stream(axes=("x",)))
     stage.run(0.2)
 

@@ -1,4 +1,4 @@
-"""Whatever is asked for, in whatever order: range, slew rate and states hold."""
+"""Tests of properties of a stage for any requests in any order."""
 
 from itertools import pairwise
 from math import inf, nan
@@ -14,7 +14,7 @@ from piezod.config.states import State
 from piezod.config.waveforms import Sine, Triangle
 from piezod.control.stage.stage import DRIVEN
 from piezod.control.watch.loop import CycleTiming
-from tests.control.live_stage import ON_TIME, LiveStage, shipped
+from tests.control.rig_stage import ON_TIME, RigStage, shipped_config
 
 REQUESTS: list[rq.Request] = [
     rq.Arm(),
@@ -52,12 +52,12 @@ UP_FROM = {State.READY, State.HOLD, *UP}
 
 
 def run_through(
-    config: DaemonConfig, asked: list[tuple[rq.Request, int, CycleTiming, float]]
-) -> LiveStage:
-    """Ask for one thing after the other, with cycles and setpoints in between."""
-    stage = LiveStage(config)
+    config: DaemonConfig, sent: list[tuple[rq.Request, int, CycleTiming, float]]
+) -> RigStage:
+    """Send the requests one after the other, with cycles and setpoints in between."""
+    stage = RigStage(config)
     stage.cycle()
-    for request, cycles, timing, setpoint_um in asked:
+    for request, cycles, timing, setpoint_um in sent:
         stage.controller.execute(request, stage.t_ns)
         stage.cycle(timing)
         for _ in range(cycles):
@@ -68,17 +68,17 @@ def run_through(
 
 @pytest.fixture(scope="module")
 def config() -> DaemonConfig:
-    """Return the configuration that ships."""
-    return shipped()
+    """Return the configuration of the repository."""
+    return shipped_config()
 
 
 @settings(max_examples=25, deadline=None)
-@given(asked=st.lists(steps, min_size=3, max_size=20))
+@given(sent=st.lists(steps, min_size=3, max_size=20))
 def test_requests_in_any_order_never_break_a_limit(
-    config: DaemonConfig, asked: list[tuple[rq.Request, int, CycleTiming, float]]
+    config: DaemonConfig, sent: list[tuple[rq.Request, int, CycleTiming, float]]
 ) -> None:
-    """What reaches the amplifier is in range and within the slew rate, cycle by cycle."""
-    stage = run_through(config, asked)
+    """The amplifier gets voltages in range and within the slew rate, in every cycle."""
+    stage = run_through(config, sent)
     limits, writes = config.axes["x"].limits, stage.channels.writes
 
     assert all(limits.drive_min_v <= drive_v <= limits.drive_max_v for _, (drive_v,) in writes)
@@ -88,12 +88,12 @@ def test_requests_in_any_order_never_break_a_limit(
 
 
 @settings(max_examples=15, deadline=None)
-@given(asked=st.lists(steps, min_size=3, max_size=20))
-def test_nothing_moves_but_from_ready_on(
-    config: DaemonConfig, asked: list[tuple[rq.Request, int, CycleTiming, float]]
+@given(sent=st.lists(steps, min_size=3, max_size=20))
+def test_motion_starts_from_ready_only(
+    config: DaemonConfig, sent: list[tuple[rq.Request, int, CycleTiming, float]]
 ) -> None:
-    """RUN and IDENT follow READY, each other or HOLD; what is taken over is what is read back."""
-    stage = run_through(config, asked)
+    """RUN and IDENT follow READY, each other or HOLD; a takeover starts at the read-back."""
+    stage = run_through(config, sent)
     written = {t_ns for t_ns, _ in stage.channels.writes}
 
     for before, record in pairwise(stage.records):
@@ -108,12 +108,12 @@ def test_nothing_moves_but_from_ready_on(
 
 
 @settings(max_examples=15, deadline=None)
-@given(asked=st.lists(steps, min_size=1, max_size=12))
-def test_from_anywhere_a_shutdown_ends_at_the_safe_voltage(
-    config: DaemonConfig, asked: list[tuple[rq.Request, int, CycleTiming, float]]
+@given(sent=st.lists(steps, min_size=1, max_size=12))
+def test_shutdown_ends_at_the_safe_voltage_from_everywhere(
+    config: DaemonConfig, sent: list[tuple[rq.Request, int, CycleTiming, float]]
 ) -> None:
-    """Within the time of the ramp and a grace."""
-    stage = run_through(config, asked)
+    """It ends within the time of the ramp and some margin."""
+    stage = run_through(config, sent)
     stage.controller.execute(rq.Shutdown(), stage.t_ns)
     for _ in range(8000):
         if stage.controller.finished:

@@ -1,4 +1,4 @@
-"""What reaches the amplifier first, and what stays there: where a takeover could jump."""
+"""Tests of takeovers: the first voltage that reaches an amplifier, and the one that stays."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -17,53 +17,53 @@ from piezod.control import controller as stage_controller
 from piezod.control.watch.loop import CycleTiming
 from piezod.devices.status import DeviceFlag
 from piezod.testing.injections import InjectionKind
-from tests.control.live_stage import CONFIG, FaultyStage, LiveStage, shipped
+from tests.control.rig_stage import CONFIG, FaultyStage, RigStage, shipped_config
 
 PAUSE = CycleTiming(0, 2000, 10_000, 0, 0)
 
 
 def config_with(**limits: float) -> DaemonConfig:
-    """Return the configuration that ships, with other limits."""
-    config = shipped()
+    """Return the configuration of the repository with other limits."""
+    config = shipped_config()
     axis = config.axes["x"]
     changed = axis.model_copy(update={"limits": axis.limits.model_copy(update=limits)})
     return config.model_copy(update={"axes": {"x": changed}})
 
 
-def at(stage: LiveStage, drive_v: float) -> LiveStage:
-    """Have somebody else bring the output to a voltage, and wait until it is there."""
+def brought_to(stage: RigStage, drive_v: float) -> RigStage:
+    """Bring the output to a voltage, as another program would, and wait."""
     stage.channels.write([drive_v], stage.t_ns)
     stage.run(0.1)
     stage.channels.writes.clear()
     return stage
 
 
-def running(position_um: float = 12.0) -> LiveStage:
-    """Return a stage that stays at a position."""
-    stage = LiveStage()
+def running(position_um: float = 12.0) -> RigStage:
+    """Return a stage that holds a position."""
+    stage = RigStage()
     stage.cycle()
     stage.do(rq.Arm(), rq.Goto(position_um=position_um))
     stage.run(0.5)
     return stage
 
 
-def output_v(stage: LiveStage) -> float:
-    """Return the voltage that is really in force."""
+def output_v(stage: RigStage) -> float:
+    """Return the voltage at the output."""
     return stage.channels.read_back(stage.t_ns)[0]
 
 
-def first_v(stage: LiveStage) -> float:
-    """Return the first voltage that was written since the list was cleared."""
+def first_v(stage: RigStage) -> float:
+    """Return the first voltage written since the list was cleared, in V."""
     return stage.channels.writes[0][1][0]
 
 
 @pytest.mark.parametrize("slew_v_per_s", [500.0, 20_000.0])
 @pytest.mark.parametrize("there_v", [30.0, 100.0, 149.0])
-def test_the_first_write_is_what_is_in_force(slew_v_per_s: float, there_v: float) -> None:
-    """However slow the slew rate, and however soon after the start `arm` comes."""
-    stage = LiveStage(config_with(slew_v_per_s=slew_v_per_s))
+def test_first_write_is_the_voltage_in_force(slew_v_per_s: float, there_v: float) -> None:
+    """This holds for a slow slew rate and for the earliest `arm`."""
+    stage = RigStage(config_with(slew_v_per_s=slew_v_per_s))
     stage.channels.write([there_v], 0)
-    stage.t_ns += 50_000_000  # the output gets there before the first cycle
+    stage.t_ns += 50_000_000  # the output settles before the first cycle
     stage.cycle()
     stage.channels.writes.clear()
     stage.do(rq.Arm())
@@ -72,8 +72,8 @@ def test_the_first_write_is_what_is_in_force(slew_v_per_s: float, there_v: float
 
 
 @pytest.mark.fault("A7")
-def test_a_lost_amplifier_is_taken_over_from_where_it_is_when_it_is_back() -> None:
-    """It was lost at 100 V and comes back at 0: nothing near 100 V is ever written to it."""
+def test_recovered_amplifier_is_taken_over_at_its_present_voltage() -> None:
+    """It is lost at 100 V and returns at 0 V: nothing near 100 V is written."""
     stage = FaultyStage(config_with(slew_v_per_s=500.0))
     stage.cycle()
     stage.do(rq.Arm(), rq.Goto(position_um=18.0))
@@ -91,9 +91,9 @@ def test_a_lost_amplifier_is_taken_over_from_where_it_is_when_it_is_back() -> No
     assert max(drive_v for _, (drive_v,) in stage.channels.writes) < 1.0
 
 
-def test_arming_again_changes_nothing_and_never_the_shadow() -> None:
-    """What is computed in shadow never becomes real on the way."""
-    stage = LiveStage()
+def test_arming_again_changes_nothing() -> None:
+    """It never turns shadow into real writes."""
+    stage = RigStage()
     stage.cycle()
     stage.do(rq.Arm(shadow=True), rq.Goto(position_um=12.0))
     stage.run(0.5)
@@ -109,9 +109,9 @@ def test_arming_again_changes_nothing_and_never_the_shadow() -> None:
     assert output_v(real) == pytest.approx(0.0, abs=0.5)
 
 
-def test_after_shadow_the_real_voltage_is_taken_over() -> None:
-    """The very first moment at which `arm` is possible holds what is in force."""
-    stage = at(LiveStage(), 40.0)
+def test_voltage_in_force_is_taken_over_after_shadow() -> None:
+    """The earliest `arm` holds the voltage in force."""
+    stage = brought_to(RigStage(), 40.0)
     stage.do(rq.Arm(shadow=True), rq.Goto(position_um=12.0), rq.Stop())
     while not stage.controller.execute(rq.Arm(), stage.t_ns).accepted or stage.x.drive_v > 1e3:
         stage.cycle()
@@ -122,11 +122,11 @@ def test_after_shadow_the_real_voltage_is_taken_over() -> None:
 
 @pytest.mark.fault("A13")
 @pytest.mark.parametrize("request_", [None, rq.Estop()])
-def test_an_amplifier_that_holds_is_ramped_where_it_cannot_be_cut(
+def test_amplifier_that_cannot_be_cut_is_ramped(
     request_: rq.Request | None,
 ) -> None:
-    """To be deactivated would leave it where it is."""
-    config = shipped()
+    """Deactivating it would leave its output as it is."""
+    config = shipped_config()
     cutting = config.axes["x"].safety.model_copy(update={"estop": "cut"})
     axis = config.axes["x"].model_copy(update={"safety": cutting})
     stage = FaultyStage(config.model_copy(update={"axes": {"x": axis}}), holds=True)
@@ -143,11 +143,11 @@ def test_an_amplifier_that_holds_is_ramped_where_it_cannot_be_cut(
     assert output_v(stage) == pytest.approx(0.0, abs=0.5)
 
 
-def test_a_voltage_outside_the_range_is_brought_back_at_the_slew_rate() -> None:
-    """A stage that somebody left at 149 V, where 100 V are allowed."""
-    stage = LiveStage(config_with(drive_max_v=100.0, slew_v_per_s=1000.0))
+def test_voltage_outside_the_range_returns_at_the_slew_rate() -> None:
+    """A stage is at 149 V, and 100 V are allowed."""
+    stage = RigStage(config_with(drive_max_v=100.0, slew_v_per_s=1000.0))
     stage.channels.write([149.0], 0)
-    stage.t_ns += 50_000_000  # the output gets there before the first cycle
+    stage.t_ns += 50_000_000  # the output settles before the first cycle
     stage.cycle()
     stage.channels.writes.clear()
     stage.do(rq.Arm())
@@ -160,24 +160,24 @@ def test_a_voltage_outside_the_range_is_brought_back_at_the_slew_rate() -> None:
     assert written_v[-1] == pytest.approx(100.0)
 
 
-class Silent(LiveStage):
-    """A stage whose amplifier can stop to read back."""
+class SilentStage(RigStage):
+    """A stage whose amplifier can stop its read-back."""
 
     silent = False
 
     def __init__(self) -> None:
         super().__init__()
-        told = self.channels.read_back
+        read_back = self.channels.read_back
 
         def answer(now_ns: int) -> Sequence[float]:
-            return [nan] if self.silent else told(now_ns)
+            return [nan] if self.silent else read_back(now_ns)
 
         self.channels.read_back = answer  # type: ignore[assignment,method-assign] # for this test
 
 
-def test_without_a_voltage_that_is_known_nothing_is_written() -> None:
-    """Neither by `arm`, nor by an emergency stop: that waits for the link."""
-    stage = Silent()
+def test_nothing_is_written_while_the_voltage_is_unknown() -> None:
+    """`arm` is refused, and an emergency stop waits for the link."""
+    stage = SilentStage()
     stage.cycle()
     stage.silent = True
     stage.run(0.1)
@@ -195,9 +195,9 @@ def test_without_a_voltage_that_is_known_nothing_is_written() -> None:
 
 
 @pytest.mark.fault("A1")
-def test_an_amplifier_that_falls_silent_while_it_is_driven_is_lost() -> None:
-    """Its acknowledgements alone are not believed."""
-    stage = Silent()
+def test_amplifier_without_read_back_for_some_cycles_is_lost() -> None:
+    """Its acknowledgements alone are not sufficient."""
+    stage = SilentStage()
     stage.cycle()
     stage.do(rq.Arm(), rq.Goto(position_um=12.0))
     stage.run(0.5)
@@ -208,8 +208,8 @@ def test_an_amplifier_that_falls_silent_while_it_is_driven_is_lost() -> None:
 
 
 @pytest.mark.fault("S2")
-def test_to_ask_for_a_hold_does_not_prolong_that_of_a_fault() -> None:
-    """After two seconds the stage ramps all the same; what was adaptive is feedforward."""
+def test_requested_hold_does_not_extend_the_hold_of_a_fault() -> None:
+    """After two seconds the stage ramps; the adaptive axis is in feedforward."""
     stage = FaultyStage()
     stage.cycle()
     stage.do(rq.Arm(), rq.SelectMode(mode=Mode.ADAPTIVE), rq.Goto(position_um=12.0))
@@ -225,8 +225,8 @@ def test_to_ask_for_a_hold_does_not_prolong_that_of_a_fault() -> None:
 
 
 @pytest.mark.fault("L5")
-def test_a_ramp_goes_on_at_its_rate_after_a_pause() -> None:
-    """Two seconds that were lost are not made up for."""
+def test_ramp_continues_at_its_rate_after_a_pause() -> None:
+    """It does not catch up two lost seconds."""
     stage = running(18.0)
     stage.do(rq.Stop())
     stage.run(0.1)
@@ -238,26 +238,26 @@ def test_a_ramp_goes_on_at_its_rate_after_a_pause() -> None:
 
 
 @pytest.mark.fault("D7")
-def test_a_cycle_after_skipped_periods_teaches_nothing() -> None:
-    """The stage moved while nobody looked."""
+def test_cycle_after_skipped_periods_is_not_learned_from() -> None:
+    """The stage moved during the skipped periods."""
     stage = running()
     sine = Sine(kind="sine", low=0, high=20, frequency_hz=2)
     stage.do(rq.SelectMode(mode=Mode.ADAPTIVE), rq.Wave(command_um={"x": sine}, duration_s=100))
     stage.run(1.5)
-    taught = stage.x.gate
+    learned = stage.x.gate
     before = stage.controller.learned(0).weights.copy()
     record = stage.cycle(CycleTiming(0, 2, 10_000, 0, 0))
 
-    assert taught is GateReason.OPEN
+    assert learned is GateReason.OPEN
     assert record.axes[0].gate is GateReason.SKIPPED
     assert (stage.controller.learned(0).weights == before).all()
 
 
 @pytest.mark.fault("P4")
-def test_a_mistake_in_judging_or_in_a_request_holds_the_voltage(
+def test_exception_in_watching_or_in_a_request_holds_the_voltage(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The cycle goes on; the stage is held, and ends at its safe voltage."""
+    """The cycles continue; the stage holds, and ends at its safe voltage."""
     stage = running()
     before_v = stage.x.drive_v
 
@@ -282,8 +282,8 @@ def test_a_mistake_in_judging_or_in_a_request_holds_the_voltage(
 
 
 @pytest.mark.fault("A3")
-def test_a_ramp_that_does_not_arrive_ends_in_a_fault_that_is_told() -> None:
-    """Whoever asks for the cause finds one."""
+def test_ramp_that_does_not_arrive_ends_in_a_reported_fault() -> None:
+    """An offset within the tolerance is accepted; a larger one is A3."""
     stage = FaultyStage()
     stage.cycle()
     stage.do(rq.Arm())
@@ -301,10 +301,10 @@ def test_a_ramp_that_does_not_arrive_ends_in_a_fault_that_is_told() -> None:
     assert "A3" in stage.faults()
 
 
-def test_another_model_makes_the_memory_unknown_once_the_stage_was_driven() -> None:
-    """Its own memory has seen nothing of what was driven."""
+def test_new_model_makes_the_memory_unknown_after_driving() -> None:
+    """The memory of the new axis does not contain the past drive."""
     model = load_model(CONFIG.parent / "models" / "simulated-stack.yaml")
-    stage = LiveStage()
+    stage = RigStage()
     stage.cycle()
     stage.do(rq.AdoptModel(model=model), rq.Arm(), rq.SelectMode(mode=Mode.ADAPTIVE), rq.Stop())
     stage.until("SAFE")
@@ -313,19 +313,19 @@ def test_another_model_makes_the_memory_unknown_once_the_stage_was_driven() -> N
     assert not stage.ask(rq.SelectMode(mode=Mode.ADAPTIVE)).accepted
 
 
-def test_a_model_that_leaves_out_the_rest_voltage_is_refused() -> None:
-    """The loop goes on with the one it has."""
+def test_model_that_does_not_hold_at_the_rest_voltage_is_refused() -> None:
+    """The loop keeps its present model."""
     file = load_model(CONFIG.parent / "models" / "simulated-stack.yaml")
-    stage = LiveStage()
+    stage = RigStage()
     stage.cycle()
     answer = stage.ask(rq.AdoptModel(model=file.model_copy(update={"drive_low_v": 50.0})))
 
-    assert "leaves out the rest voltage" in answer.why
+    assert "but the rest voltage is" in answer.why
     assert stage.state == State.SAFE
 
 
-def test_a_movement_is_no_faster_than_the_axis_may_be() -> None:
-    """Refused, with what is allowed."""
+def test_too_fast_movement_is_refused() -> None:
+    """The refusal names the highest speed."""
     stage = running()
     answer = stage.ask(rq.Goto(position_um=1.0, speed_um_per_s=1e5))
 
@@ -336,9 +336,9 @@ def test_a_movement_is_no_faster_than_the_axis_may_be() -> None:
 
 
 @pytest.mark.fault("A10")
-def test_an_amplifier_that_does_not_read_back_is_armed_with_a_confirmation() -> None:
-    """Somebody has to have seen that it is at the safe voltage; from there it is driven."""
-    stage = LiveStage()
+def test_amplifier_without_read_back_is_armed_with_a_confirmation() -> None:
+    """A person confirms that it is at the safe voltage; the drive starts there."""
+    stage = RigStage()
     stage.stage.boundary.reads_back = False
     stage.cycle()
     refused = stage.ask(rq.Arm())

@@ -1,4 +1,4 @@
-"""Tests of what is said of an identifier, and of a loop that oscillates."""
+"""Tests of the watch of the adaptation, and of the detection of oscillation."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ MODEL = StageModel(BANK, np.full(10, 0.02), AffineRange(0.0, 150.0), POSITION_UM
 
 
 def learner() -> Shadowed:
-    """Return what adapts, from the identified weights on."""
+    """Return the learning algorithm with the identified weights."""
     return Shadowed(RLSIdentifier(BANK, MODEL.weights))
 
 
@@ -31,7 +31,7 @@ def run(
     *,
     closed: bool = True,
 ) -> list[Sequence[Detection]]:
-    """Return what is found, cycle by cycle."""
+    """Return the detections of each cycle."""
     return [
         watch.check(command_um(k), position_um(k), closed=closed, noise_um=0.02)
         for k in range(cycles)
@@ -39,7 +39,7 @@ def run(
 
 
 def first(found: Sequence[Sequence[Detection]], fault: str) -> int:
-    """Return the first cycle with a fault, -1 where there is none."""
+    """Return the first cycle with a fault, -1 if there is none."""
     hits = (k for k, each in enumerate(found) if any(one.fault == fault for one in each))
     return next(hits, -1)
 
@@ -49,8 +49,8 @@ def wave(k: int, hz: float, amplitude_um: float) -> float:
     return 15.0 + amplitude_um * math.sin(2e-3 * math.pi * hz * k)
 
 
-def test_nothing_is_found_while_the_stage_follows() -> None:
-    """Noise at rest, a sine of 100 Hz that lags behind, and a step that rings."""
+def test_stage_that_follows_has_no_fault() -> None:
+    """Noise at rest, a sine of 100 Hz with a lag, and a step that rings are healthy."""
     noise_um = np.random.default_rng(1).normal(0.0, 0.02, 3000).tolist()
     watch = AdaptationWatch(0, learner(), MODEL, POSITION_UM, MS)
     found = run(watch, lambda k: 15.0 + noise_um[k], 3000)
@@ -62,8 +62,8 @@ def test_nothing_is_found_while_the_stage_follows() -> None:
 
 @pytest.mark.fault("D6")
 @pytest.mark.parametrize("hz", [15.0, 60.0, 250.0])
-def test_a_stage_that_oscillates_by_itself_is_told_within_six_tenths(hz: float) -> None:
-    """0.6 µm about a command that stands, with the amplitude; only in a loop that is closed."""
+def test_oscillation_is_detected_within_six_tenths_of_a_second(hz: float) -> None:
+    """0.6 µm about a constant command is detected, with its amplitude, in a closed loop only."""
     watch = AdaptationWatch(0, learner(), MODEL, POSITION_UM, MS)
     swinging = run(watch, lambda k: wave(k, hz, 0.6), 1000)
     opened = run(watch, lambda k: wave(k, hz, 0.6), 1000, closed=False)
@@ -75,10 +75,8 @@ def test_a_stage_that_oscillates_by_itself_is_told_within_six_tenths(hz: float) 
 
 @pytest.mark.fault("D1")
 @pytest.mark.parametrize(("every_s", "is_found"), [(10, True), (20, False)])
-def test_going_back_again_and_again_to_the_last_good_model_is_told(
-    every_s: int, is_found: bool
-) -> None:
-    """With the third time in thirty seconds; now and then a disturbance does that."""
+def test_third_return_to_the_last_good_model_is_detected(every_s: int, is_found: bool) -> None:
+    """Three returns within thirty seconds are a fault; rarer ones are disturbances."""
     shadowed = learner()
     watch = AdaptationWatch(0, shadowed, MODEL, POSITION_UM, 10 * MS)
     found = []
@@ -90,7 +88,7 @@ def test_going_back_again_and_again_to_the_last_good_model_is_told(
 
 
 @pytest.mark.fault("D1")
-def test_what_nobody_uses_may_go_back_as_often_as_it_likes() -> None:
+def test_returns_in_an_open_loop_are_no_fault() -> None:
     """The weights are not in use while the loop is open."""
     shadowed = learner()
     watch = AdaptationWatch(0, shadowed, MODEL, POSITION_UM, MS)
@@ -104,8 +102,8 @@ def test_what_nobody_uses_may_go_back_as_often_as_it_likes() -> None:
 
 @pytest.mark.fault("D2")
 @pytest.mark.parametrize("closed", [True, False])
-def test_weights_that_are_no_numbers_are_told_within_a_tenth(closed: bool) -> None:
-    """Whether they are in use or not."""
+def test_weights_that_are_nan_are_detected_within_a_tenth_of_a_second(closed: bool) -> None:
+    """This holds whether the weights are in use or not."""
     shadowed = learner()
     watch = AdaptationWatch(0, shadowed, MODEL, POSITION_UM, MS)
     shadowed.weights[3] = math.nan
@@ -115,8 +113,8 @@ def test_weights_that_are_no_numbers_are_told_within_a_tenth(closed: bool) -> No
 
 @pytest.mark.fault("D5")
 @pytest.mark.parametrize(("share", "is_found"), [(0.2, False), (0.4, True)])
-def test_a_model_that_has_drifted_for_ten_seconds_is_told(share: float, is_found: bool) -> None:
-    """The drive would be another by 40 % of its range; 20 % may be."""
+def test_model_that_has_drifted_for_ten_seconds_is_detected(share: float, is_found: bool) -> None:
+    """A drive that differs by 40 % of its range is a fault; 20 % is allowed."""
     shadowed = learner()
     watch = AdaptationWatch(0, shadowed, MODEL, POSITION_UM, MS)
     shadowed.adopt(MODEL.weights, offset=share)
@@ -126,8 +124,8 @@ def test_a_model_that_has_drifted_for_ten_seconds_is_told(share: float, is_found
     assert not is_found or found[-1][0].measured == pytest.approx(share)
 
 
-def test_a_stage_not_yet_identified_has_nothing_to_drift_from() -> None:
-    """Whatever it learns is new."""
+def test_stage_without_a_model_has_no_drift() -> None:
+    """There is no identified model to compare with."""
     shadowed = learner()
     watch = AdaptationWatch(0, shadowed, None, POSITION_UM, MS)
     shadowed.adopt(MODEL.weights, offset=0.9)

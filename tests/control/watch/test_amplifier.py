@@ -1,4 +1,4 @@
-"""Tests of what is said of an amplifier, from its acknowledgements, its read-back and its flags."""
+"""Tests of the watch of the amplifier: acknowledgements, read-back and flags."""
 
 import math
 from collections.abc import Sequence
@@ -41,21 +41,21 @@ class Output:
         self._part = 1.0 - math.exp(-1.0 / lag_cycles)
 
     def follow(self, drive_v: float) -> float:
-        """Return where it is a cycle later."""
+        """Return the output voltage one cycle later."""
         self.volts += self._part * (drive_v - self.volts)
         return self.volts
 
 
-def test_nothing_is_found_in_an_amplifier_that_follows() -> None:
-    """Sines of 1 and 50 Hz, steps at full slew, and rest."""
-    one, output = watch(), Output()
+def test_amplifier_that_follows_has_no_fault() -> None:
+    """Sines of 1 and 50 Hz, steps at the slew rate, and rest are healthy."""
+    subject, output = watch(), Output()
     found: list[Detection] = []
     drives = [sine_v(k, 1.0) for k in range(5000)] + [sine_v(k) for k in range(5000)]
     drives += [min(max(0.0, (k % 40 - 20) * 20.0), 150.0) for k in range(4000)] + [30.0] * 1000
     in_force_v = 0.0
     for drive_v in drives:
-        found += one.check(output.follow(in_force_v), NO_FLAGS)
-        one.wrote(drive_v, taken=True)
+        found += subject.check(output.follow(in_force_v), NO_FLAGS)
+        subject.wrote(drive_v, taken=True)
         in_force_v = drive_v
 
     assert found == []
@@ -63,58 +63,58 @@ def test_nothing_is_found_in_an_amplifier_that_follows() -> None:
 
 @pytest.mark.fault("A1")
 @pytest.mark.fault("A2")
-def test_five_writes_that_were_not_taken_are_told() -> None:
-    """After the fifth; a write that is taken at last is not enough to forget, and no A3 comes."""
-    one = watch()
+def test_five_refused_writes_are_detected() -> None:
+    """A1 comes after the fifth; one later success does not clear it, and A3 does not come."""
+    subject = watch()
     found: list[list[str]] = []
     for k in range(8):
-        found.append(ids(one.check(50.0, NO_FLAGS)))
-        one.wrote(50.0 + k, taken=k == 0)
+        found.append(ids(subject.check(50.0, NO_FLAGS)))
+        subject.wrote(50.0 + k, taken=k == 0)
 
     assert found == [[]] * 6 + [[Fault.A1]] * 2
 
 
 @pytest.mark.fault("A1")
-def test_single_refusals_are_forgiven() -> None:
+def test_single_refused_writes_are_no_fault() -> None:
     """One write in ten may be refused for ever."""
-    one = watch()
+    subject = watch()
     found: list[Detection] = []
     for k in range(1000):
-        found += one.check(50.0, NO_FLAGS)
-        one.wrote(50.0, taken=k % 10 != 0)
+        found += subject.check(50.0, NO_FLAGS)
+        subject.wrote(50.0, taken=k % 10 != 0)
 
     assert found == []
 
 
 @pytest.mark.fault("A3")
-def test_a_read_back_may_lag_as_long_as_nobody_waits_for_it() -> None:
-    """An amplifier behind a worker tells what was in force 20 ms ago; stuck, it is told later."""
-    one = AmplifierWatch(0, LIMITS, round(LAG_MS * MS), MS, 20 * MS)
-    told_v = [5.0] * 20
+def test_read_back_of_a_worker_may_lag() -> None:
+    """A worker reports the voltage of 20 ms ago; a stuck output is still detected."""
+    subject = AmplifierWatch(0, LIMITS, round(LAG_MS * MS), MS, 20 * MS)
+    reported_v = [5.0] * 20
     found: list[Detection] = []
     for k in range(2000):
         drive_v = sine_v(k)
-        found += one.check(told_v.pop(0), NO_FLAGS)
-        one.wrote(drive_v, taken=True)
-        told_v.append(drive_v)
+        found += subject.check(reported_v.pop(0), NO_FLAGS)
+        subject.wrote(drive_v, taken=True)
+        reported_v.append(drive_v)
 
     assert found == []
     stuck: list[Detection] = []
     for _ in range(200):
-        stuck += one.check(75.0, NO_FLAGS)
-        one.wrote(140.0, taken=True)
+        stuck += subject.check(75.0, NO_FLAGS)
+        subject.wrote(140.0, taken=True)
     assert Fault.A3 in ids(stuck)
 
 
 @pytest.mark.fault("A3")
 @pytest.mark.parametrize("off_v", [-1.0, 1.0])
-def test_a_voltage_that_is_not_the_one_written_is_told_after_three_cycles(off_v: float) -> None:
-    """With by how much it is off, and how much is allowed."""
-    one = watch()
+def test_wrong_read_back_is_detected_after_three_cycles(off_v: float) -> None:
+    """The detection has the deviation and the allowed deviation."""
+    subject = watch()
     found: list[Sequence[Detection]] = []
     for k in range(10):
-        found.append(one.check(50.0 + off_v * (k >= 5), NO_FLAGS))
-        one.wrote(50.0, taken=True)
+        found.append(subject.check(50.0 + off_v * (k >= 5), NO_FLAGS))
+        subject.wrote(50.0, taken=True)
 
     assert [ids(each) for each in found] == [[]] * 7 + [[Fault.A3]] * 3
     assert found[-1][0].measured == pytest.approx(1.0)
@@ -122,90 +122,90 @@ def test_a_voltage_that_is_not_the_one_written_is_told_after_three_cycles(off_v:
 
 
 @pytest.mark.fault("A3")
-def test_an_output_that_is_stuck_is_told_while_the_drive_moves_away() -> None:
-    """It acknowledges every write, and stays at 75 V."""
-    one, cycle = watch(), 0
-    while not (found := one.check(75.0, NO_FLAGS)):
-        one.wrote(75.0 + 0.2 * cycle, taken=True)
+def test_stuck_output_is_detected_while_the_drive_moves() -> None:
+    """The amplifier acknowledges every write, and stays at 75 V."""
+    subject, cycle = watch(), 0
+    while not (found := subject.check(75.0, NO_FLAGS)):
+        subject.wrote(75.0 + 0.2 * cycle, taken=True)
         cycle += 1
 
     assert ids(found) == [Fault.A3]
     assert cycle < 20
 
 
-def test_a_stage_that_nobody_drives_may_be_anywhere() -> None:
-    """Somebody turns the amplifier's knob in SAFE: neither A3 nor A7, nor later."""
-    one = watch()
+def test_output_that_is_not_driven_may_have_any_voltage() -> None:
+    """Turning the knob in SAFE is neither A3 nor A7, then or later."""
+    subject = watch()
     found: list[Detection] = []
-    one.wrote(0.0, taken=True)
+    subject.wrote(0.0, taken=True)
     for k in range(100):
-        found += one.check(k * 1.5 if k < 50 else 140.0, NO_FLAGS)
+        found += subject.check(k * 1.5 if k < 50 else 140.0, NO_FLAGS)
     for _ in range(10):
-        one.wrote(140.0, taken=True)
-        found += one.check(140.0, NO_FLAGS)
+        subject.wrote(140.0, taken=True)
+        found += subject.check(140.0, NO_FLAGS)
 
     assert found == []
 
 
 @pytest.mark.fault("A5")
-def test_a_command_that_is_no_number_is_told_at_once() -> None:
-    """In the cycle after, and not again."""
-    one = watch()
-    one.check(50.0, NO_FLAGS)
-    one.wrote(50.0, taken=True, refused=True)
-    first = one.check(50.0, NO_FLAGS)
-    one.wrote(50.0, taken=True)
+def test_request_that_is_not_a_number_is_detected_at_once() -> None:
+    """It is detected in the next cycle, once."""
+    subject = watch()
+    subject.check(50.0, NO_FLAGS)
+    subject.wrote(50.0, taken=True, refused=True)
+    first = subject.check(50.0, NO_FLAGS)
+    subject.wrote(50.0, taken=True)
 
     assert ids(first) == [Fault.A5]
-    assert ids(one.check(50.0, NO_FLAGS)) == []
+    assert ids(subject.check(50.0, NO_FLAGS)) == []
 
 
 @pytest.mark.fault("A6")
 @pytest.mark.parametrize(("which", "cycles"), [("range_limited", 20), ("slew_limited", 100)])
-def test_a_drive_that_is_limited_for_long_is_told(which: str, cycles: int) -> None:
-    """From so many cycles in a row on, until it is limited no more."""
-    one, first = watch(), 0
+def test_drive_that_is_limited_for_long_is_detected(which: str, cycles: int) -> None:
+    """It is detected after this many cycles in a row, until it is no longer limited."""
+    subject, first = watch(), 0
     for k in range(2 * cycles):
-        if one.check(math.nan, NO_FLAGS) and not first:
+        if subject.check(math.nan, NO_FLAGS) and not first:
             first = k
-        one.wrote(150.0, taken=True, **{which: True})
-    one.wrote(150.0, taken=True)
+        subject.wrote(150.0, taken=True, **{which: True})
+    subject.wrote(150.0, taken=True)
 
     assert first == cycles
-    assert one.check(math.nan, NO_FLAGS) == ()
+    assert subject.check(math.nan, NO_FLAGS) == ()
 
 
 @pytest.mark.fault("A7")
-def test_a_voltage_that_collapses_is_told_in_its_own_cycle() -> None:
-    """From 100 V to 10 V, and nothing was written but 100 V."""
-    one = watch()
+def test_collapse_is_detected_in_its_own_cycle() -> None:
+    """The read-back falls from 100 V to 10 V although 100 V was written."""
+    subject = watch()
     for _ in range(10):
-        one.check(100.0, NO_FLAGS)
-        one.wrote(100.0, taken=True)
+        subject.check(100.0, NO_FLAGS)
+        subject.wrote(100.0, taken=True)
 
-    assert one.check(10.0, NO_FLAGS) == [Detection(Fault.A7, 0, 90.0, 20.0)]
+    assert subject.check(10.0, NO_FLAGS) == [Detection(Fault.A7, 0, 90.0, 20.0)]
 
 
 @pytest.mark.fault("A12")
-def test_over_voltage_is_told_after_two_cycles() -> None:
-    """2 V beyond the limits; with what was read, and the limit."""
-    one = watch()
-    one.check(149.0, NO_FLAGS)
-    first = one.check(152.5, NO_FLAGS)
+def test_over_voltage_is_detected_after_two_cycles() -> None:
+    """More than 2 V outside the limits is detected, with the read-back and the limit."""
+    subject = watch()
+    subject.check(149.0, NO_FLAGS)
+    first = subject.check(152.5, NO_FLAGS)
 
     assert ids(first) == []
-    assert one.check(152.5, NO_FLAGS) == [Detection(Fault.A12, 0, 152.5, 150.0)]
+    assert subject.check(152.5, NO_FLAGS) == [Detection(Fault.A12, 0, 152.5, 150.0)]
 
 
-def test_a_stage_taken_over_outside_its_limits_is_not_cut_off() -> None:
-    """It is at 160 V when the daemon starts; the guard brings it back, and only then A12 holds."""
-    one = watch()
+def test_output_taken_over_outside_its_limits_is_not_cut() -> None:
+    """It is at 160 V at the start; the guard brings it back, and only then A12 is possible."""
+    subject = watch()
     found: list[Detection] = []
     for k in range(50):
-        found += one.check(160.0 - k, NO_FLAGS)
-        one.wrote(160.0 - k, taken=True)
-    found += one.check(153.0, NO_FLAGS)
-    last = one.check(153.0, NO_FLAGS)
+        found += subject.check(160.0 - k, NO_FLAGS)
+        subject.wrote(160.0 - k, taken=True)
+    found += subject.check(153.0, NO_FLAGS)
+    last = subject.check(153.0, NO_FLAGS)
 
     assert Fault.A12 not in ids(found)
     assert Fault.A12 in ids(last)
@@ -218,19 +218,19 @@ def test_a_stage_taken_over_outside_its_limits_is_not_cut_off() -> None:
         for flag, fault in FLAG_FAULTS.items()
     ],
 )
-def test_what_an_amplifier_says_of_itself_is_told(flag: DeviceFlag, fault: Fault) -> None:
-    """As long as it says so, driven or not."""
-    one = watch()
+def test_flags_of_the_amplifier_are_faults(flag: DeviceFlag, fault: Fault) -> None:
+    """A fault lasts as long as its flag, driven or not."""
+    subject = watch()
 
-    assert one.check(0.0, frozenset({flag})) == [Detection(fault, 0)]
-    assert one.check(0.0, NO_FLAGS) == ()
+    assert subject.check(0.0, frozenset({flag})) == [Detection(fault, 0)]
+    assert subject.check(0.0, NO_FLAGS) == ()
 
 
 @given(st.lists(st.floats(), max_size=30), st.floats(0, 150))
 def test_no_read_back_raises(read_back_v: list[float], drive_v: float) -> None:
-    """Whatever an amplifier claims, the answer is a list of faults; of no number, none."""
-    one = watch()
+    """Any read-back gives a list of faults; one that is not finite gives none."""
+    subject = watch()
     for volts in read_back_v:
-        found = one.check(volts, NO_FLAGS)
-        one.wrote(drive_v, taken=True)
+        found = subject.check(volts, NO_FLAGS)
+        subject.wrote(drive_v, taken=True)
         assert math.isfinite(volts) or not found

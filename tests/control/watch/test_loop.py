@@ -1,4 +1,4 @@
-"""Tests of what is said of a loop that is late."""
+"""Tests of the watch of the loop."""
 
 from collections.abc import Iterable
 
@@ -20,25 +20,25 @@ def found(timings: Iterable[CycleTiming], watch: LoopWatch | None = None) -> lis
 
 
 def late(skipped: int) -> CycleTiming:
-    """Return a cycle before which some were skipped."""
+    """Return the timing of a cycle after skipped periods."""
     return ON_TIME._replace(skipped=skipped)
 
 
-def test_nothing_is_found_in_a_punctual_loop() -> None:
+def test_punctual_loop_has_no_fault() -> None:
     """A loop that is late by a few µs for a minute is healthy."""
     assert not any(found([ON_TIME] * 60_000))
 
 
 @pytest.mark.fault("L1")
 @pytest.mark.parametrize("timing", [late(1), ON_TIME._replace(busy_ns=MS + 1)])
-def test_a_single_overrun_is_told_once(timing: CycleTiming) -> None:
-    """A cycle that was skipped, or took longer than the period, is L1 and no more."""
+def test_single_overrun_is_detected_once(timing: CycleTiming) -> None:
+    """A skipped cycle, or one longer than the period, is L1 only."""
     assert found([ON_TIME, timing, ON_TIME]) == [[], ["L1"], []]
 
 
 @pytest.mark.fault("L2")
 def test_five_overruns_in_a_row_are_too_many() -> None:
-    """Each is L1; with the fifth L2 comes."""
+    """Each is L1; the fifth is L2, too."""
     faults = found([late(1)] * 5)
 
     assert faults == [["L1"]] * 4 + [["L1", "L2"]]
@@ -49,15 +49,15 @@ def test_five_overruns_in_a_row_are_too_many() -> None:
 @pytest.mark.parametrize(
     ("skipped", "expected"), [(4, ["L1"]), (5, ["L1", "L2"]), (20, ["L1", "L5", "L2"])]
 )
-def test_a_gap_tells_by_its_length(skipped: int, expected: list[str]) -> None:
-    """From five periods on it is L2, from twenty on the loop has stood still: L5."""
+def test_length_of_a_gap_decides_the_fault(skipped: int, expected: list[str]) -> None:
+    """Five periods and more are L2; from twenty on the loop has stood still: L5."""
     assert found([ON_TIME, late(skipped), ON_TIME]) == [[], expected, []]
 
 
 @pytest.mark.fault("L7")
 @pytest.mark.parametrize(("every", "is_found"), [(80, True), (125, False)])
 def test_often_late_is_more_than_one_cycle_in_a_hundred(every: int, is_found: bool) -> None:
-    """Cycles that begin half a period late count; over 10 s more than 1 % of them are L7."""
+    """More than 1 % of cycles that begin half a period late, over 10 s, are L7."""
     timings = [
         ON_TIME._replace(late_ns=MS * 6 // 10 if k % every == 0 else 0) for k in range(20_000)
     ]
@@ -68,15 +68,15 @@ def test_often_late_is_more_than_one_cycle_in_a_hundred(every: int, is_found: bo
 
 @pytest.mark.fault("L2")
 def test_one_period_lost_in_sixteen_is_too_many() -> None:
-    """No overrun follows another, and over 10 s more than 5 % are lost: L2."""
+    """No overrun follows another, but over 10 s more than 5 % are lost: L2."""
     faults = found([late(1 if k % 15 == 0 else 0) for k in range(10_000)])
 
     assert "L2" in faults[-15]
     assert not any("L2" in one for one in faults[:5000])
 
 
-def test_what_is_long_past_is_forgotten() -> None:
-    """Eleven seconds after it was often late, a loop is as good as new."""
+def test_late_cycles_are_forgotten_after_the_window() -> None:
+    """Eleven seconds after many late cycles the loop is healthy."""
     watch = LoopWatch(MS)
     found([late(k % 10 == 0) for k in range(10_000)], watch)
 
@@ -85,22 +85,22 @@ def test_what_is_long_past_is_forgotten() -> None:
 
 @pytest.mark.fault("L4")
 @pytest.mark.parametrize("jump_s", [-3600, 3600])
-def test_a_wall_clock_that_was_set_is_told_and_harms_nothing(jump_s: int) -> None:
-    """One L4 with the seconds; a clock that is slewed gives none."""
+def test_jump_of_the_wall_clock_is_detected(jump_s: int) -> None:
+    """The jump is one L4 with its seconds; a clock that is slewed gives none."""
     watch = LoopWatch(MS)
     slewed = [ON_TIME._replace(wall_offset_ns=k * 500) for k in range(1000)]
     jumped = slewed[-1]._replace(wall_offset_ns=jump_s * S)
 
     assert not any(found(slewed, watch))
-    (told,) = watch.check(jumped)
-    assert told.fault == "L4"
-    assert told.measured == pytest.approx(3600)
+    (detection,) = watch.check(jumped)
+    assert detection.fault == "L4"
+    assert detection.measured == pytest.approx(3600)
     assert found([jumped], watch) == [[]]
 
 
 @pytest.mark.fault("L5")
-def test_a_machine_that_was_suspended_stood_still() -> None:
-    """The clock that counts sleep gains on the loop's: L5, and the wall clock's jump is no news."""
+def test_suspend_is_detected() -> None:
+    """BOOTTIME gains on MONOTONIC: L5; the jump of the wall clock is not reported."""
     awake = ON_TIME._replace(wall_offset_ns=60 * S, boot_offset_ns=60 * S)
 
     assert found([ON_TIME, awake, awake]) == [[], ["L5"], []]

@@ -1,4 +1,4 @@
-"""The account of a fit beside the record it was made from."""
+"""Tests of the account of a fit beside its record."""
 
 import numpy as np
 import pytest
@@ -9,10 +9,10 @@ from tests.experiment.made_up import ORDER, RATE_HZ, record_of
 
 
 @pytest.mark.parametrize("delay_periods", [0.0, 2.0, 2.5])
-def test_the_record_is_kept_as_it_is_and_the_prediction_stands_beside_it(
+def test_account_has_the_record_and_the_prediction_beside_it(
     delay_periods: float,
 ) -> None:
-    """However late the displacement, the residual is that of the fit; the end is not predicted."""
+    """The residual is that of the fit for any delay; the end of the record is not predicted."""
     record = record_of(delay_periods=delay_periods)
     delay_s = delay_periods / RATE_HZ
     fit = fit_model(record, FitSettings(order=ORDER, delay_s=delay_s))
@@ -30,7 +30,7 @@ def test_the_record_is_kept_as_it_is_and_the_prediction_stands_beside_it(
 
 
 def test_nothing_is_predicted_in_the_run_in() -> None:
-    """What does not count is not shown as an error."""
+    """Samples that do not count are not shown as errors."""
     record = record_of().after(2.0)
 
     account = account_of(

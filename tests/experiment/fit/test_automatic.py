@@ -1,4 +1,4 @@
-"""Choosing a model where none can be fitted."""
+"""Tests of the automatic choice if some or all candidates cannot be fitted."""
 
 from dataclasses import replace
 
@@ -10,16 +10,16 @@ from tests.experiment.made_up import record_of
 
 
 @pytest.mark.parametrize("delay_s", [None, 0.0])
-def test_a_record_too_short_for_the_order_is_refused(delay_s: float | None) -> None:
-    """The reason of the last candidate is told, whether or not the delay is given."""
+def test_record_too_short_for_the_order_is_refused(delay_s: float | None) -> None:
+    """The error is that of the last candidate, with a given or an estimated delay."""
     record = record_of(duration_s=9.0)
 
     with pytest.raises(DataError, match="900 samples are left for 400 weights"):
         choose(record, Wanted(order=200), delay_s)
 
 
-def test_a_sensor_that_counts_the_other_way_is_refused() -> None:
-    """No candidate can be fitted, and the remedy is told."""
+def test_sensor_with_the_wrong_sign_is_refused() -> None:
+    """No candidate can be fitted, and the error names the remedy."""
     record = record_of()
     inverted = replace(record, position_um=-record.position_um)
 
@@ -28,7 +28,7 @@ def test_a_sensor_that_counts_the_other_way_is_refused() -> None:
 
 
 def test_only_candidates_that_can_be_fitted_are_compared() -> None:
-    """Where the creep asked for goes astray, the models without it remain."""
+    """If the fit of the creep fails, the models without creep remain."""
     record = record_of(creep=0.3, duration_s=12.0)
 
     choice = choose(record, Wanted(order=5), 0.0)

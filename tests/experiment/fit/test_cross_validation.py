@@ -1,4 +1,4 @@
-"""Errors on blocks of a record that the model was not fitted to."""
+"""Tests of errors on held-out blocks of a record."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -16,14 +16,14 @@ SETTINGS = FitSettings(order=ORDER, delay_s=0.0)
 
 
 def with_a_fault(record: Record, start_s: float, end_s: float) -> Record:
-    """Return a record of which part shows a loop that is not the stage's."""
+    """Return a record with a part whose loop is not that of the stage."""
     drive_v = record.drive_v.copy()
     drive_v[(record.t_s >= start_s) & (record.t_s < end_s)] += 15.0
     return replace(record, drive_v=drive_v)
 
 
 @pytest.mark.parametrize("blocks", [2, 5, 7])
-def test_blocks_are_contiguous_and_make_up_all_that_counts(blocks: int) -> None:
+def test_blocks_are_contiguous_and_contain_all_samples_that_count(blocks: int) -> None:
     """Each sample after the run-in is held out once."""
     record = record_of(path=swells).after(2.0)
 
@@ -42,8 +42,8 @@ def test_blocks_are_contiguous_and_make_up_all_that_counts(blocks: int) -> None:
 
 @pytest.mark.parametrize("method", list(Method))
 @pytest.mark.parametrize("creep", [False, True])
-def test_a_block_s_model_does_not_know_the_block(method: Method, creep: bool) -> None:
-    """What is wrong within a block spoils all models but its own."""
+def test_model_of_a_block_is_not_fitted_to_it(method: Method, creep: bool) -> None:
+    """An error within a block changes all models but its own."""
     if method is Method.LMS and creep:
         creep = False
     record = with_a_fault(record_of(path=swells), 5.0, 10.0)
@@ -58,7 +58,7 @@ def test_a_block_s_model_does_not_know_the_block(method: Method, creep: bool) ->
 
 
 def test_errors_are_those_of_all_blocks_together() -> None:
-    """The worst of all, and the rms over all samples; that of a block is its own."""
+    """They are the worst of all and the rms over all samples; each block also has its own."""
     record = with_a_fault(record_of(path=swells), 5.0, 10.0)
     validation = cross_validate(fit_model(record, SETTINGS))
 
@@ -72,7 +72,7 @@ def test_errors_are_those_of_all_blocks_together() -> None:
 
 
 def test_standard_error_is_that_of_the_mean_square_over_blocks() -> None:
-    """By hand, from the blocks' mean squares."""
+    """It follows from the mean squares of the blocks."""
     record = with_a_fault(record_of(path=swells), 5.0, 10.0)
     validation = cross_validate(fit_model(record, SETTINGS))
 
@@ -82,8 +82,8 @@ def test_standard_error_is_that_of_the_mean_square_over_blocks() -> None:
     assert validation.rms_with_standard_error_pct > validation.rms_pct
 
 
-def test_a_stage_that_is_like_the_model_is_predicted_as_well_where_it_was_not_seen() -> None:
-    """Without noise, hysteresis alone, loops alike all along: what is learned carries over."""
+def test_held_out_blocks_of_a_modelled_stage_are_predicted_as_well() -> None:
+    """Without noise, and with similar loops everywhere, the model holds for each block."""
     record = record_of(path=swells)
     fit = fit_model(record, SETTINGS)
 

@@ -1,4 +1,4 @@
-"""The delay from drive to displacement, estimated from records."""
+"""Tests of the estimate of the delay from records."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from tests.experiment.made_up import FINER, ORDER, RATE_HZ, record_of, sine
 
 
 def estimate(record: Record, order: int = ORDER) -> DelayEstimate:
-    """Estimate the delay of a record over its own ranges."""
+    """Return the estimate of the delay of a record, with its own ranges."""
     bank = new_bank(even_thresholds(order), even_thresholds(order))
     low_um, high_um = float(record.position_um.min()), float(record.position_um.max())
     x = AffineRange.checked(low_um, high_um).to_unit(record.position_um)
@@ -26,8 +26,8 @@ def estimate(record: Record, order: int = ORDER) -> DelayEstimate:
 
 @settings(max_examples=10)
 @given(steps=st.integers(0, round(5.9 * FINER)))
-def test_parts_of_a_sample_are_found(steps: int) -> None:
-    """A record of loops of many sizes tells the delay to a tenth of a sample."""
+def test_fractions_of_a_sample_are_found(steps: int) -> None:
+    """Loops of many sizes determine the delay to a tenth of a sample."""
     delay_periods = steps / FINER
 
     found = estimate(record_of(delay_periods=delay_periods))
@@ -37,7 +37,7 @@ def test_parts_of_a_sample_are_found(steps: int) -> None:
 
 
 def test_noise_moves_the_estimate_by_less_than_a_tenth_of_a_sample() -> None:
-    """The sensor's noise of 0.1 % of the range does little harm."""
+    """The noise is 0.1 % of the range."""
     record = record_of(delay_periods=2.34)
     noise_um = 0.03 * np.random.default_rng(1).normal(size=record.t_s.size)
 
@@ -46,8 +46,8 @@ def test_noise_moves_the_estimate_by_less_than_a_tenth_of_a_sample() -> None:
     assert abs(found.delay_s * RATE_HZ - 2.34) < 0.1
 
 
-def test_one_frequency_is_said_and_leaves_a_sample_of_doubt() -> None:
-    """A sine looks alike with a longer delay and a narrower loop."""
+def test_one_frequency_is_reported_with_an_uncertainty_of_a_sample() -> None:
+    """A sine looks the same with a longer delay and a narrower loop."""
     found = estimate(record_of(delay_periods=1.5, path=sine), order=19)
 
     assert found.one_frequency
@@ -56,7 +56,7 @@ def test_one_frequency_is_said_and_leaves_a_sample_of_doubt() -> None:
 
 
 def test_criterion_is_the_error_at_each_candidate() -> None:
-    """The curve goes from no delay to the longest, and is least at the estimate."""
+    """The curve goes from no delay to the longest, and is smallest at the estimate."""
     found = estimate(record_of(delay_periods=3.0))
 
     assert found.candidates_s[0] == 0.0
@@ -68,7 +68,7 @@ def test_criterion_is_the_error_at_each_candidate() -> None:
 
 
 def test_longer_delays_end_at_the_longest_candidate() -> None:
-    """What lies outside of the search cannot be found, and is not extrapolated."""
+    """A delay outside the search is not extrapolated."""
     found = estimate(record_of(delay_periods=8.0))
 
     assert found.delay_s == found.candidates_s[-1]
@@ -77,15 +77,13 @@ def test_longer_delays_end_at_the_longest_candidate() -> None:
 @pytest.mark.parametrize(
     ("period_s", "periods"), [(5e-3, 6), (1e-3, 20), (5e-4, 40), (1e-4, 60), (1e-5, 60)]
 )
-def test_the_search_goes_back_by_20_ms_or_what_can_be_afforded(
-    period_s: float, periods: int
-) -> None:
-    """It is 6 periods of a slow record and 60 of a fast one."""
+def test_search_covers_20_ms_within_6_to_60_periods(period_s: float, periods: int) -> None:
+    """A slow record has 6 periods, a fast one 60."""
     assert longest_delay_periods(period_s) == periods
 
 
-def test_a_shift_could_hide_in_what_the_fit_leaves() -> None:
-    """With five times the noise the delay is at least half as much less certain."""
+def test_uncertainty_grows_with_the_error_of_the_fit() -> None:
+    """With five times the noise the uncertainty grows by at least a half."""
     record = record_of(delay_periods=2.0)
     noise_um = np.random.default_rng(1).normal(size=record.t_s.size)
     quiet, loud = (
@@ -98,15 +96,15 @@ def test_a_shift_could_hide_in_what_the_fit_leaves() -> None:
 
 
 def test_short_record_is_refused() -> None:
-    """A handful of samples tells nothing about the delay."""
+    """A few samples do not determine the delay."""
     record = record_of(duration_s=0.5)
 
-    with pytest.raises(DataError, match="50 samples are too few to estimate a delay from"):
+    with pytest.raises(DataError, match="50 samples are too few to estimate a delay"):
         estimate(record)
 
 
 def test_measured_stage_lags_by_about_two_samples(shared_data: Path) -> None:
-    """The recorded flexure stage was sampled every 5 ms, one sample late and at one frequency."""
+    """The flexure stage was sampled every 5 ms, one sample late and at one frequency."""
     columns = read_csv(shared_data / "data" / "ntu_p885" / "identification.csv")
 
     record = Record(columns["t_s"], columns["drive_v"], columns["position_um"], run_in_s=1.0)

@@ -1,4 +1,4 @@
-"""What a record leaves untold, and the drive that tells it."""
+"""Tests of the excitation that a record lacks, and of the recommended drive."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from piezod.config.experiment_fields import IdentificationConfig
 from piezod.config.yaml_loader import parse_yaml
 from piezod.control.reference.waveforms import build_waveform
 from piezod.devices import registry
-from piezod.experiment.fit.excitation import missing, recommended_drive, swings_of
+from piezod.experiment.fit.excitation import missing_excitation, recommended_drive, swings_of
 from piezod.experiment.fit.record import Record
 from piezod.hysteresis.memory import FloatArray
 from tests.experiment.made_up import POSITION_UM, record_of, sine
@@ -28,7 +28,7 @@ def followed(identification: IdentificationConfig) -> Record:
 
 
 def recommended(low_v: float, high_v: float) -> IdentificationConfig:
-    """Return the recommended identification as it is read."""
+    """Return the recommended identification as the configuration reads it."""
     text = recommended_drive(low_v, high_v)
     return IdentificationConfig.model_validate(
         parse_yaml(text, "recommended").data["identification"]
@@ -36,12 +36,12 @@ def recommended(low_v: float, high_v: float) -> IdentificationConfig:
 
 
 def zigzag(*ends: float) -> tuple[FloatArray, FloatArray]:
-    """Return times in s and straight ways between the ends, a second each."""
+    """Return times in s and straight lines between the ends, one second each."""
     t_s = np.linspace(0.0, len(ends) - 1.0, 100 * (len(ends) - 1) + 1)
     return t_s, np.interp(t_s, np.arange(len(ends)), ends)
 
 
-def test_swings_are_told_from_what_returns_less_than_the_dead_band() -> None:
+def test_returns_within_the_dead_band_are_no_swings() -> None:
     """A return by half a per cent is no turn."""
     swings = swings_of(*zigzag(0.0, 0.5, 0.495, 1.0, 0.2))
 
@@ -50,43 +50,43 @@ def test_swings_are_told_from_what_returns_less_than_the_dead_band() -> None:
     assert swings.durations_s == pytest.approx([3.0, 1.0])
 
 
-def test_full_swings_of_one_frequency_tell_little() -> None:
-    """All smaller swings are missing, slow motion, and a second frequency."""
-    sizes = missing(record_of(path=sine))
+def test_full_swings_of_one_frequency_lack_excitation() -> None:
+    """They lack all smaller swings, slow motion, and a second frequency."""
+    sizes = missing_excitation(record_of(path=sine))
 
     assert [each.split(":")[0] for each in sizes] == [
         f"Swings of {low} to {high} % of the range, {low_um:.3g} to {high_um:.3g} µm"
         for low, high in ((10, 20), (20, 40), (40, 70))
         for low_um, high_um in [(0.01 * low * POSITION_UM, 0.01 * high * POSITION_UM)]
     ] + [
-        "Slow motion or holds, which tell the creep",
-        "A second frequency, which tells the delay from the width of the loops",
+        "Slow motion or holds, which show the creep",
+        "A second frequency, which separates the delay from the width of the loops",
     ]
 
 
-def test_loops_that_shrink_towards_one_end_miss_the_other_heights() -> None:
-    """Small swings at the bottom say nothing of those above."""
+def test_loops_that_shrink_towards_one_end_lack_the_other_heights() -> None:
+    """Small swings at the bottom do not determine those above."""
     ends = [0.0, *(end for top in (1.0, 0.9, 0.65, 0.3, 0.15) for end in (top, 0.0))]
     t_s, x = zigzag(*ends)
 
-    heights = [each for each in missing(Record(t_s, x, 10.0 * x)) if "third" in each]
+    heights = [each for each in missing_excitation(Record(t_s, x, 10.0 * x)) if "third" in each]
 
     assert len(heights) == 1
     assert "1 to 7 µm around the middle and the upper third" in heights[0]
 
 
 @pytest.mark.parametrize("name", ["qiu.yaml", "beyond.yaml"])
-def test_identification_of_the_experiments_tells_enough(name: str) -> None:
-    """Nothing is missing from what the project itself drives."""
+def test_identification_of_the_experiments_lacks_nothing(name: str) -> None:
+    """The drives of the project have all excitation."""
     identification = load_experiment(EXPERIMENTS / name, registry).identification
 
     assert identification is not None
-    assert missing(followed(identification)) == ()
+    assert missing_excitation(followed(identification)) == ()
 
 
 @pytest.mark.parametrize(("low_v", "high_v"), [(0.0, 150.0), (-20.0, 120.0), (1.23456, 7.65432)])
-def test_recommended_drive_tells_everything(low_v: float, high_v: float) -> None:
-    """It loads, stays within the voltages, does not jump, and misses nothing."""
+def test_recommended_drive_lacks_nothing(low_v: float, high_v: float) -> None:
+    """It is valid, stays within the voltages, does not jump, and has all excitation."""
     identification = recommended(low_v, high_v)
     record = followed(identification)
 
@@ -94,11 +94,11 @@ def test_recommended_drive_tells_everything(low_v: float, high_v: float) -> None
     assert low_v <= record.drive_v.min() <= record.drive_v.max() <= high_v
     assert record.drive_v.max() > high_v - 0.003
     assert steps.max() < 0.7 * np.pi * 5.0 * PERIOD_S * 1.01
-    assert missing(record) == ()
+    assert missing_excitation(record) == ()
 
 
-def test_a_stage_that_rests_is_said() -> None:
-    """A displacement that never moves tells nothing at all."""
+def test_stage_that_rests_is_reported() -> None:
+    """A displacement that never moves determines nothing."""
     t_s = np.arange(10.0)
 
-    assert missing(Record(t_s, t_s, np.ones(10))) == ("The displacement does not move.",)
+    assert missing_excitation(Record(t_s, t_s, np.ones(10))) == ("The displacement does not move.",)

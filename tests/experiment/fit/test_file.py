@@ -1,4 +1,4 @@
-"""From data files to models."""
+"""Tests of the identification from data files."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -22,14 +22,14 @@ Identify = Callable[..., FileFit]
 
 @pytest.fixture
 def data(tmp_path: Path) -> Path:
-    """Return a data file of a made-up stage that is two samples late."""
+    """Return a data file of a made-up stage with a delay of two samples."""
     path = tmp_path / "data.csv"
     write_record(path, record_of(delay_periods=2.0))
     return path
 
 
 def identify(data: Path, **changed: object) -> FileFit:
-    """Identify with least squares and a given delay, but for what is changed."""
+    """Identify with least squares and a given delay, except for the changed arguments."""
     settings = {
         "test": None,
         "skip_s": 0.0,
@@ -40,7 +40,7 @@ def identify(data: Path, **changed: object) -> FileFit:
 
 
 def test_first_seconds_do_not_count(data: Path) -> None:
-    """What is skipped carries the memory on, but is in no error and in no range."""
+    """Skipped samples advance the memory, but are in no error and in no range."""
     fitted = identify(data, skip_s=1.0)
 
     assert fitted.record.t_s[0] == 0.0
@@ -50,7 +50,7 @@ def test_first_seconds_do_not_count(data: Path) -> None:
 
 
 def test_other_file_is_judged_by_the_same_model(data: Path, tmp_path: Path) -> None:
-    """The test's errors are those of the model on the other record."""
+    """The errors of the test are those of the model on the other record."""
     other, other_record = tmp_path / "other.csv", record_of(delay_periods=2.0, duration_s=12.0)
     write_record(other, other_record)
 
@@ -60,8 +60,8 @@ def test_other_file_is_judged_by_the_same_model(data: Path, tmp_path: Path) -> N
     assert not any("rest" in warning for warning in fitted.warnings)
 
 
-def test_the_same_model_with_and_without_creep_is_judged_beside_it(data: Path) -> None:
-    """So a person sees what creep is worth; all else is alike."""
+def test_fit_has_a_counterpart_with_or_without_creep(data: Path) -> None:
+    """All other settings are the same, so that it shows the effect of creep."""
     without, creeping = (
         identify(data, settings=FitSettings(order=ORDER, creep=creep)) for creep in (False, True)
     )
@@ -76,8 +76,8 @@ def test_the_same_model_with_and_without_creep_is_judged_beside_it(data: Path) -
         assert fitted.other.fit.model.delay_s == fitted.taken.fit.model.delay_s
 
 
-def test_what_smoothing_is_worth_is_judged_beside_it(tmp_path: Path) -> None:
-    """The same fit to the displacement as it was recorded; noise makes it worse."""
+def test_fit_has_a_counterpart_without_smoothing(tmp_path: Path) -> None:
+    """On a noisy record the same fit without smoothing is worse."""
     path = tmp_path / "noisy.csv"
     write_record(path, record_of(path=swells, noise=0.005))
 
@@ -88,16 +88,16 @@ def test_what_smoothing_is_worth_is_judged_beside_it(tmp_path: Path) -> None:
     assert fitted.raw.validation.rms_pct > fitted.taken.validation.rms_pct
 
 
-def test_of_lms_there_is_only_one_model(data: Path) -> None:
-    """It knows neither creep nor smoothing."""
+def test_lms_has_no_counterparts(data: Path) -> None:
+    """LMS has neither creep nor smoothing."""
     fitted = identify(data, settings=FitSettings(method=Method.LMS, order=ORDER))
 
     assert (fitted.other, fitted.raw) == (None, None)
     assert fitted.taken.validation.rms_pct > 0.0
 
 
-def test_what_is_not_left_to_be_chosen_is_not_chosen(data: Path) -> None:
-    """The other candidates differ in what was left open, and the choice is told."""
+def test_fixed_settings_are_the_same_in_all_candidates(data: Path) -> None:
+    """The candidates differ in the free settings, and the choice is returned."""
     fitted = identify(data, settings=Wanted(order=5, spacing=Spacing.GRADED))
 
     assert fitted.choice
@@ -107,19 +107,19 @@ def test_what_is_not_left_to_be_chosen_is_not_chosen(data: Path) -> None:
     assert fitted.taken.fit is fitted.choice.taken.fit
 
 
-def test_test_beyond_the_model_s_range_is_said(data: Path, tmp_path: Path) -> None:
-    """Displacements that the model never saw count as the ends of its range."""
+def test_test_outside_the_range_of_the_model_has_a_warning(data: Path, tmp_path: Path) -> None:
+    """Displacements outside the range count as its ends."""
     other, record = tmp_path / "other.csv", record_of(delay_periods=2.0)
     record.position_um[:] += 3.0
     write_record(other, record)
 
     *_, warning = identify(data, test=other).warnings
 
-    assert "of the test's displacements are outside of what the model was fitted to" in warning
+    assert "of the test's displacements are outside the range of the model" in warning
 
 
-def test_one_frequency_is_said(tmp_path: Path) -> None:
-    """Whoever asks for the delay of such a record learns how little it tells."""
+def test_one_frequency_has_a_warning(tmp_path: Path) -> None:
+    """The warning says how little the record determines the delay."""
     path = tmp_path / "sine.csv"
     write_record(path, record_of(delay_periods=2.0, path=sine))
 
@@ -130,8 +130,8 @@ def test_one_frequency_is_said(tmp_path: Path) -> None:
     assert "only to about a sample, 10 ms" in warning
 
 
-def test_delay_at_the_end_of_the_search_is_said(tmp_path: Path) -> None:
-    """An estimate at the longest candidate may be no estimate at all."""
+def test_delay_at_the_end_of_the_search_has_a_warning(tmp_path: Path) -> None:
+    """The true delay may be longer."""
     path = tmp_path / "late.csv"
     write_record(path, record_of(delay_periods=8.0))
 
@@ -141,7 +141,7 @@ def test_delay_at_the_end_of_the_search_is_said(tmp_path: Path) -> None:
 
 
 def test_more_operators_than_noisy_data_determine_still_give_an_inverse(tmp_path: Path) -> None:
-    """Weights that noise alone decides stay within the models that can be inverted."""
+    """Weights that only noise determines still have an inverse."""
     path, record = tmp_path / "noisy.csv", record_of()
     record.position_um[:] += np.random.default_rng(1).normal(scale=0.3, size=record.t_s.size)
     write_record(path, record)
@@ -152,7 +152,7 @@ def test_more_operators_than_noisy_data_determine_still_give_an_inverse(tmp_path
 
 
 def test_refusals_begin_with_the_file(data: Path) -> None:
-    """A person sees which of the files is meant."""
+    """The error starts with the name of the file."""
     with pytest.raises(DataError) as caught:
         identify(data, skip_s=24.9)
     assert str(caught.value).startswith(f"{data}: 10 samples are left for 12 weights")
@@ -163,7 +163,7 @@ def test_refusals_begin_with_the_file(data: Path) -> None:
 
 
 def test_model_is_written_with_a_figure_beside_it(data: Path, tmp_path: Path) -> None:
-    """The file holds the model, the figure is a PNG of its name."""
+    """The file contains the model, and a PNG has its name."""
     fitted, path = identify(data), tmp_path / "models" / "stage.yaml"
 
     plot = write_model(path, fitted, datetime(2024, 5, 1, tzinfo=UTC))

@@ -1,4 +1,4 @@
-"""Fits of models to records, made up and measured."""
+"""Tests of fits to records, made up and measured."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -32,13 +32,13 @@ def fitted(
     delay_s: float | None = 0.0,
     lms_gain: float | None = None,
 ) -> Fit:
-    """Fit a model of the stage's own order, without delay if not told otherwise."""
+    """Fit a model of the stage's own order, by default without delay."""
     settings = FitSettings(method=method, order=order, delay_s=delay_s, lms_gain=lms_gain)
     return fit_model(record, settings)
 
 
 def test_least_squares_finds_the_weights() -> None:
-    """A stage made of stops at the thresholds of the fit is found again."""
+    """It finds the weights of a stage made of stops at the same thresholds."""
     fit = fitted(record_of())
 
     inverse = fit.model.inverse()
@@ -62,7 +62,7 @@ def test_voltage_is_predicted(method: Method, max_pct: float, rms_pct: float) ->
 
 
 def test_ranges_of_the_record_become_the_model_s() -> None:
-    """What is 0 and 1 in the model are the lowest and highest values that were recorded."""
+    """0 and 1 of the model are the lowest and the highest values of the record."""
     record = record_of()
 
     model = fitted(record).model
@@ -72,7 +72,7 @@ def test_ranges_of_the_record_become_the_model_s() -> None:
 
 
 def test_delay_is_estimated_only_when_none_is_given() -> None:
-    """The fit says how it came by its delay."""
+    """The fit has the estimate, or none."""
     record = record_of(delay_periods=2.0)
 
     given = fitted(record, delay_s=0.02)
@@ -83,8 +83,8 @@ def test_delay_is_estimated_only_when_none_is_given() -> None:
     assert found.delay.delay_s == found.model.delay_s == pytest.approx(0.02, abs=0.1 / RATE_HZ)
 
 
-def test_neglected_delay_costs_accuracy() -> None:
-    """A model that is fitted to unaligned data predicts worse, and knows it."""
+def test_neglected_delay_increases_the_error() -> None:
+    """A model that is fitted to unaligned data predicts worse, and its error shows it."""
     record = record_of(delay_periods=3.0)
 
     def rms_pct(delay_s: float) -> float:
@@ -94,7 +94,7 @@ def test_neglected_delay_costs_accuracy() -> None:
 
 
 def test_prediction_is_the_inverse_model_s_output() -> None:
-    """The voltage predicted by regressors is what the inverse itself gives."""
+    """The regressors predict the same voltage as the inverse model."""
     record = record_of(duration_s=10.0)
     model = fitted(record).model
 
@@ -105,17 +105,17 @@ def test_prediction_is_the_inverse_model_s_output() -> None:
 
 
 def constant(record: Record) -> Record:
-    """Return a record whose displacement does not move."""
+    """Return a record with a constant displacement."""
     return replace(record, position_um=np.full_like(record.position_um, 3.5))
 
 
 def inverted(record: Record) -> Record:
-    """Return a record whose sensor has the wrong sign."""
+    """Return a record of a sensor with the wrong sign."""
     return replace(record, position_um=-record.position_um)
 
 
 def unrelated(record: Record) -> Record:
-    """Return a record of somebody else's sensor."""
+    """Return a record of a sensor of another stage."""
     noise = np.random.default_rng(2).normal(size=record.t_s.size)
     return replace(record, position_um=noise - 0.01 * record.position_um)
 
@@ -148,7 +148,7 @@ def short(record: Record) -> Record:
     ids=["constant", "undriven", "inverted", "unrelated", "short"],
 )
 def test_record_that_no_model_fits_is_refused(spoil: object, text: str) -> None:
-    """The error says what is wrong with the record, and what would be right."""
+    """The error names the problem of the record and the allowed values."""
     assert callable(spoil)
     record = spoil(record_of(duration_s=5.0))
 
@@ -160,8 +160,8 @@ def test_record_that_no_model_fits_is_refused(spoil: object, text: str) -> None:
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("scale", [1e-200, 1e200, 1e300])
-def test_the_size_of_the_numbers_does_not_matter(scale: float) -> None:
-    """Whatever the unit, the fit is the same, without overflow."""
+def test_scale_of_the_numbers_does_not_matter(scale: float) -> None:
+    """In any unit the fit is the same, without overflow."""
     record = record_of(delay_periods=2.0)
     scaled = replace(record, drive_v=scale * record.drive_v, position_um=scale * record.position_um)
 
@@ -173,13 +173,13 @@ def test_the_size_of_the_numbers_does_not_matter(scale: float) -> None:
 
 
 def test_delay_beyond_the_record_is_refused() -> None:
-    """Nothing is left to fit where no voltage is known."""
+    """No sample with a known voltage is left."""
     with pytest.raises(DataError, match="0 samples are left for 12 weights"):
         fitted(record_of(duration_s=5.0), Method.LMS, delay_s=10.0)
 
 
-def test_a_gain_that_is_not_stable_is_refused() -> None:
-    """The error names the gain, the operators, and what would be stable."""
+def test_unstable_gain_is_refused() -> None:
+    """The error names the gain, the operators, and a stable gain."""
     with pytest.raises(
         ModelError, match=r"gain of 0\.1 is out of range: with 100 operators.*0\.03"
     ):
@@ -187,7 +187,7 @@ def test_a_gain_that_is_not_stable_is_refused() -> None:
 
 
 def test_with_many_operators_the_gain_is_lowered_until_it_is_stable() -> None:
-    """Where none is given, LMS makes a model of any order."""
+    """Without a given gain, LMS fits a model of any order."""
     fit = fitted(record_of(), Method.LMS, order=100)
 
     assert np.all(np.isfinite(fit.model.weights))
@@ -195,8 +195,8 @@ def test_with_many_operators_the_gain_is_lowered_until_it_is_stable() -> None:
 
 
 @pytest.mark.parametrize("offset_um", [-119.0, 0.0, 50.0])
-def test_a_model_is_zeroed_at_the_displacement_at_rest(offset_um: float) -> None:
-    """Wherever recorded displacements count from, a stage counts from its rest."""
+def test_model_is_zeroed_at_the_displacement_at_rest(offset_um: float) -> None:
+    """For any zero of the recorded data the zero of the model is at rest."""
     record = record_of()
     shifted = replace(record, position_um=record.position_um + offset_um)
     fit = fitted(shifted)
@@ -207,7 +207,7 @@ def test_a_model_is_zeroed_at_the_displacement_at_rest(offset_um: float) -> None
 
 
 def test_rest_between_the_ends_is_a_step_up_from_the_lower_one() -> None:
-    """The displacement there is that of the first rise, below the diagonal of a loop."""
+    """The displacement at rest is on the first rise, below the diagonal of the loop."""
     record = record_of()
     model = fitted(record).model
     middle_v = model.drive_v.from_unit(0.5)
@@ -217,16 +217,16 @@ def test_rest_between_the_ends_is_a_step_up_from_the_lower_one() -> None:
     assert model.inverse().step(unit) == pytest.approx(0.5, abs=1e-3)
 
 
-def test_rest_outside_of_the_model_is_refused() -> None:
-    """A model that was not identified from rest on cannot tell where rest is."""
+def test_rest_voltage_outside_the_model_is_refused() -> None:
+    """The displacement at rest is then unknown."""
     model = fitted(record_of()).model
 
-    with pytest.raises(DataError, match=r"leaves out the rest voltage.*identify from rest on"):
+    with pytest.raises(DataError, match=r"the rest voltage is .*a drive that starts at rest"):
         model.zeroed_at(model.drive_v.low - 0.1 * model.drive_v.width)
 
 
 def measured(shared_data: Path, name: str) -> Record:
-    """Return a record of the measured flexure stage, without the run-in of the first second."""
+    """Return a record of the measured flexure stage, without its first second."""
     columns = read_csv(shared_data / "data" / "ntu_p885" / name)
     return Record(columns["t_s"], columns["drive_v"], columns["position_um"], run_in_s=1.0)
 
@@ -237,7 +237,7 @@ def measured(shared_data: Path, name: str) -> Record:
 def test_measured_stage_is_predicted(
     shared_data: Path, method: Method, max_pct: float, rms_pct: float
 ) -> None:
-    """The drive voltage of a measured stage follows from its displacement, by either method."""
+    """Either method predicts the drive voltage of a measured stage from its displacement."""
     record = measured(shared_data, "identification.csv")
 
     fit = fit_model(record, FitSettings(method=method))
@@ -249,7 +249,7 @@ def test_measured_stage_is_predicted(
 
 
 def test_model_of_a_measured_stage_carries_over(shared_data: Path) -> None:
-    """On a record with other amplitudes the error grows, but stays far below the loop's width."""
+    """At other amplitudes the error grows, but stays far below the width of the loop."""
     fit = fit_model(measured(shared_data, "identification.csv"), FitSettings())
 
     errors = fit.errors_pct(measured(shared_data, "test.csv"))

@@ -1,4 +1,4 @@
-"""Creep, delay and offset, found together with the weights."""
+"""Tests of creep, delay and offset that are fitted together with the weights."""
 
 from dataclasses import replace
 
@@ -25,16 +25,16 @@ from tests.experiment.made_up import (
 )
 
 CREEP = 0.006
-"""Weight of each lag: 1.2 % per decade, as piezo ceramics have."""
+"""Weight of each lag: 1.2 % per decade, as in piezo ceramics."""
 
 
 def fitted(record: Record, *, creep: bool = True, delay_s: float | None = 0.0) -> Fit:
-    """Fit a model of the stage's own order, with creep, without delay if not told otherwise."""
+    """Fit a model of the stage's own order, by default with creep and without delay."""
     return fit_model(record, FitSettings(order=ORDER, creep=creep, delay_s=delay_s))
 
 
 def creep_of(fit: Fit) -> float:
-    """Return the weight of each lag; they are all equal."""
+    """Return the weight of each lag; all are equal."""
     weights = fit.model.creep.weights
     assert np.array_equal(fit.model.creep.time_constants_s, TIME_CONSTANTS_S)
     assert np.ptp(weights) == 0.0
@@ -44,7 +44,7 @@ def creep_of(fit: Fit) -> float:
 @pytest.mark.parametrize("noise", [0.0, 5e-4])
 @pytest.mark.parametrize("creep", [CREEP / 2, 2 * CREEP])
 def test_creep_and_delay_are_found_together(creep: float, noise: float) -> None:
-    """Creep looks like a longer delay, and a delay like less creep: neither misleads the other."""
+    """Creep looks like a longer delay, and conversely; both are found."""
     record = record_of(path=swells, duration_s=60.0, delay_periods=2.34, creep=creep, noise=noise)
 
     fit = fitted(record, delay_s=None)
@@ -57,7 +57,7 @@ def test_creep_and_delay_are_found_together(creep: float, noise: float) -> None:
 
 
 def test_creep_that_is_not_there_is_not_found() -> None:
-    """A stage without it gets none to speak of, and the other parameters stay."""
+    """A stage without creep gets almost none, and the other parameters stay."""
     record = record_of(path=swells, duration_s=40.0, noise=5e-4)
 
     fit, plain = fitted(record), fitted(record, creep=False)
@@ -66,8 +66,8 @@ def test_creep_that_is_not_there_is_not_found() -> None:
     assert fit.model.weights == pytest.approx(plain.model.weights, abs=3e-3)
 
 
-def test_creep_is_not_looked_for_unless_asked() -> None:
-    """Then the model has none, and predicts worse."""
+def test_creep_is_fitted_only_on_request() -> None:
+    """Without it the model has none, and predicts worse."""
     record = record_of(path=swells, duration_s=40.0, creep=CREEP)
 
     fit, plain = fitted(record), fitted(record, creep=False)
@@ -79,7 +79,7 @@ def test_creep_is_not_looked_for_unless_asked() -> None:
 
 
 def test_creep_carries_over_to_another_record() -> None:
-    """A staircase of half a minute is predicted by what loops have told."""
+    """Creep from loops predicts a staircase of half a minute."""
 
     def stairs(t_s: FloatArray) -> FloatArray:
         smooth = np.clip((t_s % 5.0) / 0.5, 0.0, 1.0)
@@ -96,7 +96,7 @@ def test_creep_carries_over_to_another_record() -> None:
 
 @pytest.mark.parametrize("drift", [-0.01, 0.01])
 def test_offset_from_the_run_in_is_found(drift: float) -> None:
-    """What the stage has drifted by before the samples that count moves the range alone."""
+    """A drift before the samples that count only moves the range."""
     record = record_of(path=swells, duration_s=60.0, creep=CREEP)
     drift_um = drift * POSITION_UM * np.minimum(record.t_s / 5.0, 1.0)
 
@@ -106,8 +106,8 @@ def test_offset_from_the_run_in_is_found(drift: float) -> None:
     assert creep_of(fit) == pytest.approx(CREEP, rel=0.05)
 
 
-def test_creep_of_a_record_that_begins_in_the_middle() -> None:
-    """What the stage did before is taken as like the record; a rest that was none misleads."""
+def test_creep_of_a_record_that_does_not_start_at_rest() -> None:
+    """Its past is assumed like the record; assuming a rest gives a wrong creep."""
     whole = record_of(path=swells, duration_s=76.0, creep=CREEP)
     later = slice(1312, None)
     cut = Record(whole.t_s[later], whole.drive_v[later], whole.position_um[later], run_in_s=12.5)
@@ -121,8 +121,8 @@ def test_creep_of_a_record_that_begins_in_the_middle() -> None:
 
 
 @pytest.mark.parametrize("spacing", list(Spacing))
-def test_creep_is_found_wherever_the_thresholds_are(spacing: Spacing) -> None:
-    """The hysteresis takes the place of little of it."""
+def test_creep_is_found_for_any_thresholds(spacing: Spacing) -> None:
+    """The hysteresis absorbs little of it."""
     record = record_of(path=swells, duration_s=60.0, creep=CREEP)
 
     fit = fit_model(record, FitSettings(order=19, spacing=spacing, creep=True, delay_s=0.0))
@@ -141,7 +141,7 @@ def test_creep_is_found_wherever_the_thresholds_are(spacing: Spacing) -> None:
 def test_every_fit_can_be_inverted(
     seed: int, exponent: float, noise: float, creep: bool, spacing: Spacing
 ) -> None:
-    """However little a record looks like a stage, the inverse exists on every loop."""
+    """For any record the inverse exists on every loop."""
     rng = np.random.default_rng(seed)
     t_s = np.arange(2000) / RATE_HZ
     position = swells(t_s)
@@ -157,7 +157,7 @@ def test_every_fit_can_be_inverted(
 
 
 def test_more_creep_than_a_stage_can_have_is_refused() -> None:
-    """Lags that would add up to nearly the whole displacement are no creep."""
+    """Lags that add up to nearly the whole displacement are no creep."""
     record = record_of(creep=0.15, duration_s=12.0)
 
     with pytest.raises(DataError, match="no creep could be fitted: the search went to"):

@@ -1,4 +1,4 @@
-"""The experiment whose drive tells all that the model can learn of a stage."""
+"""Tests of the experiment whose drive has all excitation."""
 
 from pathlib import Path
 
@@ -15,8 +15,8 @@ from tests.conftest import Figure
 IDENTIFY = Path(__file__).parents[3] / "config" / "experiments" / "identify.yaml"
 
 
-def test_its_drive_is_the_recommended_one() -> None:
-    """File and recommendation are one; the rig is that of the experiment beyond the paper."""
+def test_drive_is_the_recommended_one() -> None:
+    """The file has the recommended drive, and the rig of the experiment beyond the paper."""
     config, beyond = (
         load_experiment(path, registry) for path in (IDENTIFY, IDENTIFY.with_name("beyond.yaml"))
     )
@@ -30,8 +30,8 @@ def test_its_drive_is_the_recommended_one() -> None:
 
 @pytest.mark.stress
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_its_model_holds_the_target(seed: int, figure: Figure) -> None:
-    """The true displacement of any such stack follows the case as closely as the file says."""
+def test_model_reaches_the_target(seed: int, figure: Figure) -> None:
+    """The true error is within the target of the file for any such stack."""
     config = load_experiment(IDENTIFY, registry).model_copy(update={"seed": seed})
     (case,) = config.cases
 

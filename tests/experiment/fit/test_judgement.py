@@ -1,4 +1,4 @@
-"""How a fit is judged on another record."""
+"""Tests of the errors of a fit on another record."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ RECORD = record_of(path=swells)
 
 
 def test_without_another_record_there_is_no_test() -> None:
-    """The record itself and its blocks are judged all the same."""
+    """The errors on the record and its blocks are there anyway."""
     judged = judge(FIT, RECORD, None)
 
     assert (judged.test, judged.test_offset_removed) == (None, None)
@@ -22,16 +22,16 @@ def test_without_another_record_there_is_no_test() -> None:
     assert judged.validation.errors == cross_validate(FIT).errors
 
 
-def test_a_cross_validation_that_is_known_is_not_made_again() -> None:
-    """It takes its time."""
+def test_known_cross_validation_is_not_repeated() -> None:
+    """Cross-validation takes time."""
     known = cross_validate(FIT, blocks=2)
 
     assert judge(FIT, RECORD, None, known).validation is known
 
 
 @pytest.mark.parametrize("shift_um", [-0.6, 0.3])
-def test_a_constant_offset_is_found_and_removed(shift_um: float) -> None:
-    """A shift of the displacement is told as the offset, and errors are good without it."""
+def test_constant_offset_is_found_and_removed(shift_um: float) -> None:
+    """A shift of the displacement is reported as the offset; without it the errors are small."""
     shifted = replace(RECORD, position_um=RECORD.position_um + shift_um)
 
     judged = judge(FIT, RECORD, shifted)
@@ -44,8 +44,8 @@ def test_a_constant_offset_is_found_and_removed(shift_um: float) -> None:
     assert offset.errors["voltage_error_rms_pct"] < 0.4 * judged.test["voltage_error_rms_pct"]
 
 
-def test_errors_without_an_offset_that_is_not_there_are_the_same() -> None:
-    """On the record of the fit nearly nothing is constant in what it misses."""
+def test_errors_without_an_offset_are_nearly_the_same() -> None:
+    """The residuals on the record of the fit have almost no constant part."""
     judged = judge(FIT, RECORD, RECORD)
 
     offset = judged.test_offset_removed

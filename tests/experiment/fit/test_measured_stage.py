@@ -1,4 +1,4 @@
-"""Fits to a measured stage: how well a model predicts what it was not fitted to."""
+"""Tests of fits to a measured stage, by their errors on other data."""
 
 from pathlib import Path
 
@@ -27,8 +27,8 @@ def identified(shared_data: Path, settings: FitSettings | Wanted, skip_s: float)
     )
 
 
-def hold_on_what_they_do_not_know(judged: Judgement, name: str, figure: Figure) -> None:
-    """Check the errors on held-out blocks and, but for an offset, on test.csv; print them."""
+def check_errors_on_other_data(judged: Judgement, name: str, figure: Figure) -> None:
+    """Check the errors on held-out blocks and, without an offset, on test.csv; print them."""
     held_out, removed = judged.validation.errors, judged.test_offset_removed
     assert removed is not None
     figure(
@@ -46,16 +46,18 @@ def hold_on_what_they_do_not_know(judged: Judgement, name: str, figure: Figure) 
 def test_graded_models_hold_on_blocks_and_on_another_record(
     shared_data: Path, figure: Figure, skip_s: float, creep: bool
 ) -> None:
-    """With and without creep, on blocks that were held out and, but for an offset, on test.csv."""
+    """With and without creep, on held-out blocks and, without an offset, on test.csv."""
     settings = FitSettings(spacing=Spacing.GRADED, creep=creep)
     name = f"{'with' if creep else 'without'} creep, first {skip_s:g} s left out"
 
-    hold_on_what_they_do_not_know(identified(shared_data, settings, skip_s).taken, name, figure)
+    check_errors_on_other_data(identified(shared_data, settings, skip_s).taken, name, figure)
 
 
 @pytest.mark.stress
-def test_the_automatic_choice_holds_too(shared_data: Path, figure: Figure) -> None:
-    """What cross-validation chooses predicts held-out blocks and the other record."""
+def test_automatic_choice_holds_on_blocks_and_on_another_record(
+    shared_data: Path, figure: Figure
+) -> None:
+    """The model that cross-validation chooses predicts held-out blocks and the other record."""
     judged = identified(shared_data, Wanted(), 1.0).taken
 
-    hold_on_what_they_do_not_know(judged, "chosen automatically", figure)
+    check_errors_on_other_data(judged, "chosen automatically", figure)

@@ -1,4 +1,4 @@
-"""Models to files and back."""
+"""Tests of models that are written to files and read back."""
 
 import hashlib
 from dataclasses import replace
@@ -23,13 +23,13 @@ MADE_AT = datetime(2024, 5, 1, 12, 0, 0, tzinfo=UTC)
 
 @pytest.fixture(scope="module")
 def record() -> Record:
-    """Return a record that is late by a part of a sample."""
+    """Return a record with a delay of a fraction of a sample."""
     return record_of(delay_periods=1.34)
 
 
 @pytest.fixture(scope="module")
 def fit(record: Record) -> Fit:
-    """Return a model with awkward numbers."""
+    """Return a model with numbers that need all digits."""
     fit = fit_model(record, FitSettings(order=ORDER))
     return replace(fit, model=replace(fit.model, creep=logarithmic(1.0 / 300.0)))
 
@@ -42,8 +42,8 @@ def file(tmp_path: Path, record: Record, fit: Fit) -> ModelFile:
     return to_model_file(fit, source, fit.errors_pct(record), MADE_AT)
 
 
-def test_file_gives_back_the_model_to_the_bit(tmp_path: Path, fit: Fit, file: ModelFile) -> None:
-    """Every number of a model survives the way through the text of a file."""
+def test_model_is_restored_to_the_bit(tmp_path: Path, fit: Fit, file: ModelFile) -> None:
+    """Every number of a model is the same after the text of a file."""
     path = tmp_path / "model.yaml"
     path.write_text(dump_model(file), encoding="utf-8")
 
@@ -58,7 +58,7 @@ def test_file_gives_back_the_model_to_the_bit(tmp_path: Path, fit: Fit, file: Mo
 
 
 def test_model_from_a_file_predicts_the_same(record: Record, fit: Fit, file: ModelFile) -> None:
-    """Right and left are not confused on the way."""
+    """Right and left operators keep their sides."""
     again = from_model_file(file)
 
     assert np.array_equal(predicted_v(again, record), predicted_v(fit.model, record))
@@ -66,8 +66,8 @@ def test_model_from_a_file_predicts_the_same(record: Record, fit: Fit, file: Mod
     assert file.left_stop_weights == tuple(fit.model.inverse().left_stop_weights)
 
 
-def test_file_says_where_the_model_came_from(record: Record, fit: Fit, file: ModelFile) -> None:
-    """Method, data with their hash, time and errors are in the file."""
+def test_file_has_the_origin_of_the_model(record: Record, fit: Fit, file: ModelFile) -> None:
+    """It contains the method, the data with their hash, the time and the errors."""
     assert file.method == "least-squares"
     assert file.created_at == "2024-05-01T12:00:00+00:00"
     assert file.created_by.startswith("piezod ")
@@ -76,15 +76,15 @@ def test_file_says_where_the_model_came_from(record: Record, fit: Fit, file: Mod
     assert file.fit.model_dump() == fit.errors_pct(record)
 
 
-def test_model_beyond_what_a_file_may_hold_is_refused(tmp_path: Path) -> None:
-    """A drive in millivolts is an error that names the quantity."""
+def test_model_beyond_the_ranges_of_a_file_is_refused(tmp_path: Path) -> None:
+    """A drive in millivolts is refused with the name of the quantity."""
     source = tmp_path / "data.csv"
     source.touch()
     in_volts = record_of()
     record = Record(in_volts.t_s, 1e3 * in_volts.drive_v, in_volts.position_um)
     fit = fit_model(record, FitSettings(order=ORDER, delay_s=0.0))
 
-    with pytest.raises(ModelError, match=r"no model file .* drive_high_v: out of range"):
+    with pytest.raises(ModelError, match=r"a model file cannot .* drive_high_v: out of range"):
         to_model_file(fit, source, fit.errors_pct(record), MADE_AT)
 
 
@@ -92,7 +92,7 @@ def test_model_beyond_what_a_file_may_hold_is_refused(tmp_path: Path) -> None:
 def test_model_that_is_not_monotone_is_refused_with_the_file_s_name(
     tmp_path: Path, file: ModelFile, weight: float
 ) -> None:
-    """A drive that goes against the command is of no use; the remedy is said."""
+    """A drive against the command is of no use; the error names the remedy."""
     steep = {"left_stop_weights": (weight,) * ORDER, "right_stop_weights": (weight,) * ORDER}
     path = tmp_path / "model.yaml"
     path.write_text(dump_model(file.model_copy(update=steep)), encoding="utf-8")
@@ -104,19 +104,19 @@ def test_model_that_is_not_monotone_is_refused_with_the_file_s_name(
     assert str(caught.value).endswith("identify again")
 
 
-def test_creep_beyond_what_a_file_may_hold_is_refused(tmp_path: Path, fit: Fit) -> None:
-    """A stage that creeps by as much as it moves is no stage."""
+def test_creep_beyond_the_range_of_a_file_is_refused(tmp_path: Path, fit: Fit) -> None:
+    """No stage creeps as much as it moves."""
     source = tmp_path / "data.csv"
     source.touch()
     creeping = replace(fit, model=replace(fit.model, creep=logarithmic(0.11)))
     errors_pct = {"voltage_error_max_pct": 1.0, "voltage_error_rms_pct": 0.1}
 
-    with pytest.raises(ModelError, match=r"no model file .* creep_weights.*: out of range"):
+    with pytest.raises(ModelError, match=r"a model file cannot .* creep_weights.*: out of range"):
         to_model_file(creeping, source, errors_pct, MADE_AT)
 
 
 def test_uneven_sides_are_refused_with_the_file_s_name(tmp_path: Path, file: ModelFile) -> None:
-    """A model needs as many right as left stops."""
+    """A model needs the same number of right and left stops."""
     fewer = {"left_stop_thresholds": (0.5,), "left_stop_weights": (0.1,)}
     path = tmp_path / "model.yaml"
     path.write_text(dump_model(file.model_copy(update=fewer)), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Smoothing of recorded displacements."""
+"""Tests of the smoothing of recorded displacements."""
 
 import numpy as np
 import pytest
@@ -10,31 +10,31 @@ T_S = np.arange(2000) / 1000.0
 
 
 @pytest.mark.parametrize("window", [5, 7, 9])
-def test_a_parabola_stays_as_it_is(window: int) -> None:
-    """Position, speed and acceleration are not touched, and nothing is delayed."""
+def test_parabola_is_unchanged(window: int) -> None:
+    """Position, speed and acceleration stay, and nothing is delayed."""
     values = 1.0 + 2.0 * T_S - 3.0 * T_S**2
 
     inside = slice(window, -window)
     assert smoothed(values, window)[inside] == pytest.approx(values[inside], abs=1e-12)
 
 
-def test_white_noise_is_taken_down_as_the_theory_says() -> None:
-    """The middle weight of the parabola is the share of the noise's power that is left."""
+def test_white_noise_is_reduced_as_in_theory() -> None:
+    """The middle weight of the parabola is the remaining share of the noise power."""
     noise = np.random.default_rng(1).standard_normal(20_000)
 
     assert np.var(smoothed(noise, 5)) == pytest.approx(17 / 35, rel=0.05)
 
 
-def test_a_slower_drive_bears_a_longer_window() -> None:
-    """Where the drive hardly bends between neighbours, all noise that can go may go."""
+def test_slower_drive_allows_a_longer_window() -> None:
+    """A drive that hardly bends between neighbours allows the most smoothing."""
     fast, slow = (longest_window(75.0 - 75.0 * np.cos(2 * np.pi * hz * T_S)) for hz in (20.0, 1.0))
 
     assert 5 <= fast < slow <= WINDOWS[0]
 
 
 @pytest.mark.parametrize("end_v", [10.0, -10.0])
-def test_a_step_is_not_rounded(end_v: float) -> None:
-    """Around a jump of the drive the displacement stays as it was recorded."""
+def test_step_is_not_rounded(end_v: float) -> None:
+    """Around a jump of the drive the displacement stays as recorded."""
     step = np.where(T_S < 1.0, 0.0, end_v)
     noise = 0.01 * np.random.default_rng(1).standard_normal(T_S.size)
 
@@ -44,12 +44,12 @@ def test_a_step_is_not_rounded(end_v: float) -> None:
     assert np.std(seen[100:900]) < 0.5 * np.std(noise)
 
 
-def test_a_window_of_one_changes_nothing() -> None:
-    """The same array comes back."""
+def test_window_of_one_changes_nothing() -> None:
+    """The same array is returned."""
     assert smoothed(T_S, 1) is T_S
 
 
-def test_the_drive_of_a_record_is_not_smoothed() -> None:
+def test_drive_of_a_record_is_not_smoothed() -> None:
     """Only the sensor has noise."""
     drive_v = np.sin(40.0 * T_S)
     record = smoothed_record(Record(T_S, drive_v, drive_v + 0.01 * np.sin(3e3 * T_S)))
@@ -58,8 +58,8 @@ def test_the_drive_of_a_record_is_not_smoothed() -> None:
     assert not np.array_equal(record.position_um, drive_v)
 
 
-def test_a_short_record_is_smoothed_too() -> None:
-    """A window is no longer than the record, what is near a bend ends where the record ends."""
+def test_short_record_is_smoothed() -> None:
+    """The window is no longer than the record."""
     drive_v = np.sin(5.0 * T_S[:120])
 
     assert smoothed_record(Record(T_S[:120], drive_v, drive_v.copy())).position_um.shape == (120,)

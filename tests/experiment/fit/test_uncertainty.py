@@ -1,4 +1,4 @@
-"""What noise leaves open of a model."""
+"""Tests of the uncertainty of a model."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
 from piezod.experiment.fit.method import Method
 from piezod.experiment.fit.record import Record
 from piezod.experiment.fit.uncertainty import (
-    CERTAIN,
+    SIGMAS_95,
     Uncertainty,
     covariance_of,
     uncertainty_of,
@@ -18,7 +18,7 @@ from piezod.experiment.fit.uncertainty import (
 from tests.experiment.made_up import DRIVE_V, ORDER, record_of, swells
 
 NOISE = 0.002
-"""Of the voltage, as a share of its range."""
+"""Noise of the voltage, as a share of its range."""
 
 
 def noisy(seed: int, duration_s: float = 25.0) -> Record:
@@ -29,19 +29,19 @@ def noisy(seed: int, duration_s: float = 25.0) -> Record:
 
 
 def fitted(record: Record, **changed: object) -> Fit:
-    """Fit a model of the stage's own order to a record as it is, but for what is changed."""
+    """Fit a model of the stage's own order, without smoothing, except for the changed settings."""
     settings = {"order": ORDER, "delay_s": 0.0, "smoothing": False, **changed}
     return fit_model(record, FitSettings(**settings))  # type: ignore[arg-type]  # names in a table
 
 
 def judged(record: Record, **changed: object) -> tuple[Fit, Uncertainty]:
-    """Fit a model, and tell how uncertain it is."""
+    """Return a fit and its uncertainty."""
     fit = fitted(record, **changed)
     return fit, uncertainty_of(fit, cross_validate(fit))
 
 
-def test_the_band_is_where_the_true_prediction_is() -> None:
-    """With noise whose size is known, 19 of 20 predictions lie within it, and it is no wider."""
+def test_band_contains_the_true_prediction() -> None:
+    """With known noise, 19 of 20 predictions are in the band, and it is not wider than that."""
     linear = fitted(record_of(path=swells)).linearised
     assert linear is not None
     truth = linear.regressors @ linear.parameters
@@ -54,14 +54,14 @@ def test_the_band_is_where_the_true_prediction_is() -> None:
         rows = drawn.regressors
         error = rows @ (parameters - linear.parameters)
         scatter = np.sqrt(np.einsum("ki,ij,kj->k", rows, covariance, rows))
-        inside.append(np.abs(error) <= CERTAIN * scatter)
+        inside.append(np.abs(error) <= SIGMAS_95 * scatter)
         ratios.append(np.mean(error**2) / np.mean(scatter**2))
     assert np.mean(inside) > 0.9
     assert 0.3 < np.mean(ratios) < 1.5
 
 
-def test_a_longer_record_leaves_less_open() -> None:
-    """Four times as many samples, about half the band."""
+def test_longer_record_has_a_narrower_band() -> None:
+    """Four times as many samples give about half the band."""
     short, long = (judged(noisy(1, duration_s))[1].band_pct for duration_s in (25.0, 100.0))
 
     assert short is not None
@@ -69,8 +69,8 @@ def test_a_longer_record_leaves_less_open() -> None:
     assert np.mean(long) / np.mean(short) == pytest.approx(0.5, rel=0.3)
 
 
-def test_white_residuals_are_nearly_independent_and_alike_ones_are_not() -> None:
-    """Noise that changes slowly tells less than its samples promise."""
+def test_correlated_residuals_count_as_fewer_samples() -> None:
+    """White residuals are nearly independent; slowly changing ones are not."""
     record = noisy(1)
     white = fitted(record).linearised
     slow_v = 4.0 * np.convolve(
@@ -85,7 +85,7 @@ def test_white_residuals_are_nearly_independent_and_alike_ones_are_not() -> None
 
 
 def test_creep_is_as_uncertain_as_it_scatters() -> None:
-    """The creep lies within what is told of it."""
+    """The true creep is within its interval."""
     record = record_of(path=swells, creep=0.005, noise=0.001, duration_s=50.0)
 
     fit, uncertainty = judged(record, creep=True, smoothing=True)
@@ -96,8 +96,8 @@ def test_creep_is_as_uncertain_as_it_scatters() -> None:
     assert min(uncertainty.block_creep_per_decade) > 0.0
 
 
-def test_a_delay_that_was_given_is_not_uncertain() -> None:
-    """One that was estimated has the uncertainty of its estimate."""
+def test_given_delay_has_no_uncertainty() -> None:
+    """An estimated delay has the uncertainty of its estimate."""
     record = record_of(path=swells, delay_periods=2.0)
     fit, estimated = judged(record, delay_s=None)
 
@@ -106,8 +106,8 @@ def test_a_delay_that_was_given_is_not_uncertain() -> None:
     assert judged(record, delay_s=0.02)[1].delay_s is None
 
 
-def test_of_lms_only_the_spread_over_blocks_is_known() -> None:
-    """It solves no problem that has a covariance."""
+def test_lms_has_only_the_spread_over_the_blocks() -> None:
+    """LMS solves no problem with a covariance."""
     _, uncertainty = judged(noisy(1), method=Method.LMS)
 
     assert uncertainty.band_pct is None

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from piezod.config.experiment import ExperimentConfig
-from piezod.control.law.gains import check_known
+from piezod.control.law.gains import check_gains
 from piezod.errors import ModelError
 from piezod.experiment.check_file import check_file
 from piezod.experiment.virtual.run import run_experiment
@@ -20,9 +20,9 @@ WITH_MODE = "    first_mode: {frequency_hz: 734, damping: 0.03}\n"
 REFUSED = r"^axis x: a trim gain of 700 1/s is not safe: .*"
 
 
-def check_gains(config: ExperimentConfig) -> None:
+def check(config: ExperimentConfig) -> None:
     """Check what is known before anything moves."""
-    check_known(config.axes, 1.0 / config.rate_hz, trimmed=True)
+    check_gains(config.axes, 1.0 / config.rate_hz, trimmed=True)
 
 
 def phases(load: Load, text: str) -> list[str]:
@@ -79,6 +79,6 @@ def test_first_mode_counts(load: Load, short: str) -> None:
     modest = "    trim: {gain_per_s: 250}\n" + GIVEN.replace("0.00065", "0.0001")
     without = short.replace(LIMITS, modest + LIMITS) + TRIMMED
 
-    check_gains(load(without))
+    check(load(without))
     with pytest.raises(ModelError, match=r"first mode 734 Hz with damping 0\.03"):
-        check_gains(load(without.replace(LIMITS, WITH_MODE + LIMITS)))
+        check(load(without.replace(LIMITS, WITH_MODE + LIMITS)))

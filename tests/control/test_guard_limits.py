@@ -1,4 +1,4 @@
-"""What the limits let through; values dense around each edge and sparse elsewhere."""
+"""Tests of the limits, with values dense around each edge and sparse elsewhere."""
 
 import math
 from itertools import pairwise
@@ -16,7 +16,7 @@ INSIDE = st.floats(-10, 150)
 
 
 def around(edge: float) -> list[float]:
-    """Return the edge, its neighbours in floating point, and values a little further away."""
+    """Return the edge, its neighbours in floating point, and values a little farther away."""
     return [
         edge,
         math.nextafter(edge, -math.inf),
@@ -32,42 +32,46 @@ EDGES = [v for edge in (-10.0, 150.0, 10.0, 130.0) for v in around(edge)]
 ANY_DRIVE = st.one_of(st.floats(), st.sampled_from(EDGES))
 
 
-@given(wished_v=ANY_DRIVE, previous_v=st.one_of(INSIDE, st.sampled_from([-10.0, 150.0])))
-def test_admitted_voltage_is_in_range_and_within_reach(wished_v: float, previous_v: float) -> None:
-    """Whatever is wished, what goes out is allowed and no further than the slew rate goes."""
-    drive_v = LIMITS.admit(wished_v, previous_v, CYCLE_S)
+@given(requested_v=ANY_DRIVE, previous_v=st.one_of(INSIDE, st.sampled_from([-10.0, 150.0])))
+def test_admitted_voltage_is_in_range_and_within_reach(
+    requested_v: float, previous_v: float
+) -> None:
+    """Any request becomes a voltage in range and within the slew rate."""
+    drive_v = LIMITS.admit(requested_v, previous_v, CYCLE_S)
 
     assert -10.0 <= drive_v <= 150.0
     assert abs(drive_v - previous_v) <= REACH_V * (1 + 1e-12)
 
 
-@given(wished_v=ANY_DRIVE, previous_v=st.floats(-1e3, 1e3))
-def test_admitted_voltage_is_the_nearest_in_the_window(wished_v: float, previous_v: float) -> None:
+@given(requested_v=ANY_DRIVE, previous_v=st.floats(-1e3, 1e3))
+def test_admitted_voltage_is_the_nearest_in_the_window(
+    requested_v: float, previous_v: float
+) -> None:
     """Inside the window a voltage passes to the bit; outside it becomes the nearer end."""
     window = LIMITS.window(previous_v, CYCLE_S)
-    drive_v = LIMITS.admit(wished_v, previous_v, CYCLE_S)
+    drive_v = LIMITS.admit(requested_v, previous_v, CYCLE_S)
 
     assert window.low_v <= window.high_v
-    if not math.isfinite(wished_v):
+    if not math.isfinite(requested_v):
         assert drive_v == previous_v
-    elif wished_v < window.low_v:
+    elif requested_v < window.low_v:
         assert drive_v == window.low_v
-    elif wished_v > window.high_v:
+    elif requested_v > window.high_v:
         assert drive_v == window.high_v
     else:
-        assert drive_v == wished_v
+        assert drive_v == requested_v
 
 
-@pytest.mark.parametrize("wished_v", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("requested_v", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("previous_v", [-10.0, 0.0, 150.0, 200.0])
-def test_voltage_that_is_not_finite_moves_nothing(wished_v: float, previous_v: float) -> None:
-    """Not even towards the end of the range."""
-    assert LIMITS.admit(wished_v, previous_v, CYCLE_S) == previous_v
+def test_voltage_that_is_not_finite_moves_nothing(requested_v: float, previous_v: float) -> None:
+    """It does not even move towards the end of the range."""
+    assert LIMITS.admit(requested_v, previous_v, CYCLE_S) == previous_v
 
 
 @pytest.mark.parametrize("edge", EDGES)
 def test_window_ends_at_the_nearer_of_range_and_reach(edge: float) -> None:
-    """Close to an end of the range it is the range that limits, elsewhere the slew rate."""
+    """Near an end of the range the range limits, elsewhere the slew rate."""
     previous_v = min(max(edge, -10.0), 150.0)
 
     window = LIMITS.window(previous_v, CYCLE_S)
@@ -76,16 +80,14 @@ def test_window_ends_at_the_nearer_of_range_and_reach(edge: float) -> None:
     assert window.high_v == pytest.approx(min(previous_v + REACH_V, 150.0), abs=1e-12)
 
 
-def test_no_time_leaves_no_way() -> None:
+def test_window_without_time_is_one_voltage() -> None:
     """In no time the voltage cannot change."""
     assert LIMITS.window(42.0, 0.0) == (42.0, 42.0)
 
 
 @pytest.mark.parametrize(("start_v", "end_v"), [(215.0, 150.0), (-75.0, -10.0)])
-def test_voltage_taken_over_outside_the_range_comes_back_at_the_slew_rate(
-    start_v: float, end_v: float
-) -> None:
-    """A stage that was left at 215 V reaches 150 V in four cycles, without a step."""
+def test_voltage_outside_the_range_returns_at_the_slew_rate(start_v: float, end_v: float) -> None:
+    """A stage at 215 V reaches 150 V in four cycles, without a step."""
     voltages_v = [start_v]
     while voltages_v[-1] != end_v:
         voltages_v.append(LIMITS.admit(end_v, voltages_v[-1], CYCLE_S))
@@ -94,7 +96,7 @@ def test_voltage_taken_over_outside_the_range_comes_back_at_the_slew_rate(
     assert steps_v == [20.0, 20.0, 20.0, 5.0]
 
 
-@pytest.mark.parametrize("wished_v", [0.0, 300.0, 215.0])
-def test_voltage_outside_the_range_never_moves_further_out(wished_v: float) -> None:
-    """From 215 V every finite wish leads towards the range."""
-    assert LIMITS.admit(wished_v, 215.0, CYCLE_S) == 195.0
+@pytest.mark.parametrize("requested_v", [0.0, 300.0, 215.0])
+def test_voltage_outside_the_range_never_moves_further_out(requested_v: float) -> None:
+    """From 215 V every finite request leads towards the range."""
+    assert LIMITS.admit(requested_v, 215.0, CYCLE_S) == 195.0

@@ -9,10 +9,10 @@ VALUES = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=100)
 
 
 @given(VALUES, st.integers(1, 10))
-def test_it_holds_the_last_cycles_and_forgets_what_is_twice_as_old(
+def test_range_covers_the_last_cycles_and_less_than_twice_as_many(
     values: list[float], cycles: int
 ) -> None:
-    """It is no narrower than that of the last cycles, no wider than that of twice as many."""
+    """The range contains that of the last cycles, and lies within that of twice as many."""
     recent = RecentRange(cycles)
     for k, value in enumerate(values):
         recent.add(value)
@@ -21,8 +21,8 @@ def test_it_holds_the_last_cycles_and_forgets_what_is_twice_as_old(
         assert max(last) <= recent.high <= max(twice)
 
 
-def test_what_is_forgotten_swings_no_more() -> None:
-    """As before the first value."""
+def test_swing_is_zero_after_forget() -> None:
+    """After `forget` the swing is that before the first value."""
     recent = RecentRange(3)
     for value in (1.0, 5.0):
         recent.add(value)

@@ -1,4 +1,4 @@
-"""An axis that follows an input of a device, in virtual time."""
+"""Tests of an axis that follows an input of a device, in virtual time."""
 
 from itertools import pairwise
 from typing import Any
@@ -9,23 +9,23 @@ from piezod.config.channels import InputConfig, LineCalibration
 from piezod.config.daemon import DaemonConfig
 from piezod.config.requests import Arm, Follow, Goto, Hold, Resume, Stream
 from piezod.testing.injections import Injection, InjectionKind
-from tests.control.live_stage import FaultyStage, LiveStage, shipped
+from tests.control.rig_stage import FaultyStage, RigStage, shipped_config
 
-KNOB = 1  # the rig's second input
+KNOB = 1  # second input of the rig
 
 
 def commanded(**command: Any) -> DaemonConfig:
-    """Return the stage that ships, its axis commanded by an input of the rig, 2 µm per unit."""
-    config = shipped()
-    told = InputConfig(
+    """Return the stage with an input of the rig as command, 2 µm per unit."""
+    config = shipped_config()
+    source = InputConfig(
         device="rig", channel="knob", calibration=LineCalibration(gain=2.0), **command
     )
-    axis = config.axes["x"].model_copy(update={"command_input": told})
+    axis = config.axes["x"].model_copy(update={"command_input": source})
     return config.model_copy(update={"axes": {"x": axis}})
 
 
-class Knob(FaultyStage):
-    """A stage whose command input shows what a test wants."""
+class KnobStage(FaultyStage):
+    """A stage whose command input a test controls."""
 
     def __init__(self) -> None:
         super().__init__(commanded())
@@ -34,22 +34,23 @@ class Knob(FaultyStage):
         self.do(Arm())
 
     def turn(self, value: float) -> None:
-        """Have it show a value from now on."""
+        """Set the value of the input from now on."""
         self.device.schedule[:] = [Injection(InjectionKind.REPLACED, 0, axis=KNOB, value=value)]
 
     def unplug(self) -> None:
-        """Have it show nothing."""
+        """Remove the value of the input."""
         self.device.schedule[:] = [Injection(InjectionKind.DROPPED, 0, axis=KNOB)]
 
 
-def test_an_axis_goes_where_its_input_tells_it() -> None:
-    """In µm, by its calibration, and no faster than the axis may move."""
-    stage = Knob()
+def test_axis_follows_its_command_input() -> None:
+    """It follows in µm, by the calibration, no faster than the axis may move."""
+    stage = KnobStage()
     stage.do(Follow())
     stage.turn(5.0)
-    way = stage.run(0.3)
+    records = stage.run(0.3)
     steps_um = [
-        abs(after.axes[0].command_um - before.axes[0].command_um) for before, after in pairwise(way)
+        abs(after.axes[0].command_um - before.axes[0].command_um)
+        for before, after in pairwise(records)
     ]
 
     assert stage.state == "RUN"
@@ -60,9 +61,11 @@ def test_an_axis_goes_where_its_input_tells_it() -> None:
 
 @pytest.mark.fault("C9")
 @pytest.mark.parametrize("value", [-0.5, 13.5, None])
-def test_what_is_not_usable_is_left_out_and_held_where_it_lasts(value: float | None) -> None:
-    """Beyond the range of commands, or nothing: 0.1 s of it is too much, less is not."""
-    stage = Knob()
+def test_values_that_are_not_allowed_are_ignored_and_hold_the_stage_if_they_last(
+    value: float | None,
+) -> None:
+    """Values out of range, or none, are ignored for less than 0.1 s; then the stage holds."""
+    stage = KnobStage()
     stage.do(Follow())
     stage.turn(5.0)
     stage.run(0.3)
@@ -84,12 +87,11 @@ def test_what_is_not_usable_is_left_out_and_held_where_it_lasts(value: float | N
     stage.run(0.12)
 
     assert stage.state == "HOLD"
-    [told] = [event for event in stage.events if event.kind == "stream"]
-    assert told.text == (
-        "the command input gave nothing from 0 to 26 µm for 100 ms: "
-        "the axis does not follow it any more"
+    [event] = [each for each in stage.events if each.kind == "stream"]
+    assert event.text == (
+        "the command input gave no value from 0 to 26 µm for 100 ms: the axis stops following it"
     )
-    assert told.axis == "x"
+    assert event.axis == "x"
     stage.run(3.0)
     assert stage.state == "HOLD"
     stage.do(Resume())
@@ -98,9 +100,9 @@ def test_what_is_not_usable_is_left_out_and_held_where_it_lasts(value: float | N
     assert stage.x.command_um == pytest.approx(10.0, abs=0.3)
 
 
-def test_another_movement_ends_it() -> None:
-    """The input is read on, and nobody follows it; setpoints of a stream do not mix with it."""
-    stage = Knob()
+def test_another_movement_ends_following() -> None:
+    """The input is still read, but not followed; setpoints of a stream do not mix with it."""
+    stage = KnobStage()
     stage.do(Follow(axis="x"))
     stage.turn(5.0)
     stage.run(0.2)
@@ -126,9 +128,9 @@ def test_another_movement_ends_it() -> None:
         ("z", "no axis 'z'; this stage has x"),
     ],
 )
-def test_an_axis_without_an_input_cannot_follow_it(axis: str | None, why: str) -> None:
-    """The answer says what the configuration lacks; nothing begins."""
-    stage = LiveStage()
+def test_axis_without_an_input_cannot_follow(axis: str | None, why: str) -> None:
+    """The answer names the missing key; nothing starts."""
+    stage = RigStage()
     stage.until("SAFE")
     stage.do(Arm())
     answer = stage.ask(Follow(axis=axis))
@@ -138,8 +140,8 @@ def test_an_axis_without_an_input_cannot_follow_it(axis: str | None, why: str) -
     assert stage.state == "READY"
 
 
-def test_a_stage_that_is_not_armed_cannot_follow() -> None:
-    """As any movement."""
+def test_disarmed_stage_cannot_follow() -> None:
+    """Following needs an armed stage, as any movement does."""
     stage = FaultyStage(commanded())
     stage.until("SAFE")
 

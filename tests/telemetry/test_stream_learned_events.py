@@ -1,4 +1,4 @@
-"""Setpoints, learned parameters and events."""
+"""Tests of setpoint stream, learned parameters and events."""
 
 from math import isnan, nan
 
@@ -18,7 +18,7 @@ def event(number: int, text: str = "text") -> StageEvent:
 
 
 def test_newest_setpoint_wins(shared: SharedMap) -> None:
-    """Of several in one cycle the loop gets the last one, once."""
+    """Of several setpoints in one cycle the loop gets the newest, once."""
     writer, reader = StreamWriter(shared), StreamReader(shared)
     writer.set(1, 1.0, 10)
     writer.set(1, 2.0, 20)
@@ -27,8 +27,8 @@ def test_newest_setpoint_wins(shared: SharedMap) -> None:
     assert reader.take() == []
 
 
-def test_same_setpoint_again_is_news(shared: SharedMap) -> None:
-    """It tells that the stream goes on."""
+def test_repeated_setpoint_is_new(shared: SharedMap) -> None:
+    """It shows that the stream continues."""
     writer, reader = StreamWriter(shared), StreamReader(shared)
     writer.set(0, 1.0, 10)
     reader.take()
@@ -38,8 +38,8 @@ def test_same_setpoint_again_is_news(shared: SharedMap) -> None:
     assert reader.take() == [(0, 1.0, 10)]
 
 
-def test_setpoint_that_is_being_written_waits(shared: SharedMap) -> None:
-    """The loop neither takes half of it nor waits for the rest."""
+def test_half_written_setpoint_comes_with_the_next_call(shared: SharedMap) -> None:
+    """The loop neither takes half a setpoint nor waits for it."""
     writer, reader = StreamWriter(shared), StreamReader(shared)
     words = shared.part("streams").cast("q")
     writer.set(0, 1.0, 10)
@@ -52,8 +52,8 @@ def test_setpoint_that_is_being_written_waits(shared: SharedMap) -> None:
     assert len(reader.take()) == 1
 
 
-def test_learned_parameters_come_out_whole(shared: SharedMap) -> None:
-    """Of each axis by itself, as many weights as it has now."""
+def test_learned_parameters_are_complete(shared: SharedMap) -> None:
+    """Each axis has as many weights as were published."""
     writer, reader = LearnedWriter(shared), LearnedReader(shared)
     before = reader.read(0)
 
@@ -70,16 +70,16 @@ def test_learned_parameters_come_out_whole(shared: SharedMap) -> None:
     assert list(second.weights) == [0.5]
 
 
-def test_half_written_parameters_are_not_told(shared: SharedMap) -> None:
-    """Where the writer died within them there are none."""
+def test_half_written_parameters_are_not_returned(shared: SharedMap) -> None:
+    """If the writer dies during a write, there are none."""
     LearnedWriter(shared).publish(0, [1.0], 0.0, 1.0, 0.0)
     shared.part("learned").cast("q")[0] += 1
 
     assert LearnedReader(shared).read(0) is None
 
 
-def test_event_comes_out_as_it_went_in(shared: SharedMap) -> None:
-    """All its fields, in the order in which events happened."""
+def test_event_is_read_as_written(shared: SharedMap) -> None:
+    """Events have all their fields and keep their order."""
     writer, reader = EventWriter(shared), EventReader(shared)
     for number in (1, 2):
         writer.append(event(number, "µm: a, b"))
@@ -94,12 +94,12 @@ def test_event_comes_out_as_it_went_in(shared: SharedMap) -> None:
 
 
 def test_event_of_the_loop_has_the_fields_of_the_controller() -> None:
-    """So that they are handed over as they are."""
+    """The loop passes events on unchanged."""
     assert StageEvent._fields == StageEvent._fields
 
 
 def test_long_text_is_cut_off(shared: SharedMap) -> None:
-    """What does not fit is lost, the rest is valid text."""
+    """The remaining text is valid."""
     writer, reader = EventWriter(shared), EventReader(shared)
     writer.append(event(1, "µ" * 1000))
 
@@ -109,8 +109,8 @@ def test_long_text_is_cut_off(shared: SharedMap) -> None:
     assert len(told.text) > 200
 
 
-def test_oldest_events_give_way(shared: SharedMap) -> None:
-    """A burst never holds the loop up; the reader learns how many it missed."""
+def test_oldest_events_are_overwritten(shared: SharedMap) -> None:
+    """A burst never delays the loop; the reader gets the number of lost events."""
     writer, reader = EventWriter(shared), EventReader(shared)
     for number in range(EVENT_SLOTS + 100):
         writer.append(event(number))

@@ -1,4 +1,4 @@
-"""Which voltage was in force when."""
+"""Tests of the history of the voltages in force."""
 
 import pytest
 from hypothesis import given
@@ -10,7 +10,7 @@ MS = 1_000_000
 
 
 def ramp(cycles: int, entries: int = 256) -> DriveHistory:
-    """Return the history of a voltage of k volts at k milliseconds, after a rest at -1 V."""
+    """Return the history of k volts at k milliseconds, after a rest at -1 V."""
     history = DriveHistory(-1.0, entries)
     for k in range(cycles):
         history.append(k * MS, float(k))
@@ -18,7 +18,7 @@ def ramp(cycles: int, entries: int = 256) -> DriveHistory:
 
 
 def test_voltage_at_an_entry_is_that_entry() -> None:
-    """Whole cycles back the voltage is what was noted."""
+    """The voltage of a whole cycle is the stored one."""
     history = ramp(10)
 
     assert [history.at(k * MS) for k in range(10)] == [float(k) for k in range(10)]
@@ -31,26 +31,26 @@ def test_voltage_between_entries_is_interpolated(t_ns: int) -> None:
 
 
 def test_voltage_before_the_first_entry_is_that_at_rest() -> None:
-    """What was in force before the loop began is the voltage at rest."""
+    """Before the loop started, the rest voltage was in force."""
     assert ramp(10).at(-1) == -1.0
     assert ramp(1).at(-(10**12)) == -1.0
 
 
 def test_voltage_after_the_newest_entry_is_the_newest() -> None:
-    """Nothing is extrapolated."""
+    """The history does not extrapolate."""
     assert ramp(10).at(9 * MS + 1) == 9.0
     assert ramp(10).at(10**12) == 9.0
 
 
 def test_history_without_entries_is_at_rest() -> None:
-    """Before the first cycle every instant has the voltage at rest."""
+    """Before the first cycle every instant has the rest voltage."""
     assert DriveHistory(7.0, entries=8).at(0) == 7.0
     assert DriveHistory(7.0, entries=8).at(123 * MS) == 7.0
 
 
 @pytest.mark.parametrize("cycles", [8, 9, 20, 1000])
-def test_older_than_the_ring_is_the_oldest_entry(cycles: int) -> None:
-    """Nothing grows; a time that has left the ring gets the oldest voltage that is known."""
+def test_voltage_before_the_oldest_entry_is_the_oldest(cycles: int) -> None:
+    """Fixed memory: an instant that has left the ring gets the oldest voltage."""
     history = ramp(cycles, entries=8)
     oldest = cycles - 8
 

@@ -1,4 +1,4 @@
-"""A stage that swings when its rig fails, and what has to become of it."""
+"""A moving stage on a rig that fails, and checks of its reaction."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +9,7 @@ from piezod.config.states import State
 from piezod.config.waveforms import Sine
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
-from tests.control.live_stage import FaultyStage, quick
+from tests.control.rig_stage import FaultyStage, quick_config
 
 SWING = rq.Wave(
     command_um={"x": Sine(kind="sine", low=0.0, high=20.0, frequency_hz=2.0)}, duration_s=1000.0
@@ -17,14 +17,14 @@ SWING = rq.Wave(
 AT_REST = {State.SAFE, State.FAULT}
 
 
-class Faulty(FaultyStage):
-    """A stage that follows a swing, and conditions and ramps quickly.
+class SwingingStage(FaultyStage):
+    """A stage that follows a sine, and conditions and ramps quickly.
 
     Args:
-        mode: How it follows.
-        holds: Whether the amplifier says that it keeps its voltage when it is deactivated.
-        reads_back: Whether the amplifier says that it tells its voltage.
-        tells_restart: Whether the amplifier says that it tells a restart.
+        mode: Mode in which it follows.
+        holds: Whether the amplifier keeps its voltage when it is deactivated, as it reports.
+        reads_back: Whether the amplifier reports its voltage.
+        tells_restart: Whether the amplifier reports a restart.
     """
 
     def __init__(
@@ -35,7 +35,9 @@ class Faulty(FaultyStage):
         reads_back: bool = True,
         tells_restart: bool = False,
     ) -> None:
-        super().__init__(quick(), holds=holds, reads_back=reads_back, tells_restart=tells_restart)
+        super().__init__(
+            quick_config(), holds=holds, reads_back=reads_back, tells_restart=tells_restart
+        )
         self.cycle()
         self.do(rq.Arm(confirm_output=True), rq.SelectMode(mode=mode), SWING)
         self.run(0.2)
@@ -43,29 +45,29 @@ class Faulty(FaultyStage):
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
-    """A fault, and what is done about it: the first state that is left for, and in which cycle."""
+class FaultCase:
+    """A fault, the first state after RUN, and the cycles within which it must come."""
 
     fault: str
     kind: InjectionKind
-    what: dict[str, Any]
+    arguments: dict[str, Any]
     state: State
     within_cycles: int
     name: str = ""
 
 
-def failed(case: Case) -> tuple[Faulty, list[CycleRecord]]:
-    """Return a stage after 200 ms of a fault, and at rest; and the records since it began."""
-    stage = Faulty()
-    stage.fail(case.kind, 200, **case.what)
+def run_case(case: FaultCase) -> tuple[SwingingStage, list[CycleRecord]]:
+    """Return a stage after 200 ms of a fault and at rest, and its records since the fault."""
+    stage = SwingingStage()
+    stage.fail(case.kind, 200, **case.arguments)
     after = stage.run(0.2)
     while len(after) < 3000 and (stage.state not in AT_REST or abs(stage.x.drive_v) >= 0.5):
         after.append(stage.cycle())
     return stage, after + stage.run(0.4)
 
 
-def check_way(case: Case, stage: Faulty, after: list[CycleRecord]) -> None:
-    """Check that a fault was told, RUN was left in time, and the stage ended at rest."""
+def check_course(case: FaultCase, stage: SwingingStage, after: list[CycleRecord]) -> None:
+    """Check that the fault was reported, RUN was left in time, and the stage ended at rest."""
     first = next(i for i, record in enumerate(after) if record.state is not State.RUN)
     assert case.fault in stage.faults()
     assert (after[first].state, first < case.within_cycles) == (case.state, True)

@@ -1,4 +1,4 @@
-"""Noise told from motion, and spikes from noise."""
+"""Tests of the noise estimate: noise against motion, and spikes against noise."""
 
 import math
 from statistics import fmean
@@ -20,7 +20,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 def settled(draws: np.random.Generator, sigma: float = SIGMA) -> NoiseLevel:
-    """Return a level that knows its noise."""
+    """Return an estimate that has learned this noise."""
     noise = NoiseLevel()
     for _ in range(3000):
         noise.update(0.5 + draws.normal(0.0, sigma))
@@ -30,7 +30,7 @@ def settled(draws: np.random.Generator, sigma: float = SIGMA) -> NoiseLevel:
 @pytest.mark.parametrize("sigma", [2e-4, 1e-3, 5e-3])
 @pytest.mark.parametrize("swing", [0.0, 1.0])
 def test_variance_is_that_of_the_noise(sigma: float, swing: float) -> None:
-    """Whether the stage rests or swings over its range at 0.5 Hz; cycles of 1 ms."""
+    """The estimate is right at rest and during a full swing at 0.5 Hz, in cycles of 1 ms."""
     draws = np.random.default_rng(3)
     noise, variances = NoiseLevel(), []
     for k in range(20_000):
@@ -44,7 +44,7 @@ def test_variance_is_that_of_the_noise(sigma: float, swing: float) -> None:
 @given(seed=SEEDS)
 @settings(max_examples=20)
 def test_noise_has_no_spikes(seed: int) -> None:
-    """White noise that goes on as it is never closes the gate."""
+    """Constant white noise contains no spikes."""
     draws = np.random.default_rng(seed)
     noise = settled(draws)
 
@@ -53,8 +53,10 @@ def test_noise_has_no_spikes(seed: int) -> None:
 
 @given(seed=SEEDS, height=st.floats(0.02, 1.0), sign=st.sampled_from([-1.0, 1.0]))
 @settings(max_examples=20)
-def test_spike_is_seen_at_once_and_leaves_the_level(seed: int, height: float, sign: float) -> None:
-    """In three samples, its own first; however high, it raises the level by a twentieth or so."""
+def test_spike_is_detected_at_once_and_hardly_raises_the_estimate(
+    seed: int, height: float, sign: float
+) -> None:
+    """A spike shows in three samples, and raises the variance by less than a quarter."""
     draws = np.random.default_rng(seed)
     noise = settled(draws)
     before = noise.variance
@@ -69,7 +71,7 @@ def test_spike_is_seen_at_once_and_leaves_the_level(seed: int, height: float, si
 
 
 def test_noise_ten_times_larger_is_learned_and_unlearned() -> None:
-    """Within half a second of 1 ms cycles it is no spike any more; later the level is back."""
+    """Its spikes end within half a second; after it the estimate returns to the first value."""
     draws = np.random.default_rng(5)
     noise = settled(draws)
 
@@ -85,7 +87,7 @@ def test_noise_ten_times_larger_is_learned_and_unlearned() -> None:
 
 
 def test_noise_is_unusual_until_it_is_usual() -> None:
-    """Twice the amplitude is; after three time constants of ten times as much it is no more."""
+    """Ten times the noise is unusual at first, and usual after three time constants."""
     draws = np.random.default_rng(7)
     noise = settled(draws)
     assert not noise.unusual
@@ -100,15 +102,15 @@ def test_noise_is_unusual_until_it_is_usual() -> None:
 
 
 def test_first_samples_are_no_spikes() -> None:
-    """Wherever the stage is when the loop starts, the level stays as it was."""
+    """The first samples, at any position, leave the estimate as it is."""
     noise = NoiseLevel()
 
     assert [noise.update(0.9), noise.update(0.9)] == [False, False]
     assert noise.variance == START_VARIANCE
 
 
-def test_level_has_a_floor() -> None:
-    """A sensor without noise may move after any rest."""
+def test_variance_has_a_floor() -> None:
+    """A sensor without noise may move after any rest without a spike."""
     noise = NoiseLevel()
     for _ in range(10_000):
         noise.update(0.5)

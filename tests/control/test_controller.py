@@ -1,4 +1,4 @@
-"""A stage from arming to shutdown: what each request does, and what is refused."""
+"""Tests of a stage from arming to shutdown: the effect and the refusal of each request."""
 
 import numpy as np
 import pytest
@@ -9,28 +9,28 @@ from piezod.config.model_file import load_model
 from piezod.config.modes import Mode
 from piezod.config.states import State
 from piezod.config.waveforms import Sine, Triangle
-from tests.control.live_stage import CONFIG, LiveStage, quick, shipped
+from tests.control.rig_stage import CONFIG, RigStage, quick_config, shipped_config
 
 SINE = Sine(kind="sine", low=0.0, high=20.0, frequency_hz=1.0)
 
 
 @pytest.fixture
-def stage() -> LiveStage:
-    """Return the stage that ships, after its first cycle."""
-    live = LiveStage()
-    live.cycle()
-    return live
+def stage() -> RigStage:
+    """Return the stage of the repository, after its first cycle."""
+    rig_stage = RigStage()
+    rig_stage.cycle()
+    return rig_stage
 
 
 @pytest.fixture
-def quick_stage() -> LiveStage:
-    """Return one that ramps and conditions quickly, after its first cycle."""
-    live = LiveStage(quick())
-    live.cycle()
-    return live
+def quick_stage() -> RigStage:
+    """Return a stage that ramps and conditions quickly, after its first cycle."""
+    rig_stage = RigStage(quick_config())
+    rig_stage.cycle()
+    return rig_stage
 
 
-def running(stage: LiveStage, mode: Mode = Mode.FEEDFORWARD) -> LiveStage:
+def running(stage: RigStage, mode: Mode = Mode.FEEDFORWARD) -> RigStage:
     """Arm a stage and run it."""
     stage.do(rq.Arm(), rq.SelectMode(mode=mode))
     return stage
@@ -42,17 +42,17 @@ def with_axis(config: DaemonConfig, **changed: object) -> DaemonConfig:
     return config.model_copy(update={"axes": {"x": axis}})
 
 
-def test_a_healthy_stage_starts_disarmed_and_writes_nothing(stage: LiveStage) -> None:
-    """The first cycle passes the self-test; a second of SAFE leaves the amplifier alone."""
+def test_healthy_stage_starts_disarmed_and_writes_nothing(stage: RigStage) -> None:
+    """The first cycle passes the self-test; SAFE writes nothing for a second."""
     stage.run(1.0)
 
     assert stage.state == State.SAFE
     assert stage.channels.writes == []
 
 
-def test_arming_holds_what_is_read_back(stage: LiveStage) -> None:
-    """The first voltage that is written is the one that was in force."""
-    stage.channels.write([30.0], stage.t_ns)  # somebody else's voltage
+def test_arming_holds_the_read_back_voltage(stage: RigStage) -> None:
+    """The first voltage that is written is the one in force."""
+    stage.channels.write([30.0], stage.t_ns)  # voltage of another program
     stage.run(0.5)
     stage.channels.writes.clear()
     stage.do(rq.Arm())
@@ -65,8 +65,8 @@ def test_arming_holds_what_is_read_back(stage: LiveStage) -> None:
 
 
 @pytest.mark.parametrize("mode", list(Mode))
-def test_a_position_is_reached_in_every_mode(stage: LiveStage, mode: Mode) -> None:
-    """Compensated to within 1 % of the travel; uncompensated to within its hysteresis."""
+def test_position_is_reached_in_every_mode(stage: RigStage, mode: Mode) -> None:
+    """Compensated within 1 % of the travel, uncompensated within the hysteresis."""
     running(stage, mode).do(rq.Goto(position_um=12.5))
     stage.run(1.0)
 
@@ -77,15 +77,15 @@ def test_a_position_is_reached_in_every_mode(stage: LiveStage, mode: Mode) -> No
     assert stage.x.on_target is (mode is not Mode.UNCOMPENSATED)
 
 
-def test_going_from_ready_starts_the_mode_that_was_chosen(stage: LiveStage) -> None:
-    """In SAFE a mode is chosen for later; `goto` in READY runs in it."""
+def test_goto_in_ready_runs_in_the_selected_mode(stage: RigStage) -> None:
+    """A mode that is selected in SAFE is used later."""
     stage.do(rq.SelectMode(mode=Mode.ADAPTIVE), rq.Arm(), rq.Goto(position_um=5.0))
 
     assert (stage.state, stage.x.mode) == (State.RUN, Mode.ADAPTIVE)
 
 
-def test_each_movement_has_a_number(stage: LiveStage) -> None:
-    """So that whoever waits for one knows when another took its place."""
+def test_each_movement_has_a_number(stage: RigStage) -> None:
+    """A waiting client sees by the number that another movement has started."""
     running(stage)
     first = stage.ask(rq.Goto(position_um=5.0))
     second = stage.ask(rq.Goto(position_um=6.0))
@@ -93,8 +93,8 @@ def test_each_movement_has_a_number(stage: LiveStage) -> None:
     assert second.motion == first.motion + 1 == stage.x.motion
 
 
-def test_switching_while_running_does_not_jump(stage: LiveStage) -> None:
-    """The drive moves by a twentieth of what the slew rate allows in a cycle at most."""
+def test_change_of_mode_in_run_does_not_jump(stage: RigStage) -> None:
+    """The drive moves by at most a twentieth of the slew rate per cycle."""
     running(stage).do(rq.Goto(position_um=12.5))
     stage.run(1.0)
     records = []
@@ -106,8 +106,8 @@ def test_switching_while_running_does_not_jump(stage: LiveStage) -> None:
     assert np.max(np.abs(np.diff(drive_v))) < 1.0
 
 
-def test_a_waveform_is_followed_and_its_end_held(stage: LiveStage) -> None:
-    """From where the stage is: the way to its start comes first."""
+def test_waveform_is_followed_and_its_end_is_held(stage: RigStage) -> None:
+    """The motion from the present position to its start comes first."""
     running(stage).do(rq.Goto(position_um=12.5))
     stage.run(0.5)
     stage.do(rq.Wave(command_um={"x": SINE}, duration_s=2.25))
@@ -121,14 +121,14 @@ def test_a_waveform_is_followed_and_its_end_held(stage: LiveStage) -> None:
     assert np.max(np.abs(position_um - command_um)) < 0.5
 
 
-def test_a_stream_is_followed_until_it_stops(stage: LiveStage) -> None:
-    """A tenth of a second after the last setpoint the voltage is held."""
+def test_stream_is_followed_until_it_stops(stage: RigStage) -> None:
+    """0.1 s after the last setpoint the voltage is held."""
     running(stage).do(rq.Stream(axes=("x",)))
     for k in range(50):
         stage.controller.stream_um(0, 0.1 * k, stage.t_ns)
         stage.run(0.01)
     reached_um = stage.x.position_um
-    stage.controller.stream_um(0, 99.0, stage.t_ns)  # counts as none
+    stage.controller.stream_um(0, 99.0, stage.t_ns)  # out of range: ignored
     stage.run(0.15)
 
     assert reached_um == pytest.approx(4.9, abs=0.3)
@@ -136,8 +136,8 @@ def test_a_stream_is_followed_until_it_stops(stage: LiveStage) -> None:
     assert any(event.kind == "stream" for event in stage.events)
 
 
-def test_hold_stays_and_resume_goes_on_without_a_jump(stage: LiveStage) -> None:
-    """A hold that was asked for does not expire."""
+def test_requested_hold_does_not_expire_and_resume_does_not_jump(stage: RigStage) -> None:
+    """The hold lasts 5 s; after it the stage resumes from the held voltage."""
     running(stage).do(rq.Wave(command_um={"x": SINE}, duration_s=100.0))
     stage.run(0.3)
     stage.do(rq.Hold())
@@ -152,8 +152,8 @@ def test_hold_stays_and_resume_goes_on_without_a_jump(stage: LiveStage) -> None:
 
 
 @pytest.mark.parametrize("request_", [rq.Stop(), rq.Disarm()])
-def test_stopping_ramps_to_the_safe_voltage(stage: LiveStage, request_: rq.Request) -> None:
-    """At 50 V/s, as configured, down to the last millivolt."""
+def test_stopping_ramps_to_the_safe_voltage(stage: RigStage, request_: rq.Request) -> None:
+    """The ramp has the configured 50 V/s and ends at the safe voltage within 1 mV."""
     running(stage).do(rq.Goto(position_um=20.0))
     stage.run(1.0)
     from_v, from_ns = stage.x.drive_v, stage.t_ns
@@ -167,9 +167,9 @@ def test_stopping_ramps_to_the_safe_voltage(stage: LiveStage, request_: rq.Reque
 
 @pytest.mark.parametrize("state", ["SAFE", "READY", "RUN", "HOLD", "IDENT", "RAMP", "ESTOP"])
 def test_shutdown_ends_at_the_safe_voltage_from_every_state(
-    quick_stage: LiveStage, state: str
+    quick_stage: RigStage, state: str
 ) -> None:
-    """Whatever it was doing."""
+    """The state before does not matter."""
     stage = quick_stage
     if state != "SAFE":
         running(stage).do(rq.Goto(position_um=20.0))
@@ -199,8 +199,8 @@ def test_shutdown_ends_at_the_safe_voltage_from_every_state(
 
 
 @pytest.mark.fault("E1")
-def test_emergency_stop_ramps_latches_and_needs_a_reset(quick_stage: LiveStage) -> None:
-    """ESTOP until the safe voltage, then FAULT; arming is refused; a reset leads to SAFE."""
+def test_emergency_stop_ramps_latches_and_needs_a_reset(quick_stage: RigStage) -> None:
+    """ESTOP lasts to the safe voltage, then FAULT refuses to arm; a reset leads to SAFE."""
     stage = quick_stage
     running(stage).do(rq.Goto(position_um=20.0))
     stage.run(0.5)
@@ -218,11 +218,11 @@ def test_emergency_stop_ramps_latches_and_needs_a_reset(quick_stage: LiveStage) 
 
 
 @pytest.mark.fault("E1")
-def test_emergency_stop_cuts_where_the_axis_says_so() -> None:
-    """The amplifier lets go at once, in less than two cycles, instead of ramping."""
-    config = shipped()
+def test_emergency_stop_cuts_if_configured() -> None:
+    """The amplifier switches its output off instead of ramping."""
+    config = shipped_config()
     safety = config.axes["x"].safety.model_copy(update={"estop": "cut"})
-    stage = LiveStage(with_axis(config, safety=safety))
+    stage = RigStage(with_axis(config, safety=safety))
     stage.cycle()
     running(stage).do(rq.Goto(position_um=20.0))
     stage.run(0.5)
@@ -233,9 +233,9 @@ def test_emergency_stop_cuts_where_the_axis_says_so() -> None:
 
 
 def test_conditioning_makes_the_memory_known() -> None:
-    """Before, adapting is refused; the swing covers the range and ends at rest."""
-    swing = shipped().axes["x"].conditioning.model_copy(update={"frequency_hz": 5.0})
-    stage = LiveStage(with_axis(shipped(), conditioning=swing), memory_known=False)
+    """Before it, adaptive modes are refused; its swing covers the range and ends at rest."""
+    swing = shipped_config().axes["x"].conditioning.model_copy(update={"frequency_hz": 5.0})
+    stage = RigStage(with_axis(shipped_config(), conditioning=swing), memory_known=False)
     stage.cycle()
     stage.do(rq.Arm())
     refused = stage.ask(rq.SelectMode(mode=Mode.ADAPTIVE))
@@ -251,11 +251,11 @@ def test_conditioning_makes_the_memory_known() -> None:
     assert stage.state == State.RUN
 
 
-def test_arming_conditions_where_the_axis_asks_for_it() -> None:
-    """`arm` goes on to IDENT, and READY comes after it."""
-    config = quick()
+def test_arming_conditions_if_configured() -> None:
+    """`arm` leads to IDENT and then to READY."""
+    config = quick_config()
     swing = config.axes["x"].conditioning.model_copy(update={"on_arm": True})
-    stage = LiveStage(with_axis(config, conditioning=swing))
+    stage = RigStage(with_axis(config, conditioning=swing))
     stage.cycle()
     stage.do(rq.Arm())
     during = stage.state
@@ -264,8 +264,8 @@ def test_arming_conditions_where_the_axis_asks_for_it() -> None:
     assert during == State.IDENT
 
 
-def test_identification_drives_the_waveform_from_rest_to_rest(stage: LiveStage) -> None:
-    """Every voltage of it is recorded; READY afterwards."""
+def test_identification_drives_the_waveform_from_rest_to_rest(stage: RigStage) -> None:
+    """Every voltage is recorded; READY follows."""
     triangle = Triangle(kind="triangle", low=0.0, high=100.0, frequency_hz=1.0)
     stage.do(rq.Arm(), rq.Identify(drive_v={"x": triangle}, duration_s=1.5))
     records = stage.run(1.6)
@@ -276,8 +276,8 @@ def test_identification_drives_the_waveform_from_rest_to_rest(stage: LiveStage) 
     assert stage.x.drive_v == pytest.approx(0.0, abs=1e-6)
 
 
-def test_identification_beyond_the_limits_is_refused(stage: LiveStage) -> None:
-    """With the range that is allowed."""
+def test_identification_beyond_the_limits_is_refused(stage: RigStage) -> None:
+    """The refusal names the allowed range."""
     triangle = Triangle(kind="triangle", low=0.0, high=151.0, frequency_hz=1.0)
     stage.do(rq.Arm())
     answer = stage.ask(rq.Identify(drive_v={"x": triangle}, duration_s=1.5))
@@ -285,8 +285,8 @@ def test_identification_beyond_the_limits_is_refused(stage: LiveStage) -> None:
     assert answer.why == ("axis x: drive_v out of range (got 0 to 151 V), allowed range 0 to 150 V")
 
 
-def test_the_sensor_is_zeroed_where_the_stage_rests(stage: LiveStage) -> None:
-    """The mean of what it shows is what is counted from."""
+def test_sensor_is_zeroed_at_rest(stage: RigStage) -> None:
+    """The zero is the mean of the samples."""
     stage.do(rq.Zero())
     stage.run(0.3)
     after_um = [record.axes[0].position_um for record in stage.run(0.5)]
@@ -295,17 +295,17 @@ def test_the_sensor_is_zeroed_where_the_stage_rests(stage: LiveStage) -> None:
     assert stage.controller.learned(0).zero_um != 0.0
 
 
-def test_the_sensor_is_not_zeroed_elsewhere(stage: LiveStage) -> None:
-    """The answer says where it would be."""
+def test_sensor_is_not_zeroed_in_run(stage: RigStage) -> None:
+    """The refusal names the allowed states."""
     running(stage).do(rq.Goto(position_um=5.0))
     stage.run(0.5)
     answer = stage.ask(rq.Zero())
 
-    assert answer.why == "the stage is in RUN; the sensor is zeroed in SAFE or READY"
+    assert answer.why == "the stage is in RUN; a sensor can be zeroed in SAFE or READY"
 
 
-def test_another_model_is_adopted_while_disarmed(stage: LiveStage) -> None:
-    """The axis starts from its weights; armed, it is refused."""
+def test_model_is_adopted_while_disarmed(stage: RigStage) -> None:
+    """The axis starts from its weights; while armed, the request is refused."""
     file = load_model(CONFIG.parent / "models" / "simulated-stack.yaml")
     scaled = tuple(1.01 * weight for weight in file.right_stop_weights)
     model = file.model_copy(update={"right_stop_weights": scaled})
@@ -315,11 +315,13 @@ def test_another_model_is_adopted_while_disarmed(stage: LiveStage) -> None:
     learned = stage.controller.learned(0)
     assert learned.weights[len(scaled) :] == pytest.approx(scaled)
     assert learned.zero_um == 0.25
-    assert answer.why == "the stage is in READY; a model is changed in SAFE: `piezod disarm` first"
+    assert (
+        answer.why == "the stage is in READY; a model can be changed in SAFE: `piezod disarm` first"
+    )
 
 
-def test_shadow_computes_everything_and_writes_nothing(stage: LiveStage) -> None:
-    """The state is RUN, the voltages are asked for, the amplifier hears nothing."""
+def test_shadow_computes_everything_and_writes_nothing(stage: RigStage) -> None:
+    """The state is RUN and voltages are computed, but nothing is written."""
     stage.do(rq.Arm(shadow=True), rq.Goto(position_um=12.5))
     records = stage.run(1.0)
     stage.do(rq.Stop())
@@ -348,10 +350,10 @@ def test_shadow_computes_everything_and_writes_nothing(stage: LiveStage) -> None
     ],
 )
 @pytest.mark.fault("C10")
-def test_what_cannot_be_commanded_is_refused_and_moves_nothing(
-    stage: LiveStage, request_: rq.Request, why: str
+def test_commands_out_of_range_are_refused_and_move_nothing(
+    stage: RigStage, request_: rq.Request, why: str
 ) -> None:
-    """Refused, not clamped; the stage stays READY."""
+    """They are refused, not clamped; the stage stays READY."""
     stage.do(rq.Arm())
     answer = stage.ask(request_)
 
@@ -370,8 +372,8 @@ def test_what_cannot_be_commanded_is_refused_and_moves_nothing(
         rq.Resume(),
     ],
 )
-def test_nothing_moves_in_a_stage_that_is_latched(stage: LiveStage, request_: rq.Request) -> None:
-    """After an emergency stop only a reset does anything."""
+def test_nothing_moves_a_latched_stage(stage: RigStage, request_: rq.Request) -> None:
+    """After an emergency stop only a reset has an effect."""
     stage.do(rq.Arm(), rq.Estop())
     stage.until("FAULT")
     stage.channels.writes.clear()

@@ -1,4 +1,4 @@
-"""A fault of the way to a device, from its first cycle to what the stage does about it."""
+"""Tests of bus faults, from the first cycle to the reaction of the stage."""
 
 from functools import cache
 from itertools import pairwise
@@ -13,32 +13,32 @@ from piezod.control.faults.table import ids
 from piezod.devices.status import DeviceFlag
 from piezod.telemetry.record import CycleRecord
 from piezod.testing.injections import InjectionKind
-from tests.control.live_stage import FaultyStage
-from tests.control.swinging_stage import Case, Faulty, check_way, failed
+from tests.control.fault_cases import FaultCase, SwingingStage, check_course, run_case
+from tests.control.rig_stage import FaultyStage
 
 CASES = [
-    Case("B1", InjectionKind.LOST, {"flag": DeviceFlag.DISCONNECTED}, State.BLIND, 1),
-    Case("B2", InjectionKind.FLAGGED, {"flag": DeviceFlag.OTHER_PATH}, State.BLIND, 1),
-    Case("B3", InjectionKind.FLAGGED, {"flag": DeviceFlag.GARBAGE}, State.HOLD, 5),
-    Case("B4", InjectionKind.FLAGGED, {"flag": DeviceFlag.BAD_CHECKSUM}, State.HOLD, 5),
-    Case("B5", InjectionKind.FLAGGED, {"flag": DeviceFlag.LATE_REPLY}, State.HOLD, 5),
-    Case("B6", InjectionKind.FLAGGED, {"flag": DeviceFlag.OUT_OF_ORDER}, State.HOLD, 5),
-    Case("B7", InjectionKind.FLAGGED, {"flag": DeviceFlag.SLOW_REPLY}, State.HOLD, 5),
-    Case("B8", InjectionKind.LOST, {"flag": DeviceFlag.BUS_OFF}, State.BLIND, 1),
-    Case("B9", InjectionKind.FLAGGED, {"flag": DeviceFlag.NOT_SENT}, State.BLIND, 3),
-    Case("B10", InjectionKind.FLAGGED, {"flag": DeviceFlag.DEVICE_FAILURE}, State.RAMP, 1),
-    Case(
+    FaultCase("B1", InjectionKind.LOST, {"flag": DeviceFlag.DISCONNECTED}, State.BLIND, 1),
+    FaultCase("B2", InjectionKind.FLAGGED, {"flag": DeviceFlag.OTHER_PATH}, State.BLIND, 1),
+    FaultCase("B3", InjectionKind.FLAGGED, {"flag": DeviceFlag.GARBAGE}, State.HOLD, 5),
+    FaultCase("B4", InjectionKind.FLAGGED, {"flag": DeviceFlag.BAD_CHECKSUM}, State.HOLD, 5),
+    FaultCase("B5", InjectionKind.FLAGGED, {"flag": DeviceFlag.LATE_REPLY}, State.HOLD, 5),
+    FaultCase("B6", InjectionKind.FLAGGED, {"flag": DeviceFlag.OUT_OF_ORDER}, State.HOLD, 5),
+    FaultCase("B7", InjectionKind.FLAGGED, {"flag": DeviceFlag.SLOW_REPLY}, State.HOLD, 5),
+    FaultCase("B8", InjectionKind.LOST, {"flag": DeviceFlag.BUS_OFF}, State.BLIND, 1),
+    FaultCase("B9", InjectionKind.FLAGGED, {"flag": DeviceFlag.NOT_SENT}, State.BLIND, 3),
+    FaultCase("B10", InjectionKind.FLAGGED, {"flag": DeviceFlag.DEVICE_FAILURE}, State.RAMP, 1),
+    FaultCase(
         "B10", InjectionKind.FLAGGED, {"flag": DeviceFlag.WRONG_REQUEST}, State.HOLD, 1, "request"
     ),
-    Case("B10", InjectionKind.FLAGGED, {"flag": DeviceFlag.BUSY}, State.HOLD, 5, "busy"),
-    Case("B11", InjectionKind.FLAGGED, {"flag": DeviceFlag.BUS_OVERLOADED}, State.HOLD, 5),
-    Case("B12", InjectionKind.FLAGGED, {"flag": DeviceFlag.FOREIGN_FRAME}, State.HOLD, 1),
-    Case("B13", InjectionKind.LOST, {"flag": DeviceFlag.HALF_OPEN}, State.BLIND, 1),
-    Case("B14", InjectionKind.FLAGGED, {"flag": DeviceFlag.PORT_SHARED}, State.BLIND, 1),
-    Case("B15", InjectionKind.LOST, {"flag": DeviceFlag.STUCK}, State.BLIND, 1),
-    Case("A2", InjectionKind.FLAGGED, {"flag": DeviceFlag.PARTIAL_WRITE}, State.BLIND, 5),
-    Case("S10", InjectionKind.FLAGGED, {"flag": DeviceFlag.OTHER_DEVICE}, State.BLIND, 1),
-    Case(
+    FaultCase("B10", InjectionKind.FLAGGED, {"flag": DeviceFlag.BUSY}, State.HOLD, 5, "busy"),
+    FaultCase("B11", InjectionKind.FLAGGED, {"flag": DeviceFlag.BUS_OVERLOADED}, State.HOLD, 5),
+    FaultCase("B12", InjectionKind.FLAGGED, {"flag": DeviceFlag.FOREIGN_FRAME}, State.HOLD, 1),
+    FaultCase("B13", InjectionKind.LOST, {"flag": DeviceFlag.HALF_OPEN}, State.BLIND, 1),
+    FaultCase("B14", InjectionKind.FLAGGED, {"flag": DeviceFlag.PORT_SHARED}, State.BLIND, 1),
+    FaultCase("B15", InjectionKind.LOST, {"flag": DeviceFlag.STUCK}, State.BLIND, 1),
+    FaultCase("A2", InjectionKind.FLAGGED, {"flag": DeviceFlag.PARTIAL_WRITE}, State.BLIND, 5),
+    FaultCase("S10", InjectionKind.FLAGGED, {"flag": DeviceFlag.OTHER_DEVICE}, State.BLIND, 1),
+    FaultCase(
         "S10",
         InjectionKind.SENSOR_FLAGGED,
         {"flag": DeviceFlag.OTHER_DEVICE},
@@ -54,21 +54,21 @@ PARAMETERS = [
 
 
 @cache
-def seen(case: Case) -> tuple[Faulty, list[CycleRecord]]:
-    """Return what `failed` does, once for each case."""
-    return failed(case)
+def result_of(case: FaultCase) -> tuple[SwingingStage, list[CycleRecord]]:
+    """Return the result of `run_case`, computed once for each case."""
+    return run_case(case)
 
 
 @pytest.mark.parametrize("case", PARAMETERS)
-def test_a_fault_of_the_bus_leads_to_its_state_in_time_and_to_rest(case: Case) -> None:
-    """It is told by its id, the stage leaves RUN within the bound, and ends at rest."""
-    check_way(case, *seen(case))
+def test_bus_fault_leads_to_its_state_in_time_and_to_rest(case: FaultCase) -> None:
+    """The fault is reported, the stage leaves RUN within the bound, and ends at rest."""
+    check_course(case, *result_of(case))
 
 
 @pytest.mark.parametrize("case", PARAMETERS)
-def test_after_the_bus_failed_a_way_begins_at_what_is_read_back(case: Case) -> None:
-    """No write leaves the range or moves faster than it may, whatever came before it."""
-    stage, _ = seen(case)
+def test_limits_hold_after_a_bus_fault(case: FaultCase) -> None:
+    """No write leaves the range or moves faster than the slew rate."""
+    stage, _ = result_of(case)
 
     writes = stage.channels.writes
     assert all(isfinite(drive_v) and 0.0 <= drive_v <= 150.0 for _, (drive_v,) in writes)
@@ -80,9 +80,9 @@ def test_after_the_bus_failed_a_way_begins_at_what_is_read_back(case: Case) -> N
 @pytest.mark.parametrize(
     ("flag", "fault"), [(DeviceFlag.DISCONNECTED, "B1"), (DeviceFlag.STUCK, "B15")]
 )
-def test_while_blind_nothing_is_sent_and_nothing_is_caught_up(flag: DeviceFlag, fault: str) -> None:
-    """The first write after it is one small step away from what is in force."""
-    stage = Faulty()
+def test_nothing_is_sent_in_blind_and_nothing_caught_up(flag: DeviceFlag, fault: str) -> None:
+    """The first write afterwards is one small step away from the voltage in force."""
+    stage = SwingingStage()
     while stage.x.drive_v < 60.0:
         stage.cycle()
     stage.fail(InjectionKind.LOST, 300, flag=flag)
@@ -101,8 +101,8 @@ def test_while_blind_nothing_is_sent_and_nothing_is_caught_up(flag: DeviceFlag, 
 
 @pytest.mark.fault("B1")
 @pytest.mark.parametrize("reads_back", [True, False])
-def test_what_nobody_has_driven_is_not_driven_when_it_comes_back(reads_back: bool) -> None:
-    """Disarmed, a cable may be pulled: not a single write follows."""
+def test_output_that_was_not_driven_is_not_driven_after_blind(reads_back: bool) -> None:
+    """A cable may be pulled while the stage is disarmed: no write follows."""
     stage = FaultyStage(reads_back=reads_back)
     stage.run(0.1)
     stage.device.write([33.0], stage.t_ns)
@@ -119,9 +119,9 @@ def test_what_nobody_has_driven_is_not_driven_when_it_comes_back(reads_back: boo
 
 
 @pytest.mark.fault("B1")
-def test_a_sensor_that_is_lost_is_held_for_and_then_ramped_and_nobody_is_blind() -> None:
-    """One cause, told once: that no sample comes is its consequence."""
-    stage = Faulty()
+def test_lost_sensor_holds_and_then_ramps_without_blind() -> None:
+    """The lost device is reported once; the missing samples are its consequence."""
+    stage = SwingingStage()
     stage.fail(InjectionKind.DROPPED, 2000)
     stage.fail(InjectionKind.SENSOR_FLAGGED, 2000, flag=DeviceFlag.DISCONNECTED)
     after = stage.run(3.5)
@@ -136,9 +136,9 @@ def test_a_sensor_that_is_lost_is_held_for_and_then_ramped_and_nobody_is_blind()
 
 
 @pytest.mark.fault("B1")
-def test_an_amplifier_that_is_lost_after_the_sensor_was_is_blind_all_the_same() -> None:
-    """It is the same fault, and worse."""
-    stage = Faulty()
+def test_amplifier_that_is_lost_after_the_sensor_is_blind() -> None:
+    """It is the same fault in a more severe case."""
+    stage = SwingingStage()
     stage.fail(InjectionKind.SENSOR_FLAGGED, 100, flag=DeviceFlag.DISCONNECTED)
     stage.run(0.01)
     held = stage.state
@@ -149,9 +149,9 @@ def test_an_amplifier_that_is_lost_after_the_sensor_was_is_blind_all_the_same() 
 
 
 @pytest.mark.fault("B5")
-def test_replies_that_stay_away_hold_once_and_can_be_resumed() -> None:
-    """The sample is missed before the bus is found out: that makes no second fault of it."""
-    stage = Faulty()
+def test_missing_replies_hold_once_and_can_be_resumed() -> None:
+    """The missing sample is detected before the bus fault, and does not hold a second time."""
+    stage = SwingingStage()
     stage.fail(InjectionKind.DROPPED, 300)
     stage.fail(InjectionKind.SENSOR_FLAGGED, 300, flag=DeviceFlag.LATE_REPLY)
     after = stage.run(0.5)
@@ -163,9 +163,9 @@ def test_replies_that_stay_away_hold_once_and_can_be_resumed() -> None:
 
 
 @pytest.mark.fault("B3")
-def test_a_single_bad_frame_is_shown_and_neither_told_nor_reacted_to() -> None:
-    """For as long as any other fault is shown."""
-    stage = Faulty()
+def test_single_bad_frame_is_shown_without_event_and_reaction() -> None:
+    """It is shown as long as any other fault."""
+    stage = SwingingStage()
     stage.fail(InjectionKind.FLAGGED, 1, flag=DeviceFlag.GARBAGE)
     after = stage.run(0.5)
 
@@ -176,9 +176,9 @@ def test_a_single_bad_frame_is_shown_and_neither_told_nor_reacted_to() -> None:
 
 
 @pytest.mark.fault("B4")
-def test_single_bad_frames_do_not_keep_a_fault_from_being_over() -> None:
-    """What was bad and is only bad now and then can be resumed."""
-    stage = Faulty()
+def test_single_bad_frames_do_not_prolong_a_fault() -> None:
+    """A fault whose cause now appears only now and then can be resumed."""
+    stage = SwingingStage()
     stage.fail(InjectionKind.FLAGGED, 10, flag=DeviceFlag.BAD_CHECKSUM)
     stage.run(0.01)
     for _ in range(6):
@@ -190,9 +190,9 @@ def test_single_bad_frames_do_not_keep_a_fault_from_being_over() -> None:
 
 
 @pytest.mark.fault("A10")
-def test_what_is_not_read_back_is_shown_while_it_is_driven() -> None:
-    """It is no trouble and no news."""
-    stage = Faulty(Mode.FEEDFORWARD, reads_back=False)
+def test_missing_read_back_is_shown_while_driven() -> None:
+    """It is neither a problem nor an event."""
+    stage = SwingingStage(Mode.FEEDFORWARD, reads_back=False)
     driven = ids(stage.records[-1].present)
     stage.do(rq.Stop())
     stage.until("SAFE")
@@ -204,9 +204,9 @@ def test_what_is_not_read_back_is_shown_while_it_is_driven() -> None:
 
 
 @pytest.mark.fault("A10")
-def test_an_output_that_is_held_and_not_read_back_is_ramped_from_the_last_write() -> None:
-    """It was acknowledged, and the amplifier would have told that it was restarted."""
-    stage = Faulty(Mode.FEEDFORWARD, holds=True, reads_back=False, tells_restart=True)
+def test_held_output_without_read_back_is_ramped_from_the_last_write() -> None:
+    """The write was acknowledged, and the amplifier would have reported a restart."""
+    stage = SwingingStage(Mode.FEEDFORWARD, holds=True, reads_back=False, tells_restart=True)
     while stage.x.drive_v < 60.0:
         stage.cycle()
     stage.fail(InjectionKind.LOST, 50, flag=DeviceFlag.DISCONNECTED)
@@ -224,7 +224,7 @@ def test_an_output_that_is_held_and_not_read_back_is_ramped_from_the_last_write(
 
 @pytest.mark.fault("A10")
 @pytest.mark.parametrize(
-    ("holds", "tells_restart", "told_flag", "fault"),
+    ("holds", "tells_restart", "reported_flag", "fault"),
     [
         (False, True, None, "B1"),
         (True, False, None, "B1"),
@@ -232,33 +232,35 @@ def test_an_output_that_is_held_and_not_read_back_is_ramped_from_the_last_write(
         (True, True, DeviceFlag.WATCHDOG_TRIPPED, "A9"),
     ],
 )
-def test_an_output_that_nobody_knows_is_not_ramped(
-    holds: bool, tells_restart: bool, told_flag: DeviceFlag | None, fault: str
+def test_unknown_output_is_not_ramped(
+    holds: bool, tells_restart: bool, reported_flag: DeviceFlag | None, fault: str
 ) -> None:
-    """It is not held, would not tell a restart, or told one: FAULT, what to do, and no write."""
-    stage = Faulty(Mode.FEEDFORWARD, holds=holds, reads_back=False, tells_restart=tells_restart)
+    """It is not held, reports no restart, or reported one: FAULT, a remedy, and no write."""
+    stage = SwingingStage(
+        Mode.FEEDFORWARD, holds=holds, reads_back=False, tells_restart=tells_restart
+    )
     stage.fail(InjectionKind.LOST, 50, flag=DeviceFlag.DISCONNECTED)
     stage.run(0.051)
-    if told_flag is not None:
-        stage.fail(InjectionKind.FLAGGED, 1, flag=told_flag)
+    if reported_flag is not None:
+        stage.fail(InjectionKind.FLAGGED, 1, flag=reported_flag)
     stage.channels.writes.clear()
     stage.until("FAULT")
     stage.run(1.5)
-    told = [event.text for event in stage.events if event.kind == "output"]
+    texts = [event.text for event in stage.events if event.kind == "output"]
     stage.do(rq.Reset())
     refused, confirmed = stage.ask(rq.Arm()), stage.ask(rq.Arm(confirm_output=True))
 
     assert {fault, "B1"} == set(stage.faults()) & {"A7", "A9", "B1"}
-    assert len(told) == 1
-    assert "--confirm-output" in told[0]
+    assert len(texts) == 1
+    assert "--confirm-output" in texts[0]
     assert stage.channels.writes[0][1] == (0.0,)
     assert (refused.accepted, confirmed.accepted) == (False, True)
 
 
 @pytest.mark.fault("A1")
-def test_an_amplifier_that_was_without_power_is_not_written_its_old_voltage() -> None:
-    """It neither reads back nor tells a restart: after some refusals it may be at 0 V, untold."""
-    stage = Faulty(Mode.FEEDFORWARD, holds=True, reads_back=False)
+def test_amplifier_that_may_have_been_off_does_not_get_its_old_voltage() -> None:
+    """Without read-back and restart flag it may be at 0 V after some refusals."""
+    stage = SwingingStage(Mode.FEEDFORWARD, holds=True, reads_back=False)
     while stage.x.drive_v < 60.0:
         stage.cycle()
     stage.fail(InjectionKind.REFUSED, 30)

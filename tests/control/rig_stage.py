@@ -1,4 +1,4 @@
-"""A stage on the simulated rig, in virtual time, with everything between client and devices."""
+"""A stage on the simulated rig in virtual time, with all parts from requests to devices."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -30,44 +30,44 @@ Wrap = Callable[[Device], Device]
 
 
 @cache
-def shipped() -> DaemonConfig:
-    """Return the configuration that ships; it is read once, and nobody can change it."""
+def shipped_config() -> DaemonConfig:
+    """Return the configuration in the repository; it is read once, and immutable."""
     return load_daemon(CONFIG, registry)
 
 
 @cache
-def quick() -> DaemonConfig:
-    """Return the same, but that conditioning takes 0.4 s, and a ramp a quarter of its time."""
-    axis = shipped().axes["x"]
+def quick_config() -> DaemonConfig:
+    """Return the same with conditioning in 0.4 s and a ramp at four times the rate."""
+    axis = shipped_config().axes["x"]
     brief = axis.conditioning.model_copy(update={"cycles": 2, "frequency_hz": 5.0})
     steep = axis.safety.model_copy(update={"ramp_v_per_s": QUICK_RAMP_V_PER_S})
-    hasty = axis.model_copy(update={"conditioning": brief, "safety": steep})
-    return shipped().model_copy(update={"axes": {"x": hasty}})
+    quick_axis = axis.model_copy(update={"conditioning": brief, "safety": steep})
+    return shipped_config().model_copy(update={"axes": {"x": quick_axis}})
 
 
-class Watched(Channels):
-    """Writes down every write that reaches the devices."""
+class RecordingChannels(Channels):
+    """Records every write that reaches the devices."""
 
     def __init__(self, devices: Mapping[str, Device], axes: Mapping[str, ChannelPair]) -> None:
         super().__init__(devices, axes)
         self.writes: list[tuple[int, Sequence[float]]] = []
 
     def write(self, drive_v: Sequence[float], now_ns: int) -> bool:
-        """Write it down, and set the voltage."""
+        """Record the write, and pass it on."""
         self.writes.append((now_ns, tuple(drive_v)))
         return super().write(drive_v, now_ns)
 
 
-class LiveStage:
-    """A controller with a rig, driven by a clock that a test turns.
+class RigStage:
+    """A controller with a simulated rig; the test advances the time.
 
     Args:
-        config: The configuration; the one that ships if not given.
-        wrap: What each device is wrapped into, for faults.
-        memory_known: Whether the hysteresis' memory is known at the start.
-        holds: Whether the amplifier says that it keeps its voltage when it is deactivated.
-        reads_back: Whether the amplifier says that it tells its voltage.
-        tells_restart: Whether the amplifier says that it tells a restart.
+        config: Configuration; the one in the repository if None.
+        wrap: Wraps each device, for faults.
+        memory_known: Whether the hysteresis memory is known at the start.
+        holds: Whether the amplifier keeps its voltage when it is deactivated, as it reports.
+        reads_back: Whether the amplifier reports its voltage.
+        tells_restart: Whether the amplifier reports a restart.
     """
 
     def __init__(
@@ -80,13 +80,13 @@ class LiveStage:
         reads_back: bool = True,
         tells_restart: bool = False,
     ) -> None:
-        self.config = config or shipped()
+        self.config = config or shipped_config()
         axes = pairs_of(self.config.axes)
-        made = construct(self.config.devices, axes, self.config.seed)
-        devices = {name: wrap(device) for name, device in made.items()}
+        built = construct(self.config.devices, axes, self.config.seed)
+        devices = {name: wrap(device) for name, device in built.items()}
         self.period_ns = round(NS_PER_S / self.config.rate_hz)
         self.t_ns = 0
-        self.channels = Watched(devices, axes)
+        self.channels = RecordingChannels(devices, axes)
         self.channels.open()
         self.channels.activate(0)
         able = self.channels.capabilities()._replace(
@@ -96,7 +96,7 @@ class LiveStage:
             tells_restart=tells_restart,
         )
         self.output_lost_ns: list[int] = []
-        """Instants at which the last written voltage came to say nothing any more."""
+        """Instants at which the voltage in force could no longer be derived from the last write."""
         self.stage = make_stage(
             self.config, self.channels, able, lambda: self.output_lost_ns.append(self.t_ns)
         )
@@ -106,12 +106,12 @@ class LiveStage:
 
     @property
     def x(self) -> AxisRecord:
-        """The first axis in the last cycle."""
+        """First axis in the last cycle."""
         return self.records[-1].axes[0]
 
     @property
     def state(self) -> str:
-        """The state now."""
+        """Present state."""
         return self.controller.state.value
 
     def run(self, duration_s: float, timing: CycleTiming = ON_TIME) -> list[CycleRecord]:
@@ -122,7 +122,7 @@ class LiveStage:
         return self.records[first:]
 
     def cycle(self, timing: CycleTiming = ON_TIME) -> CycleRecord:
-        """Run one cycle, as late as it is told to be; return its record."""
+        """Run one cycle with this timing; return its record."""
         self.t_ns += self.period_ns * (1 + timing.skipped)
         record = self.controller.cycle(self.t_ns, timing)
         self.records.append(record)
@@ -130,13 +130,13 @@ class LiveStage:
         return record
 
     def ask(self, request: Request) -> Answer:
-        """Ask for something, and run a cycle."""
+        """Send a request, and run a cycle; return the answer."""
         answer = self.controller.execute(request, self.t_ns)
         self.cycle()
         return answer
 
     def do(self, *requests: Request) -> None:
-        """Ask for things that have to be accepted, one after the other."""
+        """Send requests that must be accepted, one after the other."""
         for request in requests:
             answer = self.ask(request)
             assert answer.accepted, f"{request}: {answer.why}"
@@ -145,7 +145,7 @@ class LiveStage:
         """Run until a state is reached.
 
         Raises:
-            TimeoutError: If it is not reached in time.
+            TimeoutError: If the state is not reached in time.
         """
         for _ in range(round(within_s * NS_PER_S / self.period_ns)):
             if self.state == state:
@@ -154,18 +154,18 @@ class LiveStage:
         raise TimeoutError(f"{state} was not reached, the stage is in {self.state}")
 
     def faults(self) -> list[str]:
-        """Return the ids of the faults that appeared, in their order."""
+        """Return the ids of the faults that appeared, in order."""
         return [event.fault for event in self.events if event.kind == "fault"]
 
 
-class FaultyStage(LiveStage):
-    """A stage whose rig fails when a test says so.
+class FaultyStage(RigStage):
+    """A stage whose rig fails on command.
 
     Args:
-        config: The configuration; the one that ships if not given.
-        holds: Whether the amplifier says that it keeps its voltage when it is deactivated.
-        reads_back: Whether the amplifier says that it tells its voltage.
-        tells_restart: Whether the amplifier says that it tells a restart.
+        config: Configuration; the one in the repository if None.
+        holds: Whether the amplifier keeps its voltage when it is deactivated, as it reports.
+        reads_back: Whether the amplifier reports its voltage.
+        tells_restart: Whether the amplifier reports a restart.
     """
 
     def __init__(
@@ -176,19 +176,19 @@ class FaultyStage(LiveStage):
         reads_back: bool = True,
         tells_restart: bool = False,
     ) -> None:
-        made: list[FaultyDevice] = []
+        built: list[FaultyDevice] = []
 
         def wrapped(device: Device) -> Device:
-            made.append(FaultyDevice(cast("SensorAmplifier", device)))
-            return made[0]
+            built.append(FaultyDevice(cast("SensorAmplifier", device)))
+            return built[0]
 
         super().__init__(
             config, wrapped, holds=holds, reads_back=reads_back, tells_restart=tells_restart
         )
-        (self.device,) = made
+        (self.device,) = built
 
     def fail(self, kind: InjectionKind, cycles: int | None = None, **what: Any) -> None:
-        """Have the rig fail from the next cycle on, for some cycles or for ever."""
+        """Make the rig fail from the next cycle on, for some cycles or for ever."""
         start_ns = self.t_ns + 1
         end_ns = inf if cycles is None else start_ns + cycles * self.period_ns
         self.device.schedule.append(Injection(kind, start_ns, end_ns, **what))

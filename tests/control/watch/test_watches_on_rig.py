@@ -1,4 +1,4 @@
-"""Tests of the watches on the simulated rig, with everything between client and devices."""
+"""Tests of the watches on the simulated rig, with all parts from requests to devices."""
 
 from collections.abc import Mapping
 
@@ -12,7 +12,7 @@ from piezod.devices.interface import Amplifier, Device, Sensor
 from piezod.testing.faulty import FaultyDevice
 from piezod.testing.injections import Injection, InjectionKind
 from tests.control.fakes import MS
-from tests.control.live_stage import LiveStage
+from tests.control.rig_stage import RigStage
 
 SLOW = Sine(kind="sine", low=1, high=25, frequency_hz=1)
 WAVES: Mapping[str, WaveformConfig] = {
@@ -27,16 +27,16 @@ WAVES: Mapping[str, WaveformConfig] = {
 }
 START_MS = 1137
 LEARNED_MS = 6137
-"""By then it is known how much noise is usual."""
+"""By then the usual noise is known."""
 
 
-def driven(stage: LiveStage, mode: Mode) -> None:
-    """Arm a stage, and choose a mode."""
+def arm_in(stage: RigStage, mode: Mode) -> None:
+    """Arm a stage and select a mode."""
     stage.until("SAFE")
     stage.do(rq.Arm(), rq.SelectMode(mode=mode))
 
 
-def run_all(stage: LiveStage, wave_s: float, rest_s: float) -> None:
+def run_all(stage: RigStage, wave_s: float, rest_s: float) -> None:
     """Run every waveform, go to a position, and rest there."""
     for wave in WAVES.values():
         stage.do(rq.Wave(command_um={"x": wave}, duration_s=wave_s))
@@ -47,10 +47,10 @@ def run_all(stage: LiveStage, wave_s: float, rest_s: float) -> None:
 
 
 @pytest.mark.parametrize("mode", Mode)
-def test_nothing_is_found_on_a_healthy_stage(mode: Mode) -> None:
-    """Sines, triangles, steps at full slew, and rest; in every mode."""
-    stage = LiveStage()
-    driven(stage, mode)
+def test_healthy_stage_has_no_fault(mode: Mode) -> None:
+    """Sines, triangles, steps at the slew rate, and rest; in every mode."""
+    stage = RigStage()
+    arm_in(stage, mode)
     run_all(stage, 1.0, 3.0)
 
     assert stage.faults() == []
@@ -60,10 +60,10 @@ def test_nothing_is_found_on_a_healthy_stage(mode: Mode) -> None:
 @pytest.mark.stress
 @pytest.mark.parametrize("rate_hz", [100.0, 1000.0, 10_000.0])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_nothing_is_found_on_a_healthy_stage_for_long(rate_hz: float, seed: int) -> None:
-    """Another specimen, other rates, all modes after each other."""
-    config = LiveStage().config.model_copy(update={"rate_hz": rate_hz, "seed": seed})
-    stage = LiveStage(config)
+def test_healthy_stage_has_no_fault_for_long(rate_hz: float, seed: int) -> None:
+    """With another specimen, at other rates, in all modes one after the other."""
+    config = RigStage().config.model_copy(update={"rate_hz": rate_hz, "seed": seed})
+    stage = RigStage(config)
     stage.until("SAFE")
     stage.run(3.0)
     stage.do(rq.Arm())
@@ -74,8 +74,8 @@ def test_nothing_is_found_on_a_healthy_stage_for_long(rate_hz: float, seed: int)
     assert stage.faults() == []
 
 
-def faulty(kind: InjectionKind, value: float, mode: Mode) -> LiveStage:
-    """Return a stage on a slow sine that begins to fail as its drive rises fastest."""
+def faulty(kind: InjectionKind, value: float, mode: Mode) -> RigStage:
+    """Return a stage on a slow sine that fails when its drive rises fastest."""
     start_ms = LEARNED_MS if kind is InjectionKind.NOISE else START_MS
 
     def wrap(device: Device) -> Device:
@@ -83,8 +83,8 @@ def faulty(kind: InjectionKind, value: float, mode: Mode) -> LiveStage:
         assert isinstance(device, Amplifier)
         return FaultyDevice(device, [Injection(kind, start_ms * MS, value=value)])
 
-    stage = LiveStage(wrap=wrap)
-    driven(stage, mode)
+    stage = RigStage(wrap=wrap)
+    arm_in(stage, mode)
     stage.do(rq.Wave(command_um={"x": SLOW}, duration_s=100.0))
     while stage.t_ns < (start_ms - 1) * MS:
         stage.cycle()
@@ -118,10 +118,10 @@ def faulty(kind: InjectionKind, value: float, mode: Mode) -> LiveStage:
         )
     ],
 )
-def test_a_fault_is_found_in_time(
+def test_fault_is_detected_in_time(
     kind: InjectionKind, value: float, fault: str, within_ms: int, mode: Mode
 ) -> None:
-    """In any mode, within the cycles that it is allowed; nothing else is found before it."""
+    """In any mode the fault comes within its cycles, and no other fault before it."""
     stage = faulty(kind, value, mode)
     stage.run((within_ms + 1) / 1000)
 
@@ -132,8 +132,8 @@ def test_a_fault_is_found_in_time(
 @pytest.mark.fault("S1")
 @pytest.mark.fault("S13")
 @pytest.mark.parametrize(("mode", "state"), [(Mode.FEEDFORWARD, "RUN"), (Mode.ADAPTIVE, "HOLD")])
-def test_a_stuck_sensor_stops_only_what_needs_it(mode: Mode, state: str) -> None:
-    """The other goes on, with a warning."""
+def test_stuck_sensor_stops_only_modes_that_need_it(mode: Mode, state: str) -> None:
+    """The other mode continues with a warning."""
     stage = faulty(InjectionKind.STUCK, 0.0, mode)
     stage.run(0.1)
 

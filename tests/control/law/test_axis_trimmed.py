@@ -1,4 +1,4 @@
-"""Mode `trimmed` at the axis, on a made-up stage that the model does not know well."""
+"""Tests of mode `trimmed` on an axis, with a made-up stage that differs from the model."""
 
 from collections.abc import Callable
 
@@ -19,10 +19,10 @@ from tests.control.made_up import BANK, WEIGHTS, Array, MadeUpStage, wander
 RANGE = AffineRange(0.0, 1.0)
 FADE = 100
 AUTHORITY = 0.05
-AT = 2000
-"""Cycle in which the mode is switched."""
+SWITCH = 2000
+"""Cycle of the change of mode."""
 SPIKE_AT = 1500
-"""Cycle in which the sensor has a spike."""
+"""Cycle of the spike of the sensor."""
 
 
 def axis_of(reference: Callable[[float], float], mode: Mode, *, adapts: bool) -> CompensatedAxis:
@@ -51,7 +51,7 @@ def axis_of(reference: Callable[[float], float], mode: Mode, *, adapts: bool) ->
 def run(
     start: Mode, end: Mode, commands: Array, *, adapts: bool = False, spike: float = 0.0
 ) -> tuple[Array, Array]:
-    """Return drives and displacements, shape (n,); on the way a spike, and the mode switched."""
+    """Return drives and positions, shape (n,), with a spike and a change of mode."""
 
     def reference(t_s: float) -> float:
         return float(commands[min(max(round(1e3 * t_s), 0), commands.size - 1)])
@@ -59,7 +59,7 @@ def run(
     axis, stage = axis_of(reference, start, adapts=adapts), MadeUpStage()
     out, in_force = [], 0.0
     for k in range(commands.size):
-        if k == AT:
+        if k == SWITCH:
             axis.switch(end)
         position = stage.step(in_force)
         measured = position + (spike if k == SPIKE_AT else 0.0)
@@ -72,14 +72,14 @@ def run(
 
 
 @pytest.mark.parametrize("adapts", [False, True])
-def test_trim_takes_away_what_the_model_misses(adapts: bool) -> None:
-    """Creep of 4 % that nobody knows of is gone soon after the switch."""
+def test_trim_removes_the_error_of_the_model(adapts: bool) -> None:
+    """Creep of 4 %, which the model lacks, is removed soon after the change of mode."""
     commands = np.full(3000, 0.8)
 
     _, positions = run(Mode.FEEDFORWARD, Mode.TRIMMED, commands, adapts=adapts)
 
-    assert positions[AT] - 0.8 > 0.02
-    assert positions[AT + 200 :] == pytest.approx(0.8, abs=2e-4)
+    assert positions[SWITCH] - 0.8 > 0.02
+    assert positions[SWITCH + 200 :] == pytest.approx(0.8, abs=2e-4)
 
 
 @pytest.mark.parametrize("adapts", [False, True])
@@ -87,46 +87,48 @@ def test_trim_takes_away_what_the_model_misses(adapts: bool) -> None:
 @pytest.mark.parametrize("other", [Mode.UNCOMPENSATED, Mode.FEEDFORWARD, Mode.ADAPTIVE])
 @pytest.mark.parametrize("into", [False, True])
 def test_switch_is_bumpless(adapts: bool, moving: bool, other: Mode, into: bool) -> None:
-    """No step of the drive is larger than what command and trim explain."""
+    """No step of the drive is larger than command and trim explain."""
     commands = wander(3.0) if moving else np.minimum(np.arange(3000) / 500, 0.8)
     start, end = (other, Mode.TRIMMED) if into else (Mode.TRIMMED, other)
 
     drives, _ = run(start, end, commands, adapts=adapts)
 
     steps = np.abs(np.diff(drives))
-    usual = steps[1:AT].max() if moving else 0.0
-    assert steps[AT - 1 : AT + 3 * FADE].max() < 1.3 * usual + 5e-3
-    assert np.ptp(drives[AT - 1 : AT + 3 * FADE]) > (5e-3 if other is Mode.UNCOMPENSATED else 0.0)
+    usual = steps[1:SWITCH].max() if moving else 0.0
+    assert steps[SWITCH - 1 : SWITCH + 3 * FADE].max() < 1.3 * usual + 5e-3
+    assert np.ptp(drives[SWITCH - 1 : SWITCH + 3 * FADE]) > (
+        5e-3 if other is Mode.UNCOMPENSATED else 0.0
+    )
 
 
-def test_trim_fades_when_it_is_left() -> None:
+def test_trim_fades_when_the_mode_is_left() -> None:
     """After the fade the drive is that of the other mode, and stays."""
     commands = np.full(3000, 0.8)
 
     for other, drive in ((Mode.UNCOMPENSATED, 0.8), (Mode.FEEDFORWARD, None)):
         drives, _ = run(Mode.TRIMMED, other, commands)
-        after = drives[AT + FADE + 2 :]
+        after = drives[SWITCH + FADE + 2 :]
 
         assert np.ptp(after) < 1e-9
-        assert abs(after[0] - drives[AT]) > 0.01
+        assert abs(after[0] - drives[SWITCH]) > 0.01
         assert drive is None or after[0] == pytest.approx(drive, abs=1e-9)
 
 
 def test_trim_does_not_wind_up_at_the_end_of_the_range() -> None:
-    """Where creep keeps the stage above rest, nothing can be done, and nothing is stored up."""
+    """While creep keeps the stage above rest, the trim does not grow."""
     there_and_back = np.concatenate((np.full(1000, 0.9), np.zeros(1000)))
     commands = np.concatenate((there_and_back, np.full(1000, 0.5)))
 
     _, positions = run(Mode.TRIMMED, Mode.TRIMMED, commands)
 
-    assert positions[AT - 500 : AT - 1].min() > 0.003
-    assert np.abs(positions[AT + 2 : AT + 10] - 0.5).max() < 0.035  # 0.05 more if it were
-    assert positions[AT + 200 :] == pytest.approx(0.5, abs=5e-4)
+    assert positions[SWITCH - 500 : SWITCH - 1].min() > 0.003
+    assert np.abs(positions[SWITCH + 2 : SWITCH + 10] - 0.5).max() < 0.035  # 0.05 more with wind-up
+    assert positions[SWITCH + 200 :] == pytest.approx(0.5, abs=5e-4)
 
 
 @pytest.mark.parametrize("spike", [0.1, -0.1])
 def test_spike_does_not_move_the_trim(spike: float) -> None:
-    """Of one sample that is 10 % off, the drive shows less than a thousandth."""
+    """A sample that is 10 % off moves the drive by less than a thousandth of that."""
     commands = wander(3.0)
 
     clean, _ = run(Mode.TRIMMED, Mode.TRIMMED, commands)

@@ -1,4 +1,4 @@
-"""Which samples may teach, by scenario."""
+"""Tests of the learning gate, by scenario."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ SIGMA = 6e-4  # of the range: 18 nm on 30 µm
 
 
 class Cycle(NamedTuple):
-    """What the gate is told of a cycle."""
+    """Arguments of the gate in a cycle."""
 
     drive: float
     position: float
@@ -40,7 +40,7 @@ def sine(k: int) -> float:
 
 
 def measured(seed: int, cycles: int, swing: float = 1.0) -> Iterator[Cycle]:
-    """Give the cycles of a stage that follows its drive, with noise."""
+    """Yield the cycles of a stage that follows its drive, with noise."""
     noise = np.random.default_rng(seed).normal(0.0, SIGMA, cycles).tolist()
     for k in range(cycles):
         drive = swing * sine(k)
@@ -48,36 +48,36 @@ def measured(seed: int, cycles: int, swing: float = 1.0) -> Iterator[Cycle]:
 
 
 def reasons(gate: LearningGate, cycles: Iterator[Cycle], disturb: Disturb) -> list[GateReason]:
-    """Return the verdict on each cycle."""
-    verdicts = []
+    """Return the decision in each cycle."""
+    decisions = []
     for k, cycle in enumerate(cycles):
-        told = disturb(k, cycle)
-        admitted = gate.admits(**told._asdict())
+        arguments = disturb(k, cycle)
+        admitted = gate.admits(**arguments._asdict())
         assert admitted == (gate.reason is GateReason.OPEN)
-        verdicts.append(gate.reason)
-    return verdicts
+        decisions.append(gate.reason)
+    return decisions
 
 
 def untouched(_: int, cycle: Cycle) -> Cycle:
-    """Change nothing."""
+    """Return the cycle unchanged."""
     return cycle
 
 
-def closed_for(verdicts: list[GateReason]) -> set[GateReason]:
-    """Return why the gate was closed."""
-    return set(verdicts) - {GateReason.OPEN}
+def closed_for(decisions: list[GateReason]) -> set[GateReason]:
+    """Return the reasons for which the gate was closed."""
+    return set(decisions) - {GateReason.OPEN}
 
 
-def test_gate_stays_open_while_all_is_well() -> None:
-    """Once the drive has swung by 2 % of its range every sample of ten seconds teaches."""
-    verdicts = reasons(LearningGate(MS), measured(1, 10_000), untouched)
+def test_gate_stays_open_on_a_healthy_stage() -> None:
+    """After a swing of 2 % of the range it admits every sample of ten seconds."""
+    decisions = reasons(LearningGate(MS), measured(1, 10_000), untouched)
 
-    assert verdicts.index(GateReason.OPEN) == 46
-    assert set(verdicts[46:]) == {GateReason.OPEN}
+    assert decisions.index(GateReason.OPEN) == 46
+    assert set(decisions[46:]) == {GateReason.OPEN}
 
 
 def test_stuck_sensor_closes_the_gate() -> None:
-    """Once 20 samples are the same, the last true one included; the jump back is a spike."""
+    """It closes at the 20th equal sample; the jump back is a spike."""
     held = 0.0
 
     def stick(k: int, cycle: Cycle) -> Cycle:
@@ -87,57 +87,57 @@ def test_stuck_sensor_closes_the_gate() -> None:
         held = cycle.position
         return cycle
 
-    verdicts = reasons(LearningGate(MS), measured(2, 8000), stick)
+    decisions = reasons(LearningGate(MS), measured(2, 8000), stick)
 
-    stuck = [k for k, reason in enumerate(verdicts) if reason is GateReason.STUCK]
+    stuck = [k for k, reason in enumerate(decisions) if reason is GateReason.STUCK]
     assert stuck == list(range(4249 + STUCK_SAMPLES - 1, 5200))
-    assert set(verdicts[4250 : 4249 + STUCK_SAMPLES - 1]) == {GateReason.REPEATED}
-    assert set(verdicts[5200 : 5201 + SPIKE_CYCLES]) == {GateReason.SPIKE}
-    assert set(verdicts[5201 + SPIKE_CYCLES :]) == {GateReason.OPEN}
+    assert set(decisions[4250 : 4249 + STUCK_SAMPLES - 1]) == {GateReason.REPEATED}
+    assert set(decisions[5200 : 5201 + SPIKE_CYCLES]) == {GateReason.SPIKE}
+    assert set(decisions[5201 + SPIKE_CYCLES :]) == {GateReason.OPEN}
 
 
-def test_sensor_that_reads_the_same_at_rest_is_not_stuck() -> None:
-    """Samples that are the same to the bit mean nothing while the drive hardly moves."""
+def test_equal_samples_at_rest_do_not_mean_stuck() -> None:
+    """Equal samples mean nothing while the drive hardly moves."""
     gate = LearningGate(MS)
 
-    verdicts = reasons(gate, (Cycle(0.4 + 0.00999 * (k % 2), 0.5) for k in range(5000)), untouched)
+    decisions = reasons(gate, (Cycle(0.4 + 0.00999 * (k % 2), 0.5) for k in range(5000)), untouched)
 
-    assert set(verdicts) == {GateReason.QUIET}
+    assert set(decisions) == {GateReason.QUIET}
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_spike_closes_the_gate_for_a_while(sign: float) -> None:
-    """A spike of 10 % teaches nothing, nor do the two samples it is compared with, nor the next."""
+    """After a spike of 10 % the gate is closed for it, for the next two samples and for a while."""
 
     def spike(k: int, cycle: Cycle) -> Cycle:
         return cycle._replace(position=cycle.position + (0.1 * sign if k == 5000 else 0.0))
 
-    verdicts = reasons(LearningGate(MS), measured(3, 6000), spike)[1000:]
+    decisions = reasons(LearningGate(MS), measured(3, 6000), spike)[1000:]
 
-    closed = [k for k, reason in enumerate(verdicts) if reason is GateReason.SPIKE]
+    closed = [k for k, reason in enumerate(decisions) if reason is GateReason.SPIKE]
     assert closed == list(range(4000, 4002 + SPIKE_CYCLES))
-    assert closed_for(verdicts) == {GateReason.SPIKE}
+    assert closed_for(decisions) == {GateReason.SPIKE}
 
 
 def test_noise_ten_times_larger_closes_the_gate() -> None:
-    """From its first spike on, for some 30 s; when it stays for longer it is called usual."""
+    """It closes at the first spike, for some 30 s; then the noise counts as usual."""
     loud = np.random.default_rng(5)
 
     def shake(k: int, cycle: Cycle) -> Cycle:
         more = loud.normal(0.0, 10 * SIGMA) if k >= 5000 else 0.0
         return cycle._replace(position=cycle.position + more)
 
-    verdicts = reasons(LearningGate(MS), measured(4, 65_000), shake)[5000:]
+    decisions = reasons(LearningGate(MS), measured(4, 65_000), shake)[5000:]
 
-    taught = [k for k, reason in enumerate(verdicts) if reason is GateReason.OPEN]
-    first = next(k for k, reason in enumerate(verdicts) if reason is GateReason.SPIKE)
+    learned = [k for k, reason in enumerate(decisions) if reason is GateReason.OPEN]
+    first = next(k for k, reason in enumerate(decisions) if reason is GateReason.SPIKE)
     assert first < 10
-    assert 20_000 < next(k for k in taught if k > first) < 45_000
-    assert set(verdicts[-1000:]) == {GateReason.OPEN}
+    assert 20_000 < next(k for k in learned if k > first) < 45_000
+    assert set(decisions[-1000:]) == {GateReason.OPEN}
 
 
-def test_noise_that_goes_again_opens_the_gate_again() -> None:
-    """Within half a second, and the noise that was is no longer called usual within a minute."""
+def test_gate_opens_again_when_the_noise_ends() -> None:
+    """It opens within two seconds, and louder noise closes it again later."""
     gate, loud = LearningGate(MS), np.random.default_rng(8)
 
     def shake(_: int, cycle: Cycle) -> Cycle:
@@ -152,8 +152,8 @@ def test_noise_that_goes_again_opens_the_gate_again() -> None:
     assert again[-1] is GateReason.NOISY
 
 
-def test_sample_that_is_repeated_teaches_nothing() -> None:
-    """The first of many from a sensor that is stuck cannot be told from one by chance."""
+def test_repeated_sample_closes_the_gate() -> None:
+    """The first of many samples of a stuck sensor looks like an equal sample by chance."""
     gate, held = LearningGate(MS), 0.0
 
     def repeat(k: int, cycle: Cycle) -> Cycle:
@@ -161,43 +161,43 @@ def test_sample_that_is_repeated_teaches_nothing() -> None:
         held = held if k in {5000, 5001, 5500} else cycle.position
         return cycle._replace(position=held)
 
-    verdicts = reasons(gate, measured(3, 6000), repeat)[1000:]
+    decisions = reasons(gate, measured(3, 6000), repeat)[1000:]
 
-    assert [k for k, reason in enumerate(verdicts) if reason is GateReason.REPEATED] == [
+    assert [k for k, reason in enumerate(decisions) if reason is GateReason.REPEATED] == [
         4000,
         4001,
         4500,
     ]
-    assert closed_for(verdicts) == {GateReason.REPEATED}
+    assert closed_for(decisions) == {GateReason.REPEATED}
     assert gate.accurate
 
 
 @pytest.mark.parametrize("noise", [0.0, SIGMA, 10 * SIGMA])
-def test_constant_command_never_teaches(noise: float) -> None:
-    """However long it holds, however the sensor rustles, the gate stays closed."""
+def test_gate_stays_closed_at_a_constant_command(noise: float) -> None:
+    """Neither the duration nor the noise of the sensor matters."""
     gate, draws = LearningGate(MS), np.random.default_rng(6)
     drives = draws.normal(0.4, 1e-3, 200_000).tolist()
     positions = draws.normal(0.5, noise, 200_000).tolist()
 
-    verdicts = reasons(gate, map(Cycle, drives, positions), untouched)
+    decisions = reasons(gate, map(Cycle, drives, positions), untouched)
 
-    assert GateReason.OPEN not in verdicts
+    assert GateReason.OPEN not in decisions
     assert gate.counts[GateReason.OPEN] == 0
 
 
 def test_swing_of_two_percent_is_enough() -> None:
-    """A sine of 2 % peak to peak opens the gate once its swing is in the window."""
-    verdicts = reasons(LearningGate(MS), measured(7, 8000, 0.02), untouched)
+    """A sine of 2 % peak to peak opens the gate when its swing is in the window."""
+    decisions = reasons(LearningGate(MS), measured(7, 8000, 0.02), untouched)
 
-    assert verdicts.index(GateReason.OPEN) == 500
-    assert GateReason.OPEN in verdicts[-2000:]
+    assert decisions.index(GateReason.OPEN) == 500
+    assert GateReason.OPEN in decisions[-2000:]
 
 
 def test_swing_below_two_percent_is_not_enough() -> None:
-    """However long it lasts."""
-    verdicts = reasons(LearningGate(MS), measured(7, 8000, 0.0199), untouched)
+    """The duration of the swing does not matter."""
+    decisions = reasons(LearningGate(MS), measured(7, 8000, 0.0199), untouched)
 
-    assert set(verdicts) == {GateReason.QUIET}
+    assert set(decisions) == {GateReason.QUIET}
 
 
 @pytest.mark.parametrize(
@@ -214,17 +214,15 @@ def test_swing_below_two_percent_is_not_enough() -> None:
         ({"limited": True}, GateReason.LIMITED),
     ],
 )
-def test_sample_that_says_nothing_closes_the_gate(
-    change: dict[str, Any], reason: GateReason
-) -> None:
-    """The first reason that applies is given; values are taken at each edge."""
+def test_unusable_sample_closes_the_gate(change: dict[str, Any], reason: GateReason) -> None:
+    """The gate gives the first reason that applies; the values are at each edge."""
 
     def spoil(k: int, cycle: Cycle) -> Cycle:
         return cycle._replace(**change) if k == 1500 else cycle
 
-    verdicts = reasons(LearningGate(MS), measured(8, 1501), spoil)
+    decisions = reasons(LearningGate(MS), measured(8, 1501), spoil)
 
-    assert verdicts[-2:] == [GateReason.OPEN, reason]
+    assert decisions[-2:] == [GateReason.OPEN, reason]
 
 
 @pytest.mark.parametrize(
@@ -240,10 +238,10 @@ def test_sample_that_says_nothing_closes_the_gate(
     ],
 )
 @pytest.mark.parametrize("swing", [1.0, 0.01])
-def test_samples_are_believed_whether_they_teach_or_not(
+def test_credible_does_not_depend_on_learning(
     change: dict[str, Any], credible: bool, swing: float
 ) -> None:
-    """What is invalid, late or a spike is not, also while the gate is closed for other reasons."""
+    """Invalid samples, late samples and spikes are not credible, also with a closed gate."""
     gate = LearningGate(MS)
 
     def spoil(k: int, cycle: Cycle) -> Cycle:
@@ -254,37 +252,37 @@ def test_samples_are_believed_whether_they_teach_or_not(
     assert gate.credible is credible
 
 
-def test_stuck_sensor_is_not_believed() -> None:
-    """Once it is known to be stuck, until it moves again."""
-    gate, believed = LearningGate(MS), []
+def test_stuck_sensor_is_not_credible() -> None:
+    """It is not credible from detection on, until it moves again."""
+    gate, credible = LearningGate(MS), []
     for k, cycle in enumerate(measured(2, 1400)):
         stuck = 1200 <= k < 1300
         gate.admits(**cycle._replace(position=0.3 if stuck else cycle.position)._asdict())
-        believed.append(gate.credible)
+        credible.append(gate.credible)
 
-    assert not any(believed[1200 + STUCK_SAMPLES : 1300])
-    assert all(believed[1310:])
+    assert not any(credible[1200 + STUCK_SAMPLES : 1300])
+    assert all(credible[1310:])
 
 
 @pytest.mark.parametrize("age_ns", [2 * MS, 3 * MS, 3 * MS + 1])
-def test_sensor_that_is_always_late_is_not_late_for_ever(age_ns: int) -> None:
-    """A sample is late a period after the latency of its sensor."""
+def test_latency_of_the_sensor_is_not_lateness(age_ns: int) -> None:
+    """A sample is late one period after the latency of its sensor."""
     gate = LearningGate(MS, latency_ns=2 * MS)
 
-    verdicts = reasons(gate, measured(8, 1501), lambda _, cycle: cycle._replace(age_ns=age_ns))
+    decisions = reasons(gate, measured(8, 1501), lambda _, cycle: cycle._replace(age_ns=age_ns))
 
-    assert verdicts[-1] is (GateReason.LATE if age_ns > 3 * MS else GateReason.OPEN)
+    assert decisions[-1] is (GateReason.LATE if age_ns > 3 * MS else GateReason.OPEN)
 
 
 def test_gate_stays_closed_after_the_drive_was_limited() -> None:
-    """For a few cycles more than the limit lasted."""
+    """It stays closed for a few cycles after the limit."""
 
     def limit(k: int, cycle: Cycle) -> Cycle:
         return cycle._replace(limited=1500 <= k < 1503)
 
-    verdicts = reasons(LearningGate(MS), measured(9, 2000), limit)
+    decisions = reasons(LearningGate(MS), measured(9, 2000), limit)
 
-    closed = [k for k, reason in enumerate(verdicts) if reason is GateReason.LIMITED]
+    closed = [k for k, reason in enumerate(decisions) if reason is GateReason.LIMITED]
     assert closed == list(range(1500, 1503 + LIMITED_CYCLES))
 
 
@@ -302,7 +300,7 @@ def test_gate_stays_closed_after_the_drive_was_limited() -> None:
     )
 )
 def test_gate_is_deterministic_and_counts_every_cycle(cycles: list[Cycle]) -> None:
-    """Whatever it is told, two gates agree."""
+    """Two gates decide the same for any arguments."""
     one, other = LearningGate(MS), LearningGate(MS)
 
     assert reasons(one, iter(cycles), untouched) == reasons(other, iter(cycles), untouched)

@@ -1,4 +1,4 @@
-"""Adaptation in the loop to a made-up stage: creep, drift, and samples that teach nothing."""
+"""Tests of learning on a made-up stage: creep, drift, and samples that are not learned from."""
 
 from collections.abc import Callable
 
@@ -26,7 +26,7 @@ Spoil = Callable[[Sample], Sample]
 
 
 class Bench:
-    """A stage, driven by its own inverse, with an identifier that watches it."""
+    """A stage that its own inverse model drives, with an identifier."""
 
     def __init__(
         self, adaptation: AdaptiveIdentifier, stage: MadeUpStage, creep: CreepState = START
@@ -48,7 +48,7 @@ class Bench:
         spoil: Spoil | None = None,
         limited: bool = False,
     ) -> None:
-        """Go through displacements without creep; the sensor drifts by so much per sample."""
+        """Drive displacements without creep; the sensor drifts by `drift` per sample."""
         for y in quick:
             self.t_ns += MS
             drive = self.inverse.step(y)
@@ -61,12 +61,12 @@ class Bench:
 
 
 def rls(weights: Array = WEIGHTS) -> RLSIdentifier:
-    """Return what learns fast."""
+    """Return an algorithm that learns fast."""
     return RLSIdentifier(BANK, weights)
 
 
-def test_creep_is_taken_out_before_anything_is_learned() -> None:
-    """An identifier that knows the stage learns nothing new from it, however much it creeps."""
+def test_creep_is_removed_before_learning() -> None:
+    """An identifier that knows the creep learns no other weights from it."""
     known, unaware = Bench(rls(), MadeUpStage()), Bench(rls(), MadeUpStage(), AT_REST)
 
     for bench in (known, unaware):
@@ -77,8 +77,8 @@ def test_creep_is_taken_out_before_anything_is_learned() -> None:
     assert np.max(np.abs(unaware.adaptation.weights - WEIGHTS)) > 1e-3
 
 
-def test_creep_from_before_the_sensor_was_zeroed_is_known() -> None:
-    """What had crept then is gone from the samples, and comes back with the other sign."""
+def test_creep_before_the_sensor_zero_is_taken_into_account() -> None:
+    """The samples lack the creep at the zero, and its decay has the other sign."""
     lags = np.array([0.1, 0.2, 0.3])
     zeroed = float(CREEP.weights @ lags)
     bench = Bench(rls(), MadeUpStage(lags=lags), CreepState(CREEP, lags, zeroed, 0.0))
@@ -88,8 +88,8 @@ def test_creep_from_before_the_sensor_was_zeroed_is_known() -> None:
     assert bench.adaptation.weights == pytest.approx(WEIGHTS, abs=1e-9)
 
 
-def test_creep_goes_on_while_samples_are_missing() -> None:
-    """After half a second without a sensor at a standstill the pairs fit as before."""
+def test_creep_advances_while_samples_are_missing() -> None:
+    """After half a second without samples at standstill the pairs still fit."""
     bench = Bench(rls(), MadeUpStage())
     there = wander(1.7)
     bench.run(there)
@@ -110,10 +110,10 @@ def test_creep_goes_on_while_samples_are_missing() -> None:
     ],
     ids=["invalid", "not a number", "late", "limited"],
 )
-def test_samples_that_say_nothing_true_teach_nothing(
+def test_unusable_samples_change_no_weights(
     reason: GateReason, spoil: Spoil, limited: bool
 ) -> None:
-    """Weights and offset are the same to the bit, whatever the displacement."""
+    """Weights and offset stay the same to the bit, for any displacement."""
     bench = Bench(rls(1.3 * WEIGHTS), MadeUpStage())
     bench.run(wander(2.0))
     weights, offset = bench.adaptation.weights.copy(), bench.adaptation.offset
@@ -125,8 +125,8 @@ def test_samples_that_say_nothing_true_teach_nothing(
     assert bench.adaptation.offset == offset
 
 
-def test_memory_goes_on_while_nothing_is_learned() -> None:
-    """After moves at the slew rate the pairs fit at once: no loop was missed."""
+def test_memory_advances_while_nothing_is_learned() -> None:
+    """After motion at the slew rate the pairs fit at once: the memory has every loop."""
     bench = Bench(rls(), MadeUpStage())
     bench.run(wander(1.0))
     bench.run(0.5 * wander(1.8), limited=True)
@@ -137,8 +137,8 @@ def test_memory_goes_on_while_nothing_is_learned() -> None:
     assert bench.adaptation.weights == pytest.approx(WEIGHTS, abs=1e-9)
 
 
-def test_memory_goes_on_while_samples_are_missing() -> None:
-    """After a way with turns that no sample showed the pairs fit at once: none is missed."""
+def test_memory_advances_while_samples_are_missing() -> None:
+    """After turns without samples the pairs fit at once: the memory has every turn."""
     bench = Bench(rls(), MadeUpStage())
     bench.run(wander(1.0))
     bench.run(wander(2.8)[1000:], spoil=lambda s: s._replace(valid=False))
@@ -149,8 +149,8 @@ def test_memory_goes_on_while_samples_are_missing() -> None:
     assert bench.adaptation.weights == pytest.approx(WEIGHTS, abs=1e-6)
 
 
-def test_a_spike_leaves_no_trace_in_the_memory() -> None:
-    """One sample at the end of the range would wipe out all loops that are remembered."""
+def test_spike_does_not_enter_the_memory() -> None:
+    """A single sample at the end of the range would erase all loops."""
     bench = Bench(rls(), MadeUpStage())
     there = 0.5 * wander(3.3)
     bench.run(there[:3200])
@@ -164,7 +164,7 @@ def test_a_spike_leaves_no_trace_in_the_memory() -> None:
 
 
 def test_offset_follows_the_drift_of_the_sensor() -> None:
-    """After 1 % of drift in ten seconds, RLS knows it, and the weights stay."""
+    """RLS learns a drift of 1 % in ten seconds as the offset, and keeps the weights."""
     bench = Bench(rls(), MadeUpStage())
 
     bench.run(wander(10.0), 1e-6)
@@ -174,7 +174,7 @@ def test_offset_follows_the_drift_of_the_sensor() -> None:
 
 
 def test_scale_follows_the_gain_of_the_stage() -> None:
-    """What creeps grows with it: once the scale is known nothing is left for weights and offset."""
+    """The creep scales with the gain: with the right scale, weights and offset stay."""
     bench = Bench(rls(), MadeUpStage())
     bench.adaptation.adopt(WEIGHTS, 0.0, 1.0 / 1.1 - 1.0)
 
@@ -185,8 +185,8 @@ def test_scale_follows_the_gain_of_the_stage() -> None:
     assert bench.adaptation.weights == pytest.approx(WEIGHTS, abs=1e-9)
 
 
-def test_lms_knows_no_offset() -> None:
-    """What drifts goes into the weights, as in the paper."""
+def test_lms_learns_no_offset() -> None:
+    """LMS puts a drift into the weights, as in the paper."""
     bench = Bench(LMSIdentifier(BANK), MadeUpStage())
 
     bench.run(wander(1.0), 1e-6)

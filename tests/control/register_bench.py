@@ -1,4 +1,4 @@
-"""A fault register in the hands of a test: cycles with faults, and what was told of them."""
+"""A fault register for tests: it runs cycles with faults and collects the changes."""
 
 from piezod.config.faults import Fault
 from piezod.control.faults.register import Detection, FaultRegister
@@ -9,24 +9,24 @@ SECOND = 1000
 S5 = Detection(Fault.S5, 0, 4.0, 3.0)
 
 
-class Stage:
-    """A register whose time goes on by a period with each cycle."""
+class RegisterBench:
+    """A register whose time advances by one period per cycle."""
 
     def __init__(self) -> None:
         self.register = FaultRegister(reset_after_cycles=SECOND)
         self.t_ns = 0
-        self.told: list[tuple[str, bool]] = []
+        self.changes: list[tuple[str, bool]] = []
 
     def cycle(self, *faults: Fault | Detection) -> Reaction:
-        """Run a cycle in which these faults are found; return the reaction."""
+        """Run a cycle in which these faults are detected; return the reaction."""
         self.t_ns += PERIOD_NS
         found = [Detection(fault) if isinstance(fault, Fault) else fault for fault in faults]
         reaction = self.register.update(found, self.t_ns)
-        self.told += [(news.rule.id, news.appeared) for news in self.register.news]
+        self.changes += [(news.rule.id, news.appeared) for news in self.register.news]
         return reaction
 
     def cycles(self, count: int, *faults: Fault) -> list[Reaction]:
-        """Run cycles in each of which these faults are found; return the reactions."""
+        """Run cycles in each of which these faults are detected; return the reactions."""
         return [self.cycle(*faults) for _ in range(count)]
 
     @property
