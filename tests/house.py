@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from piezod.config.faults import Fault
 from piezod.config.requests import REQUESTS
 from tests.command_table import VERB_LIST
 
@@ -56,8 +57,76 @@ def files_of_a_verb(name: str = EXAMPLE) -> Measure:
     return Measure(f"product files name the verb {name!r}", tuple(found), limit=3)
 
 
-MEASURES: Final[tuple[Callable[[], Measure], ...]] = (files_of_a_verb,)
+def public_attributes_of_stage() -> Measure:
+    """Count the attributes and properties of `Stage` that other files can reach."""
+    tree = ast.parse((ROOT / "piezod/control/stage/stage.py").read_text(encoding="utf-8"))
+    stage = next(
+        node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "Stage"
+    )
+    found = {
+        node.attr: None
+        for node in ast.walk(stage)
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.ctx, ast.Store)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == "self"
+    }
+    properties = (
+        node.name
+        for node in stage.body
+        if isinstance(node, ast.FunctionDef) and node.decorator_list
+    )
+    names = (name for name in (*found, *properties) if not name.startswith("_"))
+    return Measure("public attributes of Stage", tuple(names), limit=8)
+
+
+def fault_ids_as_texts() -> Measure:
+    """Count the places where a fault's name stands as a text, outside its enumeration."""
+    names = {fault.value for fault in Fault}
+    found = (
+        f"{file.relative_to(ROOT)}:{node.lineno}"
+        for file in _product_files()
+        if file != ROOT / "piezod/config/faults.py"
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and node.value in names
+    )
+    return Measure("fault names as texts", tuple(found), limit=0)
+
+
+def long_files() -> Measure:
+    """Count the product files of more than 300 lines."""
+    lengths = (
+        (file, len(file.read_text(encoding="utf-8").splitlines())) for file in _product_files()
+    )
+    found = (f"{file.relative_to(ROOT)}: {lines}" for file, lines in lengths if lines > 300)
+    return Measure("product files of more than 300 lines", tuple(found), limit=0)
+
+
+def long_functions() -> Measure:
+    """Count the functions of more than 60 lines."""
+    found = (
+        f"{file.relative_to(ROOT)}:{node.lineno} {node.name}"
+        for file in _product_files()
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and (node.end_lineno or 0) - node.lineno >= 60
+    )
+    return Measure("functions of more than 60 lines", tuple(found), limit=0)
+
+
+MEASURES: Final[tuple[Callable[[], Measure], ...]] = (
+    files_of_a_verb,
+    public_attributes_of_stage,
+    fault_ids_as_texts,
+    long_files,
+    long_functions,
+)
 """Every measure of the house."""
+
+
+def _product_files() -> Iterator[Path]:
+    for folder in PRODUCT:
+        yield from sorted((ROOT / folder).rglob("*.py"))
 
 
 def _names(file: Path, verb: str) -> bool:

@@ -15,7 +15,7 @@ from piezod.control.cycle import CycleParts, run_cycle
 from piezod.control.faults.register import Detection
 from piezod.control.guard import Guard
 from piezod.control.stage.answer import Answer
-from piezod.control.stage.axis import StageAxis, is_allowed
+from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.requests import execute
 from piezod.control.stage.stage import Stage
 from piezod.control.watch.loop import CycleTiming, LoopWatch
@@ -97,7 +97,7 @@ class StageController:
         target = self._stage.axes[axis]
         if target.stream is None or target.follows_input:
             return
-        if is_allowed(position_um, target.motion_limits):
+        if target.motion_limits.allow(position_um):
             target.stream.newest_um = position_um
             # One setpoint keeps the streams of all axes alive.
             for other in self._stage.axes:

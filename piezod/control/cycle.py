@@ -6,20 +6,17 @@ reference, compensate, guard, write, record. Time is an argument, and a fault is
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import nan
+from math import inf, nan
 from typing import Final, Protocol
 
 from piezod.config.faults import Fault
-from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.control.faults.register import Detection, News
-from piezod.control.faults.table import Reaction, mask
+from piezod.control.faults.register import Detection
 from piezod.control.guard import Admitted, Guard
 from piezod.control.law.axis import AxisOutput
 from piezod.control.stage.boundary import DeviceBoundary
-from piezod.control.stage.progress import advance
+from piezod.control.stage.progress import advance, overloaded_axes, react
 from piezod.control.stage.stage import DRIVEN, SENSED, Stage
-from piezod.control.stage.states import Event
 from piezod.control.watch.loop import CycleTiming, LoopWatch
 from piezod.devices.interface import Sample
 from piezod.devices.status import Flags
@@ -34,13 +31,6 @@ _UNVERIFIED, _MEMORY_UNKNOWN, _ESTOP = (
     Detection(Fault.D10),
     Detection(Fault.E1),
 )
-_OVERLOADED, _OSCILLATING = mask([Fault.A4]), mask([Fault.D6])
-_EVENTS: Final = {
-    Reaction.HOLD: Event.FAULT_HOLD,
-    Reaction.RAMP: Event.FAULT_RAMP,
-    Reaction.BLIND: Event.FAULT_BLIND,
-    Reaction.CUT: Event.FAULT_CUT,
-}
 
 
 class CycleAxis(Protocol):
@@ -73,7 +63,7 @@ class CycleParts:
         stage: The stage with faults and state; None without watches, as in an experiment in virtual
             time.
         loop_watch: The watch of the loop; None likewise.
-        written_ns: Instant of the last write that the amplifiers took, in ns; None before the
+        written_ns: Instant of the last write that the amplifiers took, in ns; long ago before the
             first.
     """
 
@@ -83,7 +73,7 @@ class CycleParts:
     period_s: float
     stage: Stage | None = None
     loop_watch: LoopWatch | None = None
-    written_ns: int | None = None
+    written_ns: float = -inf
 
 
 def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> CycleRecord:
@@ -96,7 +86,6 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     """
     devices, axes, stage = parts.devices, parts.axes, parts.stage
     slew_halved: Sequence[int] = ()
-
     # Read, read back. A driver that fails gives invalid samples and NaN.
     samples = devices.read(t_ns)
     read_back_v = devices.read_back(t_ns)
@@ -105,16 +94,14 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
         try:
             # Screen, watch: which samples may be used, and what is wrong.
             detections = [*parts.loop_watch.check(timing), *stage.take_reports()]
-            usable = _watch_axes(stage, t_ns, samples, read_back_v, detections)
-            for stage_axis in stage.axes:
-                stage_axis.law.pause_learning(timing.skipped > 0)
+            usable = _watch_axes(stage, t_ns, samples, read_back_v, timing, detections)
             _watch_stage(stage, t_ns, read_back_v, detections)
             # Faults: which are new, and the worst reaction to them.
             reaction = stage.register.update(detections, t_ns)
             # React: change the state, then what the state does by itself.
-            _react(stage, reaction, t_ns)
+            react(stage, reaction, t_ns)
             advance(stage, t_ns, usable, read_back_v)
-            samples, slew_halved = usable, _overloaded_axes(stage)
+            samples, slew_halved = usable, overloaded_axes(stage)
         except Exception as error:  # noqa: BLE001 - a mistake here must not drop the voltage
             samples = _hold_after_crash(stage, t_ns, samples, error)
 
@@ -125,15 +112,13 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
     planned_t_ns = min([output.t_ns for output in outputs])
 
     # Guard. After a late cycle less than a period may have passed since the last write.
-    elapsed_s = parts.period_s
-    if parts.written_ns is not None:
-        elapsed_s = min((t_ns - parts.written_ns) / NS_PER_S, elapsed_s)
+    elapsed_s = min((t_ns - parts.written_ns) / NS_PER_S, parts.period_s)
     admitted = parts.guard.admit(
         planned_t_ns, t_ns, asked_v, in_force_v, elapsed_s, devices.sent_v, slew_halved
     )
+    drive_v = admitted.drive_v
 
     # Write. The hysteresis memory advances with the voltage that was applied.
-    drive_v = admitted.drive_v
     written = admitted.writable and devices.write(drive_v, t_ns)
     if written:
         parts.written_ns = t_ns
@@ -142,20 +127,15 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
 
     # Record.
     records = [
-        axis.record(sample, output, applied_v, reported_v)
-        for axis, sample, output, applied_v, reported_v in zip(
-            axes, samples, outputs, drive_v, read_back_v, strict=True
-        )
+        axis.record(samples[i], outputs[i], drive_v[i], read_back_v[i])
+        for i, axis in enumerate(axes)
     ]
     if stage is None:
         return CycleRecord(t_ns, State.RUN, False, written, 0, 0, records)
     _watch_write(stage, admitted, written)
-    register, shadow = stage.register, devices.shadow
-    # Without a write in this state nothing has failed.
-    written |= stage.state not in DRIVEN
-    return CycleRecord(
-        t_ns, stage.state, shadow, written, register.present, register.latched, records
-    )
+    written |= stage.state not in DRIVEN  # without a write in this state nothing has failed
+    faults = stage.register.present, stage.register.latched
+    return CycleRecord(t_ns, stage.state, devices.shadow, written, *faults, records)
 
 
 # ---------------------------------------------------------------------- screen, watch
@@ -166,9 +146,12 @@ def _watch_axes(
     t_ns: int,
     samples: Sequence[Sample],
     read_back_v: Sequence[float],
+    timing: CycleTiming,
     detections: list[Detection],
 ) -> Sequence[Sample]:
     """Add the faults of all axes; return the samples that may be used."""
+    for axis in stage.axes:
+        axis.law.pause_learning(timing.skipped > 0)  # the sample is more than one period old
     if not stage.boundary.active:
         return samples
     flags, n_axes = stage.boundary.status(t_ns), len(samples)
@@ -273,62 +256,3 @@ def _hold_after_crash(
     for axis in stage.axes:
         axis.hold()
     return [Sample(sample.t_ns, nan, False) for sample in samples]
-
-
-# ---------------------------------------------------------------------- react
-
-
-def _react(stage: Stage, reaction: Reaction, t_ns: int) -> None:
-    """Report the changes of faults, and carry out the most severe reaction."""
-    register = stage.register
-    for news in register.news:
-        if news.rule.reaction is not Reaction.NONE:  # such faults would flood the log
-            stage.note(_fault_event(stage, t_ns, news))
-    active_faults = register.present | register.latched
-    if active_faults or register.news:
-        _halve_gains(stage, register.axes_of(Fault.D6) if active_faults & _OSCILLATING else 0)
-    if reaction in {Reaction.DEGRADE, Reaction.HOLD} or (
-        active_faults and not register.adapt_allowed
-    ):
-        for axis in stage.axes:
-            if axis.mode in SENSED:
-                axis.select(Mode.FEEDFORWARD)
-    event = _EVENTS.get(reaction)
-    if event is Event.FAULT_CUT and not stage.cut(t_ns):
-        event = Event.FAULT_RAMP
-    if event is not None:
-        stage.go(event, t_ns)
-    # A lost amplifier may have any voltage when it answers again.
-    if event is Event.FAULT_BLIND:
-        for watch in stage.watches:
-            watch.amplifier.forget()
-
-
-def _halve_gains(stage: Stage, oscillating: int) -> None:
-    """Halve the gains of the axes that oscillate (bits), until that fault is reset."""
-    for i, axis in enumerate(stage.axes):
-        axis.law.halve_gains(bool(oscillating >> i & 1))
-
-
-def _overloaded_axes(stage: Stage) -> Sequence[int]:
-    """Return the axes with an overloaded amplifier: their slew rate is halved."""
-    if not stage.register.present & _OVERLOADED:
-        return ()
-    return [i for i, watch in enumerate(stage.watches) if watch.amplifier.overloaded]
-
-
-def _fault_event(stage: Stage, t_ns: int, news: News) -> StageEvent:
-    """Return the event of a fault that appeared, escalated or ended."""
-    rule, detection, appeared = news
-    axis = stage.axes[detection.axis].name if detection.axis >= 0 else ""
-    text = f"{rule.name}; {rule.remedy}" if appeared else f"{rule.name}: gone"
-    return StageEvent(
-        t_ns,
-        rule.severity if appeared else "info",
-        "fault" if appeared else "fault-cleared",
-        text,
-        rule.id,
-        axis,
-        detection.measured,
-        detection.limit,
-    )

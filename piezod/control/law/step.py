@@ -85,15 +85,10 @@ def step(
     """Return the drive for a command. Real-time safe.
 
     The memory and the lags first advance to the displacement that the last drive has caused. All
-    quantities are normalised; numba takes the arrays one by one, and positional arguments cost
-    least.
+    quantities are normalised. The first five arguments are the arrays of a `Memory`: numba takes
+    them one by one, and positional arguments cost least.
 
     Args:
-        levels: Array of the memory.
-        values: Array of the memory.
-        now: Array of the memory.
-        last: Array of the memory.
-        counts: Array of the memory.
         bank: (2, 2 M) thresholds and gains of the stops.
         plays: (2 M,) buffer for the plays.
         pending: (4,) values that are carried from one step to the next.

@@ -6,7 +6,7 @@ allowed range of positions.
 """
 
 from collections.abc import Callable
-from math import cos, nan, tau
+from math import cos, isfinite, nan, tau
 from typing import Final, NamedTuple
 
 from piezod.control.reference.waveforms import Waveform
@@ -109,6 +109,19 @@ class MotionLimits(NamedTuple):
     shortest_s: float
     low_um: float
     high_um: float
+
+    def allow(self, position_um: float) -> bool:
+        """Return whether a position may be commanded: it is finite and in the range."""
+        return isfinite(position_um) and self.low_um <= position_um <= self.high_um
+
+    def refusal(self, low_um: float, high_um: float) -> str:
+        """Return why positions in a range may not be commanded; empty if they may."""
+        slack_um = 1e-9 * (self.high_um - self.low_um)  # bounds are sums, with rounding errors
+        if low_um >= self.low_um - slack_um and high_um <= self.high_um + slack_um:
+            return ""
+        got = f"{low_um:g} µm" if low_um == high_um else f"{low_um:g} to {high_um:g} µm"
+        allowed = f"allowed range {self.low_um:g} to {self.high_um:g} µm"
+        return f"position out of range (got {got}), {allowed}"
 
 
 def rest_at(position_um: float) -> Motion:

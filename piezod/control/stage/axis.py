@@ -200,7 +200,7 @@ class StageAxis:
         if (
             self.stream is not None
             and sample.valid
-            and is_allowed(sample.position_um, self.motion_limits)
+            and self.motion_limits.allow(sample.position_um)
         ):
             self.stream.newest_um = sample.position_um
             self.commanded_ns = max(self.commanded_ns, sample.t_ns)
@@ -280,8 +280,3 @@ def _motion_limits(config: StageAxisConfig, law: CompensatedAxis, period_s: floa
     if config.first_mode is not None:
         shortest_s = max(shortest_s, SHORTEST_MOTION_PERIODS / config.first_mode.frequency_hz)
     return MotionLimits(config.speed_um_per_s, shortest_s, low_um, high_um)
-
-
-def is_allowed(position_um: float, limits: MotionLimits) -> bool:
-    """Return whether a position may be commanded: it is finite and in the range."""
-    return isfinite(position_um) and limits.low_um <= position_um <= limits.high_um

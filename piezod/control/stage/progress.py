@@ -1,13 +1,15 @@
-"""What a stage does by itself: ramps arrive, programs end, holds expire."""
+"""What a stage does about faults, and by itself: ramps arrive, programs end, holds expire."""
 
 from collections.abc import Sequence
 from math import isfinite
+from typing import Final
 
 from piezod.config.faults import Fault
+from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.control.faults.register import Detection
-from piezod.control.faults.table import mask
-from piezod.control.stage.stage import Stage
+from piezod.control.faults.register import Detection, News
+from piezod.control.faults.table import Reaction, mask
+from piezod.control.stage.stage import SENSED, Stage
 from piezod.control.stage.states import Event
 from piezod.devices.interface import Sample
 from piezod.telemetry.record import StageEvent
@@ -22,6 +24,69 @@ STREAM_CYCLES, STREAM_NS = 5, s_to_ns(0.1)
 
 _OUTPUT_FELL, _LOCAL_MODE = mask([Fault.A7, Fault.A9]), mask([Fault.A8])
 _WRITES_NOTHING = frozenset({State.BOOT, State.SAFE, State.FAULT, State.BLIND})
+_OVERLOADED, _OSCILLATING = mask([Fault.A4]), mask([Fault.D6])
+_EVENTS: Final = {
+    Reaction.HOLD: Event.FAULT_HOLD,
+    Reaction.RAMP: Event.FAULT_RAMP,
+    Reaction.BLIND: Event.FAULT_BLIND,
+    Reaction.CUT: Event.FAULT_CUT,
+}
+
+
+def react(stage: Stage, reaction: Reaction, t_ns: int) -> None:
+    """Report the changes of faults, and carry out the most severe reaction."""
+    register = stage.register
+    for news in register.news:
+        if news.rule.reaction is not Reaction.NONE:  # such faults would flood the log
+            stage.note(_fault_event(stage, t_ns, news))
+    active_faults = register.present | register.latched
+    if active_faults or register.news:
+        _halve_gains(stage, register.axes_of(Fault.D6) if active_faults & _OSCILLATING else 0)
+    if reaction in {Reaction.DEGRADE, Reaction.HOLD} or (
+        active_faults and not register.adapt_allowed
+    ):
+        for axis in stage.axes:
+            if axis.mode in SENSED:
+                axis.select(Mode.FEEDFORWARD)
+    event = _EVENTS.get(reaction)
+    if event is Event.FAULT_CUT and not stage.cut(t_ns):
+        event = Event.FAULT_RAMP
+    if event is not None:
+        stage.go(event, t_ns)
+    # A lost amplifier may have any voltage when it answers again.
+    if event is Event.FAULT_BLIND:
+        for watch in stage.watches:
+            watch.amplifier.forget()
+
+
+def _halve_gains(stage: Stage, oscillating: int) -> None:
+    """Halve the gains of the axes that oscillate (bits), until that fault is reset."""
+    for i, axis in enumerate(stage.axes):
+        axis.law.halve_gains(bool(oscillating >> i & 1))
+
+
+def overloaded_axes(stage: Stage) -> Sequence[int]:
+    """Return the axes with an overloaded amplifier: their slew rate is halved."""
+    if not stage.register.present & _OVERLOADED:
+        return ()
+    return [i for i, watch in enumerate(stage.watches) if watch.amplifier.overloaded]
+
+
+def _fault_event(stage: Stage, t_ns: int, news: News) -> StageEvent:
+    """Return the event of a fault that appeared, escalated or ended."""
+    rule, detection, appeared = news
+    axis = stage.axes[detection.axis].name if detection.axis >= 0 else ""
+    text = f"{rule.name}; {rule.remedy}" if appeared else f"{rule.name}: gone"
+    return StageEvent(
+        t_ns,
+        rule.severity if appeared else "info",
+        "fault" if appeared else "fault-cleared",
+        text,
+        rule.id,
+        axis,
+        detection.measured,
+        detection.limit,
+    )
 
 
 def advance(

@@ -9,7 +9,6 @@ from piezod.config.states import State
 from piezod.control.reference.programs import VoltageProgram, conditioning
 from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.control.stage.answer import Answer
-from piezod.control.stage.axis import StageAxis
 from piezod.control.stage.stage import SENSED, Stage
 from piezod.control.stage.states import Event
 from piezod.errors import PiezodError
@@ -121,7 +120,7 @@ def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
         return Answer(False, why)
     axis, position_um = stage.axes[axes[0]], request.position_um
     speed_um_per_s, fastest_um_per_s = request.speed_um_per_s, axis.motion_limits.speed_um_per_s
-    why = _range_refusal(axis, position_um, position_um)
+    why = axis.motion_limits.refusal(position_um, position_um)
     if not why and speed_um_per_s is not None and speed_um_per_s > fastest_um_per_s:
         why = (
             f"speed out of range (got {speed_um_per_s:g} µm/s), allowed: at most "
@@ -140,7 +139,7 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
         if why:
             return Answer(False, why)
         waveform = waveforms[axes[0]] = build_waveform(config, request.duration_s)
-        why = _range_refusal(stage.axes[axes[0]], waveform.low, waveform.high)
+        why = stage.axes[axes[0]].motion_limits.refusal(waveform.low, waveform.high)
         if why:
             return Answer(False, why)
     why = _start_running(stage, t_ns)
@@ -185,15 +184,6 @@ def _start_running(stage: Stage, t_ns: int) -> str:
 
 def _run_event(mode: Mode) -> Event:
     return Event.RUN_ADAPTIVE if mode in SENSED else Event.RUN
-
-
-def _range_refusal(axis: StageAxis, low_um: float, high_um: float) -> str:
-    lowest_um, highest_um = axis.motion_limits.low_um, axis.motion_limits.high_um
-    slack_um = 1e-9 * (highest_um - lowest_um)  # bounds are sums, with rounding errors
-    if low_um >= lowest_um - slack_um and high_um <= highest_um + slack_um:
-        return ""
-    got = f"{low_um:g} µm" if low_um == high_um else f"{low_um:g} to {high_um:g} µm"
-    return f"position out of range (got {got}), allowed range {lowest_um:g} to {highest_um:g} µm"
 
 
 # ---------------------------------------------------------------------- voltages
