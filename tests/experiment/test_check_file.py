@@ -58,4 +58,4 @@ def test_file_of_neither_kind(tmp_path: Path, text: str) -> None:
     kind, _, (problem,) = check(tmp_path, text)
 
     assert kind is None
-    assert problem.startswith("file.yaml: no stage, experiment or model; allowed are")
+    assert problem.startswith("file.yaml: not a stage, experiment or model; allowed are")

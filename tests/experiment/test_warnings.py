@@ -35,7 +35,7 @@ def test_invalid_samples_are_counted() -> None:
     (warning,) = run_warnings(recording(invalid=5), 0)
 
     assert warning.startswith("slow, adaptive, axis x: 5 of 200 samples, 2.5 %, were invalid")
-    assert "See that the sensor" in warning
+    assert "Check that the sensor" in warning
 
 
 @pytest.mark.parametrize(("low", "high", "end"), [(0.0, 0.7, "highest"), (0.2, 1.0, "lowest")])
@@ -64,7 +64,7 @@ def test_loops_that_were_forgotten_are_said() -> None:
     """The warning says how many pairs of extrema were given up."""
     (warning,) = run_warnings(recording(), 7)
 
-    assert "gave up 7 pairs of extrema" in warning
+    assert "removed 7 pairs of extrema" in warning
 
 
 def test_an_experiment_tells_of_models_and_runs(load: Load, short: str) -> None:

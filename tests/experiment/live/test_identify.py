@@ -141,7 +141,7 @@ def test_recording_without_a_drive_is_refused() -> None:
     told = telemetry()
     told.cycles["state"][:] = 0
 
-    with pytest.raises(DataError, match="nothing of the drive"):
+    with pytest.raises(DataError, match="does not contain the drive"):
         columns_of(told, "x")
 
 

@@ -52,7 +52,7 @@ def test_experiment_that_fits(load: Load, short: str, setup: LiveSetup) -> None:
     check_live(config, setup)
 
     (sentence,) = not_used(config, setup)
-    assert "of the file's devices, seed, identification, and axes but for their names" in sentence
+    assert "the file's devices, seed, identification and axes, except their names" in sentence
 
 
 def test_other_rate_and_other_axes_are_told(load: Load, short: str) -> None:
@@ -74,7 +74,7 @@ def test_other_rate_and_other_axes_are_told(load: Load, short: str) -> None:
         ("high: 20", "high: 26.5", "slow commands 0 to 26.5 µm, but axis x may be commanded from"),
         ("low: 0, high: 20", "low: -3, high: 20", "slow commands -3 to 20 µm, but axis x was"),
         ("  x:\n", "  z:\n", "stage fake: no axis z; its axes are x"),
-        ("settle_s: 0.5\ncases", "metrics: [noise_rms_pct]\ncases", "metrics asks for noise_rms"),
+        ("settle_s: 0.5\ncases", "metrics: [noise_rms_pct]\ncases", "metrics requests noise_rms"),
     ],
 )
 def test_experiment_that_does_not_fit(

@@ -10,7 +10,7 @@ from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine
 from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.errors import DataError
-from piezod.experiment.live.record import LiveRun, cut, missing_cycles
+from piezod.experiment.live.record import LiveRun, cut_waveform, missing_cycles
 from piezod.experiment.live.setup import LiveAxis, read_setup
 from piezod.records.telemetry_header import TelemetryHeader
 from piezod.records.telemetry_reader import RecordedTelemetry
@@ -71,7 +71,7 @@ def told(axis: LiveAxis, waveform: Waveform) -> Told:
 
 def test_waveform_is_cut_after_its_lead_in(told: Told, axis: LiveAxis, waveform: Waveform) -> None:
     """What is left begins with the waveform's first value, at 0 s, and is as long as the case."""
-    recording = cut(told(), "x", axis, waveform, RUN)
+    recording = cut_waveform(told(), "x", axis, waveform, RUN)
 
     assert recording.key == ("x", "slow", "adaptive")
     assert recording.t_s.size == 3000
@@ -88,7 +88,7 @@ def test_weights_have_the_right_operators_first(
     told: Told, axis: LiveAxis, waveform: Waveform
 ) -> None:
     """As in an experiment in virtual time; snapshots from before the waveform are left out."""
-    recording = cut(told(), "x", axis, waveform, RUN)
+    recording = cut_waveform(told(), "x", axis, waveform, RUN)
 
     assert recording.weights.tolist() == [[3.0, 4.0, 1.0, 2.0]] * 2
     assert recording.weights_t_s == pytest.approx([0.85, 1.85], abs=0.05)
@@ -98,7 +98,7 @@ def test_late_cycles_are_where_they_were(told: Told, axis: LiveAxis, waveform: W
     """A loop's clock jitters, and the waveform is a function of it."""
     jitter_s = 3e-4 * np.random.default_rng(1).random(3500)
 
-    recording = cut(told(late_s=jitter_s), "x", axis, waveform, RUN)
+    recording = cut_waveform(told(late_s=jitter_s), "x", axis, waveform, RUN)
 
     assert recording.command_um == pytest.approx(waveform.sample(recording.t_s), abs=1e-5)
 
@@ -108,7 +108,7 @@ def test_recording_that_ends_early_is_refused(
 ) -> None:
     """Errors of a part would be taken for those of all."""
     with pytest.raises(DataError, match="the recording ends before the waveform"):
-        cut(told(cycles=3000), "x", axis, waveform, RUN)
+        cut_waveform(told(cycles=3000), "x", axis, waveform, RUN)
 
 
 def test_recording_that_begins_late_is_refused(
@@ -118,8 +118,8 @@ def test_recording_that_begins_late_is_refused(
     whole = told()
     whole.axes["x"]["motion"][:] = 4
 
-    with pytest.raises(DataError, match="does not begin before the movement"):
-        cut(whole, "x", axis, waveform, RUN)
+    with pytest.raises(DataError, match="does not start before the movement"):
+        cut_waveform(whole, "x", axis, waveform, RUN)
 
 
 def test_other_command_is_refused(told: Told, axis: LiveAxis, waveform: Waveform) -> None:
@@ -128,7 +128,7 @@ def test_other_command_is_refused(told: Told, axis: LiveAxis, waveform: Waveform
     whole.axes["x"]["command_um"][2000:] += 0.01
 
     with pytest.raises(DataError, match="in 1500 of 3399 cycles the recorded command is not"):
-        cut(whole, "x", axis, waveform, RUN)
+        cut_waveform(whole, "x", axis, waveform, RUN)
 
 
 def test_missing_cycles_are_counted(told: Told) -> None:

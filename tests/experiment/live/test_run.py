@@ -74,7 +74,7 @@ def vanish(stage: FakeStage) -> None:
 @pytest.mark.parametrize(
     ("trouble", "kind", "text"),
     [
-        (fault, NotReachedError, "the stage is in HOLD because of S5; `piezod faults` tells more"),
+        (fault, NotReachedError, "the stage is in HOLD because of S5; see `piezod faults`"),
         (fall_back, NotReachedError, "axis x: the mode has become feedforward because of S3"),
         (move, NotReachedError, "axis x: another movement has taken the place of this one"),
         (lose_lease, RefusedError, "somebody holds the lease for another 30 s"),

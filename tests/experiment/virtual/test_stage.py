@@ -64,8 +64,8 @@ def test_true_metrics_are_refused_where_nobody_knows_the_truth(load: Load, short
     """Before anything moves, and the error names metrics, device, axis and remedy."""
     asked = load(f"{short}metrics: [nonlinearity_pct, true_nonlinearity_pct, noise_rms_pct]\n")
     expected = (
-        "metrics asks for true_nonlinearity_pct, noise_rms_pct, but device rig, the sensor of axis "
-        "x, does not know the true displacement, as simulated devices do; leave these out"
+        "metrics requests true_nonlinearity_pct, noise_rms_pct, but device rig, the sensor of axis "
+        "x, does not know the true displacement, as simulated devices do; remove these"
     )
     with pytest.raises(DeviceError, match=f"^{expected}$"), opened(asked, nothing):
         pass
