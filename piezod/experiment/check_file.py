@@ -1,4 +1,4 @@
-"""Whether a file that a person wrote can be used, whatever kind of file it is."""
+"""Checks whether a file of any kind can be used."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -15,11 +15,11 @@ from piezod.control.law.model_files import read_model
 from piezod.devices import registry
 from piezod.errors import ConfigError, DataError, ModelError, Problem
 
-_OF_EXPERIMENTS: Final = ExperimentConfig.model_fields.keys() - DaemonConfig.model_fields.keys()
+_EXPERIMENT_KEYS: Final = ExperimentConfig.model_fields.keys() - DaemonConfig.model_fields.keys()
 
 
 class FileKind(StrEnum):
-    """What a file is."""
+    """Kind of a file."""
 
     EXPERIMENT = "experiment"
     STAGE = "stage"
@@ -27,12 +27,12 @@ class FileKind(StrEnum):
 
 
 class Checked(NamedTuple):
-    """What a file is, and what is wrong with it.
+    """Result of the check of a file.
 
     Attributes:
-        kind: What it is, None where its content does not tell.
-        contents: What is in it, for people; empty where something is wrong.
-        error: All that is wrong, None for a file that can be used.
+        kind: Kind of the file, None if its content does not show it.
+        contents: Summary of its content, for people; empty if something is wrong.
+        error: All problems, None for a file that can be used.
     """
 
     kind: FileKind | None
@@ -41,7 +41,7 @@ class Checked(NamedTuple):
 
 
 def check_file(path: Path) -> Checked:
-    """Tell a file's kind from its keys, and validate it with the files that it names."""
+    """Find the kind of a file by its keys, and validate it with the files that it names."""
     kind = None
     try:
         kind = _kind(path)
@@ -53,18 +53,18 @@ def check_file(path: Path) -> Checked:
 
 def _kind(path: Path) -> FileKind:
     keys = load_yaml(path).data.keys()
-    of_experiment = len(keys & ExperimentConfig.model_fields.keys())
-    of_model = len(keys & ModelFile.model_fields.keys())
-    if of_experiment == of_model:
+    experiment_keys = len(keys & ExperimentConfig.model_fields.keys())
+    model_keys = len(keys & ModelFile.model_fields.keys())
+    if experiment_keys == model_keys:
         what = (
-            "no stage, experiment or model; allowed are stages, with keys such as `devices` and "
-            "`axes`, experiments, which have `cases` too, and models, with keys such as `format`, "
+            "not a stage, experiment or model; allowed are stages, with keys such as `devices` and "
+            "`axes`, experiments, which have `cases`, too, and models, with keys such as `format`, "
             "`method`, `fit`"
         )
         raise ConfigError(Problem(str(path), 0, 0, "", what))
-    if of_model > of_experiment:
+    if model_keys > experiment_keys:
         return FileKind.MODEL
-    return FileKind.EXPERIMENT if keys & _OF_EXPERIMENTS else FileKind.STAGE
+    return FileKind.EXPERIMENT if keys & _EXPERIMENT_KEYS else FileKind.STAGE
 
 
 def _describe_experiment(path: Path) -> str:

@@ -1,7 +1,7 @@
-"""What an experiment is judged by: the errors of each run.
+"""The errors of each run of an experiment.
 
-A measured error holds that of the sensor, too. Where a simulated device knows the true
-displacement, its errors are told beside the measured ones, and the noise of the sensor as well.
+A measured error contains the error of the sensor. If a simulated device knows the true
+displacement, the rows also have the true errors and the noise of the sensor.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,13 +16,13 @@ from piezod.records.recording import ExperimentResult
 
 
 class Samples(NamedTuple):
-    """The samples that count, arrays of shape (n,).
+    """The samples that count; arrays of shape (n,).
 
     Attributes:
-        command_um: Commanded displacement, in µm.
-        position_um: Displacement measured at the same instants, in µm.
-        true_um: True displacement at the same instants, in µm; NaN where it is not known.
-        true_velocity: Its velocity, in µm per sample.
+        command_um: Command, in µm.
+        position_um: Measured position at the same instants, in µm.
+        true_um: True displacement at the same instants, in µm; NaN if it is unknown.
+        true_velocity: Velocity of the true displacement, in µm per sample.
     """
 
     command_um: FloatArray
@@ -38,18 +38,18 @@ MEASURED: Final[Mapping[str, Metric]] = {
     "tracking_rms_pct": lambda s: tracking_rms(s.command_um, s.position_um),
     "nonlinearity_pct": lambda s: nonlinearity(s.command_um, s.position_um),
 }
-"""Errors of the measured displacement, over its range, by the names that experiment files use."""
+"""Errors of the measured position over its range, by the names in experiment files."""
 TRUE: Final[Mapping[str, Metric]] = {
     "true_tracking_max_pct": lambda s: tracking_max(s.command_um, s.true_um),
     "true_nonlinearity_pct": lambda s: nonlinearity(s.command_um, s.true_um),
 }
-"""Errors of the true displacement, over its range."""
+"""Errors of the true displacement over its range."""
 NOISE: Final[Mapping[str, Metric]] = {
     "noise_rms_pct": lambda s: noise_rms(s.position_um, s.true_um, s.true_velocity),
 }
-"""What the sensor adds, over the range of the true displacement."""
+"""Noise of the sensor, over the range of the true displacement."""
 NEED_TRUTH: Final = (*TRUE, *NOISE)
-"""Names of the metrics for which the true displacement must be known."""
+"""Names of the metrics that need the true displacement."""
 _METRICS: Final = {**MEASURED, **TRUE, **NOISE}
 
 
@@ -59,17 +59,18 @@ def errors_pct(
     position_um: FloatArray,
     true_um: FloatArray,
 ) -> dict[str, float]:
-    """Return errors by name, in % of the displacement's range; NaN where there is none.
+    """Return errors by name, in % of the displacement's range; NaN if there is none.
 
-    There is none where nothing was measured, where the truth is needed and not known, and where the
-    command is constant: what moves then is noise, and a share of its range would say nothing.
+    There is none without a measurement, without a true displacement that is needed, and for a
+    constant command: then only noise moves, and a share of its range means nothing.
 
     Args:
         metrics: Names from `MEASURED`, `TRUE` and `NOISE`.
-        command_um: (n,) commanded displacement, in µm, without the first period.
-        position_um: (n,) displacement measured at the same instants, NaN where it was invalid.
-            These samples count in no error, not in the true ones either: all are of one run.
-        true_um: (n,) true displacement at the same instants, NaN where it is not known.
+        command_um: (n,) command, in µm, without the first period.
+        position_um: (n,) measured position at the same instants, in µm; NaN if it was invalid.
+            Invalid samples count in no error, not in the true ones either, so that all have the
+            same samples.
+        true_um: (n,) true displacement at the same instants, in µm; NaN if it is unknown.
     """
     measured = np.isfinite(position_um)
     columns = command_um, position_um, true_um, _velocity(true_um)
@@ -85,7 +86,7 @@ def _percent(name: str, samples: Samples) -> float:
 
 
 def _moves(values: FloatArray) -> bool:
-    """Tell whether there is a range; where something is not known there is none."""
+    """Return whether the values have a range; unknown values have none."""
     return values.size > 1 and bool(np.ptp(values) > 0.0)
 
 
@@ -94,7 +95,7 @@ def _velocity(values: FloatArray) -> FloatArray:
 
 
 def error_rows(result: ExperimentResult) -> list[dict[str, str | float]]:
-    """Return one row for each run, in the order they were run."""
+    """Return one row per run, in the order of the runs."""
     return [
         {"axis": r.axis, "case": r.case, "mode": r.mode, **r.metrics} for r in result.recordings
     ]

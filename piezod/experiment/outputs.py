@@ -1,4 +1,4 @@
-"""What an experiment leaves in a folder: data and report."""
+"""Output of an experiment in a folder: data and report."""
 
 from pathlib import Path
 
@@ -11,12 +11,12 @@ DATA_NAME = "experiment.h5"
 
 
 def write_outputs(folder: Path, result: ExperimentResult, reference: Reference | None) -> Path:
-    """Write the data file and the report with its figures; return the report's path.
+    """Write the data file and the report with its figures; return the path of the report.
 
     Args:
-        folder: Where to write; created where absent.
+        folder: Output folder; created if absent.
         result: The experiment.
-        reference: Errors to compare with.
+        reference: Reference errors.
 
     Raises:
         OSError: If a file cannot be written.

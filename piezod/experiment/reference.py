@@ -1,4 +1,4 @@
-"""The errors that an experiment file gives to compare with."""
+"""The reference errors in an experiment file."""
 
 from typing import Final
 
@@ -7,13 +7,13 @@ from piezod.experiment.error_rows import TRUE
 from piezod.records.reference import Reference
 
 COMPARED: Final = ("tracking_max_pct", "nonlinearity_pct")
-"""A worst error is compared with a worst error, not the rms."""
+"""Metrics that are compared: the paper gives worst errors, not rms errors."""
 COMPARED_TRUE: Final = tuple(TRUE)
-"""Where a run is judged by its true errors, these are compared and the measured ones are not."""
+"""Metrics that are compared instead, if the metrics of the experiment include true errors."""
 
 
 def reference_of(config: ExperimentConfig) -> Reference | None:
-    """Return the errors to compare with, None where the file gives none."""
+    """Return the reference errors, None if the file has none."""
     values = {
         (case.name, mode.value): error_pct
         for case in config.cases

@@ -1,4 +1,4 @@
-"""The noise of a sensor, seen beside the true displacement that a simulated device knows."""
+"""The noise of a sensor, from the true displacement that a simulated device knows."""
 
 from typing import Final
 
@@ -7,23 +7,23 @@ import numpy as np
 from piezod.hysteresis.memory import FloatArray
 
 CALIBRATION_DEGREE: Final = 5
-"""The sensor's curve may deviate from the truth by a polynomial of this degree."""
+"""Degree of the polynomial by which the sensor's curve may deviate from the truth."""
 
 
 def noise_rms(position: FloatArray, truth: FloatArray, velocity: FloatArray) -> float:
-    """Return the root mean square of a sensor's noise over the range of the true displacement.
+    """Return the rms noise of a sensor over the range of the true displacement.
 
-    A sensor differs from the truth in three ways. It lags, which is in proportion to the velocity;
-    its calibration is off, which depends on the displacement alone; and it is noisy. The first two
-    are fitted by least squares, with 1, the velocity and powers of the truth up to the fifth, and
-    the noise is what they leave of measured minus true displacement.
+    A sensor differs from the truth in three ways: it lags, in proportion to the velocity; its
+    calibration has an error, which depends on the displacement alone; and it has noise. The first
+    two are fitted by least squares, with 1, the velocity and powers of the truth up to the fifth.
+    The noise is the remaining difference of measured and true displacement.
 
     Args:
         position: (n,) measured displacement.
         truth: (n,) true displacement at the same instants, in the same unit, not all equal.
         velocity: (n,) velocity of the truth, in any unit.
     """
-    # Chebyshev's polynomials span the same space as the powers, and stay well apart.
+    # Chebyshev polynomials span the same space as the powers, and are better conditioned.
     swing = float(np.ptp(truth))
     inside = 2.0 * (truth - np.min(truth)) / swing - 1.0
     powers = np.polynomial.chebyshev.chebvander(inside, CALIBRATION_DEGREE)

@@ -1,4 +1,4 @@
-"""What a person should know before believing a run, with the remedy each."""
+"""Warnings for the reader of a run, each with a remedy."""
 
 from collections.abc import Iterator
 
@@ -8,12 +8,12 @@ from piezod.records.recording import Recording
 
 
 def run_warnings(recording: Recording, merged_pairs: int) -> Iterator[str]:
-    """Yield what is to be said of a run.
+    """Yield the warnings about a run.
 
     Args:
-        recording: What was recorded.
-        merged_pairs: Pairs of extrema that the memories of compensator and identifier had to give
-            up, together.
+        recording: The recording.
+        merged_pairs: Pairs of extrema that the memories of compensator and identifier have removed,
+            in total.
     """
     run = f"{recording.case}, {recording.mode}, axis {recording.axis}:"
     invalid = np.count_nonzero(~np.isfinite(recording.position_um))
@@ -21,11 +21,11 @@ def run_warnings(recording: Recording, merged_pairs: int) -> Iterator[str]:
         share_pct = 100.0 * invalid / recording.t_s.size
         yield (
             f"{run} {invalid} of {recording.t_s.size} samples, {share_pct:.2g} %, were invalid, "
-            "and count in no error. See that the sensor stays in its range."
+            "and count in no error. Check that the sensor stays in its range."
         )
     if merged_pairs:
         yield (
-            f"{run} a memory was full and gave up {merged_pairs} pairs of extrema, those of the "
+            f"{run} a memory was full and removed {merged_pairs} pairs of extrema, those of the "
             "smallest loops, whose hysteresis is compensated less well. Command fewer loops inside "
             "each other, or raise deadband_pct above the sensor's noise."
         )

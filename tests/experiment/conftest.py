@@ -42,13 +42,13 @@ Load = Callable[[str], ExperimentConfig]
 
 @pytest.fixture
 def short() -> str:
-    """Text of an experiment that takes a second."""
+    """Return the text of an experiment that takes one second."""
     return SHORT
 
 
 @pytest.fixture
 def load(tmp_path: Path) -> Load:
-    """Load an experiment from text."""
+    """Return a function that loads an experiment from text."""
 
     def from_text(text: str) -> ExperimentConfig:
         path = tmp_path / "experiment.yaml"
@@ -60,7 +60,7 @@ def load(tmp_path: Path) -> Load:
 
 @pytest.fixture(scope="session")
 def shared_by_workers(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
-    """Return a folder of this run that all of its processes share."""
+    """Return a folder that all processes of this test run share."""
     own = tmp_path_factory.getbasetemp()
     return own if worker_id == "master" else own.parent
 
@@ -73,5 +73,5 @@ def beyond_stage(shared_by_workers: Path) -> Identified:
 
 @pytest.fixture(scope="session")
 def even_stage(shared_by_workers: Path) -> Identified:
-    """Return the same with thresholds spaced evenly, which LMS needs."""
+    """Return the same with evenly spaced thresholds, which LMS needs."""
     return identified(shared_by_workers, "even")

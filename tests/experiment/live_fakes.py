@@ -1,4 +1,4 @@
-"""A running stage that exists in the test only: its states, in a time of its own."""
+"""A fake of a running stage, with its states and its own time."""
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
@@ -23,19 +23,19 @@ Document = dict[str, Any]
 
 
 def stage_document(**axis: object) -> Document:
-    """Return the configuration of a stage as its daemon tells it; keys of axis x replaced."""
+    """Return the configuration of a stage as its daemon reports it, with other keys of axis x."""
     document = accepted_config.document(load_daemon(CONFIG, registry))
     document["axes"]["x"] |= axis
     return document
 
 
 class FakeStage(StageClient):
-    """Does what it is asked to at once, and notes it.
+    """Executes every request at once, and records it.
 
-    `each` is called before each interval of telemetry, to have something go wrong.
+    `each` is called before each interval of telemetry, so that a test can cause a failure.
 
     Args:
-        document: Its configuration.
+        document: Configuration of the stage.
     """
 
     def __init__(self, document: Document | None = None) -> None:
@@ -50,10 +50,10 @@ class FakeStage(StageClient):
         self.refused: dict[str, str] = {}
         self.each: Callable[[FakeStage], None] = lambda _stage: None
         self.why = ""
-        """Why a recording ends by itself."""
+        """Reason why a recording ends by itself."""
 
     def call(self, call: Call[ResultT]) -> ResultT:
-        """Carry out a call, or refuse it as `refused` says."""
+        """Execute a call, or refuse it as in `refused`."""
         what = call.path if call.method == "POST" else f"{call.method} {call.path}"
         self.asked.append(what)
         self.bodies.append(call.body)
@@ -64,7 +64,7 @@ class FakeStage(StageClient):
     def telemetry(
         self, rate_hz: float = 10.0, axes: Sequence[str] = ()
     ) -> Generator[Telemetry, None, None]:
-        """Yield intervals without an end."""
+        """Yield intervals for ever."""
         assert (rate_hz, axes) == (20.0, ())
         while True:
             self.t_s += INTERVAL_S

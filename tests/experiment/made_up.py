@@ -1,4 +1,4 @@
-"""Records of a stage that is made of stops, so that a fit can find it exactly."""
+"""Records of a stage made of stops, whose model a fit can find exactly."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,14 +16,14 @@ RATE_HZ = 100.0
 DRIVE_V = 150.0
 POSITION_UM = 30.0
 FINER = 50
-"""The stage is simulated with this many steps in a sample period, to delay it by parts of one."""
+"""Simulation steps per sample period, for delays of fractions of a period."""
 
 LEFT_WEIGHTS = np.array([0.12, 0.05, 0.04, 0.03, 0.03, 0.02])
 RIGHT_WEIGHTS = np.array([0.10, 0.06, 0.03, 0.04, 0.02, 0.03])
 
 
 def made_up_inverse() -> InverseMPI:
-    """Return the inverse model that the made-up stage has."""
+    """Return the inverse model of the made-up stage."""
     thresholds = even_thresholds(ORDER)
     return InverseMPI(thresholds, thresholds, RIGHT_WEIGHTS, LEFT_WEIGHTS)
 
@@ -41,7 +41,7 @@ def sine(t_s: FloatArray) -> FloatArray:
 
 
 def swells(t_s: FloatArray) -> FloatArray:
-    """Return loops that shrink and grow, over the whole range every 12.5 s; (n,) for (n,) in s."""
+    """Return loops that shrink and grow over the whole range every 12.5 s; (n,) for (n,) in s."""
     swing = 0.55 + 0.45 * np.cos(2.0 * np.pi * t_s / 12.5)
     return 0.5 - 0.5 * swing * np.cos(2.0 * np.pi * 0.8 * t_s)
 
@@ -54,7 +54,7 @@ def record_of(
     creep: float = 0.0,
     noise: float = 0.0,
 ) -> Record:
-    """Return what is recorded of the made-up stage.
+    """Return a record of the made-up stage.
 
     Args:
         delay_periods: How long the displacement lags behind the drive, in sample periods; rounded

@@ -30,7 +30,8 @@ from piezod_drivers.simulated.driver import SimulatedRig
 BEYOND = Path(__file__).parents[2] / "config" / "experiments" / "beyond.yaml"
 
 LOW_UM, HIGH_UM = 1.0, 25.0
-"""Full swing. Below it creep and drift ask for negative voltages, which the amplifier refuses."""
+"""Full swing. Below it, creep and drift would need negative voltages, which the amplifier
+refuses."""
 MIDDLE_UM, SWING_UM = (LOW_UM + HIGH_UM) / 2.0, HIGH_UM - LOW_UM
 CYCLE_S = 2.0
 """Period of the full swing."""
@@ -87,12 +88,12 @@ def identified(folder: Path, thresholds: str) -> Identified:
 
 
 def swing_um(t_s: float) -> float:
-    """Swing fully, from the middle up."""
+    """Return a full swing that starts at the middle, upwards."""
     return MIDDLE_UM + 0.5 * SWING_UM * float(np.sin(2.0 * np.pi * t_s / CYCLE_S))
 
 
 def approached(reference_um: TimeFunction) -> TimeFunction:
-    """Return a reference that goes from rest to where another begins, then follows it."""
+    """Return a reference from rest to the start of another one, and then along it."""
     start_um = reference_um(0.0)
 
     def value(t_s: float) -> float:
@@ -104,7 +105,7 @@ def approached(reference_um: TimeFunction) -> TimeFunction:
 
 
 class FaultyChannels(Channels):
-    """Channels of one axis that a test tampers with.
+    """Channels of one axis whose samples a test can change.
 
     Attributes:
         gain: What the stage does is multiplied by it, in truth and for the sensor alike.
@@ -115,13 +116,13 @@ class FaultyChannels(Channels):
     tamper: Callable[[Sample], Sample] | None = None
 
     def read(self, now_ns: int) -> list[Sample]:
-        """Take a sample, tampered with."""
+        """Return a sample, changed by the test."""
         (sample,) = super().read(now_ns)
         sample = sample._replace(position_um=self.gain * sample.position_um)
         return [sample if self.tamper is None else self.tamper(sample)]
 
     def true_position_um(self, now_ns: int) -> list[float]:
-        """Tell the true displacement."""
+        """Return the true displacement."""
         return [self.gain * super().true_position_um(now_ns)[0]]
 
 
@@ -161,33 +162,33 @@ class StressRig:
         self.run(APPROACH_S)
 
     def run(self, duration_s: float, before: Callable[[int], None] | None = None) -> FloatArray:
-        """Follow the reference on; return the trace, shape (cycles, COLUMNS)."""
+        """Continue the reference; return the trace, shape (cycles, COLUMNS)."""
         trace: FloatArray = self.stage.run([self.axis], duration_s, before)[0]
         return trace
 
     @property
     def plant(self) -> Plant:
-        """The physics of the stage."""
+        """Physics of the stage."""
         return self._rig._channels[0].plant  # noqa: SLF001 - a fault inside of the device
 
     @property
     def learned(self) -> FloatArray:
-        """All that the identifier has learned, to be compared to the bit."""
+        """All learned parameters, for a comparison to the bit."""
         identifier = self.axis.identifier
         return np.array([*identifier.weights, identifier.offset, identifier.scale])
 
     @property
     def merged_pairs(self) -> int:
-        """Number of pairs of extrema that a full memory had to give up."""
+        """Number of pairs of extrema that a full memory has removed."""
         return self.axis.compensator.merged_pairs + self.axis.identifier.merged_pairs
 
     @property
     def restored(self) -> int:
-        """How often the last good model was restored."""
+        """Number of returns to the last good model."""
         return cast("Shadowed", self.axis.identifier.adaptation).restored
 
     def moved_pct(self, learned: FloatArray, other: FloatArray) -> float:
-        """Return by how much the drives of two models differ at most, in % of the range."""
+        """Return the largest difference of the drives of two models, in % of the range."""
         return float(np.max(np.abs(self._drives(learned) - self._drives(other)))) * 100.0
 
     def _drives(self, learned: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What a file is, told from its content."""
+"""Tests of the kind of a file, found by its content."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from piezod.experiment.check_file import FileKind, check_file
 
 
 def check(tmp_path: Path, text: str) -> tuple[FileKind | None, str, list[str]]:
-    """Check a text; give kind, contents and problems without the folder."""
+    """Return kind, contents and problems of a text, without the folder."""
     path = tmp_path / "file.yaml"
     path.write_text(text, encoding="utf-8")
     kind, contents, error = check_file(path)
@@ -17,7 +17,7 @@ def check(tmp_path: Path, text: str) -> tuple[FileKind | None, str, list[str]]:
 
 
 def test_experiment_is_described(tmp_path: Path, short: str) -> None:
-    """A person reads what the file holds."""
+    """The summary is for people."""
     assert check(tmp_path, short) == (
         FileKind.EXPERIMENT,
         "an experiment: 1 case in 3 modes on 1 axis",
@@ -26,7 +26,7 @@ def test_experiment_is_described(tmp_path: Path, short: str) -> None:
 
 
 def test_stage_is_described() -> None:
-    """The configuration that ships is one, its gains checked."""
+    """The configuration of the repository is a stage with safe gains."""
     kind, contents, error = check_file(Path(__file__).parents[2] / "config" / "simulated.yaml")
 
     assert (kind, contents, error) == (FileKind.STAGE, "a stage: 1 axis at 1000 Hz", None)
@@ -46,7 +46,7 @@ def test_stage_is_described() -> None:
 def test_kind_follows_from_the_keys(
     tmp_path: Path, text: str, kind: FileKind | None, problem: str
 ) -> None:
-    """A file with mistakes is still taken for what most of its keys say."""
+    """A file with errors has the kind of most of its keys."""
     found, contents, problems = check(tmp_path, text)
 
     assert (found, contents, problems[0]) == (kind, "", problem)
@@ -54,8 +54,8 @@ def test_kind_follows_from_the_keys(
 
 @pytest.mark.parametrize("text", ["a: 1\n", "delay_s: 0\nseed: 1\n"])
 def test_file_of_neither_kind(tmp_path: Path, text: str) -> None:
-    """A file that could be anything is refused with what each kind looks like."""
+    """The refusal describes each kind."""
     kind, _, (problem,) = check(tmp_path, text)
 
     assert kind is None
-    assert problem.startswith("file.yaml: no stage, experiment or model; allowed are")
+    assert problem.startswith("file.yaml: not a stage, experiment or model; allowed are")

@@ -1,4 +1,4 @@
-"""The noise of a sensor is told apart from its lag and its calibration."""
+"""Tests of the noise of a sensor, separated from lag and calibration."""
 
 import numpy as np
 import pytest
@@ -14,13 +14,13 @@ VELOCITY = np.gradient(TRUTH)
 
 
 def noise(rms: float) -> FloatArray:
-    """White noise of zero mean."""
+    """Return white noise with zero mean."""
     values = np.random.default_rng(7).standard_normal(T_S.size)
     return values * (rms / float(np.sqrt(np.mean(values**2))))
 
 
 def test_white_noise_is_found() -> None:
-    """Over the range of the truth."""
+    """It is relative to the range of the truth."""
     found = noise_rms(TRUTH + noise(0.02), TRUTH, VELOCITY)
 
     assert found == pytest.approx(0.02 / np.ptp(TRUTH), rel=1e-3)
@@ -28,7 +28,7 @@ def test_white_noise_is_found() -> None:
 
 @given(st.floats(0.0, 1.5), st.lists(st.floats(-0.3, 0.3), min_size=6, max_size=6))
 def test_lag_and_calibration_are_no_noise(lag_samples: float, powers: list[float]) -> None:
-    """Whatever the lag, up to a period and a half, and the curve, up to the fifth power."""
+    """This holds for lags up to a period and a half, and curves up to the fifth power."""
     curve = np.polynomial.Polynomial(powers)(TRUTH / np.ptp(TRUTH))
     position = TRUTH + curve - lag_samples * VELOCITY + noise(0.02)
 
@@ -37,15 +37,15 @@ def test_lag_and_calibration_are_no_noise(lag_samples: float, powers: list[float
     assert found == pytest.approx(0.02 / np.ptp(TRUTH), rel=1e-2)
 
 
-def test_a_sensor_without_noise_that_is_late_has_next_to_none() -> None:
-    """A true delay of half a sample is a lag to a hundredth of a percent of the range."""
+def test_late_sensor_without_noise_has_almost_none() -> None:
+    """A delay of half a sample is a lag up to 0.01 % of the range."""
     late = np.interp(T_S - 0.0005, T_S, TRUTH)
 
     assert noise_rms(late, TRUTH, VELOCITY) < 1e-4
 
 
-def test_the_velocity_may_be_in_any_unit() -> None:
-    """Only its shape matters; a stage that moved too little to have one has noise as well."""
+def test_velocity_may_be_in_any_unit() -> None:
+    """Only its shape matters; without a velocity the noise is found, too."""
     position = TRUTH + 0.3 * VELOCITY + noise(0.02)
     found = noise_rms(position, TRUTH, VELOCITY)
 
@@ -54,7 +54,7 @@ def test_the_velocity_may_be_in_any_unit() -> None:
 
 
 def test_what_neither_velocity_nor_displacement_explains_is_noise() -> None:
-    """A hum that has nothing to do with the motion counts in full."""
+    """A hum that is independent of the motion counts fully."""
     hum = 0.02 * np.sin(2.0 * np.pi * 50.0 * T_S)
     found = noise_rms(TRUTH + hum, TRUTH, VELOCITY)
 

@@ -1,4 +1,4 @@
-"""What is said before a result is believed."""
+"""Tests of the warnings about models and runs."""
 
 from dataclasses import replace
 
@@ -15,14 +15,14 @@ from tests.experiment.made_up import ORDER, POSITION_UM, record_of, sine
 
 
 def recording(mode: str = "adaptive", invalid: int = 0) -> Recording:
-    """A run of which the first samples are invalid."""
+    """Return a run whose first samples are invalid."""
     ramp = np.arange(200.0)
     measured = np.where(ramp < invalid, np.nan, ramp)
     return Recording("x", "slow", mode, "", ramp, ramp, measured, ramp, ramp, ramp)
 
 
-def test_nothing_is_said_without_a_reason() -> None:
-    """A good fit and a good run are left without comment."""
+def test_good_fit_and_run_have_no_warning() -> None:
+    """There is no warning without a reason."""
     record = record_of()
     fit = fit_model(record, FitSettings(order=ORDER))
 
@@ -31,16 +31,16 @@ def test_nothing_is_said_without_a_reason() -> None:
 
 
 def test_invalid_samples_are_counted() -> None:
-    """The warning says how many, in which run, and what to see to."""
+    """The warning has their number, the run and the remedy."""
     (warning,) = run_warnings(recording(invalid=5), 0)
 
     assert warning.startswith("slow, adaptive, axis x: 5 of 200 samples, 2.5 %, were invalid")
-    assert "See that the sensor" in warning
+    assert "Check that the sensor" in warning
 
 
 @pytest.mark.parametrize(("low", "high", "end"), [(0.0, 0.7, "highest"), (0.2, 1.0, "lowest")])
-def test_a_sensor_that_saturates_is_said(low: float, high: float, end: str) -> None:
-    """At either end, with the remedy."""
+def test_saturated_sensor_has_a_warning(low: float, high: float, end: str) -> None:
+    """This holds at either end; the warning has a remedy."""
     record = record_of()
     position_um = np.clip(record.position_um, low * POSITION_UM, high * POSITION_UM)
 
@@ -51,8 +51,8 @@ def test_a_sensor_that_saturates_is_said(low: float, high: float, end: str) -> N
 
 
 @pytest.mark.parametrize("digits", [0, 1, 3])
-def test_a_sensor_that_counts_in_steps_is_no_reason(digits: int) -> None:
-    """At a turning point a coarse sensor shows the same value for some time."""
+def test_coarse_sensor_has_no_warning(digits: int) -> None:
+    """At a turn a coarse sensor shows the same value for some time."""
     record = record_of()
 
     rounded = replace(record, position_um=np.round(record.position_um, digits))
@@ -60,15 +60,15 @@ def test_a_sensor_that_counts_in_steps_is_no_reason(digits: int) -> None:
     assert list(saturation_warnings(rounded)) == []
 
 
-def test_loops_that_were_forgotten_are_said() -> None:
-    """The warning says how many pairs of extrema were given up."""
+def test_removed_extrema_have_a_warning() -> None:
+    """The warning has the number of removed pairs."""
     (warning,) = run_warnings(recording(), 7)
 
-    assert "gave up 7 pairs of extrema" in warning
+    assert "removed 7 pairs of extrema" in warning
 
 
-def test_an_experiment_tells_of_models_and_runs(load: Load, short: str) -> None:
-    """Warnings of the axes come first, each with its name, then those of the runs."""
+def test_experiment_has_the_warnings_of_models_and_runs(load: Load, short: str) -> None:
+    """The warnings of the axes come first, with their names, then those of the runs."""
     crowded = "envelope: {kind: decaying, time_constant_s: 4}"
     text = short.replace(crowded, "envelope: {kind: constant}")
     result = run_experiment(load(text), text, "", lambda _label, _share: None)
@@ -78,8 +78,8 @@ def test_an_experiment_tells_of_models_and_runs(load: Load, short: str) -> None:
     assert all(each.startswith("slow, ") for each in others)
 
 
-def test_one_frequency_is_said_with_its_remedy() -> None:
-    """Of a delay that was given nothing is said."""
+def test_one_frequency_has_a_warning_with_a_remedy() -> None:
+    """A given delay has no warning."""
     record = record_of(path=sine)
     estimated = fit_model(record, FitSettings(order=ORDER))
 

@@ -1,1 +1,1 @@
-"""An experiment or identification on a running stage, through the client."""
+"""Experiments and identifications on a running stage, through the client."""

@@ -1,4 +1,4 @@
-"""What a running stage is driven with to identify it: from a file, or designed for its voltages."""
+"""The drive that identifies a running stage: from a file, or designed for its voltages."""
 
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -16,16 +16,16 @@ from piezod.experiment.fit.excitation import recommended_drive
 from piezod.experiment.live.setup import LiveAxis
 
 KEY: Final = "identification"
-_LEAST_STEP_V: Final = 1e-6
+_SAME_V: Final = 1e-6
 
 
 class LiveDrive(NamedTuple):
-    """A drive that begins where a stage rests.
+    """A drive that starts at the rest voltage.
 
     Attributes:
         settle_s: Rest before it, in s.
         run_in_s: First part of it, which does not count, in s.
-        duration_s: How long it is, in s.
+        duration_s: Its duration, in s.
         drive_v: Voltage over time, in V.
     """
 
@@ -40,20 +40,20 @@ class _File(ConfigModel):
 
 
 def read_drive(path: Path) -> IdentificationConfig:
-    """Read the `identification:` of a file, be it an experiment or that alone.
+    """Read the `identification:` of a file: an experiment, or a file with that key alone.
 
     Raises:
-        ConfigError: If it cannot be read, has none, or one that is not valid.
+        ConfigError: If the file cannot be read, or has no valid identification.
     """
     document = load_yaml(path)
     if KEY not in document.data:
-        what = f"there is no `{KEY}:`, as an experiment has it; it tells the drive"
+        what = f"there is no `{KEY}:`, as in an experiment; it describes the drive"
         raise ConfigError(Problem(str(path), 0, 0, "", what))
     return _validated(document, path.parent)
 
 
 def designed_drive(axis: LiveAxis) -> IdentificationConfig:
-    """Return a drive that tells everything that a model needs, over all voltages of an axis."""
+    """Return a drive with all excitation that a model needs, over all voltages of an axis."""
     limits = axis.config.limits
     text = recommended_drive(limits.drive_min_v, limits.drive_max_v)
     return _validated(parse_yaml(text, "designed drive"), Path())
@@ -66,19 +66,19 @@ def _validated(document: Document, folder: Path) -> IdentificationConfig:
 
 
 def from_rest(settings: IdentificationConfig, axis: LiveAxis) -> LiveDrive:
-    """Return a drive with the way to its first voltage before it, at the rate of the safe ramp.
+    """Return a drive with a ramp to its first voltage before it, at the rate of the safe ramp.
 
     Args:
         settings: The drive.
-        axis: What is driven.
+        axis: The axis.
     """
     rest_v, rate_v_per_s = axis.config.limits.rest_v, axis.config.safety.ramp_v_per_s
     drive_v, duration_s = settings.drive_v, settings.duration_s
     first_v = build_waveform(drive_v, duration_s).value(0.0)
-    if abs(first_v - rest_v) <= _LEAST_STEP_V:
+    if abs(first_v - rest_v) <= _SAME_V:
         return LiveDrive(settings.settle_s, settings.run_in_s, duration_s, drive_v)
-    way_s = max(abs(first_v - rest_v) / rate_v_per_s, axis.period_s)
-    way = Points(kind="points", points=((0.0, rest_v), (way_s, first_v)))
+    ramp_s = max(abs(first_v - rest_v) / rate_v_per_s, axis.period_s)
+    ramp = Points(kind="points", points=((0.0, rest_v), (ramp_s, first_v)))
     parts = (
         drive_v.parts
         if isinstance(drive_v, Sequence)
@@ -86,7 +86,7 @@ def from_rest(settings: IdentificationConfig, axis: LiveAxis) -> LiveDrive:
     )
     return LiveDrive(
         settings.settle_s,
-        settings.run_in_s + way_s,
-        duration_s + way_s,
-        Sequence(kind="sequence", parts=(SequencePart(duration_s=way_s, waveform=way), *parts)),
+        settings.run_in_s + ramp_s,
+        duration_s + ramp_s,
+        Sequence(kind="sequence", parts=(SequencePart(duration_s=ramp_s, waveform=ramp), *parts)),
     )

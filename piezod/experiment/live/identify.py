@@ -1,4 +1,4 @@
-"""A record to fit a model to, of a running stage: driven, recorded, and written as a data file."""
+"""Records a running stage for an identification: drives it, and writes a data file."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,18 +19,18 @@ from piezod.hysteresis.memory import FloatArray
 from piezod.records.csv_file import write_csv
 from piezod.records.telemetry_reader import RecordedTelemetry
 
-MOST_MISSING: Final = 0.02
-"""So large a part of the samples may be filled in."""
+MAX_MISSING_SHARE: Final = 0.02
+"""Largest share of the samples that may be filled in."""
 
 
 class LiveRecord(NamedTuple):
-    """What was recorded.
+    """A recorded data file.
 
     Attributes:
         axis: Name of the axis.
         file: The data file.
         run_in_s: Its first part, which does not count, in s.
-        warnings: What to know of it, a sentence each.
+        warnings: Warnings, a sentence each.
     """
 
     axis: str
@@ -47,102 +47,105 @@ def record_live(
     axis: str | None,
     settings: IdentificationConfig | None,
 ) -> LiveRecord:
-    """Drive an axis of a running stage from rest, and write what it did as a data file.
+    """Drive an axis of a running stage from rest, and write a data file of its motion.
 
-    The stage is disarmed at the end, whatever comes.
+    The stage is disarmed at the end in any case.
 
     Args:
-        client: A connection to the stage's daemon.
+        client: A connection to the daemon of the stage.
         file: The data file, with the columns t_s, drive_v, position_um.
-        progress: Told as it goes on.
+        progress: Called as the drive advances.
         axis: Name of the axis; None for the only one.
         settings: The drive; None for one that is designed for the voltages of the axis.
 
     Raises:
-        ClientError: If a request is refused, or the stage goes another way than it was told to.
+        ClientError: If a request is refused, or the stage leaves the expected states.
         DataError: If there is no such axis, or too much of the record is missing.
         OSError: If the file cannot be written.
     """
     setup = read_setup(client)
-    name = _chosen(setup, axis)
+    name = _checked_axis(setup, axis)
     live = setup.axes[name]
     drive = from_rest(settings or designed_drive(live), live)
-    whole_s, over_s = drive.settle_s + ZERO_S + drive.duration_s, 0.0
+    total_s, passed_s = drive.settle_s + ZERO_S + drive.duration_s, 0.0
 
     def advance(further_s: float) -> None:
-        nonlocal over_s
-        over_s += further_s
-        progress(f"driving axis {name}", min(1.0, over_s / whole_s))
+        nonlocal passed_s
+        passed_s += further_s
+        progress(f"driving axis {name}", min(1.0, passed_s / total_s))
 
     with (
         TemporaryDirectory(prefix="piezod-") as folder,
         LiveStage(client, setup, advance) as stage,
     ):
-        told = _driven(stage, name, drive, Path(folder) / "recording.h5")
-        stage.park()
-    columns, warnings = columns_of(told, name)
+        telemetry = _driven(stage, name, drive, Path(folder) / "recording.h5")
+        stage.disarm()
+    columns, warnings = columns_of(telemetry, name)
     write_csv(file, columns)
     if stage.faults:
         faults = ", ".join(sorted(stage.faults))
-        warnings = (*warnings, f"Faults were present: {faults}. `piezod faults` tells more.")
+        warnings = (*warnings, f"Faults were present: {faults}. See `piezod faults`.")
     return LiveRecord(name, file, drive.run_in_s, warnings)
 
 
 def adopt_live(client: StageClient, axis: str, model: ModelFile) -> None:
-    """Have a running stage use a model from now on; it is disarmed for that.
+    """Make a running stage use a model; the stage is disarmed for that.
 
     Raises:
-        ClientError: If the daemon does not take it.
-        ModelError: If the model that it had is none of a stage.
+        ClientError: If the daemon refuses the model.
+        ModelError: If the present model of the stage is not valid.
     """
     with LiveStage(client, read_setup(client), lambda _over_s: None) as stage:
-        stage.park()
+        stage.disarm()
         client.adopt(model, axis=axis)
 
 
-def columns_of(told: RecordedTelemetry, axis: str) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
-    """Return what was recorded while the stage was driven, evenly in time, and what to know of it.
+def columns_of(
+    telemetry: RecordedTelemetry, axis: str
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """Return the record of the drive, evenly in time, and its warnings.
 
-    Cycles that were skipped and samples that were invalid are filled in, as long as they are few.
+    Skipped cycles and invalid samples are filled in if they are few.
 
     Args:
-        told: The recording.
+        telemetry: The recording.
         axis: Name of the axis.
 
     Raises:
-        DataError: If they are too many.
+        DataError: If too many samples are missing.
     """
-    driven = told.cycles["state"] == told.header.names["state"].index(State.IDENT)
+    driven = telemetry.cycles["state"] == telemetry.header.names["state"].index(State.IDENT)
     if np.count_nonzero(driven) < 2:
-        raise DataError(f"axis {axis}: the recording has nothing of the drive")
-    t_s = told.cycles["t_s"][driven]
-    due_s = t_s - 1e-9 * told.cycles["late_ns"][driven]
-    places = np.rint((due_s - due_s[0]) * told.header.rate_hz)
-    even_s = np.arange(places[-1] + 1) / told.header.rate_hz
-    position_um = told.axes[axis]["position_um"][driven]
+        raise DataError(f"axis {axis}: the recording does not contain the drive")
+    t_s = telemetry.cycles["t_s"][driven]
+    # The deadlines are evenly spaced; the wake-ups after them are not.
+    due_s = t_s - 1e-9 * telemetry.cycles["late_ns"][driven]
+    places = np.rint((due_s - due_s[0]) * telemetry.header.rate_hz)
+    even_s = np.arange(places[-1] + 1) / telemetry.header.rate_hz
+    position_um = telemetry.axes[axis]["position_um"][driven]
     valid = np.isfinite(position_um)
     missing = even_s.size - np.count_nonzero(valid)
-    if missing > MOST_MISSING * even_s.size:
+    if missing > MAX_MISSING_SHARE * even_s.size:
         raise DataError(
-            f"axis {axis}: {missing} of {even_s.size} samples are missing, because the loop "
-            f"skipped cycles or the sensor was out of range; allowed are {100 * MOST_MISSING:g} %"
+            f"axis {axis}: {missing} of {even_s.size} samples are missing because the loop skipped "
+            f"cycles or the sensor was out of range; allowed are {100 * MAX_MISSING_SHARE:g} %"
         )
     since_s = t_s - due_s[0]
     columns = {
         "t_s": even_s,
-        "drive_v": np.interp(even_s, since_s, told.axes[axis]["in_force_v"][driven]),
+        "drive_v": np.interp(even_s, since_s, telemetry.axes[axis]["in_force_v"][driven]),
         "position_um": np.interp(even_s, since_s[valid], position_um[valid]),
     }
     if not missing:
         return columns, ()
     return columns, (
-        f"{missing} of {even_s.size} samples were missing, skipped by the loop or invalid, and are "
-        "filled in.",
+        f"{missing} of {even_s.size} samples were missing, skipped by the loop or invalid, and "
+        "were filled in.",
     )
 
 
 def _driven(stage: LiveStage, axis: str, drive: LiveDrive, file: Path) -> RecordedTelemetry:
-    stage.park()
+    stage.disarm()
     stage.rest(drive.settle_s)
     stage.arm()
     stage.faults.clear()
@@ -151,7 +154,7 @@ def _driven(stage: LiveStage, axis: str, drive: LiveDrive, file: Path) -> Record
     return stage.end_recording(file)
 
 
-def _chosen(setup: LiveSetup, axis: str | None) -> str:
+def _checked_axis(setup: LiveSetup, axis: str | None) -> str:
     names = ", ".join(setup.axes)
     if axis is None and len(setup.axes) > 1:
         raise DataError(f"stage {setup.stage} has several axes, {names}: name one with --axis")

@@ -1,4 +1,4 @@
-"""Whether an experiment can be run on a running stage, and what of its file is not used there."""
+"""Checks whether an experiment fits a running stage, and which parts of its file are not used."""
 
 import json
 from collections.abc import Iterator
@@ -14,17 +14,17 @@ from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import DataError, RefusedError
 from piezod.experiment.error_rows import NEED_TRUTH
 from piezod.experiment.live.setup import LiveAxis, LiveSetup
-from piezod.experiment.virtual.case import BEYOND
+from piezod.experiment.virtual.case import RANGE_MARGIN
 
 LARGEST_REQUEST_BYTES: Final = TABLE["wave"].access.most_bytes
-"""What a daemon takes at once."""
+"""Largest request that a daemon accepts, in bytes."""
 
 
 def check_live(config: ExperimentConfig, setup: LiveSetup) -> None:
-    """Refuse an experiment that a stage cannot run, before anything moves.
+    """Refuse an experiment that does not fit a stage, before anything moves.
 
     Raises:
-        DataError: If there is something that does not fit; the text has a line for each.
+        DataError: If something does not fit; the text has a line for each problem.
     """
     problems = list(_problems(config, setup))
     if problems:
@@ -32,10 +32,10 @@ def check_live(config: ExperimentConfig, setup: LiveSetup) -> None:
 
 
 def not_used(config: ExperimentConfig, setup: LiveSetup) -> Iterator[str]:
-    """Yield what of a file has no meaning on a running stage, a sentence each."""
+    """Yield the parts of a file that are not used on a running stage, a sentence each."""
     yield (
-        f"Run on stage {setup.stage} as it is configured: of the file's devices, seed, "
-        "identification, and axes but for their names, nothing was used."
+        f"Run on stage {setup.stage} with its own configuration: the file's devices, seed, "
+        "identification and axes, except their names, were not used."
     )
     if config.rate_hz != setup.rate_hz:
         yield (
@@ -44,15 +44,15 @@ def not_used(config: ExperimentConfig, setup: LiveSetup) -> Iterator[str]:
         )
     others = ", ".join(name for name in setup.axes if name not in config.axes)
     if others:
-        yield f"Axes of stage {setup.stage} that the file does not have, and that rested: {others}."
+        yield f"Axes of stage {setup.stage} that are not in the file, and that rested: {others}."
 
 
 def _problems(config: ExperimentConfig, setup: LiveSetup) -> Iterator[str]:
     needing = ", ".join(name for name in config.metrics if name in NEED_TRUTH)
     if needing:
         yield (
-            f"metrics asks for {needing}, but the true displacement of a running stage is not "
-            "known; leave these out"
+            f"metrics requests {needing}, but the true displacement of a running stage is "
+            "unknown; remove these"
         )
     compensated = [mode for mode in config.modes if mode is not Mode.UNCOMPENSATED]
     for name in config.axes:
@@ -78,11 +78,11 @@ def _problems_of(case: CaseConfig, config: ExperimentConfig, setup: LiveSetup) -
     for name, command in case.commands(config.axes).items():
         if name in setup.axes:
             waveform = build_waveform(command, case.duration_s)
-            yield from _beyond(case.name, name, setup.axes[name], waveform.low, waveform.high)
+            yield from _out_of_range(case.name, name, setup.axes[name], waveform.low, waveform.high)
 
 
 def _too_large(case: CaseConfig, config: ExperimentConfig) -> Iterator[str]:
-    """Tell whether the points of a file are too many to be sent."""
+    """Yield a problem if the points of a waveform are too many for a request."""
     try:
         commands_um = case.commands(config.axes)
         body = calls.command("wave", command_um=commands_um, duration_s=case.duration_s).body
@@ -97,15 +97,17 @@ def _too_large(case: CaseConfig, config: ExperimentConfig) -> Iterator[str]:
         )
 
 
-def _beyond(case: str, name: str, axis: LiveAxis, low_um: float, high_um: float) -> Iterator[str]:
+def _out_of_range(
+    case: str, name: str, axis: LiveAxis, low_um: float, high_um: float
+) -> Iterator[str]:
     allowed = [("may be commanded", axis.range_um, 1e-9)]
     if axis.model is not None:
         low_high_um = axis.model.position_um.low, axis.model.position_um.high
-        allowed.append(("was identified", low_high_um, BEYOND))
-    for what, (lowest_um, highest_um), share in allowed:
+        allowed.append(("was identified", low_high_um, RANGE_MARGIN))
+    for relation, (lowest_um, highest_um), share in allowed:
         margin_um = share * (highest_um - lowest_um)
         if low_um < lowest_um - margin_um or high_um > highest_um + margin_um:
             yield (
-                f"{case} commands {low_um:g} to {high_um:g} µm, but axis {name} {what} from "
+                f"{case} commands {low_um:g} to {high_um:g} µm, but axis {name} {relation} from "
                 f"{lowest_um:.4g} to {highest_um:.4g} µm"
             )

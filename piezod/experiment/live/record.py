@@ -1,4 +1,4 @@
-"""What a recording of a running stage has of a waveform: from its start to its end, judged."""
+"""Cuts a waveform out of a recording of a running stage, and finds its errors."""
 
 from typing import NamedTuple
 
@@ -16,18 +16,19 @@ from piezod.records.recording import Recording
 from piezod.records.telemetry_reader import RecordedTelemetry
 
 SAME_UM = 1e-5
-"""A recorded command is the one that was asked for within this,"""
+"""Largest difference of a recorded and a requested command, in µm."""
 OTHER_SHARE = 0.01
-"""but for this part of the samples: at a step, time's last digit decides on which side one is."""
+"""This share of the samples may differ more: at a step, the last digit of the time decides on which
+side a sample is."""
 
 
 class LiveRun(NamedTuple):
-    """What was run.
+    """A run on a stage.
 
     Attributes:
         case: The case.
-        mode: Its mode.
-        metrics: Names of the errors to find.
+        mode: The mode.
+        metrics: Names of the errors.
     """
 
     case: CaseConfig
@@ -35,26 +36,27 @@ class LiveRun(NamedTuple):
     metrics: tuple[str, ...]
 
 
-def cut(
-    told: RecordedTelemetry, name: str, axis: LiveAxis, waveform: Waveform, run: LiveRun
+def cut_waveform(
+    telemetry: RecordedTelemetry, name: str, axis: LiveAxis, waveform: Waveform, run: LiveRun
 ) -> Recording:
-    """Return what a recording has of the waveform that was its last movement.
+    """Return the recording of the waveform that was the last movement of an axis.
 
     Args:
-        told: The recording; it begins before the movement.
+        telemetry: The whole recording; it starts before the movement.
         name: Name of the axis.
         axis: The axis.
-        waveform: What it was to follow, in µm.
-        run: What was run.
+        waveform: The waveform, in µm.
+        run: The run.
 
     Raises:
-        DataError: If the waveform is not in it as it was commanded, from its start to its end.
+        DataError: If the recording does not contain the waveform as it was commanded, from its
+            start to its end.
     """
-    columns, t_s = told.axes[name], told.cycles["t_s"]
+    columns, t_s = telemetry.axes[name], telemetry.cycles["t_s"]
     first = int(np.searchsorted(columns["motion"], columns["motion"][-1]))
     if not first:
-        raise DataError(f"axis {name}: the recording does not begin before the movement")
-    # A request is carried out at the end of a cycle, and at its time.
+        raise DataError(f"axis {name}: the recording does not start before the movement")
+    # A request is carried out at the end of a cycle, with the time of that cycle.
     started_s, start_um = float(t_s[first - 1]), float(columns["command_um"][first - 1])
     case = run.case
     motion = axis.motion(waveform, case.duration_s, start_um)
@@ -67,7 +69,7 @@ def cut(
     cut_s, position_um = t_s[part] - begin_s, columns["position_um"][part]
     command_um, true_um = columns["command_um"][part], np.full(cut_s.size, np.nan)
     judged = int(np.searchsorted(cut_s, case.period_s))
-    weights, weights_t_s = _weights(told, name, begin_s, begin_s + case.duration_s)
+    weights, weights_t_s = _weights(telemetry, name, begin_s, begin_s + case.duration_s)
     return Recording(
         axis=name,
         case=case.name,
@@ -88,27 +90,29 @@ def cut(
     )
 
 
-def missing_cycles(told: RecordedTelemetry) -> int:
-    """Return how many cycles a recording lacks: those that the loop skipped, and those lost."""
-    skipped = told.cycles["skipped"]
-    return int(skipped[-1] - skipped[0]) + told.lost
+def missing_cycles(telemetry: RecordedTelemetry) -> int:
+    """Return the number of cycles that a recording lacks: skipped by the loop, or lost."""
+    skipped = telemetry.cycles["skipped"]
+    return int(skipped[-1] - skipped[0]) + telemetry.lost
 
 
 def _check_command(name: str, motion: Motion, since_s: FloatArray, command_um: FloatArray) -> None:
+    # The same functions compute the reference in the daemon, so both agree up to rounding.
     expected_um = np.fromiter(map(motion.reference_um, since_s.tolist()), float, since_s.size)
     other = np.count_nonzero(~(np.abs(command_um - expected_um) <= SAME_UM))
     if other > OTHER_SHARE * since_s.size + 1:
         raise DataError(
             f"axis {name}: in {other} of {since_s.size} cycles the recorded command is not that of "
-            "the waveform; has somebody else moved the stage, or is its configuration another now?"
+            "the waveform; check whether another client moved the stage or changed its "
+            "configuration"
         )
 
 
 def _weights(
-    told: RecordedTelemetry, name: str, begin_s: float, end_s: float
+    telemetry: RecordedTelemetry, name: str, begin_s: float, end_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the weights with those of the right operators first, and when they were so."""
-    weights, t_s = told.weights[name]["weights"], told.weights[name]["weights_t_s"]
+    """Return the weights, right operators first, and their times."""
+    weights, t_s = telemetry.weights[name]["weights"], telemetry.weights[name]["weights_t_s"]
     within = (t_s >= begin_s) & (t_s < end_s)
     left, right = np.split(weights[within], 2, axis=1)
     return np.concatenate((right, left), axis=1), t_s[within] - begin_s

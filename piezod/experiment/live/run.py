@@ -16,7 +16,7 @@ from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import ClientError, DataError
 from piezod.experiment.fit.account import parameters_of
 from piezod.experiment.live.plan import check_live, not_used
-from piezod.experiment.live.record import LiveRun, cut, missing_cycles
+from piezod.experiment.live.record import LiveRun, cut_waveform, missing_cycles
 from piezod.experiment.live.setup import LiveSetup, read_setup
 from piezod.experiment.live.slower import slow_enough
 from piezod.experiment.live.stage import ZERO_S, LiveStage
@@ -34,29 +34,29 @@ def run_live(
     progress: Progress,
     largest_step_pct: float | None = None,
 ) -> ExperimentResult:
-    """Run the cases of an experiment on a running stage; it is disarmed at the end, whatever comes.
+    """Run the cases of an experiment on a running stage, and disarm the stage at the end.
 
     Args:
-        config: What to run; what concerns devices and models is not used.
-        configuration: The text of its file, kept with the result.
-        title: What the experiment is, for people.
-        client: A connection to the stage's daemon.
-        progress: Told as it goes on.
-        largest_step_pct: What a cycle may move, in % of the command's range: commands that move
-            more are slowed down; None to leave them as they are.
+        config: The experiment; its devices and models are not used.
+        configuration: Text of its file, kept with the result.
+        title: Description of the experiment, for people.
+        client: A connection to the daemon of the stage.
+        progress: Called as the experiment advances.
+        largest_step_pct: Largest motion per cycle, in % of the command's range: faster commands are
+            slowed down. None leaves them as they are.
 
     Raises:
-        ClientError: If a request is refused, or the stage goes another way than it was told to; the
-            text begins with case and mode.
-        DataError: If the experiment does not fit the stage, before anything moves, or a recording
-            does not hold what was run.
-        ModelError: If a model in use is none of a stage.
+        ClientError: If a request is refused, or the stage leaves the expected states; the text
+            starts with case and mode.
+        DataError: If the experiment does not fit the stage, before anything moves, or if a
+            recording does not contain the run.
+        ModelError: If a model in use is not valid.
     """
     setup, slowed = read_setup(client), list[str]()
     if largest_step_pct is not None:
         config, slowed = slow_enough(config, setup.rate_hz, largest_step_pct)
     check_live(config, setup)
-    meter = _Meter(config, progress)
+    meter = _ProgressMeter(config, progress)
     recordings: list[Recording] = []
     warnings = [*not_used(config, setup), *slowed]
     with (
@@ -67,11 +67,11 @@ def run_live(
         for case in config.cases:
             for mode in config.modes:
                 meter.label = f"{case.name}, {mode.value}"
-                with _naming(meter.label):
-                    for recording, beware in runs.run(case, mode):
+                with _prefix_errors(meter.label):
+                    for recording, run_notes in runs.run(case, mode):
                         recordings.append(recording)
-                        warnings += beware
-        stage.park()
+                        warnings += run_notes
+        stage.disarm()
     return ExperimentResult(
         title=f"{title} (live on stage {setup.stage})",
         recordings=tuple(recordings),
@@ -85,7 +85,7 @@ def run_live(
 
 
 class _Runs:
-    """Runs cases, one after the other."""
+    """Runs cases one after the other."""
 
     def __init__(
         self, stage: LiveStage, setup: LiveSetup, config: ExperimentConfig, file: Path
@@ -93,63 +93,65 @@ class _Runs:
         self._stage, self._setup, self._config, self._file = stage, setup, config, file
 
     def run(self, case: CaseConfig, mode: Mode) -> list[tuple[Recording, list[str]]]:
-        """Rest, run a case, and return what was recorded of each axis, and what to beware of."""
+        """Rest, run a case, and return the recording and the warnings of each axis."""
         stage, commands = self._stage, case.commands(self._config.axes)
         waveforms = {
             name: build_waveform(command, case.duration_s) for name, command in commands.items()
         }
-        stage.park()
+        stage.disarm()
         stage.select(mode, commands)
         stage.rest(self._config.settle_s)
         stage.arm()
         stage.faults.clear()
         stage.start_recording(f"{case.name}-{mode.value}")
         stage.select(mode, commands)
-        staying_um = stage.staying_um()
+        holding_command_um = stage.holding_command_um()
         longest_s = max(
-            self._setup.axes[name].motion(each, case.duration_s, staying_um[name]).duration_s
+            self._setup.axes[name]
+            .motion(each, case.duration_s, holding_command_um[name])
+            .duration_s
             for name, each in waveforms.items()
         )
         stage.follow(commands, case.duration_s, mode, longest_s)
-        told = stage.end_recording(self._file)
+        telemetry = stage.end_recording(self._file)
         run = LiveRun(case, mode, self._config.metrics)
         recordings = [
-            cut(told, name, self._setup.axes[name], waveform, run)
+            cut_waveform(telemetry, name, self._setup.axes[name], waveform, run)
             for name, waveform in waveforms.items()
         ]
-        return [(recording, list(self._warnings(recording, told))) for recording in recordings]
+        return [(recording, list(self._warnings(recording, telemetry))) for recording in recordings]
 
-    def _warnings(self, recording: Recording, told: RecordedTelemetry) -> Iterator[str]:
+    def _warnings(self, recording: Recording, telemetry: RecordedTelemetry) -> Iterator[str]:
         yield from run_warnings(recording, merged_pairs=0)
         run = f"{recording.case}, {recording.mode}, axis {recording.axis}:"
-        missing = missing_cycles(told)
+        missing = missing_cycles(telemetry)
         if missing:
             yield (
-                f"{run} {missing} of {told.cycles['t_s'].size + missing} cycles are missing from "
-                "the record: the loop skipped them, or they came too fast for the disk."
+                f"{run} {missing} of {telemetry.cycles['t_s'].size + missing} cycles are missing "
+                "from the record: the loop skipped them, or the disk was too slow."
             )
         if self._stage.faults:
             faults = ", ".join(sorted(self._stage.faults))
-            yield f"{run} faults were present: {faults}. `piezod faults` tells more."
+            yield f"{run} faults were present: {faults}. See `piezod faults`."
 
 
-class _Meter:
-    """Turns seconds that are over into a share of the whole."""
+class _ProgressMeter:
+    """Turns the elapsed time into a share of the experiment."""
 
     def __init__(self, config: ExperimentConfig, progress: Progress) -> None:
         each_s = config.settle_s + ZERO_S
         case_s = sum(each_s + case.duration_s for case in config.cases)
-        self._whole_s, self._progress = len(config.modes) * case_s, progress
-        self._over_s, self.label = 0.0, ""
+        self._total_s, self._progress = len(config.modes) * case_s, progress
+        self._passed_s, self.label = 0.0, ""
 
-    def advance(self, over_s: float) -> None:
-        self._over_s += over_s
-        self._progress(self.label, min(1.0, self._over_s / self._whole_s))
+    def advance(self, passed_s: float) -> None:
+        self._passed_s += passed_s
+        self._progress(self.label, min(1.0, self._passed_s / self._total_s))
 
 
 @contextmanager
-def _naming(run: str) -> Iterator[None]:
-    """Put case and mode before what an error says."""
+def _prefix_errors(run: str) -> Iterator[None]:
+    """Put case and mode before the text of an error."""
     try:
         yield
     except ClientError as error:
@@ -159,8 +161,8 @@ def _naming(run: str) -> Iterator[None]:
 
 
 def _models(config: ExperimentConfig, setup: LiveSetup) -> Iterator[Identification]:
-    """Yield how the models came about that the stage had when the experiment began."""
-    nothing = np.empty(0)
+    """Yield the origin of the models that the stage had at the start."""
+    no_samples = np.empty(0)
     for name in config.axes:
         axis = setup.axes[name]
         if axis.file is not None and axis.model is not None:
@@ -168,16 +170,16 @@ def _models(config: ExperimentConfig, setup: LiveSetup) -> Iterator[Identificati
                 axis=name,
                 title=f"model in use on stage {setup.stage}",
                 method=axis.file.method,
-                t_s=nothing,
-                drive_v=nothing,
-                position_um=nothing,
-                predicted_v=nothing,
+                t_s=no_samples,
+                drive_v=no_samples,
+                position_um=no_samples,
+                predicted_v=no_samples,
                 fit_errors=axis.file.fit.model_dump(),
                 parameters=parameters_of(axis.model),
             )
 
 
 def _with_setup(configuration: str, setup: LiveSetup) -> str:
-    """Return the text of the file, and what the stage was like as a comment of it."""
+    """Return the text of the file with the setup of the stage as a comment."""
     stage = json.dumps(setup.document, ensure_ascii=False)
     return f"{configuration}\n# Run on stage {setup.stage}, which was configured as:\n# {stage}\n"

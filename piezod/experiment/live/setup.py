@@ -1,4 +1,4 @@
-"""What a running stage is like, as its daemon tells it: rate, axes, and the models in use."""
+"""Setup of a running stage, from its daemon: rate, axes, and the models in use."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from piezod.control.reference.waveforms import Waveform
 from piezod.control.stage.axis import SHORTEST_MOTION_CYCLES, SHORTEST_MOTION_PERIODS
 
 AT_REST_V = 1e-3
-"""A safe voltage is the rest voltage within this."""
+"""Largest difference of a safe voltage and the rest voltage that counts as equal, in V."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class LiveAxis:
     """One axis of a running stage.
 
     Attributes:
-        config: Its configuration; without the path of its model.
-        file: The model in use, with what it has learned; None where there is none.
-        model: The same, its displacement counted from rest.
+        config: Its configuration, without the path of its model.
+        file: The model in use, as a file, with its learned parameters; None if there is none.
+        model: The same model, with its zero at rest.
         range_um: Lowest and highest position that may be commanded, in µm.
         period_s: Period of the loop, in s.
     """
@@ -41,16 +41,16 @@ class LiveAxis:
 
     @property
     def safe_at_rest(self) -> bool:
-        """Whether its safe voltage is that at which it rests."""
+        """Whether its safe voltage is the rest voltage."""
         return abs(self.config.safe_v - self.config.limits.rest_v) <= AT_REST_V
 
     def motion(self, waveform: Waveform, duration_s: float, start_um: float) -> Motion:
-        """Return how it goes along a waveform: with the way to its start before it.
+        """Return the movement along a waveform, with the motion to its start.
 
         Args:
             waveform: Position over time, in µm.
-            duration_s: How long the waveform is followed, in s.
-            start_um: Where the command stays before.
+            duration_s: Duration of the waveform, in s.
+            start_um: Command before, constant, in µm.
         """
         shortest_s, mode = SHORTEST_MOTION_CYCLES * self.period_s, self.config.first_mode
         if mode is not None:
@@ -61,14 +61,14 @@ class LiveAxis:
 
 @dataclass(frozen=True)
 class LiveSetup:
-    """A running stage.
+    """Setup of a running stage.
 
     Attributes:
-        stage: Its name.
+        stage: Name of the stage.
         rate_hz: Cycles of its loop per second.
-        seed: Of what is random in simulated devices.
-        axes: By name.
-        document: Its configuration, as the daemon tells it.
+        seed: Seed of the random values in simulated devices.
+        axes: Axes, by name.
+        document: Its configuration, as the daemon reports it.
     """
 
     stage: str
@@ -84,12 +84,12 @@ class LiveSetup:
 
 
 def read_setup(client: StageClient) -> LiveSetup:
-    """Ask a daemon what its stage is like.
+    """Return the setup of the stage of a daemon.
 
     Raises:
-        ClientError: If it does not answer, or something that is not understood.
-        DataError: If a model leaves out the rest voltage.
-        ModelError: If a model in use is none of a stage.
+        ClientError: If the daemon does not answer, or gives an unexpected answer.
+        DataError: If a model does not hold at the rest voltage.
+        ModelError: If a model in use is not valid.
     """
     stage, document, used = client.status().stage, client.config(), client.params().axes
     try:
@@ -106,12 +106,12 @@ def read_setup(client: StageClient) -> LiveSetup:
 
 def _axis(document: Document, used: Document | None, period_s: float) -> LiveAxis:
     file = None if used is None else ModelFile.model_validate(tupled(used))
-    # The daemon has read the model's file; whoever asks it need not be able to.
-    told = {key: tupled(value) for key, value in document.items() if key != "model"}
-    model, range_um = None, told.get("command_range_um")
+    # The daemon has read the model file; its client need not have access to it.
+    reported = {key: tupled(value) for key, value in document.items() if key != "model"}
+    model, range_um = None, reported.get("command_range_um")
     if file is not None:
         model = from_model_file(file).zeroed_at(float(document["limits"]["rest_v"]))
         range_um = range_um or tuple(model.position_um)
-    config = StageAxisConfig.model_validate({**told, "command_range_um": range_um})
+    config = StageAxisConfig.model_validate({**reported, "command_range_um": range_um})
     low_um, high_um = config.command_range_um or (0.0, 0.0)
     return LiveAxis(config, file, model, (low_um, high_um), period_s)

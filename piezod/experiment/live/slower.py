@@ -1,7 +1,7 @@
-"""The commands of an experiment slowed down, for a loop whose bus is slow.
+"""Slows the commands of an experiment down, for a slow loop.
 
-What a cycle of the loop moves is what its error can be at least: a command that moves a tenth of a
-percent of its range in a cycle costs no more than that, however slow the cycles are.
+The command moves by a step in each cycle, and the error is at least that step. A command that moves
+by a tenth of a percent of its range per cycle has no larger error from this, at any rate.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,9 +15,9 @@ from piezod.config.experiment_fields import CaseConfig
 from piezod.control.reference.waveforms import build_waveform
 from piezod.errors import DataError
 
-_LONGER: Final = ("duration_s", "dwell_s", "time_constant_s")
-_LESS: Final = ("frequency_hz", "min_speed", "max_speed")
-"""Keys of waveforms that become more, and less, when time goes slower."""
+_LARGER: Final = ("duration_s", "dwell_s", "time_constant_s")
+_SMALLER: Final = ("frequency_hz", "min_speed", "max_speed")
+"""Keys of waveforms whose values grow, and shrink, when a waveform is slowed down."""
 
 
 def slow_enough(
@@ -28,25 +28,25 @@ def slow_enough(
     Args:
         config: The experiment.
         rate_hz: Cycles of the loop per second.
-        largest_step_pct: What a cycle may move, in % of the command's range.
+        largest_step_pct: Largest motion per cycle, in % of the command's range.
 
     Returns:
-        The experiment, and a sentence for each case that tells its frequencies.
+        The experiment, and a sentence per case with its frequencies.
 
     Raises:
-        DataError: If a command comes from a file, which has its own times.
+        DataError: If a command comes from a file, whose times are fixed.
     """
-    cases, told = [], []
+    cases, notes = [], []
     for case in config.cases:
         factor = max(1.0, _step_pct(config, case, rate_hz) / largest_step_pct)
         slow = _slowed(case, factor)
         cases.append(slow)
         frequencies = ", ".join(dict.fromkeys(f"{hz:.4g} Hz" for hz in _frequencies(slow)))
-        told.append(
-            f"{case.name}: slowed down {factor:.3g} times, its frequencies are {frequencies}; one "
+        notes.append(
+            f"{case.name}: slowed down {factor:.3g} times, its frequencies are {frequencies}; a "
             f"cycle moves at most {_step_pct(config, slow, rate_hz):.3f} % of the command's range."
         )
-    return config.model_copy(update={"cases": tuple(cases)}), told
+    return config.model_copy(update={"cases": tuple(cases)}), notes
 
 
 def _step_pct(config: ExperimentConfig, case: CaseConfig, rate_hz: float) -> float:
@@ -67,14 +67,14 @@ def _slowed(case: CaseConfig, factor: float) -> CaseConfig:
             raise DataError(f"{case.name}: the times of a CSV file cannot be slowed down")
         changed: dict[str, Any] = {}
         for key, value in document.items():
-            if key in _LONGER:
+            if key in _LARGER:
                 changed[key] = value * factor
-            elif key in _LESS:
+            elif key in _SMALLER:
                 changed[key] = value / factor
             elif key == "points":
                 changed[key] = tuple((t_s * factor, level) for t_s, level in value)
             else:
-                changed[key] = _within(slower, value)
+                changed[key] = _apply_to_mappings(slower, value)
         return changed
 
     document = slower(case.model_dump())
@@ -82,12 +82,12 @@ def _slowed(case: CaseConfig, factor: float) -> CaseConfig:
     return CaseConfig.model_validate(document)
 
 
-def _within(change: Callable[[dict[str, Any]], dict[str, Any]], value: Any) -> Any:
+def _apply_to_mappings(change: Callable[[dict[str, Any]], dict[str, Any]], value: Any) -> Any:
     """Apply a change to every mapping within a value."""
     if isinstance(value, dict):
         return change(value)
     if isinstance(value, tuple | list):
-        return tuple(_within(change, each) for each in value)
+        return tuple(_apply_to_mappings(change, each) for each in value)
     return value
 
 

@@ -1,4 +1,4 @@
-"""A running stage, step by step: to rest, armed, along a waveform, recorded; and left safe."""
+"""A running stage, step by step: at rest, armed, along a waveform, recorded; and left safe."""
 
 import re
 from collections.abc import Callable, Collection, Mapping
@@ -19,35 +19,35 @@ from piezod.experiment.live.setup import LiveSetup
 from piezod.records.telemetry_reader import RecordedTelemetry, read_telemetry
 
 RATE_HZ: Final = 20.0
-"""How often the stage is looked at."""
+"""Rate of the telemetry, in Hz."""
 RENEW_S: Final = 10.0
-"""The lease, which lasts 30 s, is renewed so often."""
+"""Interval at which the lease is renewed, in s; a lease lasts 30 s."""
 ZERO_S: Final = 0.5
-"""How long a sensor's zeroing takes at most."""
+"""Longest duration of the zeroing of a sensor, in s."""
 SHORTEST_S: Final = 0.1
-"""A rest that is driven lasts at least so long."""
+"""Shortest duration of a rest that is driven, in s."""
 
-_WAY_DOWN: Final = frozenset({State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP})
-_UNUSUAL: Final = re.compile(r"[^A-Za-z0-9_-]+")
+_STATES_TO_SAFE: Final = frozenset({State.READY, State.RUN, State.IDENT, State.HOLD, State.RAMP})
+_OTHER_CHARACTERS: Final = re.compile(r"[^A-Za-z0-9_-]+")
 _LABEL_LETTERS: Final = 32
 
 Advance = Callable[[float], None]
-"""Told how many further seconds are over."""
+"""Called with the number of further seconds that have passed."""
 
 
 class LiveStage:
-    """A stage that somebody's daemon owns, for as long as a `with` block lasts.
+    """A stage that a daemon owns, for the time of a `with` block.
 
-    At the end of the block, whatever its cause, the stage is told to stop: it goes to its safe
-    voltage and is disarmed. A recording that goes on is ended, and the lease is given back.
+    At the end of the block, for any reason, the stage is requested to stop: it goes to its safe
+    voltage and is disarmed. A running recording is ended, and the lease is released.
 
-    Every method raises ClientError, or one of its kinds, where the daemon refuses or is gone, and
-    NotReachedError where the stage goes another way than it was told to.
+    Every method raises ClientError, or a subclass, if the daemon refuses or has ended, and
+    NotReachedError if the stage leaves the expected states.
 
     Args:
         client: A connection to the daemon.
-        setup: What the stage is like.
-        advance: Told how time goes on.
+        setup: Setup of the stage.
+        advance: Called as time passes.
     """
 
     def __init__(self, client: StageClient, setup: LiveSetup, advance: Advance) -> None:
@@ -55,7 +55,7 @@ class LiveStage:
         self._touched = self._recording = False
         self._renewed_s = -inf
         self.faults: set[str] = set()
-        """Ids of the faults that were told since this was cleared last."""
+        """Ids of the faults that were present since the last `clear`."""
 
     def __enter__(self) -> Self:
         return self
@@ -91,23 +91,23 @@ class LiveStage:
 
     # ------------------------------------------------------------------ steps
 
-    def park(self) -> None:
+    def disarm(self) -> None:
         """Stop, and wait until the stage is disarmed."""
-        self._client.renew_lease()  # before it stops what somebody else may be doing
+        self._client.renew_lease()  # first: another client may own the stage
         self._touched = True
         self._client.stop()
-        self._wait(lambda told: told.state == State.SAFE, _WAY_DOWN)
+        self._wait(lambda interval: interval.state == State.SAFE, _STATES_TO_SAFE)
 
     def rest(self, settle_s: float) -> None:
-        """Have a parked stage rest, and call the displacement there zero.
+        """Let a disarmed stage rest, and zero its sensors.
 
-        Where the safe voltage is not that of rest, the stage is armed and driven there.
+        If the safe voltage is not the rest voltage, the stage is armed and driven there.
 
         Args:
-            settle_s: How long to wait, in s.
+            settle_s: Duration of the rest, in s.
         """
         if self._setup.safe_at_rest:
-            self._pass(settle_s, State.SAFE)
+            self._wait_in(settle_s, State.SAFE)
         else:
             self.arm()
             rest_v = {
@@ -116,32 +116,32 @@ class LiveStage:
             }
             self.drive(rest_v, max(settle_s, SHORTEST_S))
         self._client.zero()
-        self._pass(ZERO_S, *(State.SAFE, State.READY))
+        self._wait_in(ZERO_S, *(State.SAFE, State.READY))
 
     def arm(self) -> None:
-        """Arm a stage that rests, and wait for the end of the conditioning where there is one."""
+        """Arm a stage at rest, and wait for the end of a conditioning."""
         self._client.arm()
-        self._wait(lambda told: told.state == State.READY, {State.IDENT})
+        self._wait(lambda interval: interval.state == State.READY, {State.IDENT})
 
     def drive(self, drive_v: Waveforms, duration_s: float) -> None:
-        """Drive voltages from rest and back to it; the stage is armed.
+        """Drive voltages from rest and back to rest; the stage is armed.
 
         Args:
-            drive_v: Axis: drive over time, in V.
-            duration_s: How long, in s.
+            drive_v: Voltage over time for each axis, in V.
+            duration_s: Duration, in s.
         """
         self._client.identify(drive_v, duration_s)
-        self._wait(lambda told: told.state == State.READY, {State.IDENT})
+        self._wait(lambda interval: interval.state == State.READY, {State.IDENT})
 
     def select(self, mode: Mode, axes: Collection[str]) -> None:
-        """Choose the mode of axes, disarmed or not; armed, this starts RUN."""
+        """Select the mode of axes, disarmed or armed; in an armed stage this starts RUN."""
         for axis in axes:
             self._client.mode(mode, axis=axis)
 
-    def staying_um(self) -> Mapping[str, float]:
-        """Return the command that each axis follows in RUN before a movement, in µm."""
-        told = self._wait(lambda _told: True, {State.RUN})
-        return {name: axis.command_um.last or 0.0 for name, axis in told.axes.items()}
+    def holding_command_um(self) -> Mapping[str, float]:
+        """Return the constant command of each axis in RUN before a movement, in µm."""
+        interval = self._wait(lambda _told: True, {State.RUN})
+        return {name: axis.command_um.last or 0.0 for name, axis in interval.axes.items()}
 
     def follow(
         self, command_um: Waveforms, duration_s: float, mode: Mode, longest_s: float
@@ -149,26 +149,26 @@ class LiveStage:
         """Follow waveforms to their end.
 
         Args:
-            command_um: Axis: position over time, in µm.
-            duration_s: How long the waveforms are followed, in s.
-            mode: The mode in which all of these axes are.
-            longest_s: How long it takes with the way to their start, in s.
+            command_um: Position over time for each axis, in µm.
+            duration_s: Duration of the waveforms, in s.
+            mode: Mode of all of these axes.
+            longest_s: Duration with the motion to their start, in s.
         """
         motion = self._client.wave(command_um, duration_s).motion
-        first, begun_s = next(iter(command_um)), inf
+        first, start_s = next(iter(command_um)), inf
 
-        def ended(told: Interval) -> bool:
-            nonlocal begun_s
-            if told.axes[first].motion > motion:
+        def ended(interval: Interval) -> bool:
+            nonlocal start_s
+            if interval.axes[first].motion > motion:
                 what = f"axis {first}: another movement has taken the place of this one"
-                raise NotReachedError(what, "nobody else may move the stage now", "superseded")
+                raise NotReachedError(what, "no other client may move the stage now", "superseded")
             for name in command_um:
-                if told.state == State.RUN and told.axes[name].mode != mode:
-                    what = f"axis {name}: the mode has become {told.axes[name].mode}"
-                    raise NotReachedError(what + _because_of(told), code="mode")
-            if told.axes[first].motion == motion:
-                begun_s = min(begun_s, told.t_s)
-            return told.state == State.RUN and told.t_s - begun_s >= longest_s
+                if interval.state == State.RUN and interval.axes[name].mode != mode:
+                    what = f"axis {name}: the mode has become {interval.axes[name].mode}"
+                    raise NotReachedError(what + _fault_text(interval), code="mode")
+            if interval.axes[first].motion == motion:
+                start_s = min(start_s, interval.t_s)
+            return interval.state == State.RUN and interval.t_s - start_s >= longest_s
 
         self._wait(ended, {State.RUN})
 
@@ -176,57 +176,64 @@ class LiveStage:
         """Record every cycle from now on.
 
         Args:
-            label: Becomes part of the recording's name, as far as its letters may.
+            label: Part of the recording's name, as far as its characters allow.
         """
-        self._client.start_recording(_UNUSUAL.sub("-", label).strip("-_")[:_LABEL_LETTERS] or None)
+        self._client.start_recording(
+            _OTHER_CHARACTERS.sub("-", label).strip("-_")[:_LABEL_LETTERS] or None
+        )
         self._recording = True
 
     def end_recording(self, file: Path) -> RecordedTelemetry:
         """End the recording, and return it.
 
         Args:
-            file: Where to copy it to.
+            file: Path of its copy.
 
         Raises:
-            DataError: If it ended by itself.
+            DataError: If it has ended by itself.
         """
-        ended = self._client.stop_recording()
+        recording = self._client.stop_recording()
         self._recording = False
-        if ended.why:
-            raise DataError(f"the recording has ended by itself: {ended.why}")
-        self._client.fetch_recording(ended.name, file)
+        if recording.why:
+            raise DataError(f"the recording has ended by itself: {recording.why}")
+        self._client.fetch_recording(recording.name, file)
         return read_telemetry(file)
 
     # ------------------------------------------------------------------ waiting
 
-    def _pass(self, duration_s: float, *states: State) -> None:
-        begun_s = inf
+    def _wait_in(self, duration_s: float, *states: State) -> None:
+        start_s = inf
 
-        def over(told: Interval) -> bool:
-            nonlocal begun_s
-            begun_s = min(begun_s, told.t_s)
-            return told.state in states and told.t_s - begun_s >= duration_s
+        def passed(interval: Interval) -> bool:
+            nonlocal start_s
+            start_s = min(start_s, interval.t_s)
+            return interval.state in states and interval.t_s - start_s >= duration_s
 
-        self._wait(over, states)
+        self._wait(passed, states)
 
     def _wait(self, done: Callable[[Interval], bool], through: Collection[State]) -> Interval:
-        """Return the first interval that will do; the states on the way to it are given."""
+        """Return the first interval for which `done` is true.
+
+        Args:
+            done: Whether an interval is the one.
+            through: States in which the stage may be before.
+        """
         before_s = inf
         with closing(self._client.telemetry(RATE_HZ)) as intervals:
-            for told in intervals:
-                self.faults.update(told.faults)
-                self._advance(max(told.t_s - before_s, 0.0))
-                before_s = told.t_s
-                if done(told):
-                    return told
-                if told.state not in through:
-                    what = f"the stage is in {told.state}{_because_of(told)}"
-                    raise NotReachedError(what, "`piezod faults` tells more", "state")
-                if told.t_s - self._renewed_s >= RENEW_S:
+            for interval in intervals:
+                self.faults.update(interval.faults)
+                self._advance(max(interval.t_s - before_s, 0.0))
+                before_s = interval.t_s
+                if done(interval):
+                    return interval
+                if interval.state not in through:
+                    what = f"the stage is in {interval.state}{_fault_text(interval)}"
+                    raise NotReachedError(what, "see `piezod faults`", "state")
+                if interval.t_s - self._renewed_s >= RENEW_S:
                     self._client.renew_lease()
-                    self._renewed_s = told.t_s
+                    self._renewed_s = interval.t_s
         raise NotRunningError("the telemetry has ended", "is the daemon still running?")
 
 
-def _because_of(told: Interval) -> str:
-    return f" because of {', '.join(told.faults)}" if told.faults else ""
+def _fault_text(interval: Interval) -> str:
+    return f" because of {', '.join(interval.faults)}" if interval.faults else ""

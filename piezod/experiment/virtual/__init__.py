@@ -1,1 +1,1 @@
-"""An experiment in virtual time, on devices that this process owns."""
+"""Experiments in virtual time, on devices that this process owns."""

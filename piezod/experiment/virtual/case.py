@@ -29,17 +29,18 @@ from piezod.records.recording import Recording
 from piezod.units import NS_PER_S, s_to_ns
 
 SNAPSHOT_S = 0.05
-"""The parameters are recorded this often."""
-BEYOND = 0.01
-"""A command may leave the identified range by this part of it: both ends carry noise and drift."""
+"""Interval at which the weights are recorded, in s."""
+RANGE_MARGIN = 0.01
+"""A command may exceed the identified range by this share of it, because of noise and drift at both
+ends."""
 
 
 class VirtualRun(NamedTuple):
     """One axis in one case and one mode.
 
     Attributes:
-        recording: What was recorded.
-        warnings: What a person should know before believing it.
+        recording: The recording.
+        warnings: Warnings for its reader.
     """
 
     recording: Recording
@@ -57,7 +58,7 @@ def run_case(
 
     Raises:
         DataError: If a command leaves the range in which the axis was identified.
-        DeviceError: If a device refuses.
+        DeviceError: If a device refuses a voltage.
     """
     references = {
         name: build_waveform(command, case.duration_s)
@@ -65,6 +66,7 @@ def run_case(
     }
     for name, reference in references.items():
         _check_range(case, name, reference, identified[name].model)
+    # The creep during the rest is part of the state at the start.
     for axis, position_um in zip(identified.values(), stage.rest(config.settle_s), strict=True):
         axis.creeping.watch(position_um)
         axis.creeping.zero()
@@ -118,7 +120,7 @@ def _merged_pairs(axis: CompensatedAxis) -> int:
 
 
 class _Snapshots:
-    """The parameters in use, right operators first, taken now and then."""
+    """The weights in use, right operators first, at intervals."""
 
     def __init__(self, axes: list[CompensatedAxis], every: int) -> None:
         self._axes, self.every = axes, every
@@ -126,18 +128,18 @@ class _Snapshots:
 
     def take(self, cycle: int) -> None:
         if cycle % self.every == 0:
-            for axis, taken in zip(self._axes, self.weights, strict=True):
+            for axis, snapshots in zip(self._axes, self.weights, strict=True):
                 left, right = np.split(axis.compensator.weights, 2)
-                taken.append(np.concatenate((right, left)))
+                snapshots.append(np.concatenate((right, left)))
 
 
 def _check_range(case: CaseConfig, name: str, reference: Waveform, model: StageModel) -> None:
     identified = model.position_um
-    margin = BEYOND * identified.width
+    margin = RANGE_MARGIN * identified.width
     if reference.low < identified.low - margin or reference.high > identified.high + margin:
         message = (
             f"{case.name} commands {reference.low:g} to {reference.high:g} µm, but axis {name} was "
-            f"identified from {identified.low:.3g} to {identified.high:.3g} µm; keep the command "
-            "inside, or identify with a larger drive"
+            f"identified from {identified.low:.3g} to {identified.high:.3g} µm; reduce the "
+            "command, or identify with a larger drive"
         )
         raise DataError(message)

@@ -1,4 +1,4 @@
-"""How far a stage has crept, followed from run to run."""
+"""The creep of a stage, followed from run to run."""
 
 import numpy as np
 
@@ -9,11 +9,11 @@ from piezod.hysteresis.memory import FloatArray
 
 
 class Creeping:
-    """The creep of one axis, as its measured displacement tells it.
+    """The creep of one axis, from its measured positions.
 
     Args:
-        model: Model of the axis, whose displacement counts from rest.
-        period_s: Time from sample to sample, in s.
+        model: Model of the axis, with its zero at rest.
+        period_s: Sample period, in s.
     """
 
     def __init__(self, model: StageModel, period_s: float) -> None:
@@ -25,10 +25,12 @@ class Creeping:
         self.zero()
 
     def watch(self, position_um: FloatArray) -> None:
-        """Follow measured displacements, shape (n,), in µm; NaN where there was none."""
+        """Follow measured positions, shape (n,), in µm; NaN for missing samples."""
         known = np.flatnonzero(np.isfinite(position_um))
         if not self._lags.size or not known.size:
             return
+        # A missing sample counts as the last one before it; the first ones count as the first
+        # sample.
         held = np.maximum.accumulate(
             np.where(np.isfinite(position_um), np.arange(position_um.size), known[0])
         )
@@ -36,11 +38,11 @@ class Creeping:
         self._quick = float(remove_creep(self._creep, x, self._lags, self._quick)[-1])
 
     def zero(self) -> None:
-        """Count the displacement from here on: the stage rests, and its sensor was zeroed."""
+        """Take the present displacement as zero: the stage rests, and its sensor was zeroed."""
         self._zeroed = float(self._creep.weights @ self._lags)
         self._quick = self._rest
 
     @property
     def state(self) -> CreepState:
-        """The creep as it is now."""
+        """Present state of the creep."""
         return CreepState(self._creep, self._lags, self._zeroed, self._quick)

@@ -1,4 +1,4 @@
-"""The first phase of an experiment: a model for every axis, recorded and fitted, or from a file."""
+"""The first phase of an experiment: a model for every axis, from a recording or from a file."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -30,7 +30,14 @@ from piezod.units import NS_PER_S
 
 @dataclass(frozen=True)
 class IdentifiedAxis:
-    """A model, how far the axis has crept, the account of the model, and what to know of it."""
+    """An axis with its model.
+
+    Attributes:
+        model: The model, with its zero at rest.
+        creeping: The creep of the axis so far.
+        account: Origin of the model.
+        warnings: Warnings for the user of the model.
+    """
 
     model: StageModel
     creeping: Creeping
@@ -39,12 +46,12 @@ class IdentifiedAxis:
 
 
 def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str, IdentifiedAxis]:
-    """Return the model of every axis, in their order; those without a file are driven for it.
+    """Return the model of every axis, in order; axes without a model file are identified.
 
     Raises:
         ConfigError: If a model file cannot be used.
-        DataError: If the record cannot be used, or a model leaves out the rest voltage.
-        DeviceError: If a device refuses.
+        DataError: If the record cannot be used, or a model does not hold at the rest voltage.
+        DeviceError: If a device refuses a voltage.
         ModelError: If a gain of an identifier or of a trim is not safe; the text names the axis.
     """
     period_s, trimmed = stage.period_ns / NS_PER_S, Mode.TRIMMED in config.modes
@@ -73,16 +80,16 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
 def _drive(
     stage: VirtualStage, axes: Mapping[str, AxisConfig], settings: IdentificationConfig
 ) -> Mapping[str, FloatArray]:
-    """Drive the axes that have no model, the others resting; return the trace of each axis."""
+    """Drive the axes without a model while the others rest; return the trace of each axis."""
     drive = build_waveform(settings.drive_v, settings.duration_s).value
     waveforms = [
-        drive if axis.model is None else _held(axis.limits.rest_v) for axis in axes.values()
+        drive if axis.model is None else _constant(axis.limits.rest_v) for axis in axes.values()
     ]
     traces = stage.open_loop(waveforms, settings.duration_s)
     return dict(zip(axes, traces, strict=True))
 
 
-def _held(drive_v: float) -> TimeFunction:
+def _constant(drive_v: float) -> TimeFunction:
     return lambda _t_s: drive_v
 
 
@@ -94,7 +101,7 @@ def _record(name: str, stage: VirtualStage, trace: FloatArray) -> Record:
         message = (
             f"axis {name}: {invalid.size} of {t_s.size} samples of the identification were "
             f"invalid, the first at {t_s[invalid[0]]:.3f} s; "
-            "is the sensor in its range over the whole drive?"
+            "check that the sensor is in its range over the whole drive"
         )
         raise DataError(message)
     return Record(t_s, trace[:, IN_FORCE_V].copy(), position_um.copy())
@@ -123,27 +130,29 @@ def _from_record(
     account = account_of(fit, record, axis=name, title=title)
     creeping = Creeping(model, record.period_s)
     creeping.watch(record.position_um)
-    return IdentifiedAxis(model, creeping, account, _of(name, fit_warnings(fit, record.period_s)))
+    return IdentifiedAxis(
+        model, creeping, account, _for_axis(name, fit_warnings(fit, record.period_s))
+    )
 
 
 def _from_file(name: str, axis: AxisConfig, path: Path, period_ns: int) -> IdentifiedAxis:
     in_file, file = read_model(path)
     with prefix_errors(name):
         model = in_file.zeroed_at(axis.limits.rest_v)
-    nothing = np.empty(0)
+    no_samples = np.empty(0)
     account = Identification(
         axis=name,
         title=f"model file {path.name}",
         method=file.method,
-        t_s=nothing,
-        drive_v=nothing,
-        position_um=nothing,
-        predicted_v=nothing,
+        t_s=no_samples,
+        drive_v=no_samples,
+        position_um=no_samples,
+        predicted_v=no_samples,
         fit_errors=file.fit.model_dump(),
         parameters=parameters_of(model),
     )
     return IdentifiedAxis(model, Creeping(model, period_ns / NS_PER_S), account, ())
 
 
-def _of(axis: str, warnings: Iterable[str]) -> tuple[str, ...]:
+def _for_axis(axis: str, warnings: Iterable[str]) -> tuple[str, ...]:
     return tuple(f"Axis {axis}: {warning}" for warning in warnings)

@@ -12,14 +12,14 @@ from piezod.units import NS_PER_S
 
 
 class OpenLoopAxis:
-    """Drives a voltage waveform, for identification; the displacement is recorded, not used.
+    """Drives a voltage waveform; positions are recorded, not used. All methods are real-time safe.
 
     Args:
         waveform_v: Voltage over time since the start, in V.
-        limits: What the drive may do.
-        in_force_v: Voltage in force at the start.
-        start_ns: Instant at which the waveform starts.
-        period_ns: Period of the loop.
+        limits: Limits of the drive.
+        in_force_v: Voltage in force at the start, in V.
+        start_ns: Instant at which the waveform starts, in ns.
+        period_ns: Period of the loop, in ns.
     """
 
     def __init__(
@@ -35,19 +35,19 @@ class OpenLoopAxis:
         self._start_ns, self._period_s = start_ns, period_ns / NS_PER_S
 
     def update(self, t_ns: int, sample: Sample) -> AxisOutput:  # noqa: ARG002 - open loop
-        """Return the voltage for this cycle; may be called in the loop."""
-        wished_v = self._waveform_v((t_ns - self._start_ns) / NS_PER_S)
-        drive_v = self._limits.admit(wished_v, self._in_force_v, self._period_s)
-        return AxisOutput(drive_v, float("nan"), wished_v, self._in_force_v, t_ns)
+        """Return the voltage for this cycle."""
+        requested_v = self._waveform_v((t_ns - self._start_ns) / NS_PER_S)
+        drive_v = self._limits.admit(requested_v, self._in_force_v, self._period_s)
+        return AxisOutput(drive_v, float("nan"), requested_v, self._in_force_v, t_ns)
 
     def applied(self, drive_v: float) -> None:
-        """Take the voltage that is in force from now on."""
+        """Take the voltage that is in force from now on, in V."""
         self._in_force_v = drive_v
 
     def record(
         self, sample: Sample, output: AxisOutput, drive_v: float, read_back_v: float
     ) -> AxisRecord:
-        """Return what the cycle leaves of this axis."""
+        """Return the record of this axis."""
         return AxisRecord(
             sample_ns=sample.t_ns,
             position_um=sample.position_um if sample.valid else nan,

@@ -12,7 +12,7 @@ from piezod.experiment.virtual.stage import opened
 from piezod.records.recording import ExperimentResult
 
 Progress = Callable[[str, float], None]
-"""Told what is running, and the share of the whole that is done."""
+"""Called with the present step and the share of the experiment that is done."""
 
 _REPORT_EVERY_CYCLES = 500
 
@@ -23,19 +23,19 @@ def run_experiment(
     """Run an experiment in virtual time, on one stage from beginning to end.
 
     Args:
-        config: What to run.
-        configuration: The text of its file, kept with the result.
-        title: What the experiment is, for people.
-        progress: Told as it goes on.
+        config: The experiment.
+        configuration: Text of its file, kept with the result.
+        title: Description of the experiment, for people.
+        progress: Called as the experiment advances.
 
     Raises:
         ConfigError: If a model file cannot be used.
         DataError: If the identification record cannot be used, or a command leaves its range.
         DeviceError: If a device cannot be opened or refuses a voltage.
-        ModelError: If a gain is not safe: before anything moves, or before the first case where
-            the delay is identified.
+        ModelError: If a gain is not safe: before anything moves, or before the first case if the
+            delay is identified.
     """
-    meter = _Meter(_seconds(config) * config.rate_hz, progress)
+    meter = _ProgressMeter(_duration_s(config) * config.rate_hz, progress)
     with opened(config, meter.advance) as stage:
         meter.label = "identification"
         identified = identify_axes(stage, config)
@@ -59,8 +59,8 @@ def run_experiment(
     )
 
 
-class _Meter:
-    """Turns cycles that have run into a share of the whole."""
+class _ProgressMeter:
+    """Turns the number of cycles into a share of the experiment."""
 
     def __init__(self, cycles: float, progress: Progress) -> None:
         self._cycles, self._progress = cycles, progress
@@ -73,7 +73,7 @@ class _Meter:
             self._progress(self.label, min(1.0, self._done / self._cycles))
 
 
-def _seconds(config: ExperimentConfig) -> float:
+def _duration_s(config: ExperimentConfig) -> float:
     runs = len(config.modes) * sum(config.settle_s + case.duration_s for case in config.cases)
     if config.identification is None:
         return runs
@@ -81,6 +81,6 @@ def _seconds(config: ExperimentConfig) -> float:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of the programs that make a result, by name."""
+    """Return the versions of the programs that made a result, by name."""
     names = ("piezod", "numpy", "numba", "scipy", "pydantic", "h5py", "matplotlib")
     return {"python": platform.python_version(), **{name: version(name) for name in names}}

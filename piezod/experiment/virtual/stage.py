@@ -22,25 +22,25 @@ from piezod.telemetry.record import CycleRecord
 from piezod.units import NS_PER_S, s_to_ns
 
 ZERO_OVER_S = 0.2
-"""The sensor is zeroed to its mean over the last part of a rest, this long."""
+"""The sensor is zeroed to its mean over this last part of a rest, in s."""
 RAMP_SHARE = 0.5
-"""Part of a rest in which the voltage goes to its rest value; the remainder it is held."""
+"""Share of a rest in which the voltage goes to the rest voltage; then it is held."""
 
 COLUMNS = 5
 IN_FORCE_V, POSITION_UM, COMMAND_UM, UNCOMPENSATED_V, TRUE_UM = range(COLUMNS)
-"""Columns of a trace; what is not known of a sample is NaN."""
+"""Columns of a trace; unknown values are NaN."""
 
 Progress = Callable[[int], None]
-"""Told how many further cycles have run."""
+"""Called with the number of further cycles that have run."""
 
 
 @contextmanager
 def opened(config: ExperimentConfig, progress: Progress) -> Iterator["VirtualStage"]:
-    """Open and activate the devices of an experiment; whatever happens, leave them safe.
+    """Open and activate the devices of an experiment; leave them safe in any case.
 
     Raises:
-        DeviceError: If a device cannot be opened, or cannot play the role it is given, or metrics
-            are asked for which only a simulated device can tell.
+        DeviceError: If a device cannot be opened or cannot have its role, or if metrics need a
+            truth that only simulated devices know.
     """
     axes = pairs_of(config.axes)
     devices = construct(config.devices, axes, config.seed)
@@ -63,8 +63,8 @@ def _check_truth(config: ExperimentConfig, devices: Mapping[str, Device]) -> Non
         sensor = axis.sensor.device
         if needing and not isinstance(devices[sensor], KnowsTruth):
             message = (
-                f"metrics asks for {needing}, but device {sensor}, the sensor of axis {name}, "
-                "does not know the true displacement, as simulated devices do; leave these out"
+                f"metrics requests {needing}, but device {sensor}, the sensor of axis {name}, "
+                "does not know the true displacement, as simulated devices do; remove these"
             )
             raise DeviceError(message)
 
@@ -76,12 +76,12 @@ def _check_rate(rate_hz: float, max_rate_hz: float) -> None:
 
 
 class VirtualStage:
-    """All axes of an experiment; time goes on from phase to phase.
+    """All axes of an experiment; time advances from phase to phase.
 
     Args:
         channels: The devices, open and active.
         config: The experiment.
-        progress: Told as cycles run.
+        progress: Called as cycles run.
     """
 
     def __init__(self, channels: Channels, config: ExperimentConfig, progress: Progress) -> None:
@@ -105,8 +105,8 @@ class VirtualStage:
         """Run cycles for a duration; return the trace, shape (axes, cycles, COLUMNS).
 
         Args:
-            axes: What each axis does, in the order of the configuration.
-            duration_s: How long, in s.
+            axes: Axis objects, in the order of the configuration.
+            duration_s: Duration, in s.
             before: Called before each cycle with its number.
 
         Raises:
@@ -121,14 +121,14 @@ class VirtualStage:
             if before is not None:
                 before(k)
             record = run_cycle(parts, self.now_ns)
-            self._note(record, trace[:, k])
+            self._store(record, trace[:, k])
             trace[:, k, TRUE_UM] = self._channels.true_position_um(self.now_ns)
             self.now_ns += self.period_ns
             self._progress(1)
         return trace
 
     def open_loop(self, waveforms_v: Sequence[TimeFunction], duration_s: float) -> FloatArray:
-        """Drive voltage waveforms, one per axis; return the trace, as `run` does."""
+        """Drive voltage waveforms, one per axis; return the trace as `run` does."""
         axes = [
             OpenLoopAxis(waveform, limits_of(axis), in_force_v, self.now_ns, self.period_ns)
             for waveform, axis, in_force_v in zip(
@@ -138,9 +138,10 @@ class VirtualStage:
         return self.run(axes, duration_s)
 
     def rest(self, duration_s: float) -> FloatArray:
-        """Go to the rest voltage and hold it, then call the displacement reached zero.
+        """Go to the rest voltage and hold it, then zero the sensors.
 
-        Return the displacements on the way, from the zero before, shape (axes, cycles).
+        Returns:
+            Positions on the way, from the previous zero, in µm, shape (axes, cycles).
         """
         ramps = [
             _ramp(in_force_v, axis.limits.rest_v, RAMP_SHARE * duration_s)
@@ -152,7 +153,7 @@ class VirtualStage:
         return trace[:, :, POSITION_UM]
 
     def _zero(self, trace: FloatArray) -> None:
-        """Call the mean of what was measured zero, and that of the truth over the same samples."""
+        """Zero the sensors to their means, and the truth to its means over the same samples."""
         for i, axis in enumerate(trace):
             measured = axis[np.isfinite(axis[:, POSITION_UM])]
             if measured.size:
@@ -160,7 +161,7 @@ class VirtualStage:
                 self._true_zero_um[i] += float(np.mean(measured[:, TRUE_UM]))
         self._channels.zero(self._zero_um, self._true_zero_um)
 
-    def _note(self, record: CycleRecord, row: FloatArray) -> None:
+    def _store(self, record: CycleRecord, row: FloatArray) -> None:
         if self._devices.crash is not None:
             raise self._devices.crash
         if not record.written:

@@ -1,4 +1,4 @@
-"""A running stage driven for a model: the drive, and the record that comes of it."""
+"""Tests of the identification of a running stage: its drive and its record."""
 
 from pathlib import Path
 
@@ -28,15 +28,15 @@ identification:
 
 
 def axis(**limits: object) -> LiveAxis:
-    """Return axis x of the stage that is shipped, with other limits."""
+    """Return axis x of the stage in the repository, with other limits."""
     document = stage_document()
     document["axes"]["x"]["limits"] |= limits
     document["axes"]["x"]["safety"] = {"safe_v": limits.get("rest_v", 0.0), "ramp_v_per_s": 50.0}
     return read_setup(FakeStage(document)).axes["x"]
 
 
-def test_designed_drive_is_over_all_voltages() -> None:
-    """It is what the command recommends where a record tells too little."""
+def test_designed_drive_covers_all_voltages() -> None:
+    """It is the drive that the command recommends for a poor record."""
     drive = designed_drive(axis())
 
     waveform = build_waveform(drive.drive_v, drive.duration_s)
@@ -46,16 +46,16 @@ def test_designed_drive_is_over_all_voltages() -> None:
     assert values_v.max() == pytest.approx(150.0, abs=0.01)
 
 
-def test_drive_from_rest_is_as_it_is() -> None:
-    """Nothing is put before a drive that begins where the stage rests."""
+def test_drive_from_rest_is_unchanged() -> None:
+    """A drive that starts at the rest voltage needs no ramp."""
     designed = designed_drive(axis())
 
     assert from_rest(designed, axis()).drive_v is designed.drive_v
 
 
 @pytest.mark.parametrize("designed", [True, False])
-def test_drive_from_elsewhere_has_a_way_there(tmp_path: Path, designed: bool) -> None:
-    """A stage that rests in the middle is not sent to the end of its range by a jump."""
+def test_drive_from_another_voltage_has_a_ramp(tmp_path: Path, designed: bool) -> None:
+    """A stage that rests in the middle does not jump to the end of its range."""
     there = axis(rest_v=60.0)
     (tmp_path / "drive.yaml").write_text(DRIVE, encoding="utf-8")
     settings = designed_drive(there) if designed else read_drive(tmp_path / "drive.yaml")
@@ -73,7 +73,7 @@ def test_drive_from_elsewhere_has_a_way_there(tmp_path: Path, designed: bool) ->
 
 
 def test_drive_is_read_from_an_experiment(tmp_path: Path) -> None:
-    """Other keys of the file do not matter; what is wrong with the drive is told with its place."""
+    """Other keys of the file do not matter; errors of the drive have their place."""
     path = tmp_path / "drive.yaml"
     path.write_text("title: anything\n" + DRIVE, encoding="utf-8")
     assert read_drive(path).duration_s == 2.0
@@ -102,8 +102,8 @@ def telemetry() -> RecordedTelemetry:
     return RecordedTelemetry(header, 0, np.empty((0, 2), np.int64), cycles, {"x": columns}, {})
 
 
-def test_record_is_what_was_driven() -> None:
-    """From the first cycle to the last one of the drive, with the voltage that was in force."""
+def test_record_contains_the_drive() -> None:
+    """It covers the first to the last cycle of the drive, with the voltage in force."""
     columns, warnings = columns_of(telemetry(), "x")
 
     assert warnings == ()
@@ -113,14 +113,14 @@ def test_record_is_what_was_driven() -> None:
 
 
 def test_few_missing_samples_are_filled_in() -> None:
-    """Cycles that were skipped and samples that were invalid, and it is told how many."""
-    told = telemetry()
-    told.axes["x"]["position_um"][500:505] = np.nan
-    for columns in (told.cycles, told.axes["x"]):
+    """Skipped cycles and invalid samples are filled in, and counted in a warning."""
+    recorded = telemetry()
+    recorded.axes["x"]["position_um"][500:505] = np.nan
+    for columns in (recorded.cycles, recorded.axes["x"]):
         for name, column in columns.items():
             columns[name] = np.delete(column, slice(700, 703))
 
-    filled, (warning,) = columns_of(told, "x")
+    filled, (warning,) = columns_of(recorded, "x")
 
     assert filled["t_s"].size == 1000
     assert filled["position_um"] == pytest.approx(2.0 + 2.0 * filled["t_s"])
@@ -128,21 +128,21 @@ def test_few_missing_samples_are_filled_in() -> None:
 
 
 def test_many_missing_samples_are_refused() -> None:
-    """A model of a sensor that was out of its range would be none of the stage."""
-    told = telemetry()
-    told.axes["x"]["position_um"][500:600] = np.nan
+    """A record of a sensor out of its range gives no model of the stage."""
+    recorded = telemetry()
+    recorded.axes["x"]["position_um"][500:600] = np.nan
 
     with pytest.raises(DataError, match="axis x: 100 of 1000 samples are missing"):
-        columns_of(told, "x")
+        columns_of(recorded, "x")
 
 
 def test_recording_without_a_drive_is_refused() -> None:
-    """The state tells what belongs to it."""
-    told = telemetry()
-    told.cycles["state"][:] = 0
+    """The state marks the cycles of the drive."""
+    recorded = telemetry()
+    recorded.cycles["state"][:] = 0
 
-    with pytest.raises(DataError, match="nothing of the drive"):
-        columns_of(told, "x")
+    with pytest.raises(DataError, match="does not contain the drive"):
+        columns_of(recorded, "x")
 
 
 def record(stage: FakeStage, name: str | None = None) -> None:
@@ -150,8 +150,8 @@ def record(stage: FakeStage, name: str | None = None) -> None:
     record_live(stage, Path("no.csv"), lambda _label, _share: None, axis=name, settings=None)
 
 
-def test_axis_has_to_be_named_where_there_are_several() -> None:
-    """One after the other is identified, the others resting."""
+def test_axis_must_be_named_if_there_are_several() -> None:
+    """One axis is identified at a time, while the others rest."""
     document = stage_document()
     document["axes"]["y"] = document["axes"]["x"]
 
@@ -162,7 +162,7 @@ def test_axis_has_to_be_named_where_there_are_several() -> None:
 
 
 def test_fault_while_driving_stops_the_stage() -> None:
-    """A record that ends early is none, and the stage is left disarmed."""
+    """The stage is disarmed, and there is no record."""
 
     def fault(stage: FakeStage) -> None:
         if stage.state == "IDENT":

@@ -1,4 +1,4 @@
-"""The paper's experiment on a running stage, in real time: the same figures as in virtual time."""
+"""The paper's experiment on a running stage, in real time, with the errors of virtual time."""
 
 import json
 import re
@@ -17,8 +17,8 @@ METRICS = ("tracking_max_pct", "nonlinearity_pct")
 
 @pytest.mark.stress
 @pytest.mark.timeout(900)
-def test_the_errors_are_below_the_papers(tmp_path: Path, figure: Figure) -> None:
-    """Worst tracking error and nonlinearity in every case, on the stage that is shipped."""
+def test_errors_are_below_those_of_the_paper(tmp_path: Path, figure: Figure) -> None:
+    """Worst tracking error and nonlinearity in every case, on the stage of the repository."""
     text, count = re.subn("^modes: .*$", MODES, QIU.read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert count == 1
     (tmp_path / "qiu.yaml").write_text(text, encoding="utf-8")

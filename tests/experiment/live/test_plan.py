@@ -1,4 +1,4 @@
-"""Whether an experiment fits a running stage, and what of its file is not used there."""
+"""Tests of the check of an experiment for a running stage, and of the unused parts of its file."""
 
 from pathlib import Path
 
@@ -13,12 +13,12 @@ from tests.experiment.live_fakes import FakeStage, stage_document
 
 @pytest.fixture
 def setup() -> LiveSetup:
-    """Return the stage that is shipped."""
+    """Return the setup of the stage in the repository."""
     return read_setup(FakeStage())
 
 
-def test_setup_is_what_the_daemon_tells(setup: LiveSetup) -> None:
-    """Rate, axes, and the model in use, which counts from rest."""
+def test_setup_is_that_of_the_daemon(setup: LiveSetup) -> None:
+    """It has the rate, the axes, and the model in use with its zero at rest."""
     axis = setup.axes["x"]
 
     assert (setup.stage, setup.rate_hz, setup.seed) == ("fake", 1000.0, 1)
@@ -28,8 +28,8 @@ def test_setup_is_what_the_daemon_tells(setup: LiveSetup) -> None:
     assert setup.safe_at_rest
 
 
-def test_range_is_the_models_where_none_is_configured() -> None:
-    """As the daemon has it."""
+def test_range_is_that_of_the_model_if_none_is_configured() -> None:
+    """The daemon has the same range."""
     document = stage_document()
     del document["axes"]["x"]["command_range_um"]
 
@@ -39,24 +39,24 @@ def test_range_is_the_models_where_none_is_configured() -> None:
     assert axis.range_um == tuple(axis.model.position_um)
 
 
-def test_answer_that_is_no_stage_is_an_error() -> None:
-    """A daemon of another version is told as one."""
+def test_unexpected_answer_is_an_error() -> None:
+    """The error says that the daemon may have another version."""
     with pytest.raises(ClientError, match="the same version"):
         read_setup(FakeStage({"rate_hz": 100.0}))
 
 
 def test_experiment_that_fits(load: Load, short: str, setup: LiveSetup) -> None:
-    """What is not used is told: everything that the stage has of its own."""
+    """The unused parts of the file are reported."""
     config = load(short)
 
     check_live(config, setup)
 
     (sentence,) = not_used(config, setup)
-    assert "of the file's devices, seed, identification, and axes but for their names" in sentence
+    assert "the file's devices, seed, identification and axes, except their names" in sentence
 
 
-def test_other_rate_and_other_axes_are_told(load: Load, short: str) -> None:
-    """The daemon's rate holds; axes that the file does not know rest."""
+def test_other_rate_and_other_axes_are_reported(load: Load, short: str) -> None:
+    """The rate is that of the daemon; axes that are not in the file rest."""
     document = stage_document()
     document |= {"rate_hz": 200.0, "axes": {**document["axes"], "y": document["axes"]["x"]}}
 
@@ -74,13 +74,13 @@ def test_other_rate_and_other_axes_are_told(load: Load, short: str) -> None:
         ("high: 20", "high: 26.5", "slow commands 0 to 26.5 µm, but axis x may be commanded from"),
         ("low: 0, high: 20", "low: -3, high: 20", "slow commands -3 to 20 µm, but axis x was"),
         ("  x:\n", "  z:\n", "stage fake: no axis z; its axes are x"),
-        ("settle_s: 0.5\ncases", "metrics: [noise_rms_pct]\ncases", "metrics asks for noise_rms"),
+        ("settle_s: 0.5\ncases", "metrics: [noise_rms_pct]\ncases", "metrics requests noise_rms"),
     ],
 )
 def test_experiment_that_does_not_fit(
     load: Load, short: str, setup: LiveSetup, old: str, new: str, problem: str
 ) -> None:
-    """It is refused before anything moves, with what is allowed."""
+    """It is refused before anything moves, with the allowed values."""
     assert old in short
 
     with pytest.raises(DataError) as caught:
@@ -90,7 +90,7 @@ def test_experiment_that_does_not_fit(
 
 
 def test_slow_stage_leaves_too_few_samples(load: Load, short: str) -> None:
-    """What the file's rate allows may be too short at the stage's."""
+    """A case can be too short at the rate of the stage."""
     setup = read_setup(FakeStage(stage_document() | {"rate_hz": 4.0}))
 
     with pytest.raises(DataError, match=r"slow leaves 8.0 samples after period_s at 4 Hz"):
@@ -98,7 +98,7 @@ def test_slow_stage_leaves_too_few_samples(load: Load, short: str) -> None:
 
 
 def test_stage_without_a_model_runs_uncompensated_only(load: Load, short: str) -> None:
-    """The other modes need one; the error says how to make it."""
+    """The other modes need a model; the error says how to make one."""
     stage = FakeStage()
     stage.model = None
     setup = read_setup(stage)
@@ -118,7 +118,7 @@ def test_stage_without_a_model_runs_uncompensated_only(load: Load, short: str) -
 def test_file_with_too_many_points_is_refused(
     load: Load, short: str, setup: LiveSetup, tmp_path: Path, points: int, problem: str
 ) -> None:
-    """It would be refused in the middle of an experiment otherwise."""
+    """The check finds it before the experiment starts."""
     rows = (f"{i / 7.0 / points},{13.0 + i / 3.0 / points}" for i in range(points))
     (tmp_path / "path.csv").write_text("\n".join(["t_s,x", *rows]), encoding="utf-8")
     sine = "{kind: sine, low: 0, high: 20, frequency_hz: 1}"

@@ -1,4 +1,4 @@
-"""The waveform of a recording: found by its movement, checked, and judged."""
+"""Tests of the waveform in a recording: found by its movement, checked, and judged."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from piezod.config.modes import Mode
 from piezod.config.waveforms import Sine
 from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.errors import DataError
-from piezod.experiment.live.record import LiveRun, cut, missing_cycles
+from piezod.experiment.live.record import LiveRun, cut_waveform, missing_cycles
 from piezod.experiment.live.setup import LiveAxis, read_setup
 from piezod.records.telemetry_header import TelemetryHeader
 from piezod.records.telemetry_reader import RecordedTelemetry
@@ -20,27 +20,27 @@ SINE = Sine(kind="sine", low=2.0, high=12.0, frequency_hz=1.0)
 CASE = CaseConfig(name="slow", title="a sine", period_s=1.0, duration_s=3.0, command_um=SINE)
 RUN = LiveRun(CASE, Mode.ADAPTIVE, ("tracking_max_pct",))
 START = 100
-"""Cycle at whose end the movement is asked for; before, the stage stays at 0.5 µm."""
+"""Cycle at whose end the movement is requested; before it the stage stays at 0.5 µm."""
 
 
 @pytest.fixture
 def axis() -> LiveAxis:
-    """Return axis x of the stage that is shipped."""
+    """Return axis x of the stage in the repository."""
     return read_setup(FakeStage()).axes["x"]
 
 
 @pytest.fixture
 def waveform() -> Waveform:
-    """Return a sine that does not begin where the stage is."""
+    """Return a sine that does not start at the position of the stage."""
     return build_waveform(SINE, CASE.duration_s)
 
 
-Told = Callable[..., RecordedTelemetry]
+MakeRecording = Callable[..., RecordedTelemetry]
 
 
 @pytest.fixture
-def told(axis: LiveAxis, waveform: Waveform) -> Told:
-    """Return what makes a recording of the movement, at 1 kHz, 0.1 µm off its command."""
+def make_recording(axis: LiveAxis, waveform: Waveform) -> MakeRecording:
+    """Return a function that makes a recording at 1 kHz, 0.1 µm off its command."""
 
     def recording(cycles: int = 3500, late_s: float = 0.0) -> RecordedTelemetry:
         motion = axis.motion(waveform, CASE.duration_s, 0.5)
@@ -69,9 +69,11 @@ def told(axis: LiveAxis, waveform: Waveform) -> Told:
     return recording
 
 
-def test_waveform_is_cut_after_its_lead_in(told: Told, axis: LiveAxis, waveform: Waveform) -> None:
-    """What is left begins with the waveform's first value, at 0 s, and is as long as the case."""
-    recording = cut(told(), "x", axis, waveform, RUN)
+def test_waveform_is_cut_after_its_lead_in(
+    make_recording: MakeRecording, axis: LiveAxis, waveform: Waveform
+) -> None:
+    """The result starts with the first value of the waveform, at 0 s, and has its length."""
+    recording = cut_waveform(make_recording(), "x", axis, waveform, RUN)
 
     assert recording.key == ("x", "slow", "adaptive")
     assert recording.t_s.size == 3000
@@ -85,55 +87,59 @@ def test_waveform_is_cut_after_its_lead_in(told: Told, axis: LiveAxis, waveform:
 
 
 def test_weights_have_the_right_operators_first(
-    told: Told, axis: LiveAxis, waveform: Waveform
+    make_recording: MakeRecording, axis: LiveAxis, waveform: Waveform
 ) -> None:
-    """As in an experiment in virtual time; snapshots from before the waveform are left out."""
-    recording = cut(told(), "x", axis, waveform, RUN)
+    """The order is that of virtual time; snapshots before the waveform are dropped."""
+    recording = cut_waveform(make_recording(), "x", axis, waveform, RUN)
 
     assert recording.weights.tolist() == [[3.0, 4.0, 1.0, 2.0]] * 2
     assert recording.weights_t_s == pytest.approx([0.85, 1.85], abs=0.05)
 
 
-def test_late_cycles_are_where_they_were(told: Told, axis: LiveAxis, waveform: Waveform) -> None:
-    """A loop's clock jitters, and the waveform is a function of it."""
+def test_late_cycles_keep_their_times(
+    make_recording: MakeRecording, axis: LiveAxis, waveform: Waveform
+) -> None:
+    """The waveform is a function of the time of each cycle, with its jitter."""
     jitter_s = 3e-4 * np.random.default_rng(1).random(3500)
 
-    recording = cut(told(late_s=jitter_s), "x", axis, waveform, RUN)
+    recording = cut_waveform(make_recording(late_s=jitter_s), "x", axis, waveform, RUN)
 
     assert recording.command_um == pytest.approx(waveform.sample(recording.t_s), abs=1e-5)
 
 
 def test_recording_that_ends_early_is_refused(
-    told: Told, axis: LiveAxis, waveform: Waveform
+    make_recording: MakeRecording, axis: LiveAxis, waveform: Waveform
 ) -> None:
-    """Errors of a part would be taken for those of all."""
+    """Errors of a part must not be taken for those of the whole."""
     with pytest.raises(DataError, match="the recording ends before the waveform"):
-        cut(told(cycles=3000), "x", axis, waveform, RUN)
+        cut_waveform(make_recording(cycles=3000), "x", axis, waveform, RUN)
 
 
-def test_recording_that_begins_late_is_refused(
-    told: Told, axis: LiveAxis, waveform: Waveform
+def test_recording_that_starts_late_is_refused(
+    make_recording: MakeRecording, axis: LiveAxis, waveform: Waveform
 ) -> None:
-    """Where the movement began is not known then."""
-    whole = told()
+    """The begin of the movement is then unknown."""
+    whole = make_recording()
     whole.axes["x"]["motion"][:] = 4
 
-    with pytest.raises(DataError, match="does not begin before the movement"):
-        cut(whole, "x", axis, waveform, RUN)
+    with pytest.raises(DataError, match="does not start before the movement"):
+        cut_waveform(whole, "x", axis, waveform, RUN)
 
 
-def test_other_command_is_refused(told: Told, axis: LiveAxis, waveform: Waveform) -> None:
-    """What was recorded has to be what was asked for."""
-    whole = told()
+def test_other_command_is_refused(
+    make_recording: MakeRecording, axis: LiveAxis, waveform: Waveform
+) -> None:
+    """The recorded command must be the requested one."""
+    whole = make_recording()
     whole.axes["x"]["command_um"][2000:] += 0.01
 
     with pytest.raises(DataError, match="in 1500 of 3399 cycles the recorded command is not"):
-        cut(whole, "x", axis, waveform, RUN)
+        cut_waveform(whole, "x", axis, waveform, RUN)
 
 
-def test_missing_cycles_are_counted(told: Told) -> None:
-    """Both those that the loop skipped and those that the recorder lost."""
-    whole = told()
+def test_missing_cycles_are_counted(make_recording: MakeRecording) -> None:
+    """Skipped cycles and cycles that the recorder lost count."""
+    whole = make_recording()
     whole.cycles["skipped"][2000:] = 3
 
     assert missing_cycles(whole) == 3

@@ -1,4 +1,4 @@
-"""Trouble with an experiment on a running stage: it is told, and the stage is stopped."""
+"""Tests of failures of an experiment on a running stage: it is reported, and the stage stops."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -18,9 +18,9 @@ from piezod.experiment.live.run import run_live
 from tests.experiment.conftest import Load
 from tests.experiment.live_fakes import FakeStage, stage_document
 
-Trouble = Callable[[FakeStage], None]
+Failure = Callable[[FakeStage], None]
 LEFT = ["stop", "recordings/stop", "DELETE lease"]
-"""How a stage is left while something is recorded."""
+"""Requests at the end, while a recording runs."""
 
 
 @pytest.fixture
@@ -34,59 +34,59 @@ def run(config: ExperimentConfig, stage: FakeStage) -> None:
     run_live(config, "", "title", stage, lambda _label, _share: None)
 
 
-def while_moving(trouble: Trouble) -> Trouble:
-    """Return what makes a trouble once the stage follows the waveform."""
+def while_moving(failure: Failure) -> Failure:
+    """Return a failure that happens while the stage follows the waveform."""
 
     def each(stage: FakeStage) -> None:
         if stage.motion:
-            trouble(stage)
+            failure(stage)
 
     return each
 
 
 def fault(stage: FakeStage) -> None:
-    """Have a fault stop the stage."""
+    """Make a fault stop the stage."""
     stage.state, stage.present = "HOLD", ("S5",)
 
 
 def fall_back(stage: FakeStage) -> None:
-    """Have a fault change the mode."""
+    """Make a fault change the mode."""
     stage.mode_now, stage.present = "feedforward", ("S3",)
 
 
 def move(stage: FakeStage) -> None:
-    """Have somebody else move the stage."""
+    """Make another client move the stage."""
     stage.motion = 2
 
 
 def lose_lease(stage: FakeStage) -> None:
-    """Have somebody else take the lease before it is renewed."""
+    """Make another client take the lease before it is renewed."""
     stage.t_s += 10.0
     stage.refused["lease"] = "somebody holds the lease for another 30 s"
 
 
 def vanish(stage: FakeStage) -> None:
-    """Have the daemon end."""
+    """Make the daemon end."""
     stage.refused = {}
     raise NotRunningError("the daemon has gone", "is it still running?")
 
 
 @pytest.mark.parametrize(
-    ("trouble", "kind", "text"),
+    ("failure", "kind", "text"),
     [
-        (fault, NotReachedError, "the stage is in HOLD because of S5; `piezod faults` tells more"),
+        (fault, NotReachedError, "the stage is in HOLD because of S5; see `piezod faults`"),
         (fall_back, NotReachedError, "axis x: the mode has become feedforward because of S3"),
         (move, NotReachedError, "axis x: another movement has taken the place of this one"),
         (lose_lease, RefusedError, "somebody holds the lease for another 30 s"),
         (vanish, NotRunningError, "the daemon has gone"),
     ],
 )
-def test_trouble_on_the_way_stops_the_stage(
-    config: ExperimentConfig, trouble: Trouble, kind: type[PiezodError], text: str
+def test_failure_during_a_run_stops_the_stage(
+    config: ExperimentConfig, failure: Failure, kind: type[PiezodError], text: str
 ) -> None:
-    """The error says which case and mode; the stage is stopped first, then the recording ended."""
+    """The error names case and mode; the stage stops first, then the recording."""
     stage = FakeStage()
-    stage.each = while_moving(trouble)
+    stage.each = while_moving(failure)
 
     with pytest.raises(kind) as caught:
         run(config, stage)
@@ -97,7 +97,7 @@ def test_trouble_on_the_way_stops_the_stage(
 
 @pytest.mark.parametrize("refused", ["mode", "zero", "arm", "recordings/start", "wave"])
 def test_refused_request_stops_the_stage(config: ExperimentConfig, refused: str) -> None:
-    """What is refused is told with case, mode and remedy, and the stage is left disarmed."""
+    """The error has case, mode and remedy, and the stage is disarmed."""
     stage = FakeStage()
     stage.refused[refused] = "no"
 
@@ -123,15 +123,15 @@ def test_interrupt_stops_the_stage(config: ExperimentConfig) -> None:
     assert stage.asked[-3:] == LEFT
 
 
-def test_stage_that_cannot_be_stopped_is_told(config: ExperimentConfig) -> None:
-    """Both are told: what went wrong, and that the stage may still be driven."""
+def test_stage_that_cannot_be_stopped_is_reported(config: ExperimentConfig) -> None:
+    """The error has the failure, and says that the stage may still be driven."""
 
-    def trouble(stage: FakeStage) -> None:
+    def failure(stage: FakeStage) -> None:
         fault(stage)
         stage.refused["stop"] = "too busy"
 
     stage = FakeStage()
-    stage.each = while_moving(trouble)
+    stage.each = while_moving(failure)
 
     with pytest.raises(ClientError) as caught:
         run(config, stage)
@@ -141,8 +141,8 @@ def test_stage_that_cannot_be_stopped_is_told(config: ExperimentConfig) -> None:
     assert "the emergency stop" in caught.value.remedy
 
 
-def test_stage_that_another_moves_is_left_alone(config: ExperimentConfig) -> None:
-    """Without the lease nothing is stopped that somebody else may be doing."""
+def test_stage_of_another_client_is_not_stopped(config: ExperimentConfig) -> None:
+    """Without the lease the motion of another client continues."""
     stage = FakeStage()
     stage.refused["lease"] = "somebody holds the lease"
 
@@ -153,7 +153,7 @@ def test_stage_that_another_moves_is_left_alone(config: ExperimentConfig) -> Non
 
 
 def test_faulty_stage_is_not_run(config: ExperimentConfig) -> None:
-    """A fault that is latched is for a person to reset."""
+    """A latched fault needs a reset by a person."""
 
     def latched(stage: FakeStage) -> None:
         stage.state, stage.present = "FAULT", ("P2",)
@@ -167,7 +167,7 @@ def test_faulty_stage_is_not_run(config: ExperimentConfig) -> None:
     assert "arm" not in stage.asked
 
 
-def test_recording_that_ends_by_itself_is_told(config: ExperimentConfig) -> None:
+def test_recording_that_ends_by_itself_is_an_error(config: ExperimentConfig) -> None:
     """A full disk leaves nothing to judge."""
     stage = FakeStage()
     stage.why = "12 MB are free"
@@ -177,7 +177,7 @@ def test_recording_that_ends_by_itself_is_told(config: ExperimentConfig) -> None
 
 
 def test_steps_of_a_run(config: ExperimentConfig) -> None:
-    """From rest, zeroed, in its mode and armed; recorded from before the movement to its end."""
+    """Rest, zero, mode, arm; the recording covers the whole movement."""
     stage = FakeStage()
     stage.why = "that is enough"
 
@@ -195,8 +195,8 @@ def test_steps_of_a_run(config: ExperimentConfig) -> None:
     assert stage.t_s > 100.0 + 0.5 + 0.5 + 3.0
 
 
-def test_stage_whose_safe_voltage_is_not_rest_is_driven_there(config: ExperimentConfig) -> None:
-    """Zero is at the rest voltage, wherever it is safe."""
+def test_stage_with_another_safe_voltage_is_driven_to_rest(config: ExperimentConfig) -> None:
+    """The zero is at the rest voltage."""
     stage = FakeStage(stage_document(safety={"safe_v": 10.0, "ramp_v_per_s": 50.0}))
     stage.why = "that is enough"
 
@@ -212,7 +212,7 @@ def test_stage_whose_safe_voltage_is_not_rest_is_driven_there(config: Experiment
 
 
 def test_file_is_sent_as_its_points(load: Load, short: str, tmp_path: Path) -> None:
-    """A daemon reads no files of others."""
+    """A daemon reads no files of its clients."""
     (tmp_path / "path.csv").write_text("t_s,x\n0,0\n1,5\n3,20\n", encoding="utf-8")
     sine = "{kind: sine, low: 0, high: 20, frequency_hz: 1}"
     text = short.replace(sine, "{kind: csv, path: path.csv, column: x}") + "modes: [adaptive]\n"

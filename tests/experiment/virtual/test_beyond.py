@@ -1,4 +1,4 @@
-"""What goes beyond the paper holds its targets, on any stage, for the true displacement."""
+"""Tests of the targets beyond the paper, for the true displacement on any stage."""
 
 from pathlib import Path
 
@@ -15,8 +15,8 @@ EXPERIMENTS = Path(__file__).parents[3] / "config" / "experiments"
 
 TARGETS_PCT = {Mode.FEEDFORWARD: 0.9, Mode.ADAPTIVE: 0.4, Mode.TRIMMED: 0.2}
 WITHIN_PCT = {**TARGETS_PCT, Mode.TRIMMED: 0.26}
-"""What is held. A trim follows its sensor, whose calibration, good to 0.05 % of the travel, is off
-by up to 0.17 % of the range of a case on some stages: there the target is missed."""
+"""Targets. A trim follows its sensor, whose calibration error of 0.05 % of the travel is up to 0.17
+% of the range of a case on some stages: there the target is missed."""
 TRUE = ("true_tracking_max_pct", "true_nonlinearity_pct")
 SHOWN = (*TRUE, "tracking_max_pct", "nonlinearity_pct", "noise_rms_pct")
 
@@ -39,7 +39,7 @@ def worst_of(runs: dict[tuple[str, str], Recording], mode: Mode) -> str:
 
 @pytest.mark.parametrize("seed", [1, *OTHER_SEEDS])
 def test_true_errors_are_small(seed: int, figure: Figure) -> None:
-    """Worst tracking error and nonlinearity of the true displacement, in every case and mode."""
+    """Tracking error and nonlinearity of the true displacement, in every case and mode."""
     runs = run("beyond.yaml", seed)
     shown = ", ".join(worst_of(runs, mode) for mode in TARGETS_PCT)
     figure(f"beyond.yaml, seed {seed:2}, true worst / nonlinearity, measured, noise: {shown} %")
@@ -60,7 +60,7 @@ def test_true_errors_are_small(seed: int, figure: Figure) -> None:
 @pytest.mark.parametrize("name", ["beyond-afm.yaml", "beyond-flexure.yaml"])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_adaptive_halves_the_errors_of_other_stages(name: str, seed: int, figure: Figure) -> None:
-    """A skewed scanner and a stage that drifts: adaptive at most half of feedforward."""
+    """On a skewed scanner and on a drifting stage adaptive has at most half the error."""
     runs = run(name, seed)
     shown = ", ".join(worst_of(runs, mode) for mode in TARGETS_PCT)
     figure(f"{name}, seed {seed}, true worst / nonlinearity, measured, noise: {shown} %")
@@ -70,8 +70,8 @@ def test_adaptive_halves_the_errors_of_other_stages(name: str, seed: int, figure
             assert runs[case, Mode.ADAPTIVE].metrics[metric] <= 0.5 * feedforward
 
 
-def test_the_file_names_the_targets() -> None:
-    """What the report compares with is what is asked here."""
+def test_file_has_the_targets() -> None:
+    """The report compares with the targets of this test."""
     config = load_experiment(EXPERIMENTS / "beyond.yaml", registry)
 
     assert all(case.reference_pct == TARGETS_PCT for case in config.cases)

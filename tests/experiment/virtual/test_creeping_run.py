@@ -1,4 +1,4 @@
-"""Experiments on a stage that creeps, from identification to the last hold."""
+"""Tests of experiments on a stage that creeps, from identification to the last hold."""
 
 from functools import cache
 from pathlib import Path
@@ -64,7 +64,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @cache
 def run(folder: Path, text: str = HOLDS) -> ExperimentResult:
-    """Run an experiment given as text."""
+    """Run an experiment from text."""
     path = folder / "holds.yaml"
     path.write_text(text, encoding="utf-8")
     config = load_experiment(path, registry)
@@ -77,12 +77,12 @@ def recording(result: ExperimentResult, mode: str) -> Recording:
 
 
 def held_um(result: ExperimentResult, mode: str) -> FloatArray:
-    """Return the true displacement from a tenth of a second after the move on, in µm."""
+    """Return the true displacement from 0.1 s after the motion on, in µm."""
     return recording(result, mode).true_um[1100:]
 
 
 def test_creep_is_identified(folder: Path) -> None:
-    """Its size is that of piezo ceramics, and the account of the model has it."""
+    """Its size is that of piezo ceramics, and the account of the model contains it."""
     (account,) = run(folder).identifications
 
     assert account.parameters["creep_weights"].shape == (8,)
@@ -90,8 +90,8 @@ def test_creep_is_identified(folder: Path) -> None:
     assert account.fit_errors["voltage_error_rms_pct"] < 0.3
 
 
-def test_holds_stay_put(folder: Path) -> None:
-    """With creep in the model the stage creeps by a fraction of what it does without."""
+def test_holds_creep_less_with_a_creep_model(folder: Path) -> None:
+    """With creep in the model the stage creeps by a fraction of its own creep."""
     with_creep = np.ptp(held_um(run(folder), "feedforward"))
     without = np.ptp(
         held_um(run(folder, HOLDS.replace("creep: true", "creep: false")), "feedforward")
@@ -102,8 +102,8 @@ def test_holds_stay_put(folder: Path) -> None:
     assert np.ptp(recording(run(folder), "feedforward").drive_v[1100:]) > 0.5
 
 
-def test_the_sensor_takes_away_what_is_left(folder: Path) -> None:
-    """Trimmed, the end of a hold is on the command, but for noise and sensor."""
+def test_trim_removes_the_remaining_creep(folder: Path) -> None:
+    """In mode trimmed a hold ends at the command, up to noise and sensor."""
     feedforward_um, trimmed_um = (
         np.abs(held_um(run(folder), mode)[-1000:] - 20.0) for mode in ("feedforward", "trimmed")
     )
@@ -113,7 +113,7 @@ def test_the_sensor_takes_away_what_is_left(folder: Path) -> None:
 
 
 def test_nothing_is_learned_in_a_hold(folder: Path) -> None:
-    """The weights in use come to rest with the stage."""
+    """The weights in use stay when the stage rests."""
     adaptive = recording(run(folder), "adaptive")
     late = adaptive.weights[adaptive.weights_t_s > 3.0]
 

@@ -1,4 +1,4 @@
-"""Gains that are not safe stop an experiment, as early as it can be known."""
+"""Tests of the refusal of unsafe gains, as early as possible in an experiment."""
 
 from pathlib import Path
 
@@ -21,26 +21,24 @@ REFUSED = r"^axis x: a trim gain of 700 1/s is not safe: .*"
 
 
 def check(config: ExperimentConfig) -> None:
-    """Check what is known before anything moves."""
+    """Check the gains that are known before anything moves."""
     check_gains(config.axes, 1.0 / config.rate_hz, trimmed=True)
 
 
 def phases(load: Load, text: str) -> list[str]:
-    """Run an experiment that is refused; return what it was doing on the way."""
+    """Run an experiment that is refused; return its phases."""
     seen: list[str] = []
     with pytest.raises(ModelError, match=REFUSED):
         run_experiment(load(text), "", "", lambda label, _share: seen.append(label))
     return seen
 
 
-def test_delay_that_is_known_refuses_a_trim_before_anything_moves(load: Load, short: str) -> None:
-    """The configuration tells the delay."""
+def test_known_delay_refuses_a_trim_before_anything_moves(load: Load, short: str) -> None:
+    """The configuration contains the delay."""
     assert phases(load, short.replace(LIMITS, GREEDY + GIVEN + LIMITS) + TRIMMED) == []
 
 
-def test_delay_that_is_identified_refuses_a_trim_before_the_first_case(
-    load: Load, short: str
-) -> None:
+def test_identified_delay_refuses_a_trim_before_the_first_case(load: Load, short: str) -> None:
     """Only the identification has run."""
     seen = phases(load, short.replace(LIMITS, GREEDY + LIMITS) + TRIMMED)
 
@@ -48,7 +46,7 @@ def test_delay_that_is_identified_refuses_a_trim_before_the_first_case(
 
 
 def test_trim_counts_in_its_mode_only(load: Load, short: str) -> None:
-    """Without mode `trimmed` any gain of it will do."""
+    """Without mode `trimmed` any gain of the trim is allowed."""
     result = run_experiment(
         load(short.replace(LIMITS, GREEDY + LIMITS) + "modes: [feedforward]\n"),
         "",
@@ -60,10 +58,8 @@ def test_trim_counts_in_its_mode_only(load: Load, short: str) -> None:
 
 
 @pytest.mark.parametrize("gain_per_s", [50, 700])
-def test_check_of_a_file_refuses_what_an_experiment_would(
-    tmp_path: Path, short: str, gain_per_s: int
-) -> None:
-    """The same text, as a problem of the file."""
+def test_check_of_a_file_refuses_unsafe_gains(tmp_path: Path, short: str, gain_per_s: int) -> None:
+    """It has the text of the experiment, as a problem of the file."""
     greedy = GREEDY.replace("700", str(gain_per_s))
     path = tmp_path / "greedy.yaml"
     path.write_text(short.replace(LIMITS, greedy + GIVEN + LIMITS) + TRIMMED, encoding="utf-8")
@@ -75,7 +71,7 @@ def test_check_of_a_file_refuses_what_an_experiment_would(
 
 
 def test_first_mode_counts(load: Load, short: str) -> None:
-    """A gain that the delay alone would allow is refused for the mode, which the text names."""
+    """A gain that the delay allows is refused for the mode, and the text names the mode."""
     modest = "    trim: {gain_per_s: 250}\n" + GIVEN.replace("0.00065", "0.0001")
     without = short.replace(LIMITS, modest + LIMITS) + TRIMMED
 

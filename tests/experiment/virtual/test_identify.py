@@ -1,4 +1,4 @@
-"""What is said when an axis cannot be identified."""
+"""Tests of the error if an axis cannot be identified."""
 
 import pytest
 
@@ -15,8 +15,8 @@ LATE = """\
 """
 
 
-def test_the_axis_is_named(load: Load, short: str) -> None:
-    """A record that no model fits is refused with the axis that it is of."""
+def test_error_names_the_axis(load: Load, short: str) -> None:
+    """A record that no model fits is refused with the name of its axis."""
     config = load(short.replace("identification:", LATE + "identification:"))
 
     with pytest.raises(DataError, match=r"^axis late: position_um does not grow with the drive"):

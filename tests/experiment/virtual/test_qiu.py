@@ -1,4 +1,4 @@
-"""The paper's experiment as it ships reaches the paper's figures, on any stage."""
+"""Tests that the paper's experiment reaches the paper's errors, on any stage."""
 
 from pathlib import Path
 
@@ -25,8 +25,8 @@ PAPER_PCT = {
 @pytest.mark.parametrize(
     "seed", [1, *(pytest.param(seed, marks=pytest.mark.stress) for seed in range(2, 12))]
 )
-def test_the_errors_are_below_the_papers(seed: int) -> None:
-    """Worst tracking error and nonlinearity, in every case, and adaptive is below feedforward."""
+def test_errors_are_below_those_of_the_paper(seed: int) -> None:
+    """Tracking and nonlinearity in every case; adaptive is below feedforward."""
     config = load_experiment(QIU, registry).model_copy(update={"seed": seed})
     result = run_experiment(config, "", "qiu", lambda _label, _share: None)
     runs: dict[tuple[str, str], Recording] = {(r.case, r.mode): r for r in result.recordings}
@@ -43,8 +43,8 @@ def test_the_errors_are_below_the_papers(seed: int) -> None:
             assert adaptive < feedforward
 
 
-def test_the_file_names_the_papers_errors() -> None:
-    """What the report compares with is what the paper says."""
+def test_file_has_the_errors_of_the_paper() -> None:
+    """The report compares with the errors in the paper."""
     config = load_experiment(QIU, registry)
     named = {
         (case.name, mode): value

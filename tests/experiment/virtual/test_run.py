@@ -17,24 +17,24 @@ from piezod.records.recording import ExperimentResult
 from tests.experiment.conftest import SHORT, Load
 
 MODES = (Mode.UNCOMPENSATED, Mode.FEEDFORWARD, Mode.ADAPTIVE)
-"""In which cases run where the file names none."""
+"""Modes in which cases run if the file names none."""
 
 
 def run(load: Load, text: str) -> ExperimentResult:
-    """Run an experiment given as text."""
+    """Run an experiment from text."""
     return run_experiment(load(text), text, "a test", lambda _label, _share: None)
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> ExperimentResult:
-    """Return what the short experiment gives; nobody changes it."""
+    """Return the result of the short experiment; no test changes it."""
     path = tmp_path_factory.mktemp("short") / "experiment.yaml"
     path.write_text(SHORT, encoding="utf-8")
     return run(lambda _text: load_experiment(path, registry), SHORT)
 
 
 def test_every_case_runs_in_every_mode(result: ExperimentResult) -> None:
-    """There is one row for each, in the order they were run."""
+    """There is one row per run, in the order of the runs."""
     rows = error_rows(result)
 
     assert [(row["case"], row["mode"]) for row in rows] == [("slow", mode) for mode in MODES]
@@ -48,8 +48,8 @@ def test_every_case_runs_in_every_mode(result: ExperimentResult) -> None:
     }
 
 
-def test_compensation_takes_most_of_the_hysteresis_away(result: ExperimentResult) -> None:
-    """Both compensated modes leave less than a third of the error without."""
+def test_compensation_removes_most_of_the_hysteresis(result: ExperimentResult) -> None:
+    """Both compensated modes have less than a third of the uncompensated error."""
     without, feedforward, adaptive = (r.metrics for r in result.recordings)
 
     assert without["nonlinearity_pct"] > 6.0
@@ -57,7 +57,7 @@ def test_compensation_takes_most_of_the_hysteresis_away(result: ExperimentResult
     assert adaptive["nonlinearity_pct"] < without["nonlinearity_pct"] / 3
 
 
-def test_the_same_seed_gives_the_same_experiment_to_the_bit(
+def test_same_seed_gives_the_same_experiment_to_the_bit(
     load: Load, short: str, result: ExperimentResult
 ) -> None:
     """All data, errors and parameters are equal."""
@@ -65,17 +65,17 @@ def test_the_same_seed_gives_the_same_experiment_to_the_bit(
 
 
 def test_another_seed_is_another_stage(load: Load, short: str, result: ExperimentResult) -> None:
-    """The displacement differs by more than noise."""
+    """The displacement differs by more than the noise."""
     one = result.recordings[0]
     other = run(load, short.replace("seed: 3", "seed: 4")).recordings[0]
 
     assert np.max(np.abs(one.position_um - other.position_um)) > 0.1
 
 
-def test_the_command_starts_at_rest_and_the_drive_stays_within_its_limits(
+def test_command_starts_at_rest_and_drive_stays_within_its_limits(
     result: ExperimentResult,
 ) -> None:
-    """Range and slew hold from sample to sample, in every mode."""
+    """Range and slew rate hold from sample to sample, in every mode."""
     for recording in result.recordings:
         assert recording.drive_v[0] == pytest.approx(0.0, abs=1.0)
         assert recording.command_um[0] == 0.0
@@ -83,8 +83,8 @@ def test_the_command_starts_at_rest_and_the_drive_stays_within_its_limits(
         assert np.max(np.abs(np.diff(recording.drive_v))) <= 20.0 + 1e-9
 
 
-def test_a_slow_amplifier_never_exceeds_its_slew(load: Load, short: str) -> None:
-    """With a limit below what the command needs, the drive runs along the limit."""
+def test_slow_amplifier_never_exceeds_its_slew_rate(load: Load, short: str) -> None:
+    """If the command needs more, the drive follows the limit."""
     slow = short.replace("slew_v_per_s: 20000", "slew_v_per_s: 600")
     hurried = slow.replace("high: 20, frequency_hz: 1", "high: 20, frequency_hz: 3")
     recording = run(load, hurried).recordings[1]
@@ -92,8 +92,8 @@ def test_a_slow_amplifier_never_exceeds_its_slew(load: Load, short: str) -> None
     assert np.max(np.abs(np.diff(recording.drive_v))) == pytest.approx(0.6)
 
 
-def test_true_errors_are_reported_where_they_are_asked_for(load: Load, short: str) -> None:
-    """They are of the size of the measured ones, which hold the noise of the sensor as well."""
+def test_true_errors_are_reported_if_requested(load: Load, short: str) -> None:
+    """They are of the size of the measured errors, which contain the noise."""
     metrics = "metrics: [tracking_max_pct, true_tracking_max_pct, noise_rms_pct]\n"
     for recording in run(load, short + metrics).recordings:
         measured, true, noise = recording.metrics.values()
@@ -113,7 +113,7 @@ def test_parameters_move_in_adaptive_mode_only(result: ExperimentResult) -> None
 
 
 def model_file(result: ExperimentResult, offset_um: float) -> str:
-    """The model of a result as a file, its displacement counted from elsewhere."""
+    """Return the model of a result as a file with another zero."""
     parameters = result.identifications[0].parameters
     drive_v, position_um = parameters["drive_range_v"], parameters["position_range_um"]
 
@@ -141,10 +141,10 @@ def model_file(result: ExperimentResult, offset_um: float) -> str:
 
 
 @pytest.mark.parametrize("offset_um", [0.0, -119.0])
-def test_a_model_serves_wherever_its_displacement_counts_from(
+def test_model_with_any_zero_gives_the_same_drive(
     load: Load, short: str, tmp_path: Path, result: ExperimentResult, offset_um: float
 ) -> None:
-    """Commands count from rest, whatever the sensor of the record called that."""
+    """Commands count from rest, for any zero of the record."""
     (tmp_path / "model.yaml").write_text(model_file(result, offset_um), encoding="utf-8")
     head, tail = short.split("identification:")
     rest = tail[tail.index("settle_s: 0.5\ncases") :]
@@ -172,22 +172,22 @@ def test_two_axes_follow_two_commands(load: Load, short: str) -> None:
     assert y.metrics["tracking_rms_pct"] < 1.0
 
 
-def test_lms_makes_a_model_too(load: Load, short: str) -> None:
-    """The account of the identification names the method and its errors."""
+def test_lms_makes_a_model(load: Load, short: str) -> None:
+    """The account of the identification has the method and its errors."""
     (account,) = run(load, short.replace("least-squares", "lms")).identifications
 
     assert account.method == "lms"
     assert account.fit_errors["voltage_error_rms_pct"] < 2.0
 
 
-def test_a_command_beyond_the_identified_range_is_refused(load: Load, short: str) -> None:
+def test_command_beyond_the_identified_range_is_refused(load: Load, short: str) -> None:
     """The error names the case, both ranges and the remedy."""
     with pytest.raises(DataError, match=r"slow commands 0 to 90 µm.*identified from.*larger drive"):
         run(load, short.replace("high: 20", "high: 90"))
 
 
-def test_a_gain_that_is_not_stable_is_refused_before_anything_moves(load: Load, short: str) -> None:
-    """The error names the axis and what would be stable."""
+def test_unstable_gain_is_refused_before_anything_moves(load: Load, short: str) -> None:
+    """The error names the axis and a stable gain."""
     limits = "    limits:"
     greedy = short.replace(limits, f"    compensator: {{lms_gain: 0.5}}\n{limits}")
     seen: list[str] = []
@@ -197,14 +197,14 @@ def test_a_gain_that_is_not_stable_is_refused_before_anything_moves(load: Load, 
     assert seen == []
 
 
-def test_a_saturated_sensor_spoils_the_identification(load: Load, short: str) -> None:
-    """The error says how many samples were invalid, since when, and what to look for."""
+def test_saturated_sensor_stops_the_identification(load: Load, short: str) -> None:
+    """The error has the number of invalid samples, the first one, and the remedy."""
     saturating = "{variant: stack, sensor: {slope_v_per_um: 1.0}}"
     with pytest.raises(DataError, match=r"samples of the identification were invalid.*range"):
         run(load, short.replace("{variant: stack}", saturating))
 
 
-def test_whatever_happens_the_devices_are_left_safe(load: Load, short: str) -> None:
+def test_devices_are_left_safe_after_an_error(load: Load, short: str) -> None:
     """An error in the middle of a phase closes the devices."""
     config = load(short)
     with pytest.raises(RuntimeError, match="cable"), opened(config, lambda _cycles: None) as stage:
@@ -215,8 +215,8 @@ def test_whatever_happens_the_devices_are_left_safe(load: Load, short: str) -> N
         channels.capabilities()
 
 
-def test_resting_brings_the_stage_to_rest_and_zeroes_the_sensor(load: Load, short: str) -> None:
-    """From half the range down to rest, without a step."""
+def test_rest_goes_to_the_rest_voltage_and_zeroes_the_sensor(load: Load, short: str) -> None:
+    """The way from half the range to rest has no step."""
     with opened(load(short), lambda _cycles: None) as stage:
         trace = stage.open_loop([lambda _t_s: 75.0], 0.5)
         assert trace[0, -1, 1] > 5.0
@@ -228,8 +228,8 @@ def test_resting_brings_the_stage_to_rest_and_zeroes_the_sensor(load: Load, shor
 
 
 @pytest.mark.usefixtures("blank_figures")
-def test_what_is_written_can_be_read_again(result: ExperimentResult, tmp_path: Path) -> None:
-    """The data file holds the whole result, and the report stands beside it."""
+def test_written_result_can_be_read(result: ExperimentResult, tmp_path: Path) -> None:
+    """The data file contains the whole result, and the report is beside it."""
     report = write_outputs(tmp_path / "new" / "folder", result, None)
 
     assert read_hdf5(report.parent / "experiment.h5") == result

@@ -1,4 +1,4 @@
-"""The stage of an experiment: what is checked and known before anything moves."""
+"""Tests of the stage of an experiment: checks before anything moves, rest and zero."""
 
 from dataclasses import replace
 
@@ -16,12 +16,12 @@ from piezod_drivers.simulated.options import SimulatedOptions
 from tests.experiment.conftest import Load
 
 
-def nothing(_cycles: int) -> None:
-    """Let progress go by."""
+def ignore(_cycles: int) -> None:
+    """Ignore the progress."""
 
 
 class Charged(Channels):
-    """Channels of a stage that somebody left at 42 V."""
+    """Channels of a stage that was left at 42 V."""
 
     def __init__(self) -> None:
         super().__init__({}, {})
@@ -31,8 +31,8 @@ class Charged(Channels):
         return [42.0]
 
 
-class Blind:
-    """A rig that keeps the truth to itself, like a real one."""
+class RigWithoutTruth:
+    """A rig that does not know the truth, like a real one."""
 
     def __init__(self, options: SimulatedOptions, wiring: Wiring, seed: int) -> None:
         rig = SimulatedRig(options, wiring, seed)
@@ -43,44 +43,44 @@ class Blind:
 
 @pytest.fixture
 def blind(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the driver make rigs that do not know the truth."""
-    plugin = replace(PLUGIN, create=Blind)
+    """Make the driver build rigs that do not know the truth."""
+    plugin = replace(PLUGIN, create=RigWithoutTruth)
     monkeypatch.setattr(registry, "load", lambda _name: plugin)
 
 
-def test_a_rate_above_that_of_the_devices_is_refused(load: Load, short: str) -> None:
+def test_rate_above_that_of_the_devices_is_refused(load: Load, short: str) -> None:
     """The error names both rates, and the devices are closed."""
     fast = short.replace("rate_hz: 1000", "rate_hz: 20000")
     slow_device = load(fast).model_copy(update={"rate_hz": 50_000.0})
     with (
         pytest.raises(DeviceError, match="rate_hz is 50000 Hz; these devices allow at most 20000"),
-        opened(slow_device, nothing),
+        opened(slow_device, ignore),
     ):
         pass
 
 
 @pytest.mark.usefixtures("blind")
-def test_true_metrics_are_refused_where_nobody_knows_the_truth(load: Load, short: str) -> None:
-    """Before anything moves, and the error names metrics, device, axis and remedy."""
+def test_true_metrics_are_refused_without_a_known_truth(load: Load, short: str) -> None:
+    """The error names metrics, device, axis and remedy, before anything moves."""
     asked = load(f"{short}metrics: [nonlinearity_pct, true_nonlinearity_pct, noise_rms_pct]\n")
     expected = (
-        "metrics asks for true_nonlinearity_pct, noise_rms_pct, but device rig, the sensor of axis "
-        "x, does not know the true displacement, as simulated devices do; leave these out"
+        "metrics requests true_nonlinearity_pct, noise_rms_pct, but device rig, the sensor of axis "
+        "x, does not know the true displacement, as simulated devices do; remove these"
     )
-    with pytest.raises(DeviceError, match=f"^{expected}$"), opened(asked, nothing):
+    with pytest.raises(DeviceError, match=f"^{expected}$"), opened(asked, ignore):
         pass
 
 
-def test_the_voltage_in_force_is_read_and_not_assumed(load: Load, short: str) -> None:
-    """A stage that was left charged starts from where it is."""
+def test_voltage_in_force_is_read_and_not_assumed(load: Load, short: str) -> None:
+    """A charged stage starts at its voltage."""
     config: ExperimentConfig = load(short)
 
-    assert VirtualStage(Charged(), config, nothing).in_force_v == [42.0]
+    assert VirtualStage(Charged(), config, ignore).in_force_v == [42.0]
 
 
-def test_a_short_rest_zeroes_the_sensor_too(load: Load, short: str) -> None:
-    """What there is of a rest is averaged: here 0.1 s, on the way down from 75 V."""
-    with opened(load(short), nothing) as stage:
+def test_short_rest_zeroes_the_sensor(load: Load, short: str) -> None:
+    """The average is over the whole rest: here 0.1 s, on the way down from 75 V."""
+    with opened(load(short), ignore) as stage:
         stage.open_loop([lambda _t_s: 75.0], 0.5)
         stage.rest(0.1)
         after = stage.open_loop([lambda _t_s: 0.0], 0.02)
@@ -88,9 +88,9 @@ def test_a_short_rest_zeroes_the_sensor_too(load: Load, short: str) -> None:
     assert after[0, :, POSITION_UM].mean() < -1.0  # zero was taken while the stage was still up
 
 
-def test_the_truth_is_zeroed_over_the_samples_that_zero_the_sensor(load: Load, short: str) -> None:
-    """After a rest both are at zero; the truth has none of the noise, and follows the drive."""
-    with opened(load(short), nothing) as stage:
+def test_truth_is_zeroed_over_the_same_samples_as_the_sensor(load: Load, short: str) -> None:
+    """After a rest both are zero; the truth has no noise and follows the drive."""
+    with opened(load(short), ignore) as stage:
         stage.open_loop([lambda _t_s: 75.0], 0.5)
         stage.rest(1.0)
         still = stage.open_loop([lambda _t_s: 0.0], 0.2)[0]
@@ -103,12 +103,12 @@ def test_the_truth_is_zeroed_over_the_samples_that_zero_the_sensor(load: Load, s
     assert moved[:, TRUE_UM] == pytest.approx(moved[:, POSITION_UM], abs=0.2)
 
 
-def test_the_truth_does_not_depend_on_the_sensor(load: Load, short: str) -> None:
-    """A stage driven alike moves alike, whatever its sensor makes of it, up to its zero."""
+def test_truth_does_not_depend_on_the_sensor(load: Load, short: str) -> None:
+    """The same drive gives the same motion for any sensor, up to its zero."""
     noise = "{variant: stack, effects: {sensor_noise: false}}"
     traces = []
     for text in (short, short.replace("{variant: stack}", noise)):
-        with opened(load(text), nothing) as stage:
+        with opened(load(text), ignore) as stage:
             traces.append(stage.open_loop([lambda t_s: 75.0 * t_s], 1.0)[0])
     noisy, quiet = traces
 
@@ -117,9 +117,9 @@ def test_the_truth_does_not_depend_on_the_sensor(load: Load, short: str) -> None
 
 
 @pytest.mark.usefixtures("blind")
-def test_where_nobody_knows_the_truth_it_is_nan(load: Load, short: str) -> None:
-    """It stays so after a rest, and the sensor is zeroed all the same."""
-    with opened(load(short), nothing) as stage:
+def test_unknown_truth_is_nan(load: Load, short: str) -> None:
+    """It stays NaN after a rest, and the sensor is zeroed anyway."""
+    with opened(load(short), ignore) as stage:
         stage.rest(0.5)
         trace = stage.open_loop([lambda _t_s: 0.0], 0.2)[0]
 

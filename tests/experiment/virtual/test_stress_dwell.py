@@ -1,4 +1,4 @@
-"""Adapting to tiny loops for long does not spoil what is known of large ones."""
+"""Tests that long adaptation to tiny loops keeps the model of large ones."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ SWINGS = 6
 def dwell_then_swing(
     stage: Identified, identifier: str, dwell_s: float, figure: Figure
 ) -> tuple[float, list[float]]:
-    """Return the worst error of a dwell at 1 % amplitude, and that of each full swing after it."""
+    """Return the worst error of a dwell at 1 % amplitude, and of each full swing after it."""
 
     def reference_um(t_s: float) -> float:
         if t_s < dwell_s:
@@ -47,7 +47,7 @@ def dwell_then_swing(
 def test_dwell_does_not_spoil_the_full_swing(
     beyond_stage: Identified, figure: Figure, dwell_s: float
 ) -> None:
-    """RLS stays below 1 % while it dwells, and is back there after one cycle of full swing."""
+    """RLS stays below 1 % during the dwell, and is back there after one full swing."""
     dwelling, after = dwell_then_swing(beyond_stage, "rls", dwell_s, figure)
 
     assert dwelling < 1.0
@@ -66,7 +66,7 @@ def test_dwell_does_not_make_gradients_diverge(
     most_pct: float,
     most_later_pct: float,
 ) -> None:
-    """Normalised LMS forgets more than RLS but is back as soon; the paper's LMS stays bounded."""
+    """NLMS forgets more than RLS but is back as soon; the paper's LMS stays bounded."""
     dwelling, after = dwell_then_swing(even_stage, identifier, 600.0, figure)
 
     assert max(dwelling, after[0]) < most_pct

@@ -1,4 +1,4 @@
-"""An hour at rest, and an hour of random commands, in virtual time."""
+"""Tests of an hour at rest and an hour of random commands, in virtual time."""
 
 import numpy as np
 import pytest
@@ -20,23 +20,24 @@ from tests.experiment.stress_rig import (
 )
 
 REST_RATE_HZ = 200.0
-"""An hour of 1 kHz takes minutes to simulate, and tells no more of a rest."""
+"""Rate of the loop at rest, in Hz: an hour at 1 kHz takes minutes to simulate and shows no more."""
 HOUR_S = 3600.0
 GRADIENTS_S = 600.0
-"""Random commands at 1 kHz, for identifiers that are here for comparison."""
+"""Random commands at 1 kHz, for identifiers that serve as a comparison."""
 UNSEEN_PCT = 1.5
-"""At rest, only a trim sees what creeps for longer than the slowest lag that is identified."""
+"""Allowed creep at rest without a trim: lags slower than the identified ones are not
+compensated."""
 PART_S = 60.0
-"""So much is recorded at a time."""
+"""Length of a recorded part, in s."""
 
 
 def hours(short_s: float) -> list[object]:
-    """Return the duration of a short version, and that of the long one."""
+    """Return the duration of the short version, and of the long one."""
     return [short_s, pytest.param(HOUR_S, marks=pytest.mark.stress)]
 
 
 def rest(stage: Identified, mode: Mode, duration_s: float, figure: Figure) -> None:
-    """Swing, then hold; assert that nothing is learned from the first second of the rest on."""
+    """Swing, then hold; assert that nothing is learned after the first second of the rest."""
     moves_s = 4.3
     rig = StressRig(stage.at(REST_RATE_HZ), lambda t_s: swing_um(min(t_s, moves_s)), mode)
     before = rig.learned
@@ -66,7 +67,7 @@ def rest(stage: Identified, mode: Mode, duration_s: float, figure: Figure) -> No
 def test_nothing_is_learned_at_rest(
     beyond_stage: Identified, figure: Figure, mode: Mode, duration_s: float
 ) -> None:
-    """RLS: from the first second on all that is known is the same to the bit."""
+    """With RLS all parameters stay the same to the bit after the first second."""
     rest(beyond_stage.trimming_adaptive(), mode, duration_s, figure)
 
 
@@ -75,12 +76,12 @@ def test_nothing_is_learned_at_rest(
 def test_nothing_is_learned_at_rest_by_gradients(
     even_stage: Identified, figure: Figure, identifier: str
 ) -> None:
-    """LMS and normalised LMS: likewise."""
+    """The same holds for LMS and normalised LMS."""
     rest(even_stage.learning_by(identifier), Mode.ADAPTIVE, HOUR_S, figure)
 
 
 def random_commands(stage: Identified, duration_s: float, most_pct: float, figure: Figure) -> None:
-    """Follow random commands; assert that the model can be inverted at every step."""
+    """Follow random commands; assert that the model has an inverse at every step."""
     command = Reversals(
         kind="reversals", low=LOW_UM, high=HIGH_UM, min_swing=0.5, min_speed=1, max_speed=50, seed=4
     )
@@ -114,7 +115,7 @@ def random_commands(stage: Identified, duration_s: float, most_pct: float, figur
 def test_random_commands_leave_a_model_that_can_be_inverted(
     beyond_stage: Identified, figure: Figure, duration_s: float
 ) -> None:
-    """RLS: the existence condition holds at every step, no loop is lost, errors stay small."""
+    """With RLS the inverse always exists, no loop is lost, and errors stay small."""
     random_commands(beyond_stage, duration_s, 1.0, figure)
 
 
@@ -123,5 +124,5 @@ def test_random_commands_leave_a_model_that_can_be_inverted(
 def test_random_commands_leave_gradients_a_model_that_can_be_inverted(
     even_stage: Identified, figure: Figure, identifier: str, most_pct: float
 ) -> None:
-    """LMS and normalised LMS: likewise."""
+    """The same holds for LMS and normalised LMS."""
     random_commands(even_stage.learning_by(identifier), GRADIENTS_S, most_pct, figure)

@@ -1,4 +1,4 @@
-"""A stage that changes while it runs is known again within seconds."""
+"""Tests that a changed stage is learned again within seconds."""
 
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ from tests.experiment.stress_rig import (
 )
 
 BOTTOM_S = 0.75 * CYCLE_S
-"""Where the swing turns upwards: a gain changes there without much of a jump."""
+"""Time at which the swing turns upwards: there a change of gain makes no large jump."""
 WITHIN_S = 10.0
 AFTER_S = 20.0
 
@@ -49,11 +49,7 @@ BOTH = "gain +10 %, hysteresis +20 %"
 
 
 def change_hysteresis(plant: Plant, change: Change) -> None:
-    """Change the parts of a Preisach stage, without a jump of its displacement.
-
-    Its turning points stay at their drives; their displacements become those that the changed
-    stage has there, counted from where it is.
-    """
+    """Change the parts of a Preisach stage, without a jump of its displacement."""
     constants, state = plant._constants, plant._state[0]  # noqa: SLF001 - a fault inside of it
     more = change.hysteresis * constants["irreversible"]
     constants["irreversible"] += more
@@ -86,7 +82,7 @@ def errors_of(stage: Identified, change: Change, mode: Mode) -> tuple[FloatArray
     [BOTH, *(pytest.param(name, marks=pytest.mark.stress) for name in CHANGES if name != BOTH)],
 )
 def test_changed_stage_is_learned(beyond_stage: Identified, figure: Figure, name: str) -> None:
-    """The true error is below 1 % in every cycle from 10 s after the change on."""
+    """The true error is below 1 % in every swing from 10 s after the change on."""
     before, after = errors_of(beyond_stage, CHANGES[name], Mode.ADAPTIVE)
     figure(f"{name}: worst true error in full swings {listed(before)}, then {listed(after)} %")
 
@@ -94,8 +90,8 @@ def test_changed_stage_is_learned(beyond_stage: Identified, figure: Figure, name
     assert np.max(after[round(WITHIN_S / CYCLE_S) :]) < 1.0
 
 
-def test_change_is_felt(beyond_stage: Identified, figure: Figure) -> None:
-    """Without adapting, the error grows by much of the change and stays."""
+def test_change_matters_without_adaptation(beyond_stage: Identified, figure: Figure) -> None:
+    """Without adaptation the error grows by much of the change, and stays."""
     before, after = errors_of(beyond_stage, CHANGES[BOTH], Mode.FEEDFORWARD)
     figure(f"{BOTH}, feedforward: {listed(before)}, then {listed(after)} %")
 

@@ -1,4 +1,4 @@
-"""Sensors that fail for a while leave nothing behind in what is learned."""
+"""Tests that a temporary sensor fault leaves no trace in the learned model."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,14 +19,14 @@ from tests.experiment.stress_rig import (
 )
 
 NOISE_UM = 0.018
-"""Of the sensor, rms."""
+"""Noise of the sensor, rms."""
 AFTER_S = (1.0, 3.0, 10.0)
 
 Fault = Callable[[Sample], Sample]
 
 
 def stuck() -> Fault:
-    """Return a sensor that shows the same for ever."""
+    """Return a sensor that shows the same value for ever."""
     shown: list[float] = []
 
     def tamper(sample: Sample) -> Sample:
@@ -48,12 +48,12 @@ def noisy() -> Fault:
 
 
 def spiking() -> Fault:
-    """Return a sensor that is 10 % of the range off."""
+    """Return a sensor that is off by 10 % of the range."""
     return lambda sample: sample._replace(position_um=sample.position_um + 0.1 * SWING_UM)
 
 
 def late() -> Fault:
-    """Return a sensor that has its delay twice, and does not say so."""
+    """Return a sensor with twice its delay, without a notice."""
     share, before_um = 0.63, float("nan")
 
     def tamper(sample: Sample) -> Sample:
@@ -67,7 +67,7 @@ def late() -> Fault:
 
 
 def gone() -> Fault:
-    """Return a sensor that gives no valid samples."""
+    """Return a sensor without valid samples."""
     return lambda sample: sample._replace(position_um=float("nan"), valid=False)
 
 
@@ -77,30 +77,30 @@ class Course:
 
     Attributes:
         rig: What ran.
-        taught: Cycles of the fault in which something was learned.
+        learning_cycles: Cycles of the fault in which something was learned.
         learned: What was known at the beginning of the fault, at its end, and some time after.
         worst: Worst true error during the fault, and up to each of these times, in %.
     """
 
     rig: StressRig
-    taught: int = 0
+    learning_cycles: int = 0
     learned: list[FloatArray] = field(default_factory=list)
     worst: list[float] = field(default_factory=list)
 
     def watch(self, _cycle: int) -> None:
-        """Notice whether anything was learned in the last cycle."""
+        """Note whether anything was learned in the last cycle."""
         now = self.rig.learned
-        self.taught += not np.array_equal(now, self.learned[-1])
+        self.learning_cycles += not np.array_equal(now, self.learned[-1])
         self.learned[-1] = now
 
     def moved_pct(self, other: "Course") -> FloatArray:
-        """Return how far what was learned is from what was in another run, in % of the range."""
+        """Return the difference to the learned model of another run, in % of the range."""
         pairs = zip(self.learned, other.learned, strict=True)
         return np.array([self.rig.moved_pct(one, another) for one, another in pairs])
 
 
 def through(stage: Identified, fault: Fault | None, begin_s: float, duration_s: float) -> Course:
-    """Swing fully, with a fault of the sensor from a time on and for a duration."""
+    """Swing fully, with a sensor fault from a time on and for a duration."""
     course = Course(StressRig(stage, swing_um))
     course.rig.run(begin_s)
     course.learned += [course.rig.learned] * 2
@@ -118,7 +118,7 @@ UNDISTURBED: dict[tuple[float, float], Course] = {}
 
 
 def without_fault(stage: Identified, begin_s: float, duration_s: float) -> Course:
-    """Return what `through` does without a fault, once for each begin and duration."""
+    """Return the result of `through` without a fault, once for each begin and duration."""
     key = begin_s, duration_s
     if key not in UNDISTURBED:
         UNDISTURBED[key] = through(stage, None, begin_s, duration_s)
@@ -132,11 +132,11 @@ FAULTS = {
     "delay doubled for 4 s": (late, 4.0, 4000, 0.5),
     "spike of 10 %": (spiking, 0.001, 0, 0.0),
 }
-"""The fault, how long, in how many of its cycles something may be learned, and how much, in %."""
+"""Fault, duration, largest number of its cycles with learning, and its effect, in %."""
 
 LATER_S = (7.1, 7.5, 7.9)
 BEGINS_S = [3.1, *(pytest.param(begin_s, marks=pytest.mark.stress) for begin_s in LATER_S)]
-"""On the way down; while it turns; on the way up, and before it turns."""
+"""Begin of the fault: on the way down, at the turn, on the way up, and before the turn."""
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -144,21 +144,21 @@ BEGINS_S = [3.1, *(pytest.param(begin_s, marks=pytest.mark.stress) for begin_s i
 def test_fault_of_the_sensor_leaves_nothing_behind(
     beyond_stage: Identified, figure: Figure, name: str, begin_s: float
 ) -> None:
-    """Little is learned during the fault and none of it stays; the true error is below 1 %."""
-    fault, duration_s, most_taught, most_moved_pct = FAULTS[name]
+    """Little is learned during the fault and nothing stays; the true error is below 1 %."""
+    fault, duration_s, most_learning_cycles, most_moved_pct = FAULTS[name]
     course = through(beyond_stage, fault(), begin_s, duration_s)
     undisturbed = without_fault(beyond_stage, begin_s, duration_s)
     moved_pct = course.moved_pct(undisturbed)[2:]
     begin, end = course.learned[:2]
     moved_meanwhile_pct = course.rig.moved_pct(begin, end)
     figure(
-        f"sensor {name}, from {begin_s:g} s on: learned in {course.taught} cycles, moved "
+        f"sensor {name}, from {begin_s:g} s on: learned in {course.learning_cycles} cycles, moved "
         f"{moved_meanwhile_pct:.3f} %; off an undisturbed run 1, 3, 10 s later {listed(moved_pct)} "
         f"%; worst true error {listed(np.array(course.worst))} % "
         f"(undisturbed {listed(np.array(undisturbed.worst))} %)"
     )
 
-    assert course.taught <= most_taught
+    assert course.learning_cycles <= most_learning_cycles
     assert moved_meanwhile_pct <= most_moved_pct
     assert moved_pct[-1] < 0.2
     assert max(course.worst) < 1.0
