@@ -92,13 +92,13 @@ def run_cycle(parts: CycleParts, t_ns: int, timing: CycleTiming = PUNCTUAL) -> C
 
     if stage is not None and parts.loop_watch is not None:
         try:
-            # Screen, watch: which samples may be used, and what is wrong.
+            # Screen, watch: the samples that may be used, and the detected faults.
             detections = [*parts.loop_watch.check(timing), *stage.take_reports()]
             usable = _watch_axes(stage, t_ns, samples, read_back_v, timing, detections)
             _watch_stage(stage, t_ns, read_back_v, detections)
             # Faults: which are new, and the worst reaction to them.
             reaction = stage.register.update(detections, t_ns)
-            # React: change the state, then what the state does by itself.
+            # React: change the state, then take the edges that time and devices cause.
             react(stage, reaction, t_ns)
             advance(stage, t_ns, usable, read_back_v)
             samples, slew_halved = usable, overloaded_axes(stage)

@@ -67,6 +67,7 @@ class Limits(NamedTuple):
         rate.
         """
         reach_v = self.slew_v_per_s * elapsed_s
+        # The outer min and max let a voltage outside the range move towards it, never farther away.
         low_v = min(max(previous_v - reach_v, self.drive_min_v), previous_v + reach_v)
         high_v = max(min(previous_v + reach_v, self.drive_max_v), previous_v - reach_v)
         return Window(low_v, high_v)
@@ -134,6 +135,7 @@ class Guard:
             # A plan for another instant belongs to another position of the reference.
             kept_v = list(in_force_v)
             return Admitted(kept_v, all(map(isfinite, kept_v)), (), (), (), True)
+        # A time that is not finite, or negative, allows no motion.
         elapsed_s = min(max(elapsed_s, 0.0), self._longest_s) if isfinite(elapsed_s) else 0.0
         drive_v: list[float] = []
         writable = True
@@ -147,9 +149,12 @@ class Guard:
                 writable = writable and isfinite(previous_v)
                 drive_v.append(previous_v)
                 continue
+            # Range first, then slew rate: a voltage that starts outside the range returns at the
+            # slew rate.
             target_v = min(max(requested_v, limits.drive_min_v), limits.drive_max_v)
             reach_s = elapsed_s / 2.0 if axis in slew_halved else elapsed_s
             admitted_v = limits.window(previous_v, reach_s).admit(target_v, previous_v)
+            # Either voltage may be in force: the second window makes the step small from both.
             if sent_v is not None and isfinite(sent_v[axis]):
                 admitted_v = limits.window(sent_v[axis], reach_s).admit(admitted_v, previous_v)
             if target_v != requested_v:

@@ -72,6 +72,7 @@ def errors_pct(
             same samples.
         true_um: (n,) true displacement at the same instants, in µm; NaN if it is unknown.
     """
+    # All errors of a run must belong to the same samples.
     measured = np.isfinite(position_um)
     columns = command_um, position_um, true_um, _velocity(true_um)
     samples = Samples(*(column[measured] for column in columns))

@@ -71,6 +71,7 @@ def fields_of(record: type[AxisRecord] | type[CycleHeader]) -> tuple[Field, ...]
     for name, kind in get_type_hints(record).items():
         dtype, code = _description(name, kind)
         size = np.dtype(dtype).itemsize
+        # A gap before the field aligns it.
         if at % size:
             fields.append(_gap(len(fields), -at % size))
             at += -at % size
@@ -131,6 +132,7 @@ class Layout:
     @classmethod
     def of(cls, config: DaemonConfig) -> Self:
         """Return the layout for a stage: 16 s of records, or as many as fit into 64 MiB."""
+        # The 64 MiB bind only for fast loops with many axes.
         fitting = RING_MAX_BYTES // record_dtype(len(config.axes)).itemsize
         capacity = min(max(round(RING_S * config.rate_hz), 64), fitting)
         return cls(tuple(config.axes), capacity, s_to_ns(1 / config.rate_hz))
@@ -165,6 +167,7 @@ class Layout:
             "events": EVENT_SLOTS * EVENT_BYTES,
             "ring": self.capacity * record_dtype(axes).itemsize,
         }
+        # Rounded up to whole pages.
         pages = [-(-size // PAGE) * PAGE for size in sizes.values()]
         starts = accumulate(pages, initial=0)
         return {

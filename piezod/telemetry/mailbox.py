@@ -167,6 +167,8 @@ class MailboxReader:
     def take(self, now_ns: int) -> tuple[int, bytes] | None:
         """Take the next request that has not expired, as number and payload; None if none waits."""
         for lane in self._lanes:
+            # Expired requests are answered and skipped; the loop never runs more than one per
+            # cycle.
             while lane.waiting:
                 number, expires_ns, payload = lane.get()
                 if now_ns <= expires_ns:
@@ -178,6 +180,7 @@ class MailboxReader:
     def take_estop(self) -> int:
         """Return the number of a requested emergency stop, 0 if none is open."""
         asked = self._words[_ESTOP_ASKED]
+        # A level, not a queue: one run answers all stops that were requested before it.
         return 0 if asked == self._words[_ESTOP_DONE] else asked
 
     def answer_estop(self, number: int, *, accepted: bool, motion: int, why: str) -> None:

@@ -102,6 +102,7 @@ class RingReader:
 
     def _copy(self, after: int, until: int) -> NDArray[Any]:
         """Return copies of the complete records after one sequence number up to another."""
+        # Older records have been overwritten already.
         after = max(after, until - self._capacity + 1)
         seqs = np.arange(after + 1, until + 1)
         records = self._ring[seqs % self._capacity]

@@ -108,6 +108,7 @@ def attach(path: Path, *, writable: bool = False) -> SharedMap:
         memory = mmap.mmap(file, size, mmap.MAP_SHARED, access) if size else None
     finally:
         os.close(file)
+    # The size must agree, too: a truncated file would end in SIGBUS at the first access.
     layout = _layout(memory) if memory else None
     if memory is None or layout is None or layout.size != size:
         raise MapError(

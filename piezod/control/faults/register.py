@@ -85,6 +85,8 @@ class FaultRegister:
         self._since_cycle = [0] * len(FAULTS)
         self._since_ns = [0] * len(FAULTS)
         self._axes = [0] * len(FAULTS)
+        # For each source and reaction: the last cycle in which such a fault still counts as a
+        # cause.
         self._cause_until_cycle = [[-1] * len(Reaction) for _ in Source]
 
     def update(self, detections: Sequence[Detection], t_ns: int) -> Reaction:
@@ -107,6 +109,7 @@ class FaultRegister:
         for detection in sorted(detections, key=_source) if len(detections) > 1 else detections:
             worst = max(worst, self._add(detection, t_ns))
         for index in _positions(self.present):
+            # A fault ends late, so that one that flickers neither ends nor reacts again each time.
             if self._cycle - self._seen_cycle[index] >= GOOD_CYCLES:
                 self._end(index)
         return worst
@@ -117,6 +120,8 @@ class FaultRegister:
 
         A tripped watchdog does not: many amplifiers report it until they take a write.
         """
+        # After a trip the amplifier waits for a write: waiting for its flag to clear would be a
+        # deadlock.
         places = _positions(self.present & ~_TRIPPED)
         return any(self._rules[index].reaction is Reaction.BLIND for index in places)
 
@@ -163,6 +168,7 @@ class FaultRegister:
         before = self.latched
         for index in _positions(before):
             latch = self._rules[index].latch
+            # `resume` would have ended these after GOOD_CYCLES, so `reset` does not wait longer.
             wait = GOOD_CYCLES if latch is Latch.L1 else self._reset_after_cycles
             gone = self._cycle - self._seen_cycle[index] >= wait
             if gone and (latch < Latch.L3 or engineer):
@@ -176,6 +182,7 @@ class FaultRegister:
         if self.latched >> index & 1 and not rule.latch:
             return Reaction.NONE  # single events do not keep a latched fault present
         self._seen_cycle[index] = self._cycle
+        # A fault that concerns all axes sets all bits.
         axis = 1 << detection.axis if detection.axis >= 0 else -1
         if not self.present >> index & 1 or rule.reaction > self._rules[index].reaction:
             return self._appear(index, axis, rule, detection, t_ns)
@@ -190,6 +197,7 @@ class FaultRegister:
         self, index: int, axis: int, rule: FaultRule, detection: Detection, t_ns: int
     ) -> Reaction:
         """Register a fault that was not present, or whose case is more severe now."""
+        # It is not stored: if it outlasts its cause, it appears then, with its own reaction.
         if self._is_consequence(rule):
             return Reaction.NONE
         latched = self.latched >> index & 1
@@ -230,6 +238,8 @@ class FaultRegister:
         if rule.source is Source.PROCESS:
             return False
         return any(
+            # Only causes with at least the same reaction: a mild one must not hide a severe
+            # consequence.
             max(self._cause_until_cycle[source][rule.reaction :]) >= self._cycle
             for source in range(rule.source)
         )

@@ -148,7 +148,7 @@ FAULTS: Final[tuple[FaultRule, ...]] = (
               "check cable and load of the bus"),
     FaultRule(Fault.A3, "read-back voltage differs from the written one",
               AMPLIFIER, HOLD, L2, "error",
-              "check load and calibration of the amplifier, and that nobody turns its knob",
+              "check load and calibration of the amplifier, and that its knob is not turned",
               Escalation(7, 0, RAMP, L2)),
     FaultRule(Fault.A4, "amplifier overloaded", AMPLIFIER, HOLD, L2, "error",
               "lower frequency or amplitude; check the actuator for a short",

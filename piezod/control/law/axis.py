@@ -96,6 +96,7 @@ class CompensatedAxis:
         self._write_pending = False
         self._first_mode_hz = first_mode_hz
         self._shaped_reference = CornerFilter(reference_um, first_mode_hz, self._period_s)
+        # A voltage that is written in this cycle shows one period and one delay later.
         self._lookahead_s = (period_ns + delay_ns - sensor_delay_ns) / NS_PER_S
         self._sensor_delay_ns = sensor_delay_ns
         self.trim = trim
@@ -128,6 +129,7 @@ class CompensatedAxis:
     def at_end_of_range(self) -> bool:
         """Whether the voltage in force is at the lower or the upper limit of the range."""
         low_v, high_v, _ = self._limits
+        # Drives pass through normalised units, which costs a few bits.
         rounding_v = 1e-9 * (high_v - low_v)
         return not low_v + rounding_v < self._in_force_v < high_v - rounding_v
 
@@ -221,6 +223,7 @@ class CompensatedAxis:
             trim,
         )
         drive_v = window.admit(self._drive_v.from_unit(drive), self._in_force_v)
+        # Paper, section 3: x_r = V_r in normalised units.
         uncompensated_v = self._drive_v.from_unit(self._position_um.to_unit(command_um))
         return AxisOutput(drive_v, command_um, uncompensated_v, self._in_force_v, t_ns)
 
@@ -270,6 +273,7 @@ class CompensatedAxis:
 
     def _error_of(self, sample: Sample) -> float:
         """Return the error at the instant that a sample shows, in units of the range."""
+        # The sample shows the stage at its time stamp minus the delay of the sensor.
         shown_s = (sample.t_ns - self._sensor_delay_ns - self._start_ns) / NS_PER_S
         error_um = self._reference_um(shown_s) - sample.position_um
         return error_um / self._position_um.width

@@ -109,6 +109,7 @@ def compensated_axis(
     """
     period_ns, delay_ns = start.period_ns, s_to_ns(model.delay_s)
     sensor_delay_ns = s_to_ns(config.compensator.sensor_delay_s)
+    # Long enough for the delay, so that no sample is paired with the oldest entry.
     history = DriveHistory(start.in_force_v, entries=delay_ns // period_ns + SPARE_ENTRIES)
     adaptation = _adaptation(config, model.bank, model.weights)
     identifier = Identifier(
@@ -155,6 +156,7 @@ def _convergence(period_ns: int) -> Convergence:
 def _adaptation(config: AxisConfig, bank: FloatArray, weights: FloatArray) -> AdaptiveIdentifier:
     settings = config.compensator
     deadband = settings.deadband_pct / 100.0
+    # RLS has no gain to configure.
     if settings.identifier == "rls":
         return RLSIdentifier(bank, weights, deadband=deadband)
     kind = LMSIdentifier if settings.identifier == "lms" else NLMSIdentifier

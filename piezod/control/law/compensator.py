@@ -65,6 +65,7 @@ class Compensator:
         self._zeroed, self._lags = creep.zeroed, creep.lags.copy()
         self._creep_weights = creep.creep.weights
         self._pending = np.array([creep.quick, creep.quick, 0.0, 0.0])
+        # The arrays keep their identity, so that this tuple never has to be built again.
         self._arguments = (
             *self._memory,
             bank,
@@ -132,6 +133,8 @@ class Compensator:
     def expected(self) -> float:
         """Displacement that the sensor is expected to show after the last drive, normalised."""
         crept = float(self._creep_weights @ self._lags)
+        # Inverse of the map in `step`: what the operators have, plus creep and drift, as the sensor
+        # shows it.
         return (self.position + crept + self._offset) / (1.0 + self._scale) - self._zeroed
 
     def holding_command(self, drive: float, trim: float) -> float:

@@ -92,6 +92,7 @@ class LearningGate:
             return self._inaccuracy(stuck)
         if quiet:
             return GateReason.QUIET
+        # An equal sample may be the first of a stuck sensor, so it is not learned from.
         return GateReason.REPEATED if self._stuck.repeated else GateReason.OPEN
 
     def _inaccuracy(self, stuck: bool) -> GateReason:
@@ -130,6 +131,7 @@ class DriveHistory:
     def at(self, t_ns: int) -> float:
         """Return the voltage that was in force at an instant, in V."""
         later = self._newest
+        # Newest first: a delay is a few cycles, so this ends after a few steps.
         for back in range(len(self._t_ns)):
             index = self._newest - back
             if self._t_ns[index] <= t_ns:
@@ -230,6 +232,7 @@ class Identifier:
             position=position,
         )
         if self.gain_halved and learns:
+            # Half of the samples halve the gain of any algorithm.
             self._skipped_last = not self._skipped_last
             learns = not self._skipped_last
         # `crept` is in the unit of the operators, the position in that of the sensor.
@@ -240,6 +243,7 @@ class Identifier:
         # The error and its convergence follow paper eq. (30) and the criterion below it.
         before = self.adaptation.position if convergence else 0.0
         error = self.adaptation.step(without_creep, drive, learns)
+        # The lags of the creep follow this displacement at the next sample.
         self._quick = (1.0 + self.scale) * without_creep - self.offset
         # At rest any weights predict well, so that only motion counts.
         if convergence and learns and self.adaptation.position != before:

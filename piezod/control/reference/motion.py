@@ -63,6 +63,7 @@ class CornerFilter:
         if not self._share:
             return self._reference(t_s)
         period_s, step_s = self._period_s, t_s - self._t_s
+        # A late cycle shifts the times a little; a skipped one makes the kept values useless.
         if abs(step_s - period_s) <= PERIOD_TOLERANCE * period_s:
             self._before, self._here = self._here, self._after
         else:
@@ -186,6 +187,7 @@ def waveform_motion(
     value, end_um = waveform.value, waveform.value(duration_s)
     first_um = value(0.0)
     lead_in = rest_at(first_um)
+    # A reference that moves needs a lead-in even at the right position, to take over its speed.
     if abs(first_um - start_um) > _SAME_UM or start_um_per_s:
         lead_in = smooth_motion(start_um, start_um_per_s, first_um, limits)
 

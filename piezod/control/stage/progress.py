@@ -136,6 +136,7 @@ def _hold(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     boundary, withheld_before = stage.boundary, stage.boundary.withheld
     boundary.withheld = bool(stage.register.present & _LOCAL_MODE) and not boundary.shadow
     if boundary.withheld:
+        # Without a read-back the voltage that the local operator leaves is unknown.
         stage.output.known &= boundary.reads_back
         stage.track(read_back_v)
         stage.restart_hold(t_ns)
@@ -161,6 +162,7 @@ def _run(stage: Stage, t_ns: int) -> None:
                 f"{quiet_ns / 1e6:g} ms: the axis stops following it"
             )
         stage.note(StageEvent(t_ns, "warning", "stream", text, axis=axis.name))
+        # Like a requested hold, it does not expire: no fault is present, and `resume` continues.
         stage.hold_on_request(t_ns)
         return
 
@@ -204,6 +206,8 @@ def _still_at_last_write(stage: Stage) -> bool:
 
 def _finish_ramp(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """End a ramp that has reached the safe voltage, or that takes too long."""
+    # Both must be at the safe voltage: the drive that was written, and the read-back if there is
+    # one.
     at_safe = all(
         axis.drive_ended(t_ns)
         and not abs(drive_v - axis.config.safe_v) > axis.law.limits.read_back_tolerance_v

@@ -149,6 +149,7 @@ def step(state: State, event: Event, facts: Facts) -> Transition:
 
 def _next_state(state: State, event: Event, facts: Facts) -> State:
     """Return the state after an event that is never refused."""
+    # Leaving BLIND depends on more facts than any other edge.
     if state is _BLIND and event in {Event.LINK_BACK, Event.OUTPUT_UNKNOWN}:
         return _after_blind(event, facts)
     if event is Event.ESTOP_RELEASED and facts.estop_active:
@@ -175,12 +176,15 @@ def _after_blind(event: Event, facts: Facts) -> State:
 def _pass_through(state: State, event: Event, facts: Facts) -> State:
     """Return the state behind a state that cannot last: at shutdown, or with a latched fault."""
     if facts.shutting_down:
+        # At shutdown the safe voltage also ends an emergency stop, which could not be released
+        # later.
         arrived = state is _ESTOP and event is Event.AT_SAFE
         return _STOPPING if arrived or state in {_SAFE, _BLIND, _FAULT} else state
     return _FAULT if state is _SAFE and facts.latched else state
 
 
 def _arm(state: State, facts: Facts) -> Transition:
+    # Arming an armed stage changes nothing and is no error.
     if state in {_READY, _RUN}:
         return Transition(state)
     if state is not _SAFE:

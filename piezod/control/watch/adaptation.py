@@ -167,6 +167,7 @@ class AdaptationWatch:
         if self._shadowed is None or self._shadowed.restored == self._restored:
             return False
         self._restored = self._shadowed.restored
+        # The cycles of the last returns, oldest first.
         self._restored_cycles = [*self._restored_cycles[1:], self._cycles]
         return self._cycles - self._restored_cycles[0] <= self._restoration_window_cycles
 

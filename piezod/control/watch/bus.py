@@ -53,6 +53,7 @@ class _DeviceWatch:
         ]
         self.counting = False
         for flag, bucket in self._buckets.items():
+            # Empty buckets without a flag need no update: most cycles end here.
             if flag in flags or bucket.level:
                 found += self._counted(flag, bucket, flag in flags)
                 self.counting |= bucket.level > 0
@@ -60,6 +61,8 @@ class _DeviceWatch:
         if self._not_sent_cycles:
             self.counting = True
             stalled = self._not_sent_cycles >= NOT_SENT_CYCLES
+            # Frames that wait are counted in a row, not by a bucket: the transmit queue is either
+            # stuck or not.
             case = self._case(DeviceFlag.NOT_SENT, NOT_SENT) if stalled else Case.SINGLE
             found.append(
                 Detection(NOT_SENT, self._axis, self._not_sent_cycles, NOT_SENT_CYCLES, case)

@@ -1,7 +1,7 @@
 """Drift of the learned model from the identified one, as a difference of drives.
 
-The weights alone say little, because neighbouring operators can exchange slope without an effect on
-their sum. This module compares the drives that both models request along the widest loop, up and
+The weights alone mean little, because neighbouring operators can exchange slope without an effect
+on their sum. This module compares the drives that both models request along the widest loop, up and
 down.
 """
 

@@ -106,6 +106,8 @@ class FollowWatch:
         """
         against = self._strides.update(position, drive, noise)
         if self._plausible is not None:
+            # Any drive of the response time may explain the position, so take the range over all of
+            # them.
             low, high = self._plausible.bounds(recent_v.low, recent_v.high)
             beyond = max(low - position, position - high)
             if beyond <= MARGIN:
@@ -148,6 +150,7 @@ class _Strides:
     def update(self, position: float, drive: float, noise: float) -> bool:
         """Take a cycle; return whether the last strides were wrong."""
         moved = drive - self._start_drive
+        # A turn back, or across the start of the stride.
         turned = abs(moved) < abs(self._farthest) - TURNED or moved * self._farthest < 0.0
         rests = self._cycles >= self._min_cycles and abs(self._farthest) < TURNED
         if self._cycles < 0 or turned or rests:  # at rest, creep may go either way

@@ -60,6 +60,7 @@ class LoopWatch:
         self._period_ns = period_ns
         self._late_ns = round(LATE_PART * period_ns)
         cycles = max(round(WINDOW_S * NS_PER_S / period_ns), MIN_WINDOW_CYCLES)
+        # The window has a fixed number of cycles, so that its cost does not depend on the rate.
         self._lost, self._late = _Share(cycles), _Share(cycles)
         self._overruns = LeakyBucket()
         self._clocks: tuple[int, int] | None = None

@@ -73,6 +73,7 @@ class SampleScreen:
             cause = None
         late = cause is Fault.S6
         self.usable = not cause or (late and t_ns - sample.t_ns <= self._too_late_ns)
+        # Before the first usable sample the gap counts from the first cycle.
         if self.usable or self._usable_ns is None:
             self._usable_ns = t_ns
         if not (cause or self._counting):
@@ -83,6 +84,7 @@ class SampleScreen:
     def _find_cause(self, t_ns: int, sample: Sample, flags: Flags) -> Fault | None:
         """Return the fault that this sample alone would be; None if it is good."""
         taken_ns, position_um, valid = sample
+        # The order of the checks is the order of trust: flags, validity, number, time, range, age.
         if flags and (flagged := _flagged(flags)):
             return flagged
         if not valid:
@@ -99,6 +101,7 @@ class SampleScreen:
 
     def _count_cause(self, cause: Fault | None) -> None:
         """Count equal causes in a row, samples that are missing, and errors in the buckets."""
+        # Only equal causes in a row make one fault; another cause restarts the count.
         self._in_a_row = self._in_a_row + 1 if cause and cause == self._cause else 1
         self._cause = cause
         self._missing = 0 if self.usable else self._missing + 1
@@ -232,6 +235,7 @@ class JumpWatch:
         if not self._steady:
             return
         if not before:
+            # NaN clears the two samples that the second difference needs.
             noise.update(nan)  # the sample before the motion is no neighbour
         noise.update(position)
         self._learned_cycles = min(self._learned_cycles + 1, LEARNED_CYCLES)

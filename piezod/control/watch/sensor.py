@@ -66,7 +66,7 @@ class WatchedSensor(NamedTuple):
         Args:
             config: Configuration of the axis.
             model: Model of the axis, with the same zero as the samples. Without a model, the range
-                of the commands tells roughly where the stage can be.
+                of the commands shows roughly where the stage can be.
 
         Raises:
             ModelError: If there is neither a model nor a command range.
@@ -85,8 +85,7 @@ class WatchedSensor(NamedTuple):
         if config.command_range_um is None:
             message = "the axis has neither a model nor a command_range_um: set one of them"
             raise ModelError(message)
-        # The command range says nothing about the voltages that belong to it, so allow its width
-        # beyond.
+        # The command range does not define the range of the drive, so allow its width beyond it.
         low_um, high_um = config.command_range_um
         width_um = high_um - low_um
         position_um = AffineRange(low_um - width_um, high_um + width_um)
@@ -153,6 +152,7 @@ class SensorWatch:
         if driven and known:
             found = (*found, *self._check_motion(sample, position, in_force_v, spikes, needed))
         else:
+            # Without a drive of ours, or with an unknown one, motion proves nothing.
             self._follow.forget()
             self._stuck.forget()
         if self._jumps.excess > EXCESS_FACTOR:
@@ -200,6 +200,7 @@ class SensorWatch:
         if not (stuck or implausible):
             return _NOTHING
         if stuck:
+            # A stuck sensor stops only a mode that uses it.
             fault = Fault.S1 if needed else Fault.S13
             return (Detection(fault, axis, STUCK_SAMPLES, STUCK_SAMPLES),)
         return (Detection(Fault.S9, axis, follow.measured * width_um, follow.limit * width_um),)

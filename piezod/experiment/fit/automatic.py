@@ -95,6 +95,8 @@ def choose(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
     if estimate is not None:
         delay_s = estimate.delay_s
     candidates = _candidates(record, wanted, delay_s, estimate)
+    # One-standard-error rule: among candidates as good as the best, the one with the fewest
+    # parameters.
     best = min(candidates, key=lambda each: each.validation.rms_pct)
     limit_pct = best.validation.rms_with_standard_error_pct
     as_good = [each for each in candidates if each.validation.rms_pct <= limit_pct]
@@ -131,6 +133,7 @@ def _settings(record: Record, wanted: Wanted) -> Iterator[FitSettings]:
     orders = _affordable(record) if wanted.order is None else (wanted.order,)
     spacings = tuple(Spacing) if wanted.spacing is None else (wanted.spacing,)
     creeps = (False, True) if wanted.creep is None else (wanted.creep,)
+    # LMS fits neither creep nor other thresholds than even ones.
     if wanted.creep is not True and Spacing.EVEN in spacings:
         for order in orders:
             yield FitSettings(method=Method.LMS, order=order)
@@ -151,4 +154,5 @@ def _affordable(record: Record) -> tuple[int, ...]:
 
 
 def _min_samples(order: int) -> int:
+    # The fit without the longest block must still have enough samples per weight.
     return 2 * order * SAMPLES_PER_WEIGHT * BLOCKS // (BLOCKS - 1)

@@ -64,6 +64,7 @@ def estimate_delay(
     if n_samples < 10 * longest + regressors.shape[1]:
         message = f"{n_samples} samples are too few to estimate a delay; give one"
         raise DataError(message)
+    # All candidates are compared on the same samples.
     counted = record.counted(longest * record.period_s)
     drives = np.stack([drive_v.to_unit(record.drive_delayed_by(d)) for d in candidates_s], axis=1)
     targets = (drives - positions[:, np.newaxis])[counted]
@@ -92,6 +93,7 @@ def longest_delay_periods(period_s: float) -> int:
 
 def has_one_frequency(drive: FloatArray) -> bool:
     """Return whether one spectral line has nearly all power of a drive, shape (n,)."""
+    # The window keeps a frequency between two lines from leaking over the spectrum.
     window = np.hanning(drive.size)
     power = np.abs(np.fft.rfft((drive - drive.mean()) * window)) ** 2
     strongest = int(np.argmax(power))

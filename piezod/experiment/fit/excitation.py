@@ -84,6 +84,7 @@ def recommended_drive(low_v: float, high_v: float) -> str:
         low_v: Lowest voltage, in V.
         high_v: Highest voltage, in V.
     """
+    # Rounded inwards to whole millivolts, so that the text has short numbers within the limits.
     low_mv, high_mv = ceil(round(1e3 * low_v, 6)), floor(round(1e3 * high_v, 6))
     half_v = (high_mv - low_mv) // 2 / 1e3
     middle = f"{low_mv / 1e3 + half_v:.10g}"
@@ -147,6 +148,7 @@ def _turning_points(positions: FloatArray) -> list[int]:
     indices, extreme, direction = [0], 0, 0.0
     for index, value in enumerate(values):
         beyond = value - values[extreme]
+        # The first direction is known after the first motion beyond the dead-band.
         if direction == 0.0:
             if abs(beyond) > DEADBAND:
                 direction, extreme = (1.0 if beyond > 0.0 else -1.0), index
@@ -170,6 +172,7 @@ def _missing_sizes(swings: Swings, range_um: float) -> Iterator[str]:
 
 def _missing_heights(swings: Swings, range_um: float) -> Iterator[str]:
     partial = swings.middles[(swings.sizes >= SIZE_BOUNDS[0]) & (swings.sizes <= PARTIAL_SWING)]
+    # A middle at the very top belongs to the upper third.
     thirds = np.minimum((3.0 * partial).astype(int), 2)
     absent = [name for third, name in enumerate(HEIGHTS) if third not in thirds]
     if partial.size and absent:

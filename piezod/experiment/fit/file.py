@@ -96,6 +96,7 @@ def identify_file(
             choice, validation = None, None
             fit = fit_model(record, replace(settings, delay_s=delay_s))
     other, raw = None, None
+    # Both counterparts show the user what creep and smoothing contribute.
     if fit.linearised:
         other = _refitted(fit, record, replace(fit.settings, creep=not fit.settings.creep))
         raw = _refitted(fit, record, replace(fit.settings, smoothing=False))

@@ -68,7 +68,7 @@ class FitSettings:
     smoothing: bool = True
 
     def as_fitted(self, record: Record) -> Record:
-        """Return a record as the fit uses it: smoothed, if the settings say so."""
+        """Return a record as the fit uses it: smoothed, if `smoothing` is set."""
         if self.method is Method.LMS or not self.smoothing:
             return record
         return smoothed_record(record)
@@ -96,11 +96,11 @@ class Fit:
 
     @property
     def record(self) -> Record:
-        """The record of the fit, smoothed if the settings say so."""
+        """The record of the fit, smoothed if `smoothing` is set."""
         return self.problem.record
 
     def as_fitted(self, record: Record) -> Record:
-        """Return another record as this fit uses it: smoothed, if the settings say so."""
+        """Return another record as this fit uses it: smoothed, if `smoothing` is set."""
         return self.settings.as_fitted(record)
 
     def without(self, held_out: Rows) -> StageModel:
@@ -138,6 +138,8 @@ class Fit:
         `predicted_v`.
         """
         delay_s = self.model.delay_s
+        # Predictions are compared at the instants of the samples, with the voltage one delay
+        # before.
         error_v = self.predicted_v(record, model) - record.drive_delayed_by(delay_s)
         return 100.0 * error_v[record.counted(delay_s)] / self.model.drive_v.width
 
@@ -224,6 +226,7 @@ class FitProblem:
         """Return the delay, estimated with these slow parameters if it was not given."""
         if self._settings.delay_s is not None:
             return None, self._settings.delay_s
+        # The operators are defined on [0, 1].
         y = np.clip(self.series(0.0).quick(slow_parameters), 0.0, 1.0)
         estimate = estimate_delay(self.record, stop_regressors(bank, y), y, self.drive_v)
         return estimate, estimate.delay_s
@@ -242,7 +245,7 @@ class FitProblem:
         return placed_thresholds(fine, self.least_squares(fine, delay_s).weights, order)
 
     def least_squares(self, bank: FloatArray, delay_s: float) -> LeastSquaresFit:
-        """Return the weights, and the slow parameters if the settings say so, all at once."""
+        """Return the weights, and the slow parameters if `creep` is set, all at once."""
         return fit_least_squares(bank, self.series(delay_s), creep=self._settings.creep)
 
     def lms(self, bank: FloatArray, delay_s: float, held_out: Rows | None = None) -> FloatArray:
@@ -255,6 +258,7 @@ class FitProblem:
         """
         series, gain = self.series(delay_s), self._settings.lms_gain
         if gain is None:
+            # LMS is stable while 2 γ |φ|² < 2; that bound falls with the number of operators.
             gain = min(PAPER_GAIN, 0.9 * largest_stable_gain(bank))
         learned = series.counted if held_out is None else series.counted & ~held_out
         drives = np.where(learned, series.drives, np.nan)  # NaN advances the memory only

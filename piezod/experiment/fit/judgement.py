@@ -73,6 +73,7 @@ def _without_offset(fit: Fit, test: Record) -> OffsetRemoved:
     as_fitted = fit.as_fitted(test)
     residuals_pct = fit.residuals_pct(as_fitted)
     offset_pct = float(np.mean(residuals_pct))
+    # The slope of the inverse model, from a small shift, converts the offset from V to µm.
     step_um = _STEP * fit.model.position_um.width
     shifted = replace(
         as_fitted, position_um=as_fitted.position_um - math.copysign(step_um, offset_pct)

@@ -54,6 +54,7 @@ def uncertainty_of(fit: Fit, validation: CrossValidation) -> Uncertainty:
     if fit.linearised:
         samples, covariance = covariance_of(fit.linearised)
         rows = fit.linearised.regressors[fit.linearised.counted]
+        # Variance of each prediction, row by row: x C x.
         variance = np.einsum("ki,ij,kj->k", rows, covariance, rows, optimize=True)
         band_pct = 100.0 * SIGMAS_95 * np.sqrt(np.maximum(variance, 0.0))
         creep = _creep_error(fit, covariance)
@@ -80,9 +81,11 @@ def covariance_of(linearised: Linearised) -> tuple[float, FloatArray]:
     n_samples, n_parameters = rows.shape
     variance = float(np.mean(misses**2))
     per_variance = linearised.covariance(1.0)
+    # Contiguous batches keep the correlation of neighbouring residuals within a batch.
     starts = np.linspace(0, n_samples, BATCHES, endpoint=False).astype(np.int64)
     sums = np.add.reduceat(rows * misses[:, np.newaxis], starts, axis=0)
     observed = float(np.einsum("bi,ij,bj->", sums, per_variance, sums, optimize=True))
+    # At least 1: batches must not make the model look better than independent samples would.
     inflation = max(observed / (n_parameters * variance), 1.0) if variance > 0.0 else 1.0
     return n_samples / inflation, variance * inflation * per_variance
 

@@ -79,6 +79,7 @@ def from_rest(settings: IdentificationConfig, axis: LiveAxis) -> LiveDrive:
         return LiveDrive(settings.settle_s, settings.run_in_s, duration_s, drive_v)
     ramp_s = max(abs(first_v - rest_v) / rate_v_per_s, axis.period_s)
     ramp = Points(kind="points", points=((0.0, rest_v), (ramp_s, first_v)))
+    # A sequence cannot contain a sequence, so the ramp becomes its first part.
     parts = (
         drive_v.parts
         if isinstance(drive_v, Sequence)

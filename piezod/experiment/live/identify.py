@@ -120,6 +120,8 @@ def columns_of(
     t_s = telemetry.cycles["t_s"][driven]
     # The deadlines are evenly spaced; the wake-ups after them are not.
     due_s = t_s - 1e-9 * telemetry.cycles["late_ns"][driven]
+    # == piezod/experiment/live/plan.py I size = len(json.dumps The size of the request as the
+    # client sends it.
     places = np.rint((due_s - due_s[0]) * telemetry.header.rate_hz)
     even_s = np.arange(places[-1] + 1) / telemetry.header.rate_hz
     position_um = telemetry.axes[axis]["position_um"][driven]

@@ -53,6 +53,7 @@ def cut_waveform(
             start to its end.
     """
     columns, t_s = telemetry.axes[name], telemetry.cycles["t_s"]
+    # The movement number rises by one with each movement, so its first cycle is found by bisection.
     first = int(np.searchsorted(columns["motion"], columns["motion"][-1]))
     if not first:
         raise DataError(f"axis {name}: the recording does not start before the movement")

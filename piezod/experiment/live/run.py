@@ -103,6 +103,7 @@ class _Runs:
         stage.rest(self._config.settle_s)
         stage.arm()
         stage.faults.clear()
+        # The recording starts before the movement, because its start is found in the recording.
         stage.start_recording(f"{case.name}-{mode.value}")
         stage.select(mode, commands)
         holding_command_um = stage.holding_command_um()

@@ -38,6 +38,7 @@ def slow_enough(
     """
     cases, notes = [], []
     for case in config.cases:
+        # Never faster than in the file.
         factor = max(1.0, _step_pct(config, case, rate_hz) / largest_step_pct)
         slow = _slowed(case, factor)
         cases.append(slow)
@@ -77,6 +78,7 @@ def _slowed(case: CaseConfig, factor: float) -> CaseConfig:
                 changed[key] = _apply_to_mappings(slower, value)
         return changed
 
+    # `period_s` of the case is no waveform key.
     document = slower(case.model_dump())
     document["period_s"] = case.period_s * factor
     return CaseConfig.model_validate(document)

@@ -86,6 +86,7 @@ def run_case(
     for name, trace in zip(config.axes, traces, strict=True):
         identified[name].creeping.watch(trace[:, POSITION_UM])
     t_s = np.arange(traces.shape[1], dtype=np.float64) * (stage.period_ns / NS_PER_S)
+    # Errors count after the first period, which starts from a relaxed stage.
     first = int(np.searchsorted(t_s, case.period_s))
     recordings = [
         Recording(

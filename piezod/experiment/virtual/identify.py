@@ -64,6 +64,7 @@ def identify_axes(stage: VirtualStage, config: ExperimentConfig) -> Mapping[str,
     settings = config.identification
     if settings is None:
         return from_file
+    # The rest zeroes the sensors, so that the record counts from rest.
     stage.rest(settings.settle_s)
     traces = _drive(stage, config.axes, settings)
     identified = {
@@ -112,6 +113,7 @@ def _from_record(
 ) -> IdentifiedAxis:
     compensator = axis.compensator
     with prefix_errors(name):
+        # The fit counts samples after the run-in only.
         record = record.after(settings.run_in_s)
         fit = fit_model(
             record,

@@ -87,6 +87,7 @@ class VirtualStage:
     def __init__(self, channels: Channels, config: ExperimentConfig, progress: Progress) -> None:
         self._channels, self._progress = channels, progress
         self._devices = DeviceBoundary(channels, len(config.axes), reads_back=False, holds=False)
+        # There is no state machine in virtual time: writes always reach the amplifiers.
         self._devices.open = True
         self._axes = tuple(config.axes.values())
         self.period_ns = round(NS_PER_S / config.rate_hz)
@@ -112,6 +113,7 @@ class VirtualStage:
         Raises:
             DeviceError: If the amplifier refuses a voltage.
         """
+        # Time is counted in ns, so that cycles never drift from their instants.
         cycles = s_to_ns(duration_s) // self.period_ns
         period_s = self.period_ns / NS_PER_S
         guard = Guard([limits_of(axis) for axis in self._axes], period_s)
@@ -122,6 +124,7 @@ class VirtualStage:
                 before(k)
             record = run_cycle(parts, self.now_ns)
             self._store(record, trace[:, k])
+            # The truth at the instant of the cycle, before the new voltage acts.
             trace[:, k, TRUE_UM] = self._channels.true_position_um(self.now_ns)
             self.now_ns += self.period_ns
             self._progress(1)
