@@ -109,7 +109,7 @@ class FaultyChannels(Channels):
 
     Attributes:
         gain: What the stage does is multiplied by it, in truth and for the sensor alike.
-        tamper: Turns a sample into what the loop gets to see; called once in each cycle.
+        tamper: Returns the sample that the loop gets; called once per cycle.
     """
 
     gain = 1.0
@@ -127,7 +127,7 @@ class FaultyChannels(Channels):
 
 
 class StressRig:
-    """A stage that was zeroed at rest, and the axis that brought it to where a reference begins.
+    """A stage that was zeroed at rest, and its axis at the start of a reference.
 
     Two rigs made alike do the same to the bit.
 

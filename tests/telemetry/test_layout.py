@@ -38,8 +38,8 @@ def test_struct_and_array_describe_the_same_record(axes: int) -> None:
     record = np.frombuffer(bytes(8) + body + bytes(8), dtype)[0]
 
     names = [name for name in dtype.names or () if "gap" not in name]
-    told = [record[name] for name in names if name not in {"seq", "end_seq", "axes"}]
-    assert told == cycle
+    values = [record[name] for name in names if name not in {"seq", "end_seq", "axes"}]
+    assert values == cycle
     for each in record["axes"]:
         kept = [each[name] for name in each.dtype.names if "gap" not in name]
         assert kept == axis

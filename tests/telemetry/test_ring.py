@@ -94,7 +94,7 @@ def test_half_written_record_is_not_returned(shared: SharedMap) -> None:
     for number in (1, 2, 3):
         writer.append(fields_of(number))
     size = len(shared.part("ring")) // CAPACITY
-    shared.part("ring").cast("q")[2 * size // 8] = 99  # as if its writer had just begun anew
+    shared.part("ring").cast("q")[2 * size // 8] = 99  # as if its writer had just started a record
 
     records, lost = reader.read(10)
 

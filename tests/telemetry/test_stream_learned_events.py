@@ -103,10 +103,10 @@ def test_long_text_is_cut_off(shared: SharedMap) -> None:
     writer, reader = EventWriter(shared), EventReader(shared)
     writer.append(event(1, "µ" * 1000))
 
-    [told], _ = reader.read()
+    [event_read], _ = reader.read()
 
-    assert set(told.text) == {"µ"}
-    assert len(told.text) > 200
+    assert set(event_read.text) == {"µ"}
+    assert len(event_read.text) > 200
 
 
 def test_oldest_events_are_overwritten(shared: SharedMap) -> None:

@@ -208,7 +208,7 @@ def test_devices_are_left_safe_after_an_error(load: Load, short: str) -> None:
     """An error in the middle of a phase closes the devices."""
     config = load(short)
     with pytest.raises(RuntimeError, match="cable"), opened(config, lambda _cycles: None) as stage:
-        channels = stage._channels  # noqa: SLF001 - what is asked is whether they are closed
+        channels = stage._channels  # noqa: SLF001 - the test checks that they are closed
         raise RuntimeError("cable")
 
     with pytest.raises(DeviceError, match="not open"):
