@@ -333,9 +333,5 @@ def test_probe_reports_units_and_the_rate_of_all_devices_together(
     assert re.search(r"^  in force  y \S+ V$", text, re.MULTILINE)
     assert re.search(r"^  read      \d+ µs median, \d+ µs p90, \d+ µs p99$", text, re.MULTILINE)
     assert re.search(r"^all together allow \d+ Hz in the cycle", text, re.MULTILINE)
-    assert (
-        0
-        < found["together_hz"]
-        <= min(each["rate_hz"] for each in found["devices"].values())
-    )
+    assert 0 < found["together_hz"] <= min(each["rate_hz"] for each in found["devices"].values())
     assert found["devices"]["rig"]["units"] == {"inputs": {"x": "µm"}, "outputs": {"x": "V"}}
