@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import sys
 from collections.abc import Mapping
 
@@ -24,13 +25,24 @@ def print_json_line(document: Mapping[str, object]) -> None:
 
 def new_console() -> Console:
     """Return a console for people, on stdout."""
-    # rich would colour numbers, and interpret brackets and colons in paths.
-    return Console(highlight=False, markup=False, emoji=False)
+    return _console(stderr=False)
 
 
 def error_console() -> Console:
     """Return a console for people, on stderr."""
-    return Console(stderr=True, highlight=False, markup=False, emoji=False)
+    return _console(stderr=True)
+
+
+def _console(*, stderr: bool) -> Console:
+    # With NO_COLOR rich leaves out colours but not bold text; without a colour system it leaves out
+    # both. Numbers are not coloured, and brackets and colons in paths not interpreted.
+    return Console(
+        stderr=stderr,
+        color_system=None if os.environ.get("NO_COLOR") else "auto",
+        highlight=False,
+        markup=False,
+        emoji=False,
+    )
 
 
 def _finite(value: object) -> object:
