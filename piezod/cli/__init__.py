@@ -1,1 +1,1 @@
-"""The `piezod` command: the only place that prints, and the only one that decides an exit code."""
+"""The `piezod` command: only this package prints, and only this package chooses exit codes."""

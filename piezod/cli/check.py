@@ -1,4 +1,4 @@
-"""`piezod check`: whether a file can be used, and all that is wrong with it."""
+"""`piezod check`: the kind of a file, and all its problems."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,17 +14,17 @@ def check(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="Experiment or model, YAML.",
+            help="Configuration of a stage, experiment or model, YAML.",
             readable=False,
             callback=existing_file,
         ),
     ],
     json: JsonOption = False,
 ) -> None:
-    """Validate a stage, an experiment or a model file.
+    """Validate the configuration of a stage, an experiment, or a model file.
 
-    Says what it is, or prints every problem on stderr, `file:line:column: path: what is wrong`, and
-    exits with 78. With --json the document on stdout lists the problems too.
+    Prints the kind of the file, or every problem on stderr as `file:line:column: path: problem`,
+    and then exits with 78. With --json the document on stdout lists the problems too.
     """
     from piezod.cli.output import new_console, print_json
     from piezod.experiment.check_file import check_file

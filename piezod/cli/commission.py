@@ -1,7 +1,8 @@
-"""`piezod commission`: the first contact with an axis, step by step."""
+"""`piezod commission`: the first measurements of an axis, step by step."""
 
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
@@ -18,127 +19,152 @@ if TYPE_CHECKING:
 
 PROFILE_NAME = "stage.yaml"
 
+ConfigArgument: TypeAlias = Annotated[
+    Path,
+    typer.Argument(
+        metavar="CONFIG",
+        help="Configuration of the stage with the devices, and with limits that the data sheets of "
+        "amplifier and actuator allow.",
+        readable=False,
+        callback=existing_file,
+    ),
+]
+AxisOption: TypeAlias = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Axis; required if there are several.")
+]
+OutOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Folder for sheet, configuration and data. Default: AXIS-commissioned.",
+    ),
+]
+OutputOption: TypeAlias = Annotated[
+    float,
+    typer.Option(
+        metavar="V",
+        help="Voltage in force, in V, for an amplifier without read-back: read it from its "
+        "display.",
+        show_default=False,
+    ),
+]
+YesOption: TypeAlias = Annotated[bool, typer.Option("--yes", help="Confirm every step in advance.")]
+
 
 def commission(
-    config: Annotated[
-        Path,
-        typer.Argument(
-            metavar="CONFIG",
-            help="Configuration of a daemon with the devices, and limits that the data sheets of "
-            "amplifier and actuator allow.",
-            readable=False,
-            callback=existing_file,
-        ),
-    ],
-    axis: Annotated[
-        str | None, typer.Option(help="Name of the axis; needed where there are several.")
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Folder for sheet, configuration and data; AXIS-commissioned."
-        ),
-    ] = None,
-    output_v: Annotated[
-        float,
-        typer.Option(
-            help="Voltage in force, V, as its display shows: for an amplifier without read-back."
-        ),
-    ] = float("nan"),
-    yes: Annotated[bool, typer.Option("--yes", help="Confirm every step beforehand.")] = False,
+    config: ConfigArgument,
+    axis: AxisOption = None,
+    out: OutOption = None,
+    output_v: OutputOption = float("nan"),
+    yes: YesOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Get to know an axis: identity, noise, polarity, travel, delay, first resonance.
+    """Measure an axis: identity, noise, polarity, travel, delay, first mode.
 
-    Each step says which voltages it will drive and waits for a yes; it stays within the limits of
-    the configuration, and goes back to the voltage found. Ctrl-C, a no, or anything that goes wrong
-    ends it there. Leaves an acceptance sheet, a configuration for `piezod run`, and the data: of
-    what was found until then.
+    Each step announces the voltages that it drives and waits for a yes. It stays within the limits
+    of the configuration and returns to the initial voltage. Ctrl-C, a no, or an error ends the
+    procedure. The results so far are stored as an acceptance sheet, a configuration for `piezod
+    run`, and the data.
     """
     from piezod.commission.bench import one_axis
-    from piezod.commission.procedure import Findings, steps_of
+    from piezod.commission.procedure import steps_of
     from piezod.config.daemon import load_daemon
     from piezod.devices import registry
 
     stage = load_daemon(config, registry)
     name = _axis_of(stage, axis)
-    folder = out or Path(f"{name}-commissioned")
-    folder.mkdir(parents=True, exist_ok=True)
-    check_writable(folder)
-    findings, not_done = Findings(), list[str]()
+    results = _Results(stage, name, out or Path(f"{name}-commissioned"))
+    results.folder.mkdir(parents=True, exist_ok=True)
+    check_writable(results.folder)
     opened: OneAxis | None = None
-
-    def leave(opened: "OneAxis") -> None:
-        sheet = _write(folder, stage, name, findings, not_done, opened)
-        _tell(name, findings, not_done, sheet, json=json)
-
     try:
         with owning(config), unwinding(), one_axis(stage, name, output_v) as opened:
-            _tell_identities(opened)
-            steps = steps_of(opened.session, findings)
-            walk(opened.session, steps, not_done, asking=not yes)
-    except BaseException:  # Ctrl-C too: what ended it is told, sheet or no sheet
-        if opened is not None and findings.traces:
+            _print_identities(opened)
+            steps = steps_of(opened.session, results.findings)
+            walk(opened.session, steps, results.not_done, asking=not yes)
+    except BaseException:  # Ctrl-C too: its cause is reported, with or without a sheet
+        if opened is not None and results.findings.traces:
             try:
-                leave(opened)
-            except Exception as error:  # noqa: BLE001 - see above
+                results.print(results.store(opened), json=json)
+            except Exception as error:  # noqa: BLE001 - the first error must not be hidden
                 typer.echo(f"no sheet was written: {error}", err=True)
         raise
-    leave(opened)
+    results.print(results.store(opened), json=json)
 
 
 def _axis_of(stage: "DaemonConfig", axis: str | None) -> str:
     known = ", ".join(stage.axes)
     if axis is None and len(stage.axes) > 1:
-        raise typer.BadParameter(f"say which axis: {known}", param_hint="--axis")
+        raise typer.BadParameter(f"name one of the axes {known}", param_hint="--axis")
     name = axis or next(iter(stage.axes))
     if name not in stage.axes:
         raise typer.BadParameter(f"no such axis (got {name}), known: {known}", param_hint="--axis")
     return name
 
 
-def _tell_identities(opened: "OneAxis") -> None:
+def _print_identities(opened: "OneAxis") -> None:
     for name, identity in opened.identities.items():
         typer.echo(f"{name}: {', '.join(identity)}", err=True)
-    typer.echo(f"in force: {opened.session.drive_v:z.2f} V", err=True)
+    typer.echo(f"voltage in force: {opened.session.drive_v:z.2f} V", err=True)
 
 
-def _tell(axis: str, findings: "Findings", not_done: list[str], sheet: Path, *, json: bool) -> None:
-    if not json:
-        typer.echo(f"Sheet: {sheet}")
-        return
-    from piezod.cli.output import print_json
-    from piezod.commission.sheet import rows_of
+def _no_findings() -> "Findings":
+    from piezod.commission.procedure import Findings
 
-    rows = [row._asdict() for row in rows_of(findings)]
-    print_json({"axis": axis, "found": rows, "not_done": not_done, "sheet": str(sheet)})
+    return Findings()
 
 
-def _write(
-    folder: Path,
-    stage: "DaemonConfig",
-    axis: str,
-    findings: "Findings",
-    not_done: list[str],
-    opened: "OneAxis",
-) -> Path:
-    from datetime import UTC, datetime
+@dataclass(frozen=True)
+class _Results:
+    """Results of the steps done so far.
 
-    import piezod
-    from piezod.commission.profile import profile
-    from piezod.commission.sheet import Sheet, write_sheet
+    Attributes:
+        stage: Configuration of the stage.
+        axis: Name of the axis.
+        folder: Folder for the files.
+        findings: Results by step.
+        not_done: Names of the steps that were not done.
+    """
 
-    now = datetime.now(UTC)
-    text = ""
-    if findings.travel is not None:
-        date = now.date().isoformat()
-        text = profile(stage, axis, findings, dict(opened.identities), date)
-    facts = {
-        "commissioned": f"{now:%Y-%m-%d %H:%M} UTC",
-        "rate": f"{stage.rate_hz:g} Hz",
-        "found at": f"{opened.session.found_v:z.2f} V",
-        "piezod": piezod.__version__,
-    }
-    return write_sheet(
-        folder, Sheet(axis, facts, opened.identities, findings, not_done, PROFILE_NAME, text)
-    )
+    stage: "DaemonConfig"
+    axis: str
+    folder: Path
+    findings: "Findings" = field(default_factory=_no_findings)
+    not_done: list[str] = field(default_factory=list)
+
+    def store(self, opened: "OneAxis") -> Path:
+        """Write sheet, configuration and data; return the path of the sheet."""
+        from datetime import UTC, datetime
+
+        import piezod
+        from piezod.commission.profile import profile
+        from piezod.commission.sheet import Sheet, write_sheet
+
+        now = datetime.now(UTC)
+        text = ""
+        if self.findings.travel is not None:  # without it, the configuration has no range
+            date = now.date().isoformat()
+            text = profile(self.stage, self.axis, self.findings, dict(opened.identities), date)
+        facts = {
+            "commissioned": f"{now:%Y-%m-%d %H:%M} UTC",
+            "rate": f"{self.stage.rate_hz:g} Hz",
+            "found at": f"{opened.session.found_v:z.2f} V",
+            "piezod": piezod.__version__,
+        }
+        sheet = Sheet(
+            self.axis, facts, opened.identities, self.findings, self.not_done, PROFILE_NAME, text
+        )
+        return write_sheet(self.folder, sheet)
+
+    def print(self, sheet: Path, *, json: bool) -> None:
+        """Print the path of the sheet, or the document with all results."""
+        if not json:
+            typer.echo(f"Sheet: {sheet}")
+            return
+        from piezod.cli.output import print_json
+        from piezod.commission.sheet import rows_of
+
+        rows = [row._asdict() for row in rows_of(self.findings)]
+        print_json(
+            {"axis": self.axis, "found": rows, "not_done": self.not_done, "sheet": str(sheet)}
+        )

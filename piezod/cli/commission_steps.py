@@ -1,4 +1,4 @@
-"""The steps of a first contact as a person sees them: each is told, confirmed, then done."""
+"""The steps of commissioning at the terminal: each is announced, confirmed, then done."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -16,34 +16,35 @@ def walk(
     not_done: list[str],
     *,
     asking: bool,
-    of: str = "",
+    prefix: str = "",
     err: bool = True,
 ) -> None:
-    """Do the steps until one is declined.
+    """Do the steps in order until the user declines one.
 
     Args:
         session: The axis.
-        steps: What is to be done.
-        not_done: Gets the names of the steps that are not, whatever ends this.
-        asking: Whether each is to be confirmed.
-        of: What the texts begin with.
-        err: Whether what was found is told on stderr, as progress is; else on stdout.
+        steps: The steps.
+        not_done: Receives the names of the steps that were not done, also after an error.
+        asking: Whether the user confirms each step.
+        prefix: Beginning of every text.
+        err: Whether results go to stderr, as progress does; otherwise to stdout.
 
     Raises:
-        DeviceError: If the devices say that something is wrong.
+        DeviceError: If a device reports an error.
     """
     for step in steps:
         done = False
         try:
-            if asking and not _confirmed(step, session, of):
+            if asking and not _confirmed(step, session, prefix):
                 return
-            typer.echo(f"{of}{step.name}: {step.run()}", err=err)
+            typer.echo(f"{prefix}{step.name}: {step.run()}", err=err)
             done = True
         finally:
             if not done:
                 not_done += [step.name, *(later.name for later in steps)]
 
 
-def _confirmed(step: "ProcedureStep", session: "Session", of: str) -> bool:
+def _confirmed(step: "ProcedureStep", session: "Session", prefix: str) -> bool:
+    # A device with a watchdog needs writes while the user thinks.
     with session.holding():
-        return typer.confirm(f"{of}{step.name}: {step.what}?", default=not step.moves, err=True)
+        return typer.confirm(f"{prefix}{step.name}: {step.what}?", default=not step.moves, err=True)

@@ -1,4 +1,4 @@
-"""`piezod drivers`: what is installed."""
+"""`piezod drivers`: the installed drivers."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,8 +9,8 @@ from piezod.cli.options import JsonOption
 def drivers(json: JsonOption = False) -> None:
     """List the installed drivers.
 
-    A driver that cannot be loaded is listed with the reason. With --json, `sees` has the faults of
-    docs/faults.md that its devices give evidence of.
+    A driver that cannot be loaded is listed with the reason. With --json, `sees` lists the faults
+    of docs/faults.md that it can detect.
     """
     from piezod.cli.output import print_json
     from piezod.devices import registry
@@ -60,7 +60,7 @@ def _print_table(found: Sequence[_Driver]) -> None:
 
     table = Table(box=box.SIMPLE_HEAD)
     table.add_column("driver", no_wrap=True)
-    table.add_column("what it drives")
+    table.add_column("devices")
     table.add_column("confirmed\non hardware")
     table.add_column("installed by")
     for each in found:

@@ -1,4 +1,4 @@
-"""What `piezod emulate` is made of: the rig, the devices, and what is typed while it runs."""
+"""The parts of `piezod emulate`: the rig, the devices, and faults typed while it runs."""
 
 import os
 import select
@@ -25,16 +25,17 @@ from piezod.devices.wiring import pairs_of, wiring_of
 _DRIVER: Final = "simulated"
 _FIRST_AXES: Final = ("x", "y", "z")
 _STDIN: Final = 0
-_LOOK_MS: Final = 100
+_POLL_MS: Final = 100
+"""Time between two checks whether to stop, in ms."""
 
 
 class RigPlan(NamedTuple):
-    """A simulated rig that is not made yet.
+    """What is needed to make a simulated rig.
 
     Attributes:
-        options: Of its driver.
+        options: Options of its driver.
         axes: Names of its axes.
-        seed: Of what is random in it.
+        seed: Seed of its random numbers.
     """
 
     options: BaseModel
@@ -49,16 +50,16 @@ def default_rig(n_axes: int) -> RigPlan:
 
 
 def rig_of(config: Path, device: str | None, n_axes: int | None) -> RigPlan:
-    """Return the rig of a daemon's configuration.
+    """Return the rig of a configuration.
 
     Args:
-        config: The configuration.
-        device: Name of the device; None if there is only one that is simulated.
-        n_axes: How many of its axes, None for all.
+        config: The configuration of a stage.
+        device: Name of the simulated device; None for the only one.
+        n_axes: Number of its axes; None for all.
 
     Raises:
-        PiezodError: If the configuration is wrong.
-        typer.BadParameter: If it has no such device, several, or fewer axes.
+        PiezodError: If the configuration is not valid.
+        typer.BadParameter: If it has no such device, several and no name is given, or fewer axes.
     """
     stage = load_daemon(config, registry)
     found = [name for name, each in stage.devices.items() if each.driver == _DRIVER]
@@ -66,18 +67,22 @@ def rig_of(config: Path, device: str | None, n_axes: int | None) -> RigPlan:
         device = found[0]
     if device not in found:
         known = ", ".join(found) or "none"
-        what = f"devices of {config} with driver {_DRIVER}: {known} (got {device or 'none'})"
+        what = f"name a device of {config} with driver {_DRIVER}: {known} (got {device or 'none'})"
         raise typer.BadParameter(what, param_hint="--device")
     axes = wiring_of(device, pairs_of(stage.axes)).channels
     if n_axes is not None and n_axes > len(axes):
-        what = f"{device} of {config} has {len(axes)} (got {n_axes})"
+        what = f"{device} of {config} has {len(axes)} axes (got {n_axes})"
         raise typer.BadParameter(what, param_hint="--axes")
     return RigPlan(stage.devices[device].options, axes[:n_axes], stage.seed)
 
 
 @contextmanager
 def bench(plan: RigPlan, trace: Path | None) -> Iterator[SharedRig]:
-    """Make the rig and have it on a bench, in real time, as long as the block runs.
+    """Make the rig and run it in real time until the block ends.
+
+    Args:
+        plan: The rig.
+        trace: File for every written voltage; None for none.
 
     Raises:
         OSError: If the trace cannot be written.
@@ -98,18 +103,18 @@ def posts_of(
     """Return the devices that a command line names.
 
     Args:
-        profiles: Each as PROFILE or PROFILE=WHERE.
-        where: Where a single one is served, None where that is not said.
-        faults: What goes wrong on the wire of each.
+        profiles: The devices, each as PROFILE or PROFILE=WHERE.
+        where: Place of a single device; None for the default.
+        faults: Wire faults of each device.
 
     Raises:
-        RegistryError: If one of them cannot be emulated.
-        typer.BadParameter: If two things are said about one place, or a fault is none.
+        RegistryError: If a profile has no emulator.
+        typer.BadParameter: If a place is given twice, or a fault is not well formed.
     """
     named = [each.partition("=")[::2] for each in profiles]
     if where is not None:
         if len(named) > 1 or named[0][1]:
-            what = "is for a single PROFILE; else write PROFILE=WHERE for each"
+            what = "is for a single PROFILE; with several, write PROFILE=WHERE for each"
             raise typer.BadParameter(what, param_hint="--port")
         named = [(named[0][0], where)]
     try:
@@ -125,46 +130,50 @@ def posts_of(
 
 
 @contextmanager
-def told_to_end() -> Iterator[Callable[[], bool]]:
-    """Tell from SIGINT and SIGTERM, for as long as the block runs, that the process is to end."""
-    told = threading.Event()
+def stop_requested() -> Iterator[Callable[[], bool]]:
+    """Take SIGINT and SIGTERM as requests to stop, until the block ends.
+
+    Yields:
+        A function that returns whether a signal has come.
+    """
+    requested = threading.Event()
     before = {
-        number: signal.signal(number, lambda *_: told.set())
+        number: signal.signal(number, lambda *_: requested.set())
         for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:
-        yield told.is_set
+        yield requested.is_set
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
-def watch(
-    wires: Sequence[WireFaults], stopping: Callable[[], bool], tell: Callable[[str], None]
+def watch_input(
+    wires: Sequence[WireFaults], stopping: Callable[[], bool], report: Callable[[str], None]
 ) -> None:
-    """Take lines from standard input as the faults of all wires, until it is time to stop.
+    """Set the faults of all wires from the lines of standard input, until `stopping` is true.
 
     Args:
         wires: The faults of each wire.
-        stopping: Asked every 0.1 s.
-        tell: Told what is in force after each line, or what is wrong with that.
+        stopping: Whether to stop; called every 0.1 s.
+        report: Receives the faults in force after each line, or why the line is not valid.
     """
     typed = select.poll()
     typed.register(_STDIN, select.POLLIN)
     rest = b""
     while not stopping():
-        if not typed.poll(_LOOK_MS) or not _may_read():
+        if not typed.poll(_POLL_MS) or not _may_read():
             continue
         data = os.read(_STDIN, 4096)
         if not data:
             typed.unregister(_STDIN)
         *lines, rest = (rest + data).split(b"\n")
         for line in lines:
-            tell(_set(wires, line.decode(errors="replace")))
+            report(_set(wires, line.decode(errors="replace")))
 
 
 def _may_read() -> bool:
-    """Tell whether reading does not stop the process, as a terminal does that others use."""
+    """Return False if reading would stop the process, as for a background job at a terminal."""
     return not os.isatty(_STDIN) or os.tcgetpgrp(_STDIN) == os.getpgrp()
 
 

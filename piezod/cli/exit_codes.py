@@ -1,4 +1,4 @@
-"""What an error is to the shell: an exit code, and a text without a traceback."""
+"""Exit codes of errors, and their text without a traceback."""
 
 import os
 from typing import Final
@@ -19,7 +19,7 @@ DEVICE_UNAVAILABLE = 69
 ALREADY_RUNNING = 75
 NO_PERMISSION = 77
 CONFIGURATION = 78
-"""As in sysexits.h; 2 for wrong usage comes mostly from typer, 130 for Ctrl-C is in `interrupt`."""
+"""As in sysexits.h. typer exits with 2 for wrong usage; 130 for Ctrl-C is in `interrupt`."""
 
 
 _CODES: Final[dict[type[PiezodError], int]] = {
@@ -33,15 +33,15 @@ _CODES: Final[dict[type[PiezodError], int]] = {
 
 
 def exit_code(error: PiezodError | OSError) -> int:
-    """Return the exit code that an error leads to."""
-    # A file that may not be read is a matter of permission, whoever tried to read it.
+    """Return the exit code of an error."""
+    # A missing permission has its own code, whichever reader of the file met it.
     if isinstance(error, PermissionError) or isinstance(error.__cause__, PermissionError):
         return NO_PERMISSION
     return next((code for kind, code in _CODES.items() if isinstance(error, kind)), FAILED)
 
 
 def text_of(error: PiezodError | OSError) -> str:
-    """Return what to tell a person."""
+    """Return the text of an error for people."""
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         return f"{os.fsdecode(error.filename)}: {error.strerror}"
     return str(error)

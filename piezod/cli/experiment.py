@@ -1,12 +1,18 @@
-"""`piezod experiment`: an experiment file becomes a table of errors, figures and data."""
+"""`piezod experiment`: run an experiment file, write a report with errors, figures and data."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
+from piezod.cli.experiment_options import (
+    FileArgument,
+    LargestStepOption,
+    LiveOption,
+    OutOption,
+    SeedOption,
+    check_usage,
+)
 from piezod.cli.options import JsonOption
-from piezod.cli.paths import check_writable, existing_file
+from piezod.cli.paths import check_writable
 from piezod.cli.stage_options import SocketOption, StageOption, connect
 
 if TYPE_CHECKING:
@@ -18,53 +24,22 @@ if TYPE_CHECKING:
     from piezod.records.recording import ExperimentResult
 
 
-def experiment(  # noqa: PLR0913, PLR0917 - typer reads options off the signature
-    file: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FILE", help="Experiment, YAML.", readable=False, callback=existing_file
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            readable=False,
-            help="Folder for report, figures and data; FILE's name with -results, in the current "
-            "folder, if not given. What an earlier run left in it is replaced.",
-        ),
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, max=2**32 - 1, help="Use this seed and not the file's."),
-    ] = None,
-    live: Annotated[
-        bool,
-        typer.Option(
-            "--live",
-            help="Run its cases on a running stage, with that one's devices, axes, rate and model.",
-        ),
-    ] = False,
-    largest_step_pct: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PCT",
-            min=0.001,
-            max=100.0,
-            help="With --live: slow the commands down until a cycle of the loop moves at most this "
-            "part of their range, %: for a slow bus.",
-        ),
-    ] = None,
+def experiment(  # noqa: PLR0913, PLR0917 - each argument is an option
+    file: FileArgument,
+    out: OutOption = None,
+    seed: SeedOption = None,
+    live: LiveOption = False,
+    largest_step_pct: LargestStepOption = None,
     stage: StageOption = None,
     socket: SocketOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run an experiment in virtual time and write a report.
 
-    With --live, its cases are run on a running stage, which is disarmed at the end.
+    With --live the cases run in real time on a running stage, which is disarmed at the end.
 
-    Prints the errors of each case in each mode, in % of the displacement's range, which method made
-    the model, what to beware of, and where the report is.
+    Prints the errors of each case in each mode in % of the displacement range, the origin of the
+    model, the warnings, and the path of the report.
     """
     from piezod.cli.experiment_view import as_document, print_result
     from piezod.cli.output import new_console, print_json
@@ -75,15 +50,12 @@ def experiment(  # noqa: PLR0913, PLR0917 - typer reads options off the signatur
     from piezod.experiment.reference import reference_of
     from piezod.experiment.virtual.run import run_experiment
 
-    if live and seed is not None:
-        raise typer.BadParameter("a running stage has none to give", param_hint="'--seed'")
-    if not live and (stage or socket or largest_step_pct):
-        raise typer.BadParameter("--stage, --socket and --largest-step-pct need --live")
+    check_usage(live=live, seed=seed, only_live=(stage, socket, largest_step_pct))
     config = load_experiment(file, registry)
     if seed is not None:
         config = config.model_copy(update={"seed": seed})
     folder = out or Path(f"{file.stem}-results")
-    folder.mkdir(parents=True, exist_ok=True)  # before the run: to learn it after would be a pity
+    folder.mkdir(parents=True, exist_ok=True)  # before the run, which may take minutes
     check_writable(folder)
     with progress_bar() as progress:
         text = file.read_text(encoding="utf-8-sig")

@@ -1,4 +1,4 @@
-"""How the result of an experiment is told: a table for people, a document for programs."""
+"""The output of `piezod experiment`: a table for people, a document for programs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -53,12 +53,12 @@ def as_document(result: ExperimentResult, report: Path) -> dict[str, object]:
 def print_result(
     console: Console, result: ExperimentResult, reference: Reference | None, report: Path
 ) -> None:
-    """Print errors beside those of the reference, the models, warnings, and where the report is.
+    """Print the errors beside the reference, the models, the warnings, and the path of the report.
 
     Args:
-        console: Where to.
+        console: The console.
         result: The experiment.
-        reference: Errors to compare with, where there are any.
+        reference: Errors to compare with; None for none.
         report: Path of the report.
     """
     errors = error_table(result, reference)
@@ -76,7 +76,7 @@ def print_result(
 def _table(
     result: ExperimentResult, errors: Mapping[Key, Sequence[ErrorRow]], reference: Reference | None
 ) -> Table:
-    # As narrow as can be: all errors fit into 80 columns.
+    # All six errors must fit into 80 columns.
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("case")
     table.add_column("mode", no_wrap=True)
@@ -89,8 +89,8 @@ def _table(
         for index, row in enumerate(rows):
             where = f"{case}, axis {axis}" if several_axes else case
             cells = [_number(cell) for cell in row.cells]
-            theirs = [_theirs(row, reference)] if reference else []
-            table.add_row("" if index else where, row.mode, *cells, *theirs)
+            compared = [_reference(row, reference)] if reference else []
+            table.add_row("" if index else where, row.mode, *cells, *compared)
         table.add_section()
     return table
 
@@ -111,7 +111,7 @@ def _number(cell: ErrorCell) -> Text:
     return Text(number, style="bold" if cell.best else "")
 
 
-def _theirs(row: ErrorRow, reference: Reference) -> str:
+def _reference(row: ErrorRow, reference: Reference) -> str:
     if row.reference is None:
         return ""
     return metric_number(reference.metrics[0], row.reference)

@@ -1,19 +1,19 @@
-"""Help that lists verbs under headings, as plain text: rich doubles the time that help takes."""
+"""Help with commands under headings, in plain text, because rich doubles the time for help."""
 
 from typing import Any, Final
 
 from typer.core import TyperGroup
 
 _WHOLE_SENTENCE: Final = 1000
-"""Help shows the first sentence of a verb uncut; click's default is 45 letters."""
+"""Longest first sentence in the list, in characters; click cuts it at 45."""
 
 
 class GroupedHelp(TyperGroup):
-    """A command whose help lists each verb under its `rich_help_panel`."""
+    """A group of commands whose help lists each command under its `rich_help_panel`."""
 
     # Typer has its own copy of click's types since 0.20, hence Any.
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write a section for each heading, in the order in which verbs first name them."""
+        """Write a section for each heading, in the order of their first commands."""
         sections: dict[str, list[tuple[str, str]]] = {}
         names = self.list_commands(ctx)
         width = max(map(len, names))

@@ -1,4 +1,4 @@
-"""What `piezod identify --json` prints."""
+"""The document of `piezod identify --json`."""
 
 from pathlib import Path
 
@@ -21,9 +21,9 @@ def as_document(fitted: FileFit, model: Path | None, plot: Path | None) -> Docum
     """Return the document of `piezod identify --json`.
 
     Args:
-        fitted: The model and how good it is.
-        model: Path of the model file, None where none was written.
-        plot: Path of the figure, None where none was drawn.
+        fitted: The model with its errors.
+        model: Path of the model file; None if none was written.
+        plot: Path of the figure; None if none was drawn.
     """
     fit, record = fitted.taken.fit, fitted.record
     by_creep = {each.fit.settings.creep: each for each in (fitted.taken, fitted.other) if each}
@@ -105,7 +105,7 @@ def _uncertainty(uncertainty: Uncertainty) -> Document:
 
 
 def spread(values_pct: FloatArray | None) -> dict[str, float] | None:
-    """Return the worst and the rms of what is given for each sample, by name."""
+    """Return the largest value and the rms, by name; None without values."""
     if values_pct is None:
         return None
     return {

@@ -1,4 +1,4 @@
-"""How an identification is told to people."""
+"""The text of `piezod identify`."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -24,22 +24,22 @@ _BARS = "▁▂▃▄▅▆▇█"
 
 
 def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path | None) -> None:
-    """Print what was read and chosen, the errors, what to beware of, and what was written.
+    """Print the record, the choice, the errors, the warnings, and the written files.
 
     Args:
-        console: Where to.
-        fitted: The model and how good it is.
-        model: Path of the model file, None where none was written.
-        plot: Path of the figure, None where none was drawn.
+        console: The console.
+        fitted: The model with its errors.
+        model: Path of the model file; None if none was written.
+        plot: Path of the figure; None if none was drawn.
     """
     fit = fitted.taken.fit
-    console.print(_read(fitted.data, fitted.recorded), soft_wrap=True)
-    console.print(_seen(fit.settings, fitted.record))
+    console.print(_record(fitted.data, fitted.recorded), soft_wrap=True)
+    console.print(_smoothing(fit.settings, fitted.record))
     _print_delay(console, fit.model.delay_s, fit.delay)
     if fitted.choice:
         _print_choice(console, fitted.choice)
     console.print(
-        f"Model {_named(fit.settings)}. How well it predicts the drive voltage, in % of its range:"
+        f"Model {_settings(fit.settings)}. Error of the predicted drive voltage, in % of its range:"
     )
     console.print(_errors(fitted))
     for line in _offsets(fitted):
@@ -51,29 +51,29 @@ def print_fit(console: Console, fitted: FileFit, model: Path | None, plot: Path 
     if model and plot:
         console.print(f"Model: {model}\nFigure: {plot}", soft_wrap=True)
     else:
-        console.print("No model was written; --out model.yaml keeps the model and draws it.")
+        console.print("No model was written; --out model.yaml writes the model and its figure.")
 
 
-def _read(data: Path, record: Record) -> str:
+def _record(data: Path, record: Record) -> str:
     length_s = record.t_s[-1] - record.t_s[0]
     text = f"{data}: {_count(record.t_s.size, 'sample')} at {1.0 / record.period_s:.6g} Hz, "
     text += f"{length_s:.4g} s"
-    return f"{text}; the first {record.run_in_s:.3g} s do not count" if record.run_in_s else text
+    return f"{text}; the first {record.run_in_s:.3g} s are excluded" if record.run_in_s else text
 
 
-def _seen(settings: FitSettings, record: Record) -> str:
+def _smoothing(settings: FitSettings, record: Record) -> str:
     if settings.method is Method.LMS:
-        return "The displacement is taken as it is, as the paper's method does."
+        return "The displacement is used as recorded, as in the paper's method."
     window = longest_window(record.drive_v)
     if window == 1:
-        return "The displacement is taken as it is: the drive moves too sharply to smooth it."
+        return "The displacement is used as recorded: the drive turns too sharply to smooth it."
     return (
         f"The displacement is smoothed over {window} samples, {_ms(window * record.period_s)}, "
-        "where the drive does not bend sharply."
+        "except at sharp turns of the drive."
     )
 
 
-def _named(settings: FitSettings) -> str:
+def _settings(settings: FitSettings) -> str:
     creep = ", with creep" if settings.creep else ""
     operators = _count(settings.order, "operator")
     return f"by {settings.method}, {operators} on each side, thresholds {settings.spacing}{creep}"
@@ -91,8 +91,8 @@ def _print_delay(console: Console, delay_s: float, delay: DelayEstimate | None) 
     low, high = delay.criterion_pct.min(), delay.criterion_pct.max()
     best = int(delay.criterion_pct.argmin())
     console.print(
-        f"Delay {_ms(delay_s)} ± {_ms(delay.uncertainty_s)}, where the rms error of the predicted "
-        "voltage is least:\n"
+        f"Delay {_ms(delay_s)} ± {_ms(delay.uncertainty_s)}, from the smallest rms error of the "
+        "predicted voltage:\n"
     )
     margin = " " * (len(first) + 3)
     console.print(f"  {first} {_curve(delay.criterion_pct)} {last}")
@@ -104,7 +104,7 @@ def _ms(time_s: float) -> str:
 
 
 def _curve(values: FloatArray) -> str:
-    """Return values as a row of bars, as high as they are above the least."""
+    """Return values as a row of bars; the height is the distance from the smallest value."""
     above = (values - values.min()) / max(float(values.max() - values.min()), 1e-300)
     return "".join(_BARS[round(share * (len(_BARS) - 1))] for share in above)
 
@@ -128,12 +128,12 @@ def _print_choice(console: Console, choice: Choice) -> None:
             *_numbers(each.validation.errors),
             ", ".join(filter(None, marks)),
         )
-    console.print("Models tried, and their errors on blocks that they were not fitted to, in %:")
+    console.print("Candidates, and their errors on blocks that were held out of the fit, in %:")
     console.print(table)
     console.print(
-        f"The rms error of the best is {choice.best.validation.rms_pct:.3f} %, with its standard "
-        f"error over the blocks {choice.limit_pct:.3f} %. Up to that a model counts as equally "
-        "good, and the one with the fewest parameters is taken.\n"
+        f"The rms error of the best model is {choice.best.validation.rms_pct:.3f} %, and "
+        f"{choice.limit_pct:.3f} % with its standard error over the blocks. Models up to that "
+        "error count as equally good; the one with the fewest parameters is taken.\n"
     )
 
 
@@ -161,7 +161,7 @@ def _errors(fitted: FileFit) -> Table:
 
 
 def _judged(fitted: FileFit) -> dict[str, Judgement]:
-    """Return the model, the same with or without creep, and from unsmoothed displacement."""
+    """Return the model, its counterpart with or without creep, and the unsmoothed fit, by name."""
     judged = {}
     for each in (fitted.taken, fitted.other):
         if each:
@@ -172,7 +172,7 @@ def _judged(fitted: FileFit) -> dict[str, Judgement]:
 
 
 def _uncertainty(fitted: FileFit) -> str:
-    """Return how certain the model is, in words."""
+    """Return the uncertainty of the model, in words."""
     uncertain, parts = fitted.uncertainty, []
     if uncertain.delay_s is not None:
         parts.append(f"delay ± {_ms(uncertain.delay_s)}")
@@ -184,19 +184,19 @@ def _uncertainty(fitted: FileFit) -> str:
         parts.append(
             f"predicted voltage ± {band['rms_pct']:.2f} % rms, ± {band['max_pct']:.2f} % at worst"
         )
-    text = f"Uncertain by noise (95 %): {'; '.join(parts)}. " if parts else ""
+    text = f"Uncertainty due to noise (95 %): {'; '.join(parts)}. " if parts else ""
     blocks = spread(uncertain.spread_pct) or {}
-    return f"{text}Models without one of the blocks differ by {blocks['rms_pct']:.2f} % rms."
+    return f"{text}Models fitted without one of the blocks differ by {blocks['rms_pct']:.2f} % rms."
 
 
 def _print_excitation(console: Console, fitted: FileFit) -> None:
     if not fitted.untold:
         console.print("The record has swings of all sizes and speeds that the model needs.")
         return
-    console.print("The record leaves untold what these would tell:")
+    console.print("The record lacks:")
     for each in fitted.untold:
         console.print(f"- {each}")
-    console.print("A drive that tells it, for an experiment:\n")
+    console.print("A drive that has all of it, for an experiment:\n")
     drive_v = fitted.taken.fit.model.drive_v
     console.print(recommended_drive(*drive_v), markup=False, highlight=False, soft_wrap=True)
 
@@ -214,6 +214,6 @@ def _offsets(fitted: FileFit) -> Iterator[str]:
         offset = judged.test_offset_removed
         if offset:
             yield (
-                f"Constant offset removed from the test, {name}: {offset.offset_pct:+.2f} %, as a "
-                f"shift of the displacement by {offset.offset_um:+.3g} µm would cause."
+                f"Constant offset removed from the test, {name}: {offset.offset_pct:+.2f} %, which "
+                f"a shift of the displacement by {offset.offset_um:+.3g} µm would cause."
             )

@@ -1,4 +1,4 @@
-"""`piezod init`: the example configurations, to begin with."""
+"""`piezod init`: write the example configurations to a folder."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,18 +12,18 @@ def init(
     folder: Annotated[
         Path,
         typer.Argument(
-            metavar="[DIR]", help="Folder for the files, made if absent.", show_default=True
+            metavar="[DIR]", help="Folder for the files; made if absent.", show_default=True
         ),
     ] = Path("config"),
     force: Annotated[
-        bool, typer.Option("--force", help="Overwrite files that are there and differ.")
+        bool, typer.Option("--force", help="Overwrite existing files that differ.")
     ] = False,
     json: JsonOption = False,
 ) -> None:
     """Write the example configurations: stages, their models, experiments.
 
-    Files of the same name that differ are left as they are; then nothing is written, they are
-    listed, and the exit code is 1.
+    If files of the same names exist and differ, the command writes nothing, lists them, and exits
+    with 1.
     """
     from piezod.cli.output import print_json
     from piezod.cli.shipped import shipped
@@ -48,22 +48,22 @@ def init(
     if json:
         print_json({"folder": str(folder), "written": [str(name) for name in written]})
     else:
-        _tell(folder, written)
+        _print_written(folder, written)
 
 
 def _refuse(files: list[Path]) -> None:
     listed = "\n".join(f"  {file}" for file in files)
     typer.echo(
-        "there already, and not as shipped; nothing was written. Name another folder, or "
-        f"overwrite them by --force:\n{listed}",
+        "nothing was written, because these files exist and differ from the examples; name another "
+        f"folder, or overwrite them with --force:\n{listed}",
         err=True,
     )
     raise typer.Exit(1)
 
 
-def _tell(folder: Path, written: list[Path]) -> None:
+def _print_written(folder: Path, written: list[Path]) -> None:
     for name in written:
         typer.echo(folder / name)
     if not written:
-        typer.echo(f"{folder}: everything is there already, as shipped")
+        typer.echo(f"{folder}: all examples exist already, unchanged")
     typer.echo(f"\nTo try it: piezod run {folder / 'simulated.yaml'}")

@@ -1,4 +1,4 @@
-"""`piezod install-service`: the daemon as a service of systemd."""
+"""`piezod install-service`: run the daemon as a systemd service."""
 
 import sys
 from pathlib import Path
@@ -16,34 +16,34 @@ _ACTIVATE = (
 )
 _USE = (
     "cp -r CONFIGURATION.yaml models /etc/piezod/   # examples: piezod init",
-    "usermod -aG piezod-view,piezod USER   # whoever may move the stage",
+    "usermod -aG piezod-view,piezod USER   # a user who may move the stage",
     "systemctl enable --now piezod@CONFIGURATION",
 )
 
 
 def install_service(
     root: Annotated[
-        Path, typer.Option(metavar="DIR", help="Write below this folder, to make a package.")
+        Path, typer.Option(metavar="DIR", help="Write below this folder, for a package.")
     ] = Path("/"),
     piezod: Annotated[
         Path | None,
-        typer.Option(metavar="PATH", help="Command that the service runs; left out: this one."),
+        typer.Option(metavar="PATH", help="Command that the service runs. Default: this one."),
     ] = None,
     uninstall: Annotated[
-        bool, typer.Option("--uninstall", help="Remove what was installed.")
+        bool, typer.Option("--uninstall", help="Remove the installed files.")
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Install the systemd service of the daemon, for this machine, as root.
+    """Install the systemd service of the daemon on this machine; needs root.
 
-    Writes the unit `piezod@.service`, one instance of which runs one stage, rules for udev, and
-    the definitions of users and folders. Then tells the commands that put them to use.
+    Writes the unit `piezod@.service`, of which one instance runs one stage, the udev rules, and the
+    definitions of users and folders. Then prints the commands that activate them.
     """
     from piezod.daemon import service_files
 
     service_files.check_root(root)
     if uninstall:
-        _tell("removed", service_files.uninstall(root), _ACTIVATE[-1:], json=json)
+        _print_files("removed", service_files.uninstall(root), _ACTIVATE[-1:], json=json)
         return
     from piezod.cli.shipped import shipped
 
@@ -54,7 +54,7 @@ def install_service(
         written = service_files.install(shipped("systemd"), root, command)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--piezod") from error
-    _tell("written", written, (*_ACTIVATE, *_USE), json=json)
+    _print_files("written", written, (*_ACTIVATE, *_USE), json=json)
 
 
 def _this_command() -> Path:
@@ -64,13 +64,13 @@ def _this_command() -> Path:
     places = (Path(sys.executable).parent, Path(sysconfig.get_path("scripts")))
     found = shutil.which("piezod", path=":".join(map(str, places)))
     if found is None:
-        what = f"needed: the command is neither in {places[0]} nor in {places[1]}"
+        what = f"required, because the command is neither in {places[0]} nor in {places[1]}"
         raise typer.BadParameter(what, param_hint="--piezod")
     return Path(found)
 
 
 def _check_reachable(command: Path) -> None:
-    """Refuse a command that the service could not start: it would fail later and tell less."""
+    """Refuse a command that the service could not start, before the unit fails to start."""
     from piezod.daemon.service_files import why_unreachable
 
     if not command.is_file():
@@ -88,7 +88,7 @@ def _check_reachable(command: Path) -> None:
             )
 
 
-def _tell(what: str, files: list[Path], commands: tuple[str, ...], *, json: bool) -> None:
+def _print_files(what: str, files: list[Path], commands: tuple[str, ...], *, json: bool) -> None:
     if json:
         from piezod.cli.output import print_json
 

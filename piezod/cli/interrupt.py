@@ -1,4 +1,4 @@
-"""Ctrl-C: the command ends, whatever it is doing, with one line and an exit code of its own."""
+"""Ctrl-C: it ends the command at any moment, with one line of text and its own exit code."""
 
 import os
 import signal
@@ -17,17 +17,17 @@ ENDING: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupted(BaseException):
-    """Raised by Ctrl-C in place of KeyboardInterrupt, of which typer would make an exit."""
+    """Raised by Ctrl-C instead of KeyboardInterrupt, which typer would turn into an exit."""
 
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Make Ctrl-C raise `Interrupted` in the block, and end the process where that is swallowed.
+    """Make Ctrl-C raise `Interrupted` in the block, or end the process if nothing can be raised.
 
-    An exception unwinds what is open: devices go to rest, no half-written files stay. It comes
-    once: Ctrl-C again does not disturb that. Where Python cannot raise one, in a destructor or a
-    callback of the garbage collector, as they run often while figures are drawn, it only reports
-    it; there the process ends at once.
+    The exception closes everything that is open: devices go to rest, and no half-written file
+    stays. It is raised once, so that a second Ctrl-C does not disturb the closing. In a destructor
+    or a callback of the garbage collector, which often run while figures are drawn, Python only
+    reports an exception; the process then ends at once.
     """
     hook, handler = sys.unraisablehook, signal.signal(signal.SIGINT, _interrupt)
     sys.unraisablehook = _end_if_interrupted
@@ -40,7 +40,7 @@ def interruptible() -> Iterator[None]:
 
 @contextmanager
 def unwinding() -> Iterator[None]:
-    """Have SIGTERM and SIGHUP do in the block what Ctrl-C does, for a verb that drives devices."""
+    """Make SIGTERM and SIGHUP act like Ctrl-C in the block, for a command that drives devices."""
     before = {each: signal.signal(each, _interrupt) for each in (signal.SIGTERM, signal.SIGHUP)}
     try:
         yield
@@ -50,7 +50,7 @@ def unwinding() -> Iterator[None]:
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """End the command once: what it does then, as to bring a stage back, is not interrupted."""
+    """End the command once; later signals do not interrupt the return of a stage."""
     for number in ENDING:
         if signal.getsignal(number) is _interrupt:
             signal.signal(number, _ignore)
@@ -58,7 +58,7 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
 
 
 def _ignore(_number: int, _frame: FrameType | None) -> None:
-    """Do nothing; SIG_IGN would have Python report a signal that came at the same time."""
+    """Do nothing; with SIG_IGN, Python would report a signal that came at the same time."""
 
 
 def _end_if_interrupted(unraisable: "UnraisableHookArgs") -> None:
@@ -66,6 +66,6 @@ def _end_if_interrupted(unraisable: "UnraisableHookArgs") -> None:
         sys.__unraisablehook__(unraisable)
         return
     if sys.stderr.isatty():
-        os.write(2, b"\r\x1b[2K\x1b[?25h")  # the progress bar's line, and the cursor that it hid
+        os.write(2, b"\r\x1b[2K\x1b[?25h")  # clear the progress bar, show the cursor that it hid
     os.write(2, f"{TEXT}\n".encode())
     os._exit(INTERRUPTED)

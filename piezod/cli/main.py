@@ -1,6 +1,6 @@
-"""The `piezod` command: its verbs, and the exit codes of errors.
+"""The `piezod` command: its subcommands, and the exit codes of errors.
 
-The module of a verb imports heavy libraries only when the verb runs, so that `--help` is quick.
+The modules of the subcommands import heavy libraries inside functions, so that `--help` is quick.
 """
 
 import os
@@ -45,7 +45,7 @@ OWN_VERBS: Final[Mapping[str, Sequence[Callable[..., None]]]] = {
     "Devices": (drivers, emulate, probe, commission),
     "Daemon of a stage": (init, run_daemon, safe, install_service),
 }
-"""Verbs that need no running daemon, by their heading in help."""
+"""Commands that need no running daemon, by their heading in help."""
 for heading, verbs in OWN_VERBS.items():
     for verb in verbs:
         app.command(rich_help_panel=heading)(verb)
@@ -67,14 +67,14 @@ def _piezod(
         ),
     ] = False,
 ) -> None:
-    """Drive a piezo stage along its command, hysteresis compensated."""
+    """Drive a piezo stage along its command, with its hysteresis compensated."""
 
 
 def run() -> None:
     """Run the command with the arguments of this process and exit; the entry point of `piezod`."""
-    # The matrices of a fit are small: several threads would mostly wait for each other.
+    # The matrices of a fit are small, and several threads would mostly wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # A path may have bytes that are not text; they are printed as a ?.
+    # Bytes of a path that are not text are printed as "?".
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")

@@ -1,7 +1,8 @@
-"""How verbs write: one JSON document, or text for people on a console."""
+"""Output of commands: one JSON document, or text for people on a console."""
 
 import json
 import math
+import os
 import sys
 from collections.abc import Mapping
 
@@ -9,14 +10,14 @@ from rich.console import Console
 
 
 def print_json(document: Mapping[str, object]) -> None:
-    """Print a document; numbers that JSON does not have, NaN and infinities, become null."""
+    """Print a document; NaN and infinities, which JSON lacks, become null."""
     json.dump(_finite(document), sys.stdout, indent=2, allow_nan=False)
     sys.stdout.write("\n")
-    sys.stdout.flush()  # here a full disk is still an error with an exit code
+    sys.stdout.flush()  # so that a full disk is an error with an exit code
 
 
 def print_json_line(document: Mapping[str, object]) -> None:
-    """Print a document as one line, likewise, and at once: somebody may be waiting for it."""
+    """Print a document as one line without delay; NaN and infinities become null."""
     json.dump(_finite(document), sys.stdout, allow_nan=False)
     sys.stdout.write("\n")
     sys.stdout.flush()
@@ -24,8 +25,24 @@ def print_json_line(document: Mapping[str, object]) -> None:
 
 def new_console() -> Console:
     """Return a console for people, on stdout."""
-    # Numbers are not to be coloured; brackets and colons in paths mean nothing.
-    return Console(highlight=False, markup=False, emoji=False)
+    return _console(stderr=False)
+
+
+def error_console() -> Console:
+    """Return a console for people, on stderr."""
+    return _console(stderr=True)
+
+
+def _console(*, stderr: bool) -> Console:
+    # With NO_COLOR rich leaves out colours but not bold text; without a colour system it leaves out
+    # both. Numbers are not coloured, and brackets and colons in paths not interpreted.
+    return Console(
+        stderr=stderr,
+        color_system=None if os.environ.get("NO_COLOR") else "auto",
+        highlight=False,
+        markup=False,
+        emoji=False,
+    )
 
 
 def _finite(value: object) -> object:

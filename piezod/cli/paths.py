@@ -1,4 +1,4 @@
-"""Files and folders on the command line, looked at before any work begins."""
+"""Checks of files and folders on the command line, before any work begins."""
 
 import errno
 import os
@@ -9,11 +9,14 @@ import typer
 
 
 def existing_file(path: Path | None) -> Path | None:
-    """Return a path that was given, as it is.
+    """Return the path unchanged, if it is that of a file.
+
+    Args:
+        path: The path; None if the user gave none.
 
     Raises:
         typer.BadParameter: If there is no such file, or it is a folder.
-        OSError: If it may not be looked at.
+        OSError: If the permission to look at it is missing.
     """
     if path is not None:
         try:
@@ -32,8 +35,9 @@ def check_writable(folder: Path) -> None:
         folder: An existing folder.
 
     Raises:
-        OSError: If it is not writable; names the folder.
+        OSError: If it is not writable; the message names the folder.
     """
+    # Only an attempt is reliable: permission bits do not show a read-only or full disk.
     try:
         with tempfile.TemporaryFile(dir=folder):
             pass

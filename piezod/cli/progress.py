@@ -1,26 +1,27 @@
-"""A progress bar for people; programs that read stderr get none."""
+"""A progress bar for people; a program that reads stderr gets none."""
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from piezod.cli.output import error_console
 
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """Show a bar on stderr if that is a terminal, until the block ends.
+    """Show a bar on stderr until the block ends, if stderr is a terminal.
 
     Yields:
-        A function to tell what is being done, and the share of the whole that has been, 0 to 1.
+        A function of the present activity and of the share done, 0 to 1.
     """
     bar = Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TaskProgressColumn(),
         TimeRemainingColumn(),
-        console=Console(stderr=True),
+        console=error_console(),
         transient=True,
         disable=not sys.stderr.isatty(),
     )

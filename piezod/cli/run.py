@@ -6,27 +6,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from piezod.cli.exit_codes import FAILED
-from piezod.cli.paths import existing_file
+from piezod.cli.options import ConfigArgument
 
 if TYPE_CHECKING:
     from piezod.daemon.supervisor.signals import Signals
 
 
 def run(
-    config: Annotated[
-        Path,
-        typer.Argument(
-            metavar="CONFIG",
-            help="Configuration of the stage, YAML; its name is that of the stage.",
-            readable=False,
-            callback=existing_file,
-        ),
-    ],
+    config: ConfigArgument,
     strict_rt: Annotated[
-        bool, typer.Option("--strict-rt", help="Refuse to arm where the loop is not real-time.")
+        bool, typer.Option("--strict-rt", help="Refuse to arm if the loop is not real-time.")
     ] = False,
     require_device: Annotated[
-        bool, typer.Option("--require-device", help="End with 69 where a device is absent.")
+        bool, typer.Option("--require-device", help="Exit with 69 if a device is absent.")
     ] = False,
     shadow: Annotated[
         bool, typer.Option("--shadow", help="Compute everything, never write a voltage.")
@@ -34,12 +26,13 @@ def run(
 ) -> None:
     """Run the daemon of a stage until Ctrl-C or SIGTERM.
 
-    Nothing is driven before `piezod arm`. On the way out the voltage goes to the safe one. Exits
-    with 75 where the stage has a daemon already, and with 1 where its loop ended by itself.
+    The name of the stage is that of the configuration file without the ending. Nothing is driven
+    before `piezod arm`. At the end the voltage ramps to the safe voltage. Exits with 75 if a daemon
+    of the stage runs already, and with 1 if its loop ended by itself.
     """
     from piezod.daemon.supervisor.signals import noted_signals
 
-    with noted_signals() as signals:  # before all else: from now on they mean an orderly end
+    with noted_signals() as signals:  # first of all: from now on they request an orderly end
         in_order = _run(config, strict_rt, require_device, shadow, signals)
     if not in_order:
         raise typer.Exit(FAILED)
@@ -53,11 +46,11 @@ def _run(
     from piezod.daemon.lock import Lock
     from piezod.daemon.paths import stage_paths
 
-    faulthandler.enable(2)  # says where we were when systemd's watchdog ends us
+    faulthandler.enable(2)  # prints a traceback if systemd's watchdog ends the process
     paths = stage_paths(config)
     paths.make_folders()
     with Lock(paths.lock) as lock:
-        # Imported only now: whoever comes second shall not keep the machine busy beside a loop.
+        # Imported after the lock: a refused second daemon must not load the machine beside a loop.
         from piezod.daemon.supervisor.run import run_stage
         from piezod.daemon.supervisor.terms import RunOptions
 

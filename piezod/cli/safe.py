@@ -1,4 +1,4 @@
-"""`piezod safe`: to the safe voltage, without a daemon."""
+"""`piezod safe`: ramp a stage to its safe voltage without its daemon."""
 
 from math import isnan
 from pathlib import Path
@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from piezod.cli.options import JsonOption
+from piezod.cli.options import ConfigArgument, JsonOption
 from piezod.cli.owned_stage import LOCK_WAIT_S
-from piezod.cli.paths import existing_file
 
 if TYPE_CHECKING:
     from piezod.config.daemon import DaemonConfig
@@ -17,37 +16,29 @@ if TYPE_CHECKING:
 
 
 def safe(
-    config: Annotated[
-        Path,
-        typer.Argument(
-            metavar="CONFIG",
-            help="Configuration of the daemon, YAML.",
-            readable=False,
-            callback=existing_file,
-        ),
-    ],
+    config: ConfigArgument,
     unless_clean: Annotated[
         bool,
-        typer.Option("--unless-clean", help="Do nothing if the daemon has ended in order."),
+        typer.Option("--unless-clean", help="Do nothing if the daemon ended in order."),
     ] = False,
     json: JsonOption = False,
 ) -> None:
     """Ramp a stage to its safe voltage after its daemon has died.
 
-    The ramp starts from the voltage read back, or, where the amplifier tells none, from the one
-    that the daemon wrote last. To an amplifier that is another one than the daemon's, nothing is
-    written. Exits with 0 if all axes are there; else it says UNKNOWN and why, and exits with 1.
-    Exits with 75 if the daemon lives, or its loop does not end.
+    The ramp starts from the read-back voltage or, without a read-back, from the voltage that the
+    daemon wrote last. Nothing is written to another amplifier than the daemon's. Exits with 0 if
+    all axes are at the safe voltage; otherwise it prints UNKNOWN with the reason and exits with 1.
+    Exits with 75 if the daemon runs, or its loop process does not end.
     """
     from piezod.daemon.paths import stage_paths
 
     paths = stage_paths(config)
     if unless_clean and not paths.running.exists():
-        _tell({}, json=json)
+        _print_outcomes({}, json=json)
         return
     paths.make_folders()
     outcomes = _ramp_down_alone(config, paths)
-    _tell(outcomes, json=json)
+    _print_outcomes(outcomes, json=json)
     _raise_unknown(outcomes)
 
 
@@ -59,11 +50,11 @@ def _ramp_down_alone(config: Path, paths: "StagePaths") -> "dict[str, AxisOutcom
 
     with taken_within(lambda: Lock(paths.lock), LOCK_WAIT_S):
         in_force = _in_force(config, paths)
-        # A loop that has lost its supervisor, and with it that lock, drives until it has ramped.
+        # A loop process whose supervisor died, and lost that lock, drives until it has ramped down.
         within_s = loop_gone_within_s(in_force)
         with taken_within(lambda: device_lock(paths.loop_lock), within_s):
-            # A service manager that stops a daemon signals its children too: a ramp is not left
-            # half-way, and has an end.
+            # A service manager that stops a daemon also signals its children; the ramp must
+            # continue to its end.
             before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
             try:
                 return _ramp_down(in_force, paths, within_s)
@@ -72,18 +63,18 @@ def _ramp_down_alone(config: Path, paths: "StagePaths") -> "dict[str, AxisOutcom
 
 
 def _in_force(config: Path, paths: "StagePaths") -> "DaemonConfig":
-    """Load what the daemon ran when it died: of the file there may be a newer version."""
+    """Load the configuration that the dead daemon ran; the file may have changed since."""
     from piezod.config.daemon import load_daemon
     from piezod.devices import registry
     from piezod.errors import ConfigError
 
-    # The daemon keeps a copy of what it has accepted, in one of two folders, and starts us with it.
+    # The daemon keeps a copy of its accepted configuration, in one of two folders.
     copies = list(paths.runtime.glob(f"config-*/{config.stem}.yaml"))
     if config not in copies and copies and paths.running.exists():
         try:
             return load_daemon(max(copies, key=lambda copy: copy.stat().st_mtime), registry)
         except ConfigError:
-            pass  # it died while it wrote that one
+            pass  # the daemon died while it wrote this copy
     return load_daemon(config, registry)
 
 
@@ -103,7 +94,7 @@ def _ramp_down(
     return ramp_down(config, known, within_s, MonotonicClock())
 
 
-def _tell(outcomes: "dict[str, AxisOutcome]", *, json: bool) -> None:
+def _print_outcomes(outcomes: "dict[str, AxisOutcome]", *, json: bool) -> None:
     if json:
         from piezod.cli.output import print_json
 
@@ -111,10 +102,10 @@ def _tell(outcomes: "dict[str, AxisOutcome]", *, json: bool) -> None:
         print_json({"safe": not any(each.why for each in outcomes.values()), "axes": axes})
         return
     if not outcomes:
-        typer.echo("the daemon has ended in order: nothing to do")
+        typer.echo("the daemon ended in order: nothing to do")
     for name, (from_v, noted, safe_v, read_back_v, why) in outcomes.items():
         if not why:
-            source = "written last, the amplifier tells nothing" if noted else "read back"
+            source = "last written; the amplifier has no read-back" if noted else "read back"
             end = "not read back" if isnan(read_back_v) else f"{read_back_v:.2f} V read back"
             typer.echo(f"{name}: from {from_v:.2f} V ({source}) to {safe_v:g} V, {end}")
 

@@ -1,4 +1,4 @@
-"""Files that are shipped beside the code: example configurations, and those of the service."""
+"""Files shipped beside the code: the example configurations, and the files of the service."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import piezod
 
 
 def shipped(name: str) -> Path:
-    """Return a folder of files: that in the wheel, or in a checkout the one beside the package.
+    """Return a folder of shipped files: in the wheel, or beside the package in a checkout.
 
     Args:
         name: `config` or `systemd`.

@@ -14,7 +14,7 @@ from tests.experiment.conftest import SHORT
 
 
 class Outcome(NamedTuple):
-    """What a command left behind."""
+    """Exit code and output of a command."""
 
     code: int
     out: str

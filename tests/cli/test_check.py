@@ -8,13 +8,13 @@ from tests.cli.conftest import Command
 
 
 def test_good_experiment(process: Command, experiment_file: Path) -> None:
-    """A file that can be used is ok, and a person reads what it holds."""
+    """A valid file is ok, and the text describes its contents."""
     expected = "short.yaml: ok, an experiment: 1 case in 3 modes on 1 axis\n"
     assert process("check", experiment_file) == (0, expected, "")
 
 
 def test_good_experiment_for_programs(piezod: Command, experiment_file: Path) -> None:
-    """The document tells the kind and that there are no problems."""
+    """The document has the kind of the file and no problems."""
     code, out, err = piezod("check", experiment_file, "--json")
 
     assert (code, err) == (0, "")
@@ -26,7 +26,7 @@ def test_good_experiment_for_programs(piezod: Command, experiment_file: Path) ->
     }
 
 
-def test_mistakes_are_all_told(process: Command, experiment_file: Path) -> None:
+def test_all_problems_are_reported(process: Command, experiment_file: Path) -> None:
     """Every problem is a line on stderr with its place, and the exit code is 78."""
     text = experiment_file.read_text(encoding="utf-8")
     text = text.replace("rate_hz: 1000", "rate_hz: fast").replace("driver: simulated", "driver: x")
@@ -41,7 +41,7 @@ def test_mistakes_are_all_told(process: Command, experiment_file: Path) -> None:
     )
 
 
-def test_mistakes_for_programs(piezod: Command, experiment_file: Path) -> None:
+def test_problems_for_programs(piezod: Command, experiment_file: Path) -> None:
     """With --json the problems are in the document as well as on stderr."""
     text = experiment_file.read_text(encoding="utf-8")
     experiment_file.write_text(text.replace("seed: 3", "seed: -3"), encoding="utf-8")
@@ -60,7 +60,7 @@ def test_mistakes_for_programs(piezod: Command, experiment_file: Path) -> None:
 
 
 def test_file_that_is_not_there(piezod: Command) -> None:
-    """The error names the file, and is one of usage."""
+    """A missing file is wrong usage, and the error names it."""
     code, out, err = piezod("check", "nowhere.yaml")
 
     assert (code, out) == (2, "")
@@ -91,7 +91,7 @@ def spoilt(folder: Path) -> Path:
 
 
 def test_model_that_is_not_monotone(piezod: Command, folder: Path) -> None:
-    """Such a model is a mistake, in text and document, with the remedy."""
+    """A model that is not monotone is a problem, with a remedy."""
     spoilt(folder)
 
     code, out, err = piezod("check", "steep.yaml")
@@ -107,7 +107,7 @@ def test_model_that_is_not_monotone(piezod: Command, folder: Path) -> None:
 def test_experiment_with_a_model_that_is_not_monotone(
     piezod: Command, experiment_file: Path, folder: Path
 ) -> None:
-    """The mistake is that of the model's file."""
+    """The problem is reported for the file of the model."""
     spoilt(folder)
     text = experiment_file.read_text(encoding="utf-8")
     head, tail = text.split("identification:")

@@ -1,4 +1,4 @@
-"""Tests of `piezod probe` and `piezod commission`, on a clock that nobody waits for."""
+"""`piezod probe` and `piezod commission`, on a clock that needs no waiting."""
 
 import json
 import os
@@ -32,7 +32,7 @@ def _nobody_waits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def config(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a configuration in a folder of its own, as is what keeps others off its devices."""
+    """Return a configuration in its own folder, with the lock files of its devices there too."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
     monkeypatch.setenv("XDG_STATE_HOME", str(folder / "state"))
     path = folder / "stage.yaml"
@@ -42,10 +42,10 @@ def config(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_probe_tells_who_is_there_and_moves_nothing(
+def test_probe_reports_identities_and_moves_nothing(
     piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Identity, readings and the rate that exchanges allow; no voltage is written."""
+    """The report has identity, readings and allowed rate; no voltage is written."""
     written: list[object] = []
     monkeypatch.setattr(SimulatedRig, "write", lambda _rig, *values: written.append(values))
     outcome = piezod("probe", str(config))
@@ -57,7 +57,7 @@ def test_probe_tells_who_is_there_and_moves_nothing(
 
 
 def test_probe_wiggles_after_a_yes(piezod: Command, config: Path) -> None:
-    """It tells how far the stage moves for a volt."""
+    """The document has the motion per volt."""
     outcome = piezod("probe", str(config), "--wiggle", "--yes", "--json")
     document = json.loads(outcome.out)
 
@@ -66,7 +66,7 @@ def test_probe_wiggles_after_a_yes(piezod: Command, config: Path) -> None:
 
 
 def test_probe_says_which_device_is_absent(piezod: Command, config: Path) -> None:
-    """It exits with 69."""
+    """An absent device is named, and the exit code is 69."""
     text = config.read_text(encoding="utf-8")
     absent = "rig: {driver: emulated, options: {socket: nowhere.sock}}"
     config.write_text(text.replace("rig: {driver: simulated, options: {variant: stack}}", absent))
@@ -79,7 +79,7 @@ def test_probe_says_which_device_is_absent(piezod: Command, config: Path) -> Non
 def test_commission_leaves_a_sheet_and_a_configuration_that_runs(
     piezod: Command, config: Path, folder: Path
 ) -> None:
-    """All steps are done, one after the other; the configuration passes `piezod check`."""
+    """All steps are done, and the new configuration passes `piezod check`."""
     outcome = piezod("commission", str(config), "--yes", "--json")
     document = json.loads(outcome.out)
 
@@ -93,7 +93,7 @@ def test_commission_leaves_a_sheet_and_a_configuration_that_runs(
 def test_commission_ends_with_a_no(
     piezod: Command, config: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What was done until then is on the sheet, and nothing has moved."""
+    """The sheet has the results up to the no, and nothing has moved."""
     monkeypatch.setattr("sys.stdin", StringIO("y\nn\n"))
     outcome = piezod("commission", str(config))
 
@@ -104,7 +104,7 @@ def test_commission_ends_with_a_no(
 
 
 def test_commission_of_an_axis_that_is_not_there(piezod: Command, config: Path) -> None:
-    """It exits with 2 and names those that are."""
+    """An unknown axis exits with 2, and the error names the known axes."""
     outcome = piezod("commission", str(config), "--axis", "z")
 
     assert outcome.code == 2
@@ -112,10 +112,10 @@ def test_commission_of_an_axis_that_is_not_there(piezod: Command, config: Path) 
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_commission_goes_back_when_it_is_told_to_end(
+def test_commission_ramps_back_after_a_signal(
     piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals
 ) -> None:
-    """Even where it is told again on its way back; it exits with 130."""
+    """A signal, even a repeated one, ramps the axis back and exits with 130."""
     written: list[float] = []
     write = SimulatedRig.write
 
@@ -133,10 +133,10 @@ def test_commission_goes_back_when_it_is_told_to_end(
     assert written[-1] == pytest.approx(0.0, abs=0.01)
 
 
-def test_commission_keeps_what_was_found_until_it_was_told_to_end(
+def test_commission_stores_its_results_after_a_signal(
     piezod: Command, config: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The sheet says what was not done."""
+    """After Ctrl-C the sheet lists the steps that were not done."""
     _write_with(monkeypatch, lambda _v: os.kill(os.getpid(), signal.SIGINT), above_v=30.0)
     outcome = piezod("commission", str(config), "--yes")
     sheet = (folder / "x-commissioned" / "acceptance.html").read_text(encoding="utf-8")
@@ -149,7 +149,7 @@ def test_commission_keeps_what_was_found_until_it_was_told_to_end(
 def test_commission_interrupted_before_it_has_found_anything_leaves_no_sheet(
     piezod: Command, config: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One of an earlier day stays."""
+    """Without any result no sheet is written, so that an earlier one stays."""
     monkeypatch.setattr("typer.confirm", lambda *_, **__: os.kill(os.getpid(), signal.SIGINT))
 
     assert piezod("commission", str(config)).code == 130
@@ -160,15 +160,15 @@ TWO = (signal.SIGINT, signal.SIGTERM)
 
 
 def _at_once(_drive_v: float) -> None:
-    """Have two signals there before Python looks for the first of them."""
+    """Deliver two signals before Python handles the first of them."""
     signal.pthread_sigmask(signal.SIG_BLOCK, TWO)
     for number in TWO:
         signal.raise_signal(number)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, TWO)
 
 
-def test_who_is_told_to_end_hears_it_once() -> None:
-    """What the first signal ends is not ended again; what signals did before, they do after."""
+def test_only_the_first_signal_raises() -> None:
+    """Only the first signal raises; afterwards the earlier handlers are back."""
     before = [signal.getsignal(number) for number in TWO]
     heard = 0
     with interruptible(), unwinding():
@@ -182,10 +182,10 @@ def test_who_is_told_to_end_hears_it_once() -> None:
     assert [signal.getsignal(number) for number in TWO] == before
 
 
-def test_commission_goes_back_when_it_is_told_to_end_twice_at_once(
+def test_commission_ramps_back_after_two_signals_at_once(
     piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The second signal does not interrupt what the first has begun."""
+    """The second signal does not interrupt the ramp back."""
     written = _write_with(monkeypatch, _at_once, above_v=30.0)
     before = [signal.getsignal(number) for number in TWO]
     outcome = piezod("commission", str(config), "--yes")
@@ -196,10 +196,10 @@ def test_commission_goes_back_when_it_is_told_to_end_twice_at_once(
     assert [signal.getsignal(number) for number in TWO] == before
 
 
-def test_commission_goes_back_when_it_is_told_to_end_just_before_it_does(
+def test_commission_ramps_back_after_a_signal_before_it_ignores_them(
     piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A signal after the last step, before signals are ignored, ends with 130 and not up there."""
+    """A signal just before signals are ignored ends with 130, with the axis ramped back."""
     undisturbed, signals = bench._signals_ignored, iter([signal.SIGINT])  # noqa: SLF001 - to come before it
 
     def late() -> AbstractContextManager[None]:
@@ -216,14 +216,14 @@ def test_commission_goes_back_when_it_is_told_to_end_just_before_it_does(
 
 
 @pytest.mark.parametrize("error", [DeviceError("it broke"), RuntimeError("it broke")])
-def test_commission_tells_what_ended_it_when_going_back_fails_too(
+def test_commission_reports_its_first_error_if_the_ramp_back_fails_too(
     piezod: Command,
     config: Path,
     folder: Path,
     monkeypatch: pytest.MonkeyPatch,
     error: Exception,
 ) -> None:
-    """Whatever a driver raises; the sheet has what was found before."""
+    """The error names both failures of a driver; the sheet has the earlier results."""
     broken = []
 
     def failing(_drive_v: float) -> None:
@@ -243,10 +243,10 @@ def test_commission_tells_what_ended_it_when_going_back_fails_too(
     assert "Not done: travel 25 %" in sheet
 
 
-def test_commission_tells_what_ended_it_when_no_sheet_can_be_written(
+def test_commission_reports_its_first_error_if_no_sheet_can_be_written(
     piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """That of the axis comes last, where people look."""
+    """The error of the axis is printed last, after that of the sheet."""
 
     def full(*_: object) -> None:
         raise OSError("no space")
@@ -276,7 +276,7 @@ def _write_with(
     above_v: float,
     broken: Sequence[object] = (),
 ) -> list[float]:
-    """Have something happen with each write above a voltage, and once it is broken; note them."""
+    """Call `then` before each write above a voltage, or while broken; return the voltages."""
     written: list[float] = []
     write = SimulatedRig.write
 
@@ -301,7 +301,7 @@ def test_probe_wiggles_in_the_first_steps_of_commission(
     answers: str,
     found: list[str],
 ) -> None:
-    """Each is told and confirmed; what is found is on stdout."""
+    """Each step is announced and confirmed; results go to stdout."""
     monkeypatch.setattr("sys.stdin", StringIO(answers))
     written = _write_with(monkeypatch, lambda _drive_v: None, above_v=0.0)
     outcome = piezod("probe", str(config), "--wiggle")
@@ -312,10 +312,10 @@ def test_probe_wiggles_in_the_first_steps_of_commission(
     assert (max(written, default=0.0) > 2.9) == ("polarity" in found)
 
 
-def test_probe_tells_units_and_the_rate_of_all_devices_together(
+def test_probe_reports_units_and_the_rate_of_all_devices_together(
     piezod: Command, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Channels of a driver that knows them have theirs; a device alone shares nothing."""
+    """Units are those of the driver; a common rate is printed only for several devices."""
     document = yaml.safe_load(config.read_text(encoding="utf-8"))
     document["devices"] |= {"other": document["devices"]["rig"]}
     document["axes"] |= {"y": document["axes"]["x"] | {"amplifier": "other", "sensor": "other"}}
@@ -326,12 +326,12 @@ def test_probe_tells_units_and_the_rate_of_all_devices_together(
     known = replace(plugin, channels=lambda _options: ChannelUnits(*units))
     monkeypatch.setattr(registry, "load", lambda _name: known)
     text = piezod("probe", str(config)).out
-    told = json.loads(piezod("probe", str(config), "--json").out)
+    found = json.loads(piezod("probe", str(config), "--json").out)
 
     assert "all together" not in alone
     assert re.search(r"^  reads     x \S+ µm$", text, re.MULTILINE)
     assert re.search(r"^  in force  y \S+ V$", text, re.MULTILINE)
     assert re.search(r"^  read      \d+ µs median, \d+ µs p90, \d+ µs p99$", text, re.MULTILINE)
     assert re.search(r"^all together allow \d+ Hz in the cycle", text, re.MULTILINE)
-    assert 0 < told["together_hz"] <= min(each["rate_hz"] for each in told["devices"].values())
-    assert told["devices"]["rig"]["units"] == {"inputs": {"x": "µm"}, "outputs": {"x": "V"}}
+    assert 0 < found["together_hz"] <= min(each["rate_hz"] for each in found["devices"].values())
+    assert found["devices"]["rig"]["units"] == {"inputs": {"x": "µm"}, "outputs": {"x": "V"}}

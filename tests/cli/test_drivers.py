@@ -10,7 +10,7 @@ from tests.cli.conftest import Command
 
 
 def test_list_for_people(process: Command) -> None:
-    """The simulated rig is installed, and nobody claims to have seen it on a bench."""
+    """The simulated rig is installed and not confirmed on hardware."""
     code, out, err = process("drivers")
 
     assert (code, err) == (0, "")
@@ -38,7 +38,7 @@ def test_list_for_programs(process: Command) -> None:
 def test_broken_driver_is_listed_with_the_reason(
     piezod: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One driver that cannot be imported does not hide the others."""
+    """A driver that cannot be imported is listed with the reason, beside the others."""
 
     def fail(name: str) -> None:
         raise RegistryError(f"driver {name!r} cannot be imported: no module named 'acme'")
@@ -56,15 +56,15 @@ def test_broken_driver_is_listed_with_the_reason(
 
 
 def test_no_driver(piezod: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An empty list is said in words."""
+    """An empty list is reported in words."""
     monkeypatch.setattr("piezod.devices.registry.names", lambda: ())
 
     assert piezod("drivers") == (0, "No driver is installed.\n", "")
     assert json.loads(piezod("drivers", "--json").out) == {"drivers": []}
 
 
-def test_faults_that_a_driver_sees_are_told_to_programs(piezod: Command) -> None:
-    """In the order of the numbers of their ids."""
+def test_document_lists_the_faults_that_a_driver_sees(piezod: Command) -> None:
+    """The document lists faults in the order of their numbers."""
     (row,) = (
         row
         for row in json.loads(piezod("drivers", "--json").out)["drivers"]

@@ -1,4 +1,4 @@
-"""`piezod emulate` as a process, and what it says where it cannot be one."""
+"""`piezod emulate`: the emulated devices, and its errors."""
 
 import json
 import os
@@ -49,10 +49,10 @@ def stage(folder: Path) -> str:
 
 @contextmanager
 def ended_by(number: signal.Signals, driver: EmulatedRig) -> Iterator[list[Identity]]:
-    """Have a thread open a driver as soon as there is a rig in this process, then end that.
+    """Let a thread open a driver as soon as this process serves a rig, then end the process.
 
     Yields:
-        Who the rig was, once it has ended.
+        The identity of the rig, available at the end.
     """
     found: list[Identity] = []
 
@@ -75,7 +75,7 @@ def ended_by(number: signal.Signals, driver: EmulatedRig) -> Iterator[list[Ident
 
 
 def test_rig_is_that_of_a_configuration(piezod: Command, folder: Path, stage: str) -> None:
-    """Options, axes and seed are those of the device; --json says where it is."""
+    """Options, axes and seed are those of the device; --json has its place."""
     path = folder / "rig.sock"
     arguments = ["--config", stage, "--device", "rig", "--socket", path, "--json"]
     driver = EmulatedRig(EmulatedOptions(socket=str(path)), ("x", "y"))
@@ -92,7 +92,7 @@ def test_rig_is_that_of_a_configuration(piezod: Command, folder: Path, stage: st
 def test_rig_is_where_drivers_look_by_default(
     piezod: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without --socket it serves that of the driver's default options, and makes its folder."""
+    """Without --socket the rig is at the default socket of its driver, in a new folder."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
     with ended_by(signal.SIGTERM, EmulatedRig(EmulatedOptions(), ("x",))) as found:
         code, out, _ = piezod("emulate", "simulated")
@@ -102,10 +102,10 @@ def test_rig_is_where_drivers_look_by_default(
     assert found[0].serial == "seed 1"
 
 
-def test_folder_of_somebody_else_is_not_used(
+def test_folder_of_another_user_is_not_used(
     piezod: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Others could put their own rig there: the text asks for another socket."""
+    """A folder of another user is refused, because another rig could be there."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
     monkeypatch.setattr("os.getuid", lambda: 4_000_000)
     code, _, err = piezod("emulate", "simulated")
@@ -115,7 +115,7 @@ def test_folder_of_somebody_else_is_not_used(
 
 
 def test_second_rig_at_a_socket_is_refused(piezod: Command, folder: Path) -> None:
-    """A socket that somebody serves is not taken over: exit code 69."""
+    """A socket that is in use is refused with exit code 69."""
     path = folder / "rig.sock"
     with hosted(path, folder / "trace.csv"):
         code, _, err = piezod("emulate", "simulated", "--socket", path)
@@ -125,7 +125,7 @@ def test_second_rig_at_a_socket_is_refused(piezod: Command, folder: Path) -> Non
 
 
 def test_socket_that_cannot_be_made(piezod: Command, folder: Path) -> None:
-    """The text names the path; exit code 69."""
+    """A socket that cannot be made exits with 69, and the error names it."""
     code, _, err = piezod("emulate", "simulated", "--socket", folder / "none" / "rig.sock")
 
     assert code == 69
@@ -133,7 +133,7 @@ def test_socket_that_cannot_be_made(piezod: Command, folder: Path) -> None:
 
 
 def test_device_has_to_be_named_among_several(piezod: Command, stage: str) -> None:
-    """The text lists the rigs of the file."""
+    """Without --device, the error lists the rigs of the file."""
     code, _, err = piezod("emulate", "simulated", "--config", stage)
 
     assert code == 2
@@ -141,7 +141,7 @@ def test_device_has_to_be_named_among_several(piezod: Command, stage: str) -> No
 
 
 def test_profile_that_nothing_emulates(piezod: Command) -> None:
-    """The text lists what can be emulated."""
+    """An unknown profile is refused, and the error lists the known ones."""
     code, _, err = piezod("emulate", "acme")
 
     assert code == 1
@@ -164,7 +164,7 @@ def test_profile_that_nothing_emulates(piezod: Command) -> None:
 def test_what_cannot_be_emulated(
     piezod: Command, stage: str, arguments: tuple[str, ...], what: str
 ) -> None:
-    """A mistake on the command line: exit code 2, and a text that says what would do."""
+    """A mistake on the command line exits with 2 and names the remedy."""
     assert stage
     code, _, err = piezod("emulate", *arguments)
 
@@ -173,7 +173,7 @@ def test_what_cannot_be_emulated(
 
 
 def test_several_devices_share_a_stage() -> None:
-    """What one amplifier drives another one measures; a mistake that is typed changes nothing."""
+    """Two devices share one stage; an invalid line on stdin changes no fault."""
     with emulated("pi-e816", "pi-gcs2") as devices:
         one, other = (SerialLine(where, 115_200) for where in devices.where)
         one.open()

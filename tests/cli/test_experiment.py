@@ -19,7 +19,7 @@ RESULTS: dict[tuple[str, str], ExperimentResult] = {}
 
 @pytest.fixture
 def run_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have tests share what the same experiment gives: to run it takes longer than the rest."""
+    """Run equal experiments once, because the run takes longer than everything else."""
 
     def known(
         config: ExperimentConfig, configuration: str, title: str, progress: Progress
@@ -53,7 +53,7 @@ def test_document(piezod: Command, experiment_file: Path, folder: Path) -> None:
 
 @pytest.mark.usefixtures("blank_figures")
 def test_text(piezod: Command, experiment_file: Path, folder: Path) -> None:
-    """A person reads the errors, how the model was made, and where the report is."""
+    """The text has the errors, the origin of the model, and the path of the report."""
     text = experiment_text(folder, experiment_file)
     limits = "    reference_pct: {feedforward: 0.01, adaptive: 90}\nreference: others\n"
     (folder / experiment_file).write_text(text + limits, encoding="utf-8")
@@ -76,7 +76,7 @@ def test_text(piezod: Command, experiment_file: Path, folder: Path) -> None:
 def test_true_errors_fit_into_80_columns(
     piezod: Command, experiment_file: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Measured, true and noise stand side by side, in the document as well."""
+    """Measured errors, true errors and noise fit side by side, and are in the document."""
     monkeypatch.setenv("COLUMNS", "80")
     text = experiment_text(folder, experiment_file)
     names = ["tracking_max_pct", "tracking_rms_pct", "nonlinearity_pct"]
@@ -102,8 +102,8 @@ def test_true_errors_fit_into_80_columns(
 
 
 @pytest.mark.usefixtures("blank_figures")
-def test_two_axes_are_told_apart(piezod: Command, experiment_file: Path, folder: Path) -> None:
-    """With several axes the table says which is which, and every axis has its model."""
+def test_two_axes_are_named(piezod: Command, experiment_file: Path, folder: Path) -> None:
+    """With several axes the table names them, and every axis has its model."""
     text = experiment_text(folder, experiment_file)
     start, end = text.index("  x:\n"), text.index("identification:")
     second = text[start:end].replace("  x:", "  y:")
@@ -130,7 +130,7 @@ def experiment_text(folder: Path, file: Path) -> str:
 
 @pytest.mark.usefixtures("blank_figures")
 def test_seed_is_used_and_kept(piezod: Command, experiment_file: Path, folder: Path) -> None:
-    """Another seed is another stage, the same seed is the same to the bit."""
+    """Another seed gives another stage; the same seed gives the same data to the bit."""
     text = experiment_text(folder, experiment_file)
     (folder / experiment_file).write_text(f"{text}modes: [adaptive]\n", encoding="utf-8")
 
@@ -151,7 +151,7 @@ def test_seed_is_used_and_kept(piezod: Command, experiment_file: Path, folder: P
 def test_model_file_takes_the_place_of_identification(
     piezod: Command, experiment_file: Path, folder: Path
 ) -> None:
-    """What `identify` makes of the record, delayed as it is, `experiment` starts from."""
+    """A model file of `identify` replaces the identification, with its delay."""
     text = experiment_text(folder, experiment_file)
     no_deadband = "    compensator: {deadband_pct: 0}\n"  # as `identify` has none
     text = text.replace("identification:", no_deadband + "identification:")
@@ -183,8 +183,8 @@ def test_model_file_takes_the_place_of_identification(
 
 
 @pytest.mark.usefixtures("blank_figures", "run_once")
-def test_warnings_are_told_everywhere(piezod: Command, experiment_file: Path, folder: Path) -> None:
-    """What a person should know stands in the terminal, the document, the report and the data."""
+def test_warnings_are_in_every_output(piezod: Command, experiment_file: Path, folder: Path) -> None:
+    """A warning is in the text, the document, the report and the data."""
     document = json.loads(piezod("experiment", experiment_file, "--json").out)
     out = piezod("experiment", experiment_file).out
 
@@ -199,7 +199,7 @@ def test_warnings_are_told_everywhere(piezod: Command, experiment_file: Path, fo
 def test_odd_titles_and_constant_commands(
     piezod: Command, experiment_file: Path, folder: Path, request: pytest.FixtureRequest
 ) -> None:
-    """Signs of mathematics are plain text, a constant command has no errors in %, without ado."""
+    """Mathematical signs are plain text, and a constant command has no error in %."""
     text = experiment_text(folder, experiment_file)
     constant = "  - {name: $x, title: '$\\frac$ x', period_s: 1, duration_s: 1.5, command_um: "
     constant += "{kind: setpoint, level: 10}}\nmodes: [adaptive]\n"
@@ -221,7 +221,7 @@ def test_odd_titles_and_constant_commands(
 
 
 def test_bad_file(piezod: Command, folder: Path) -> None:
-    """Nothing is run, and nothing is on stdout."""
+    """An invalid file is refused before the run, with nothing on stdout."""
     (folder / "bad.yaml").write_text("rate_hz: 1\n", encoding="utf-8")
 
     code, out, err = piezod("experiment", "bad.yaml", "--json")
@@ -234,7 +234,7 @@ def test_bad_file(piezod: Command, folder: Path) -> None:
 def test_results_cannot_take_the_place_of_a_file(
     piezod: Command, experiment_file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """That is found out before the run, not after it."""
+    """A file in place of the folder is refused before the run."""
     monkeypatch.setattr("piezod.experiment.virtual.run.run_experiment", None)
 
     expected = (1, "", "short.yaml: File exists\n")
@@ -244,7 +244,7 @@ def test_results_cannot_take_the_place_of_a_file(
 def test_folder_that_cannot_be_written_to(
     piezod: Command, experiment_file: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """That, too, is found out before the run, and told in plain words."""
+    """A folder without write permission is refused before the run."""
 
     def refuse(**_: object) -> None:
         raise PermissionError(13, "Permission denied", "here/tmp0123")
@@ -259,7 +259,7 @@ def test_folder_that_cannot_be_written_to(
 
 @pytest.mark.parametrize("seed", ["-1", "4294967296", "one"])
 def test_wrong_seed(piezod: Command, experiment_file: Path, seed: str) -> None:
-    """A seed that no configuration may have is wrong usage."""
+    """A seed outside the range of configurations is wrong usage."""
     code, out, err = piezod("experiment", experiment_file, "--seed", seed)
 
     assert (code, out) == (2, "")

@@ -1,4 +1,4 @@
-"""The help of the command, and the verbs that the table of commands makes."""
+"""The help, and the commands that derive from the table of commands."""
 
 import pytest
 
@@ -24,7 +24,7 @@ def headings(out: str) -> dict[str, list[str]]:
 
 
 def test_help_lists_verbs_under_headings(piezod: Command) -> None:
-    """Own verbs come first, then those of the table in the order of its groups."""
+    """Commands without a daemon come first, then those of the table in the order of its groups."""
     _, out, _ = piezod("--help")
     found = headings(out.partition("Exit codes")[0])
     del found["Options"]

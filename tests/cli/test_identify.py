@@ -13,18 +13,18 @@ from tests.cli.conftest import Command
 from tests.experiment.made_up import record_of, write_record
 
 EVEN = ("--thresholds", "even")
-"""As those of the made-up stage."""
+"""The spacing of the made-up stage."""
 
 
 @pytest.fixture
 def data(folder: Path) -> Path:
-    """Return a data file of a made-up stage that is two samples, 20 ms, late."""
+    """Return a data file of a made-up stage with a delay of two samples, 20 ms."""
     write_record(folder / "data.csv", record_of(delay_periods=2.0))
     return Path("data.csv")
 
 
 def test_document(process: Command, data: Path) -> None:
-    """With --json, stdout is one document and nothing else is said."""
+    """With --json, stdout has one document, and stderr nothing."""
     code, out, err = process("identify", data, *EVEN, "--delay-s", "auto", "--order", 6, "--json")
 
     assert (code, err) == (0, "")
@@ -44,7 +44,7 @@ def test_document(process: Command, data: Path) -> None:
 
 
 def test_document_holds_the_whole_curve(piezod: Command, data: Path) -> None:
-    """The criterion is least where the delay is."""
+    """The criterion in the document is smallest at the delay."""
     document = json.loads(piezod("identify", data, "--delay-s", "auto", "--json").out)
 
     curve = document["delay_estimate"]["criterion"]
@@ -54,7 +54,7 @@ def test_document_holds_the_whole_curve(piezod: Command, data: Path) -> None:
 
 
 def test_text(piezod: Command, data: Path) -> None:
-    """A person reads the record, the delay with its curve, the errors, and what comes next."""
+    """The text has the record, the delay with its curve, the errors, and the next step."""
     code, out, err = piezod(
         "identify", data, *EVEN, "--delay-s", "auto", "--order", 6, "--test", data
     )
@@ -66,11 +66,11 @@ def test_text(piezod: Command, data: Path) -> None:
     assert curve.startswith("  0 ms ")
     assert len(curve) < 80
     assert "Model by least-squares, 6 operators on each side, thresholds even." in out
-    assert "No model was written; --out model.yaml keeps the model" in out
+    assert "No model was written; --out model.yaml writes the model" in out
 
 
 def test_delay_is_estimated_unless_given(piezod: Command, data: Path) -> None:
-    """Without --delay-s the delay is estimated; one that is given is used, none among them."""
+    """Without --delay-s the delay is estimated; a given delay is used, also 0."""
     estimated = json.loads(piezod("identify", data, "--json").out)
     none = json.loads(piezod("identify", data, "--delay-s", "0", "--json").out)
 
@@ -81,7 +81,7 @@ def test_delay_is_estimated_unless_given(piezod: Command, data: Path) -> None:
 
 
 def test_record_that_does_not_start_from_rest(piezod: Command, folder: Path) -> None:
-    """A worst error in the first seconds, far above all others, is told with the remedy."""
+    """A large error only in the first seconds gives a warning with a remedy."""
     record = record_of()
     drive_v = record.drive_v.copy()
     drive_v[30:50] += 20.0
@@ -95,14 +95,14 @@ def test_record_that_does_not_start_from_rest(piezod: Command, folder: Path) -> 
 
 
 def test_one_operator_is_one(piezod: Command, data: Path) -> None:
-    """One is no plural."""
+    """One operator is written in the singular."""
     out = piezod("identify", data, "--order", 1).out
 
     assert "1 operator on each side, thresholds graded." in out
 
 
 def test_method_and_order(piezod: Command, data: Path) -> None:
-    """The paper's method is there for whom it may concern."""
+    """`--method lms` selects the paper's method."""
     out = piezod("identify", data, "--method", "lms", "--order", "6", "--json").out
 
     document = json.loads(out)
@@ -110,7 +110,7 @@ def test_method_and_order(piezod: Command, data: Path) -> None:
 
 
 def test_out_writes_model_and_figure(piezod: Command, data: Path, folder: Path) -> None:
-    """The model file holds what was printed, and `check` accepts it."""
+    """The model file has the printed errors, and `check` accepts it."""
     arguments = ("--delay-s", 0.02, "--out", "new/stage.yaml")
 
     document = json.loads(piezod("identify", data, *arguments, "--json").out)
@@ -126,7 +126,7 @@ def test_out_writes_model_and_figure(piezod: Command, data: Path, folder: Path) 
 
 
 def test_signs_of_mathematics_in_a_file_name(piezod: Command, data: Path, folder: Path) -> None:
-    """A name that matplotlib could take for a formula is a name."""
+    """A file name that looks like a formula of matplotlib is plain text."""
     odd = (folder / data).rename(folder / "c_dollar$\\frac$.csv")
 
     code, _, err = piezod("identify", odd.name, "--out", "stage.yaml")
@@ -136,7 +136,7 @@ def test_signs_of_mathematics_in_a_file_name(piezod: Command, data: Path, folder
 
 
 def test_nothing_is_written_without_out(piezod: Command, data: Path, folder: Path) -> None:
-    """To look at a fit leaves no traces."""
+    """Without --out no file is written."""
     assert piezod("identify", data).code == 0
 
     assert [each.name for each in folder.iterdir()] == ["data.csv"]
@@ -145,7 +145,7 @@ def test_nothing_is_written_without_out(piezod: Command, data: Path, folder: Pat
 def test_folder_that_cannot_be_written_to(
     piezod: Command, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """That is found out before the fit."""
+    """A folder without write permission is refused before the fit."""
 
     def refuse(**_: object) -> None:
         raise OSError(30, "Read-only file system", "tmp0123")
@@ -174,7 +174,7 @@ def test_folder_that_cannot_be_written_to(
 def test_wrong_options(
     piezod: Command, data: Path, folder: Path, arguments: tuple[str, str], text: str
 ) -> None:
-    """An option that makes no sense is wrong usage; the data stay as they are."""
+    """An invalid option is wrong usage, and the data file stays unchanged."""
     before = (folder / data).read_bytes()
 
     code, out, err = piezod("identify", data, *arguments)
@@ -188,18 +188,18 @@ Lines = list[str]
 
 
 def with_gap(lines: Lines) -> Lines:
-    """Return a record of which ten samples are lost."""
+    """Return a record without ten of its samples."""
     return lines[:500] + lines[510:]
 
 
 def with_nan(lines: Lines) -> Lines:
-    """Return a record with a sample that is no number."""
+    """Return a record with a NaN."""
     t_s, drive_v, _ = lines[700].split(",")
     return [*lines[:700], f"{t_s},{drive_v},nan", *lines[701:]]
 
 
 def with_text(lines: Lines) -> Lines:
-    """Return a record with a word where a number belongs."""
+    """Return a record with a word in place of a number."""
     t_s, _, position_um = lines[700].split(",")
     return [*lines[:700], f"{t_s},high,{position_um}", *lines[701:]]
 
@@ -225,7 +225,7 @@ def unsorted(lines: Lines) -> Lines:
 
 
 def other_columns(lines: Lines) -> Lines:
-    """Return a record whose columns bear other names."""
+    """Return a record with other column names."""
     return ["time,voltage,position", *lines[1:]]
 
 
@@ -253,7 +253,7 @@ def inverted(lines: Lines) -> Lines:
 def test_bad_data(
     piezod: Command, data: Path, folder: Path, spoil: Callable[[Lines], Lines], text: str
 ) -> None:
-    """What is wrong with a file is told with its place; nothing is on stdout."""
+    """A problem of a file is reported with its line; nothing is on stdout."""
     path = folder / data
     lines = spoil(path.read_text(encoding="utf-8").splitlines())
     path.write_text("\n".join(lines), encoding="utf-8")
@@ -267,7 +267,7 @@ def test_bad_data(
 
 
 def test_bad_test_data(piezod: Command, data: Path, folder: Path) -> None:
-    """The file to test on is held to the same rules, and named."""
+    """The test record is checked likewise, and the error names it."""
     (folder / "other.csv").write_text("t_s\n", encoding="utf-8")
 
     code, out, err = piezod("identify", data, "--test", "other.csv")
@@ -277,7 +277,7 @@ def test_bad_test_data(piezod: Command, data: Path, folder: Path) -> None:
 
 
 def test_measured_stage(process: Command, shared_data: Path) -> None:
-    """On a measured flexure stage the voltage is predicted to 1.6 %, and the limits are said."""
+    """The voltage of a measured stage is predicted to 1.6 %, with a warning on the delay."""
     folder = shared_data / "data" / "ntu_p885"
     files = (folder / "identification.csv", "--test", folder / "test.csv")
 

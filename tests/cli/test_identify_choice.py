@@ -1,4 +1,4 @@
-"""`piezod identify`: what is chosen, and how good and how certain that is."""
+"""`piezod identify`: the chosen model, its errors and its uncertainty."""
 
 import json
 from pathlib import Path
@@ -25,7 +25,7 @@ CHOICES: dict[bytes, Choice] = {}
 
 @pytest.fixture
 def chosen_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have tests share the choice for a record, which takes seconds."""
+    """Choose once for each record, because the choice takes seconds."""
 
     def known(record: Record, wanted: Wanted, delay_s: float | None) -> Choice:
         key = record.position_um.tobytes()
@@ -37,8 +37,8 @@ def chosen_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("chosen_once")
-def test_the_candidates_and_the_choice_are_told(piezod: Command, data: Path) -> None:
-    """A person reads what was tried, what was taken, and why."""
+def test_text_has_the_candidates_and_the_choice(piezod: Command, data: Path) -> None:
+    """The text has the candidates, the chosen one, and the reason."""
     code, out, err = piezod("identify", data, *AUTO, "--delay-s", 0)
 
     assert (code, err) == (0, "")
@@ -52,8 +52,8 @@ def test_the_candidates_and_the_choice_are_told(piezod: Command, data: Path) -> 
 
 
 @pytest.mark.usefixtures("chosen_once")
-def test_the_document_tells_the_choice(piezod: Command, data: Path) -> None:
-    """The model taken has no more parameters than the best, and an error within the limit."""
+def test_document_has_the_choice(piezod: Command, data: Path) -> None:
+    """The chosen model has at most the parameters of the best, and an error within the limit."""
     document = json.loads(piezod("identify", data, *AUTO, "--delay-s", 0, "--json").out)
 
     choice = document["choice"]
@@ -79,7 +79,7 @@ def test_the_document_tells_the_choice(piezod: Command, data: Path) -> None:
 def test_what_is_given_is_not_chosen(
     piezod: Command, data: Path, options: tuple[object, ...], fixed: dict[str, object]
 ) -> None:
-    """All candidates have it."""
+    """All candidates have the given properties."""
     arguments = ("identify", data, *AUTO, "--delay-s", 0, *options, "--json")
     document = json.loads(piezod(*arguments).out)
 
@@ -99,7 +99,7 @@ def test_what_is_given_is_not_chosen(
 def test_without_a_choice_there_are_defaults(
     piezod: Command, data: Path, options: tuple[str, ...], expected: tuple[object, ...]
 ) -> None:
-    """Graded thresholds, but for the paper's method the paper's."""
+    """The default thresholds are graded, and even with the paper's method."""
     document = json.loads(piezod("identify", data, "--delay-s", 0, *options, "--json").out)
 
     assert tuple(document[key] for key in ("method", "order", "thresholds", "creep")) == expected
@@ -107,7 +107,7 @@ def test_without_a_choice_there_are_defaults(
 
 
 def test_creep_by_lms_is_wrong_usage(piezod: Command, data: Path) -> None:
-    """It is told before anything is fitted."""
+    """Creep with LMS is refused before the fit."""
     code, out, err = piezod("identify", data, "--method", "lms", "--creep")
 
     assert (code, out) == (2, "")
@@ -115,7 +115,7 @@ def test_creep_by_lms_is_wrong_usage(piezod: Command, data: Path) -> None:
 
 
 def test_blocks_and_raw_displacement_are_in_the_document(piezod: Command, data: Path) -> None:
-    """With and without creep, smoothed and as it was recorded, block by block."""
+    """The document has the errors of each block: with and without creep, and unsmoothed."""
     document = json.loads(piezod("identify", data, "--delay-s", 0, "--json").out)
 
     assert document["cross_validation"] == document["without_creep"]["cross_validation"]
@@ -131,7 +131,7 @@ def test_blocks_and_raw_displacement_are_in_the_document(piezod: Command, data: 
 
 
 def test_a_constant_offset_is_named(piezod: Command, data: Path, folder: Path) -> None:
-    """What was taken off the test is told with its size, in % and µm."""
+    """The constant offset removed from the test is reported in % and µm."""
     other = record_of(path=swells, creep=0.004, noise=0.001)
     other.position_um[:] += 0.5
     write_record(folder / "other.csv", other)
@@ -148,8 +148,8 @@ def test_a_constant_offset_is_named(piezod: Command, data: Path, folder: Path) -
     assert f"with creep: {removed['offset_pct']:+.2f} %" in out
 
 
-def test_uncertainty_is_told(piezod: Command, data: Path) -> None:
-    """Of the delay, the creep and the voltage; in the document by name, to people in words."""
+def test_uncertainty_is_reported(piezod: Command, data: Path) -> None:
+    """The uncertainties of delay, creep and voltage are in the document and in the text."""
     document = json.loads(piezod("identify", data, "--creep", "--json").out)
     out = " ".join(piezod("identify", data, "--creep").out.split())
 
@@ -159,5 +159,5 @@ def test_uncertainty_is_told(piezod: Command, data: Path) -> None:
     band = uncertainty["voltage_band_95"]
     assert 0.0 < band["rms_pct"] <= band["max_pct"] < 1.0
     assert 0.0 < uncertainty["voltage_spread_over_blocks"]["rms_pct"] < 1.0
-    assert "Uncertain by noise (95 %): delay ±" in out
+    assert "Uncertainty due to noise (95 %): delay ±" in out
     assert f"predicted voltage ± {band['rms_pct']:.2f} % rms" in out

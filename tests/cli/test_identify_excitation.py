@@ -1,4 +1,4 @@
-"""What `piezod identify` says of what a record leaves untold."""
+"""`piezod identify`: gaps of the record, and a drive without them."""
 
 import json
 from pathlib import Path
@@ -27,8 +27,8 @@ def rich(folder: Path) -> Path:
     return Path("rich.csv")
 
 
-def test_what_is_missing_is_said_with_a_drive_to_paste(piezod: Command, poor: Path) -> None:
-    """The block is printed as it is, without breaks."""
+def test_gaps_are_listed_with_a_drive_to_paste(piezod: Command, poor: Path) -> None:
+    """The gaps are listed, and a drive without them is printed without line breaks."""
     out = piezod("identify", poor, *OPTIONS).out
 
     assert "- Swings of 10 to 20 % of the range, 3 to 6 µm: none, 2 are needed." in out
@@ -37,8 +37,8 @@ def test_what_is_missing_is_said_with_a_drive_to_paste(piezod: Command, poor: Pa
     assert recommended_drive(0.0, high_v).split("identification:\n")[1] in block
 
 
-def test_a_record_that_tells_enough_gets_one_line(piezod: Command, rich: Path) -> None:
-    """No drive is recommended then."""
+def test_a_complete_record_gets_one_line(piezod: Command, rich: Path) -> None:
+    """For a complete record no drive is recommended."""
     out = piezod("identify", rich, *OPTIONS).out
 
     assert "The record has swings of all sizes and speeds that the model needs." in out
@@ -46,7 +46,7 @@ def test_a_record_that_tells_enough_gets_one_line(piezod: Command, rich: Path) -
 
 
 def test_document_holds_both(piezod: Command, poor: Path, rich: Path) -> None:
-    """A program gets the sentences and the drive."""
+    """The document has the gaps and the drive."""
     of_poor, of_rich = (
         json.loads(piezod("identify", data, *OPTIONS, "--json").out)["excitation"]
         for data in (poor, rich)

@@ -1,4 +1,4 @@
-"""`piezod init`: what it writes, and what it leaves alone."""
+"""`piezod init`: written files, and files that stay."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def test_examples_are_those_of_the_package(piezod: Command, folder: Path) -> None:
-    """Every configuration, model and experiment is there, to the byte."""
+    """Every configuration, model and experiment is written unchanged."""
     code, out, _ = piezod("init")
 
     assert code == 0
@@ -25,7 +25,7 @@ def test_examples_are_those_of_the_package(piezod: Command, folder: Path) -> Non
 
 
 def test_examples_are_valid_where_they_were_written(piezod: Command, folder: Path) -> None:
-    """What an experiment or a stage refers to has come along."""
+    """The examples come with all files that they refer to."""
     piezod("init", folder / "mine")
     mine = folder / "mine"
     for example in sorted([*(mine / "experiments").iterdir(), *mine.glob("devices/*.yaml")]):
@@ -35,7 +35,7 @@ def test_examples_are_valid_where_they_were_written(piezod: Command, folder: Pat
 
 
 def test_a_changed_file_stays(piezod: Command, folder: Path) -> None:
-    """It is named, nothing else is written, and the exit code is 1."""
+    """A changed file is named, nothing is written, and the exit code is 1."""
     changed = folder / "config" / "simulated.yaml"
     changed.parent.mkdir()
     changed.write_text("mine")
@@ -48,7 +48,7 @@ def test_a_changed_file_stays(piezod: Command, folder: Path) -> None:
 
 
 def test_force_overwrites(piezod: Command, folder: Path) -> None:
-    """A changed file is replaced, one of another name stays, and JSON tells which were written."""
+    """--force replaces a changed file and no other; the document lists the written files."""
     piezod("init")
     (folder / "config" / "simulated.yaml").write_text("mine")
     (folder / "config" / "stage1.yaml").write_text("mine")
@@ -60,16 +60,16 @@ def test_force_overwrites(piezod: Command, folder: Path) -> None:
 
 
 def test_again_is_nothing_to_do(piezod: Command) -> None:
-    """Files that are as they were shipped are no reason to refuse."""
+    """Unchanged examples are no reason to refuse."""
     piezod("init")
     code, out, _ = piezod("init")
 
     assert code == 0
-    assert "everything is there already" in out
+    assert "all examples exist already" in out
 
 
 def test_folder_that_is_a_file(piezod: Command, folder: Path) -> None:
-    """The text names it; no traceback."""
+    """A file in place of the folder is an error with its name, without a traceback."""
     (folder / "config").write_text("")
     code, _, err = piezod("init")
 
@@ -78,7 +78,7 @@ def test_folder_that_is_a_file(piezod: Command, folder: Path) -> None:
 
 
 def test_wheel_has_its_own_copy(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Installed, the files are in the package; in a checkout, beside it."""
+    """The files are in an installed package, and beside it in a checkout."""
     package = folder / "piezod"
     (package / "data" / "systemd").mkdir(parents=True)
     monkeypatch.setattr("piezod.__file__", str(package / "__init__.py"))

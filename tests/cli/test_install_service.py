@@ -1,4 +1,4 @@
-"""`piezod install-service`: what it writes, and when it refuses to."""
+"""`piezod install-service`: written files, and refusals."""
 
 import json
 import os
@@ -17,18 +17,18 @@ COMMAND = "/opt/piezod/bin/piezod"
 
 
 def install(piezod: Command, root: Path, *arguments: str) -> dict[str, list[str]]:
-    """Install below a root; return what was told."""
+    """Install below a root; return the document."""
     code, out, err = piezod("install-service", "--root", root, "--json", *arguments)
     assert (code, err) == (0, "")
-    told: dict[str, list[str]] = json.loads(out)
-    return told
+    document: dict[str, list[str]] = json.loads(out)
+    return document
 
 
 def test_files_are_where_systemd_looks(piezod: Command, folder: Path) -> None:
-    """Unit, rules, users and folders lie as in a Debian package, and others may read them."""
-    told = install(piezod, folder, "--piezod", COMMAND)
+    """Unit, rules, users and folders are in the places of a Debian package, readable for all."""
+    document = install(piezod, folder, "--piezod", COMMAND)
 
-    assert told["written"] == [str(folder / target) for target in TARGETS.values()]
+    assert document["written"] == [str(folder / target) for target in TARGETS.values()]
     assert sorted(map(str, TARGETS.values())) == [
         "usr/lib/systemd/system/piezod@.service",
         "usr/lib/sysusers.d/piezod.conf",
@@ -40,7 +40,7 @@ def test_files_are_where_systemd_looks(piezod: Command, folder: Path) -> None:
 
 
 def test_unit_runs_the_command_that_was_named(piezod: Command, folder: Path) -> None:
-    """The daemon and the ramp-down after it are of the same installation."""
+    """The daemon and the ramp-down after it use the given command."""
     install(piezod, folder, "--piezod", COMMAND)
     unit = (folder / TARGETS["piezod@.service"]).read_text()
 
@@ -50,15 +50,15 @@ def test_unit_runs_the_command_that_was_named(piezod: Command, folder: Path) -> 
 
 
 def test_unit_runs_this_command_by_default(piezod: Command, folder: Path) -> None:
-    """The one beside the interpreter."""
+    """The default command is the one beside the interpreter."""
     install(piezod, folder)
     unit = (folder / TARGETS["piezod@.service"]).read_text()
 
     assert f"\nExecStart={Path(sys.executable).parent}/piezod run " in unit
 
 
-def test_what_comes_next_is_told(piezod: Command, folder: Path) -> None:
-    """Every command between the files and a running stage."""
+def test_next_commands_are_printed(piezod: Command, folder: Path) -> None:
+    """The text lists every command up to a running stage."""
     code, out, _ = piezod("install-service", "--root", folder, "--piezod", COMMAND)
 
     assert code == 0
@@ -67,7 +67,7 @@ def test_what_comes_next_is_told(piezod: Command, folder: Path) -> None:
 
 
 def test_an_earlier_version_is_replaced(piezod: Command, folder: Path) -> None:
-    """Installing again leaves one set of files, of the newer command."""
+    """A second installation replaces the first."""
     install(piezod, folder, "--piezod", "/opt/old/bin/piezod")
     install(piezod, folder, "--piezod", COMMAND)
 
@@ -75,13 +75,13 @@ def test_an_earlier_version_is_replaced(piezod: Command, folder: Path) -> None:
 
 
 def test_uninstall_leaves_nothing(piezod: Command, folder: Path) -> None:
-    """Exactly what was installed is removed, and again is no error."""
+    """The installed files and no others are removed; a second removal is no error."""
     other = folder / "usr/lib/systemd/system/other.service"
     install(piezod, folder, "--piezod", COMMAND)
     other.write_text("")
-    told = install(piezod, folder, "--uninstall")
+    document = install(piezod, folder, "--uninstall")
 
-    assert told["removed"] == [str(folder / target) for target in TARGETS.values()]
+    assert document["removed"] == [str(folder / target) for target in TARGETS.values()]
     assert [path for path in folder.rglob("*") if path.is_file()] == [other]
     assert install(piezod, folder, "--uninstall")["removed"] == []
 
@@ -89,7 +89,7 @@ def test_uninstall_leaves_nothing(piezod: Command, folder: Path) -> None:
 def test_only_root_installs_on_the_machine(
     piezod: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Exit code 77, and the text says what would help."""
+    """Without root the exit code is 77, and the text has a remedy."""
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     code, _, err = piezod("install-service")
 
@@ -100,7 +100,7 @@ def test_only_root_installs_on_the_machine(
 
 @pytest.mark.parametrize("command", ["bin/piezod", "/opt/my piezod", "/opt/%i/piezod", "/a;b"])
 def test_command_that_no_unit_can_have(piezod: Command, folder: Path, command: str) -> None:
-    """A path that systemd would read otherwise is refused as wrong usage."""
+    """A path with a special meaning for systemd is wrong usage."""
     code, _, err = piezod("install-service", "--root", folder, "--piezod", command)
 
     assert code == 2
@@ -109,7 +109,7 @@ def test_command_that_no_unit_can_have(piezod: Command, folder: Path, command: s
 
 
 def test_command_that_does_not_exist(piezod: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On the machine itself the command is looked at before anything is written."""
+    """The command is checked before anything is written."""
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     code, _, err = piezod("install-service", "--piezod", "/no/such/piezod")
 
@@ -120,7 +120,7 @@ def test_command_that_does_not_exist(piezod: Command, monkeypatch: pytest.Monkey
 def test_interpreter_that_the_service_cannot_reach(
     piezod: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A script is no better than the interpreter it names; the text says where it would work."""
+    """A script with an unreachable interpreter is refused, with a remedy."""
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     closed = {Path("/opt/python"): "closed"}
     monkeypatch.setattr(service_files, "why_unreachable", lambda path: closed.get(path, ""))
@@ -133,7 +133,7 @@ def test_interpreter_that_the_service_cannot_reach(
 
 
 def test_command_that_everybody_can_run(piezod: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On the machine itself it is the root's files that are written."""
+    """Without --root the files are written below /."""
     asked: list[tuple[object, ...]] = []
 
     def install(*given: object) -> list[Path]:
@@ -148,10 +148,10 @@ def test_command_that_everybody_can_run(piezod: Command, monkeypatch: pytest.Mon
     assert asked == [(shipped("systemd"), Path("/"), Path("/usr/bin/env"))]
 
 
-def test_command_that_is_nowhere(
+def test_command_that_is_not_found(
     piezod: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without a script beside the interpreter it has to be named."""
+    """Without a command beside the interpreter, --piezod is required."""
     monkeypatch.setattr("shutil.which", lambda *_args, **_options: None)
     code, _, err = piezod("install-service", "--root", folder)
 
@@ -161,10 +161,10 @@ def test_command_that_is_nowhere(
 
 @pytest.mark.parametrize("path", ["/root/piezod", "/home/olga/.venv/bin/piezod"])
 def test_homes_are_out_of_reach(path: str) -> None:
-    """The unit hides them, whatever their mode."""
+    """Home folders are out of reach, because the unit hides them."""
     assert "the service sees nothing below" in why_unreachable(Path(path))
 
 
 def test_what_everybody_can_run_is_reachable() -> None:
-    """The folders on the way are open to all."""
+    """A file is reachable if all its folders are open to all users."""
     assert why_unreachable(Path("/usr/bin/env")) == ""

@@ -40,12 +40,12 @@ identification:
 INTERRUPTED = 130
 ATTEMPTS = 3
 LATE = re.compile(r"\bL[257]\b|the loop (skipped cycles|did not take the request)")
-"""What a command or the daemon's log says where the machine was too busy for the loop."""
+"""Texts of the command or of the daemon's log if the machine was too busy for the loop."""
 
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """Return a daemon of a simulated stage, at a rate that a busy machine mostly keeps."""
+    """Return a daemon of a simulated stage, at a rate that a busy machine can mostly keep."""
     folder = tmp_path_factory.mktemp("rig")
     safety = "{safe_v: 0, ramp_v_per_s: 500}"
     with Daemon(configuration(folder, rate_hz=f"{RATE_HZ:g}", safety=safety)) as daemon:
@@ -54,21 +54,21 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
 
 @pytest.fixture
 def socket(rig: Daemon) -> tuple[str, str]:
-    """Return the option that names the stage, which stands disarmed."""
+    """Return the option that names the stage, which is disarmed."""
     rig.until("SAFE")
     return "--socket", str(rig.paths.api_socket)
 
 
 @pytest.fixture
 def live_file(folder: Path) -> Path:
-    """Return an experiment whose case takes a second."""
+    """Return an experiment with a case of one second."""
     (folder / "live.yaml").write_text(LIVE, encoding="utf-8")
     return folder / "live.yaml"
 
 
 @pytest.fixture
 def made_up_record(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have a record at once, without driving the stage."""
+    """Replace the record by a made-up one, without driving the stage."""
 
     def record_live(_client: StageClient, file: Path, *_: object, **__: object) -> LiveRecord:
         write_record(file, record_of())
@@ -78,14 +78,14 @@ def made_up_record(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def as_new(rig: Daemon) -> None:
-    """Give the stage another loop: without faults, and with a memory that is known."""
+    """Give the stage a new loop process, without faults and with a known hysteresis memory."""
     eventually(lambda: rig.status().get("state") in {"SAFE", "FAULT"})
     rig.do("reload")
     rig.until("SAFE")
 
 
 def punctual(rig: Daemon, attempt: Callable[[], Outcome]) -> Outcome:
-    """Return what a command left behind; one that the loop was too late for is tried again."""
+    """Return the outcome of a command, repeated if the loop was late."""
     for _ in range(ATTEMPTS - 1):
         logged = len(rig.text)
         outcome = attempt()
@@ -100,7 +100,7 @@ def punctual(rig: Daemon, attempt: Callable[[], Outcome]) -> Outcome:
 def test_experiment(
     piezod: Command, rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
 ) -> None:
-    """It leaves what one in virtual time does, of the stage's rate and model, and no voltage."""
+    """A live experiment writes the usual files, with rate and model of the stage, and disarms."""
     command = ("experiment", live_file, "--live", "--out", "o", "--json", *socket)
 
     code, out, err = punctual(rig, lambda: piezod(*command))
@@ -129,7 +129,7 @@ def test_experiment(
 def test_experiment_that_does_not_fit_moves_nothing(
     piezod: Command, socket: tuple[str, str], live_file: Path
 ) -> None:
-    """The stage's range holds, not the file's."""
+    """The range of the stage applies, and not that of the file."""
     live_file.write_text(LIVE.replace("high: 20", "high: 27"), encoding="utf-8")
 
     code, out, err = piezod("experiment", live_file, "--live", *socket)
@@ -141,7 +141,7 @@ def test_experiment_that_does_not_fit_moves_nothing(
 def test_interrupt_stops_the_stage(
     rig: Daemon, socket: tuple[str, str], live_file: Path, folder: Path
 ) -> None:
-    """Ctrl-C while it moves: it goes to its safe voltage, and the recording ends."""
+    """Ctrl-C during a run ramps to the safe voltage and ends the recording."""
     live_file.write_text(LIVE.replace("duration_s: 1\n", "duration_s: 20\n"), encoding="utf-8")
     what = ("experiment", str(live_file), "--live", *socket)
     command = [sys.executable, "-m", "piezod.cli.main", *what]
@@ -165,7 +165,7 @@ def test_interrupt_stops_the_stage(
 def test_identify_and_adopt(
     piezod: Command, rig: Daemon, socket: tuple[str, str], folder: Path
 ) -> None:
-    """The stage is driven, the record kept as data, and the model that it gives is used at once."""
+    """The stage is driven, the record is stored, and the new model is in use at once."""
     (folder / "drive.yaml").write_text(DRIVE, encoding="utf-8")
     options = ("--drive", "drive.yaml", "--out", "m.yaml", "--adopt", "--order", 5, "--json")
 
@@ -190,7 +190,7 @@ def test_identify_and_adopt(
 def test_identify_says_how_to_keep_the_model(
     piezod: Command, rig: Daemon, socket: tuple[str, str], folder: Path
 ) -> None:
-    """A person reads the same account as of a file, and what is still to do."""
+    """The text is that of a file, followed by the next commands."""
     code, out, err = piezod("identify", "--live", "--adopt", "--order", 5, *socket)
 
     assert (err, code) == ("", 0)
@@ -208,7 +208,7 @@ def test_identify_says_how_to_keep_the_model(
             ("experiment", "live.yaml", "--stage", "x"),
             "--stage, --socket and --largest-step-pct need --live",
         ),
-        (("experiment", "live.yaml", "--live", "--seed", 1), "a running stage has none to give"),
+        (("experiment", "live.yaml", "--live", "--seed", 1), "a running stage has its own seed"),
         (("identify",), "Missing argument 'DATA.csv'; or --live"),
         (("identify", "live.yaml", "--live"), "DATA.csv and --live exclude each other"),
         (("identify", "live.yaml", "--adopt"), "--adopt, --axis, --stage and --socket need --live"),
@@ -217,7 +217,7 @@ def test_identify_says_how_to_keep_the_model(
 )
 @pytest.mark.usefixtures("live_file")
 def test_wrong_usage(piezod: Command, arguments: tuple[object, ...], text: str) -> None:
-    """What has no meaning without a running stage, or with one, is refused."""
+    """Options that need a running stage, or exclude one, are refused otherwise."""
     code, out, err = piezod(*arguments)
 
     assert (code, out) == (2, "")
@@ -225,7 +225,7 @@ def test_wrong_usage(piezod: Command, arguments: tuple[object, ...], text: str) 
 
 
 def test_no_stage_runs(piezod: Command, live_file: Path, folder: Path) -> None:
-    """It is told as by every other verb."""
+    """Without a daemon the exit code is 69, as for every verb."""
     code, _, err = piezod("experiment", live_file, "--live", "--socket", folder / "no.sock")
 
     assert code == 69

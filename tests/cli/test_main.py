@@ -32,7 +32,7 @@ def test_version(process: Command) -> None:
 
 
 def test_help_lists_the_verbs(process: Command) -> None:
-    """Help goes to stdout, with one line for each verb, none of them cut off."""
+    """Help goes to stdout, with one complete line for each command."""
     code, out, err = process("--help")
 
     assert (code, err) == (0, "")
@@ -43,7 +43,7 @@ def test_help_lists_the_verbs(process: Command) -> None:
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_help_of_a_verb(piezod: Command, verb: str) -> None:
-    """Every verb explains itself and has --json."""
+    """Every command has a help text and --json."""
     code, out, err = piezod(verb, "--help")
 
     assert (code, err) == (0, "")
@@ -52,7 +52,7 @@ def test_help_of_a_verb(piezod: Command, verb: str) -> None:
 
 
 def test_help_imports_little() -> None:
-    """What takes time to import is imported by the verbs that use it."""
+    """Help imports no slow library."""
     slow = "{'h5py', 'httpx', 'matplotlib', 'numba', 'numpy', 'pydantic', 'rich', 'scipy', 'yaml'}"
     code = f"import sys; import piezod.cli.main; print({slow} & set(sys.modules))"
 
@@ -62,7 +62,7 @@ def test_help_imports_little() -> None:
 
 
 def test_installed_command_is_this_one() -> None:
-    """What `piezod` starts is what is tested here."""
+    """The entry point `piezod` is the function tested here."""
     (script,) = entry_points(group="console_scripts", name="piezod")
 
     assert script.load() is run
@@ -70,7 +70,7 @@ def test_installed_command_is_this_one() -> None:
 
 @pytest.mark.parametrize("arguments", [(), ("nope",), ("experiment",), ("drivers", "--nope")])
 def test_wrong_usage(piezod: Command, arguments: tuple[str, ...]) -> None:
-    """Wrong usage is told on stderr and exits with 2."""
+    """Wrong usage is reported on stderr and exits with 2."""
     code, out, err = piezod(*arguments)
 
     assert (code, out) == (2, "")
@@ -78,7 +78,7 @@ def test_wrong_usage(piezod: Command, arguments: tuple[str, ...]) -> None:
 
 
 def because_of(cause: Exception) -> PiezodError:
-    """Return the error of a file that could not be read because of something."""
+    """Return the error of an unreadable file with its cause."""
     error = ConfigError(Problem("a.yaml", 0, 0, "", "cannot be read"))
     error.__cause__ = cause
     return error
@@ -128,13 +128,13 @@ def test_exit_codes(
     ],
 )  # fmt: skip
 def test_texts_of_errors(error: PiezodError | OSError, text: str) -> None:
-    """A text begins with the file where there is one, so that editors can jump to it."""
+    """A text begins with the name of the file, if there is one, so that editors can jump to it."""
     assert text_of(error) == text
     assert exit_code(error) != 0
 
 
 def test_full_disk_is_an_error(folder: Path) -> None:
-    """A document that could not be written is not a success."""
+    """A document that cannot be written is an error."""
     full = Path("/dev/full")
     if not full.exists():
         pytest.skip("this system has no /dev/full")
@@ -153,7 +153,7 @@ def test_full_disk_is_an_error(folder: Path) -> None:
 
 
 def test_name_that_is_no_text_can_be_printed(process: Command) -> None:
-    """A file name of any bytes leads to an error text, not to a failure to print it."""
+    """A file name that is not text can be printed in an error."""
     code, out, err = process("identify", "\udcff.csv")
 
     assert (code, out) == (2, "")
@@ -206,7 +206,7 @@ def test_an_unreadable_file_is_a_matter_of_permission_everywhere(
 
 
 def test_short_help_and_module(folder: Path) -> None:
-    """`-h` helps as --help does, and `python -m piezod` is the command."""
+    """`-h` and --help are the same, and `python -m piezod` is the command."""
     outs = [
         subprocess.run(
             [sys.executable, "-m", "piezod", *arguments],
@@ -251,7 +251,7 @@ run()
 
 
 def test_interrupt_that_python_swallows(folder: Path) -> None:
-    """Ctrl-C in a destructor, where nothing can be raised, ends the command all the same."""
+    """Ctrl-C in a destructor, where no exception can be raised, ends the command too."""
     ended = subprocess.run(
         [sys.executable, "-c", SWALLOWED], cwd=folder, capture_output=True, check=False
     )

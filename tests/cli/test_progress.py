@@ -1,4 +1,4 @@
-"""The progress bar of long verbs."""
+"""The progress bar of long commands."""
 
 import contextlib
 import json
@@ -14,7 +14,7 @@ from piezod.cli.progress import progress_bar
 
 
 def read_all(terminal: int) -> str:
-    """Return what is written to a terminal until nobody has it open any more."""
+    """Return everything written to a terminal until it is closed."""
     shown = b""
     with contextlib.suppress(OSError):  # how Linux says that it is closed
         while part := os.read(terminal, 4096):
@@ -23,7 +23,7 @@ def read_all(terminal: int) -> str:
 
 
 def test_bar_is_shown_on_a_terminal(folder: Path, experiment_file: Path) -> None:
-    """Somebody who waits sees what is running; the document on stdout stays pure."""
+    """The present activity is shown on a terminal; stdout has the document only."""
     with (folder / experiment_file).open("a", encoding="utf-8") as file:
         file.write("modes: [feedforward]\n")
     terminal, stderr = pty.openpty()
@@ -45,7 +45,7 @@ def test_bar_is_shown_on_a_terminal(folder: Path, experiment_file: Path) -> None
 
 
 def test_no_bar_in_a_file(capsys: pytest.CaptureFixture[str]) -> None:
-    """Where stderr is no terminal, nothing is written to it."""
+    """If stderr is no terminal, nothing is written to it."""
     with progress_bar() as progress:
         progress("running", 0.5)
 

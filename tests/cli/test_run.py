@@ -1,4 +1,4 @@
-"""`piezod run`, as far as it gets without a loop."""
+"""`piezod run`: refusals before the loop process starts."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from tests.cli.conftest import Command
 
 @pytest.fixture
 def config(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a configuration that is not valid, and keep all files in the folder."""
+    """Return an invalid configuration; all files stay in the folder."""
     for name in ("RUNTIME_DIRECTORY", "STATE_DIRECTORY"):
         monkeypatch.setenv(name, str(folder / name.lower()))
     path = folder / "lab.yaml"
@@ -20,7 +20,7 @@ def config(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_bad_configuration(piezod: Command, config: Path) -> None:
-    """It ends with 78, and every mistake is told with its place."""
+    """An invalid configuration exits with 78, and every problem has its place."""
     code, out, err = piezod("run", config)
 
     assert (code, out) == (78, "")
@@ -29,7 +29,7 @@ def test_bad_configuration(piezod: Command, config: Path) -> None:
 
 
 def test_stage_that_runs_already(piezod: Command, config: Path) -> None:
-    """Whoever comes second does not even read the configuration."""
+    """A second daemon is refused before it reads the configuration."""
     paths = stage_paths(config)
     paths.make_folders()
     with Lock(paths.lock):
@@ -40,12 +40,12 @@ def test_stage_that_runs_already(piezod: Command, config: Path) -> None:
 
 
 def test_missing_file(piezod: Command, config: Path) -> None:
-    """It ends with 2, as for every verb."""
+    """A missing file exits with 2, as for every command."""
     assert piezod("run", config.with_name("other.yaml")).code == 2
 
 
 def test_name_that_no_folder_can_have(piezod: Command, config: Path) -> None:
-    """The name of the file is that of the stage."""
+    """A file name that cannot be the name of a stage is refused."""
     hidden = config.with_name(".yaml")
     hidden.touch()
 
@@ -56,8 +56,8 @@ def test_name_that_no_folder_can_have(piezod: Command, config: Path) -> None:
 
 
 @pytest.mark.fault("P12")
-def test_folder_of_somebody_else(piezod: Command, config: Path) -> None:
-    """Files that others could exchange are a matter of permission: 77, and what to remove."""
+def test_folder_open_to_other_users(piezod: Command, config: Path) -> None:
+    """A folder that other users can write to exits with 77 and is named."""
     paths = stage_paths(config)
     paths.make_folders()
     paths.runtime.chmod(0o777)

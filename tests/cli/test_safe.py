@@ -43,7 +43,7 @@ SAFE = [sys.executable, "-m", "piezod.cli.main", "safe", "stage.yaml"]
 
 @pytest.fixture
 def paths(folder: Path, monkeypatch: pytest.MonkeyPatch) -> StagePaths:
-    """Return where the stage of `stage.yaml` has its files; its folders are there."""
+    """Return the paths of the stage of `stage.yaml`; its folders exist."""
     for variable in ("RUNTIME_DIRECTORY", "STATE_DIRECTORY"):
         monkeypatch.setenv(variable, str(folder / variable.lower()))
     (folder / "stage.yaml").write_text(STAGE.replace("SOCKET", str(folder / "rig.sock")))
@@ -54,7 +54,7 @@ def paths(folder: Path, monkeypatch: pytest.MonkeyPatch) -> StagePaths:
 
 @pytest.fixture
 def rig(folder: Path) -> Iterator[EmulatedRig]:
-    """Return a driver that is closed, of a rig that is at 60 V."""
+    """Return a closed driver of a rig at 60 V."""
     driver = EmulatedRig(
         EmulatedOptions(socket=str(folder / "rig.sock"), deadline_ms=1000.0), ("x",)
     )
@@ -68,7 +68,7 @@ def rig(folder: Path) -> Iterator[EmulatedRig]:
 
 
 def in_force_v(driver: EmulatedRig) -> float:
-    """Return the voltage that a rig has now, in V."""
+    """Return the read-back voltage of a rig, in V."""
     driver.open()
     (drive_v,) = driver.read_back(time.monotonic_ns())
     driver.close()
@@ -79,7 +79,7 @@ def in_force_v(driver: EmulatedRig) -> float:
 def test_stage_is_ramped_to_its_safe_voltage(
     piezod: Command, folder: Path, rig: EmulatedRig
 ) -> None:
-    """It starts from the voltage read back, goes down in small steps and ends at the safe one."""
+    """The ramp goes from the read-back voltage in small steps to the safe voltage."""
     code, out, err = piezod("safe", "stage.yaml")
     ramp_v = [write.drive_v for write in writes(folder / "trace.csv")][1:]
 
@@ -91,8 +91,8 @@ def test_stage_is_ramped_to_its_safe_voltage(
 
 
 @pytest.mark.usefixtures("paths", "rig")
-def test_json_tells_each_axis(piezod: Command) -> None:
-    """With --json there is one document with what became of each axis."""
+def test_document_has_each_axis(piezod: Command) -> None:
+    """With --json there is one document with the result of each axis."""
     code, out, _ = piezod("safe", "stage.yaml", "--json")
     document = json.loads(out)
 
@@ -104,7 +104,7 @@ def test_json_tells_each_axis(piezod: Command) -> None:
 def test_rig_that_has_gone_is_unknown(
     piezod: Command, paths: StagePaths, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without a device the exit code is 1 and the text says that the voltage is unknown."""
+    """Without a device the voltage is reported as unknown, with exit code 1."""
     monkeypatch.setattr("piezod.daemon.durations.LOOP_ENDS_S", 0.0)
     LastOutputWriter(paths.output_map, 1).note([60.0], 1)
     code, out, err = piezod("safe", "stage.yaml")
@@ -116,7 +116,7 @@ def test_rig_that_has_gone_is_unknown(
 def test_another_rig_than_the_daemons_is_left_alone(
     piezod: Command, paths: StagePaths, rig: EmulatedRig
 ) -> None:
-    """It says UNKNOWN and who is there, exits with 1, and the rig stays where it is."""
+    """Another device than the daemon's is named, not driven, and the exit code is 1."""
     note_identities(paths.identities, {"rig": Identity("piezod", "another rig", "7", "1.0")})
     code, _, err = piezod("safe", "stage.yaml")
 
@@ -130,7 +130,7 @@ def test_another_rig_than_the_daemons_is_left_alone(
 def test_living_daemon_is_left_alone(
     piezod: Command, paths: StagePaths, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """While another process owns the stage the exit code is 75 and nothing is written."""
+    """While a daemon owns the stage the exit code is 75 and nothing is written."""
     monkeypatch.setattr("piezod.cli.safe.LOCK_WAIT_S", 0.0)
     with Lock(paths.lock):
         code, _, err = piezod("safe", "stage.yaml")
@@ -144,7 +144,7 @@ def test_living_daemon_is_left_alone(
 def test_loop_that_still_drives_is_waited_for(
     piezod: Command, paths: StagePaths, folder: Path, rig: EmulatedRig
 ) -> None:
-    """A loop that has lost its supervisor has the amplifier until it ends; then the ramp begins."""
+    """The ramp begins only when a loop process without supervisor has ended."""
     loop = device_lock(paths.loop_lock)
     with ThreadPoolExecutor(1) as beside:
         safe = beside.submit(_safe_as_a_process)
@@ -164,7 +164,7 @@ def _safe_as_a_process() -> int:
 
 @pytest.mark.usefixtures("paths")
 def test_ramp_is_not_left_half_way(folder: Path, rig: EmulatedRig) -> None:
-    """A service manager that ends a daemon signals what that has started, too."""
+    """SIGTERM, which a service manager sends to children too, does not interrupt the ramp."""
     with subprocess.Popen(SAFE, stdout=subprocess.DEVNULL) as safe:
         eventually(lambda: len(writes(folder / "trace.csv")) > 1)
         safe.send_signal(signal.SIGTERM)
@@ -178,7 +178,7 @@ def test_ramp_is_not_left_half_way(folder: Path, rig: EmulatedRig) -> None:
 def test_loop_that_does_not_end_is_not_joined(
     piezod: Command, paths: StagePaths, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Exit code 75 says whom to end; nothing is written beside him."""
+    """A loop process that does not end is named with exit code 75, and nothing is written."""
     monkeypatch.setattr("piezod.daemon.durations.LOOP_ENDS_S", -1.0)
     with device_lock(paths.loop_lock):
         code, _, err = piezod("safe", "stage.yaml")
@@ -191,7 +191,7 @@ def test_loop_that_does_not_end_is_not_joined(
 def test_clean_end_needs_no_ramp(
     piezod: Command, paths: StagePaths, folder: Path, rig: EmulatedRig
 ) -> None:
-    """With --unless-clean only a daemon that has not ended in order is followed by a ramp."""
+    """With --unless-clean the ramp follows only a daemon that did not end in order."""
     clean = piezod("safe", "stage.yaml", "--unless-clean")
     untouched = len(writes(folder / "trace.csv"))
     paths.running.touch()
@@ -205,7 +205,7 @@ def test_clean_end_needs_no_ramp(
 
 @pytest.mark.usefixtures("rig")
 def test_broken_file_is_no_hindrance(piezod: Command, paths: StagePaths, folder: Path) -> None:
-    """After a crash the copy counts that the daemon ran, whatever became of the file since."""
+    """After a crash the copy that the daemon ran is used, and not the present file."""
     copies = [paths.runtime / f"config-{letter}" / "stage.yaml" for letter in "ab"]
     for copy in copies:
         copy.parent.mkdir()
@@ -218,7 +218,7 @@ def test_broken_file_is_no_hindrance(piezod: Command, paths: StagePaths, folder:
 
 @pytest.mark.usefixtures("paths")
 def test_half_a_copy_is_not_used(piezod: Command, paths: StagePaths, rig: EmulatedRig) -> None:
-    """A copy that the daemon could not finish is passed over for the file itself."""
+    """An incomplete copy is skipped, and the file itself is used."""
     copy = paths.runtime / "config-a" / "stage.yaml"
     copy.parent.mkdir()
     copy.write_text("rate_hz: [")
@@ -230,7 +230,7 @@ def test_half_a_copy_is_not_used(piezod: Command, paths: StagePaths, rig: Emulat
 
 @pytest.mark.usefixtures("paths", "rig")
 def test_nothing_heavy_is_imported() -> None:
-    """The whole ramp needs no numpy, numba, scipy, fastapi and uvicorn, which may be what broke."""
+    """The ramp imports no numpy, numba, scipy, fastapi and uvicorn, which may be broken."""
     code = """if True:
         import sys
         from piezod.cli import main

@@ -92,7 +92,7 @@ def test_status_without_positions(piezod: Command, daemon: FakeDaemon) -> None:
     assert "in shadow: nothing is written" in out
 
 
-def test_status_tells_how_each_device_is_used(piezod: Command, daemon: FakeDaemon) -> None:
+def test_status_has_each_device(piezod: Command, daemon: FakeDaemon) -> None:
     """Status shows identity, placement, round trips and capabilities of each device."""
     able = {"read_back": True, "holds": True, "enables": False, "soft_disable": False}
     device = {

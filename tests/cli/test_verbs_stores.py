@@ -114,7 +114,7 @@ def test_recording_is_copied(piezod: Command, daemon: FakeDaemon, folder: Path) 
     assert (folder / "a.h5").read_bytes() == b"HDF"
 
 
-def test_recording_to_nowhere(piezod: Command, daemon: FakeDaemon) -> None:
+def test_recording_to_a_missing_folder(piezod: Command, daemon: FakeDaemon) -> None:
     """A missing folder is an error with its name."""
     daemon.answers[f"GET recordings/{NAME}"] = Raw(200, b"HDF")
 
