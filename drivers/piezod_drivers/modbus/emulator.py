@@ -20,7 +20,7 @@ ADAM_4024: Final = EmulatorPlugin(
     "adam-4024", "Advantech ADAM-4024 at address 1, outputs only", "serial", io_modules.adam_4024
 )
 ICPDAS: Final = EmulatorPlugin(
-    "icpdas", "ICP DAS M-7017C at address 1 and M-7024R at address 2", "serial", io_modules.icpdas
+    "icpdas", "ICP DAS M-7017 at address 1 and M-7024R at address 2", "serial", io_modules.icpdas
 )
 WAGO_750: Final = EmulatorPlugin(
     "wago-750", "WAGO 750 with 4 inputs and 4 outputs of 10 V", "tcp", io_modules.wago_750

@@ -91,7 +91,7 @@ class LabJackDialogue:
         """
         self._transactions.open()
         setup = DeviceSetup(self._transactions, self._options.unit)
-        setup.check_constants(self._profile)
+        setup.check_constants(self._profile, {*self._wiring.inputs, *self._wiring.outputs})
         identity = setup.read_identity(self._profile)
         # The first reply has no earlier outputs to be compared with.
         self._in_force, self._in_force_ns = (), None

@@ -46,6 +46,7 @@ class RegisterDialogue:
         armed_ns = round(0.9e9 * wanted.timeout_s) if wanted else SILENCE_NS
         self._silence_ns = min(SILENCE_NS, armed_ns)
         self._n_inputs = len(wiring.inputs)
+        self._channels = {*wiring.inputs, *wiring.outputs}
         self._no_values = [nan] * len(wiring.inputs)
         self._no_flags: list[Flags] = [NO_FLAGS] * len((*wiring.inputs, *wiring.outputs))
         self._status_flags = self._flags = self._no_flags
@@ -75,7 +76,7 @@ class RegisterDialogue:
         for unit in self._options.every_unit:
             setup, profile = DeviceSetup(self._transactions, unit.unit), profile_of(unit)
             if profile is not None:
-                setup.check_constants(profile)
+                setup.check_constants(profile, self._channels)
             identities.append(setup.read_identity(profile))
         self._status_flags = self._flags = self._no_flags
         self._status_ns = self._in_force_ns = None

@@ -1,6 +1,6 @@
 """Exchanges with a device before and after the loop: identity and watchdog."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Final
 
 from piezod.devices.bus.line import LineFault
@@ -8,7 +8,12 @@ from piezod.devices.interface import Identity
 from piezod.devices.status import DeviceFlag
 from piezod.errors import DeviceError
 from piezod_drivers.modbus.codec import WriteMany, read, write_one
-from piezod_drivers.modbus.profiles.profile import ModbusProfile, Setting, WatchdogPlan
+from piezod_drivers.modbus.profiles.profile import (
+    Constant,
+    ModbusProfile,
+    Setting,
+    WatchdogPlan,
+)
 from piezod_drivers.modbus.register import STRUCTS, NumberType, Table
 from piezod_drivers.modbus.transactions import Transactions
 
@@ -54,19 +59,24 @@ class DeviceSetup:
         request = write_one(setting.address, words) if len(words) == 2 else many.request(words)
         self._transactions.ask(self._unit, [request])
 
-    def check_constants(self, profile: ModbusProfile) -> None:
-        """Check the registers that always hold the same number on this device.
+    def check_constants(self, profile: ModbusProfile, channels: Collection[str]) -> None:
+        """Check the registers that show whether the device fits its profile.
+
+        Args:
+            profile: The profile.
+            channels: Names of the used channels; settings of the others are not checked.
 
         Raises:
-            DeviceError: If it is another device, or sends its words in another order.
+            DeviceError: If it is another device, has other settings, or sends its words in another
+                order.
             LineFault: If an exchange fails.
         """
-        for table, address, kind, expected in profile.constants:
-            found = self.read_number(table, address, kind)
-            if found != expected:
+        for constant in profile.constants:
+            if constant.channel in {None, *channels} and (what := self._objection(constant)):
                 raise DeviceError(
                     f"unit {self._unit} is no {profile.maker} {profile.model}, or its settings "
-                    f"differ: {table} {address} holds {found:.12g}, expected {expected:.12g}"
+                    f"differ: {constant.table} {constant.address} {what}, expected {constant}"
+                    + (f"; {constant.remedy}" if constant.remedy else "")
                 )
 
     def read_identity(self, profile: ModbusProfile | None) -> Identity:
@@ -122,6 +132,17 @@ class DeviceSetup:
         """
         for setting in plan.off:
             self.write(setting)
+
+    def _objection(self, constant: Constant) -> str:
+        """Return why the device has the wrong number in a register, "" if it has a right one."""
+        try:
+            found = self.read_number(constant.table, constant.address, constant.type)
+        except LineFault as fault:
+            # The registers of a profile exist on its device.
+            if fault.flag is not DeviceFlag.WRONG_REQUEST:
+                raise
+            return "cannot be read"
+        return "" if constant.allows(found) else f"holds {found:.12g}"
 
     def _differing(self, settings: Sequence[Setting]) -> list[Setting]:
         return [

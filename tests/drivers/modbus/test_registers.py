@@ -308,7 +308,7 @@ def test_another_device_is_refused() -> None:
         ModbusOptions.model_validate({"profile": "labjack-t7", "host": "h"}),
         Wiring((), ()),
     )
-    with pytest.raises(DeviceUnavailableError, match="no such register"):
+    with pytest.raises(DeviceError, match="holding 55100 cannot be read, expected 1122867"):
         device.open()
     assert not line.opened
     device, _, _ = emulated(
@@ -370,9 +370,9 @@ def test_a_form_that_is_refused_is_not_used_in_a_common_request() -> None:
 
 def test_what_a_device_does_not_tell() -> None:
     """A module without a version register works, without a firmware in its identity."""
-    options = ModbusOptions.model_validate({"profile": "waveshare-ai8b", "port": "p"})
-    device, _, _ = emulated(emulator.ICPDAS, options, Wiring(("AI1",), ()))
-    model = "Modbus RTU Analog Input 8CH (B)"
+    options = ModbusOptions.model_validate({"unit": 2, "profile": "waveshare-ao8b", "port": "p"})
+    device, _, _ = emulated(emulator.ICPDAS, options, Wiring((), ("AO1",)))
+    model = "Modbus RTU Analog Output 8CH (B)"
     assert device.open() == ("Waveshare", model, "not told", "not told")
 
 

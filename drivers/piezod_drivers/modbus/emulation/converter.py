@@ -19,12 +19,16 @@ class ConverterOutput:
     Args:
         bench: The rig.
         axis: Index of the axis.
-        highest: Highest value, in V or mA; the lowest is 0.
+        highest: Highest value, in V or mA.
         n_codes: Number of steps of the converter.
+        lowest: Lowest value, in V or mA.
     """
 
-    def __init__(self, bench: SharedRig, axis: int, highest: float, n_codes: int) -> None:
-        self._bench, self._axis, self._highest, self._n_codes = bench, axis, highest, n_codes
+    def __init__(
+        self, bench: SharedRig, axis: int, highest: float, n_codes: int, lowest: float = 0.0
+    ) -> None:
+        self._bench, self._axis, self._n_codes = bench, axis, n_codes
+        self._lowest, self._highest = lowest, highest
         self.value = 0.0
 
     def set(self, value: float) -> None:
@@ -35,16 +39,18 @@ class ConverterOutput:
         """
         if not isfinite(value):
             raise ModbusRefusal(ILLEGAL_VALUE)
-        part = min(max(value / self._highest, 0.0), 1.0)
+        span = self._highest - self._lowest
+        part = min(max((value - self._lowest) / span, 0.0), 1.0)
         # The steps of the converter.
-        part = round(part * self._n_codes) / self._n_codes
-        if self._axis < self._bench.n_axes and not self._bench.drive(self._axis, part * FULL_V):
+        value = self._lowest + round(part * self._n_codes) / self._n_codes * span
+        drive_v = value / self._highest * FULL_V
+        if self._axis < self._bench.n_axes and not self._bench.drive(self._axis, drive_v):
             raise ModbusRefusal(DEVICE_FAILURE)
-        self.value = part * self._highest
+        self.value = value
 
-    def set_code(self, scale: float) -> Callable[[float], None]:
-        """Return a function that sets the output to a code; `scale` is the value of one count."""
-        return lambda code: self.set(code * scale)
+    def set_code(self, scale: float, offset: float = 0.0) -> Callable[[float], None]:
+        """Return a function that sets the output to a code: value = scale · code + offset."""
+        return lambda code: self.set(code * scale + offset)
 
 
 def measured_v(bench: SharedRig, axis: int) -> float:

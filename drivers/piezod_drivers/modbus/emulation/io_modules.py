@@ -1,4 +1,4 @@
-"""Emulated ADAM-6024 and ADAM-4024, M-7017C and M-7024R, WAGO 750, Waveshare AI and AO (B)."""
+"""Emulated ADAM-6024 and ADAM-4024, M-7017 and M-7024R, WAGO 750, Waveshare AI and AO (B)."""
 
 from functools import partial
 from typing import Final
@@ -26,12 +26,15 @@ def _measured(bench: SharedRig, axis: int, scale: float, offset: float = 0.0) ->
     return (value_v - offset) / scale
 
 
-def _output(unit: EmulatedUnit, address: int, output: ConverterOutput, scale: float) -> None:
-    unit.add("holding", address, "uint16", partial(_code, output, scale), output.set_code(scale))
+def _output(
+    unit: EmulatedUnit, address: int, output: ConverterOutput, scale: float, offset: float = 0.0
+) -> None:
+    code = partial(_code, output, scale, offset)
+    unit.add("holding", address, "uint16", code, output.set_code(scale, offset))
 
 
-def _code(output: ConverterOutput, scale: float) -> float:
-    return output.value / scale
+def _code(output: ConverterOutput, scale: float, offset: float = 0.0) -> float:
+    return (output.value - offset) / scale
 
 
 def adam_6024(bench: SharedRig, _serial: str) -> TcpServer:
@@ -55,11 +58,15 @@ def _over_or_under(bench: SharedRig, axis: int) -> float:
 
 
 def adam_4024(bench: SharedRig, _serial: str) -> RtuServer:
-    """Construct an ADAM-4024 at address 1: output i is the amplifier of axis i."""
+    """Construct an ADAM-4024 at address 1: output i is the amplifier of axis i.
+
+    Its outputs are of the type -10 to 10 V, for which it has the codes 0 to 4095.
+    """
     unit = EmulatedUnit(_REGISTERS)
     for i in range(4):
-        output = ConverterOutput(bench, i, _HIGHEST_V, advantech.CODES_12_BIT)
-        _output(unit, i, output, _HIGHEST_V / advantech.CODES_12_BIT)
+        output = ConverterOutput(bench, i, _HIGHEST_V, 0xFFF, -_HIGHEST_V)
+        _output(unit, i, output, 2 * _HIGHEST_V / 0xFFF, -_HIGHEST_V)
+        unit.add_stored("holding", 200 + i, "uint16", 0x32)
     unit.add("holding", advantech.MODULE_NAME, "uint16", lambda: 0x4024)
     unit.add("holding", advantech.VERSION, "uint16", lambda: 0xA200)
     unit.add("holding", advantech.COMM_SAFETY, "uint16", lambda: 0)
@@ -67,8 +74,9 @@ def adam_4024(bench: SharedRig, _serial: str) -> RtuServer:
 
 
 def icpdas(bench: SharedRig, _serial: str) -> RtuServer:
-    """Construct an M-7017C at address 1 and an M-7024R at address 2 on one line."""
+    """Construct an M-7017 at address 1 and an M-7024R at address 2 on one line."""
     inputs, outputs = EmulatedUnit(_REGISTERS), EmulatedUnit(_REGISTERS)
+    inputs.add_stored("holding", 486, "uint16", 0x08)  # range: -10 to 10 V
     for i in range(8):
         inputs.add("input", i, "int16", partial(_measured, bench, i, _MV))
     for i in range(4):
@@ -85,14 +93,20 @@ def waveshare_b(bench: SharedRig, _serial: str) -> RtuServer:
     inputs, outputs = EmulatedUnit(_REGISTERS), EmulatedUnit(_REGISTERS)
     for i in range(8):
         inputs.add("input", i, "uint16", partial(_measured, bench, i, _MV))
+        inputs.add_stored("holding", 0x1000 + i, "uint16")  # mode of the input: 0 to 10 V
         _output(outputs, i, ConverterOutput(bench, i, _HIGHEST_V, (1 << 12) - 1), _MV)
     for unit in (inputs, outputs):
         unit.add("holding", waveshare.VERSION, "uint16", lambda: 100)
     return RtuServer({1: inputs, 2: outputs}, bench.now_ns)
 
 
-def wago_750(bench: SharedRig, _serial: str) -> TcpServer:
-    """Construct a coupler with four inputs and four outputs of 10 V."""
+def wago_750(bench: SharedRig, _serial: str, item: int | None = 352) -> TcpServer:
+    """Construct a coupler with four inputs and four outputs of 10 V.
+
+    Args:
+        bench: The rig.
+        item: Reported item number; None for a device that reports neither this nor its series.
+    """
     unit = EmulatedUnit(_REGISTERS | {23})
     scale = _HIGHEST_V / wago.CODES
     outputs = [ConverterOutput(bench, i, _HIGHEST_V, (1 << 12) - 1) for i in range(4)]
@@ -106,8 +120,10 @@ def wago_750(bench: SharedRig, _serial: str) -> TcpServer:
         unit.add("holding", wago.READ_BACK + i, "int16", partial(_code, output, scale))
     for i, number in enumerate(wago.CONSTANTS):
         unit.add("holding", wago.CONSTANTS_AT + i, "uint16", partial(float, number))
-    for address, number in ((wago.FIRMWARE, 5), (wago.SERIES, 750), (wago.ITEM, 352)):
-        unit.add("holding", address, "uint16", partial(float, number))
+    unit.add("holding", wago.FIRMWARE, "uint16", lambda: 5.0)
+    if item is not None:
+        for address, number in ((wago.SERIES, 750), (wago.ITEM, item)):
+            unit.add("holding", address, "uint16", partial(float, number))
     return TcpServer(unit, watchdog.update)
 
 

@@ -1,7 +1,11 @@
 """Advantech ADAM-6024 (Modbus TCP) and ADAM-4024 (Modbus RTU).
 
 Addresses are from the tables in Advantech's public manuals of the ADAM-4000 and ADAM-6000 series.
-The codes of the ADAM-4024 are those of its range 0 to 10 V. Not confirmed on hardware.
+Not confirmed on hardware.
+
+An output of an ADAM-4024 has one of three types (ADAM-4000 manual, p. 6-20): -10 to 10 V, 0 to
+20 mA, 4 to 20 mA. There is no type 0 to 10 V: code 0 means -10 V. That the codes rise evenly from 0
+at -10 V to 4095 at 10 V, as the codes of the other modules do, is not confirmed.
 """
 
 from typing import Final
@@ -14,6 +18,10 @@ from piezod_drivers.modbus.profiles.profile import (
 )
 
 CODES_12_BIT: Final = 0xFFF
+TYPE_CODES: Final = 200
+"""Type of output 0; the other outputs follow."""
+TYPE_10_V: Final = 0x32
+"""-10 to 10 V; 0x30 and 0x31 are currents."""
 MODULE_NAME: Final = 210
 VERSION: Final = 212
 COMM_SAFETY: Final = 215
@@ -53,13 +61,33 @@ ADAM_4024: Final = ModbusProfile(
             [f"AO{i}" for i in range(4)],
             0,
             role="output",
-            scale=10 / CODES_12_BIT,
-            range=(0.0, 10.0),
+            scale=20 / CODES_12_BIT,
+            offset=-10.0,
+            range=(-10.0, 10.0),
         ),
-        *register_row([f"AO{i}" for i in range(4)], 0, role="read-back", scale=10 / CODES_12_BIT),
+        *register_row(
+            [f"AO{i}" for i in range(4)],
+            0,
+            role="read-back",
+            scale=20 / CODES_12_BIT,
+            offset=-10.0,
+        ),
         *register_row([None], COMM_SAFETY, role="status", flag="watchdog tripped", mask=1),
     ),
-    constants=(Constant("holding", MODULE_NAME, "uint16", 0x4024),),
+    constants=(
+        Constant("holding", MODULE_NAME, "uint16", 0x4024),
+        *(
+            Constant(
+                "holding",
+                TYPE_CODES + i,
+                "uint16",
+                TYPE_10_V,
+                channel=f"AO{i}",
+                remedy=f"set output {i} to -10 to 10 V, type 0x32, with the maker's program",
+            )
+            for i in range(4)
+        ),
+    ),
     identity_fields=(
         (
             "model",

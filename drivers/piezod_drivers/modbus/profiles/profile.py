@@ -24,19 +24,37 @@ class IdentityField(NamedTuple):
 
 
 class Constant(NamedTuple):
-    """A register that always holds the same number; it reveals a wrong order of words.
+    """A register that shows whether the device is the one that the profile describes.
+
+    It holds a number that never changes, which also reveals a wrong order of words, or a setting on
+    which the scale of the values depends.
 
     Attributes:
         table: Table of the register.
         address: Address of the register.
         type: Coding of the number.
-        number: The number that it holds.
+        number: The number that it holds, or the lowest allowed one.
+        highest: The highest allowed number; None if only `number` is allowed.
+        channel: The channel whose setting it is; it is checked only if this channel is used. None:
+            it is checked always.
+        remedy: What to do if it holds another number, for people.
     """
 
     table: Table
     address: int
     type: NumberType
     number: float
+    highest: float | None = None
+    channel: str | None = None
+    remedy: str = ""
+
+    def allows(self, found: float) -> bool:
+        """Return whether the register may hold this number."""
+        return self.number <= found <= (self.number if self.highest is None else self.highest)
+
+    def __str__(self) -> str:
+        """Return the allowed numbers for people."""
+        return f"{self.number:.12g}" + ("" if self.highest is None else f" to {self.highest:.12g}")
 
 
 class Setting(NamedTuple):

@@ -3,6 +3,11 @@
 The process image begins with the analogue modules: inputs are at 0x0000, outputs are written there
 and read back from 0x0200. Watchdog, constants and item number are from WAGO's public manuals.
 Modules of other kinds follow behind these; use a register map for them. Not confirmed on hardware.
+
+The controllers PFC100 and PFC200 (items 750-8xxx) are refused. According to WAGO's public Modbus
+server for them (pfc-howtos, kbusmodbusslave), function 23 returns the output image where a coupler
+returns the inputs, a tripped watchdog reports 0, and stopping it needs two writes. With CODESYS 2
+their watchdog has other registers (manual of the 750-8208, 9.5.4).
 """
 
 from collections.abc import Sequence
@@ -30,6 +35,10 @@ STOP_NUMBER: Final = 0xAA55  # written to WATCHDOG_STOP, it stops the watchdog
 CONSTANTS: Final = (0x0000, 0xFFFF, 0x1234, 0xAAAA, 0x5555, 0x7FFF, 0x8000, 0x3FFF, 0x4000)
 CONSTANTS_AT: Final = 0x2000
 FIRMWARE, SERIES, ITEM = 0x2010, 0x2011, 0x2012
+SERIES_NUMBER: Final = 750
+ITEMS: Final = (300, 899)
+"""Couplers 750-3xx and controllers 750-8xx, which have the same registers."""
+_NO_PFC: Final = "a PFC100 or PFC200 (750-8xxx) does not behave like a coupler and is not supported"
 
 
 def _settings(timeout_s: float, _safe_v: float) -> Sequence[Setting]:
@@ -69,9 +78,13 @@ WAGO: Final = (
             *register_row([None], WATCHDOG_STATUS, role="status", flag="watchdog tripped", mask=2),
         ),
         write_functions=(6, 16, 23),
-        constants=tuple(
-            Constant("holding", CONSTANTS_AT + i, "uint16", number)
-            for i, number in enumerate(CONSTANTS)
+        constants=(
+            *(
+                Constant("holding", CONSTANTS_AT + i, "uint16", number)
+                for i, number in enumerate(CONSTANTS)
+            ),
+            Constant("holding", SERIES, "uint16", SERIES_NUMBER, remedy=_NO_PFC),
+            Constant("holding", ITEM, "uint16", ITEMS[0], ITEMS[1], remedy=_NO_PFC),
         ),
         identity_fields=(
             (

@@ -1,15 +1,26 @@
 """Waveshare Modbus RTU Analog Input 8CH and Analog Output 8CH, and the (B) versions for volts.
 
 From Waveshare's public wiki: inputs by function 4 and outputs by functions 3, 6, 16, in µA or mV;
-version at 0x8000. Inputs are assumed to be in their default mode, 0 to 20 mA or 0 to 10 V. Not
-confirmed on hardware.
+version at 0x8000, the mode of input n at 0x0FFF + n. Inputs must be in their default mode, 0 to
+20 mA or 0 to 10 V; in the others the numbers have another meaning. Not confirmed on hardware.
 """
 
 from typing import Final, Literal
 
-from piezod_drivers.modbus.profiles.profile import IdentityField, ModbusProfile, register_row
+from piezod_drivers.modbus.profiles.profile import (
+    Constant,
+    IdentityField,
+    ModbusProfile,
+    register_row,
+)
 
 VERSION: Final = 0x8000
+MODES: Final = 0x1000
+"""Mode of input 1; the other inputs follow."""
+VOLTS: Final = 0
+"""0 to 5 V, or 0 to 10 V of the (B) version."""
+MILLIAMPERES: Final = 2
+"""0 to 20 mA."""
 _IDENTITY_FIELDS: Final = (
     (
         "firmware",
@@ -19,12 +30,14 @@ _IDENTITY_FIELDS: Final = (
 
 
 def _input(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> ModbusProfile:
+    names = [f"AI{i}" for i in range(1, 9)]
+    mode = VOLTS if unit == "V" else MILLIAMPERES
     return ModbusProfile(
         name=name,
         maker="Waveshare",
         model=model,
         registers=register_row(
-            [f"AI{i}" for i in range(1, 9)],
+            names,
             0,
             role="input",
             table="input",
@@ -32,6 +45,17 @@ def _input(name: str, model: str, unit: Literal["V", "mA"], highest: float) -> M
             unit=unit,
             # At the end of its range the converter is saturated.
             range=(0.0, 0.9999 * highest),
+        ),
+        constants=tuple(
+            Constant(
+                "holding",
+                MODES + i,
+                "uint16",
+                mode,
+                channel=channel,
+                remedy=f"set input {i + 1} to mode {mode}, 0 to {highest:g} {unit}",
+            )
+            for i, channel in enumerate(names)
         ),
         identity_fields=_IDENTITY_FIELDS,
         max_rate_hz=100.0,  # not documented; at 115200 bit/s the line is slower
