@@ -22,6 +22,7 @@ from piezod.control.watch.adaptation import AdaptationWatch
 from piezod.control.watch.amplifier import AmplifierWatch
 from piezod.control.watch.axis import AxisWatch
 from piezod.control.watch.bus import BusWatch
+from piezod.control.watch.loop import LoopWatch
 from piezod.control.watch.sensor import SensorWatch, WatchedSensor
 from piezod.devices.interface import Capabilities
 from piezod.hysteresis import AffineRange, even_thresholds, new_bank
@@ -48,7 +49,8 @@ def assemble(
     on_output_lost: Callable[[], None] | None = None,
 ) -> StageController:
     """Return the controller of a stage; arguments and errors are those of `make_stage`."""
-    return StageController(make_stage(config, devices, capabilities, on_output_lost))
+    stage = make_stage(config, devices, capabilities, on_output_lost)
+    return StageController(stage, LoopWatch(stage.period_ns, strict=config.loop.strict_rt))
 
 
 def make_stage(

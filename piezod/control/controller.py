@@ -12,7 +12,7 @@ from piezod.config.faults import Fault
 from piezod.config.requests import Request
 from piezod.config.states import State
 from piezod.control.cycle import CycleParts, run_cycle
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.guard import Guard
 from piezod.control.stage.answer import Answer
 from piezod.control.stage.axis import StageAxis
@@ -45,13 +45,13 @@ class StageController:
 
     Args:
         stage: The stage.
+        loop_watch: The watch of its loop.
     """
 
-    def __init__(self, stage: Stage) -> None:
+    def __init__(self, stage: Stage, loop_watch: LoopWatch) -> None:
         self._stage = stage
         period_s = stage.period_ns / NS_PER_S
         guard = Guard([axis.law.limits for axis in stage.axes], longest_s=period_s)
-        loop_watch = LoopWatch(stage.period_ns)
         parts = CycleParts(stage.boundary, stage.axes, guard, period_s, stage, loop_watch)
         self.cycle: Callable[[int, CycleTiming], CycleRecord] = partial(run_cycle, parts)
         """Runs one cycle, from its instant in ns and the timing of the loop."""

@@ -116,9 +116,9 @@ class CompensatedAxis:
         """Trim and learn with half the gain, or with the full gain again."""
         self.trim.gain_halved = self.identifier.gain_halved = halved
 
-    def pause_learning(self, paused: bool) -> None:
-        """Learn nothing from the next sample, or learn again."""
-        self.identifier.gate.skipped = paused
+    def pause_learning(self) -> None:
+        """Learn nothing from the next samples: periods were skipped, so the drive came late."""
+        self.identifier.gate.skip()
 
     @property
     def limits(self) -> Limits:
@@ -200,7 +200,8 @@ class CompensatedAxis:
         forced = self._forced_v == self._forced_v
         # The error of a forced voltage, or of a write that was not applied, is no error of the
         # model.
-        credible = self.identifier.gate.credible and not (not_applied or forced)
+        gate = self.identifier.gate
+        credible = gate.credible and not (gate.skipped or not_applied or forced)
         trim = 0.0
         if self.trim.active:
             trim = self.trim.step(

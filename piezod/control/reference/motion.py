@@ -168,6 +168,30 @@ def smooth_motion(
     return Motion(reference_um, duration_s, target_um)
 
 
+def rejoin(motion: Motion, elapsed_s: float, start_um: float, limits: MotionLimits) -> Motion:
+    """Return the rest of a movement, from a position that is off its reference.
+
+    The offset fades with the least jerk, so that position and speed are continuous.
+
+    Args:
+        motion: The movement.
+        elapsed_s: Time since its start, in s.
+        start_um: Position now, in µm.
+        limits: Limits of the motion.
+    """
+    offset_um = start_um - motion.reference_um(elapsed_s)
+    fade_s = max(_PEAK * abs(offset_um) / limits.speed_um_per_s, limits.shortest_s)
+
+    def reference_um(t_s: float) -> float:
+        planned_um, part = motion.reference_um(elapsed_s + t_s), t_s / fade_s
+        if part >= 1.0:
+            return planned_um
+        faded = 1.0 - part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
+        return min(max(planned_um + offset_um * faded, limits.low_um), limits.high_um)
+
+    return Motion(reference_um, max(motion.duration_s - elapsed_s, fade_s), motion.target_um)
+
+
 def waveform_motion(
     waveform: Waveform,
     duration_s: float,

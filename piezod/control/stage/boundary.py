@@ -10,7 +10,7 @@ from math import isfinite, nan
 from typing import Final, Protocol
 
 from piezod.config.faults import Fault
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.devices.interface import Amplifier, Sample, Sensor
 from piezod.devices.status import NO_FLAGS, Flags, TellsStatus
 from piezod.units import s_to_ns

@@ -9,8 +9,9 @@ from piezod.config.states import State
 from piezod.control.reference.programs import VoltageProgram, conditioning
 from piezod.control.reference.waveforms import Waveform, build_waveform
 from piezod.control.stage.answer import Answer
+from piezod.control.stage.named import axes_named, axis_names, unknown_axis
 from piezod.control.stage.stage import SENSED, Stage
-from piezod.control.stage.states import Event
+from piezod.control.stage.states import Event, HoldCause
 from piezod.errors import PiezodError
 from piezod.units import s_to_ns
 
@@ -43,7 +44,7 @@ def _stop(stage: Stage, _: requests.Stop, t_ns: int) -> Answer:
 
 
 def _hold(stage: Stage, _: requests.Hold, t_ns: int) -> Answer:
-    return _answer(stage.hold_on_request(t_ns))
+    return _answer(stage.hold(HoldCause.REQUEST, t_ns))
 
 
 def _resume(stage: Stage, _: requests.Resume, t_ns: int) -> Answer:
@@ -100,7 +101,7 @@ def _shadow_text(stage: Stage) -> str:
 
 
 def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
-    axes, why = _axes_named(stage, request.axis)
+    axes, why = axes_named(stage, request.axis)
     if why:
         return Answer(False, why)
     if stage.state is not State.SAFE:  # in SAFE the mode is set for later
@@ -113,9 +114,9 @@ def _select(stage: Stage, request: requests.SelectMode, t_ns: int) -> Answer:
 
 
 def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
-    axes, why = _axes_named(stage, request.axis)
+    axes, why = axes_named(stage, request.axis)
     if not why and len(axes) > 1:
-        why = f"axis must be one of {_names(stage)}: a position is for one axis"
+        why = f"axis must be one of {axis_names(stage)}: a position is for one axis"
     if why:
         return Answer(False, why)
     axis, position_um = stage.axes[axes[0]], request.position_um
@@ -135,7 +136,7 @@ def _goto(stage: Stage, request: requests.Goto, t_ns: int) -> Answer:
 def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
     waveforms: dict[int, Waveform] = {}
     for name, config in request.command_um.items():
-        axes, why = _axes_named(stage, name)
+        axes, why = axes_named(stage, name)
         if why:
             return Answer(False, why)
         waveform = waveforms[axes[0]] = build_waveform(config, request.duration_s)
@@ -155,7 +156,7 @@ def _wave(stage: Stage, request: requests.Wave, t_ns: int) -> Answer:
 def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
     axes = {axis.name: axis for axis in stage.axes}
     unknown = [name for name in request.axes if name not in axes]
-    why = _unknown_axis(stage, unknown[0]) if unknown else _start_running(stage, t_ns)
+    why = unknown_axis(stage, unknown[0]) if unknown else _start_running(stage, t_ns)
     if why:
         return Answer(False, why)
     motions = [axes[name].follow_stream(t_ns) for name in request.axes]
@@ -163,10 +164,10 @@ def _stream(stage: Stage, request: requests.Stream, t_ns: int) -> Answer:
 
 
 def _follow(stage: Stage, request: requests.Follow, t_ns: int) -> Answer:
-    axes, why = _axes_named(stage, request.axis)
+    axes, why = axes_named(stage, request.axis)
     commanded = [i for i in axes if stage.axes[i].config.command_input is not None]
     if not (why or commanded):
-        whose = request.axis or _names(stage)
+        whose = request.axis or axis_names(stage)
         why = f"there is nothing to follow: the configuration has no `command_input` for {whose}"
     why = why or _start_running(stage, t_ns)
     if why:
@@ -190,7 +191,7 @@ def _run_event(mode: Mode) -> Event:
 
 
 def _condition(stage: Stage, request: requests.Condition, t_ns: int) -> Answer:
-    axes, why = _axes_named(stage, request.axis)
+    axes, why = axes_named(stage, request.axis)
     return Answer(False, why) if why else _condition_axes(stage, axes, t_ns)
 
 
@@ -205,7 +206,7 @@ def _condition_axes(stage: Stage, axes: Iterable[int], t_ns: int) -> Answer:
 def _identify(stage: Stage, request: requests.Identify, t_ns: int) -> Answer:
     drives: dict[int, VoltageProgram] = {}
     for name, config in request.drive_v.items():
-        axes, why = _axes_named(stage, name)
+        axes, why = axes_named(stage, name)
         if why:
             return Answer(False, why)
         limits = stage.axes[axes[0]].config.limits
@@ -233,7 +234,7 @@ def _start_ident(
 
 
 def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
-    axes, why = _axes_named(stage, request.axis)
+    axes, why = axes_named(stage, request.axis)
     if why:
         return Answer(False, why)
     if stage.state not in {State.SAFE, State.READY}:
@@ -255,9 +256,9 @@ def _zero(stage: Stage, request: requests.Zero, t_ns: int) -> Answer:
 
 
 def _adopt(stage: Stage, request: requests.AdoptModel, _t_ns: int) -> Answer:
-    axes, why = _axes_named(stage, request.axis)
+    axes, why = axes_named(stage, request.axis)
     if not why and len(axes) > 1:
-        why = f"axis must be one of {_names(stage)}: a model is for one axis"
+        why = f"axis must be one of {axis_names(stage)}: a model is for one axis"
     if not why and stage.state not in {State.SAFE, State.FAULT}:
         why = (
             f"the stage is in {stage.state}; a model can be changed in SAFE: `piezod disarm` first"
@@ -272,27 +273,6 @@ def _adopt(stage: Stage, request: requests.AdoptModel, _t_ns: int) -> Answer:
     if request.zero_um is not None:
         stage.zero.set_um(index, request.zero_um)
     return Answer(True)
-
-
-# ---------------------------------------------------------------------- axes
-
-
-def _axes_named(stage: Stage, name: str | None) -> tuple[list[int], str]:
-    """Return the indices of the named axes, all if the name is None; or why there are none."""
-    names = [axis.name for axis in stage.axes]
-    if name is None:
-        return list(range(len(names))), ""
-    if name not in names:
-        return [], _unknown_axis(stage, name)
-    return [names.index(name)], ""
-
-
-def _unknown_axis(stage: Stage, name: str) -> str:
-    return f"no axis {name!r}; this stage has {_names(stage)}"
-
-
-def _names(stage: Stage) -> str:
-    return ", ".join(axis.name for axis in stage.axes)
 
 
 HANDLERS: Final[Mapping[type[requests.Request], Callable[[Stage, Any, int], Answer]]] = {

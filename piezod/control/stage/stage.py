@@ -6,11 +6,12 @@ from typing import Final
 from piezod.config.model_file import ModelFile
 from piezod.config.modes import Mode
 from piezod.config.states import State
-from piezod.control.faults.register import Detection, FaultRegister
+from piezod.control.faults.detection import Detection
+from piezod.control.faults.register import FaultRegister
 from piezod.control.stage.boundary import OutputKnowledge
 from piezod.control.stage.parts import StageParts
 from piezod.control.stage.sequence import DriveSequence, DriveStep
-from piezod.control.stage.states import Event, Facts, step
+from piezod.control.stage.states import Event, Facts, HoldCause, step
 from piezod.control.stage.zeroing import SensorZero
 from piezod.telemetry.record import StageEvent
 
@@ -21,7 +22,6 @@ DRIVEN: Final = frozenset(
 SENSED: Final = frozenset({Mode.ADAPTIVE, Mode.TRIMMED})
 """Modes that need the sensor."""
 _ALARMING: Final = frozenset({State.HOLD, State.BLIND, State.FAULT, State.ESTOP})
-_NOT_HELD: Final = frozenset({State.RUN, State.IDENT, State.RAMP, State.ESTOP})
 _COMPENSATING: Final = frozenset({State.READY, State.RUN, State.HOLD})
 
 
@@ -69,7 +69,8 @@ class Stage:
         self._reported: list[Detection] = []
         self._events: list[StageEvent] = []
         self._self_tested, self._no_entry = False, ""
-        self._shutting_down = self._estop_pressed = self._held_by_request = False
+        self._shutting_down = self._estop_pressed = False
+        self._hold_cause = HoldCause.FAULT
 
     # ------------------------------------------------------------------ state
 
@@ -119,16 +120,26 @@ class Stage:
         """
         self._no_entry = why
 
-    def hold_on_request(self, t_ns: int) -> str:
-        """Hold until `resume` or `stop`; return why it is refused. Real-time safe."""
-        before = self.state
-        refusal = self.go(Event.HOLD, t_ns)
-        self._held_by_request |= self.state is not before
-        return refusal
+    def hold(self, cause: HoldCause, t_ns: int) -> str:
+        """Hold the voltages; return why it is refused. Real-time safe.
 
-    def hold_expires(self) -> bool:
-        """Return whether HOLD ends by itself, because a fault caused it and not a request."""
-        return not self._held_by_request
+        In HOLD, lateness changes nothing, and any other cause takes its place.
+        """
+        held = self.state is State.HOLD
+        if held and cause is HoldCause.LATENESS:
+            return ""
+        if held and self._hold_cause is HoldCause.LATENESS:
+            self._hold_cause, self._since_ns = cause, t_ns
+            for axis in self.axes:
+                axis.hold()  # the movement will not go on by itself
+            return ""
+        if not held:
+            self._hold_cause = cause
+        return self.go(Event.FAULT_HOLD if cause is HoldCause.FAULT else Event.HOLD, t_ns)
+
+    def hold_cause(self) -> HoldCause:
+        """Return the cause of the last HOLD. Real-time safe."""
+        return self._hold_cause
 
     def shut_down(self, t_ns: int) -> str:
         """Go to the safe voltage and end. Real-time safe."""
@@ -232,17 +243,8 @@ class Stage:
         """Perform the actions of a new state."""
         boundary = self.boundary
         boundary.open = state in DRIVEN
-        boundary.withheld = self._held_by_request = False
-        if state is State.RUN:
-            for axis in self.axes:
-                axis.stay(t_ns)
-        elif state in {State.RAMP, State.ESTOP}:
-            for i, axis in enumerate(self.axes):
-                self._start_ramp_at_output(i)
-                axis.ramp_to(axis.config.safe_v)
-        elif state not in _NOT_HELD:
-            for axis in self.axes:
-                axis.hold()
+        boundary.withheld = False
+        self._enter_axes(state, t_ns)
         if state in {State.SAFE, State.FAULT, State.BLIND} and boundary.shadow:
             boundary.shadow = self.output.known = False  # until it is read back
         if state is State.READY and not boundary.shadow:
@@ -254,6 +256,20 @@ class Stage:
             self.output.settle()
         if before is State.IDENT:
             self._sequence.clear()
+
+    def _enter_axes(self, state: State, t_ns: int) -> None:
+        """Start what the axes drive in a new state."""
+        paused = state is State.HOLD and self._hold_cause is HoldCause.LATENESS
+        for i, axis in enumerate(self.axes):
+            if state is State.RUN:
+                axis.rejoin(t_ns)
+            elif paused:
+                axis.pause()
+            elif state in {State.RAMP, State.ESTOP}:
+                self._start_ramp_at_output(i)
+                axis.ramp_to(axis.config.safe_v)
+            elif state is not State.IDENT:
+                axis.hold()
 
     def _start_ramp_at_output(self, index: int) -> None:
         """Start a ramp at the read-back if the output has fallen towards the safe voltage.

@@ -44,6 +44,17 @@ class Event(Enum):
     """The amplifier answers again, but the voltage in force is unknown."""
 
 
+class HoldCause(Enum):
+    """Cause of a HOLD. It decides what ends it."""
+
+    FAULT = auto()
+    """A person resumes; after a while the stage ramps to the safe voltage."""
+    REQUEST = auto()
+    """A person resumes or stops."""
+    LATENESS = auto()
+    """The stage resumes by itself when its cycles are punctual again."""
+
+
 class Facts(NamedTuple):
     """Conditions of an edge besides state and event.
 

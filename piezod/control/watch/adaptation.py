@@ -10,7 +10,7 @@ from math import inf, isfinite
 from typing import Final
 
 from piezod.config.faults import Fault
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.law.model import StageModel
 from piezod.control.signals import RecentRange
 from piezod.control.watch.drift import ModelDrift

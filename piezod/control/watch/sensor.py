@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, Self
 
 from piezod.config.axes import AxisConfig
 from piezod.config.faults import Fault
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.law.model import StageModel
 from piezod.control.signals import (
     STILL_SAMPLES,

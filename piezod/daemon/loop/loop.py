@@ -5,7 +5,7 @@ from typing import Final, Protocol
 
 from piezod.config.faults import Fault
 from piezod.config.requests import Estop, Request, Shutdown
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
 from piezod.daemon.clock import Clock, clock_offsets_ns

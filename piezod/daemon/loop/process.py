@@ -18,7 +18,7 @@ from piezod.config.daemon import DaemonConfig
 from piezod.config.faults import Fault
 from piezod.control.assembly import assemble
 from piezod.control.controller import StageController
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.warm_up import warm_up
 from piezod.daemon.clock import MonotonicClock
 from piezod.daemon.durations import loop_gone_within_s

@@ -105,12 +105,10 @@ class Conversation:
         Args:
             request: Bytes to send.
             length_of: Finds frames.
-            is_reply: Returns whether a frame answers this very request and no earlier one; None if
-                frames carry no tag.
+            is_reply: Returns whether a frame answers this very request; None without a tag.
             timeout_ns: Time-out in ns, if it differs from the default.
-            fits: For frames without a tag, if `length_of` also finds frames of other types: returns
-                whether a frame has the type of this reply or is an error reply. Other frames are
-                garbage, and the reply stays owed.
+            fits: For frames without a tag: returns whether a frame has the type of this reply or is
+                an error reply. Other frames are garbage, and the reply stays owed.
 
         Raises:
             LineFault: `LATE_REPLY` if no reply came in time, or as raised by the line.
@@ -147,14 +145,18 @@ class Conversation:
                 got = b""
                 self._noticed.add(DeviceFlag.GARBAGE)
             left_ns = end_ns - line.now_ns()
-        if got:
-            self._noticed.add(DeviceFlag.GARBAGE)
-        self._rest = got
+        self._keep_rest(got)
         # A late reply without a tag could be taken for the next one, so it has to be waited for.
         if is_reply is None:
             self._owed, self._owed_fits = length_of, fits
             self._owed_until_ns = end_ns + PATIENCE * wait_ns
         raise LineFault(DeviceFlag.LATE_REPLY, f"no reply within {wait_ns / 1e6:g} ms")
+
+    def _keep_rest(self, got: bytes) -> None:
+        """Keep the bytes of an incomplete frame: its end may still come."""
+        self._rest = got
+        if got:
+            self._noticed.add(DeviceFlag.GARBAGE)
 
     def _drop_earlier(self) -> None:
         """Drop the bytes that belong to earlier requests.

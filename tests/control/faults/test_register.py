@@ -4,7 +4,8 @@ import pytest
 
 from piezod.config.faults import Fault
 from piezod.control.faults.cases import Case
-from piezod.control.faults.register import CAUSE_CYCLES, GOOD_CYCLES, Detection
+from piezod.control.faults.detection import Detection
+from piezod.control.faults.register import CAUSE_CYCLES, GOOD_CYCLES
 from piezod.control.faults.table import FAULTS, INDEX, FaultRule, Reaction, ids, mask
 from tests.control.register_bench import S5, SECOND, RegisterBench
 

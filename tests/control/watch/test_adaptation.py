@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from piezod.control.faults.register import Detection
+from piezod.control.faults.detection import Detection
 from piezod.control.law.model import StageModel
 from piezod.control.watch.adaptation import AdaptationWatch
 from piezod.hysteresis import RLSIdentifier, Shadowed, even_thresholds, new_bank
