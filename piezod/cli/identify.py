@@ -29,7 +29,7 @@ from piezod.cli.stage_options import AxisOption, SocketOption, StageOption, conn
 if TYPE_CHECKING:
     from piezod.experiment.fit.automatic import Wanted
     from piezod.experiment.fit.file import FileFit
-    from piezod.experiment.fit.fit import FitSettings
+    from piezod.experiment.fit.settings import FitSettings
 
 
 class _FitJob(NamedTuple):

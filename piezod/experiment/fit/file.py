@@ -10,10 +10,11 @@ import numpy as np
 from piezod.errors import DataError
 from piezod.experiment.fit.automatic import Choice, Wanted, choose
 from piezod.experiment.fit.excitation import missing_excitation
-from piezod.experiment.fit.fit import Fit, FitSettings, fit_model
+from piezod.experiment.fit.fit import Fit, fit_model
 from piezod.experiment.fit.judgement import Judgement, judge
 from piezod.experiment.fit.past import mark_unknown_past
 from piezod.experiment.fit.record import Record
+from piezod.experiment.fit.settings import FitSettings
 from piezod.experiment.fit.smoothing import smoothed_record
 from piezod.experiment.fit.thinning import MAX_SAMPLES, thinned
 from piezod.experiment.fit.uncertainty import Uncertainty, uncertainty_of
