@@ -34,7 +34,12 @@ from piezod.daemon.loop.placement import (
     rate_refusal,
     start_threads,
 )
-from piezod.daemon.loop.rate import measure_busy_ns, sustained_rate_hz, usable_spin_ns
+from piezod.daemon.loop.rate import (
+    kept_period_ns,
+    measure_busy_ns,
+    sustained_rate_hz,
+    usable_spin_ns,
+)
 from piezod.daemon.loop.realtime import Realtime, RealtimeStep
 from piezod.daemon.loop.start import wait_for_devices, wait_for_lock
 from piezod.daemon.loop.timed_channels import TimedChannels
@@ -45,6 +50,7 @@ from piezod.telemetry import requests_codec
 from piezod.telemetry.record import StageEvent
 from piezod.telemetry.shared_map import SharedMap, attach
 from piezod.telemetry.words import Word
+from piezod.units import NS_PER_S
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ignored here: they end the supervisor, which then asks the loop to shut down."""
@@ -96,8 +102,10 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
     report = {"steps": [step._asdict() for step in steps]}
     shared.set_report(report | {"devices": [one.document() for one in placements]})
     _check_arming(controller, config, shared, channels, placements, steps, busy_ns)
+    period_ns = kept_period_ns(period_ns, busy_ns)
     spin_ns = usable_spin_ns(round(config.loop.spin_us * 1000), busy_ns, period_ns)
     loop = Loop(controller, timed, shared, clock, Pacer(clock, period_ns, spin_ns))
+    loop.publisher.events([_rate_event(config, clock.now_ns(), busy_ns, period_ns)])
     try:
         loop.run()
     except Exception as error:
@@ -142,6 +150,21 @@ def _check_arming(
     # The last run did not end in order: an operator must look at the stage first.
     if words[Word.UNCLEAN]:
         controller.report(Detection(Fault.P2))
+
+
+def _rate_event(config: DaemonConfig, t_ns: int, busy_ns: int, period_ns: int) -> StageEvent:
+    """Return the event that says which rate this machine keeps."""
+    kept = (
+        f"a cycle takes {busy_ns / 1e3:.0f} µs; this machine with these devices keeps at most "
+        f"{sustained_rate_hz(busy_ns):.0f} Hz"
+    )
+    if period_ns <= round(NS_PER_S / config.rate_hz):
+        return StageEvent(t_ns, "info", "rate", f"rate_hz is {config.rate_hz:g}; {kept}")
+    text = (
+        f"rate_hz is {config.rate_hz:g}: {kept}; the stage is only observed, at "
+        f"{NS_PER_S / period_ns:.0f} Hz: choose a lower rate"
+    )
+    return StageEvent(t_ns, "warning", "rate", text)
 
 
 if __name__ == "__main__":

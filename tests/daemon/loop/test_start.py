@@ -19,6 +19,7 @@ from piezod.daemon.loop.devices import make_channels
 from piezod.daemon.loop.rate import (
     MAX_CYCLES,
     MIN_CYCLES,
+    kept_period_ns,
     measure_busy_ns,
     sustained_rate_hz,
     usable_spin_ns,
@@ -271,3 +272,17 @@ def test_rate_leaves_a_part_of_the_period_free() -> None:
     """The rate is inversely proportional to the duration of a cycle, and below its inverse."""
     assert sustained_rate_hz(100_000) < 10_000
     assert sustained_rate_hz(100_000) == 2 * sustained_rate_hz(200_000)
+
+
+@pytest.mark.parametrize("period_ns", [10**6, 5 * 10**6])
+def test_period_that_the_machine_keeps_stays(period_ns: int) -> None:
+    """A cycle may take half of it."""
+    assert kept_period_ns(period_ns, period_ns // 2) == period_ns
+
+
+@pytest.mark.parametrize(("busy_us", "periods"), [(26, 2), (100, 4), (101, 5)])
+def test_loop_that_is_too_fast_runs_in_every_second_period_or_less(
+    busy_us: int, periods: int
+) -> None:
+    """At 20 kHz a cycle of 100 µs then takes half of its time."""
+    assert kept_period_ns(50_000, busy_us * 1000) == periods * 50_000
