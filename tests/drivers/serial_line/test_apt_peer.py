@@ -53,6 +53,13 @@ class Host:
         return eventually(lambda: next((each for each in self._unpacker if each.msg == name), None))
 
 
+@pytest.mark.confirms(
+    "thorlabs_apt",
+    ("KPZ101", "KSG101"),
+    part="identity, output voltage, reading of the gauge",
+    by="thorlabs-apt-protocol",
+    kind="client",
+)
 def test_host_drives_the_amplifier_and_reads_the_gauge(cubes: Emulated) -> None:
     """Thorlabs-apt-protocol identifies both cubes, sets a voltage and reads the motion."""
     amplifier, gauge = cubes.where
@@ -76,6 +83,9 @@ def test_host_drives_the_amplifier_and_reads_the_gauge(cubes: Emulated) -> None:
         kpz.put(peer.pz_set_outputvolts(CUBE, HOST, CHANNEL, 0))
 
 
+@pytest.mark.confirms(
+    "thorlabs_apt", "KPZ101", part="status updates", by="thorlabs-apt-protocol", kind="client"
+)
 def test_host_gets_updates_as_long_as_it_wants_them(cubes: Emulated) -> None:
     """Statuses come until they are stopped, with state and voltage."""
     with Host(cubes.where[0]) as kpz:
