@@ -10,6 +10,7 @@ from piezod.config.endpoints import Access
 from piezod.config.requests import Request
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.lease import Lease
+from piezod.daemon.service.open_streams import OpenStreams, commanded_axes
 from piezod.daemon.service.roles import Roles
 from piezod.daemon.service.stage_service import (
     AuditEntry,
@@ -33,6 +34,7 @@ class ServiceState(NamedTuple):
         lease: The lease of the stage.
         downloads: Users with a download in progress.
         urgent_notes: Limits the audit entries of urgent requests.
+        streams: The setpoint streams in progress.
     """
 
     stage: StageService
@@ -40,6 +42,7 @@ class ServiceState(NamedTuple):
     lease: Lease
     downloads: set[int]
     urgent_notes: UrgentNotes
+    streams: OpenStreams
 
 
 class RequestContext(NamedTuple):
@@ -99,6 +102,8 @@ class RequestContext(NamedTuple):
             answer = await self.stage.request(request, self.peer)
             if not answer.accepted:
                 raise NotNowError(answer.why, "`piezod status` shows the state and the faults")
+            axes = commanded_axes(request, self.stage.axes)
+            self.state.streams.supersede(axes, f"{request.kind} of {self.peer.user}")
             return answer
 
         return await self.perform(describe(request), accepted)

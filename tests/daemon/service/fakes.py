@@ -17,6 +17,7 @@ from piezod.config.requests import Request
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.lease import Lease
+from piezod.daemon.service.open_streams import OpenStreams
 from piezod.daemon.service.peer_protocol import ConnectionLimits, Credentials
 from piezod.daemon.service.request_context import ServiceState
 from piezod.daemon.service.roles import User
@@ -174,7 +175,12 @@ class Served:
         self.stage, self.roles = FakeStage(folder), FakeRoles()
         self.now.now_s += 1000.0
         self.app.state.service = ServiceState(
-            self.stage, self.roles, Lease(self.now), set(), UrgentNotes(self.now)
+            self.stage,
+            self.roles,
+            Lease(self.now),
+            set(),
+            UrgentNotes(self.now),
+            OpenStreams(),
         )
 
     @contextmanager
