@@ -146,6 +146,19 @@ class Faults(Result):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Reloaded(Result):
+    """A configuration that has been read again and is in force.
+
+    Attributes:
+        changes: Paths of the values that have changed, for example "axes.x.speed_um_per_s".
+        lost: What has been lost of the parameters in use, each with its remedy; usually nothing.
+    """
+
+    changes: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class Parameters(Result):
     """The parameters in use.
 

@@ -18,12 +18,13 @@ from piezod.telemetry.record import CycleRecord, StageEvent
 from piezod.telemetry.requests_codec import decode
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamReader
-from piezod.telemetry.words import Word
+from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from piezod.units import NS_PER_S
 
 SUPERVISOR_LOST_NS: Final = NS_PER_S
 """If the beat of the supervisor stays unchanged for longer, the supervisor is lost."""
 _COUNTERS_PERIOD_NS: Final = NS_PER_S
+_OF_SUPERVISOR: Final = tuple(enumerate(map(Detection, SUPERVISOR_FAULTS)))
 _ESTOP: Final = Estop()  # made once, because validation costs time in the cycle
 
 
@@ -79,7 +80,7 @@ class Loop:
         self._now_ns, self._wait = clock.now_ns, pacer.wait
         self.publisher = Publisher(shared)
         self._mailbox, self._stream = MailboxReader(shared), StreamReader(shared)
-        self._supervisor = SupervisorWatch(shared)
+        self._supervisor, self._words = SupervisorWatch(shared), shared.words
         self.counters = ProcessCounters(shared.words)
         self._counted_ns = self._busy_ns = 0
 
@@ -126,6 +127,10 @@ class Loop:
             limit_s = SUPERVISOR_LOST_NS / NS_PER_S
             self._controller.report(Detection(Fault.H1, measured=limit_s, limit=limit_s))
             self._controller.execute(Shutdown(), t_ns)
+        if found := self._words[_SUPERVISOR_FAULTS]:
+            for place, detection in _OF_SUPERVISOR:
+                if found >> place & 1:
+                    self._controller.report(detection)
         if t_ns - self._counted_ns >= _COUNTERS_PERIOD_NS:
             self._counted_ns = t_ns
             for detection in self.counters.publish():
@@ -168,3 +173,4 @@ class SupervisorWatch:
 
 
 _SUPERVISOR_BEAT: Final = int(Word.SUPERVISOR_BEAT_NS)
+_SUPERVISOR_FAULTS: Final = int(Word.SUPERVISOR_FAULTS)

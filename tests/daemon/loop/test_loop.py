@@ -24,7 +24,7 @@ from piezod.telemetry.requests_codec import encode
 from piezod.telemetry.ring import RingReader
 from piezod.telemetry.shared_map import SharedMap, create
 from piezod.telemetry.stream import StreamWriter
-from piezod.telemetry.words import Word
+from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 from piezod.testing.fake_clock import FakeClock
 from piezod_drivers.simulated.driver import SimulatedRig
 from piezod_drivers.simulated.options import SimulatedOptions
@@ -227,6 +227,19 @@ def test_loop_without_supervisor_shuts_down(rig: Rig) -> None:
     assert before == shortly_before == []
     assert rig.controller.requests == [Shutdown()]
     assert [found.fault for found in rig.controller.detections] == ["H1"]
+
+
+@pytest.mark.fault("D8")
+@pytest.mark.fault("P6")
+def test_faults_of_the_supervisor_are_reported_in_each_cycle(rig: Rig) -> None:
+    """The faults that only the supervisor can find are present as long as it finds them."""
+    words = rig.shared.words
+    words[Word.SUPERVISOR_FAULTS] = (1 << len(SUPERVISOR_FAULTS)) - 1
+    rig.run(2, rig.beat)
+    words[Word.SUPERVISOR_FAULTS] = 0
+    rig.run(2, rig.beat)
+
+    assert [found.fault for found in rig.controller.detections] == [*SUPERVISOR_FAULTS] * 2
 
 
 def test_pause_of_the_machine_is_not_taken_for_a_lost_supervisor(rig: Rig) -> None:
