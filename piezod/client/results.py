@@ -33,9 +33,11 @@ class Answer(Result):
 
     Attributes:
         motion: Number of the movement that it started, 0 if it started none.
+        state: State of the stage then, one of `piezod.config.states.State`.
     """
 
     motion: int = 0
+    state: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,7 @@ from typing import Final, Protocol
 
 from piezod.config.faults import Fault
 from piezod.config.requests import Estop, Request, Shutdown
+from piezod.config.states import State
 from piezod.control.faults.register import Detection
 from piezod.control.stage.answer import Answer
 from piezod.control.watch.loop import CycleTiming
@@ -30,6 +31,11 @@ _ESTOP: Final = Estop()  # made once, because validation costs time in the cycle
 
 class Controller(LearnedSource, Protocol):
     """Decides in each cycle; `control.controller.StageController` implements it. Real-time safe."""
+
+    @property
+    def state(self) -> State:
+        """The state of the stage."""
+        ...
 
     @property
     def finished(self) -> bool:
@@ -113,11 +119,14 @@ class Loop:
         # The emergency stop has a slot of its own, so that no other request delays it.
         if number := self._mailbox.take_estop():
             accepted, why, motion = self._controller.execute(_ESTOP, t_ns)
+            self.publisher.state(self._controller.state)
             self._mailbox.answer_estop(number, accepted=accepted, motion=motion, why=why)
         taken = self._mailbox.take(t_ns)  # at most one a cycle: its duration stays bounded
         if taken is not None:
             number, payload = taken
             accepted, why, motion = self._execute(payload, t_ns)
+            # Before the answer, which the service completes with the state.
+            self.publisher.state(self._controller.state)
             if accepted:
                 # Before the answer: the client may ask next for parameters that this one changed.
                 self.publisher.learned_all(self._controller)

@@ -6,8 +6,9 @@ import pytest
 
 from piezod.config.gate_reasons import GateReason
 from piezod.config.modes import Mode
-from piezod.config.requests import Estop, Goto, Hold, Shutdown, Stop
+from piezod.config.requests import Estop, Goto, Hold, Request, Shutdown, Stop
 from piezod.config.states import State
+from piezod.control.stage.answer import Answer
 from piezod.daemon.last_output import LastOutputWriter, read_last_output
 from piezod.daemon.loop.loop import SUPERVISOR_LOST_NS, Loop
 from piezod.daemon.loop.pacer import Pacer
@@ -135,6 +136,28 @@ def test_requests_are_executed_and_answered(rig: Rig) -> None:
     assert rig.controller.requests == sent
     assert mailbox.answer(first) == (True, "", 1)
     assert mailbox.answer(second) == (True, "", 2)
+
+
+def test_state_after_a_request_is_published_before_the_answer(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The service completes an answer with the state: it must not be that of the cycle before."""
+    mailbox = MailboxWriter(rig.shared)
+    states = []
+
+    def execute(request: Request, _t_ns: int) -> Answer:
+        rig.controller.state = State.ESTOP if isinstance(request, Estop) else State.RAMP
+        return Answer(accepted=True)
+
+    monkeypatch.setattr(rig.controller, "execute", execute)
+    mailbox.post(encode(Stop()), 2 * 10**9, urgent=True)
+    for _ in range(2):
+        rig.run(1)
+        states.append(list(State)[rig.shared.words[Word.LOOP_STATE]])
+        rig.controller.state = State.RUN
+        mailbox.post_estop()
+
+    assert states == [State.RAMP, State.ESTOP]
 
 
 def test_request_that_cannot_be_read_is_refused(rig: Rig) -> None:

@@ -59,6 +59,7 @@ class FakeStage:
         self.setpoints: list[Mapping[str, float]] = []
         self.audited: list[AuditEntry] = []
         self.refusal = ""
+        self.state = "SAFE"
         self.lost_link = False
         self.stream_refusal = ""
         self.running: Document | None = None
@@ -83,7 +84,7 @@ class FakeStage:
     def status(self) -> Document:
         axes = {"x": {"position_um": NAN, "command_um": 1.5, "drive_v": 20.0}}
         return {
-            "state": "SAFE",
+            "state": self.state,
             "mode": "adaptive",
             "faults": [],
             "skipped_cycles": 0,

@@ -81,6 +81,16 @@ def test_status_is_that_of_the_newest_cycle(bench: Bench) -> None:
     assert bench.link.fault_ids(1 << last) == [FAULTS[last].id]
 
 
+def test_voltage_is_unknown_in_blind(bench: Bench) -> None:
+    """In BLIND status has the read-back voltage, NaN without one, not the last written voltage."""
+    bench.record(State.BLIND, drive_v=80.0)
+    without = bench.link.status()["axes"]["x"]["drive_v"]
+    bench.record(State.BLIND, drive_v=80.0, read_back_v=79.0)
+
+    assert isnan(without)
+    assert bench.link.status()["axes"]["x"]["drive_v"] == 79.0
+
+
 def test_status_names_the_failed_real_time_steps(bench: Bench) -> None:
     """A failed step explains why arming is refused."""
     steps = [{"name": "memory", "ok": False}, {"name": "processor", "ok": True}]
