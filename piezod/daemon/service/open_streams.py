@@ -2,18 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
-from piezod.config.requests import (
-    Disarm,
-    Estop,
-    Follow,
-    Goto,
-    Hold,
-    Request,
-    Resume,
-    Stop,
-    Stream,
-    Wave,
-)
+from piezod.config.endpoints import Group
+from piezod.config.requests import TABLE, Request
 from piezod.daemon.service.refusals import SupersededError
 
 
@@ -70,14 +60,9 @@ class OpenStreams:
 
 def commanded_axes(request: Request, all_axes: Sequence[str]) -> Sequence[str]:
     """Return the axes that no longer follow their stream when a request was accepted."""
-    match request:
-        case Stream():
-            return request.axes
-        case Wave():
-            return tuple(request.command_um)
-        case Goto() | Follow():
-            return all_axes if request.axis is None else (request.axis,)
-        case Hold() | Resume() | Stop() | Disarm() | Estop():
-            return all_axes
-        case _:
-            return ()
+    row = TABLE[request.kind]
+    if row.group is not Group.MOVE and not row.access.urgent:
+        return ()
+    named = getattr(request, "axes", None) or getattr(request, "command_um", None)
+    axis = getattr(request, "axis", None)
+    return tuple(named or ((axis,) if axis else all_axes))

@@ -9,17 +9,9 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
+from piezod.config.endpoints import TOWARDS_SAFETY
 from piezod.config.faults import Fault
-from piezod.config.requests import (
-    AdoptModel,
-    Arm,
-    Disarm,
-    Estop,
-    Hold,
-    Request,
-    Shutdown,
-    Stop,
-)
+from piezod.config.requests import TABLE, AdoptModel, Arm, Estop, Request, Shutdown
 from piezod.control.stage.answer import Answer
 from piezod.daemon import accepted_config
 from piezod.daemon.logging import logger
@@ -42,7 +34,6 @@ from piezod.telemetry.ring import RingReader
 EXCHANGED_WITHIN_S: Final = 8.0
 """How long a request waits for the end of an exchange, in s; clients wait 10 s for an answer."""
 _POLL_S: Final = 0.02
-_TO_REST: Final = (Stop, Hold, Disarm)
 
 _log = logger("service")
 
@@ -96,7 +87,7 @@ class StageLink:
             return Answer(True)
         if isinstance(request, Arm) and self._shadow:
             request = Arm(shadow=True)
-        if not self.available and isinstance(request, _TO_REST):
+        if not self.available and TABLE[request.kind].access == TOWARDS_SAFETY:
             return Answer(True)  # an exchange drives nothing, and neither does the new loop
         loop = await self._running_soon(inf if isinstance(request, Estop) else EXCHANGED_WITHIN_S)
         if isinstance(request, AdoptModel):  # not while parameters are read or saved
