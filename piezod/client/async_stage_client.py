@@ -31,6 +31,7 @@ from piezod.client.wire import (
     recording_path,
     setpoint_line,
     telemetry_query,
+    timeout_s,
     whole_file,
 )
 
@@ -97,7 +98,9 @@ class AsyncStageClient(StageCommands, StageReports, AsyncCaller):
     async def call(self, call: Call[ResultT]) -> ResultT:
         """Send one call and return its result; all other methods use this one."""
         with translated(self.socket):
-            response = await self._http.request(call.method, call.path, json=call.body)
+            response = await self._http.request(
+                call.method, call.path, json=call.body, timeout=timeout_s(call)
+            )
         return read_answer(call, response)
 
     async def goto_and_wait(

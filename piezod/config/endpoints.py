@@ -190,7 +190,9 @@ _ROWS: Final = (
         "reload",
         CHANGE,
         "Make the daemon read its configuration again.\n\n"
-        "If the configuration is not valid, nothing changes.",
+        "If the configuration is not valid, nothing changes. Sensor zeros and learned weights "
+        "stay, except the weights of an axis whose model file has changed. Offset and scale begin "
+        "at zero.",
         "reload",
     ),
 )

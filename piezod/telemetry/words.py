@@ -5,6 +5,9 @@ atomic. `struct.pack_into` is not atomic, because it clears the bytes before it 
 """
 
 from enum import IntEnum
+from typing import Final
+
+from piezod.config.faults import Fault
 
 
 class Word(IntEnum):
@@ -63,3 +66,9 @@ class Word(IntEnum):
     """Number of the newest emergency stop. It is a level, so there is always room for it."""
     ESTOP_DONE = 25
     """Number of the newest emergency stop that was answered."""
+    SUPERVISOR_FAULTS = 26
+    """Faults that the supervisor finds now, one bit for each entry of `SUPERVISOR_FAULTS`."""
+
+
+SUPERVISOR_FAULTS: Final = (Fault.D8, Fault.P6)
+"""Faults that only the supervisor can find, because the loop uses no disk."""

@@ -139,7 +139,7 @@ _HELP: Final[Mapping[State, str]] = {
     _IDENT: "wait for the end of the waveform, or `piezod stop`",
     _HOLD: "`piezod resume` or `piezod stop` first",
     _RAMP: "wait until the safe voltage is reached",
-    _BLIND: "the amplifier does not answer: check its power and cable",
+    _BLIND: "nothing can be sent to the amplifier: `piezod faults` shows the cause",
     _FAULT: "remove the cause that `piezod faults` shows, then `piezod reset`",
     _ESTOP: "release the emergency stop first, then `piezod reset`",
     _STOPPING: "the daemon is ending: start it again",

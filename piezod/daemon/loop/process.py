@@ -1,4 +1,7 @@
-"""The loop process: `python -m piezod.daemon.loop.process RUNTIME CONFIG COPY [--strict-rt]`.
+"""The loop process: `python -m piezod.daemon.loop.process RUNTIME CONFIG COPY [OPTIONS]`.
+
+`--strict-rt` sets `loop.strict_rt`. `--warm` compiles before the configuration is reported
+accepted, so that a loop that takes the place of another one starts soon.
 
 The supervisor starts it. It accepts the configuration and writes the copy (`loop.accept`). Then
 the supervisor makes the shared memory and lets it go on. It owns the devices and nothing else: no
@@ -56,7 +59,7 @@ _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ignored here: they end the supervisor, which then asks the loop to shut down."""
 
 
-def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
+def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool, warm: bool) -> None:
     """Run the loop of a stage until a shutdown has ended.
 
     Args:
@@ -64,6 +67,7 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
         source: The configuration file.
         copy: Path of the accepted copy.
         strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
+        warm: Whether to compile before the configuration is reported accepted.
 
     Raises:
         PiezodError: If configuration or shared memory cannot be used.
@@ -71,15 +75,15 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
     """
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
-    config = accept(source, copy, strict_rt=strict_rt)
+    prepare = _compile if warm else None
+    config = accept(source, copy, strict_rt=strict_rt, prepare=prepare)
     if config is None:
         return
     # The supervisor has made the memory before it let this process go on.
     shared = attach(runtime / "loop.map", writable=True)
     shared.words[Word.LOOP_PID] = getpid()
-    # Compile now: compiling during a cycle would take seconds.
-    requests_codec.warm_up()
-    warm_up(config)
+    if not warm:
+        _compile(config)
     channels, clock = make_channels(config), MonotonicClock()
     period_ns = shared.layout.period_ns
     lock = wait_for_lock(runtime / LOOP_LOCK, shared, clock, loop_gone_within_s(config))
@@ -116,6 +120,12 @@ def main(runtime: Path, source: Path, copy: Path, *, strict_rt: bool) -> None:
         realtime.leave()
     # Not after a crash: closing may change the outputs, and `piezod safe` ramps from there.
     channels.close()
+
+
+def _compile(config: DaemonConfig) -> None:
+    """Compile everything that a cycle uses: during a cycle that would take seconds."""
+    requests_codec.warm_up()
+    warm_up(config)
 
 
 def _check_arming(
@@ -169,4 +179,5 @@ def _rate_event(config: DaemonConfig, t_ns: int, busy_ns: int, period_ns: int) -
 
 if __name__ == "__main__":
     paths = [Path(each) for each in sys.argv[1:4]]
-    main(paths[0], paths[1], paths[2], strict_rt="--strict-rt" in sys.argv[4:])
+    options = sys.argv[4:]
+    main(*paths, strict_rt="--strict-rt" in options, warm="--warm" in options)

@@ -24,10 +24,14 @@ router: Final = APIRouter(prefix=PREFIX, route_class=GuardedRoute)
 
 
 class Accepted(BaseModel):
-    """The loop carries out the request; `motion` is the number of the new movement, or 0."""
+    """The loop carries out the request.
+
+    `motion` is the number of the new movement, or 0; `state` is the state of the stage then.
+    """
 
     accepted: bool = True
     motion: int
+    state: str
 
 
 class Nothing(ConfigModel):
@@ -37,7 +41,8 @@ class Nothing(ConfigModel):
 def _add_command(row: Endpoint) -> None:
     async def command_endpoint(command: Any, context: ContextOf) -> JsonAnswer:
         answer = await context.ask(_allowed(command, context))
-        return JsonAnswer({"accepted": True, "motion": answer.motion})
+        state = context.stage.status()["state"]
+        return JsonAnswer({"accepted": True, "motion": answer.motion, "state": state})
 
     command_endpoint.__annotations__["command"] = row.request
     responses = {200: {"model": Accepted}, **ERRORS}

@@ -1,13 +1,14 @@
 """The supervisor's connection to one run of the loop process."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from piezod.config.daemon import DaemonConfig
+from piezod.config.faults import Fault
 from piezod.config.model_file import ModelFile, load_model
 from piezod.config.states import State
 from piezod.control.guard import read_back_tolerance_v
@@ -20,7 +21,7 @@ from piezod.telemetry.learned import LearnedReader
 from piezod.telemetry.ring import RingReader
 from piezod.telemetry.shared_map import SharedMap
 from piezod.telemetry.stream import StreamWriter
-from piezod.telemetry.words import Word
+from piezod.telemetry.words import SUPERVISOR_FAULTS, Word
 
 
 class LoopConnection:
@@ -38,7 +39,9 @@ class LoopConnection:
         self.requests = LoopRequests(shared)
         self.events = EventReader(shared)
         self.learned = LearnedReader(shared)
-        self.models = {name: _model(axis.model) for name, axis in config.axes.items()}
+        self.file_models = {name: _model(axis.model) for name, axis in config.axes.items()}
+        """Model of each axis in the configuration; None without one."""
+        self.models = dict(self.file_models)
         """Model that each axis uses now; None without one."""
         self._range_um = {
             name: axis.command_range_um or _range_um(self.models[name])
@@ -55,6 +58,13 @@ class LoopConnection:
     def beat(self, now_ns: int) -> None:
         """Renew the beat, by which the loop sees that the supervisor is alive."""
         self.shared.words[Word.SUPERVISOR_BEAT_NS] = now_ns
+
+    def report(self, faults: Collection[Fault]) -> None:
+        """Report the faults of `SUPERVISOR_FAULTS` that are there, to the loop, from now on."""
+        places = enumerate(SUPERVISOR_FAULTS)
+        self.shared.words[Word.SUPERVISOR_FAULTS] = sum(
+            1 << place for place, fault in places if fault in faults
+        )
 
     def latest(self) -> np.void | None:
         """Return the newest record; None before the first."""

@@ -34,6 +34,9 @@ def status(config: DaemonConfig, shared: SharedMap, record: np.void | None) -> D
         name: _axis(None if record is None else record["axes"][i], config)
         for i, name in enumerate(config.axes)
     }
+    if record is not None and STATES[record["state"]] is State.BLIND:
+        for axis in axes.values():  # the record has only the last written voltage
+            axis["drive_v"] = axis["read_back_v"]
     obtained = _obtained(shared)
     modes = {axis["mode"] for axis in axes.values()}
     return {

@@ -33,10 +33,11 @@ class Housekeeping:
             _log.warning("events lost", count=lost)
 
     async def run(self) -> None:
-        """Write flight records and sync the audit log until cancelled, without blocking."""
+        """Report faults, write flight records and sync the audit log until cancelled."""
         while True:
             await asyncio.sleep(PERIOD_S)
             try:
+                self._link.report_faults()
                 await self._link.stage_recordings.write_flight(self._link.loop)
                 await asyncio.to_thread(self._link.stage_audit.sync)
             except Exception:  # noqa: BLE001 - a failing disk must not stop the stage

@@ -43,6 +43,7 @@ class LoopRun:
         source: The configuration file.
         slot: Name of the folder for the accepted copy; `source` is in another one.
         strict_rt: Whether to set `loop.strict_rt`, whatever the file says.
+        warm: Whether the process compiles before it accepts, so that it starts soon afterwards.
 
     Attributes:
         config_file: Path of the accepted copy.
@@ -51,13 +52,20 @@ class LoopRun:
     """
 
     def __init__(
-        self, paths: StagePaths, source: Path, slot: str, *, strict_rt: bool = False
+        self,
+        paths: StagePaths,
+        source: Path,
+        slot: str,
+        *,
+        strict_rt: bool = False,
+        warm: bool = False,
     ) -> None:
         self.config_file = paths.runtime / slot / f"{paths.name}.yaml"
         self._paths, self._source, self._overdue_ns = paths, source, 0
         arguments = [str(paths.runtime), str(source), str(self.config_file)]
-        strict = ["--strict-rt"] if strict_rt else []
-        self._process = _start("piezod.daemon.loop.process", *arguments, *strict, piped=True)
+        options = {"--strict-rt": strict_rt, "--warm": warm}
+        arguments += [option for option, chosen in options.items() if chosen]
+        self._process = _start("piezod.daemon.loop.process", *arguments, piped=True)
 
     def accept(self, ended: Callable[[], bool] = bool) -> bool:
         """Wait until the process has accepted the configuration.

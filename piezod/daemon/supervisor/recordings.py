@@ -55,6 +55,11 @@ class StageRecordings:
         status = self._recorder.status
         return status.name if status.recording else ""
 
+    @property
+    def disk_full(self) -> bool:
+        """Whether the disk was too full for the last recording, and no client knows that yet."""
+        return self._recorder.status.disk_full
+
     async def start(self, loop: LoopConnection, label: str | None) -> Document:
         """Start recording every cycle.
 
@@ -73,12 +78,12 @@ class StageRecordings:
         return {"name": name}
 
     async def stop(self) -> Document:
-        """End the recording.
+        """End the recording, or return that it has ended by itself, and why.
 
         Raises:
             NotNowError: If there is none.
         """
-        if not self.running_name:
+        if not self.running_name and not self._recorder.status.why:
             raise NotNowError("nothing is being recorded", "start a recording first")
         async with self._one_at_a_time:
             status = await asyncio.to_thread(self._recorder.stop)

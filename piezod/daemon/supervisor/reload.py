@@ -41,7 +41,8 @@ async def prepare(
     # Two folders by turns: the copy of the running loop stays, for `piezod safe` and a way back.
     slot = "config-b" if run.config_file.parent.name == "config-a" else "config-a"
     try:
-        fresh = LoopRun(paths, source, slot, strict_rt=strict_rt)
+        # Warm: there is no loop from the end of the old one to the first cycle of the new one.
+        fresh = LoopRun(paths, source, slot, strict_rt=strict_rt, warm=True)
         await asyncio.to_thread(fresh.accept)
     except ConfigError as error:
         raise BadValueError(str(error), "the configuration in force is kept; correct it") from error

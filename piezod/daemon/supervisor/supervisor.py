@@ -35,6 +35,9 @@ PERIOD_S: Final = 0.1
 _ACCEPTS_PARAMS: Final = frozenset({State.SAFE, State.FAULT})
 """States in which a loop accepts other parameters."""
 
+_RESTORED_WITHIN_S: Final = 5.0
+"""How long the answer to a reload waits until the new loop has its parameters, in s."""
+
 _log = logger("supervisor")
 
 
@@ -65,7 +68,7 @@ class Supervisor:
         self._source, self._paths, self._options = source, paths, options
         self._notifier, self._signals = notifier, signals
         self._ending = Ending.IN_ORDER
-        self._stopping = self._ready = self._exchanging = False
+        self._stopping = self._ready = self._reloading = self._exchanging = False
         self._state: State | None = None
         self.loop_run = run
         self._link = StageLink(
@@ -82,6 +85,7 @@ class Supervisor:
         )
         self._tasks: set[asyncio.Task[object]] = set()
         self._restored: LoopRun | None = None
+        self._restoring: asyncio.Task[list[str]] | None = None
 
     async def run(self, *, unclean: bool) -> Ending:
         """Run until the end; then the loop process has ended, or no longer gets a beat.
@@ -174,14 +178,14 @@ class Supervisor:
             self._notifier.status(self._state.value)
 
     def _restore_params(self, run: LoopRun) -> None:
-        """Let each new loop begin with the saved parameters, when it has its devices."""
+        """Let each new loop begin with its parameters, when it has its devices."""
         if (
             run is not self._restored
             and run.loop.devices_opened
             and run.loop.state in _ACCEPTS_PARAMS
         ):
             self._restored = run
-            self._run_beside(self._link.restore_params())
+            self._restoring = asyncio.create_task(self._link.restore_params())
 
     def _run_beside(self, what: Coroutine[object, object, object]) -> None:
         task = asyncio.create_task(what)
@@ -191,14 +195,28 @@ class Supervisor:
     async def reload(self, peer: Peer) -> Document:
         """Read the configuration again and exchange the loop, or keep the present one.
 
+        Returns:
+            The changed values (`changes`), and what has been lost of the parameters (`lost`).
+
         Raises:
             BadValueError: If the configuration is not valid.
             NotNowError: If it cannot be exchanged now.
         """
-        run, strict_rt = self.loop_run, self._options.strict_rt
         self._check_exchange()
+        if self._reloading:
+            raise NotNowError("another reload is in progress", "wait for its end")
+        self._reloading = True
+        try:
+            different = await self._reload(peer)
+        finally:
+            self._reloading = False
+        return {"changes": different, "lost": await self._lost_parameters()}
+
+    async def _reload(self, peer: Peer) -> list[str]:
+        run, strict_rt = self.loop_run, self._options.strict_rt
         fresh = await prepare(run, self._paths, self._source, strict_rt=strict_rt)
         different = changes(run, fresh)
+        await self._link.parameters.keep(run.loop)
         try:
             self._check_exchange()  # again: the state may have changed meanwhile
         except NotNowError:
@@ -215,7 +233,15 @@ class Supervisor:
             _log.error("reload failed", what="the old configuration is in force")
             what = "the loop did not start with the new configuration; the old one is in force"
             raise NotNowError(what, "the log says why")
-        return {"changes": different}
+        return different
+
+    async def _lost_parameters(self) -> list[str]:
+        """Return what the loop lost of its parameters; wait for them if it has its devices."""
+        run, now_s = self.loop_run, asyncio.get_running_loop().time
+        end_s = now_s() + _RESTORED_WITHIN_S
+        while self._restored is not run and run.loop.devices_opened and now_s() < end_s:
+            await asyncio.sleep(PERIOD_S)
+        return await self._restoring if self._restored is run and self._restoring else []
 
     def _check_exchange(self) -> None:
         state = self.loop_run.loop.state

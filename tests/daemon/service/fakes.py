@@ -17,6 +17,7 @@ from piezod.config.requests import Request
 from piezod.control.stage.answer import Answer
 from piezod.daemon.service.app import create_app
 from piezod.daemon.service.lease import Lease
+from piezod.daemon.service.open_streams import OpenStreams
 from piezod.daemon.service.peer_protocol import ConnectionLimits, Credentials
 from piezod.daemon.service.request_context import ServiceState
 from piezod.daemon.service.roles import User
@@ -58,6 +59,7 @@ class FakeStage:
         self.setpoints: list[Mapping[str, float]] = []
         self.audited: list[AuditEntry] = []
         self.refusal = ""
+        self.state = "SAFE"
         self.lost_link = False
         self.stream_refusal = ""
         self.running: Document | None = None
@@ -82,7 +84,7 @@ class FakeStage:
     def status(self) -> Document:
         axes = {"x": {"position_um": NAN, "command_um": 1.5, "drive_v": 20.0}}
         return {
-            "state": "SAFE",
+            "state": self.state,
             "mode": "adaptive",
             "faults": [],
             "skipped_cycles": 0,
@@ -174,7 +176,12 @@ class Served:
         self.stage, self.roles = FakeStage(folder), FakeRoles()
         self.now.now_s += 1000.0
         self.app.state.service = ServiceState(
-            self.stage, self.roles, Lease(self.now), set(), UrgentNotes(self.now)
+            self.stage,
+            self.roles,
+            Lease(self.now),
+            set(),
+            UrgentNotes(self.now),
+            OpenStreams(),
         )
 
     @contextmanager

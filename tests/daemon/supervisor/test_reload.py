@@ -7,14 +7,17 @@ from pathlib import Path
 import pytest
 
 from tests.daemon.conftest import StartDaemon
-from tests.daemon.daemons import UP_WITHIN_S, configuration, is_alive
+from tests.daemon.daemons import UP_WITHIN_S, Daemon, configuration, is_alive
+from tests.daemon.waiting import eventually
 
 
 @pytest.mark.fault("P11")
 def test_reload_swaps_as_a_whole_or_keeps(start: StartDaemon, tmp_path: Path) -> None:
-    """A valid file is in force after a reload at rest; any other reload changes nothing."""
+    """A valid file is in force after a reload at rest, with the zero; else nothing changes."""
     daemon = start(configuration(tmp_path)).up()
     first = daemon.loop_pid
+    daemon.do("zero")
+    zero_um = eventually(lambda: _zero_um(daemon))
 
     configuration(tmp_path, speed_um_per_s="150", rate_hz="0")
     invalid = daemon.ask("POST", "reload", {})
@@ -32,7 +35,8 @@ def test_reload_swaps_as_a_whole_or_keeps(start: StartDaemon, tmp_path: Path) ->
     assert "rate_hz: out of range" in invalid.text
     assert in_ready.status_code == 409
     assert (kept[0], kept[1]["rate_hz"]) == (first, 20)
-    assert swapped.json()["changes"] == ["axes.x.speed_um_per_s", "rate_hz"]
+    assert swapped.json() == {"changes": ["axes.x.speed_um_per_s", "rate_hz"], "lost": []}
+    assert _zero_um(daemon) == zero_um
     assert daemon.ask("GET", "realtime").json()["rate_hz"] == 25
     assert daemon.loop_pid != first
     assert not is_alive(first)
@@ -54,6 +58,12 @@ def test_service_manager_may_reload(start: StartDaemon, tmp_path: Path) -> None:
         _next(manager, b"RELOADING=1")
         _next(manager, b"READY=1")
         assert daemon.ask("GET", "config").json()["axes"]["x"]["speed_um_per_s"] == 150
+
+
+def _zero_um(daemon: Daemon) -> float:
+    """Return the sensor zero, 0 before it is known."""
+    axes = daemon.ask("GET", "params").json().get("axes")
+    return float(axes["x"]["zero_um"]) if axes else 0.0
 
 
 def _next(manager: socket.socket, beginning: bytes) -> None:
