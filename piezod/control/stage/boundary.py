@@ -185,6 +185,8 @@ class OutputKnowledge:
         """Whether the voltage in force is known on every axis."""
         self.known_when_lost = False
         """Whether the voltage in force was known when the amplifier was lost."""
+        self.written_v: Sequence[float] = ()
+        """Voltage of each axis that was written last before the loss, in V; NaN if none was."""
         self._on_lost = on_lost
         self._silent_cycles = self._losses = 0
 
@@ -206,14 +208,16 @@ class OutputKnowledge:
             return None
         return Detection(Fault.A1, -1, self._silent_cycles, SILENT_CYCLES)
 
-    def lose(self, *, traceable: bool) -> None:
+    def lose(self, written_v: Sequence[float], *, traceable: bool) -> None:
         """Note that the amplifier was lost. Real-time safe.
 
         Args:
+            written_v: Voltage of each axis that was written last, in V; NaN if none was.
             traceable: Whether the voltage in force can be found out later, from a read-back or
                 because the amplifier reports a restart.
         """
         self.known_when_lost, self.known = self.known, False
+        self.written_v = written_v
         self._losses += 1
         if not traceable and self._on_lost is not None:
             self._on_lost()

@@ -177,6 +177,7 @@ def _run(stage: Stage, t_ns: int) -> None:
 def _take_over(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     """Take over a lost amplifier from its read-back, after a pause that grows with each loss.
 
+    If the read-back is unlike the last write, the sensor decides between them, if it can.
     An amplifier without read-back is taken over from its last acknowledged write, if there was one,
     if it holds its output by itself, and if it reports restarts and has not reported one. Otherwise
     the start of a ramp is unknown.
@@ -186,7 +187,7 @@ def _take_over(stage: Stage, t_ns: int, read_back_v: Sequence[float]) -> None:
     if stage.boundary.reads_back:
         if not all(map(isfinite, read_back_v)):
             return
-        stage.track(read_back_v)
+        stage.resync(read_back_v, t_ns)
     elif not _still_at_last_write(stage):
         stage.release_estop()
         text = (

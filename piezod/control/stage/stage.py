@@ -1,6 +1,7 @@
 """A stage: its axes, its devices, its state, and the actions at a change of state."""
 
 from collections.abc import Callable, Sequence
+from math import nan
 from typing import Final
 
 from piezod.config.model_file import ModelFile
@@ -12,6 +13,7 @@ from piezod.control.stage.boundary import OutputKnowledge
 from piezod.control.stage.parts import StageParts
 from piezod.control.stage.sequence import DriveSequence, DriveStep
 from piezod.control.stage.states import Event, Facts, HoldCause, step
+from piezod.control.stage.takeover import OutputJudge
 from piezod.control.stage.zeroing import SensorZero
 from piezod.telemetry.record import StageEvent
 
@@ -66,11 +68,11 @@ class Stage:
         self._state_before, self._driven_when_lost = State.BOOT, False
         self._memory_known, self._was_driven = memory_known, False
         self._sequence = DriveSequence()
-        self._reported: list[Detection] = []
-        self._events: list[StageEvent] = []
+        self._reported, self._events = list[Detection](), list[StageEvent]()
         self._self_tested, self._no_entry = False, ""
         self._shutting_down = self._estop_pressed = False
         self._hold_cause = HoldCause.FAULT
+        self._judge = OutputJudge(self.axes, self.watches, register, self.zero, self.note)
 
     # ------------------------------------------------------------------ state
 
@@ -198,6 +200,10 @@ class Stage:
             if drive_v - drive_v == 0.0:  # finite
                 axis.track(drive_v)
 
+    def resync(self, read_back_v: Sequence[float], t_ns: int) -> None:
+        """Take over lost amplifiers, from finite read-backs in V. Real-time safe."""
+        self._judge.resync(read_back_v, self.output.written_v, t_ns)
+
     def memory_is_missing(self) -> bool:
         """Return whether an axis compensates without a known hysteresis memory. Real-time safe."""
         return (
@@ -245,13 +251,17 @@ class Stage:
         boundary.open = state in DRIVEN
         boundary.withheld = False
         self._enter_axes(state, t_ns)
+        written = before in DRIVEN and not boundary.shadow
         if state in {State.SAFE, State.FAULT, State.BLIND} and boundary.shadow:
             boundary.shadow = self.output.known = False  # until it is read back
         if state is State.READY and not boundary.shadow:
             self._was_driven = True
         if state is State.BLIND:
             self._driven_when_lost, self._memory_known = before in DRIVEN, False
-            self.output.lose(traceable=boundary.reads_back or boundary.reports_restart)
+            self.output.lose(
+                [axis.law.in_force_v if written else nan for axis in self.axes],
+                traceable=boundary.reads_back or boundary.reports_restart,
+            )
         elif state not in {State.RAMP, State.ESTOP}:
             self.output.settle()
         if before is State.IDENT:
@@ -266,24 +276,14 @@ class Stage:
             elif paused:
                 axis.pause()
             elif state in {State.RAMP, State.ESTOP}:
-                self._start_ramp_at_output(i)
+                if self._judge.starts_at_read_back(i, t_ns):
+                    self.boundary.forget_sent(i)
                 axis.ramp_to(axis.config.safe_v)
             elif state is not State.IDENT:
                 axis.hold()
 
-    def _start_ramp_at_output(self, index: int) -> None:
-        """Start a ramp at the read-back if the output has fallen towards the safe voltage.
-
-        A read-back farther from the safe voltage is ignored: no ramp may start with a step away
-        from it, and a single read-back may be wrong.
-        """
-        axis, unexpected_v = self.axes[index], self.watches[index].amplifier.unexpected_v
-        safe_v = axis.config.safe_v
-        if abs(unexpected_v - safe_v) < abs(axis.law.in_force_v - safe_v):  # False for NaN
-            axis.track(unexpected_v)
-            self.boundary.forget_sent(index)
-
     def _facts(self) -> Facts:
+        doubt = "" if self.state is not State.SAFE or self.boundary.shadow else self._judge.doubt()
         valid = [watch.sensor.sample.valid for watch in self.watches]
         return Facts(
             output_known=self.output.known,
@@ -293,7 +293,7 @@ class Stage:
             latched=bool(self.register.blocking),
             shutting_down=self._shutting_down,
             estop_active=self._estop_pressed,
-            no_entry=self._no_entry or self.register.no_entry,
+            no_entry=self._no_entry or self.register.no_entry or doubt,
             was_running=self._state_before is State.RUN,
             self_tested=self._self_tested,
             was_driven=self._driven_when_lost,

@@ -5,7 +5,7 @@ and is A1; the log of the driver distinguishes them.
 """
 
 from collections.abc import Sequence
-from math import nan
+from math import isnan, nan
 from typing import Final
 
 from piezod.config.faults import Fault
@@ -23,6 +23,8 @@ FLAG_FAULTS: Final = {
     DeviceFlag.LOCAL_MODE: Fault.A8,
 }
 """Faults that an amplifier reports by a flag."""
+_FALLS: Final = frozenset({DeviceFlag.RESTARTED, DeviceFlag.WATCHDOG_TRIPPED})
+"""Flags that report a fall of the output."""
 MISMATCH_CYCLES: Final = 3
 """The read-back must differ in this many cycles in a row to be A3."""
 LAG_CYCLES: Final = 3
@@ -71,6 +73,9 @@ class AmplifierWatch:
         self.unexpected_v = nan
         """Read-back of this cycle if it matches no recent write, in V. NaN if it matches, or if it
         is wrong for so long that it is A3."""
+        self.unexplained_fall = False
+        """Whether the read-back has collapsed since the last write, and the amplifier has neither
+        reported that its output fell nor been silent. The read-back itself may be wrong."""
 
     def check(self, read_back_v: float, flags: Flags) -> Sequence[Detection]:
         """Return the faults of the channel. Call once per cycle, before the write.
@@ -97,6 +102,8 @@ class AmplifierWatch:
             deviation_v = self._deviation_v(read_back_v)
             wrong |= self._has_over_voltage(read_back_v) or deviation_v > 0.0
         self.unexpected_v = nan
+        if self.unexplained_fall and (flags & _FALLS or isnan(read_back_v)):
+            self.unexplained_fall = False
         found = self._found(flags, read_back_v, before_v, deviation_v) if wrong else _NOTHING
         if not wrong:
             self._mismatch_cycles = 0
@@ -134,7 +141,7 @@ class AmplifierWatch:
             self._taken_v = drive_v
         else:  # without an acknowledgement either voltage may be in force
             self._written_v.add(self._taken_v)
-        self._written = True
+        self._written, self.unexplained_fall = True, False
         self._not_taken = self._refusals.update(not taken)
         self._not_finite = refused
         self._range_limited_cycles = self._range_limited_cycles + 1 if range_limited else 0
@@ -172,7 +179,7 @@ class AmplifierWatch:
     ) -> list[Detection]:
         """Return all faults of this cycle."""
         found = self._flag_faults(flags) + self._write_faults()
-        return found + self._read_back_faults(read_back_v, before_v, deviation_v)
+        return found + self._read_back_faults(flags, read_back_v, before_v, deviation_v)
 
     def _flag_faults(self, flags: Flags) -> list[Detection]:
         """Return the faults that the amplifier reports by a flag."""
@@ -194,7 +201,7 @@ class AmplifierWatch:
         return found
 
     def _read_back_faults(
-        self, read_back_v: float, before_v: float, deviation_v: float
+        self, flags: Flags, read_back_v: float, before_v: float, deviation_v: float
     ) -> list[Detection]:
         """Return the faults of the read-back."""
         found = []
@@ -206,6 +213,7 @@ class AmplifierWatch:
         least_v = 0.0 if self._after_gap else COLLAPSE_V
         if deviation_v > least_v and abs(before_v) - abs(read_back_v) > least_v:
             found.append(Detection(Fault.A7, self._axis, deviation_v, least_v or self._tolerance_v))
+            self.unexplained_fall = not (self._after_gap or flags & _FALLS)
         self._mismatch_cycles = self._mismatch_cycles + 1 if deviation_v > 0.0 else 0
         if 0 < self._mismatch_cycles < MISMATCH_CYCLES:
             self.unexpected_v = read_back_v
