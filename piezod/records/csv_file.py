@@ -77,19 +77,24 @@ def write_csv(path: Path, columns: Mapping[str, npt.ArrayLike]) -> None:
 
     Args:
         path: Path of the file; it is written completely or not at all.
-        columns: Columns by name, each of shape (n_samples,).
+        columns: Columns by name, each of shape (n_samples,): numbers, or texts without commas.
 
     Raises:
         ValueError: If the columns differ in length.
         OSError: If the file cannot be written.
     """
-    # repr is the shortest text that reads back as the same double.
-    texts = [
-        map(repr, np.asarray(values, dtype=np.float64).tolist()) for values in columns.values()
-    ]
-    rows = map(",".join, zip(*texts, strict=True))
+    rows = map(",".join, zip(*map(_texts, columns.values()), strict=True))
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.writelines(f"{row}\n" for row in chain([",".join(columns)], rows))
+
+
+def _texts(column: npt.ArrayLike) -> list[str]:
+    values = np.asarray(column)
+    if values.dtype.kind == "b":
+        values = values.astype(np.int8)  # 0 and 1, which every program reads as numbers
+    # repr is the shortest text that reads back as the same double.
+    spell = repr if values.dtype.kind == "f" else str
+    return [spell(value) for value in values.tolist()]
 
 
 def _lines(path: Path) -> list[str]:
